@@ -1,0 +1,1 @@
+"""What drives the packages: the command line, batch conversion, benchmarks."""

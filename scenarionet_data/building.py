@@ -1,0 +1,209 @@
+"""Makes the canonical arrays of a scenario from what a source holds: converters call these, nothing else does.
+
+Canonical means: float32 offsets from the origin, headings wrapped, zeros where not valid, ids as str.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.geometry import wrap_angle
+from scenarionet_data.jsontext import to_json
+from scenarionet_data.ragged import Ragged
+from scenarionet_data.scenario import Bool, Float64, MapFeatures, Tracks, strings
+from scenarionet_data.vocabulary import MapFeatureType
+
+
+def make_origin(position: npt.NDArray[Any], valid: Bool, has_z: bool) -> Float64:
+    """Origin of a scenario: the ego's first valid position rounded to whole metres.
+
+    Args:
+        position: (T, 3) of the ego in the source frame [m].
+        valid: (T,).
+        has_z: Without heights the origin's z is 0.
+
+    Returns:
+        (3,) float64 [m].
+    """
+    first = np.round(np.asarray(position, dtype=np.float64)[int(np.argmax(valid))])
+    return np.array([first[0], first[1], first[2] if has_z else 0.0], dtype=np.float64) + 0.0
+
+
+def make_tracks(
+    ids: Sequence[str],
+    object_type: npt.ArrayLike,
+    position: npt.NDArray[Any],
+    heading: npt.NDArray[Any],
+    velocity: npt.NDArray[Any],
+    size: npt.NDArray[Any],
+    valid: npt.NDArray[Any],
+    *,
+    origin: Float64,
+    source_type: Sequence[str | None] | None = None,
+    is_size_assumed: npt.ArrayLike = False,
+    is_type_assumed: npt.ArrayLike = False,
+    is_velocity_estimated: npt.ArrayLike = False,
+    extras: Sequence[Mapping[str, Any] | None] | None = None,
+) -> Tracks:
+    """Tracks in canonical form from arrays in the source frame.
+
+    Args:
+        ids: (N,).
+        object_type: (N,) codes of ``ObjectType``.
+        position: (N, T, 3) float64 [m], source frame.
+        heading: (N, T) [rad], any turn.
+        velocity: (N, T, 2) [m/s].
+        size: (N, T, 3) or (N, 3) [m] length, width, height.
+        valid: (N, T); values elsewhere are dropped, whatever they are.
+        origin: (3,) float64 [m].
+        source_type: (N,) the source's own words.
+        is_size_assumed, is_type_assumed, is_velocity_estimated: (N,) or one bool for all.
+        extras: (N,) JSON-able mappings.
+    """
+    count = len(ids)
+    valid = np.asarray(valid, dtype=np.bool_)
+    size = np.asarray(size)
+    if size.ndim == 2:
+        size = np.broadcast_to(size[:, None, :], (*valid.shape, 3))
+    none = np.full(count, None, dtype=object)
+    return Tracks(
+        ids=strings(ids),
+        object_type=np.asarray(object_type, dtype=np.uint8),
+        position=_masked(np.asarray(position, dtype=np.float64) - origin, valid),
+        heading=wrap_angle(_masked(wrap_angle(heading), valid)),
+        velocity=_masked(velocity, valid),
+        size=_masked(size, valid),
+        valid=valid,
+        source_type=none if source_type is None else np.array(source_type, dtype=object),
+        is_size_assumed=_flags(is_size_assumed, count),
+        is_type_assumed=_flags(is_type_assumed, count),
+        is_velocity_estimated=_flags(is_velocity_estimated, count),
+        extras=none if extras is None else np.array([to_json(e) for e in extras], dtype=object),
+    )
+
+
+def _masked(values: npt.ArrayLike, valid: Bool) -> npt.NDArray[np.float32]:
+    """float32 copy with zeros where not valid (source values there may be NaN or beyond float32)."""
+    values = np.asarray(values)
+    mask = valid if values.ndim == 2 else valid[..., None]
+    return np.where(mask, values, 0.0).astype(np.float32) + np.float32(0.0)
+
+
+def _flags(values: npt.ArrayLike, count: int) -> Bool:
+    return np.array(np.broadcast_to(np.asarray(values, dtype=np.bool_), (count,)))
+
+
+class MapBuilder:
+    """Collects map features one by one, in the source frame, and makes :class:`MapFeatures` of them.
+
+    Example:
+        >>> builder = MapBuilder()
+        >>> builder.add("7", MapFeatureType.LANE_SURFACE_STREET, polyline=[[5.0, 0.0], [9.0, 0.0]])
+        >>> builder.build(np.array([5.0, 0.0, 0.0])).polyline[0].tolist()
+        [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0]]
+    """
+
+    def __init__(self) -> None:
+        self._rows: list[dict[str, Any]] = []
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def add(
+        self,
+        feature_id: str,
+        feature_type: MapFeatureType,
+        *,
+        polyline: npt.ArrayLike | None = None,
+        polygon: npt.ArrayLike | None = None,
+        speed_limit: float = np.nan,
+        width: npt.ArrayLike | None = None,
+        entry_lanes: Sequence[str] = (),
+        exit_lanes: Sequence[str] = (),
+        left_neighbors: Sequence[str] = (),
+        right_neighbors: Sequence[str] = (),
+        left_boundaries: Sequence[str] = (),
+        right_boundaries: Sequence[str] = (),
+        controlled_lanes: Sequence[str] = (),
+        is_intersection: bool | None = None,
+        extras: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Add one feature.
+
+        Args:
+            feature_id: Unique in the map.
+            feature_type: What it is.
+            polyline, polygon: (n, 2) or (n, 3) [m], source frame.
+            speed_limit: [m/s].
+            width: (2,) or (n, 2) [m] from the centreline to the left and right side.
+            entry_lanes, exit_lanes, left_neighbors, right_neighbors: Ids of lanes.
+            left_boundaries, right_boundaries: Ids of lines and edges.
+            controlled_lanes: Ids of lanes a stop sign, stop line or crosswalk applies to.
+            is_intersection: None when the source does not say.
+            extras: JSON-able.
+        """
+        self._rows.append(
+            {
+                "id": str(feature_id),
+                "type": int(feature_type),
+                "polyline": _points(polyline),
+                "polygon": _points(polygon),
+                "speed_limit": speed_limit,
+                "width": np.zeros((0, 2)) if width is None else np.asarray(width, np.float64).reshape(-1, 2),
+                "entry_lanes": entry_lanes,
+                "exit_lanes": exit_lanes,
+                "left_neighbors": left_neighbors,
+                "right_neighbors": right_neighbors,
+                "left_boundaries": left_boundaries,
+                "right_boundaries": right_boundaries,
+                "controlled_lanes": controlled_lanes,
+                "is_intersection": -1 if is_intersection is None else int(is_intersection),
+                "extras": to_json(extras),
+            }
+        )
+
+    def build(self, origin: Float64, has_z: bool = True) -> MapFeatures:
+        """The features as float32 offsets from ``origin``; z is 0 without ``has_z``."""
+        rows = self._rows
+
+        def column(name: str) -> list[Any]:
+            return [row[name] for row in rows]
+
+        def geometry(name: str) -> Ragged:
+            lists = [row[name] - origin for row in rows]
+            if not has_z:
+                for points in lists:
+                    points[:, 2] = 0.0
+            return Ragged.from_lists(lists, width=3)
+
+        return MapFeatures(
+            ids=strings(column("id")),
+            types=np.array(column("type"), dtype=np.uint8),
+            polyline=geometry("polyline"),
+            polygon=geometry("polygon"),
+            speed_limit=np.array(column("speed_limit"), dtype=np.float32),
+            width=Ragged.from_lists(column("width"), width=2),
+            entry_lanes=Ragged.from_ids(column("entry_lanes")),
+            exit_lanes=Ragged.from_ids(column("exit_lanes")),
+            left_neighbors=Ragged.from_ids(column("left_neighbors")),
+            right_neighbors=Ragged.from_ids(column("right_neighbors")),
+            left_boundaries=Ragged.from_ids(column("left_boundaries")),
+            right_boundaries=Ragged.from_ids(column("right_boundaries")),
+            controlled_lanes=Ragged.from_ids(column("controlled_lanes")),
+            is_intersection=np.array(column("is_intersection"), dtype=np.int8),
+            extras=np.array(column("extras"), dtype=object),
+        )
+
+
+def _points(points: npt.ArrayLike | None) -> Float64:
+    """(n, 3) float64, z = 0 for points in the plane."""
+    if points is None or not np.size(points):
+        return np.zeros((0, 3))
+    array = np.asarray(points, dtype=np.float64)
+    if array.shape[-1] == 2:
+        array = np.concatenate([array, np.zeros((len(array), 1))], axis=1)
+    return array.reshape(-1, 3)

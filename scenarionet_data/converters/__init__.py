@@ -1,0 +1,51 @@
+"""The datasets this project can convert, by name. A new one is one file and one line here.
+
+A package of your own registers its converter under the entry point group ``scenarionet.converters``.
+"""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+from importlib.metadata import entry_points
+from typing import Any
+
+from scenarionet_data.converters.base import Converter
+from scenarionet_data.errors import SourceNotFound
+
+_BUILTIN = {
+    "argoverse2": "scenarionet_data.converters.argoverse2:Argoverse2",
+    "pg": "scenarionet_data.converters.pg:Procedural",
+    "scenarionet": "scenarionet_data.converters.scenarionet:ScenarioNetPickles",
+    "waymo": "scenarionet_data.converters.waymo:Waymo",
+}
+
+
+def names() -> list[str]:
+    """Names of all converters, built in and installed."""
+    return sorted({*_BUILTIN, *(point.name for point in _installed())})
+
+
+def get(name: str) -> Converter[Any]:
+    """The converter of that name.
+
+    Raises:
+        SourceNotFound: There is none; the message lists the nearest names.
+    """
+    for point in _installed():
+        if point.name == name:
+            return _instance(point.value)
+    if name not in _BUILTIN:
+        near = difflib.get_close_matches(name, names(), n=3) or names()
+        raise SourceNotFound(f"no converter {name!r}; did you mean {', '.join(near)}?")
+    return _instance(_BUILTIN[name])
+
+
+def _instance(reference: str) -> Converter[Any]:
+    module, _, attribute = reference.partition(":")
+    converter: Converter[Any] = getattr(importlib.import_module(module), attribute)()
+    return converter
+
+
+def _installed() -> Any:
+    return entry_points(group="scenarionet.converters")

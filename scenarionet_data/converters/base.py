@@ -1,0 +1,242 @@
+"""The seam every dataset plugs into: a converter lists shards cheaply and turns raw records into scenarios.
+
+A converter sees raw files, ``scenario``, ``building``, ``vocabulary``, ``geometry`` and ``errors``. It never
+builds tables, opens the lake, or knows its paths.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path, PurePath
+from typing import Any, ClassVar, Generic, TypeVar
+
+from scenarionet_data.errors import SourceNotFound
+from scenarionet_data.scenario import MapFeatures, ScenarioDescription
+
+
+@dataclass(frozen=True)
+class RawItem:
+    """One raw input of a shard: a file, a folder of one scenario, a seed.
+
+    Attributes:
+        name: Relative to the raw folder; the same on every machine.
+        fingerprint: Changes when the content does, see :func:`fingerprint`.
+    """
+
+    name: str
+    fingerprint: str
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a converter can be told; subclasses add fields with defaults and ``metadata={"doc": ...}``."""
+
+
+@dataclass(frozen=True)
+class Shard:
+    """The unit of work, commit, retry and resume; small and picklable.
+
+    Attributes:
+        dataset, version, split: Partition of the lake.
+        name: Names the shard's files; ``[A-Za-z0-9._-]+``, unique within the partition.
+        root: The raw folder; not part of the key, so that recordings may move.
+        items: Raw inputs; when some of them are in the lake already, the rest becomes the shard.
+        options: The converter's options.
+    """
+
+    dataset: str
+    version: str
+    split: str
+    name: str
+    root: str
+    items: tuple[RawItem, ...]
+    options: Options
+
+    @property
+    def options_text(self) -> str:
+        """The options as canonical JSON."""
+        return json.dumps(asdict(self.options), sort_keys=True)
+
+    @property
+    def paths(self) -> list[Path]:
+        """Where the items lie."""
+        return [Path(self.root) / item.name for item in self.items]
+
+    def key(self, converter_version: str) -> str:
+        """16 hex digits: the same for the same input, options and converter, on every machine."""
+        identity = [self.dataset, self.version, self.split, self.name, self.options_text, converter_version]
+        identity += [f"{item.name}={item.fingerprint}" for item in self.items]
+        return hashlib.blake2b("\n".join(identity).encode(), digest_size=8).hexdigest()
+
+
+@dataclass(frozen=True)
+class Budgets:
+    """How far real recordings of a dataset may stray from plausible motion.
+
+    Checked over all moving objects, without the first and last step of each track and without reversing.
+
+    Attributes:
+        velocity_median, velocity_p99: |velocity - change of position / dt| [m/s].
+        heading_p99: |angle between velocity and heading| [rad] above 1 m/s.
+    """
+
+    velocity_median: float = 0.5
+    velocity_p99: float = 5.0
+    heading_p99: float = 1.0
+
+
+@dataclass(frozen=True)
+class SharedMap:
+    """A map that many scenarios share, for example a city's.
+
+    Attributes:
+        map_id: Unique in the dataset's version.
+        features: In float32 offsets from ``origin``.
+        origin: x, y, z [m] in the source frame.
+    """
+
+    map_id: str
+    features: MapFeatures
+    origin: tuple[float, float, float]
+
+
+Record = TypeVar("Record")
+
+
+class Converter(ABC, Generic[Record]):
+    """Turns one dataset's raw recordings into scenarios.
+
+    Class attributes:
+        name: The dataset's name on the command line and in the lake.
+        version: The converter's own version; raise it when its output changes.
+        release: Default of the dataset's version.
+        licence: Licence of the recordings.
+        raw: What RAW has to be, in one line.
+        Options: Dataclass of what the converter can be told.
+        budgets: How far real recordings stray from plausible motion.
+    """
+
+    name: ClassVar[str]
+    version: ClassVar[str]
+    release: ClassVar[str]
+    licence: ClassVar[str]
+    raw: ClassVar[str]
+    Options: ClassVar[type[Options]] = Options
+    budgets: ClassVar[Budgets] = Budgets()
+
+    @abstractmethod
+    def shards(self, raw: str, split: str, version: str, options: Any) -> Iterable[Shard]:
+        """List the units of work under ``raw`` without reading their content.
+
+        Raises:
+            SourceNotFound: Nothing of this dataset is there; the message says what was looked for.
+        """
+
+    @abstractmethod
+    def records(self, shard: Shard) -> Iterator[Record]:
+        """Read a shard's raw records one by one, on a worker, in bounded memory.
+
+        Raises:
+            CorruptSource: The shard cannot be read to its end; it fails as a whole.
+        """
+
+    @abstractmethod
+    def scenario(self, shard: Shard, record: Record) -> ScenarioDescription:
+        """Make one record a scenario.
+
+        Raises:
+            InvalidScenario: This record is unusable and goes to quarantine; the shard goes on. So does any
+                other exception raised here.
+        """
+
+    def maps(self, raw: str, version: str, options: Any) -> Iterator[SharedMap]:  # noqa: ARG002
+        """Maps that scenarios share; committed before any scenario. Most datasets have none."""
+        return iter(())
+
+
+def fingerprint(paths: Iterable[Path], sample: int = 65536) -> str:
+    """16 hex digits that change with the files' names, sizes, first or last ``sample`` bytes.
+
+    Reading whole recordings to list them would cost as much as converting them.
+    """
+    digest = hashlib.blake2b(digest_size=8)
+    for path in paths:
+        size = path.stat().st_size
+        digest.update(f"{path.name}:{size}\n".encode())
+        with path.open("rb") as file:
+            digest.update(file.read(sample))
+            if size > sample:
+                file.seek(max(sample, size - sample))
+                digest.update(file.read(sample))
+    return digest.hexdigest()
+
+
+def bucket(items: Iterable[RawItem], size: int = 64) -> dict[str, tuple[RawItem, ...]]:
+    """Groups items of one scenario each into buckets by a hash of their name.
+
+    The number of buckets is a power of two, so that about ``size`` items share one and a growing dataset
+    keeps its buckets for long.
+
+    Returns:
+        Bucket name to its items, both sorted.
+    """
+    ordered = sorted(items, key=lambda item: item.name)
+    count = 1
+    while count * size < len(ordered):
+        count *= 2
+    buckets: dict[str, list[RawItem]] = {}
+    for item in ordered:
+        number = int.from_bytes(hashlib.blake2b(item.name.encode(), digest_size=8).digest(), "big") % count
+        buckets.setdefault(f"{number:05d}-of-{count:05d}", []).append(item)
+    return {name: tuple(buckets[name]) for name in sorted(buckets)}
+
+
+_SPLITS = {
+    "train": "train",
+    "training": "train",
+    "training_20s": "train",
+    "val": "val",
+    "validation": "val",
+    "test": "test",
+    "testing": "test",
+    "mini": "mini",
+}
+
+
+def guess_split(raw: str) -> str:
+    """Split that the last telling folder name of ``raw`` stands for; ``train`` when none does.
+
+    Example:
+        >>> guess_split("/data/waymo/validation")
+        'val'
+    """
+    for part in reversed(PurePath(raw).parts):
+        if part.lower() in _SPLITS:
+            return _SPLITS[part.lower()]
+    return "train"
+
+
+def find_files(raw: str, pattern: str, what: str) -> list[Path]:
+    """Files below ``raw`` that match a glob pattern, sorted; ``raw`` may be such a file itself.
+
+    Args:
+        raw: Folder or file.
+        pattern: Glob, for example ``"*.tfrecord*"``.
+        what: What the user should have there, for the message.
+
+    Raises:
+        SourceNotFound: There is no such folder, or nothing in it matches.
+    """
+    root = Path(raw)
+    if root.is_file() and root.match(pattern):
+        return [root]
+    if not root.is_dir():
+        raise SourceNotFound(f"{raw}: no such folder; give the folder with {what}")
+    found = sorted(path for path in root.rglob(pattern) if path.is_file())
+    if not found:
+        raise SourceNotFound(f"{raw}: nothing named {pattern} in it; give the folder with {what}")
+    return found

@@ -1,0 +1,58 @@
+"""Small geometry on arrays: angles, path lengths, frames. No scenario types here."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Float64 = npt.NDArray[np.float64]
+
+
+def wrap_angle(angle: npt.ArrayLike) -> npt.NDArray[Any]:
+    """Angle in [-pi, pi), in the input's own precision (float64 for integers).
+
+    The upper bound is open in that precision too: float32 pi becomes -pi.
+
+    Example:
+        >>> float(wrap_angle(np.pi)) == -np.pi
+        True
+    """
+    array = np.asarray(angle)
+    if array.dtype.kind != "f":
+        array = array.astype(np.float64)
+    pi = array.dtype.type(np.pi)
+    if ((array >= -pi) & (array < pi)).all():
+        return array
+    wrapped = array - 2 * pi * np.floor((array + pi) / (2 * pi))
+    wrapped = np.where((array >= -pi) & (array < pi), array, wrapped)
+    return np.where((wrapped < -pi) | (wrapped >= pi), -pi, wrapped).astype(array.dtype)
+
+
+def path_length(points: npt.NDArray[Any]) -> float:
+    """Length of a path in the plane [m]; points (n, 2 or more)."""
+    return float(np.hypot(*np.diff(points[:, :2].astype(np.float64), axis=0).T).sum())
+
+
+def yaw_from_quaternion(qw: Float64, qx: Float64, qy: Float64, qz: Float64) -> Float64:
+    """Heading [rad] of unit quaternions, counter-clockwise from +x, in [-pi, pi]."""
+    yaw: Float64 = np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+    return yaw
+
+
+def rotate(points: npt.NDArray[Any], angle: npt.ArrayLike) -> Float64:
+    """Points (..., 2) turned counter-clockwise by ``angle`` (...) [rad]."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    x, y = points[..., 0], points[..., 1]
+    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+
+
+def box_corners(
+    center: npt.NDArray[Any], heading: npt.NDArray[Any], length: npt.NDArray[Any], width: npt.NDArray[Any]
+) -> Float64:
+    """Corners (..., 4, 2) of boxes, counter-clockwise from the front left; center (..., 2), the rest (...)."""
+    signs = np.array([[0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5], [0.5, -0.5]])
+    local = signs * np.stack([length, width], axis=-1)[..., None, :]
+    corners: Float64 = rotate(local, np.asarray(heading)[..., None]) + np.asarray(center)[..., None, :2]
+    return corners

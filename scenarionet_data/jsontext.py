@@ -1,0 +1,24 @@
+"""JSON text for the `extras` columns, the same bytes for the same content."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+
+def to_json(extras: Mapping[str, Any] | None) -> str | None:
+    """JSON text with sorted keys, or None when there is nothing to say.
+
+    Example:
+        >>> to_json({"b": 1, "a": [2.5]})
+        '{"a":[2.5],"b":1}'
+    """
+    if not extras:
+        return None
+    return json.dumps(extras, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+
+
+def from_json(text: str | None) -> dict[str, Any]:
+    """The mapping behind :func:`to_json`; empty for None."""
+    return json.loads(text) if text else {}

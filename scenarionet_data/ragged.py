@@ -1,0 +1,81 @@
+"""Lists of different lengths in two flat arrays: polylines, polygons, and the ids a lane refers to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Ragged:
+    """M lists of different lengths.
+
+    Attributes:
+        offsets: (M + 1,) int32; list ``i`` is ``values[offsets[i]:offsets[i + 1]]``.
+        values: (P, ...) the lists' elements, one after the other: (P, 3) float32 points [m],
+            (P, 2) float32 widths [m], or (P,) str ids as an object array.
+
+    Example:
+        >>> lines = Ragged.from_lists([[[0, 0, 0], [1, 0, 0]], []], width=3)
+        >>> len(lines), lines[0].shape, lines[1].shape
+        (2, (2, 3), (0, 3))
+    """
+
+    offsets: npt.NDArray[np.int32]
+    values: Array
+
+    def __len__(self) -> int:
+        return len(self.offsets) - 1
+
+    def __getitem__(self, index: int) -> Array:
+        """List ``index`` as a view."""
+        if not -len(self) <= index < len(self):
+            raise IndexError(f"list {index} of {len(self)}")
+        index %= len(self)
+        view: Array = self.values[self.offsets[index] : self.offsets[index + 1]]
+        return view
+
+    def __iter__(self) -> Iterator[Array]:
+        return (self[index] for index in range(len(self)))
+
+    @property
+    def lengths(self) -> npt.NDArray[np.int32]:
+        """(M,) int32 number of elements of each list."""
+        return np.diff(self.offsets)
+
+    def is_equal(self, other: Ragged) -> bool:
+        """Whether both hold the same lists, bit for bit."""
+        return (
+            np.array_equal(self.offsets, other.offsets)
+            and self.values.dtype == other.values.dtype
+            and np.array_equal(self.values, other.values)
+        )
+
+    @classmethod
+    def from_lists(cls, lists: Sequence[Any], width: int) -> Ragged:
+        """Lists of points, each (n, width), as float32."""
+        arrays = [np.asarray(points, dtype=np.float32).reshape(-1, width) for points in lists]
+        values = np.concatenate(arrays) if arrays else np.zeros((0, width), np.float32)
+        return cls(_offsets([len(array) for array in arrays]), values)
+
+    @classmethod
+    def from_ids(cls, lists: Sequence[Sequence[str]]) -> Ragged:
+        """Lists of ids, as an object array of str."""
+        flat = [str(identifier) for ids in lists for identifier in ids]
+        return cls(_offsets([len(ids) for ids in lists]), np.array(flat, dtype=object))
+
+    @classmethod
+    def empty(cls, size: int, width: int | None = None) -> Ragged:
+        """``size`` empty lists: of points when ``width`` is given, else of ids."""
+        values = np.zeros((0, width), np.float32) if width else np.zeros(0, dtype=object)
+        return cls(np.zeros(size + 1, np.int32), values)
+
+
+def _offsets(lengths: Sequence[int]) -> npt.NDArray[np.int32]:
+    return np.concatenate([[0], np.cumsum(lengths, dtype=np.int64)]).astype(np.int32)

@@ -1,0 +1,211 @@
+"""The conformance suite: what every converter must pass. A dataset's own test inherits it.
+
+    class TestWaymo(ConverterConformance):
+        converter = Waymo()
+
+        @pytest.fixture
+        def raw(self, tmp_path):
+            return write_waymo_fixture(tmp_path)
+
+The suite needs pytest only in the tests that use it; nothing here imports it.
+"""
+
+from __future__ import annotations
+
+import pickle
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scenarionet_data.converters.base import Converter, Shard
+from scenarionet_data.errors import InvalidScenario, SourceError
+from scenarionet_data.ragged import Ragged
+from scenarionet_data.scenario import ScenarioDescription
+from scenarionet_data.vocabulary import is_lane
+
+
+class ConverterConformance:
+    """Inherit, set ``converter``, provide a fixture ``raw`` (the raw folder, or a PG range), run pytest."""
+
+    converter: Converter[Any]
+    split: str = "train"
+    options: dict[str, Any] = {}  # noqa: RUF012
+    damaged_glob: str | None = "*"
+    """Files that the damage test truncates, empties and fills with garbage; None when raw is no folder."""
+
+    # --- what a subclass may use ---------------------------------------------------------------------
+
+    def shards(self, raw: Any) -> list[Shard]:
+        """The shards of ``raw`` with the suite's options."""
+        options = self.converter.Options(**self.options)
+        return list(self.converter.shards(str(raw), self.split, self.converter.release, options))
+
+    def scenarios(self, raw: Any) -> Iterator[ScenarioDescription]:
+        """Every scenario of every shard."""
+        for shard in self.shards(raw):
+            for record in self.converter.records(shard):
+                yield self.converter.scenario(shard, record)
+
+    # --- the suite -----------------------------------------------------------------------------------
+
+    def test_shards_pickle_and_have_unique_keys(self, raw: Any) -> None:
+        """A shard travels to a worker, and no two shards are the same work."""
+        shards = self.shards(raw)
+        assert shards, "no shards"
+        assert [pickle.loads(pickle.dumps(shard)) for shard in shards] == shards
+        keys = {shard.key(self.converter.version) for shard in shards}
+        assert len(keys) == len(shards)
+        assert len({shard.name for shard in shards}) == len(shards)
+        assert all(shard.split == self.split and shard.dataset == self.converter.name for shard in shards)
+
+    def test_scenarios_validate_with_unique_ids(self, raw: Any) -> None:
+        """Structure holds for every scenario, and ids are unique across shards."""
+        ids = []
+        for scenario in self.scenarios(raw):
+            scenario.validate()
+            ids.append(scenario.id)
+            assert scenario.dataset == self.converter.name
+            assert scenario.split == self.split
+            assert scenario.source.licence
+        assert ids
+        assert len(set(ids)) == len(ids)
+
+    def test_conversion_is_deterministic(self, raw: Any) -> None:
+        """The same input gives the same bits."""
+        for first, second in zip(self.scenarios(raw), self.scenarios(raw), strict=True):
+            assert differences(first, second) == []
+
+    def test_source_log_tells_windows_apart(self, raw: Any) -> None:
+        """Scenarios of one log name it, so that splits can keep them together."""
+        for scenario in self.scenarios(raw):
+            if "@" in scenario.id:
+                assert scenario.source.log
+
+    def test_map_is_linked(self, raw: Any) -> None:
+        """Successor and predecessor of lanes inside the map are mutual; neighbours are lanes or outside."""
+        for scenario in self.scenarios(raw):
+            if scenario.map is None:
+                continue
+            assert one_way_links(scenario) == []
+
+    def test_motion_is_within_budget(self, raw: Any) -> None:
+        """Velocity agrees with positions, heading with velocity, as far as the dataset's recordings do."""
+        velocity_errors, heading_errors = [], []
+        for scenario in self.scenarios(raw):
+            velocity, heading = motion_errors(scenario)
+            velocity_errors.append(velocity)
+            heading_errors.append(heading)
+        velocity, heading = np.concatenate(velocity_errors), np.concatenate(heading_errors)
+        budgets = self.converter.budgets
+        if len(velocity):
+            assert np.median(velocity) <= budgets.velocity_median
+            assert np.quantile(velocity, 0.99) <= budgets.velocity_p99
+        if len(heading):
+            assert np.quantile(heading, 0.99) <= budgets.heading_p99
+
+    def test_encodes_and_round_trips(self, raw: Any) -> None:
+        """Typed arrays to tables and back, bit for bit."""
+        from scenarionet_data import codec
+
+        for scenario in self.scenarios(raw):
+            assert differences(scenario, codec.decode(codec.encode(scenario, self.converter.version))) == []
+
+    def test_damaged_files_are_named(self, raw: Any, tmp_path: Path) -> None:
+        """A truncated, empty or garbage file gives a SourceError or InvalidScenario, never a wrong scenario."""
+        if self.damaged_glob is None:
+            return
+        files = sorted(path for path in Path(raw).rglob(self.damaged_glob) if path.is_file())
+        assert files, f"nothing matches {self.damaged_glob}"
+        for number, (how, damage) in enumerate(_DAMAGES.items()):
+            copy = tmp_path / f"damaged{number}"
+            shutil.copytree(raw, copy)
+            target = copy / files[0].relative_to(raw)
+            target.chmod(0o644)
+            target.write_bytes(damage(target.read_bytes()))
+            assert self._is_refused(copy), f"a file that was {how} was accepted: {files[0].name}"
+
+    def _is_refused(self, raw: Path) -> bool:
+        refused = False
+        try:
+            for shard in self.shards(raw):
+                for record in self.converter.records(shard):
+                    try:
+                        self.converter.scenario(shard, record)
+                    except InvalidScenario:
+                        refused = True
+        except SourceError:
+            refused = True
+        return refused
+
+
+_DAMAGES: dict[str, Callable[[bytes], bytes]] = {
+    "truncated": lambda data: data[: len(data) // 2],
+    "emptied": lambda data: data[:0],
+    "filled with garbage": lambda data: bytes(range(251)) * (len(data) // 251 + 1),
+}
+
+
+def differences(first: Any, second: Any, path: str = "scenario") -> list[str]:
+    """Fields in which two scenarios (or parts) differ, bit for bit; NaN equals NaN."""
+    if isinstance(first, np.ndarray):
+        same = (
+            isinstance(second, np.ndarray)
+            and first.dtype == second.dtype
+            and np.array_equal(first, second, equal_nan=first.dtype.kind == "f")
+        )
+        return [] if same else [path]
+    if isinstance(first, Ragged):
+        return [] if isinstance(second, Ragged) and first.is_equal(second) else [path]
+    if hasattr(first, "__dataclass_fields__"):
+        if type(first) is not type(second):
+            return [path]
+        found = []
+        for name in first.__dataclass_fields__:
+            found += differences(getattr(first, name), getattr(second, name), f"{path}.{name}")
+        return found
+    return [] if first == second else [path]
+
+
+def one_way_links(scenario: ScenarioDescription) -> list[str]:
+    """Successor links between lanes of the map that the other lane does not return."""
+    features = scenario.map
+    if features is None:
+        return []
+    lanes = set(features.ids[is_lane(features.types)])
+    entries = {str(i): set(features.entry_lanes[row]) for row, i in enumerate(features.ids)}
+    exits = {str(i): set(features.exit_lanes[row]) for row, i in enumerate(features.ids)}
+    broken = []
+    for lane in lanes:
+        broken += [f"{lane} -> {other}" for other in exits[lane] & lanes if lane not in entries[other]]
+        broken += [f"{other} -> {lane}" for other in entries[lane] & lanes if lane not in exits[other]]
+    return sorted(set(broken))
+
+
+def motion_errors(scenario: ScenarioDescription) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
+    """How far recorded motion strays from itself.
+
+    Returns:
+        |velocity - change of position / dt| [m/s] over steps inside tracks whose neighbours are valid too, and
+        |angle between velocity and heading| [rad] of vehicles and cyclists above 1 m/s that do not reverse.
+    """
+    tracks = scenario.tracks
+    dt = np.diff(scenario.timestamps)
+    step = np.diff(tracks.position[..., :2].astype(np.float64), axis=1) / dt[None, :, None]
+    both = tracks.valid[:, 1:] & tracks.valid[:, :-1]
+    inner = both.copy()
+    inner[:, 1:] &= both[:, :-1]
+    inner[:, :-1] &= both[:, 1:]
+    mean = (tracks.velocity[:, 1:] + tracks.velocity[:, :-1]) / 2.0
+    moving = inner & (np.hypot(*np.moveaxis(mean, -1, 0)) > 0.1)
+    velocity = np.hypot(*np.moveaxis(mean - step, -1, 0))[moving]
+
+    speed = np.hypot(tracks.velocity[..., 0], tracks.velocity[..., 1])
+    direction = np.arctan2(tracks.velocity[..., 1], tracks.velocity[..., 0])
+    turn = np.abs((direction - tracks.heading + np.pi) % (2 * np.pi) - np.pi)
+    wheeled = np.isin(tracks.object_type, (1, 3))[:, None]
+    fast = tracks.valid & wheeled & (speed > 1.0) & (turn < 0.75 * np.pi)
+    fast[:, 0] = False
+    return velocity, turn[fast]
