@@ -1,0 +1,170 @@
+"""The statistics of a scenario that filters use; each is a column of ``schemas/metadata.toml``, defined there.
+
+``summarise`` gives all of them. A stored statistic is a function here and its entry in the schema; one that
+follows from other columns is an entry in the schema alone (``[derived.<name>]`` with ``sql = ...``).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data import vocabulary
+from scenarionet_data.geometry import box_distance, wrap_angle
+from scenarionet_data.intersections import lanes_cross_near
+from scenarionet_data.scenario import MapFeatures, ScenarioDescription, Tracks
+from scenarionet_data.vocabulary import ObjectType
+
+Array = npt.NDArray[Any]
+
+
+def summarise(scenario: ScenarioDescription) -> dict[str, Any]:
+    """Every statistic of a valid scenario, by column name, as builtins (None for null)."""
+    path = ego_path(scenario)
+    distance, curvature = path_distance(path), path_curvature(path)
+    return {
+        "ego_distance": distance,
+        "ego_cumulative_curvature": curvature,
+        "difficulty": distance * curvature,
+        **ego_speeds(scenario),
+        **object_counts(scenario.tracks),
+        "num_lights": len(scenario.lights),
+        **map_counts(scenario.map),
+        "map_height_diff": map_height_diff(scenario),
+        "has_intersection": has_intersection(scenario, path),
+        "min_ego_gap": min_ego_gap(scenario),
+        **bounding_box(scenario.tracks),
+    }
+
+
+def ego_path(scenario: ScenarioDescription) -> Array:
+    """(n, 2) float64 [m] the ego's valid positions, in order of time; gaps are left out."""
+    ego = scenario.ego_index
+    path: Array = scenario.tracks.position[ego, scenario.tracks.valid[ego], :2].astype(np.float64)
+    return path
+
+
+def path_distance(path: Array) -> float:
+    """Length [m] of a path (n, 2)."""
+    return float(np.hypot(*np.diff(path, axis=0).T).sum())
+
+
+def path_curvature(path: Array) -> float:
+    """Sum of |change of direction| [rad] along a path (n, 2), over steps longer than 0.1 m."""
+    step = np.diff(path, axis=0)
+    step = step[np.hypot(*step.T) > 0.1]
+    return float(np.abs(wrap_angle(np.diff(np.arctan2(step[:, 1], step[:, 0])))).sum())
+
+
+def ego_speeds(scenario: ScenarioDescription) -> dict[str, float]:
+    """Mean and maximum speed [m/s] of the ego over its valid timesteps."""
+    ego = scenario.ego_index
+    speed = np.hypot(*scenario.tracks.velocity[ego, scenario.tracks.valid[ego]].astype(np.float64).T)
+    return {"ego_mean_speed": float(speed.mean()), "ego_max_speed": float(speed.max())}
+
+
+def travelled(tracks: Tracks) -> Array:
+    """(N,) float64 [m] sum of each object's xy steps between consecutive valid timesteps, gaps bridged."""
+    rows, _ = np.nonzero(tracks.valid)
+    steps = np.diff(tracks.position[tracks.valid][:, :2].astype(np.float64), axis=0)
+    length = np.hypot(steps[:, 0], steps[:, 1])
+    length[rows[1:] != rows[:-1]] = 0.0
+    return np.bincount(rows[1:], weights=length, minlength=len(tracks))
+
+
+_COUNTED = {
+    "num_vehicles": ObjectType.VEHICLE,
+    "num_pedestrians": ObjectType.PEDESTRIAN,
+    "num_cyclists": ObjectType.CYCLIST,
+    "num_cones": ObjectType.TRAFFIC_CONE,
+    "num_barriers": ObjectType.TRAFFIC_BARRIER,
+}
+
+
+def object_counts(tracks: Tracks) -> dict[str, Any]:
+    """Objects with at least one valid timestep: in all, by type, moving (more than 1 m)."""
+    present = tracks.valid.any(axis=1)
+    per_type = np.bincount(tracks.object_type[present], minlength=len(ObjectType))
+    counts = {name: int(per_type[kind]) for name, kind in _COUNTED.items()}
+    return {
+        "num_objects": int(present.sum()),
+        **counts,
+        "num_others": int(present.sum()) - sum(counts.values()),
+        "num_moving_objects": int((travelled(tracks) > 1.0).sum()),
+        "num_states": int(tracks.valid.sum()),
+        "has_construction": counts["num_cones"] + counts["num_barriers"] > 0,
+    }
+
+
+def map_counts(features: MapFeatures | None) -> dict[str, int]:
+    """Number of map features, and of lanes among them."""
+    if features is None:
+        return {"num_map_features": 0, "num_lanes": 0}
+    return {"num_map_features": len(features), "num_lanes": int(vocabulary.is_lane(features.types).sum())}
+
+
+def map_height_diff(scenario: ScenarioDescription) -> float | None:
+    """Highest minus lowest point [m] of road lines and edges (of lanes where there are none)."""
+    features = scenario.map
+    if features is None or not scenario.has_z:
+        return None
+    per_point = np.repeat(features.types, features.polyline.lengths)
+    chosen = vocabulary.is_road_line(per_point) | vocabulary.is_road_edge(per_point)
+    if not chosen.any():
+        chosen = vocabulary.is_lane(per_point)
+    heights = features.polyline.values[chosen, 2]
+    return float(np.ptp(heights)) if len(heights) else None
+
+
+def has_intersection(scenario: ScenarioDescription, path: Array) -> bool:
+    """The source's word for it or traffic lights; without either, lanes that cross near the ego's path."""
+    features = scenario.map
+    if len(scenario.lights):
+        return True
+    if features is None:
+        return False
+    if (features.is_intersection >= 0).any():
+        return bool((features.is_intersection == 1).any())
+    return lanes_cross_near(features, path, distance=50.0, angle=np.radians(30.0))
+
+
+def min_ego_gap(scenario: ScenarioDescription) -> float | None:
+    """Smallest distance [m] between the ego's box and another object's; 0 where they overlap.
+
+    Bounds from the boxes' inner and outer circles leave few pairs for the exact distance.
+    """
+    tracks, ego = scenario.tracks, scenario.ego_index
+    together = tracks.valid & tracks.valid[ego]
+    together[ego] = False
+    rows, steps = np.nonzero(together)
+    if not len(rows):
+        return None
+    between = tracks.position[rows, steps, :2] - tracks.position[ego, steps, :2]
+    apart = np.hypot(between[:, 0], between[:, 1])
+    half, ego_half = tracks.size[rows, steps, :2] / 2, tracks.size[ego, steps, :2] / 2
+    at_least = apart - np.hypot(*half.T) - np.hypot(*ego_half.T)
+    at_most = np.maximum(apart - half.min(axis=1) - ego_half.min(axis=1), 0.0)
+    near = at_least <= at_most.min()
+    rows, steps = rows[near], steps[near]
+    gaps = box_distance(_boxes(tracks, ego, steps), _boxes(tracks, rows, steps))
+    return float(gaps.min())
+
+
+def _boxes(tracks: Tracks, rows: Any, steps: Array) -> Array:
+    """(n, 5) float64 x, y, heading, length, width."""
+    parts = (tracks.position[rows, steps, :2], tracks.heading[rows, steps][:, None], tracks.size[rows, steps, :2])
+    return np.concatenate(parts, axis=1).astype(np.float64)
+
+
+def bounding_box(tracks: Tracks) -> dict[str, float]:
+    """min_x, min_y, max_x, max_y [m] of every valid position."""
+    positions = tracks.position[tracks.valid]
+    lower, upper = positions.min(axis=0), positions.max(axis=0)
+    return {
+        "min_x": float(lower[0]),
+        "min_y": float(lower[1]),
+        "max_x": float(upper[0]),
+        "max_y": float(upper[1]),
+    }

@@ -1,0 +1,163 @@
+"""The contract in ``schemas/*.toml`` as objects: Arrow schemas, Parquet writer options, SQL, documentation.
+
+A column is declared once, in TOML, with its type, nullability, unit and meaning; everything here derives from it.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import pyarrow as pa
+
+from scenarionet_data.errors import SchemaMismatch
+from scenarionet_data.resources import SCHEMAS
+
+TABLES = ("metadata", "tracks", "lights", "maps")
+
+_SCALARS = {
+    "bool": pa.bool_(),
+    "int8": pa.int8(),
+    "int32": pa.int32(),
+    "uint64": pa.uint64(),
+    "float32": pa.float32(),
+    "float64": pa.float64(),
+    "string": pa.string(),
+    "dictionary": pa.dictionary(pa.int32(), pa.string()),
+}
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of the contract.
+
+    Attributes:
+        name: Its name.
+        type: Its type as the TOML spells it: a scalar, or ``list<scalar>``.
+        doc: What it means.
+        unit: SI unit, empty for what has none.
+        nullable: Whether null is allowed.
+        statistics: Whether files carry minimum and maximum, so that readers can skip row groups.
+        sql: Expression that computes it from the other columns; such a column is in the view, not in the files.
+    """
+
+    name: str
+    type: str
+    doc: str
+    unit: str = ""
+    nullable: bool = False
+    statistics: bool = False
+    sql: str | None = None
+
+    @property
+    def is_list(self) -> bool:
+        """Whether each row holds a list."""
+        return self.type.startswith("list<")
+
+    @property
+    def element(self) -> str:
+        """The scalar type: the list's element, or the type itself."""
+        return self.type.removeprefix("list<").removesuffix(">")
+
+    @property
+    def arrow_type(self) -> pa.DataType:
+        """Its Arrow type."""
+        scalar = _SCALARS[self.element]
+        return pa.list_(pa.field("element", scalar, nullable=False)) if self.is_list else scalar
+
+    @property
+    def path(self) -> str:
+        """Its leaf in a Parquet file."""
+        return f"{self.name}.list.element" if self.is_list else self.name
+
+
+@dataclass(frozen=True)
+class Table:
+    """One table of the contract.
+
+    Attributes:
+        name: metadata, tracks, lights or maps.
+        version: Raised when a column changes; files say under which version they were written.
+        doc: What a row is.
+        columns: Columns of the files, in order.
+        derived: Columns that the view computes.
+    """
+
+    name: str
+    version: int
+    doc: str
+    columns: tuple[Column, ...]
+    derived: tuple[Column, ...]
+
+    @property
+    def schema(self) -> pa.Schema:
+        """Arrow schema; every field carries its doc and unit."""
+        return _schema(self)
+
+    def column(self, name: str) -> Column:
+        """The column of that name, stored or derived."""
+        return next(column for column in (*self.columns, *self.derived) if column.name == name)
+
+    @property
+    def writer_options(self) -> dict[str, Any]:
+        """Options of ``pyarrow.parquet.ParquetWriter`` (measured: see docs/storage.md)."""
+        numbers = [column for column in self.columns if column.is_list and _is_number(column.element)]
+        return {
+            "compression": "zstd",
+            "compression_level": 3,
+            "use_dictionary": [c.path for c in self.columns if c.element in ("string", "dictionary")],
+            "column_encoding": {
+                column.path: "PLAIN" if column.element == "bool" else "BYTE_STREAM_SPLIT" for column in numbers
+            },
+            "write_statistics": [column.path for column in self.columns if column.statistics],
+            "version": "2.6",
+        }
+
+    def check_version(self, footer: dict[bytes, bytes], path: str) -> None:
+        """Refuse a file of another version of this table.
+
+        Raises:
+            SchemaMismatch: Naming the file, what was found and what to do.
+        """
+        found = footer.get(b"scenarionet.schema", b"none").decode()
+        if found != self.tag:
+            raise SchemaMismatch(
+                f"{path}: written under schema {found}, this version reads {self.tag}; "
+                "convert the recordings again with --replace, or use the version that wrote the lake"
+            )
+
+    @property
+    def tag(self) -> str:
+        """Name and version, as files carry it."""
+        return f"{self.name}/{self.version}"
+
+
+@cache
+def load(name: str) -> Table:
+    """The table of that name, read from ``schemas/<name>.toml``."""
+    declared = tomllib.loads((SCHEMAS / f"{name}.toml").read_text("utf-8"))
+    columns = tuple(Column(name=key, **fields) for key, fields in declared["columns"].items())
+    derived = tuple(Column(name=key, **fields) for key, fields in declared.get("derived", {}).items())
+    return Table(declared["table"], declared["version"], declared["doc"], columns, derived)
+
+
+@cache
+def _schema(table: Table) -> pa.Schema:
+    return pa.schema(
+        [
+            pa.field(
+                column.name,
+                column.arrow_type,
+                nullable=column.nullable,
+                metadata={"doc": column.doc} | ({"unit": column.unit} if column.unit else {}),
+            )
+            for column in table.columns
+        ],
+        metadata={"scenarionet.schema": table.tag},
+    )
+
+
+def _is_number(element: str) -> bool:
+    return element not in ("string", "dictionary")
