@@ -5,6 +5,7 @@
       InvalidScenario    one scenario is unusable: quarantined and counted, the run goes on
       LakeError          the lake: SchemaMismatch, SnapshotConflict, NoSuchSnapshot,
                          ScenarioNotFound, DatabaseNotFound, DatabaseExists, DuplicateScenario
+      WorkerLost         a worker process died; what it had finished is kept
       QueryError         the user's words: UnknownFilter, BadParameter, UnsafeSql
 
 Messages are one sentence that says what was found, followed by what to do next.
@@ -88,6 +89,10 @@ class DatabaseExists(LakeError):
 
 class DuplicateScenario(LakeError):
     """A scenario of the same id is in the lake already, converted from another source or with other options."""
+
+
+class WorkerLost(ScenarioNetError):
+    """A worker process was killed; what had been finished is kept, and the next run goes on from there."""
 
 
 class QueryError(ScenarioNetError, ValueError):

@@ -15,12 +15,13 @@ import pyarrow as pa
 from scenarionet_data.errors import SchemaMismatch
 from scenarionet_data.resources import SCHEMAS
 
-TABLES = ("metadata", "tracks", "lights", "maps")
+TABLES = ("metadata", "tracks", "lights", "maps", "shards", "quarantine", "members")
 
 _SCALARS = {
     "bool": pa.bool_(),
     "int8": pa.int8(),
     "int32": pa.int32(),
+    "int64": pa.int64(),
     "uint64": pa.uint64(),
     "float32": pa.float32(),
     "float64": pa.float64(),

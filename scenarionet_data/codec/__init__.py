@@ -24,6 +24,17 @@ from scenarionet_data.jsontext import from_json, to_json
 from scenarionet_data.scenario import MapFeatures, ScenarioDescription, Source
 from scenarionet_data.summary import summarise
 
+__all__ = [
+    "DESCRIPTION_COLUMNS",
+    "Encoded",
+    "decode",
+    "decode_lights",
+    "decode_map",
+    "decode_tracks",
+    "encode",
+    "encode_map",
+]
+
 Array = npt.NDArray[Any]
 
 DESCRIPTION_COLUMNS = (

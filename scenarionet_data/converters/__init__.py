@@ -1,6 +1,7 @@
 """The datasets this project can convert, by name. A new one is one file and one line here.
 
-A package of your own registers its converter under the entry point group ``scenarionet.converters``.
+A package of your own registers its converter under the entry point group ``scenarionet.converters``; one that is
+not packaged is named as ``module:Class``.
 """
 
 from __future__ import annotations
@@ -27,11 +28,13 @@ def names() -> list[str]:
 
 
 def get(name: str) -> Converter[Any]:
-    """The converter of that name.
+    """The converter of that name, or of a class given as ``module:Class``.
 
     Raises:
         SourceNotFound: There is none; the message lists the nearest names.
     """
+    if ":" in name:
+        return _instance(name)
     for point in _installed():
         if point.name == name:
             return _instance(point.value)
@@ -43,7 +46,10 @@ def get(name: str) -> Converter[Any]:
 
 def _instance(reference: str) -> Converter[Any]:
     module, _, attribute = reference.partition(":")
-    converter: Converter[Any] = getattr(importlib.import_module(module), attribute)()
+    try:
+        converter: Converter[Any] = getattr(importlib.import_module(module), attribute)()
+    except (ModuleNotFoundError, AttributeError) as error:
+        raise SourceNotFound(f"cannot load converter {reference}: {error}; is its package installed?") from error
     return converter
 
 

@@ -1,0 +1,1 @@
+"""Asks the lake: DuckDB views over a snapshot's files, databases of scenarios, lineage."""

@@ -1,0 +1,180 @@
+"""DuckDB, behind one module: views over a snapshot, locked so that a user's SQL can only read them.
+
+Works with DuckDB 1.5 and 2. No extension is loaded or downloaded.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import duckdb
+import polars as pl
+import pyarrow as pa
+
+from scenarionet_data import tables
+from scenarionet_data.errors import QueryError, UnsafeSql
+from scenarionet_data.resources import SQL
+from scenarionet_data.store import snapshot as snapshots
+from scenarionet_data.store.files import LakeFiles
+from scenarionet_data.store.snapshot import Snapshot
+
+FILE_TABLES = ("metadata", "tracks", "lights", "maps", "quarantine", "shards")
+_FOLDER_COLUMNS = ("tracks", "lights", "maps")
+
+
+def table_files(files: LakeFiles, snapshot: Snapshot) -> dict[str, list[str]]:
+    """Absolute paths of a snapshot's files by table."""
+    found: dict[str, list[str]] = {table: [] for table in FILE_TABLES}
+    found["metadata"] = [str(files.path(name)) for name in snapshot.metadata]
+    found["shards"] = [str(files.path(name)) for name in snapshot.manifests]
+    for names in snapshots.shard_table(files, snapshot)["files"].to_pylist():
+        for name in names:
+            found[name.partition("/")[0]].append(str(files.path(name)))
+    return found
+
+
+class Engine:
+    """One locked DuckDB connection over one snapshot; views come into being when a query names them."""
+
+    def __init__(self, files: LakeFiles, snapshot: Snapshot) -> None:
+        self._files = files
+        self._snapshot = snapshot
+        self._connection = duckdb.connect(config={"autoinstall_known_extensions": False})
+        self._views: set[str] = set()
+        self._paths: dict[str, list[str]] | None = None
+        self._connection.execute("SET enable_progress_bar = false")
+        self._connection.execute(f"SET allowed_directories = [{_quoted(str(files.root) + '/')}]")
+        self._connection.execute("SET enable_external_access = false")
+        self._connection.execute("SET lock_configuration = true")
+
+    def close(self) -> None:
+        """Release the connection."""
+        self._connection.close()
+
+    def select(self, sql: str, parameters: Mapping[str, Any] | None = None) -> pl.DataFrame:
+        """Run one SELECT and return its rows.
+
+        Args:
+            sql: One reading statement over the views in ``sql/views``.
+            parameters: Values for ``$name`` in it.
+
+        Raises:
+            UnsafeSql: More than one statement, or one that is not a SELECT.
+            QueryError: DuckDB does not understand it; the message is DuckDB's.
+        """
+        frame = pl.from_arrow(self.arrow(sql, parameters))
+        if not isinstance(frame, pl.DataFrame):
+            raise QueryError("wanted rows and columns, found a single column without a name")
+        return frame
+
+    def arrow(self, sql: str, parameters: Mapping[str, Any] | None = None) -> pa.Table:
+        """Like :meth:`select`, as an Arrow table."""
+        check_select(sql)
+        self._make_views(sql)
+        try:
+            return self._connection.sql(sql, params=dict(parameters or {})).to_arrow_table()
+        except duckdb.Error as error:
+            raise QueryError(str(error)) from error
+
+    def register(self, name: str, rows: pa.Table) -> None:
+        """Make an Arrow table known to queries under ``name``."""
+        self._connection.register(name, rows)
+        self._views.add(name)
+
+    def _make_views(self, sql: str) -> None:
+        """Create the views whose names occur in ``sql``, those they need first."""
+        words = set(re.findall(r"[A-Za-z_][A-Za-z0-9_]*", sql.lower()))
+        for path in sorted((SQL / "views").glob("*.sql")):
+            if path.stem in words and path.stem not in self._views:
+                self._make_view(path.stem)
+
+    def _make_view(self, name: str) -> None:
+        text = (SQL / "views" / f"{name}.sql").read_text("utf-8")
+        needs = re.search(r"^-- needs: (.*)$", text, re.MULTILINE)
+        for needed in needs.group(1).split(", ") if needs else []:
+            if needed not in self._views:
+                self._make_view(needed)
+        table = name.removesuffix("_rows")
+        if table in FILE_TABLES:
+            text = text.replace("{files}", self._relation(table)).replace("{derived}", _derived(table))
+        self._connection.execute(text)
+        self._views.add(name)
+
+    def _relation(self, table: str) -> str:
+        """SQL for a table's files: a scan, or no rows of the right types when there are none."""
+        if self._paths is None:
+            self._paths = table_files(self._files, self._snapshot)
+        paths = self._paths[table]
+        if not paths:
+            columns = [f"NULL::{_sql_type(c)} AS {c.name}" for c in tables.load(table).columns]
+            folders = ["NULL::VARCHAR AS " + name for name in _hive_columns(table)]
+            return f"(SELECT {', '.join(columns + folders)} WHERE false)"
+        self._connection.execute(f"SET VARIABLE {table}_files = $paths", {"paths": paths})
+        hive = str(table in _FOLDER_COLUMNS).lower()
+        return f"read_parquet(getvariable('{table}_files'), hive_partitioning = {hive}" + (
+            ", hive_types_autocast = false)" if table in _FOLDER_COLUMNS else ")"
+        )
+
+
+def check_select(sql: str) -> None:
+    """Refuse everything but one reading statement.
+
+    Raises:
+        UnsafeSql: Naming the kind of statement that was found.
+        QueryError: It cannot be parsed.
+    """
+    try:
+        statements = duckdb.extract_statements(sql)
+    except duckdb.Error as error:
+        raise QueryError(str(error)) from error
+    if len(statements) != 1:
+        raise UnsafeSql(f"wanted one SELECT, found {len(statements)} statements")
+    kind = statements[0].type
+    if kind != duckdb.StatementType.SELECT:
+        raise UnsafeSql(f"wanted one SELECT, found {kind.name}: a query only reads the lake")
+
+
+def check_expression(where: str) -> None:
+    """Refuse everything but a single expression, as in ``--where``.
+
+    Raises:
+        UnsafeSql: It is not one expression; the message is DuckDB's.
+    """
+    try:
+        duckdb.SQLExpression(where)
+    except duckdb.Error as error:
+        raise UnsafeSql(f"wanted one condition such as ego_distance > 10, found {where!r}: {error}") from error
+
+
+def _derived(table: str) -> str:
+    """SQL of the contract's derived columns, each with a comma before."""
+    return "".join(f", {column.sql} AS {column.name}" for column in tables.load(table).derived)
+
+
+def _hive_columns(table: str) -> Sequence[str]:
+    if table not in _FOLDER_COLUMNS:
+        return ()
+    return ("dataset", "version") if table == "maps" else ("dataset", "version", "split")
+
+
+_SQL_TYPES = {
+    "bool": "BOOLEAN",
+    "int8": "TINYINT",
+    "int32": "INTEGER",
+    "int64": "BIGINT",
+    "uint64": "UBIGINT",
+    "float32": "FLOAT",
+    "float64": "DOUBLE",
+    "string": "VARCHAR",
+    "dictionary": "VARCHAR",
+}
+
+
+def _sql_type(column: tables.Column) -> str:
+    return _SQL_TYPES[column.element] + ("[]" if column.is_list else "")
+
+
+def _quoted(text: str) -> str:
+    return "'" + text.replace("'", "''") + "'"

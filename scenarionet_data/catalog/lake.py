@@ -1,0 +1,313 @@
+"""The lake as a person asks it: SQL, filters, splits, databases. Reading only, but for the databases it saves."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from importlib import metadata as package_metadata
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from scenarionet_data.catalog import database as databases
+from scenarionet_data.catalog import filters
+from scenarionet_data.catalog.database import Database, Lineage
+from scenarionet_data.catalog.engine import Engine, check_expression, table_files
+from scenarionet_data.catalog.members import locate
+from scenarionet_data.errors import BadParameter, DatabaseExists, NoSuchSnapshot, ScenarioNotFound
+from scenarionet_data.resources import SQL
+from scenarionet_data.store import snapshot as snapshots
+from scenarionet_data.store.files import LakeFiles
+from scenarionet_data.store.snapshot import Snapshot
+
+
+class StaleDatabaseWarning(UserWarning):
+    """Members of a database have changed in the newest snapshot; it is read from the one it was made on."""
+
+
+class Lake:
+    """One snapshot of a lake, open for questions.
+
+    Args:
+        root: The lake's folder.
+        snapshot: Its number; the newest unless given.
+
+    Raises:
+        NoSuchSnapshot: There is no lake, or no such snapshot.
+
+    Example:
+        lake = Lake("lake")
+        lake.sql("SELECT dataset, count(*) AS n FROM metadata GROUP BY ALL")
+        busy = lake.filter("ego_distance > 10 AND num_objects > 200", name="busy")
+        train, val = lake.split(busy, {"train": 0.9, "val": 0.1}, seed=0).values()
+    """
+
+    def __init__(self, root: str | Path, snapshot: int | None = None) -> None:
+        self.files = LakeFiles(root)
+        if not self.files.path("snapshots").is_dir():
+            raise NoSuchSnapshot(f"{root}: no lake there; make one with `scenarionet convert DATASET RAW {root}`")
+        self.snapshot: Snapshot = snapshots.read(self.files, snapshot)
+
+    def __repr__(self) -> str:
+        return f"Lake({str(self.files.root)!r}, snapshot={self.snapshot.number})"
+
+    @property
+    def root(self) -> Path:
+        """Absolute path of the lake."""
+        return self.files.root
+
+    def refresh(self) -> Lake:
+        """The same lake at its newest snapshot."""
+        return Lake(self.root)
+
+    @cached_property
+    def _engine(self) -> Engine:
+        return Engine(self.files, self.snapshot)
+
+    # --- questions ------------------------------------------------------------------------------------
+
+    def sql(self, query: str, parameters: Mapping[str, Any] | None = None) -> pl.DataFrame:
+        """Rows of one SELECT over the views metadata, tracks, lights, maps, states, objects, shards, quarantine.
+
+        Args:
+            query: The SELECT.
+            parameters: Values for ``$name`` in it.
+
+        Raises:
+            UnsafeSql: It is more or other than one SELECT.
+            QueryError: DuckDB does not understand it.
+        """
+        return self._engine.select(query, parameters)
+
+    def summary(self) -> pl.DataFrame:
+        """Scenarios, objects and hours by dataset, version and split."""
+        return self.sql((SQL / "analytics" / "summary.sql").read_text("utf-8"))
+
+    def paths(self, table: str) -> list[str]:
+        """Absolute paths of a table's files in this snapshot: what any Parquet engine may read."""
+        found = table_files(self.files, self.snapshot)
+        if table not in found:
+            raise BadParameter(f"no table {table!r}; there are {', '.join(found)}")
+        return found[table]
+
+    def __len__(self) -> int:
+        return int(self.sql("SELECT count(*) AS n FROM metadata")["n"][0])
+
+    # --- databases ------------------------------------------------------------------------------------
+
+    @property
+    def databases(self) -> list[str]:
+        """Names of the lake's databases."""
+        return databases.names(self.files)
+
+    def database(self, name: str) -> Database:
+        """A database by ``name`` or ``name@version``.
+
+        Raises:
+            DatabaseNotFound: The message lists those that are there.
+        """
+        plain, _, version = name.partition("@")
+        if version and not version.isdecimal():
+            raise BadParameter(f"{name!r}: wanted name or name@version, with a number")
+        return databases.read(self.files, plain, int(version) if version else None)
+
+    def filter(
+        self,
+        where: str = "true",
+        *,
+        name: str,
+        parent: Database | str | None = None,
+        named: Sequence[str] = (),
+        parameters: Mapping[str, Any] | None = None,
+        overwrite: bool = False,
+    ) -> Database:
+        """Save the scenarios that satisfy a condition as a database.
+
+        Args:
+            where: SQL expression over the columns of ``metadata``.
+            name: Name of the new database.
+            parent: Search only the members of this database, in its order.
+            named: Filters of ``sql/filters`` that must hold too, as ``name:key=value``.
+            parameters: Values for ``$name`` in ``where``.
+            overwrite: Make a further version of an existing database.
+
+        Raises:
+            UnsafeSql: ``where`` is no single expression.
+            QueryError: DuckDB does not understand it.
+            DatabaseExists: And ``overwrite`` is False.
+        """
+        databases.check_name(name)
+        check_expression(where)
+        conditions, bound = [f"({where}\n)"], dict(parameters or {})
+        for number, text in enumerate(named):
+            found, values = filters.parse(text)
+            condition = found.condition
+            for key, value in values.items():
+                condition = condition.replace(f"${key}", f"$f{number}_{key}")
+                bound[f"f{number}_{key}"] = value
+            conditions.append(f"({condition}\n)")
+        engine, source, parents = self._source(parent)
+        weight, order = ("weight", "position") if parents else ("1.0", "scenario_id")
+        query = (
+            f"SELECT scenario_id, {weight} AS weight, content_hash FROM {source} "
+            f"WHERE {' AND '.join(conditions)} ORDER BY {order}"
+        )
+        members = engine.arrow(query, bound)
+        return self._save(name, members, "filter", query, bound, parents, overwrite)
+
+    def split(
+        self,
+        parent: Database | str | None,
+        fractions: Mapping[str, float],
+        *,
+        seed: int = 0,
+        by: str = "scenario_id",
+        prefix: str | None = None,
+        overwrite: bool = False,
+    ) -> dict[str, Database]:
+        """Part a database by fractions, so that a scenario keeps its part as the lake grows.
+
+        Each scenario (or group, for example ``by="source_log"``) falls into a part by a hash of its id and
+        the seed; parts are therefore disjoint, exhaustive, the same on every machine, and near their fractions.
+
+        Args:
+            parent: The database to part; the whole lake for None.
+            fractions: Part name to fraction; they add up to 1.
+            seed: Another seed, another split.
+            by: Column whose equal values stay together.
+            prefix: Parts are saved as ``<prefix>_<part>``; the parent's name unless given.
+            overwrite: Make further versions of existing databases.
+
+        Raises:
+            BadParameter: Fractions do not add up to 1, or there is no such column.
+            DatabaseExists: And ``overwrite`` is False.
+        """
+        _check_fractions(fractions)
+        engine, source, parents = self._source(parent)
+        stem = prefix or (self._resolve(parent).name if parent is not None else "all")
+        names = {part: f"{stem}_{part}" for part in fractions}
+        for name in names.values():
+            databases.check_name(name)
+            if not overwrite and databases.versions(self.files, name):
+                raise DatabaseExists(f"database {name!r} exists; give another --prefix, or --overwrite")
+        columns = self.sql("SELECT * FROM metadata LIMIT 0").columns
+        if by not in columns:
+            raise BadParameter(f"no column {by!r} to split by; there are {', '.join(columns)}")
+        template = (SQL / "splits" / "by_hash.sql").read_text("utf-8")
+        query = template.replace("{source}", source).replace("{by}", by)
+        query = query.replace("{order}", "position" if parents else "scenario_id")
+        query = query.replace("{weight}", "weight" if parents else "1.0")
+        drawn = engine.arrow(query, {"seed": str(seed)})
+        made, lower = {}, 0.0
+        u = drawn["u"].to_numpy()
+        for part, fraction in fractions.items():
+            upper = lower + fraction / sum(fractions.values())
+            is_last = part == list(fractions)[-1]
+            chosen = (u >= lower) & ((u < upper) | is_last)
+            bound = {"seed": seed, "by": by, "from": lower, "to": 1.0 if is_last else upper}
+            made[part] = self._save(
+                names[part], drawn.filter(pa.array(chosen)), "split", query, bound, parents, overwrite
+            )
+            lower = upper
+        return made
+
+    # --- behind them ----------------------------------------------------------------------------------
+
+    def _resolve(self, database: Database | str) -> Database:
+        return self.database(database) if isinstance(database, str) else database
+
+    def _source(self, parent: Database | str | None) -> tuple[Engine, str, list[str]]:
+        """Where to search: the engine to ask, SQL for the scenarios, and the lineage's parents."""
+        if parent is None:
+            return self._engine, "metadata", []
+        found = self._resolve(parent)
+        engine = self._holding(found)[0]._engine
+        engine.register("members", found.members)
+        scenarios = "metadata JOIN (SELECT scenario_id, position, weight FROM members) USING (scenario_id)"
+        return engine, scenarios, [found.reference]
+
+    def members(self, database: Database | str) -> pa.Table:
+        """Address and description columns of a database's members, in order.
+
+        They are looked up in this snapshot when every member is what it was when the database was made, else
+        in the snapshot it was made on, with a warning.
+
+        Raises:
+            ScenarioNotFound: They are in neither.
+        """
+        return self._holding(self._resolve(database))[1]
+
+    def locate(self, scenario_ids: Sequence[str]) -> pa.Table:
+        """Address and description columns of scenarios, in the given order.
+
+        Raises:
+            ScenarioNotFound: Naming the first that is not in this snapshot.
+        """
+        found = locate(self._engine, pa.table({"scenario_id": pa.array(list(scenario_ids), pa.string())}))
+        return self._complete(found)
+
+    def _holding(self, database: Database) -> tuple[Lake, pa.Table]:
+        """The lake at a snapshot that holds every member unchanged, and where they lie in it."""
+        wanted = database.members.select(["scenario_id", "content_hash"])
+        found = locate(self._engine, wanted)
+        changed = found.num_rows - (found["is_found"].to_numpy().sum() if found.num_rows else 0)
+        if not changed:
+            return self, found
+        warnings.warn(
+            f"{changed} of {len(database)} members of {database.reference} changed after snapshot "
+            f"{database.lineage.snapshot} and are read from it; make the database again to move on",
+            StaleDatabaseWarning,
+            stacklevel=3,
+        )
+        older = Lake(self.root, database.lineage.snapshot)
+        return older, older._complete(locate(older._engine, wanted))
+
+    def _complete(self, found: pa.Table) -> pa.Table:
+        missing = found.filter(pc.invert(found["is_found"]))
+        if missing.num_rows:
+            raise ScenarioNotFound(
+                f"{self.root}: no scenario {missing['scenario_id'][0]} in snapshot {self.snapshot.number}; "
+                f"{missing.num_rows} of {found.num_rows} are missing: replaced, or never converted"
+            )
+        return found
+
+    def _save(
+        self,
+        name: str,
+        members: pa.Table,
+        operation: str,
+        query: str,
+        parameters: Mapping[str, Any],
+        parents: list[str],
+        overwrite: bool,
+    ) -> Database:
+        lineage = Lineage(
+            operation=operation,
+            sql=query,
+            parameters=dict(parameters),
+            parents=parents,
+            snapshot=self.snapshot.number,
+            created_at=snapshots.now(),
+            count=members.num_rows,
+            created_with=_software(),
+        )
+        return databases.save(self.files, name, members, lineage, overwrite=overwrite)
+
+
+def _check_fractions(fractions: Mapping[str, float]) -> None:
+    if not fractions or any(fraction <= 0 for fraction in fractions.values()):
+        raise BadParameter("wanted at least one part, each with a fraction above 0, for example train=0.9 val=0.1")
+    total = sum(fractions.values())
+    if abs(total - 1.0) > 1e-6:
+        raise BadParameter(f"wanted fractions that add up to 1, found {total:g}")
+
+
+def _software() -> str:
+    try:
+        return f"scenarionet-lake {package_metadata.version('scenarionet-lake')}"
+    except package_metadata.PackageNotFoundError:
+        return "scenarionet-lake (from source)"

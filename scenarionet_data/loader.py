@@ -1,0 +1,142 @@
+"""Scenarios out of the lake, one or a batch at a time: addresses are resolved once, files are read by row group.
+
+DuckDB finds scenarios, pyarrow loads them (44 ms against 1.3 ms). A loader pickles as path and ids, opens its
+files lazily in whichever process or thread uses it, and so works in torch ``DataLoader`` workers.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from scenarionet_data import codec, tables
+from scenarionet_data.catalog.database import Database
+from scenarionet_data.catalog.lake import Lake
+from scenarionet_data.scenario import ScenarioDescription, Tracks
+from scenarionet_data.store.files import LakeFiles
+
+_OPEN_FILES = 32
+
+
+class ScenarioLoader(Sequence[ScenarioDescription]):
+    """The scenarios of a database (or of a list of ids, or of the whole lake) as a sequence.
+
+    Args:
+        lake: The lake, or its folder.
+        scenarios: A database or its name, or scenario ids; everything, ordered by id, for None.
+
+    Raises:
+        ScenarioNotFound: A scenario is not in the lake.
+
+    Example:
+        loader = ScenarioLoader("lake", "busy")
+        scenario = loader[0]
+        scenario.tracks.position  # (N, T, 3) float32
+    """
+
+    def __init__(self, lake: Lake | str | Path, scenarios: Database | str | Iterable[str] | None = None) -> None:
+        opened = lake if isinstance(lake, Lake) else Lake(lake)
+        self._files = LakeFiles(opened.root)
+        self._rows = _rows(opened, scenarios)
+        self.scenario_ids: list[str] = self._rows["scenario_id"].to_pylist()
+        self._local = threading.local()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"files": self._files, "rows": self._rows}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self._files, self._rows = state["files"], state["rows"]
+        self.scenario_ids = self._rows["scenario_id"].to_pylist()
+        self._local = threading.local()
+
+    def __len__(self) -> int:
+        return len(self.scenario_ids)
+
+    def __iter__(self) -> Iterator[ScenarioDescription]:
+        return (self[index] for index in range(len(self)))
+
+    def __getitem__(self, index: Any) -> Any:
+        """Scenario ``index``; a list of scenarios for a slice."""
+        if isinstance(index, slice):
+            return self.batch(range(len(self))[index])
+        row = self._row(index)
+        return codec.decode(
+            codec.Encoded(row, self._read("tracks", row), self._read("lights", row), self._read("maps", row))
+        )
+
+    def tracks(self, index: int) -> Tracks:
+        """The objects of scenario ``index`` alone: the quickest way to trajectories."""
+        row = self._row(index)
+        return codec.decode_tracks(self._read("tracks", row), row["num_timesteps"])
+
+    def batch(self, indices: Sequence[int]) -> list[ScenarioDescription]:
+        """Scenarios at ``indices``, read in the order they lie on disk and returned in the order asked for."""
+        return self._in_disk_order(indices, self.__getitem__)
+
+    def batch_tracks(self, indices: Sequence[int]) -> list[Tracks]:
+        """Like :meth:`batch`, the objects alone."""
+        return self._in_disk_order(indices, self.tracks)
+
+    def _in_disk_order(self, indices: Sequence[int], load: Any) -> list[Any]:
+        rows = [self._row(index) for index in indices]
+        order = sorted(range(len(rows)), key=lambda k: (rows[k]["tracks_file"], rows[k]["tracks_row_group"]))
+        loaded: list[Any] = [None] * len(rows)
+        for place in order:
+            loaded[place] = load(indices[place])
+        return loaded
+
+    def _row(self, index: int) -> dict[str, Any]:
+        if not -len(self) <= index < len(self):
+            raise IndexError(f"scenario {index} of {len(self)}")
+        row: dict[str, Any] = self._rows.slice(index % len(self), 1).to_pylist()[0]
+        return row
+
+    def _read(self, table: str, row: dict[str, Any]) -> pa.RecordBatch | None:
+        """A scenario's rows of one table; None where it has none."""
+        if row[f"{table}_file"] is None:
+            return None
+        file, columns = self._open(table, row[f"{table}_file"])
+        group = file.read_row_group(row[f"{table}_row_group"], columns, use_threads=False)
+        if group.num_rows != row[f"{table}_num_rows"]:
+            group = group.slice(row[f"{table}_first_row"], row[f"{table}_num_rows"])
+        (batch,) = group.combine_chunks().to_batches()
+        return batch
+
+    def _open(self, table: str, name: str) -> tuple[pq.ParquetFile, list[str]]:
+        """An open file of this thread's, the least recently used of many closed."""
+        if not hasattr(self._local, "files"):
+            self._local.files = OrderedDict()
+        cache: OrderedDict[str, tuple[pq.ParquetFile, list[str]]] = self._local.files
+        if name in cache:
+            cache.move_to_end(name)
+            return cache[name]
+        # pre_buffer would share its cache between threads; a memory map needs no copy.
+        file = pq.ParquetFile(self._files.path(name), memory_map=True, pre_buffer=False)
+        tables.load(table).check_version(file.metadata.metadata, name)
+        cache[name] = (file, _NEEDED[table])
+        if len(cache) > _OPEN_FILES:
+            cache.popitem(last=False)[1][0].close()
+        return cache[name]
+
+
+_UNUSED = {"scenario_id", "map_id", "track_index", "feature_index", "tile"} | {
+    f"{end}_{axis}" for end in ("min", "max", "origin") for axis in "xyz"
+}
+_NEEDED = {
+    table: [column.name for column in tables.load(table).columns if column.name not in _UNUSED]
+    for table in ("tracks", "lights", "maps")
+}
+
+
+def _rows(lake: Lake, scenarios: Database | str | Iterable[str] | None) -> pa.Table:
+    if scenarios is None:
+        scenarios = lake.sql("SELECT scenario_id FROM metadata ORDER BY scenario_id")["scenario_id"].to_list()
+    if isinstance(scenarios, (Database, str)):
+        return lake.members(scenarios).combine_chunks()
+    return lake.locate(list(scenarios)).combine_chunks()

@@ -1,0 +1,132 @@
+"""The files of a lake: the only module that writes, renames and lists them.
+
+Every file is written under a temporary name and published whole; a published file never changes. Names are
+relative to the lake and use forward slashes.
+"""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import os
+import time
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from scenarionet_data.errors import LakeError
+
+_TEMPORARY = ".tmp"
+_ABANDONED_AFTER = 24 * 3600.0
+
+
+class LakeFiles:
+    """Files below a lake's root folder.
+
+    Attributes:
+        root: Absolute path of the lake.
+    """
+
+    def __init__(self, root: str | Path) -> None:
+        self.root = Path(root).resolve()
+
+    def path(self, name: str) -> Path:
+        """Where a file lies."""
+        return self.root / name
+
+    def names(self, folder: str, suffix: str = "") -> list[str]:
+        """Files directly in ``folder``, sorted; empty when there is no such folder."""
+        try:
+            found = [entry.name for entry in os.scandir(self.root / folder) if entry.is_file()]
+        except (FileNotFoundError, NotADirectoryError):
+            return []
+        return sorted(f"{folder}/{name}" for name in found if name.endswith(suffix))
+
+    def folders(self, folder: str) -> list[str]:
+        """Names of the folders directly in ``folder``, sorted."""
+        try:
+            return sorted(entry.name for entry in os.scandir(self.root / folder) if entry.is_dir())
+        except (FileNotFoundError, NotADirectoryError):
+            return []
+
+    def has(self, name: str, size: int | None = None) -> bool:
+        """Whether a file is there (with that size)."""
+        try:
+            found = self.path(name).stat().st_size
+        except OSError:
+            return False
+        return size is None or found == size
+
+    def temporary(self) -> Path:
+        """A new path to write to before :meth:`publish`."""
+        folder = self.root / _TEMPORARY
+        with writing(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+        return folder / f"{os.getpid()}-{uuid.uuid4().hex}"
+
+    def publish(self, temporary: Path, name: str) -> None:
+        """Give a complete temporary file its name, at once and for good."""
+        target = self.path(name)
+        with writing(target):
+            target.parent.mkdir(parents=True, exist_ok=True)
+            _to_disk(temporary)
+            temporary.replace(target)
+
+    def publish_new(self, name: str, data: bytes | Path) -> bool:
+        """Publish ``data`` (bytes, or a temporary file) unless a file of that name exists.
+
+        Returns:
+            Whether this call made the file; exactly one of several concurrent callers does.
+        """
+        temporary = data if isinstance(data, Path) else self.temporary()
+        target = self.path(name)
+        with writing(target):
+            if isinstance(data, bytes):
+                temporary.write_bytes(data)
+            _to_disk(temporary)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            try:
+                os.link(temporary, target)
+            except FileExistsError:
+                return False
+            finally:
+                temporary.unlink()
+        return True
+
+    def sweep(self) -> None:
+        """Remove temporary files that a killed job left more than a day ago."""
+        for name in self.names(_TEMPORARY):
+            path = self.path(name)
+            if path.exists() and time.time() - path.stat().st_mtime > _ABANDONED_AFTER:
+                path.unlink(missing_ok=True)
+
+
+def sha256(path: Path) -> str:
+    """SHA-256 of a file, hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Turns the operating system's refusals into a LakeError with the remedy."""
+    try:
+        yield
+    except OSError as error:
+        raise LakeError(f"cannot write {path}: {error.strerror or error}; {_remedy(error)}") from error
+
+
+def _remedy(error: OSError) -> str:
+    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        return "free some space and run the same command again: finished shards are kept"
+    if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+        return "choose a folder you may write to, or change its permissions"
+    if error.errno in (errno.ENOTDIR, errno.EEXIST):
+        return "choose a folder, not a file"
+    return "finished shards are kept: mend the cause and run the same command again"
+
+
+def _to_disk(path: Path) -> None:
+    with path.open("rb+") as file:
+        os.fsync(file.fileno())

@@ -1,0 +1,125 @@
+"""Snapshots: the committed, immutable lists of what a lake holds. Readers trust a snapshot, never a folder."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from scenarionet_data import tables
+from scenarionet_data.errors import NoSuchSnapshot
+from scenarionet_data.store.files import LakeFiles
+from scenarionet_data.store.shard_writer import ShardRecord, write_table
+
+_FOLDER = "snapshots"
+_MAX_MANIFESTS = 16
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """One version of a lake.
+
+    Attributes:
+        number: From 1; 0 is the empty lake before its first commit.
+        created_at: UTC, ISO 8601.
+        operation: What made it, in words.
+        metadata: Live files of the metadata table.
+        manifests: Parquet files that list the shards, together.
+    """
+
+    number: int
+    created_at: str
+    operation: str
+    metadata: tuple[str, ...]
+    manifests: tuple[str, ...]
+
+    def to_bytes(self) -> bytes:
+        """As JSON text."""
+        return json.dumps({"format": 1, **asdict(self)}, indent=1).encode()
+
+
+EMPTY = Snapshot(0, "", "empty", (), ())
+
+
+def numbers(files: LakeFiles) -> list[int]:
+    """Numbers of the snapshots that are there, rising."""
+    names = files.names(_FOLDER, ".json")
+    return sorted(int(name.rpartition("/")[2].removesuffix(".json")) for name in names)
+
+
+def read(files: LakeFiles, number: int | None = None) -> Snapshot:
+    """A snapshot; the newest when no number is given, EMPTY for a lake without any.
+
+    Raises:
+        NoSuchSnapshot: That number is not there; the message lists what is.
+    """
+    there = numbers(files)
+    if number is None:
+        if not there:
+            return EMPTY
+        number = there[-1]
+    if number not in there:
+        found = f"there are {there[0]} ... {there[-1]}" if there else "there are none"
+        raise NoSuchSnapshot(f"{files.root}: no snapshot {number}; {found}")
+    content = json.loads(files.path(_name(number)).read_bytes())
+    if content.pop("format") != 1:
+        raise NoSuchSnapshot(f"{files.root}: snapshot {number} was written by a newer version; update this one")
+    content["metadata"], content["manifests"] = tuple(content["metadata"]), tuple(content["manifests"])
+    return Snapshot(**content)
+
+
+def publish(files: LakeFiles, snapshot: Snapshot) -> bool:
+    """Publish a snapshot unless another job took its number; returns whether it did."""
+    return files.publish_new(_name(snapshot.number), snapshot.to_bytes())
+
+
+def _name(number: int) -> str:
+    return f"{_FOLDER}/{number:08d}.json"
+
+
+def now() -> str:
+    """UTC in ISO 8601, to the second."""
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+# --- manifests ----------------------------------------------------------------------------------------
+
+
+def shard_table(files: LakeFiles, snapshot: Snapshot) -> pa.Table:
+    """Every shard of a snapshot as rows of ``schemas/shards.toml``, in order of partition and name."""
+    schema = tables.load("shards").schema
+    parts = [pq.ParquetFile(files.path(name)).read() for name in snapshot.manifests]
+    together = pa.concat_tables([schema.empty_table(), *(part.cast(schema) for part in parts)])
+    return together.sort_by([(name, "ascending") for name in ("dataset", "version", "split", "name", "key")])
+
+
+def shards(files: LakeFiles, snapshot: Snapshot) -> list[ShardRecord]:
+    """Every shard of a snapshot as records."""
+    return [ShardRecord(**row) for row in shard_table(files, snapshot).to_pylist()]
+
+
+def write_manifests(
+    files: LakeFiles, base: Snapshot, added: Iterable[ShardRecord], removed: frozenset[str]
+) -> tuple[str, ...]:
+    """Manifests of ``base`` with shards added and (by key) removed.
+
+    Usually one new manifest beside the old ones; folded into one when shards go or too many gather.
+    """
+    fresh = [asdict(record) for record in added]
+    if not removed and len(base.manifests) < _MAX_MANIFESTS:
+        return (*base.manifests, _write_manifest(files, fresh)) if fresh else base.manifests
+    kept = [row for row in shard_table(files, base).to_pylist() if row["key"] not in removed]
+    return (_write_manifest(files, kept + fresh),)
+
+
+def _write_manifest(files: LakeFiles, rows: list[dict[str, object]]) -> str:
+    ordered = sorted(rows, key=lambda row: str(row["key"]))
+    keys = "\n".join(str(row["key"]) for row in ordered)
+    name = f"{_FOLDER}/manifest-{hashlib.blake2b(keys.encode(), digest_size=8).hexdigest()}.parquet"
+    files.publish(write_table(files, "shards", ordered, {}), name)
+    return name

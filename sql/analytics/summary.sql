@@ -1,0 +1,14 @@
+-- What a lake holds, by dataset, version and split.
+SELECT
+    dataset,
+    version,
+    split,
+    count(*) AS scenarios,
+    sum(num_objects)::BIGINT AS objects,
+    sum(num_states)::BIGINT AS states,
+    round(sum(num_timesteps * dt) / 3600, 3) AS hours,
+    round(avg(ego_distance), 1) AS mean_ego_distance,
+    round(avg(num_vehicles), 1) AS mean_vehicles
+FROM metadata
+GROUP BY ALL
+ORDER BY ALL;

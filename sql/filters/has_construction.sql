@@ -1,0 +1,2 @@
+-- Scenarios with traffic cones or barriers.
+has_construction

@@ -1,0 +1,2 @@
+-- Scenarios with an intersection.
+has_intersection

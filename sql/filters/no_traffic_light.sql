@@ -1,0 +1,2 @@
+-- Scenarios without a recorded traffic light.
+num_lights = 0

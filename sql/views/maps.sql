@@ -1,0 +1,3 @@
+-- One row per map feature.
+CREATE VIEW maps AS
+SELECT * {derived} FROM {files};

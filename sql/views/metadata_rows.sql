@@ -1,0 +1,3 @@
+-- The metadata files' rows as they are stored.
+CREATE VIEW metadata_rows AS
+SELECT * FROM {files};

@@ -1,0 +1,3 @@
+-- One row per rejected scenario, with the reason.
+CREATE VIEW quarantine AS
+SELECT * {derived} FROM {files};

@@ -1,0 +1,3 @@
+-- One row per converted shard: what went in, which files came out.
+CREATE VIEW shards AS
+SELECT * {derived} FROM {files};
