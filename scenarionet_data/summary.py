@@ -160,11 +160,5 @@ def _boxes(tracks: Tracks, rows: Any, steps: Array) -> Array:
 
 def bounding_box(tracks: Tracks) -> dict[str, float]:
     """min_x, min_y, max_x, max_y [m] of every valid position."""
-    positions = tracks.position[tracks.valid]
-    lower, upper = positions.min(axis=0), positions.max(axis=0)
-    return {
-        "min_x": float(lower[0]),
-        "min_y": float(lower[1]),
-        "max_x": float(upper[0]),
-        "max_y": float(upper[1]),
-    }
+    x, y = tracks.position[..., 0][tracks.valid], tracks.position[..., 1][tracks.valid]
+    return {"min_x": float(x.min()), "min_y": float(y.min()), "max_x": float(x.max()), "max_y": float(y.max())}

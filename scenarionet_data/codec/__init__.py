@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
-import pyarrow.compute as pc
 
 from scenarionet_data.codec.lights import decode_lights, encode_lights
 from scenarionet_data.codec.maps import decode_map, encode_map
@@ -205,15 +204,20 @@ def _content_hash(description: Mapping[str, Any], batches: list[pa.RecordBatch])
 
 
 def _digest_array(digest: Any, array: pa.Array) -> None:
-    if array.null_count:
-        digest.update(np.packbits(array.is_valid().to_numpy(zero_copy_only=False)).tobytes())
+    """Lengths and values, null or not; the same for the same content, however Arrow lays it out."""
     if pa.types.is_dictionary(array.type):
         array = array.dictionary_decode()
+    if array.null_count:
+        digest.update(np.packbits(array.is_valid().to_numpy(zero_copy_only=False)).tobytes())
+        array = array.drop_null()
     if pa.types.is_list(array.type):
-        lengths = pc.fill_null(pc.list_value_length(array), -1)
-        digest.update(lengths.to_numpy().tobytes())
+        digest.update(np.diff(array.offsets.to_numpy()))
         _digest_array(digest, array.flatten())
     elif pa.types.is_string(array.type):
-        digest.update("\0".join(array.drop_null().to_pylist()).encode())
+        _, offsets, data = array.buffers()
+        bounds = np.frombuffer(offsets, np.int32)[array.offset : array.offset + len(array) + 1]
+        digest.update(np.diff(bounds))
+        if data is not None:
+            digest.update(memoryview(data)[bounds[0] : bounds[-1]])
     else:
-        digest.update(array.drop_null().to_numpy(zero_copy_only=False).tobytes())
+        digest.update(np.ascontiguousarray(array.to_numpy(zero_copy_only=False)))

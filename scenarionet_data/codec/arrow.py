@@ -72,9 +72,15 @@ def _dictionaries() -> dict[type[IntEnum], tuple[pa.Array, Array]]:
 _DICTIONARIES = _dictionaries()
 
 
+def string_array(values: Array) -> pa.Array:
+    """Object array of str or None as a string array."""
+    # From a list: given an object array, pyarrow looks for pandas first, every time.
+    return pa.array(values.tolist(), pa.string())
+
+
 def dictionary_of(values: Array) -> pa.Array:
     """Object array of str or None as a dictionary array."""
-    array = pa.array(values, pa.string())
+    array = string_array(values)
     return array.dictionary_encode().cast(pa.dictionary(pa.int32(), pa.string()))
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 
 from scenarionet_data import tables
-from scenarionet_data.codec.arrow import batch, bools, codes_of, floats, names_of, strings
+from scenarionet_data.codec.arrow import batch, bools, codes_of, floats, names_of, string_array, strings
 from scenarionet_data.scenario import Lights
 from scenarionet_data.vocabulary import LightState, Provenance
 
@@ -22,9 +22,9 @@ def encode_lights(scenario_id: str, lights: Lights, has_z: bool) -> pa.RecordBat
         type=tables.load("lights").column("state").arrow_type,
     )
     columns = {
-        "scenario_id": pa.repeat(scenario_id, count),
-        "light_id": pa.array(lights.ids, pa.string()),
-        "lane_id": pa.array(lights.lane_ids, pa.string()),
+        "scenario_id": pa.array([scenario_id] * count, pa.string()),
+        "light_id": string_array(lights.ids),
+        "lane_id": string_array(lights.lane_ids),
         "stop_x": pa.array(stop[:, 0], mask=~known[:, 0]),
         "stop_y": pa.array(stop[:, 1], mask=~known[:, 1]),
         "stop_z": pa.array(stop[:, 2], mask=~(known[:, 2] & has_z)),

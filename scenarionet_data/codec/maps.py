@@ -16,6 +16,7 @@ from scenarionet_data.codec.arrow import (
     list_array,
     names_of,
     points,
+    string_array,
     strings,
 )
 from scenarionet_data.ragged import Ragged
@@ -54,8 +55,8 @@ def encode_map(
     line, area = features.polyline, features.polygon
     inside = features.is_intersection
     columns: dict[str, Any] = {
-        "map_id": pa.repeat(map_id, count),
-        "feature_id": pa.array(features.ids, pa.string()),
+        "map_id": pa.array([map_id] * count, pa.string()),
+        "feature_id": string_array(features.ids),
         "feature_index": np.arange(count, dtype=np.int32),
         "feature_type": names_of(features.types, MapFeatureType),
         "x": list_array(line.offsets, line.values[:, 0]),
@@ -68,7 +69,7 @@ def encode_map(
         "width_left": list_array(features.width.offsets, features.width.values[:, 0]),
         "width_right": list_array(features.width.offsets, features.width.values[:, 1]),
         "is_intersection": pa.array(inside == 1, mask=inside < 0),
-        "extras": pa.array(features.extras, pa.string()),
+        "extras": string_array(features.extras),
         "tile": pa.nulls(count, pa.int32()) if tile is None else np.full(count, tile, np.int32),
     }
     for axis, name in enumerate(("min_x", "min_y", "max_x", "max_y")):
@@ -77,7 +78,7 @@ def encode_map(
         columns[name] = np.full(count, origin[axis], np.float64)
     for name in ID_LISTS:
         ragged: Ragged = getattr(features, name)
-        columns[name] = list_array(ragged.offsets, pa.array(ragged.values, pa.string()))
+        columns[name] = list_array(ragged.offsets, string_array(ragged.values))
     return batch("maps", columns)
 
 

@@ -18,6 +18,7 @@ from scenarionet_data.codec.arrow import (
     names_of,
     numbers,
     offsets_of,
+    string_array,
     strings,
 )
 from scenarionet_data.scenario import Tracks
@@ -42,8 +43,8 @@ def encode_tracks(scenario_id: str, tracks: Tracks, has_z: bool) -> pa.RecordBat
 
     nulls = pa.nulls(count, pa.list_(pa.field("element", pa.float32(), nullable=False)))
     columns = {
-        "scenario_id": pa.repeat(scenario_id, count),
-        "track_id": pa.array(tracks.ids, pa.string()),
+        "scenario_id": pa.array([scenario_id] * count, pa.string()),
+        "track_id": string_array(tracks.ids),
         "track_index": np.arange(count, dtype=np.int32),
         "object_type": names_of(tracks.object_type, ObjectType),
         "start": start,
@@ -61,7 +62,7 @@ def encode_tracks(scenario_id: str, tracks: Tracks, has_z: bool) -> pa.RecordBat
         "is_size_assumed": pa.array(tracks.is_size_assumed),
         "is_type_assumed": pa.array(tracks.is_type_assumed),
         "is_velocity_estimated": pa.array(tracks.is_velocity_estimated),
-        "extras": pa.array(tracks.extras, pa.string()),
+        "extras": string_array(tracks.extras),
     }
     return batch("tracks", columns)
 
