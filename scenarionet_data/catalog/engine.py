@@ -168,6 +168,7 @@ _SQL_TYPES = {
     "float32": "FLOAT",
     "float64": "DOUBLE",
     "string": "VARCHAR",
+    "json": "VARCHAR",
     "dictionary": "VARCHAR",
 }
 
