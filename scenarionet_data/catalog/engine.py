@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import duckdb
-import polars as pl
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from scenarionet_data import tables
 from scenarionet_data.errors import QueryError, UnsafeSql
@@ -20,19 +20,23 @@ from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
 from scenarionet_data.store.snapshot import Snapshot
 
+if TYPE_CHECKING:
+    import polars as pl
+
 FILE_TABLES = ("metadata", "tracks", "lights", "maps", "quarantine", "shards")
 _FOLDER_COLUMNS = ("tracks", "lights", "maps")
 
 
-def table_files(files: LakeFiles, snapshot: Snapshot) -> dict[str, list[str]]:
-    """Absolute paths of a snapshot's files by table."""
-    found: dict[str, list[str]] = {table: [] for table in FILE_TABLES}
-    found["metadata"] = [str(files.path(name)) for name in snapshot.metadata]
-    found["shards"] = [str(files.path(name)) for name in snapshot.manifests]
-    for names in snapshots.shard_table(files, snapshot)["files"].to_pylist():
-        for name in names:
-            found[name.partition("/")[0]].append(str(files.path(name)))
-    return found
+def table_files(files: LakeFiles, snapshot: Snapshot, table: str) -> list[str]:
+    """Absolute paths of the files of one of FILE_TABLES in a snapshot."""
+    if table == "metadata":
+        names: Sequence[str] = snapshot.metadata
+    elif table == "shards":
+        names = snapshot.manifests
+    else:
+        listed = pc.list_flatten(snapshots.shard_table(files, snapshot)["files"])
+        names = listed.filter(pc.starts_with(listed, f"{table}/")).to_pylist()
+    return [str(files.path(name)) for name in names]
 
 
 class Engine:
@@ -43,7 +47,6 @@ class Engine:
         self._snapshot = snapshot
         self._connection = duckdb.connect(config={"autoinstall_known_extensions": False})
         self._views: set[str] = set()
-        self._paths: dict[str, list[str]] | None = None
         self._connection.execute("SET enable_progress_bar = false")
         self._connection.execute(f"SET allowed_directories = [{_quoted(str(files.root) + '/')}]")
         self._connection.execute("SET enable_external_access = false")
@@ -64,10 +67,9 @@ class Engine:
             UnsafeSql: More than one statement, or one that is not a SELECT.
             QueryError: DuckDB does not understand it; the message is DuckDB's.
         """
-        frame = pl.from_arrow(self.arrow(sql, parameters))
-        if not isinstance(frame, pl.DataFrame):
-            raise QueryError("wanted rows and columns, found a single column without a name")
-        return frame
+        import polars  # here: filters need no data frames, and it takes 25 MB
+
+        return polars.DataFrame(self.arrow(sql, parameters))
 
     def arrow(self, sql: str, parameters: Mapping[str, Any] | None = None) -> pa.Table:
         """Like :meth:`select`, as an Arrow table."""
@@ -104,9 +106,7 @@ class Engine:
 
     def _relation(self, table: str) -> str:
         """SQL for a table's files: a scan, or no rows of the right types when there are none."""
-        if self._paths is None:
-            self._paths = table_files(self._files, self._snapshot)
-        paths = self._paths[table]
+        paths = table_files(self._files, self._snapshot, table)
         if not paths:
             columns = [f"NULL::{_sql_type(c)} AS {c.name}" for c in tables.load(table).columns]
             folders = ["NULL::VARCHAR AS " + name for name in _hive_columns(table)]

@@ -7,22 +7,24 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 from importlib import metadata as package_metadata
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import polars as pl
 import pyarrow as pa
 import pyarrow.compute as pc
 
 from scenarionet_data.catalog import database as databases
 from scenarionet_data.catalog import filters
 from scenarionet_data.catalog.database import Database, Lineage
-from scenarionet_data.catalog.engine import Engine, check_expression, table_files
+from scenarionet_data.catalog.engine import FILE_TABLES, Engine, check_expression, table_files
 from scenarionet_data.catalog.members import locate
 from scenarionet_data.errors import BadParameter, DatabaseExists, NoSuchSnapshot, ScenarioNotFound
 from scenarionet_data.resources import SQL
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
 from scenarionet_data.store.snapshot import Snapshot
+
+if TYPE_CHECKING:
+    import polars as pl
 
 
 class StaleDatabaseWarning(UserWarning):
@@ -89,10 +91,9 @@ class Lake:
 
     def paths(self, table: str) -> list[str]:
         """Absolute paths of a table's files in this snapshot: what any Parquet engine may read."""
-        found = table_files(self.files, self.snapshot)
-        if table not in found:
-            raise BadParameter(f"no table {table!r}; there are {', '.join(found)}")
-        return found[table]
+        if table not in FILE_TABLES:
+            raise BadParameter(f"no table {table!r}; there are {', '.join(FILE_TABLES)}")
+        return table_files(self.files, self.snapshot, table)
 
     def __len__(self) -> int:
         return int(self.sql("SELECT count(*) AS n FROM metadata")["n"][0])

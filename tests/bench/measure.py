@@ -1,0 +1,67 @@
+"""Timing and memory: medians of repeated runs, each printed beside what it should reach."""
+
+from __future__ import annotations
+
+import resource
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One measured figure.
+
+    Attributes:
+        name: What was measured.
+        value: The median.
+        unit: Its unit.
+        wanted: What it should reach, as text: ``>= 80``; empty when there is no goal.
+        reference: What others take, as text.
+    """
+
+    name: str
+    value: float
+    unit: str
+    wanted: str = ""
+    reference: str = ""
+
+    @property
+    def is_reached(self) -> bool | None:
+        """Whether the goal is met; None without one."""
+        if not self.wanted:
+            return None
+        sign, bound = self.wanted.split()
+        return self.value >= float(bound) if sign == ">=" else self.value <= float(bound)
+
+    def row(self) -> dict[str, Any]:
+        return {**asdict(self), "is_reached": self.is_reached}
+
+
+def median_ms(action: Callable[[int], Any], repeats: int, warmup: int = 3) -> float:
+    """Median wall time of ``action(k)`` in milliseconds."""
+    for k in range(warmup):
+        action(k)
+    times = []
+    for k in range(repeats):
+        started = time.perf_counter()
+        action(k)
+        times.append(time.perf_counter() - started)
+    return 1e3 * statistics.median(times)
+
+
+def peak_mb() -> float:
+    """Peak resident memory of this process so far [MB]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def in_fresh_process(code: str, *arguments: str) -> str:
+    """Standard output of Python code in a process of its own, where memory starts from nothing."""
+    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(done.stderr)
+    return done.stdout
