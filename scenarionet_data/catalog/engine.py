@@ -102,7 +102,18 @@ class Engine:
         if table in FILE_TABLES:
             text = text.replace("{files}", self._relation(table)).replace("{derived}", _derived(table))
         self._connection.execute(text)
+        if name in FILE_TABLES:
+            self._comment(name)
         self._views.add(name)
+
+    def _comment(self, name: str) -> None:
+        """Give the view and its columns the contract's words, for ``duckdb_columns()`` and SQL clients."""
+        table = tables.load(name)
+        comments = [f"COMMENT ON VIEW {name} IS {_quoted(table.doc)}"]
+        for column in (*table.columns, *table.derived):
+            words = column.doc + (f" [{column.unit}]" if column.unit else "")
+            comments.append(f"COMMENT ON COLUMN {name}.{column.name} IS {_quoted(words)}")
+        self._connection.execute("; ".join(comments))
 
     def _relation(self, table: str) -> str:
         """SQL for a table's files: a scan, or no rows of the right types when there are none."""
