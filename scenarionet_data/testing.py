@@ -113,14 +113,14 @@ class ConverterConformance:
         for scenario in self.scenarios(raw):
             assert differences(scenario, codec.decode(codec.encode(scenario, self.converter.version))) == []
 
-    def test_damaged_files_are_named(self, raw: Any, tmp_path: Path) -> None:
+    def test_damaged_files_are_named(self, raw: Any, tmp_path_factory: Any) -> None:
         """A truncated, empty or garbage file gives a SourceError or InvalidScenario, never a wrong scenario."""
         if self.damaged_glob is None:
             return
         files = sorted(path for path in Path(raw).rglob(self.damaged_glob) if path.is_file())
         assert files, f"nothing matches {self.damaged_glob}"
         for number, (how, damage) in enumerate(_DAMAGES.items()):
-            copy = tmp_path / f"damaged{number}"
+            copy = tmp_path_factory.mktemp("damaged") / str(number)
             shutil.copytree(raw, copy)
             target = copy / files[0].relative_to(raw)
             target.chmod(0o644)

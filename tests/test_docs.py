@@ -1,0 +1,83 @@
+"""What the documentation shows is true: its code runs, its tables are up to date."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from scenarionet_data import dictionary
+
+ROOT = Path(__file__).parents[1]
+
+
+def blocks(page: str, language: str) -> list[str]:
+    """Fenced code blocks of a page."""
+    text = (ROOT / page).read_text("utf-8")
+    return re.findall(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+
+
+def test_data_dictionary_is_up_to_date():
+    written = (ROOT / "docs" / "data_dictionary.md").read_text("utf-8")
+    assert written == dictionary.markdown(), "run `make docs`"
+
+
+def test_the_example_converter_passes_its_own_conformance_test(tmp_path):
+    """The page's two Python blocks as a module and its test, outside the repository."""
+    converter, test = blocks("docs/adding_a_dataset.md", "python")
+    (tmp_path / "my_datasets.py").write_text(converter)
+    (tmp_path / "test_my_datasets.py").write_text("from my_datasets import CsvTrajectories\n" + test)
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_my_datasets.py"],
+        cwd=tmp_path, env={"PYTHONPATH": f"{ROOT}:{tmp_path}", "PATH": ""}, capture_output=True, text=True,
+        check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert re.search(r"\d+ passed", done.stdout)
+    assert "skipped" not in done.stdout
+
+
+@pytest.mark.parametrize("kind", ["derived column", "filter", "check"])
+def test_what_the_architecture_page_adds_in_one_place_works(kind, tmp_path):
+    """Copies the contract and the SQL, adds the page's example to the copy, and uses it."""
+    code = """
+import shutil, sys
+from pathlib import Path
+from scenarionet_data import resources
+copy = Path(sys.argv[1])
+shutil.copytree(resources.SCHEMAS, copy / "schemas"); shutil.copytree(resources.SQL, copy / "sql")
+resources.SCHEMAS, resources.SQL = copy / "schemas", copy / "sql"
+kind, text = sys.argv[2], sys.argv[3]
+if kind == "derived column":
+    with (copy / "schemas/metadata.toml").open("a") as file: file.write(text)
+else:
+    path = copy / text.splitlines()[0].removeprefix("-- ")
+    path.write_text(text.split("\\n", 1)[1])
+from scenarionet_data import Lake
+from scenarionet_data.conversion import convert
+from tests.fixtures.made import NAME, write_raw
+raw = write_raw(copy / "raw", {"a": list(range(4))})
+convert(NAME, str(raw), copy / "lake")
+lake = Lake(copy / "lake")
+if kind == "derived column":
+    assert (lake.sql("SELECT mean_object_speed_kmh AS v FROM metadata")["v"] > 30).all()
+elif kind == "filter":
+    assert 0 < len(lake.filter(name="crowded", named=["crowded:per_100m=10"])) <= 4
+else:
+    from scenarionet_data.catalog.checks import run_checks
+    (result,) = [r for r in run_checks(lake) if r.name == "ego_moves_backwards"]
+    assert result.doc
+"""
+    sql = blocks("docs/architecture.md", "sql")
+    text = {"derived column": blocks("docs/architecture.md", "toml")[0], "filter": sql[0], "check": sql[1]}[kind]
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path), kind, text],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
