@@ -12,7 +12,7 @@ def markdown() -> str:
         "# Data dictionary",
         "",
         "Made from `schemas/*.toml` by `make docs`; edit those. SI units; headings in radians, counter-clockwise",
-        "from +x, in [-π, π); the scenario frame is the source's frame moved to an origin near the ego, never turned.",
+        "from +x, in [-π, π); the scenario frame is the source's, moved near the ego and never turned.",
         "",
     ]
     for name in tables.TABLES:
@@ -30,7 +30,9 @@ def section(table: Table) -> str:
 
 def _row(column: Column) -> str:
     kind = column.type.replace("dictionary", "string") + (" or null" if column.nullable else "")
-    meaning = column.doc.replace("|", "\\|").replace("<", "&lt;") + (f" Computed in the view: `{column.sql}`." if column.sql else "")
+    meaning = column.doc.replace("|", "\\|").replace("<", "&lt;")
+    if column.sql:
+        meaning += f" Computed in the view: `{column.sql}`."
     return f"| `{column.name}` | {kind} | {column.unit} | {meaning} |"
 
 
