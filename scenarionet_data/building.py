@@ -174,11 +174,11 @@ class MapBuilder:
             return [row[name] for row in rows]
 
         def geometry(name: str) -> Ragged:
-            lists = [row[name] - origin for row in rows]
+            lists = column(name)
+            values = np.concatenate([np.zeros((0, 3)), *lists]) - origin
             if not has_z:
-                for points in lists:
-                    points[:, 2] = 0.0
-            return Ragged.from_lists(lists, width=3)
+                values[:, 2] = 0.0
+            return Ragged.from_flat([len(points) for points in lists], values.astype(np.float32))
 
         return MapFeatures(
             ids=strings(column("id")),

@@ -93,3 +93,31 @@ def _is_separated(corners: Float64, box: Float64) -> npt.NDArray[np.bool_]:
     half = box[:, 3:5] / 2
     apart: npt.NDArray[np.bool_] = ((corners.min(axis=1) > half) | (corners.max(axis=1) < -half)).any(axis=1)
     return apart
+
+
+def estimate_velocity(
+    position: npt.NDArray[Any], valid: npt.NDArray[np.bool_], timestamps: npt.NDArray[Any]
+) -> Float64:
+    """Velocity from positions, for sources that record none: central differences over valid neighbours.
+
+    One-sided at both ends of a run of valid timesteps; 0 for a state without a valid neighbour.
+
+    Args:
+        position: (N, T, 2 or more) [m]; x and y are used.
+        valid: (N, T).
+        timestamps: (T,) [s], strictly increasing.
+
+    Returns:
+        (N, T, 2) [m/s], 0 where not valid.
+    """
+    both = valid[:, 1:] & valid[:, :-1]
+    here = np.broadcast_to(np.arange(len(timestamps)), valid.shape)
+    before, after = here.copy(), here.copy()
+    before[:, 1:] -= both
+    after[:, :-1] += both
+    time = np.asarray(timestamps, dtype=np.float64)
+    span = (time[after] - time[before])[..., None]
+    xy = np.where(valid[..., None], position[..., :2], 0.0)
+    step = np.take_along_axis(xy, after[..., None], axis=1) - np.take_along_axis(xy, before[..., None], axis=1)
+    velocity: Float64 = np.divide(step, span, out=np.zeros_like(step), where=span > 0)
+    return velocity

@@ -65,6 +65,11 @@ class Ragged:
         return cls(_offsets([len(array) for array in arrays]), values)
 
     @classmethod
+    def from_flat(cls, lengths: Sequence[int], values: Array) -> Ragged:
+        """Lists of these lengths whose elements lie one after the other in ``values``."""
+        return cls(_offsets(lengths), values)
+
+    @classmethod
     def from_ids(cls, lists: Sequence[Sequence[str]]) -> Ragged:
         """Lists of ids, as an object array of str."""
         flat = [str(identifier) for ids in lists for identifier in ids]

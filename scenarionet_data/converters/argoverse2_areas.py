@@ -1,0 +1,65 @@
+"""Argoverse 2's drivable areas: their outlines, and which parts of them are edges of the road."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Float64 = npt.NDArray[np.float64]
+
+TILE = 30.0
+"""The owner cuts drivable areas along lines x or y = a multiple of 30 m: where two areas meet and where a
+log's map ends (seen in real maps). Such a cut is no edge of the road."""
+
+
+def outline(points: Float64) -> Float64:
+    """An area's outline (n, 3), open, counter-clockwise: the road is on the left of its edges."""
+    ring = points[:-1] if np.array_equal(points[0], points[-1]) else points
+    x, y = ring[:, 0] - ring[0, 0], ring[:, 1] - ring[0, 1]
+    doubled_area = (x * np.roll(y, -1) - y * np.roll(x, -1)).sum()
+    return ring if doubled_area >= 0 else ring[::-1]
+
+
+def road_edges(outlines: list[Float64]) -> list[list[Float64]]:
+    """The edges of the road along each outline.
+
+    Args:
+        outlines: (n, 3) [m] each, open.
+
+    Returns:
+        For each outline its edges (k, 3); an outline that is all edge comes closed, with its first point again.
+    """
+    if not outlines:
+        return []
+    start = np.concatenate([ring[:, :2] for ring in outlines])
+    end = np.concatenate([np.roll(ring[:, :2], -1, axis=0) for ring in outlines])
+    kept = ~(_is_cut(start, end) | _is_repeated(start, end))
+    parts = np.split(kept, np.cumsum([len(ring) for ring in outlines])[:-1])
+    return [_runs(ring, part) for ring, part in zip(outlines, parts, strict=True)]
+
+
+def _is_cut(start: Float64, end: Float64) -> npt.NDArray[np.bool_]:
+    on_tile = np.abs(start - TILE * np.round(start / TILE)) < 1e-6
+    cut: npt.NDArray[np.bool_] = ((start == end) & on_tile).any(axis=1)
+    return cut
+
+
+def _is_repeated(start: Float64, end: Float64) -> npt.NDArray[np.bool_]:
+    """True for segments that two outlines (or one, twice) have, in either direction: areas touch there."""
+    nodes = np.concatenate([start, end]) @ np.array([1.0, 1.0j])
+    code = np.unique(nodes, return_inverse=True)[1].astype(np.int64).reshape(2, -1)
+    keys = code.min(axis=0) * len(nodes) + code.max(axis=0)
+    _, inverse, counts = np.unique(keys, return_inverse=True, return_counts=True)
+    repeated: npt.NDArray[np.bool_] = counts[inverse] > 1
+    return repeated
+
+
+def _runs(ring: Float64, kept: npt.NDArray[np.bool_]) -> list[Float64]:
+    """Parts of a ring whose segments are ``kept``; segment i starts at point i."""
+    if kept.all():
+        return [np.concatenate([ring, ring[:1]])]
+    shift = -int(np.argmin(kept))  # begin at a segment that is left out, so that no run wraps around
+    ring, kept = np.roll(ring, shift, axis=0), np.roll(kept, shift)
+    closed = np.concatenate([ring, ring[:1]])
+    bounds = np.flatnonzero(np.diff(np.concatenate([[False], kept, [False]]).astype(np.int8)))
+    return [closed[first : last + 1] for first, last in bounds.reshape(-1, 2)]

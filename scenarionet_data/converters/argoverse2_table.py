@@ -1,0 +1,113 @@
+"""Rows of Argoverse 2's Parquet and Feather files as checked columns, and as (track, timestep) grids."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+import pyarrow.feather
+import pyarrow.parquet
+
+from scenarionet_data.errors import CorruptSource
+
+Array = npt.NDArray[Any]
+
+
+def read_parquet(path: Path) -> pa.Table:
+    """All columns of a small Parquet file.
+
+    Raises:
+        CorruptSource: The file is missing or cannot be read to its end.
+    """
+    try:
+        return pa.parquet.ParquetFile(pa.BufferReader(path.read_bytes())).read(use_threads=False)
+    except (OSError, pa.ArrowException) as error:
+        raise _unreadable(path, error) from error
+
+
+def read_feather(path: Path, columns: Iterable[str]) -> pa.Table:
+    """Some columns of a Feather file.
+
+    Raises:
+        CorruptSource: The file is missing, lacks a column, or cannot be read to its end.
+    """
+    try:
+        return pa.feather.read_table(path, columns=list(columns), use_threads=False, memory_map=False)
+    except (OSError, KeyError, pa.ArrowException) as error:
+        raise _unreadable(path, error) from error
+
+
+def _unreadable(path: Path, error: Exception) -> CorruptSource:
+    reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+    return CorruptSource(f"{path} cannot be read ({reason}); download it again")
+
+
+def numbers(table: pa.Table, path: Path, *names: str) -> Array:
+    """One column as (R,), or several as (R, len(names)) float64.
+
+    Raises:
+        CorruptSource: A column is missing, or holds nulls, NaN or infinities.
+    """
+    columns = [_column(table, path, name).to_numpy() for name in names]
+    for name, column in zip(names, columns, strict=True):
+        if column.dtype.kind not in "biuf" or not np.isfinite(column).all():
+            raise CorruptSource(f"{path}: column {name}: wanted finite numbers; download it again")
+    return columns[0] if len(columns) == 1 else np.stack(columns, axis=-1).astype(np.float64, copy=False)
+
+
+def text(table: pa.Table, path: Path, name: str) -> pa.DictionaryArray:
+    """A text column with its distinct words in order of first appearance.
+
+    Raises:
+        CorruptSource: The column is missing or holds nulls.
+    """
+    return _column(table, path, name).combine_chunks().dictionary_encode()
+
+
+def _column(table: pa.Table, path: Path, name: str) -> pa.ChunkedArray:
+    if name not in table.column_names:
+        found = ", ".join(table.column_names)
+        raise CorruptSource(f"{path}: wanted a column {name}, found {found}; is this an Argoverse 2 file?")
+    column = table.column(name)
+    if column.null_count:
+        raise CorruptSource(f"{path}: column {name}: wanted no nulls, found {column.null_count}")
+    return column
+
+
+class Grid:
+    """Where each row stands among N tracks and T timesteps.
+
+    Attributes:
+        ids: (N,) tracks in order of first appearance.
+        first: (N,) int64 first row of each track.
+        valid: (N, T) bool: there is a row.
+
+    Raises:
+        CorruptSource: A timestep lies outside 0 ... T - 1, or a track has two rows of one timestep.
+    """
+
+    def __init__(self, tracks: pa.DictionaryArray, timesteps: Array, num_timesteps: int, path: Path) -> None:
+        outside = timesteps[(timesteps < 0) | (timesteps >= num_timesteps)]
+        if len(outside):
+            wanted = f"wanted timesteps 0 ... {num_timesteps - 1}, found {outside[0]}"
+            raise CorruptSource(f"{path}: {wanted}; download it again")
+        words = tracks.dictionary.to_pylist()
+        used, self.first, row = np.unique(tracks.indices.to_numpy(), return_index=True, return_inverse=True)
+        self.ids = [words[code] for code in used]
+        self._cell = row * num_timesteps + timesteps
+        counts = np.bincount(self._cell, minlength=len(self.ids) * num_timesteps)
+        if counts.max(initial=0) > 1:
+            track, step = divmod(int(counts.argmax()), num_timesteps)
+            found = f"found {counts.max()} of track {self.ids[track]} at timestep {step}"
+            raise CorruptSource(f"{path}: wanted one row per track and timestep, {found}")
+        self.valid = (counts > 0).reshape(len(self.ids), num_timesteps)
+
+    def place(self, values: Array) -> Array:
+        """Values (R, ...) of the rows as (N, T, ...), 0 where there is no row."""
+        cells = np.zeros((self.valid.size, *values.shape[1:]), values.dtype)
+        cells[self._cell] = values
+        return cells.reshape(*self.valid.shape, *values.shape[1:])

@@ -1,0 +1,108 @@
+"""What Argoverse 2 calls things and what they are here: object types, assumed sizes, lanes, painted lines.
+
+Words from the owner's code (``av2/datasets/motion_forecasting/data_schema.py``,
+``av2/datasets/sensor/constants.py``, ``av2/map/lane_segment.py``).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from scenarionet_data.vocabulary import MapFeatureType, ObjectType
+
+EGO = "AV"
+EGO_SIZE = (4.877, 2.0, 1.473)
+"""Length, width, height [m] of the recording vehicle, a Ford Fusion: the size of the EGO_VEHICLE boxes in the
+owner's scenario-mining annotations."""
+EGO_CENTER = (1.34, 0.0, 0.40)
+"""Box centre [m] in the ego frame, whose origin is the rear axle: x from the car's overhangs; z because the
+axle drives 0.333 m above the map's ground (median over a sensor log), half the height less that."""
+
+
+class Kind(NamedTuple):
+    """What an object type of the motion forecasting dataset stands for.
+
+    Attributes:
+        type: Ours.
+        size: Assumed length, width, height [m]: the dataset records none.
+        is_assumed: Whether ``type`` is a guess.
+    """
+
+    type: ObjectType
+    size: tuple[float, float, float]
+    is_assumed: bool = False
+
+
+# Construction objects are cones, barrels, barriers and signs; most are cones. Static, background and unknown
+# objects, and bicycles nobody rides, are none of the types that drive or bound the road.
+OBJECTS = {
+    "vehicle": Kind(ObjectType.VEHICLE, (4.0, 2.0, 1.6)),
+    "bus": Kind(ObjectType.VEHICLE, (12.0, 2.5, 3.2)),
+    "pedestrian": Kind(ObjectType.PEDESTRIAN, (0.5, 0.5, 1.75)),
+    "cyclist": Kind(ObjectType.CYCLIST, (2.0, 0.7, 1.75)),
+    "motorcyclist": Kind(ObjectType.CYCLIST, (2.0, 0.7, 1.6)),
+    "riderless_bicycle": Kind(ObjectType.OTHER, (2.0, 0.7, 1.1)),
+    "construction": Kind(ObjectType.TRAFFIC_CONE, (0.5, 0.5, 0.8), is_assumed=True),
+    "static": Kind(ObjectType.OTHER, (0.5, 0.5, 1.0)),
+    "background": Kind(ObjectType.OTHER, (0.5, 0.5, 1.0)),
+    "unknown": Kind(ObjectType.OTHER, (0.5, 0.5, 1.0)),
+}
+UNKNOWN_OBJECT = Kind(ObjectType.OTHER, (0.5, 0.5, 1.0), is_assumed=True)
+"""Stands for a word that is not in the table."""
+
+TRACK_CATEGORIES = ("FRAGMENT", "UNSCORED", "SCORED", "FOCAL")
+SCORED = TRACK_CATEGORIES.index("SCORED")
+
+# The annotators box the rider and the bicycle apart: the rider is the cyclist, the bicycle is OTHER.
+_SENSOR_GROUPS = {
+    ObjectType.VEHICLE: """REGULAR_VEHICLE LARGE_VEHICLE BOX_TRUCK TRUCK TRUCK_CAB BUS SCHOOL_BUS ARTICULATED_BUS
+        RAILED_VEHICLE VEHICULAR_TRAILER""",
+    ObjectType.PEDESTRIAN: "PEDESTRIAN OFFICIAL_SIGNALER WHEELCHAIR",
+    ObjectType.CYCLIST: "BICYCLIST MOTORCYCLIST WHEELED_RIDER",
+    ObjectType.TRAFFIC_CONE: "CONSTRUCTION_CONE CONSTRUCTION_BARREL",
+    ObjectType.TRAFFIC_OBJECT: """BOLLARD SIGN STOP_SIGN MOBILE_PEDESTRIAN_CROSSING_SIGN MESSAGE_BOARD_TRAILER
+        TRAFFIC_LIGHT_TRAILER""",
+    ObjectType.OTHER: "BICYCLE MOTORCYCLE WHEELED_DEVICE STROLLER ANIMAL DOG",
+}
+SENSOR_CATEGORIES = {word: kind for kind, words in _SENSOR_GROUPS.items() for word in words.split()}
+"""The 30 categories of the sensor dataset."""
+
+LANES = {
+    "VEHICLE": MapFeatureType.LANE_SURFACE_STREET,
+    "BUS": MapFeatureType.LANE_SURFACE_STREET,
+    "BIKE": MapFeatureType.LANE_BIKE_LANE,
+}
+
+NO_MARK = "NONE"
+"""A side without paint: neither a line nor an edge. Its geometry stays in the lane's polygon and width."""
+
+# SOLID_DASH is solid on the lane's own side, DASH_SOLID dashed there (av2/rendering/map.py). In yellow both are
+# the passing line; in white, for which there is no such word, the line is what the lane itself may do with it.
+MARKS = {
+    "DASHED_WHITE": MapFeatureType.ROAD_LINE_BROKEN_SINGLE_WHITE,
+    "DASHED_YELLOW": MapFeatureType.ROAD_LINE_BROKEN_SINGLE_YELLOW,
+    "SOLID_WHITE": MapFeatureType.ROAD_LINE_SOLID_SINGLE_WHITE,
+    "SOLID_YELLOW": MapFeatureType.ROAD_LINE_SOLID_SINGLE_YELLOW,
+    "DOUBLE_SOLID_WHITE": MapFeatureType.ROAD_LINE_SOLID_DOUBLE_WHITE,
+    "DOUBLE_SOLID_YELLOW": MapFeatureType.ROAD_LINE_SOLID_DOUBLE_YELLOW,
+    "DOUBLE_DASH_WHITE": MapFeatureType.ROAD_LINE_BROKEN_SINGLE_WHITE,
+    "DOUBLE_DASH_YELLOW": MapFeatureType.ROAD_LINE_BROKEN_DOUBLE_YELLOW,
+    "DASH_SOLID_YELLOW": MapFeatureType.ROAD_LINE_PASSING_DOUBLE_YELLOW,
+    "SOLID_DASH_YELLOW": MapFeatureType.ROAD_LINE_PASSING_DOUBLE_YELLOW,
+    "DASH_SOLID_WHITE": MapFeatureType.ROAD_LINE_BROKEN_SINGLE_WHITE,
+    "SOLID_DASH_WHITE": MapFeatureType.ROAD_LINE_SOLID_SINGLE_WHITE,
+    "SOLID_BLUE": MapFeatureType.UNKNOWN_LINE,
+    "UNKNOWN": MapFeatureType.UNKNOWN_LINE,
+}
+INEXACT_MARKS = frozenset(
+    {
+        "DOUBLE_DASH_WHITE",
+        "DASH_SOLID_YELLOW",
+        "SOLID_DASH_YELLOW",
+        "DASH_SOLID_WHITE",
+        "SOLID_DASH_WHITE",
+        "SOLID_BLUE",
+        "UNKNOWN",
+    }
+)
+"""Marks whose feature type says less than they do: their line keeps the word in extras ``mark_type``."""
