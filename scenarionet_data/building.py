@@ -166,6 +166,32 @@ class MapBuilder:
             }
         )
 
+    @property
+    def bounds(self) -> Float64:
+        """(M, 4) min_x, min_y, max_x, max_y [m] of each feature in the source frame; NaN without geometry."""
+        boxes = np.full((len(self._rows), 4), np.nan)
+        for row, feature in enumerate(self._rows):
+            points = np.concatenate([feature["polyline"], feature["polygon"]])[:, :2]
+            if len(points):
+                boxes[row] = *points.min(axis=0), *points.max(axis=0)
+        return boxes
+
+    def crop(self, window: tuple[float, float, float, float], bounds: Float64 | None = None) -> MapBuilder:
+        """The features, whole, whose bounding box meets a window.
+
+        Args:
+            window: min_x, min_y, max_x, max_y [m] in the source frame.
+            bounds: :attr:`bounds`, when it is at hand: a city is cropped many times.
+        """
+        boxes = self.bounds if bounds is None else bounds
+        return self.take(np.flatnonzero(meets(boxes, window)))
+
+    def take(self, rows: npt.NDArray[Any]) -> MapBuilder:
+        """The features at ``rows``, in that order."""
+        chosen = MapBuilder()
+        chosen._rows = [self._rows[row] for row in rows]
+        return chosen
+
     def build(self, origin: Float64, has_z: bool = True) -> MapFeatures:
         """The features as float32 offsets from ``origin``; z is 0 without ``has_z``."""
         rows = self._rows
@@ -197,6 +223,12 @@ class MapBuilder:
             is_intersection=np.array(column("is_intersection"), dtype=np.int8),
             extras=np.array(column("extras"), dtype=object),
         )
+
+
+def meets(boxes: Float64, window: tuple[float, float, float, float]) -> Bool:
+    """(M,) which boxes (M, 4) touch or overlap a window, both as min_x, min_y, max_x, max_y; never for NaN."""
+    min_x, min_y, max_x, max_y = window
+    return (boxes[:, 0] <= max_x) & (boxes[:, 2] >= min_x) & (boxes[:, 1] <= max_y) & (boxes[:, 3] >= min_y)
 
 
 def _points(points: npt.ArrayLike | None) -> Float64:

@@ -49,6 +49,13 @@ class Ragged:
         """(M,) int32 number of elements of each list."""
         return np.diff(self.offsets)
 
+    def take(self, rows: npt.NDArray[Any]) -> Ragged:
+        """The lists at ``rows``, in that order."""
+        lengths = self.lengths[rows]
+        offsets = _offsets(lengths)
+        elements = np.arange(offsets[-1]) + np.repeat(self.offsets[rows] - offsets[:-1], lengths)
+        return Ragged(offsets, self.values[elements])
+
     def is_equal(self, other: Ragged) -> bool:
         """Whether both hold the same lists, bit for bit."""
         return (
@@ -82,5 +89,5 @@ class Ragged:
         return cls(np.zeros(size + 1, np.int32), values)
 
 
-def _offsets(lengths: Sequence[int]) -> npt.NDArray[np.int32]:
+def _offsets(lengths: Sequence[int] | npt.NDArray[Any]) -> npt.NDArray[np.int32]:
     return np.concatenate([[0], np.cumsum(lengths, dtype=np.int64)]).astype(np.int32)

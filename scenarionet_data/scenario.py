@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 from urllib.parse import quote
 
@@ -173,6 +173,13 @@ class MapFeatures:
 
     def __len__(self) -> int:
         return len(self.ids)
+
+    def take(self, rows: npt.NDArray[Any]) -> MapFeatures:
+        """The features at ``rows``, in that order."""
+        columns = {column.name: getattr(self, column.name) for column in fields(self)}
+        return MapFeatures(
+            **{name: c.take(rows) if isinstance(c, Ragged) else c[rows] for name, c in columns.items()}
+        )
 
 
 @dataclass(frozen=True)

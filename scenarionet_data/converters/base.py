@@ -14,8 +14,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path, PurePath
 from typing import Any, ClassVar, Generic, TypeVar
 
+from scenarionet_data.building import MapBuilder
 from scenarionet_data.errors import SourceNotFound
-from scenarionet_data.scenario import MapFeatures, ScenarioDescription
+from scenarionet_data.scenario import ScenarioDescription
 
 
 @dataclass(frozen=True)
@@ -89,21 +90,6 @@ class Budgets:
     heading_p99: float = 1.0
 
 
-@dataclass(frozen=True)
-class SharedMap:
-    """A map that many scenarios share, for example a city's.
-
-    Attributes:
-        map_id: Unique in the dataset's version.
-        features: In float32 offsets from ``origin``.
-        origin: x, y, z [m] in the source frame.
-    """
-
-    map_id: str
-    features: MapFeatures
-    origin: tuple[float, float, float]
-
-
 Record = TypeVar("Record")
 
 
@@ -153,9 +139,21 @@ class Converter(ABC, Generic[Record]):
                 other exception raised here.
         """
 
-    def maps(self, raw: str, version: str, options: Any) -> Iterator[SharedMap]:  # noqa: ARG002
-        """Maps that scenarios share; committed before any scenario. Most datasets have none."""
-        return iter(())
+    def maps(self, raw: str, version: str, options: Any) -> Iterable[Shard]:  # noqa: ARG002
+        """List the maps that many scenarios share, for example a city's; most datasets have none.
+
+        Each is a shard with an empty split whose name is the ``map_id`` that scenarios refer to. They are
+        committed before any scenario.
+        """
+        return ()
+
+    def map_features(self, shard: Shard) -> MapBuilder:
+        """Read a shared map, on a worker.
+
+        Raises:
+            CorruptSource: It cannot be read.
+        """
+        raise NotImplementedError(f"{self.name} has no shared maps, so none is called {shard.name}")
 
 
 def fingerprint(paths: Iterable[Path], sample: int = 65536) -> str:
