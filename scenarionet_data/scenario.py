@@ -176,7 +176,7 @@ class MapFeatures:
 
     def take(self, rows: npt.NDArray[Any]) -> MapFeatures:
         """The features at ``rows``, in that order."""
-        columns = {column.name: getattr(self, column.name) for column in fields(self)}
+        columns: dict[str, Any] = {column.name: getattr(self, column.name) for column in fields(self)}
         return MapFeatures(
             **{name: c.take(rows) if isinstance(c, Ragged) else c[rows] for name, c in columns.items()}
         )
