@@ -176,6 +176,11 @@ class MapBuilder:
                 boxes[row] = *points.min(axis=0), *points.max(axis=0)
         return boxes
 
+    @property
+    def has_heights(self) -> bool:
+        """Whether any point has a z other than 0."""
+        return any(f["polyline"][:, 2].any() or f["polygon"][:, 2].any() for f in self._rows)
+
     def crop(self, window: tuple[float, float, float, float], bounds: Float64 | None = None) -> MapBuilder:
         """The features, whole, whose bounding box meets a window.
 

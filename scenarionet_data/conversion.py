@@ -24,6 +24,7 @@ from scenarionet_data.store import commit as commits
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
 from scenarionet_data.store.shard_writer import ShardRecord, ShardWriter, find_finished
+from scenarionet_data.store.shared_map import write_shared_map
 
 _COMMIT_EVERY = 30.0
 _WORD = re.compile(r"[A-Za-z0-9._-]+")
@@ -142,8 +143,18 @@ def convert(
     """
     started = time.monotonic()
     converter = converters.get(dataset)
-    plan, files = _prepare(converter, raw, lake, split, version, options, replace_old=replace_old, stale=stale)
+    split, version = _checked(split or guess_split(raw), version or converter.release)
+    files = LakeFiles(lake)
+    files.sweep()
+    held = snapshots.shards(files, snapshots.read(files))
+    chosen = options or converter.Options()
+    wanted = list(converter.shards(raw, split, version, chosen))
+    plan = make_plan(wanted, held, converter.version, replace_old=replace_old, stale=stale)
     report = Report(skipped=plan.num_skipped)
+    maps = make_plan(
+        converter.maps(raw, version, chosen), held, converter.version, replace_old=replace_old, stale=stale
+    )
+    _convert_maps(files, [Job(dataset, shard, str(files.root)) for shard in maps.shards], maps, report)
     jobs = [Job(dataset, shard, str(files.root), limit) for shard in plan.shards]
     outcomes = _run_limited(jobs, limit) if limit is not None else (run or _runner(workers))(jobs)
     basket = _Basket(files, plan, f"convert {dataset}", report)
@@ -159,27 +170,31 @@ def convert(
     return report
 
 
-def _prepare(
-    converter: Converter[Any],
-    raw: str,
-    lake: str | Path,
-    split: str | None,
-    version: str | None,
-    options: Options | None,
-    *,
-    replace_old: bool,
-    stale: bool,
-) -> tuple[Plan, LakeFiles]:
-    split, version = split or guess_split(raw), version or converter.release
+def _checked(split: str, version: str) -> tuple[str, str]:
+    """Both as given, when they may name folders."""
     for name, value in (("split", split), ("version", version)):
         if not _WORD.fullmatch(value):
             raise BadParameter(f"--{name} {value!r}: use letters, digits, '.', '_' and '-'")
-    wanted = list(converter.shards(raw, split, version, options or converter.Options()))
-    files = LakeFiles(lake)
-    files.sweep()
-    held = snapshots.shards(files, snapshots.read(files))
-    plan = make_plan(wanted, held, converter.version, replace_old=replace_old, stale=stale)
-    return plan, files
+    return split, version
+
+
+def _convert_maps(files: LakeFiles, jobs: list[Job], plan: Plan, report: Report) -> None:
+    """Shared maps come first: a scenario in the lake always finds its map."""
+    basket = _Basket(files, plan, "convert maps", report)
+    for job in jobs:
+        basket.add(_convert_map(job))
+    basket.commit()
+
+
+def _convert_map(job: Job) -> Outcome:
+    """Convert one shared map."""
+    converter, shard = converters.get(job.converter), job.shard
+    try:
+        features = converter.map_features(shard)
+    except SourceError as error:
+        return Outcome(shard.name, None, error=str(error))
+    record = write_shared_map(LakeFiles(job.lake), shard, features, converter.version, converter.licence)
+    return Outcome(shard.name, record)
 
 
 def convert_shard(job: Job) -> Outcome:

@@ -12,13 +12,15 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scenarionet_data import codec, tables
 from scenarionet_data.catalog.database import Database
 from scenarionet_data.catalog.lake import Lake
-from scenarionet_data.scenario import ScenarioDescription, Tracks
+from scenarionet_data.scenario import MapFeatures, ScenarioDescription, Tracks
+from scenarionet_data.shared_maps import SharedMaps
 from scenarionet_data.store.files import LakeFiles
 
 _OPEN_FILES = 32
@@ -42,16 +44,18 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
 
     def __init__(self, lake: Lake | str | Path, scenarios: Database | str | Iterable[str] | None = None) -> None:
         opened = lake if isinstance(lake, Lake) else Lake(lake)
+        holder, rows = opened.resolve(scenarios)
         self._files = LakeFiles(opened.root)
-        self._rows = _rows(opened, scenarios)
+        self._rows = rows.combine_chunks()
+        self._shared_maps = SharedMaps(holder.shared_maps())
         self.scenario_ids: list[str] = self._rows["scenario_id"].to_pylist()
         self._local = threading.local()
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"files": self._files, "rows": self._rows}
+        return {"files": self._files, "rows": self._rows, "maps": self._shared_maps}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self._files, self._rows = state["files"], state["rows"]
+        self._files, self._rows, self._shared_maps = state["files"], state["rows"], state["maps"]
         self.scenario_ids = self._rows["scenario_id"].to_pylist()
         self._local = threading.local()
 
@@ -66,9 +70,8 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
         if isinstance(index, slice):
             return self.batch(range(len(self))[index])
         row = self._row(index)
-        return codec.decode(
-            codec.Encoded(row, self._read("tracks", row), self._read("lights", row), self._read("maps", row))
-        )
+        rows = codec.Encoded(row, self._read("tracks", row), self._read("lights", row), self._read("maps", row))
+        return codec.decode(rows, self._crop(row))
 
     def tracks(self, index: int) -> Tracks:
         """The objects of scenario ``index`` alone: the quickest way to trajectories."""
@@ -108,6 +111,13 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
         (batch,) = group.combine_chunks().to_batches()
         return batch
 
+    def _crop(self, row: dict[str, Any]) -> MapFeatures | None:
+        """A scenario's window on a shared map; None where it has a map of its own, or none."""
+        if row["map_crop"] is None:
+            return None
+        shared = self._shared_maps.get(row["dataset"], row["version"], row["map_id"])
+        return shared.crop(tuple(row["map_crop"]), np.array([row["origin_x"], row["origin_y"], row["origin_z"]]))
+
     def _open(self, table: str, name: str) -> tuple[pq.ParquetFile, list[str]]:
         """An open file of this thread's, the least recently used of many closed."""
         if not hasattr(self._local, "files"):
@@ -132,11 +142,3 @@ _NEEDED = {
     table: [column.name for column in tables.load(table).columns if column.name not in _UNUSED]
     for table in ("tracks", "lights", "maps")
 }
-
-
-def _rows(lake: Lake, scenarios: Database | str | Iterable[str] | None) -> pa.Table:
-    if scenarios is None:
-        scenarios = lake.sql("SELECT scenario_id FROM metadata ORDER BY scenario_id")["scenario_id"].to_list()
-    if isinstance(scenarios, (Database, str)):
-        return lake.members(scenarios).combine_chunks()
-    return lake.locate(list(scenarios)).combine_chunks()

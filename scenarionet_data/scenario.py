@@ -176,10 +176,11 @@ class MapFeatures:
 
     def take(self, rows: npt.NDArray[Any]) -> MapFeatures:
         """The features at ``rows``, in that order."""
-        columns: dict[str, Any] = {column.name: getattr(self, column.name) for column in fields(self)}
-        return MapFeatures(
-            **{name: c.take(rows) if isinstance(c, Ragged) else c[rows] for name, c in columns.items()}
-        )
+        taken: dict[str, Any] = {}
+        for column in fields(self):
+            values = getattr(self, column.name)
+            taken[column.name] = values.take(rows) if isinstance(values, Ragged) else values[rows]
+        return MapFeatures(**taken)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from importlib import metadata as package_metadata
 from pathlib import Path
@@ -250,6 +250,28 @@ class Lake:
         """
         found = locate(self._engine, pa.table({"scenario_id": pa.array(list(scenario_ids), pa.string())}))
         return self._complete(found)
+
+    def resolve(self, scenarios: Database | str | Iterable[str] | None) -> tuple[Lake, pa.Table]:
+        """Scenarios as rows of addresses, and the lake at the snapshot that holds them.
+
+        Args:
+            scenarios: A database or its name, ids, or None for every scenario in order of id.
+
+        Raises:
+            ScenarioNotFound: One is not there.
+        """
+        if scenarios is None:
+            scenarios = self._engine.arrow("SELECT scenario_id FROM metadata ORDER BY scenario_id")[0].to_pylist()
+        if isinstance(scenarios, (Database, str)):
+            return self._holding(self._resolve(scenarios))
+        return self, self.locate(list(scenarios))
+
+    def shared_maps(self) -> dict[tuple[str, str, str], str]:
+        """Absolute path of each map that scenarios share, by dataset, version and map id."""
+        listed = snapshots.shard_table(self.files, self.snapshot).filter(pc.field("split") == "").to_pylist()
+        return {
+            (row["dataset"], row["version"], row["name"]): str(self.files.path(row["files"][0])) for row in listed
+        }
 
     def _holding(self, database: Database) -> tuple[Lake, pa.Table]:
         """The lake at a snapshot that holds every member unchanged, and where they lie in it."""

@@ -37,7 +37,12 @@ ID_LISTS = (
 
 
 def encode_map(
-    map_id: str, features: MapFeatures, origin: Array, has_z: bool, tile: int | None = None
+    map_id: str,
+    features: MapFeatures,
+    origin: Array,
+    has_z: bool,
+    tile: int | None = None,
+    index: Array | None = None,
 ) -> pa.RecordBatch:
     """Rows of a map.
 
@@ -47,6 +52,7 @@ def encode_map(
         origin: (3,) float64 [m], row frame to source frame.
         has_z: Whether z is recorded.
         tile: Spatial tile of a shared map.
+        index: (M,) position of each feature in the whole map; their own order unless given.
     """
     count = len(features)
     box = _bounding_boxes(features)
@@ -57,7 +63,7 @@ def encode_map(
     columns: dict[str, Any] = {
         "map_id": pa.array([map_id] * count, pa.string()),
         "feature_id": string_array(features.ids),
-        "feature_index": np.arange(count, dtype=np.int32),
+        "feature_index": np.arange(count, dtype=np.int32) if index is None else index.astype(np.int32),
         "feature_type": names_of(features.types, MapFeatureType),
         "x": list_array(line.offsets, line.values[:, 0]),
         "y": list_array(line.offsets, line.values[:, 1]),

@@ -69,7 +69,7 @@ def commit(
             number=base.number + 1,
             created_at=snapshots.now(),
             operation=operation,
-            metadata=(*kept_metadata, *(record.metadata_file for record in fresh)),
+            metadata=(*kept_metadata, *_own_metadata(fresh)),
             manifests=snapshots.write_manifests(files, base, fresh, gone),
         )
         if snapshots.publish(files, following):
@@ -92,7 +92,7 @@ def consolidate(files: LakeFiles) -> Snapshot:
         crowded = {folder for folder, names in live.items() if len(names) > MAX_METADATA_FILES}
         if not crowded:
             return base
-        sources = sorted(record.metadata_file for record in snapshots.shards(files, base))
+        sources = sorted(_own_metadata(snapshots.shards(files, base)))
         merged = [name for folder in sorted(crowded) for name in _merge(files, folder, sources)]
         kept = [name for name in base.metadata if _folder(name) not in crowded]
         following = replace(
@@ -134,9 +134,9 @@ def _merge(files: LakeFiles, folder: str, sources: list[str]) -> list[str]:
 def _without(files: LakeFiles, base: Snapshot, gone: frozenset[str]) -> tuple[str, ...]:
     """Live metadata files without the rows of some shards; their partitions fall back to the shards' own files."""
     records = snapshots.shards(files, base)
-    touched = {_folder(record.metadata_file) for record in records if record.key in gone}
+    touched = {_folder(name) for name in _own_metadata(record for record in records if record.key in gone)}
     kept = [name for name in base.metadata if _folder(name) not in touched]
-    own = [record.metadata_file for record in records if record.key not in gone]
+    own = _own_metadata(record for record in records if record.key not in gone)
     return (*kept, *(name for name in own if _folder(name) in touched))
 
 
@@ -152,7 +152,7 @@ def _refuse_duplicates(
     accepted, refused = [], []
     seen: set[str] = set()
     for record in fresh:
-        ids = _ids(files, [record.metadata_file])
+        ids = _ids(files, _own_metadata([record]))
         again = ids.filter(pc.is_in(ids, value_set=taken)).to_pylist()
         again += [identifier for identifier in ids.to_pylist() if identifier in seen]
         if again:
@@ -161,6 +161,11 @@ def _refuse_duplicates(
             accepted.append(record)
             seen.update(ids.to_pylist())
     return accepted, tuple(refused)
+
+
+def _own_metadata(records: Iterable[ShardRecord]) -> list[str]:
+    """The shards' own metadata files; a shared map has none."""
+    return [record.metadata_file for record in records if record.metadata_file is not None]
 
 
 def _ids(files: LakeFiles, names: list[str]) -> pa.Array:

@@ -43,7 +43,7 @@ class ShardRecord:
     fingerprints: list[str]
     num_scenarios: int
     num_quarantined: int
-    metadata_file: str
+    metadata_file: str | None
     files: list[str]
     sizes: list[int]
     checksums: list[str]
@@ -167,7 +167,7 @@ class ShardWriter:
         )
         footer = {**self._footer, "scenarionet.shard": json.dumps(asdict(record))}
         temporary = write_table(self._files, "metadata", self._rows, footer)
-        self._files.publish(temporary, record.metadata_file)
+        self._files.publish(temporary, metadata_name(shard, key))
         return record
 
     def abandon(self) -> None:
