@@ -66,15 +66,6 @@ def test_duckdb_stays_behind_one_module():
     assert users == {"scenarionet_data/catalog/engine.py"}
 
 
-def test_only_one_package_knows_arrays_and_rows():
-    """Arrow tables of the lake are made and read in codec; others pass them on."""
-    typed = {"scenarionet_data.scenario.Tracks", "scenarionet_data.scenario.MapFeatures"}
-    for path in modules("scenarionet_data"):
-        inside = path.relative_to(ROOT / "scenarionet_data").parts[0]
-        if inside != "codec" and "pyarrow.parquet" in imported(path) and inside != "converters":
-            assert not (typed & imported(path)) or path.name == "loader.py", path
-
-
 def test_top_level_is_as_described():
     tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=False)
     if tracked.returncode:
