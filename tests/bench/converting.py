@@ -1,0 +1,146 @@
+"""Conversion: scenarios per second and core from raw files to a committed lake, memory, bytes against pickles."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import struct
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from scenarionet_data import ScenarioLoader
+from scenarionet_data.conversion import convert
+from scenarionet_data.converters.tfrecord import masked_crc32c
+from scenarionet_data.pickle_compat import export
+from tests.bench.measure import Figure, in_fresh_process
+
+_CONVERT = """
+import json, os, resource, sys, time
+from scenarionet_data.conversion import convert
+dataset, warm, raw, lake = sys.argv[1:5]
+convert(dataset, warm, lake + "-warm")  # compiles, once a machine
+before = resource.getrusage(resource.RUSAGE_SELF)
+started = time.perf_counter()
+report = convert(dataset, raw, lake)
+seconds = time.perf_counter() - started
+after = resource.getrusage(resource.RUSAGE_SELF)
+cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+assert report.is_clean, report
+print(json.dumps({"scenarios": report.converted, "seconds": seconds, "cpu": cpu, "peak_mb": after.ru_maxrss / 1024}))
+"""
+
+_GOALS = {
+    "waymo": (">= 80", "ScenarioNet 7-10, compiled protobuf"),
+    "argoverse2": (">= 60", "ScenarioNet 13"),
+    "pg": (">= 20", "ScenarioNet 0.28"),
+}
+
+
+def figures(recordings: Path | None) -> Iterator[Figure]:
+    """Figures of the three converters; on real recordings where they are at hand."""
+    with tempfile.TemporaryDirectory() as folder:
+        root = Path(folder)
+        sources = {
+            "waymo": waymo_raw(root / "waymo", recordings, 500),
+            "argoverse2": argoverse2_raw(root / "argoverse2", recordings, 192),
+            "pg": "0:192",
+        }
+        for dataset, raw in sources.items():
+            yield from _rate(dataset, str(raw), root)
+        if recordings:
+            yield from _bytes(root, recordings)
+
+
+def _rate(dataset: str, raw: str, root: Path) -> Iterator[Figure]:
+    warm = raw if dataset != "pg" else "100000:100002"
+    runs = []
+    for attempt in range(3):
+        lake = root / f"lake-{dataset}-{attempt}"
+        runs.append(json.loads(in_fresh_process(_CONVERT, dataset, warm, raw, str(lake))))
+        shutil.rmtree(f"{lake}-warm")
+    middle = sorted(runs, key=lambda run: run["seconds"])[1]
+    wanted, reference = _GOALS[dataset]
+    name = f"{dataset}: {middle['scenarios']} scenarios to a committed lake"
+    yield Figure(name, middle["scenarios"] / middle["seconds"], "scenarios/s per core", wanted, reference)
+    yield Figure(f"{dataset}: peak memory of the converter", middle["peak_mb"], "MB", "<= 1024")
+
+
+def _bytes(root: Path, recordings: Path) -> Iterator[Figure]:
+    """Stored bytes against our own exported pickles, over recordings and generated scenarios."""
+    sources = {
+        "waymo (recorded and imported)": [
+            ("waymo", recordings / "waymo/training"),
+            ("scenarionet", recordings / "scenarionet/waymo_0"),
+            ("scenarionet", recordings / "scenarionet/overpass"),
+        ],
+        "argoverse2": [("argoverse2", recordings / "argoverse2/motion-forecasting")],
+        "pg": [("pg", "0:64")],
+    }
+    for name, parts in sources.items():
+        lake = root / f"bytes-{name.split()[0]}"
+        for dataset, raw in parts:
+            convert(dataset, str(raw), lake)
+        loader = ScenarioLoader(lake)
+        exported = root / f"{lake.name}-pickles"
+        export(iter(loader), exported)
+        stored = sum(path.stat().st_size for table in ("tracks", "lights", "maps", "metadata")
+                     for path in (lake / table).rglob("*.parquet"))  # fmt: skip
+        pickled = sum(path.stat().st_size for path in exported.glob("sd_*.pkl"))
+        goal = "<= 0.25" if name.startswith("waymo") else ""
+        yield Figure(f"{name}: stored bytes over exported pickles", stored / pickled, "", goal)
+        yield Figure(
+            f"{name}: stored bytes per scenario", stored / len(loader) / 1000, "kB", "", "prototype 194 kB"
+        )
+
+
+def waymo_raw(folder: Path, recordings: Path | None, count: int) -> Path:
+    """One shard of ``count`` scenarios: the recorded one under new ids, or written ones."""
+    folder.mkdir(parents=True)
+    if recordings is None:
+        from tests.fixtures import waymo
+
+        payloads = [waymo.scenario_bytes(seed % 8, scenario_id=f"{seed:016x}") for seed in range(count)]
+    else:
+        record = next((recordings / "waymo/training").glob("*.tfrecord*")).read_bytes()
+        (length,) = struct.unpack_from("<Q", record)
+        payload = record[12 : 12 + length]
+        payloads = [payload.replace(b"637f20cafde22ff8", f"{number:016x}".encode()) for number in range(count)]
+    with (folder / "training.tfrecord-00000-of-01000").open("wb") as file:
+        for payload in payloads:
+            head = struct.pack("<Q", len(payload))
+            file.write(head + struct.pack("<I", masked_crc32c(head)) + payload)
+            file.write(struct.pack("<I", masked_crc32c(payload)))
+    return folder
+
+
+def argoverse2_raw(folder: Path, recordings: Path | None, count: int) -> Path:
+    """``count`` scenario folders: the recorded one under new ids, or written ones."""
+    if recordings is None:
+        from tests.fixtures.argoverse2 import write_forecasting
+
+        write_forecasting(folder, num_scenarios=count, seed=0)
+        return folder
+    source = next((recordings / "argoverse2/motion-forecasting").rglob("scenario_*.parquet"))
+    table, old = pq.read_table(source), source.parent.name
+    column = table.schema.get_field_index("scenario_id")
+    for number in range(count):
+        new = f"{number:08x}{old[8:]}"
+        target = folder / "val" / new
+        target.mkdir(parents=True)
+        ids = pa.array([new] * len(table), table.schema.field(column).type)
+        pq.write_table(
+            table.set_column(column, table.schema.field(column), ids), target / f"scenario_{new}.parquet"
+        )
+        shutil.copyfile(source.parent / f"log_map_archive_{old}.json", target / f"log_map_archive_{new}.json")
+    return folder
+
+
+def recordings_folder() -> Path | None:
+    """Folder of real recordings, when the environment names one."""
+    folder = os.environ.get("SCENARIONET_TEST_DATA")
+    return Path(folder) if folder else None
