@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 
 from scenarionet_data import ScenarioLoader
 from scenarionet_data.conversion import convert
-from scenarionet_data.converters.tfrecord import masked_crc32c
+from scenarionet_data.converters.tfrecord import masked_crc
 from scenarionet_data.pickle_compat import export
 from tests.bench.measure import Figure, in_fresh_process
 
@@ -31,7 +31,8 @@ seconds = time.perf_counter() - started
 after = resource.getrusage(resource.RUSAGE_SELF)
 cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 assert report.is_clean, report
-print(json.dumps({"scenarios": report.converted, "seconds": seconds, "cpu": cpu, "peak_mb": after.ru_maxrss / 1024}))
+peak_mb = after.ru_maxrss / 1024
+print(json.dumps({"scenarios": report.converted, "seconds": seconds, "cpu": cpu, "peak_mb": peak_mb}))
 """
 
 _GOALS = {
@@ -113,8 +114,8 @@ def waymo_raw(folder: Path, recordings: Path | None, count: int) -> Path:
     with (folder / "training.tfrecord-00000-of-01000").open("wb") as file:
         for payload in payloads:
             head = struct.pack("<Q", len(payload))
-            file.write(head + struct.pack("<I", masked_crc32c(head)) + payload)
-            file.write(struct.pack("<I", masked_crc32c(payload)))
+            file.write(head + struct.pack("<I", masked_crc(head)) + payload)
+            file.write(struct.pack("<I", masked_crc(payload)))
     return folder
 
 
