@@ -44,10 +44,10 @@ def _difference(golden: dict, found: dict) -> str | None:
         return None
     names = {*golden["columns"], *found["columns"]}
     changed = sorted(name for name in names if golden["columns"].get(name) != found["columns"].get(name))
+    what = ", ".join(changed) or "order of columns"
     return (
-        f"schemas/{found['table']}.toml changed ({', '.join(changed) or 'order of columns'}) without a new version, "
-        f"and lakes written before would be misread; raise `version` to {found['version'] + 1} there and run this test "
-        "again, which writes the new golden file"
+        f"schemas/{found['table']}.toml changed ({what}) without a new version, and lakes written before would be "
+        f"misread; raise `version` to {found['version'] + 1} there and run this test again, which freezes it"
     )
 
 
