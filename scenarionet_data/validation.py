@@ -214,8 +214,8 @@ def _validate_links(check: _Check, scenario: ScenarioDescription) -> None:
     ):
         missing = [track_id for track_id in ids if track_id not in tracks]
         check.that(not missing, name, f"wanted tracks of the scenario, found {missing[:3]}")
-    if scenario.map is not None and scenario.map_id is None:
-        lanes = set(scenario.map.ids)
+    if scenario.map_id is None:  # of a shared map only the crop is here
+        lanes = set() if scenario.map is None else set(scenario.map.ids)
         found = np.array([lane in lanes for lane in scenario.lights.lane_ids], dtype=np.bool_)
         same = np.array_equal(found, scenario.lights.is_lane_in_map)
         check.that(same, "lights.is_lane_in_map", "wanted True exactly where lane_id is a map feature")

@@ -151,6 +151,7 @@ RULES = [
     ("lights.is_lane_in_map", part("lights", is_lane_in_map=put(0, False))),
     ("lights.is_lane_in_map", part("lights", lane_ids=put(0, "elsewhere"))),
     ("lights.is_lane_in_map", part("lights", is_lane_in_map=wide)),
+    ("lights.is_lane_in_map", whole(map=None)),
     ("lights.provenance", part("lights", provenance=put(0, 9))),
     ("map.ids", part("map", ids=put(1, "lane0"))),
     ("map.ids", part("map", ids=lambda ids: ids.astype(str))),
