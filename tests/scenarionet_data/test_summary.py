@@ -193,19 +193,21 @@ def test_long_segments_that_pass_near_are_seen():
     assert summarise(scene([[(0, 5), (9, 5)]], map=builder.build(np.zeros(3))))["has_intersection"]
 
 
-def test_every_crossing_of_two_lanes_counts():
-    """The first crossing is flat, the second steep."""
+@pytest.mark.parametrize("mirror", [1, -1])
+def test_every_crossing_of_two_lanes_counts(mirror):
+    """One crossing is flat, the other steep, whichever comes first."""
     builder = MapBuilder()
-    builder.add("a", LANE, polyline=[[0, 0], [100, 0]])
-    builder.add("b", LANE, polyline=[[5, -1], [15, 1], [50, 1], [50, -30]])
-    assert summarise(scene([[(50, 5), (51, 5)]], map=builder.build(np.zeros(3))))["has_intersection"]
+    builder.add("a", LANE, polyline=np.array([[0, 0], [100, 0]]) * [mirror, 1])
+    builder.add("b", LANE, polyline=np.array([[5, -1], [15, 1], [50, 1], [50, -30]]) * [mirror, 1])
+    scenario = scene([[(30 * mirror, 5), (31 * mirror, 5)]], map=builder.build(np.zeros(3)))
+    assert summarise(scenario)["has_intersection"]
 
 
 def test_angle_is_taken_where_the_lanes_cross():
-    """A long segment beside the crossing is steep, the one that crosses is flat."""
+    """A long steep segment passes close by; the one that crosses is flat."""
     builder = MapBuilder()
     builder.add("a", LANE, polyline=[[0, 0], [40, 0]])
-    builder.add("b", LANE, polyline=[[18, -0.1], [20, 0.1], [20, 60]])
+    builder.add("b", LANE, polyline=[[17, -0.01], [20, 0.19], [-10, 30.19]])
     assert not summarise(scene([[(20, 5), (21, 5)]], map=builder.build(np.zeros(3))))["has_intersection"]
 
 
