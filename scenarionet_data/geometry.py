@@ -13,7 +13,7 @@ Float64 = npt.NDArray[np.float64]
 def wrap_angle(angle: npt.ArrayLike) -> npt.NDArray[Any]:
     """Angle in [-pi, pi), in the input's own precision (float64 for integers).
 
-    The upper bound is open in that precision too: float32 pi becomes -pi.
+    The upper bound is open in that precision too: float32 pi becomes -pi. NaN and infinite angles give NaN.
 
     Example:
         >>> float(wrap_angle(np.pi)) == -np.pi
@@ -25,7 +25,8 @@ def wrap_angle(angle: npt.ArrayLike) -> npt.NDArray[Any]:
     pi = array.dtype.type(np.pi)
     if ((array >= -pi) & (array < pi)).all():
         return array
-    wrapped = array - 2 * pi * np.floor((array + pi) / (2 * pi))
+    with np.errstate(invalid="ignore"):  # infinite angles
+        wrapped = array - 2 * pi * np.floor((array + pi) / (2 * pi))
     wrapped = np.where((array >= -pi) & (array < pi), array, wrapped)
     return np.where((wrapped < -pi) | (wrapped >= pi), -pi, wrapped).astype(array.dtype)
 

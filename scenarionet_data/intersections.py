@@ -13,6 +13,8 @@ from scenarionet_data.scenario import MapFeatures
 
 Array = npt.NDArray[Any]
 
+_POINT = 0  # shapely's type id
+
 
 def lanes_cross_near(features: MapFeatures, path: Array, distance: float, angle: float) -> bool:
     """Whether two lanes with different predecessors cross close to a path.
@@ -29,37 +31,36 @@ def lanes_cross_near(features: MapFeatures, path: Array, distance: float, angle:
     lines = [features.polyline[row][:, :2].astype(np.float64) for row in rows]
     shapes = np.array([shapely.linestrings(line) for line in lines])
     first, second = shapely.STRtree(shapes).query(shapes, predicate="crosses")
+    first, second = first[first < second], second[first < second]
+    crossings = shapely.intersection(shapes[first], shapes[second])
+    points, pair = shapely.get_parts(crossings, return_index=True)  # two lanes may cross more than once
     trail = shapely.linestrings(path) if len(path) > 1 else shapely.points(path[0])
+    is_near = (shapely.get_type_id(points) == _POINT) & (shapely.distance(points, trail) <= distance)
     entries = [set(features.entry_lanes[row]) for row in rows]
-    for a, b in zip(first, second, strict=True):
-        if a < b and not (entries[a] & entries[b]):
-            point = shapely.get_point(shapely.intersection(shapes[a], shapes[b]), 0)
-            if point is None:  # several crossing points: the first of them
-                point = shapely.get_geometry(shapely.intersection(shapes[a], shapes[b]), 0)
-            at = shapely.get_coordinates(point)[0]
-            if _angle_between(lines[a], lines[b], at) > angle and shapely.distance(point, trail) <= distance:
-                return True
+    for a, b, point in zip(first[pair[is_near]], second[pair[is_near]], points[is_near], strict=True):
+        at = shapely.get_coordinates(point)[0]
+        if entries[a].isdisjoint(entries[b]) and _angle_between(lines[a], lines[b], at) > angle:
+            return True
     return False
 
 
 def _lanes_near(features: MapFeatures, path: Array, distance: float) -> Array:
-    """Rows of lanes with a point in the path's bounding box widened by ``distance``."""
-    lower, upper = path.min(axis=0) - distance, path.max(axis=0) + distance
-    points = features.polyline.values[:, :2]
-    inside = ((points >= lower) & (points <= upper)).all(axis=1)
-    per_point = np.repeat(np.arange(len(features)), features.polyline.lengths)
-    near = np.bincount(per_point[inside], minlength=len(features)) > 0
-    return np.flatnonzero(near & vocabulary.is_lane(features.types) & (features.polyline.lengths > 1))
+    """Rows of lanes whose bounding box meets the path's, widened by ``distance``."""
+    lower, upper = features.polyline.bounds()
+    meets = (lower[:, :2] <= path.max(axis=0) + distance) & (upper[:, :2] >= path.min(axis=0) - distance)
+    return np.flatnonzero(meets.all(axis=1) & vocabulary.is_lane(features.types) & (features.polyline.lengths > 1))
 
 
 def _angle_between(first: Array, second: Array, at: Array) -> float:
     """Angle in [0, pi/2] [rad] between two lines where they pass the point ``at``."""
-    directions = []
-    for line in (first, second):
-        middle = (line[1:] + line[:-1]) / 2
-        step = np.diff(line, axis=0)
-        # The segment that holds the point is the one whose middle is nearest relative to its length.
-        nearest = np.argmin(np.hypot(*(middle - at).T) - np.hypot(*step.T) / 2)
-        directions.append(np.arctan2(step[nearest, 1], step[nearest, 0]))
-    turn = abs(directions[0] - directions[1]) % np.pi
+    turn = abs(_direction(first, at) - _direction(second, at)) % np.pi
     return float(min(turn, np.pi - turn))
+
+
+def _direction(line: Array, at: Array) -> float:
+    """Direction [rad] of the line's segment nearest to a point."""
+    start, step = line[:-1], np.diff(line, axis=0)
+    length = np.maximum((step**2).sum(axis=1), np.finfo(np.float64).tiny)
+    along = np.clip(((at - start) * step).sum(axis=1) / length, 0.0, 1.0)
+    nearest = np.argmin(np.hypot(*(start + along[:, None] * step - at).T))
+    return float(np.arctan2(step[nearest, 1], step[nearest, 0]))

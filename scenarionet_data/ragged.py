@@ -56,6 +56,15 @@ class Ragged:
         elements = np.arange(offsets[-1]) + np.repeat(self.offsets[rows] - offsets[:-1], lengths)
         return Ragged(offsets, self.values[elements])
 
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper corner of each list of points, both (M, width); NaN for an empty list."""
+        rows = np.flatnonzero(self.lengths)
+        lower, upper = np.full((2, len(self), *self.values.shape[1:]), np.nan, self.values.dtype)
+        if len(rows):
+            lower[rows] = np.minimum.reduceat(self.values, self.offsets[rows])
+            upper[rows] = np.maximum.reduceat(self.values, self.offsets[rows])
+        return lower, upper
+
     def is_equal(self, other: Ragged) -> bool:
         """Whether both hold the same lists, bit for bit."""
         return (

@@ -6,6 +6,7 @@ Structural rules only. Whether motion is plausible is a question of budgets per 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from enum import IntEnum
 from typing import Any
 
@@ -14,7 +15,14 @@ import numpy.typing as npt
 
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.ragged import Ragged
-from scenarionet_data.scenario import Lights, MapFeatures, ScenarioDescription, Tracks, is_scenario_id
+from scenarionet_data.scenario import (
+    Lights,
+    MapFeatures,
+    ScenarioDescription,
+    Tracks,
+    is_scenario_id,
+    make_scenario_id,
+)
 from scenarionet_data.vocabulary import LightState, MapFeatureType, ObjectType, Provenance
 
 _PI = np.float32(np.pi)
@@ -24,6 +32,8 @@ def validate(scenario: ScenarioDescription) -> None:
     """Raise InvalidScenario at the first rule that ``scenario`` breaks."""
     check = _Check(scenario.id)
     check.that(is_scenario_id(scenario.id), "id", "wanted <dataset>/<version>/<source id>[@start]")
+    release = make_scenario_id(scenario.dataset, scenario.version, "")
+    check.that(scenario.id.startswith(release), "id", f"wanted {release}..., after its dataset and version")
     _validate_time(check, scenario)
     _validate_tracks(check, scenario.tracks, scenario.num_timesteps)
     _validate_ego(check, scenario)
@@ -35,8 +45,9 @@ def validate(scenario: ScenarioDescription) -> None:
             check.that(flat, "map.polyline", "wanted z = 0 where has_z is False")
     if not scenario.has_z:
         check.that(not scenario.tracks.position[..., 2].any(), "tracks.position", "wanted z = 0: has_z is False")
-    shared = (scenario.map_id is None) == (scenario.map_crop is None)
-    check.that(shared, "map_crop", "wanted map_id and map_crop together, or neither")
+        stops = np.nan_to_num(scenario.lights.stop_point[:, 2])
+        check.that(not stops.any(), "lights.stop_point", "wanted z = 0: has_z is False")
+    _validate_crop(check, scenario)
     _validate_links(check, scenario)
 
 
@@ -63,12 +74,15 @@ class _Check:
         bad = array.size - int(np.count_nonzero(np.isfinite(array)))
         self.that(bad == 0, field, f"wanted finite numbers, found {bad} NaN or infinite of {array.size}")
 
+    def words(self, words: Iterable[Any], field: str) -> None:
+        self.that(all(isinstance(word, str) and word for word in words), field, "wanted non-empty str")
+
     def unique(self, ids: npt.NDArray[np.object_], field: str) -> None:
         distinct = set(ids)
         if len(distinct) != len(ids):
             first = next(identifier for identifier in ids if (ids == identifier).sum() > 1)
             self.that(False, field, f"wanted unique ids, found {first!r} more than once")
-        self.that(all(isinstance(i, str) and i for i in distinct), field, "wanted non-empty str")
+        self.words(distinct, field)
 
     def codes(self, codes: npt.NDArray[np.uint8], field: str, vocabulary: type[IntEnum]) -> None:
         known = np.zeros(256, np.bool_)
@@ -83,8 +97,9 @@ def _validate_time(check: _Check, scenario: ScenarioDescription) -> None:
     check.array(scenario.timestamps, "timestamps", (steps,), np.float64)
     check.that(steps > 0, "timestamps", "wanted at least one timestep, found none")
     check.finite(scenario.timestamps, "timestamps")
+    check.that(scenario.timestamps[0] == 0, "timestamps", f"wanted the first 0, found {scenario.timestamps[0]}")
     check.that((np.diff(scenario.timestamps) > 0).all(), "timestamps", "wanted strictly increasing times")
-    check.that(scenario.dt > 0, "dt", f"wanted a positive timestep, found {scenario.dt}")
+    check.that(0 < scenario.dt < np.inf, "dt", f"wanted a positive timestep, found {scenario.dt}")
     current = scenario.current_timestep
     check.that(0 <= current < steps, "current_timestep", f"wanted 0 ... {steps - 1}, found {current}")
     check.array(scenario.origin, "origin", (3,), np.float64)
@@ -127,9 +142,12 @@ def _validate_lights(check: _Check, lights: Lights, steps: int) -> None:
     check.array(lights.lane_ids, "lights.lane_ids", (count,), object)
     keys = set(zip(lights.ids, lights.lane_ids, strict=True))
     check.that(len(keys) == count, "lights.ids", "wanted one row per light and lane, found duplicates")
+    check.words(lights.ids, "lights.ids")
+    check.words(lights.lane_ids, "lights.lane_ids")
     check.array(lights.state, "lights.state", (count, steps), np.uint8)
     check.codes(lights.state, "lights.state", LightState)
     check.array(lights.stop_point, "lights.stop_point", (count, 3), np.float32)
+    check.that(not np.isinf(lights.stop_point).any(), "lights.stop_point", "wanted metres or NaN, found infinity")
     check.array(lights.is_lane_in_map, "lights.is_lane_in_map", (count,), np.bool_)
     check.array(lights.provenance, "lights.provenance", (count,), np.uint8)
     check.codes(lights.provenance, "lights.provenance", Provenance)
@@ -153,8 +171,12 @@ def _validate_map(check: _Check, features: MapFeatures) -> None:
         ragged = getattr(features, name)
         _validate_ragged(check, ragged, f"map.{name}", count)
         check.array(ragged.values, f"map.{name}", (len(ragged.values),), object)
+        check.words(ragged.values, f"map.{name}")
     check.array(features.speed_limit, "map.speed_limit", (count,), np.float32)
+    known = features.speed_limit[~np.isnan(features.speed_limit)]
+    check.that(((known >= 0) & (known < np.inf)).all(), "map.speed_limit", "wanted m/s from 0, or NaN")
     check.array(features.is_intersection, "map.is_intersection", (count,), np.int8)
+    check.that(np.isin(features.is_intersection, (-1, 0, 1)).all(), "map.is_intersection", "wanted 1, 0 or -1")
     check.array(features.extras, "map.extras", (count,), object)
 
 
@@ -176,6 +198,14 @@ def _validate_ragged(check: _Check, ragged: Ragged, field: str, count: int) -> N
     check.that(ragged.offsets[-1] == len(ragged.values), field, "wanted the last offset at the end of the values")
 
 
+def _validate_crop(check: _Check, scenario: ScenarioDescription) -> None:
+    crop = scenario.map_crop
+    check.that((scenario.map_id is None) == (crop is None), "map_crop", "wanted map_id and map_crop, or neither")
+    if crop is not None:
+        is_box = len(crop) == 4 and np.isfinite(crop).all() and crop[0] <= crop[2] and crop[1] <= crop[3]
+        check.that(is_box, "map_crop", f"wanted min_x, min_y, max_x, max_y in metres, found {crop}")
+
+
 def _validate_links(check: _Check, scenario: ScenarioDescription) -> None:
     tracks = set(scenario.tracks.ids)
     for name, ids in (
@@ -184,8 +214,8 @@ def _validate_links(check: _Check, scenario: ScenarioDescription) -> None:
     ):
         missing = [track_id for track_id in ids if track_id not in tracks]
         check.that(not missing, name, f"wanted tracks of the scenario, found {missing[:3]}")
-    if scenario.map is not None and scenario.map_id is None:
-        lanes = set(scenario.map.ids)
+    if scenario.map_id is None:  # of a shared map only the crop is here
+        lanes = set() if scenario.map is None else set(scenario.map.ids)
         found = np.array([lane in lanes for lane in scenario.lights.lane_ids], dtype=np.bool_)
         same = np.array_equal(found, scenario.lights.is_lane_in_map)
         check.that(same, "lights.is_lane_in_map", "wanted True exactly where lane_id is a map feature")

@@ -109,14 +109,6 @@ def decode_map(rows: pa.RecordBatch) -> MapFeatures:
 
 def _bounding_boxes(features: MapFeatures) -> Array:
     """(M, 4) float32 min_x, min_y, max_x, max_y of polyline and polygon; NaN without geometry."""
-    lower = np.full((len(features), 2), np.inf, np.float32)
-    upper = np.full((len(features), 2), -np.inf, np.float32)
-    for ragged in (features.polyline, features.polygon):
-        rows = np.flatnonzero(ragged.lengths)
-        if len(rows):
-            starts, xy = ragged.offsets[rows], ragged.values[:, :2]
-            lower[rows] = np.minimum(lower[rows], np.minimum.reduceat(xy, starts))
-            upper[rows] = np.maximum(upper[rows], np.maximum.reduceat(xy, starts))
-    box = np.concatenate([lower, upper], axis=1)
-    box[~np.isfinite(box[:, 0])] = np.nan
+    (low, high), (area_low, area_high) = features.polyline.bounds(), features.polygon.bounds()
+    box: Array = np.concatenate([np.fmin(low, area_low)[:, :2], np.fmax(high, area_high)[:, :2]], axis=1)
     return box

@@ -1,0 +1,128 @@
+"""From what a source holds to canonical arrays: offsets, zeros where not valid, wrapped headings, ids as str."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenarionet_data.building import MapBuilder, make_origin, make_tracks
+from scenarionet_data.errors import InvalidScenario
+from scenarionet_data.vocabulary import MapFeatureType, ObjectType
+from tests.fixtures.scenarios import make_scenario
+
+ORIGIN = np.array([4_000_000.0, 600_000.0, 30.0])
+
+
+def tracks(**changes):
+    """Two objects over three steps, the second valid at the middle one only; rubbish where not valid."""
+    valid = np.array([[1, 1, 1], [0, 1, 0]])
+    rubbish = np.array([[0.0, 0, 0], [np.nan, 0, 1e300]])
+    fields = {
+        "ids": [7, "b"],
+        "object_type": [ObjectType.VEHICLE, ObjectType.PEDESTRIAN],
+        "position": ORIGIN + np.arange(18).reshape(2, 3, 3) / 7 + rubbish[..., None],
+        "heading": np.array([[0.0, math.pi, 9.0], [np.nan, -0.5, np.inf]]),
+        "velocity": np.ones((2, 3, 2)) + rubbish[..., None],
+        "size": np.array([[4.0, 2.0, 1.5], [0.5, 0.6, 1.8]]),
+        "valid": valid,
+        "origin": ORIGIN,
+    }
+    return make_tracks(**(fields | changes))
+
+
+def test_tracks_are_canonical_whatever_stands_at_invalid_steps():
+    made = tracks()
+    scenario = make_scenario(num_steps=3, has_map=False, num_lights=0)
+    replace(scenario, tracks=made, ego_id="7", objects_of_interest=(), tracks_to_predict=()).validate()
+    assert made.ids.tolist() == ["7", "b"]
+    for array in (made.position, made.heading, made.velocity, made.size):
+        assert array.dtype == np.float32
+        assert not array[~made.valid].any()
+    assert made.position[0] == pytest.approx(np.arange(9).reshape(3, 3) / 7, abs=1e-6)
+    assert made.heading[0] == pytest.approx([0.0, -math.pi, 9.0 - 2 * math.pi])
+    assert made.size[1, 1].tolist() == pytest.approx([0.5, 0.6, 1.8])
+    assert made.source_type.tolist() == [None, None]
+    assert made.extras.tolist() == [None, None]
+
+
+@pytest.mark.parametrize("field", ["position", "heading", "velocity", "size"])
+def test_a_number_beyond_float32_becomes_one_that_validation_names(field):
+    shape = {"position": (2, 3, 3), "heading": (2, 3), "velocity": (2, 3, 2), "size": (2, 3, 3)}[field]
+    values = np.ones(shape)
+    values[0, 1] = np.inf if field == "heading" else 1e300
+    scenario = make_scenario(num_steps=3, has_map=False, num_lights=0)
+    with pytest.raises(InvalidScenario, match=rf"tracks\.{field}: wanted finite"):
+        replace(scenario, tracks=tracks(**{field: values})).validate()
+
+
+def test_no_negative_zero_is_stored():
+    made = tracks(velocity=np.full((2, 3, 2), -0.0), position=np.broadcast_to(ORIGIN, (2, 3, 3)))
+    assert not np.signbit(made.velocity).any()
+    assert not np.signbit(made.position).any()
+    assert not np.signbit(make_origin(np.array([[-0.2, -0.4, -0.1]]), np.array([True]), True)).any()
+
+
+def test_flags_and_words_for_one_or_all():
+    made = tracks(
+        size=np.ones((2, 3, 3)),
+        is_size_assumed=True,
+        is_type_assumed=[False, True],
+        source_type=["car", None],
+        extras=[{"b": 1, "a": 2}, None],
+    )
+    assert made.is_size_assumed.tolist() == [True, True]
+    assert made.is_type_assumed.tolist() == [False, True]
+    assert made.is_velocity_estimated.tolist() == [False, False]
+    assert made.source_type.tolist() == ["car", None]
+    assert made.extras.tolist() == ['{"a":2,"b":1}', None]
+    made.is_size_assumed[0] = False
+    assert made.is_size_assumed[1]
+
+
+@given(st.floats(-1000, 1000), st.floats(-1000, 1000), st.floats(-1e7, 1e7))
+def test_offsets_are_exact_to_a_tenth_of_a_millimetre_within_a_kilometre(x, y, far):
+    origin = np.round([far, -far, 0.0])
+    position = np.broadcast_to(origin + np.array([x, y, 3.0]), (2, 3, 3))
+    back = tracks(position=position, origin=origin).position[0].astype(np.float64) + origin
+    assert np.abs(back - position[0]).max() <= 1e-4
+
+
+def test_origin_is_the_first_valid_position_in_whole_metres():
+    position = np.array([[np.nan] * 3, [10.4, -3.6, 7.5], [99.0, 99.0, 99.0]])
+    valid = np.array([False, True, True])
+    assert make_origin(position, valid, True).tolist() == [10.0, -4.0, 8.0]
+    assert make_origin(position, valid, False).tolist() == [10.0, -4.0, 0.0]
+    assert make_origin(position, valid, True).dtype == np.float64
+
+
+def test_map_builder_takes_points_of_the_plane_and_of_space():
+    builder = MapBuilder()
+    builder.add("a", MapFeatureType.LANE_FREEWAY, polyline=[[0, 0], [1, 2]], width=[1.5, 1.6], exit_lanes=[3])
+    builder.add(4, MapFeatureType.CROSSWALK, polygon=[[0, 0, 5], [1, 0, 5], [1, 1, 5]], is_intersection=True)
+    assert len(builder) == 2
+    features = builder.build(np.array([0.0, 0.0, 1.0]))
+    replace(make_scenario(num_lights=0), map=features).validate()
+    assert features.ids.tolist() == ["a", "4"]
+    assert features.polyline[0].tolist() == [[0, 0, -1], [1, 2, -1]]
+    assert features.polygon[1][:, 2].tolist() == [4, 4, 4]
+    assert features.width[0] == pytest.approx(np.array([[1.5, 1.6]]))
+    assert features.exit_lanes[0].tolist() == ["3"]
+    assert features.is_intersection.tolist() == [-1, 1]
+    assert np.isnan(features.speed_limit).all()
+
+
+def test_map_without_heights_lies_at_zero_and_can_be_built_twice():
+    builder = MapBuilder()
+    builder.add("a", MapFeatureType.ROAD_EDGE_BOUNDARY, polyline=[[5.0, 5.0, 3.0], [6.0, 5.0, 4.0]])
+    flat = builder.build(np.array([5.0, 5.0, 0.0]), has_z=False)
+    assert flat.polyline[0].tolist() == [[0, 0, 0], [1, 0, 0]]
+    assert builder.build(np.zeros(3)).polyline[0][:, 2].tolist() == [3, 4]
+
+
+def test_empty_map_is_valid():
+    replace(make_scenario(num_lights=0), map=MapBuilder().build(np.zeros(3))).validate()
