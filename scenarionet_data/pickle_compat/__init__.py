@@ -1,7 +1,7 @@
 """ScenarioNet's pickles, written: databases of ours that MetaDrive and ScenarioNet open without a change there.
 
-The format is theirs (MetaDrive 0.4.3, ScenarioNet of 2025-03); this package writes one form of it. Reading pickles, of every
-vintage, is a conversion like any other: ``scenarionet_data.converters.scenarionet``.
+The format is theirs (MetaDrive 0.4.3, ScenarioNet of 2025-03); this package writes one form of it. Reading
+pickles, of every vintage, is a conversion like any other: ``scenarionet_data.converters.scenarionet``.
 
     describe   one scenario as their dictionary        summary    the statistics their filters read
     maps       its map features and lights             sanity     the check every written dictionary passes

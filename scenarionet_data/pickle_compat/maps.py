@@ -194,6 +194,6 @@ def _most_restrictive(states: Codes) -> Codes:
 def _lane_start(features: MapFeatures | None, lane_id: str) -> Float32:
     if features is not None:
         for row in np.flatnonzero(features.ids == lane_id):
-            if len(features.polyline[row]):
-                return features.polyline[row][0]
+            if len(points := features.polyline[int(row)]):
+                return np.array(points[0])
     return np.zeros(3, np.float32)

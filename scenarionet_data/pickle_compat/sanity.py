@@ -1,7 +1,8 @@
 """Our statement of what MetaDrive 0.4.3 and ScenarioNet need from a pickled dictionary, as a check.
 
 Stricter than ``ScenarioDescription.sanity_check``: it also asks for what that one lets through and the simulator,
-the summaries or the filters then fail on. Established by removing and damaging the fields of a real pickle one at a time.
+the summaries or the filters then fail on. Established by removing and damaging the fields of a real pickle one at
+a time.
 """
 
 from __future__ import annotations
@@ -161,7 +162,9 @@ def _check_feature(check: _Check, feature: Any, field: str) -> None:
         centers = [np.asarray(feature[name])[:, :2].mean(axis=0) for name in ("polyline", "polygon")]
         distance = float(np.hypot(*(centers[0] - centers[1])))
         near = distance < _MAX_CENTROID_DISTANCE
-        check.that(near, f"{field}.polygon", f"wanted its centre within 100 m of the polyline's, found {distance:.0f}")
+        check.that(
+            near, f"{field}.polygon", f"wanted its centre within 100 m of the polyline's, found {distance:.0f}"
+        )
 
 
 def _check_points(check: _Check, feature: dict[str, Any], name: str, field: str, minimum: int) -> None:

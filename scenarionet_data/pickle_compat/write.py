@@ -7,7 +7,6 @@ through; only the summary, which MetaDrive wants as one pickle, grows with their
 from __future__ import annotations
 
 import copyreg
-import os
 import pickle
 import secrets
 import shutil
@@ -105,7 +104,7 @@ def dump(value: Any, path: Path) -> None:
 
 
 def _reduce_array(array: np.ndarray[Any, Any]) -> tuple[Any, ...]:
-    """numpy's own state, but rebuilt by ``numpy.ndarray``: its private module changed its name in numpy 2."""
+    """State as numpy pickles it, but rebuilt by ``numpy.ndarray``: numpy 2 renamed its private module."""
     state = array.__reduce__()[2]
     return np.ndarray, ((0,), np.dtype(np.int8)), state
 
@@ -152,12 +151,12 @@ def _new_directory(directory: Path) -> Iterator[Path]:
 
 def _swap_in(draft: Path, directory: Path, old: Path) -> None:
     if not directory.exists():
-        os.replace(draft, directory)
+        draft.replace(directory)
         return
-    os.replace(directory, old)
+    directory.replace(old)
     try:
-        os.replace(draft, directory)
+        draft.replace(directory)
     except OSError:
-        os.replace(old, directory)
+        old.replace(directory)
         raise
     shutil.rmtree(old)
