@@ -23,6 +23,7 @@ class Frame:
         has_z: Whether the pickle records heights.
         shift: (3,) from the pickle's frame to the source's [m].
         origin: (3,) from the scenario's frame to the source's [m].
+        moved: (3,) how far MetaDrive moved tracks, lines, areas and lights, but not stop signs [m].
     """
 
     dataset: str
@@ -30,6 +31,7 @@ class Frame:
     has_z: bool
     shift: Float64
     origin: Float64
+    moved: Float64
 
     @property
     def local_origin(self) -> Float64:
@@ -58,13 +60,14 @@ def find_frame(
     """
     metadata = description["metadata"]
     has_z = bool(metadata.get("has_z", has_z))
-    shift = np.zeros(3)
+    moved = np.zeros(3)
     if "old_origin_in_current_coordinate" in metadata:
-        shift[:2] -= np.asarray(metadata["old_origin_in_current_coordinate"], dtype=np.float64)[:2]
+        moved[:2] = np.asarray(metadata["old_origin_in_current_coordinate"], dtype=np.float64)[:2]
+    shift = -moved
     if "origin" in metadata:
         origin = np.asarray(metadata["origin"], dtype=np.float64)
-        shift += origin
+        shift = origin - moved
     else:
         origin = make_origin(ego_position + shift, ego_valid, has_z)
     dataset = str(metadata.get("dataset", description["version"]))
-    return Frame(dataset, "scenario_uid" in metadata, has_z, shift, origin)
+    return Frame(dataset, "scenario_uid" in metadata, has_z, shift, origin, moved)

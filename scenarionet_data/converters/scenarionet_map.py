@@ -53,11 +53,10 @@ def make_map(features: Features, frame: Frame) -> tuple[MapFeatures | None, dict
         if word not in _FEATURE_TYPES:
             unknown[word] += 1
             continue
-        line = feature["position"] if "position" in feature else feature.get("polyline")
         builder.add(
             str(feature_id),
             _FEATURE_TYPES[word],
-            polyline=_points(line, frame.ground, is_flat),
+            polyline=_line(feature, frame, is_flat),
             polygon=_points(feature.get("polygon"), frame.ground, is_flat),
             speed_limit=_speed_limit(feature, frame.dataset) if word.startswith("LANE_") else np.nan,
             width=_width(feature),
@@ -66,6 +65,14 @@ def make_map(features: Features, frame: Frame) -> tuple[MapFeatures | None, dict
             **{ours: _ids(feature[theirs]) for theirs, ours in _ID_LISTS.items() if theirs in feature},
         )
     return (builder.build(frame.local_origin, frame.has_z) if len(builder) else None), dict(sorted(unknown.items()))
+
+
+def _line(feature: Mapping[str, Any], frame: Frame, is_flat: bool) -> Float64 | None:
+    """(n, 3) polyline, or the one point of a stop sign."""
+    if "position" not in feature:
+        return _points(feature.get("polyline"), frame.ground, is_flat)
+    position = _points(feature["position"], frame.ground, is_flat)
+    return None if position is None else position + frame.moved
 
 
 def _points(points: Any, ground: float, is_flat: bool) -> Float64 | None:

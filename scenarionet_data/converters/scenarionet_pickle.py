@@ -38,6 +38,7 @@ _NUMPY = {
 _BUILTINS = {
     **{("builtins", kind.__name__): kind for kind in (int, float, bool, str, bytes, bytearray)},
     **{("builtins", kind.__name__): kind for kind in (list, tuple, dict, set, frozenset)},
+    ("builtins", "long"): int,  # protocols 0 to 2 call builtins as Python 2 did
     ("collections", "defaultdict"): collections.defaultdict,
     ("collections", "OrderedDict"): collections.OrderedDict,
     ("_codecs", "encode"): _encode_latin1,
@@ -50,6 +51,7 @@ _ALLOWED: dict[tuple[str, str], Any] = _NUMPY | _BUILTINS
 class _Unpickler(pickle.Unpickler):
     def find_class(self, module: str, name: str) -> Any:
         """Look a name up in the table; nothing is ever imported."""
+        module = "builtins" if module == "__builtin__" else module
         if (module, name) not in _ALLOWED:
             raise pickle.UnpicklingError(f"wanted arrays and builtins, found {module}.{name}")
         return _ALLOWED[module, name]
