@@ -325,6 +325,42 @@ def test_functions_of_allowed_modules_are_refused(name: str, tmp_path: Path) -> 
         load(path, "evil")
 
 
+class Forged:
+    """A call of numpy's own, with arguments that numpy would trust."""
+
+    def __init__(self, *call: object) -> None:
+        self.call = call
+
+    def __reduce__(self):
+        return self.call
+
+
+FORGERIES = {
+    "objects at addresses of the pickle's choice": Forged(np.ndarray, ((1,), np.dtype(object), b"A" * 8)),
+    "a dtype with fields": np.zeros(1, [("a", object)]),
+    "a dtype that claims to have no objects": Forged(
+        np.dtype, ("V8", False, True), (3, "|", None, ("a",), {"a": (np.dtype(object), 0)}, 8, 1, 0)
+    ),
+    "raw bytes for objects": Forged(
+        np.ndarray, ((0,), np.dtype("i1")), (1, (1,), np.dtype(object), False, b"A" * 8)
+    ),
+    "fewer bytes than values": Forged(
+        np.ndarray, ((0,), np.dtype("i1")), (1, (9,), np.dtype("f8"), False, b"A" * 8)
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("forgery", FORGERIES)
+@pytest.mark.parametrize("protocol", range(6))
+def test_forged_arrays_do_no_harm(forgery: str, protocol: int, tmp_path: Path) -> None:
+    path = made.write_pickle({"a": FORGERIES[forgery]}, tmp_path / "sd_evil.pkl", protocol)
+    try:
+        (found,) = load(path, "evil").values()
+    except InvalidScenario:
+        return
+    assert forgery.startswith("objects at") and found.shape == (0,)
+
+
 @pytest.mark.parametrize("protocol", range(6))
 @pytest.mark.parametrize("core", ["numpy.core", "numpy._core"])
 def test_names_of_numpy_1_and_2_are_read(protocol: int, core: str, tmp_path: Path) -> None:
