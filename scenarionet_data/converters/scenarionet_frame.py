@@ -34,6 +34,11 @@ class Frame:
     moved: Float64
 
     @property
+    def quirks(self) -> str:
+        """The dataset whose ScenarioNet converter left its marks on the map; none on our own export."""
+        return "" if self.is_ours else self.dataset
+
+    @property
     def local_origin(self) -> Float64:
         """(3,) the scenario's origin in the pickle's frame [m]."""
         return self.origin - self.shift

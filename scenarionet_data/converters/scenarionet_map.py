@@ -47,7 +47,7 @@ def make_map(features: Features, frame: Frame) -> tuple[MapFeatures | None, dict
     builder = MapBuilder()
     unknown: Counter[str] = Counter()
     # nuScenes' lanes are (x, y, heading); its map has no heights.
-    is_flat = frame.dataset == "nuscenes"
+    is_flat = frame.quirks == "nuscenes"
     for feature_id, feature in features.items():
         word = str(feature["type"])
         if word not in _FEATURE_TYPES:
@@ -58,7 +58,7 @@ def make_map(features: Features, frame: Frame) -> tuple[MapFeatures | None, dict
             _FEATURE_TYPES[word],
             polyline=_line(feature, frame, is_flat),
             polygon=_points(feature.get("polygon"), frame.ground, is_flat),
-            speed_limit=_speed_limit(feature, frame.dataset) if word.startswith("LANE_") else np.nan,
+            speed_limit=_speed_limit(feature, frame.quirks) if word.startswith("LANE_") else np.nan,
             width=_width(feature),
             is_intersection=feature.get("is_intersection"),
             extras=feature.get("extras") if frame.is_ours else _details(feature),
