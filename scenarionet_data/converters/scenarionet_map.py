@@ -57,7 +57,7 @@ def make_map(features: Features, frame: Frame) -> tuple[MapFeatures | None, dict
             str(feature_id),
             _FEATURE_TYPES[word],
             polyline=_line(feature, frame, is_flat),
-            polygon=_points(feature.get("polygon"), frame.ground, is_flat),
+            polygon=_polygon(feature, frame, is_flat),
             speed_limit=_speed_limit(feature, frame.quirks) if word.startswith("LANE_") else np.nan,
             width=_width(feature),
             is_intersection=feature.get("is_intersection"),
@@ -73,6 +73,14 @@ def _line(feature: Mapping[str, Any], frame: Frame, is_flat: bool) -> Float64 | 
         return _points(feature.get("polyline"), frame.ground, is_flat)
     position = _points(feature["position"], frame.ground, is_flat)
     return None if position is None else position + frame.moved
+
+
+def _polygon(feature: Mapping[str, Any], frame: Frame, is_flat: bool) -> Float64 | None:
+    """(n, 3) outline; our own export keeps a lane's heights beside it."""
+    points = _points(feature.get("polygon"), frame.ground, is_flat)
+    if points is not None and "polygon_z" in feature:
+        points[:, 2] = feature["polygon_z"]
+    return points
 
 
 def _points(points: Any, ground: float, is_flat: bool) -> Float64 | None:

@@ -102,7 +102,7 @@ def _describe_feature(
     elif len(polyline):
         feature["polyline"] = polyline
     if len(polygon):
-        feature["polygon"] = polygon
+        feature |= _describe_polygon(polygon, bool(is_lane(features.types[row])))
     if len(features.controlled_lanes[row]):
         feature["lane"] = _ids(features.controlled_lanes, row)
     if features.is_intersection[row] >= 0:
@@ -113,6 +113,13 @@ def _describe_feature(
     if extras:
         feature["extras"] = extras
     return feature
+
+
+def _describe_polygon(polygon: Float32, of_lane: bool) -> dict[str, Any]:
+    """An outline; MetaDrive fails on a lane's with heights, so these stand beside it."""
+    if polygon.shape[1] == 2 or not of_lane:
+        return {"polygon": polygon}
+    return {"polygon": np.array(polygon[:, :2], order="C"), "polygon_z": np.array(polygon[:, 2])}
 
 
 def _describe_lane(

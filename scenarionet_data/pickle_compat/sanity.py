@@ -158,6 +158,11 @@ def _check_feature(check: _Check, feature: Any, field: str) -> None:
         _check_points(check, feature, "polyline", field, minimum=1)
     if kind in _AREAS or "polygon" in feature:
         _check_points(check, feature, "polygon", field, minimum=3 if kind in _AREAS else 1)
+    if kind in _LANES and "polygon" in feature:
+        width = np.shape(feature["polygon"])[1]
+        check.that(
+            width == 2, f"{field}.polygon", f"wanted a lane's outline in the plane, found {width} coordinates"
+        )
     if "polyline" in feature and "polygon" in feature:
         centers = [np.asarray(feature[name])[:, :2].mean(axis=0) for name in ("polyline", "polygon")]
         distance = float(np.hypot(*(centers[0] - centers[1])))

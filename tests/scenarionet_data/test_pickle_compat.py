@@ -121,7 +121,7 @@ def test_map_features() -> None:
     assert lane["speed_limit_kmh"] == pytest.approx(13.9 * 3.6)
     assert lane["speed_limit_mph"] == pytest.approx(13.9 * 3.6 / 1.609344)
     assert lane["width"].shape == (points, 2) and (lane["width"] == 1.75).all()
-    assert lane["polyline"].shape == (points, 3) and lane["polygon"].shape == (2 * points, 3)
+    assert lane["polyline"].shape == (points, 3) and lane["polygon"].shape == (2 * points, 2)
     assert lane["is_intersection"] is True and "is_intersection" not in features["lane0"]
     assert "speed_limit_kmh" not in features["lane0"]
     assert features["sign"]["position"].shape == (3,) and features["sign"]["lane"] == ["lane0"]
@@ -383,7 +383,8 @@ WRONG = {
     "a lane of words": put([["a", "b"]], *LANE, "polyline"),
     "a ragged lane": put([[1.0, 2.0], [1.0]], *LANE, "polyline"),
     "a lane that is NaN": put(np.full((5, 3), np.nan), *LANE, "polyline"),
-    "a polygon far from its lane": put(np.full((5, 3), 500.0), *LANE, "polygon"),
+    "a polygon far from its lane": put(np.full((5, 2), 500.0), *LANE, "polygon"),
+    "a lane's outline in space": put(np.zeros((5, 3)), *LANE, "polygon"),
     "a crosswalk of two points": put(np.zeros((2, 3)), "map_features", "cross", "polygon"),
     "a feature that is no dict": put(None, *LANE),
     "times as a list": put([0.1] * T, "metadata", "ts"),
