@@ -1,0 +1,78 @@
+"""Where a pickle's coordinates lie, and who wrote it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.building import make_origin
+from scenarionet_data.scenario import Bool, Float64
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Three frames: the source's, the pickle's and the scenario's, all with the same axes.
+
+    Attributes:
+        dataset: What was pickled, for example ``"nuscenes"``.
+        is_ours: Written by this project's export, which says more than ScenarioNet's pickles do.
+        has_z: Whether the pickle records heights.
+        shift: (3,) from the pickle's frame to the source's [m].
+        origin: (3,) from the scenario's frame to the source's [m].
+        moved: (3,) how far MetaDrive moved tracks, lines, areas and lights, but not stop signs [m].
+    """
+
+    dataset: str
+    is_ours: bool
+    has_z: bool
+    shift: Float64
+    origin: Float64
+    moved: Float64
+
+    @property
+    def quirks(self) -> str:
+        """The dataset whose ScenarioNet converter left its marks on the map; none on our own export."""
+        return "" if self.is_ours else self.dataset
+
+    @property
+    def local_origin(self) -> Float64:
+        """(3,) the scenario's origin in the pickle's frame [m]."""
+        return self.origin - self.shift
+
+    @property
+    def ground(self) -> float:
+        """Height of the source's zero in the pickle's frame [m], for points that have no z."""
+        return float(-self.shift[2])
+
+
+def find_frame(
+    description: Mapping[str, Any], ego_position: npt.NDArray[Any], ego_valid: Bool, has_z: bool
+) -> Frame:
+    """The frame of a pickle.
+
+    Our own export names the scenario's ``origin``. MetaDrive moves a scenario to the ego's first position when it
+    loads it; pickled again after that, it names the ``old_origin_in_current_coordinate``.
+
+    Args:
+        description: The pickle.
+        ego_position: (T, 3) in the pickle's frame [m].
+        ego_valid: (T,).
+        has_z: Whether the pickle records heights, unless it says so itself.
+    """
+    metadata = description["metadata"]
+    has_z = bool(metadata.get("has_z", has_z))
+    moved = np.zeros(3)
+    if "old_origin_in_current_coordinate" in metadata:
+        moved[:2] = np.asarray(metadata["old_origin_in_current_coordinate"], dtype=np.float64)[:2]
+    shift = -moved
+    if "origin" in metadata:
+        origin = np.asarray(metadata["origin"], dtype=np.float64)
+        shift = origin - moved
+    else:
+        origin = make_origin(ego_position + shift, ego_valid, has_z)
+    dataset = str(metadata.get("dataset", description["version"]))
+    return Frame(dataset, "scenario_uid" in metadata, has_z, shift, origin, moved)

@@ -1,0 +1,113 @@
+"""Reads a pickle that may come from anyone: arrays and builtins are rebuilt, every other name is refused.
+
+A pickle is a program; what it may call is the table below and nothing else, and nothing is ever imported. Numpy's
+own constructors are not among it: they trust what they are given, down to arrays of Python objects over bytes of
+the pickle's choice. Covers protocols 0 to 5 and the names of numpy 1 and 2.
+"""
+
+from __future__ import annotations
+
+import collections
+import pickle
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scenarionet_data.errors import InvalidScenario
+
+_CODES = re.compile(r"[?biufcSUO]\d*")
+
+
+class _DType:
+    """``numpy.dtype`` for numbers, text and objects; fields and flags of a pickle's own are refused."""
+
+    def __init__(self, code: str, *_: Any) -> None:
+        if not _CODES.fullmatch(code):
+            raise pickle.UnpicklingError(f"wanted an array of numbers, text or objects, found {code!r}")
+        self.numpy = np.dtype(code)
+
+    def __setstate__(self, state: tuple[Any, ...]) -> None:
+        """Numpy's own state: version, byte order, sub-array, names, fields, ..."""
+        if any(part is not None for part in state[2:5]):
+            raise pickle.UnpicklingError("wanted an array of numbers, text or objects, found fields")
+        self.numpy = self.numpy.newbyteorder(state[1])
+
+
+class _Array(np.ndarray[Any, Any]):
+    """``numpy.ndarray`` that only its state fills."""
+
+    def __new__(cls, *_: Any) -> _Array:
+        return super().__new__(cls, (0,), np.int8)
+
+    def __setstate__(self, state: tuple[Any, ...]) -> None:
+        """Numpy's own state: version, shape, dtype, order, data; numpy checks that data fit the shape."""
+        version, shape, dtype, is_fortran, data = state
+        super().__setstate__((version, shape, dtype.numpy, is_fortran, data))
+
+
+def _reconstruct(kind: type[_Array], shape: Any, code: Any) -> _Array:  # noqa: ARG001
+    return _Array()
+
+
+def _scalar(dtype: _DType, data: bytes) -> Any:
+    return np.frombuffer(data, dtype.numpy)[0]
+
+
+def _frombuffer(data: bytes, dtype: _DType, shape: tuple[int, ...], order: str) -> np.ndarray[Any, Any]:
+    return np.frombuffer(data, dtype.numpy).reshape(shape, order="F" if order == "F" else "C")
+
+
+def _encode(text: str, encoding: str) -> bytes:
+    """``_codecs.encode`` as protocols 0 to 2 need it, to write bytes as text."""
+    if encoding != "latin1":
+        raise pickle.UnpicklingError(f"wanted the encoding latin1, found {encoding}")
+    return text.encode("latin1")
+
+
+_KINDS = (int, float, bool, str, bytes, bytearray, list, tuple, dict, set, frozenset)
+_ALLOWED: dict[tuple[str, str], Any] = {
+    ("numpy", "ndarray"): _Array,
+    ("numpy", "dtype"): _DType,
+    **{(f"numpy.{core}.multiarray", "_reconstruct"): _reconstruct for core in ("core", "_core")},
+    **{(f"numpy.{core}.multiarray", "scalar"): _scalar for core in ("core", "_core")},
+    **{(f"numpy.{core}.numeric", "_frombuffer"): _frombuffer for core in ("core", "_core")},
+    **{("builtins", kind.__name__): kind for kind in _KINDS},
+    ("builtins", "long"): int,  # protocols 0 to 2 call builtins as Python 2 did
+    ("collections", "defaultdict"): collections.defaultdict,
+    ("collections", "OrderedDict"): collections.OrderedDict,
+    ("_codecs", "encode"): _encode,
+    # MetaDrive's dict with methods, in databases that were pickled without converting it first.
+    ("metadrive.scenario.scenario_description", "ScenarioDescription"): dict,
+}
+
+
+class _Unpickler(pickle.Unpickler):
+    def find_class(self, module: str, name: str) -> Any:
+        """Look a name up in the table."""
+        module = "builtins" if module == "__builtin__" else module
+        if (module, name) not in _ALLOWED:
+            raise pickle.UnpicklingError(f"wanted arrays and builtins, found {module}.{name}")
+        return _ALLOWED[module, name]
+
+
+def load(path: Path, name: str) -> dict[str, Any]:
+    """The dictionary in a pickle.
+
+    Args:
+        path: The file.
+        name: What to call it in an error.
+
+    Raises:
+        InvalidScenario: It is damaged, holds something else, or wants to run code.
+    """
+    try:
+        with path.open("rb") as file:
+            content = _Unpickler(file).load()
+    # Damaged bytes are instructions too: they can raise anything.
+    except Exception as error:
+        raise InvalidScenario(name, "pickle", f"wanted a readable pickle, found {error or type(error)}") from error
+    if not isinstance(content, dict):
+        raise InvalidScenario(name, "pickle", f"wanted a dictionary, found {type(content).__name__}")
+    return content

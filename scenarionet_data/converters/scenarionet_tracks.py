@@ -1,0 +1,179 @@
+"""Tracks out of ScenarioNet pickles of every vintage: many small arrays of many shapes become a few large ones."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.building import make_tracks
+from scenarionet_data.errors import InvalidScenario
+from scenarionet_data.scenario import Bool, Codes, Float64, Tracks
+from scenarionet_data.vocabulary import ObjectType
+
+_STORED = {"position", "heading", "velocity", "valid", "length", "width", "height"}
+# Length, width, height [m] of objects that MetaDrive pickles without size: a common cone, and its own barrier.
+_ASSUMED_SIZES: dict[int, tuple[float, float, float]] = {
+    ObjectType.VEHICLE: (4.5, 1.9, 1.6),
+    ObjectType.PEDESTRIAN: (0.6, 0.6, 1.75),
+    ObjectType.CYCLIST: (1.8, 0.7, 1.7),
+    ObjectType.TRAFFIC_CONE: (0.4, 0.4, 0.8),
+    ObjectType.TRAFFIC_BARRIER: (2.0, 0.3, 1.0),
+}
+_ASSUMED_SIZE = (1.0, 1.0, 1.0)
+
+Array = npt.NDArray[Any]
+TrackDicts = Mapping[Any, Mapping[str, Any]]
+
+
+@dataclass(frozen=True)
+class States:
+    """The tracks' states, stacked, in the pickle's own frame and precision.
+
+    Attributes:
+        object_type: (N,) codes of ``ObjectType``.
+        position: (N, T, 3) [m].
+        heading: (N, T) [rad].
+        velocity: (N, T, 2) [m/s].
+        size: (N, T, 3) [m].
+        valid: (N, T).
+        is_size_assumed: (N,) the pickle has no size for the track.
+    """
+
+    object_type: Codes
+    position: Array
+    heading: Array
+    velocity: Array
+    size: Array
+    valid: Bool
+    is_size_assumed: Bool
+
+
+def read_states(tracks: TrackDicts, length: int, where: str) -> States:
+    """Stack the states of all tracks.
+
+    Args:
+        tracks: ``description["tracks"]``.
+        length: T.
+        where: Names the pickle in errors.
+
+    Raises:
+        InvalidScenario: There is no track, or a state is missing or has another length.
+    """
+    if not tracks:
+        raise InvalidScenario(where, "tracks", "wanted at least the ego, found none")
+    stack = _Stack(tracks, length, where)
+    valid: Bool = stack.scalars("valid") > 0.5
+    types = np.array([_object_type(track) for track in tracks.values()], dtype=np.uint8)
+    size = np.stack([stack.scalars(name, is_optional=True) for name in ("length", "width", "height")], axis=-1)
+    # 0 at a valid step: the simulator that was recorded knew no size for the object.
+    unknown = np.asarray((valid & ~(size > 0).all(axis=-1)).any(axis=1), dtype=np.bool_)
+    for row in np.flatnonzero(unknown):
+        size[row] = _ASSUMED_SIZES.get(int(types[row]), _ASSUMED_SIZE)
+    return States(
+        object_type=types,
+        position=stack.points("position", 3),
+        heading=stack.scalars("heading"),
+        velocity=stack.points("velocity", 2),
+        size=size,
+        valid=valid,
+        is_size_assumed=unknown,
+    )
+
+
+def _object_type(track: Mapping[str, Any]) -> int:
+    # Our own export keeps the lake's type under "object_type" where MetaDrive knows only OTHER.
+    word = track["metadata"].get("object_type", track["type"])
+    return ObjectType.__members__.get(word, ObjectType.OTHER)
+
+
+@dataclass(frozen=True)
+class _Stack:
+    """Stacks one state over all tracks."""
+
+    tracks: TrackDicts
+    length: int
+    where: str
+
+    def scalars(self, name: str, is_optional: bool = False) -> Array:
+        """(N, T) from (T,) or (T, 1); 0 where an optional one is missing."""
+        rows = [self._values(track_id, name, (1,), is_optional) for track_id in self.tracks]
+        return np.stack([row.reshape(self.length) for row in rows])
+
+    def points(self, name: str, width: int) -> Array:
+        """(N, T, width) from (T, 2) or (T, 3): a missing third coordinate is 0, one too many is dropped."""
+        rows = [self._values(track_id, name, (2, 3)) for track_id in self.tracks]
+        padded = [row if row.shape[1] >= width else np.pad(row, ((0, 0), (0, 1))) for row in rows]
+        return np.stack([row[:, :width] for row in padded])
+
+    def _values(self, track_id: Any, name: str, widths: tuple[int, ...], is_optional: bool = False) -> Array:
+        state = self.tracks[track_id]["state"]
+        if name not in state:
+            if is_optional:
+                return np.zeros(self.length)
+            raise self._wrong(track_id, name, "is missing")
+        values = np.asarray(state[name])
+        if len(values) != self.length or values.size not in [self.length * width for width in widths]:
+            raise self._wrong(track_id, name, f"wanted {self.length} timesteps, found an array {values.shape}")
+        return values
+
+    def _wrong(self, track_id: Any, name: str, reason: str) -> InvalidScenario:
+        return InvalidScenario(self.where, f"tracks[{str(track_id)!r}].state.{name}", reason)
+
+
+def restore_ego_size(states: States, ego: int) -> None:
+    """Exchange the ego's length and width, in place, where ScenarioNet's nuScenes converter mixed them up."""
+    length, width = states.size[ego, :, 0], states.size[ego, :, 1]
+    wider = width > length
+    length[wider], width[wider] = width[wider], length[wider]
+
+
+def make_pickled_tracks(tracks: TrackDicts, states: States, origin: Float64, dataset: str) -> Tracks:
+    """Tracks in canonical form.
+
+    Args:
+        tracks: ``description["tracks"]``.
+        states: Theirs.
+        origin: (3,) the scenario's origin in the pickle's frame [m].
+        dataset: What was pickled; decides what is known to be assumed or estimated.
+    """
+    metadata = [track["metadata"] for track in tracks.values()]
+    return make_tracks(
+        [str(track_id) for track_id in tracks],
+        states.object_type,
+        states.position,
+        states.heading,
+        states.velocity,
+        states.size,
+        states.valid,
+        origin=origin,
+        source_type=[_source_type(track) for track in tracks.values()],
+        is_size_assumed=states.is_size_assumed | _flags(metadata, "is_size_assumed", dataset == "av2"),
+        is_type_assumed=_flags(metadata, "is_type_assumed", False),
+        is_velocity_estimated=_flags(metadata, "is_velocity_estimated", dataset == "nuscenes"),
+        extras=[described.get("extras") for described in metadata],
+    )
+
+
+def _source_type(track: Mapping[str, Any]) -> str | None:
+    metadata = track["metadata"]
+    if "source_type" in metadata:
+        return None if metadata["source_type"] is None else str(metadata["source_type"])
+    word = metadata.get("type")
+    return None if word is None or word == track["type"] else str(word)
+
+
+def _flags(metadata: list[Mapping[str, Any]], name: str, default: bool) -> Bool:
+    return np.array([bool(described.get(name, default)) for described in metadata], dtype=np.bool_)
+
+
+def count_unstored_states(tracks: TrackDicts) -> dict[str, int]:
+    """Names of the states a scenario of ours does not hold (steering, action, ...), with the number of tracks."""
+    found: Counter[str] = Counter()
+    for track in tracks.values():
+        found.update(name for name in track["state"] if name not in _STORED)
+    return {str(name): found[name] for name in sorted(found)}

@@ -1,0 +1,162 @@
+"""A database of pickles on disk: one file per scenario, the summary of all metadata, the mapping to folders.
+
+It is written beside its place and renamed when complete, so that nobody ever sees half of it. Scenarios stream
+through; only the summary, which MetaDrive wants as one pickle, grows with their number.
+"""
+
+from __future__ import annotations
+
+import copyreg
+import pickle
+import secrets
+import shutil
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scenarionet_data.errors import BadParameter, DatabaseExists, InvalidScenario
+from scenarionet_data.pickle_compat.describe import identify, to_pickle_dict
+from scenarionet_data.pickle_compat.sanity import sanity_check
+from scenarionet_data.scenario import ScenarioDescription
+
+SUMMARY_FILE = "dataset_summary.pkl"
+MAPPING_FILE = "dataset_mapping.pkl"
+
+
+@dataclass(frozen=True)
+class ExportReport:
+    """What :func:`export` did.
+
+    Attributes:
+        directory: The database.
+        num_scenarios, num_bytes: Pickled scenarios and their size.
+        refused: Scenarios that the format cannot hold, left out of the database.
+    """
+
+    directory: Path
+    num_scenarios: int
+    num_bytes: int
+    refused: tuple[InvalidScenario, ...]
+
+
+def export(
+    scenarios: Iterable[ScenarioDescription],
+    directory: Path,
+    *,
+    overwrite: bool = False,
+    on_progress: Callable[[int], None] | None = None,
+) -> ExportReport:
+    """Write a ScenarioNet database.
+
+    Args:
+        scenarios: In the order of MetaDrive's scenario index.
+        directory: The database; new or empty, unless ``overwrite``.
+        overwrite: Replace a database of pickles that is there.
+        on_progress: Called with the number of scenarios done.
+
+    Raises:
+        DatabaseExists: ``directory`` is not empty, or holds other things than a database.
+        BadParameter: There was no scenario to write.
+        InvalidScenario: None of the scenarios could be written; the first one's reason.
+    """
+    directory = Path(directory)
+    _check_target(directory, overwrite)
+    summary: dict[str, Any] = {}
+    refused: list[InvalidScenario] = []
+    num_bytes = 0
+    with _new_directory(directory) as draft:
+        for done, scenario in enumerate(scenarios, start=1):
+            try:
+                num_bytes += _write_scenario(scenario, draft, summary)
+            except InvalidScenario as error:
+                refused.append(error)
+            if on_progress:
+                on_progress(done)
+        if not summary:
+            raise refused[0] if refused else BadParameter(f"{directory}: there is no scenario to export")
+        dump(_without_arrays(summary), draft / SUMMARY_FILE)
+        dump(dict.fromkeys(summary, ""), draft / MAPPING_FILE)
+    return ExportReport(directory, len(summary), num_bytes, tuple(refused))
+
+
+def _write_scenario(scenario: ScenarioDescription, folder: Path, summary: dict[str, Any]) -> int:
+    name = identify(scenario).file_name
+    if name in summary:
+        raise InvalidScenario(scenario.id, "id", f"wanted a file name of its own, found {name} a second time")
+    description = to_pickle_dict(scenario)
+    sanity_check(description)
+    dump(description, folder / name)
+    summary[name] = description["metadata"]
+    return (folder / name).stat().st_size
+
+
+def dump(value: Any, path: Path) -> None:
+    """Pickle so that numpy 1.26 and 2.x load it, and arrays come back writable (protocol 4)."""
+    with path.open("wb") as file:
+        pickler = pickle.Pickler(file, protocol=4)
+        pickler.dispatch_table = copyreg.dispatch_table.copy()
+        pickler.dispatch_table[np.ndarray] = _reduce_array
+        pickler.dump(value)
+
+
+def _reduce_array(array: np.ndarray[Any, Any]) -> tuple[Any, ...]:
+    """State as numpy pickles it, but rebuilt by ``numpy.ndarray``: numpy 2 renamed its private module."""
+    state = array.__reduce__()[2]
+    return np.ndarray, ((0,), np.dtype(np.int8)), state
+
+
+def _without_arrays(value: Any) -> Any:
+    """As ScenarioNet's summaries: arrays as lists, sets as tuples."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, set):
+        return tuple(sorted(value))
+    if isinstance(value, dict):
+        return {key: _without_arrays(inner) for key, inner in value.items()}
+    return value
+
+
+def _check_target(directory: Path, overwrite: bool) -> None:
+    if not directory.exists() or (directory.is_dir() and not any(directory.iterdir())):
+        return
+    foreign = [p.name for p in directory.iterdir() if not _is_ours(p)] if directory.is_dir() else [directory.name]
+    if foreign:
+        raise DatabaseExists(f"{directory}: holds {foreign[0]!r}, no database of pickles; give another directory")
+    if not overwrite:
+        raise DatabaseExists(f"{directory}: is not empty; allow overwriting, or give another directory")
+
+
+def _is_ours(path: Path) -> bool:
+    is_scenario = path.suffix == ".pkl" and (path.stem.startswith("sd_") or path.stem.isdigit())
+    return path.is_file() and (is_scenario or path.name in (SUMMARY_FILE, MAPPING_FILE))
+
+
+@contextmanager
+def _new_directory(directory: Path) -> Iterator[Path]:
+    """A sibling that takes ``directory``'s place when the block ends, and vanishes when it fails."""
+    directory.parent.mkdir(parents=True, exist_ok=True)
+    mark = secrets.token_hex(4)
+    draft = directory.with_name(f".{directory.name}.{mark}.new")
+    draft.mkdir()
+    try:
+        yield draft
+        _swap_in(draft, directory, directory.with_name(f".{directory.name}.{mark}.old"))
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+
+
+def _swap_in(draft: Path, directory: Path, old: Path) -> None:
+    if not directory.exists():
+        draft.replace(directory)
+        return
+    directory.replace(old)
+    try:
+        draft.replace(directory)
+    except OSError:
+        old.replace(directory)
+        raise
+    shutil.rmtree(old)
