@@ -91,7 +91,9 @@ def _masked(values: npt.ArrayLike, valid: Bool) -> npt.NDArray[np.float32]:
     values = np.asarray(values)
     mask = valid if values.ndim == 2 else valid[..., None]
     with np.errstate(over="ignore"):  # beyond float32 becomes infinite, which validation names
-        return np.where(mask, values, 0.0).astype(np.float32) + np.float32(0.0)
+        kept = np.where(mask, values, 0.0).astype(np.float32, copy=False)
+    kept += np.float32(0.0)  # no negative zeros
+    return kept
 
 
 def _flags(values: npt.ArrayLike, count: int) -> Bool:

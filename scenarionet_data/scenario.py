@@ -52,7 +52,7 @@ def is_scenario_id(text: str) -> bool:
 
 def strings(values: Any) -> Strings:
     """An object array of str, the form ids have in every part of a scenario."""
-    return np.array([str(value) for value in values], dtype=object)
+    return np.array(list(map(str, values)), dtype=object)
 
 
 @dataclass(frozen=True, eq=False)
