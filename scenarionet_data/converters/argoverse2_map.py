@@ -72,14 +72,15 @@ class RoadMap:
         builder = MapBuilder()
         boundaries = _Boundaries(builder)
         widths = Ragged(self.centers.offsets, side_distances(self.centers, self.left, self.right))
-        for row, lane in enumerate(self.lanes):
-            left, right = self.left[row], self.right[row]
+        for lane, left, right, center, width in zip(
+            self.lanes, self.left, self.right, self.centers, widths, strict=True
+        ):
             builder.add(
                 lane.id,
                 LANES.get(lane.kind, MapFeatureType.LANE_UNKNOWN),
-                polyline=self.centers[row],
+                polyline=center,
                 polygon=np.concatenate([left, right[::-1]]),
-                width=widths[row],
+                width=width,
                 entry_lanes=lane.entries,
                 exit_lanes=lane.exits,
                 left_neighbors=[lane.neighbors[0]] if lane.neighbors[0] else (),
