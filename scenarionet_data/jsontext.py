@@ -6,6 +6,8 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+_ENCODER = json.JSONEncoder(sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+
 
 def to_json(extras: Mapping[str, Any] | None) -> str | None:
     """JSON text with sorted keys, or None when there is nothing to say.
@@ -16,7 +18,7 @@ def to_json(extras: Mapping[str, Any] | None) -> str | None:
     """
     if not extras:
         return None
-    return json.dumps(extras, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    return _ENCODER.encode(extras)
 
 
 def from_json(text: str | None) -> dict[str, Any]:

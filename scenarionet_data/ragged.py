@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -42,7 +43,7 @@ class Ragged:
         return view
 
     def __iter__(self) -> Iterator[Array]:
-        return (self[index] for index in range(len(self)))
+        return (self.values[start:end] for start, end in pairwise(self.offsets.tolist()))
 
     @property
     def lengths(self) -> npt.NDArray[np.int32]:

@@ -46,7 +46,8 @@ def _is_cut(start: Float64, end: Float64) -> npt.NDArray[np.bool_]:
 
 def _is_repeated(start: Float64, end: Float64) -> npt.NDArray[np.bool_]:
     """True for segments that two outlines (or one, twice) have, in either direction: areas touch there."""
-    nodes = np.concatenate([start, end]) @ np.array([1.0, 1.0j])
+    points = np.concatenate([start, end])
+    nodes = points[:, 0] + 1.0j * points[:, 1]
     code = np.unique(nodes, return_inverse=True)[1].astype(np.int64).reshape(2, -1)
     keys = code.min(axis=0) * len(nodes) + code.max(axis=0)
     _, inverse, counts = np.unique(keys, return_inverse=True, return_counts=True)

@@ -15,12 +15,11 @@ import pyarrow as pa
 from scenarionet_data.building import make_origin, make_tracks
 from scenarionet_data.converters.argoverse2_lines import Float64, ground_height
 from scenarionet_data.converters.argoverse2_map import RoadMap, read_map
-from scenarionet_data.converters.argoverse2_table import Grid, numbers, read_parquet, text
+from scenarionet_data.converters.argoverse2_table import Grid, column, numbers, read_parquet, text
 from scenarionet_data.converters.argoverse2_types import (
     EGO,
     EGO_SIZE,
     OBJECTS,
-    SCORED,
     TRACK_CATEGORIES,
     UNKNOWN_OBJECT,
     Kind,
@@ -42,88 +41,105 @@ def read_scenario(shard: Shard, item: RawItem, licence: str) -> ScenarioDescript
     scenario_id = make_scenario_id(shard.dataset, shard.version, name)
     try:
         table = _Table(path)
-        if table.word("scenario_id") != name:
-            raise CorruptSource(f"{path}: holds scenario {table.word('scenario_id')}; give it its own name back")
         roads = read_map(path.with_name(f"log_map_archive_{name}.json"))
     except CorruptSource as error:
         raise InvalidScenario(scenario_id, "source", str(error)) from error
     if EGO not in table.grid.ids:
         raise InvalidScenario(scenario_id, "ego_id", f"wanted a track {EGO!r}, found {table.grid.ids[:3]} ...")
-    return _describe(shard, scenario_id, table, roads, licence)
+    source = Source(
+        scenario_id=name,
+        file=item.name,
+        licence=licence,
+        log=table.slice,
+        city=table.city,
+        date=None,  # the dataset's clock starts at the GPS epoch, 1980-01-06, not at the day of recording
+        crs=f"argoverse2 city frame {table.city}",
+    )
+    return _describe(shard, scenario_id, source, table, roads)
 
 
 class _Table:
-    """The columns of one scenario's Parquet file, checked, on their grid of tracks and timesteps."""
+    """One scenario's Parquet file, checked: what all rows share, and the rows on a grid of tracks and timesteps.
+
+    Attributes:
+        city, focal: Words of the source.
+        slice, map: The slice of a drive that the scenario was cut from (the nearest thing to a log that is
+            told) and the source's number of the map; None where the file leaves them out.
+        start: Time of the first timestep [ns].
+        timestamps: (T,) [s] from the start.
+        current_timestep: The last observed one.
+        grid: N tracks by T timesteps.
+        motion: (R, 5) x, y [m], heading [rad], velocity x, y [m/s] of each row.
+        types, categories: (N,) words of the source.
+    """
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        self.rows = read_parquet(path)
-        if not self.rows.num_rows:
-            raise CorruptSource(f"{path}: wanted rows, found none; download it again")
-        self.num_timesteps = int(self.number("num_timestamps"))
-        timestep = numbers(self.rows, path, "timestep")
-        self.grid = Grid(text(self.rows, path, "track_id"), timestep, self.num_timesteps, path)
-        observed = timestep[numbers(self.rows, path, "observed").astype(bool)]
-        self.current_timestep = int(observed.max(initial=0))
-        self.motion = numbers(self.rows, path, "position_x", "position_y", "heading", "velocity_x", "velocity_y")
-        types = text(self.rows, path, "object_type").take(pa.array(self.grid.first)).to_pylist()
-        self.types: list[str] = types
-        self.categories = numbers(self.rows, path, "object_category")[self.grid.first]
+        rows = read_parquet(path)
+        shared = _Shared(rows, path)
+        if shared.word("scenario_id") != path.stem.removeprefix("scenario_"):
+            raise CorruptSource(f"{path}: holds scenario {shared.word('scenario_id')}; give it its own name back")
+        self.city, self.focal = shared.word("city"), shared.word("focal_track_id")
+        self.slice, self.map = shared.optional("slice_id"), shared.optional("map_id")
+        self.start, end = shared.number("start_timestamp"), shared.number("end_timestamp")
+        count = int(shared.number("num_timestamps"))
+        self.timestamps = np.linspace(0.0, (end - self.start) * 1e-9, count)
+        timestep = numbers(rows, path, "timestep")
+        observed = numbers(rows, path, "observed").astype(bool)
+        self.current_timestep = int(timestep[observed].max(initial=0))
+        self.grid = Grid(text(rows, path, "track_id"), timestep, count, path)
+        self.motion = numbers(rows, path, "position_x", "position_y", "heading", "velocity_x", "velocity_y")
+        types: list[str] = text(rows, path, "object_type").take(self.grid.first).to_pylist()
+        self.types = types
+        categories = numbers(rows, path, "object_category")[self.grid.first]
+        self.categories = [TRACK_CATEGORIES.get(int(number), str(number)) for number in categories]
 
-    def number(self, name: str) -> Any:
-        """A value that all rows share."""
-        return numbers(self.rows, self.path, name)[0]
+
+class _Shared:
+    """Columns that hold one value in all rows of a scenario."""
+
+    def __init__(self, rows: pa.Table, path: Path) -> None:
+        if not rows.num_rows:
+            raise CorruptSource(f"{path}: wanted rows, found none; download it again")
+        self._rows, self._path = rows, path
+
+    def number(self, name: str) -> float:
+        return float(numbers(self._rows, self._path, name)[0])
 
     def word(self, name: str) -> str:
-        """A word that all rows share."""
-        words = text(self.rows, self.path, name)
-        return str(words.dictionary[words.indices[0].as_py()])
+        return str(column(self._rows, self._path, name)[0])
 
     def optional(self, name: str) -> Any:
-        """A value that all rows share; None without such a column (the owner's writer leaves some out)."""
-        return self.rows.column(name)[0].as_py() if name in self.rows.column_names else None
+        """None without such a column: the owner's writer leaves some out."""
+        return self._rows.column(name)[0].as_py() if name in self._rows.column_names else None
 
 
-def _describe(shard: Shard, scenario_id: str, table: _Table, roads: RoadMap, licence: str) -> ScenarioDescription:
+def _describe(shard: Shard, scenario_id: str, source: Source, table: _Table, roads: RoadMap) -> ScenarioDescription:
     kinds = [_kind(track, word) for track, word in zip(table.grid.ids, table.types, strict=True)]
     position = _positions(table, kinds, roads)
-    origin = make_origin(*_ego(table, position), has_z=True)
-    focal = table.word("focal_track_id")
-    scored = [track for track, n in zip(table.grid.ids, table.categories, strict=True) if n == SCORED]
-    start, end = float(table.number("start_timestamp")), float(table.number("end_timestamp"))
-    city = table.word("city")
+    ego = table.grid.ids.index(EGO)
+    origin = make_origin(position[ego], table.grid.valid[ego], has_z=True)
+    scored = [track for track, word in zip(table.grid.ids, table.categories, strict=True) if word == "SCORED"]
     return ScenarioDescription(
         id=scenario_id,
         dataset=shard.dataset,
         version=shard.version,
         split=shard.split,
-        timestamps=np.linspace(0.0, (end - start) * 1e-9, table.num_timesteps),
+        timestamps=table.timestamps,
         dt=0.1,
         current_timestep=table.current_timestep,
         ego_id=EGO,
         origin=origin,
         has_z=True,
-        source=Source(
-            scenario_id=table.word("scenario_id"),
-            file=table.path.relative_to(shard.root).as_posix(),
-            licence=licence,
-            # The slice of a drive that the scenario was cut from: the nearest thing to a log that is told.
-            log=table.optional("slice_id"),
-            city=city,
-            # No date: the dataset's clock starts at the GPS epoch (1980-01-06), not at the day of recording.
-            date=None,
-            crs=f"argoverse2 city frame {city}",
-        ),
+        source=source,
         tracks=_tracks(table, kinds, position, origin),
-        lights=Lights.empty(table.num_timesteps),
+        lights=Lights.empty(len(table.timestamps)),
         map=roads.features(origin),
-        objects_of_interest=(focal,),
-        tracks_to_predict=tuple((track, 0) for track in dict.fromkeys([focal, *scored])),
+        objects_of_interest=(table.focal,),
+        tracks_to_predict=tuple((track, 0) for track in dict.fromkeys([table.focal, *scored])),
         extras={
             "kind": "forecasting",
-            "start_timestamp_ns": int(start),
-            "slice_id": table.optional("slice_id"),
-            "source_map_id": table.optional("map_id"),
+            "start_timestamp_ns": int(table.start),
+            "source_map_id": table.map,
             "num_completed_links": roads.num_completed_links,
             "track_z": "the map's ground",
         },
@@ -143,11 +159,6 @@ def _positions(table: _Table, kinds: list[Kind], roads: RoadMap) -> Float64:
     return np.concatenate([table.grid.place(places), height[..., None]], axis=-1)
 
 
-def _ego(table: _Table, position: Float64) -> tuple[Float64, Any]:
-    row = table.grid.ids.index(EGO)
-    return position[row], table.grid.valid[row]
-
-
 def _tracks(table: _Table, kinds: list[Kind], position: Float64, origin: Float64) -> Tracks:
     motion = table.grid.place(table.motion)
     return make_tracks(
@@ -162,9 +173,5 @@ def _tracks(table: _Table, kinds: list[Kind], position: Float64, origin: Float64
         source_type=table.types,
         is_size_assumed=True,
         is_type_assumed=[kind.is_assumed for kind in kinds],
-        extras=[{"object_category": _category(int(number))} for number in table.categories],
+        extras=[{"object_category": word} for word in table.categories],
     )
-
-
-def _category(number: int) -> str:
-    return TRACK_CATEGORIES[number] if 0 <= number < len(TRACK_CATEGORIES) else str(number)

@@ -19,7 +19,7 @@ import numpy as np
 
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.argoverse2_areas import outline, road_edges
-from scenarionet_data.converters.argoverse2_lines import Float64, midlines, raised, side_distances
+from scenarionet_data.converters.argoverse2_lines import Float64, between, midlines
 from scenarionet_data.converters.argoverse2_types import INEXACT_MARKS, LANES, MARKS, NO_MARK
 from scenarionet_data.errors import CorruptSource
 from scenarionet_data.ragged import Ragged
@@ -49,6 +49,7 @@ class RoadMap:
     Attributes:
         lanes: K lanes, links completed: what one lane calls its successor has it as predecessor.
         left, right, centers: K lines, (P, 3) float64 [m].
+        widths: Distance of the left and right side at each centre point, (P, 2) float64 [m].
         areas: Outline (n, 3) of each drivable area, counter-clockwise, by id.
         crossings: Outline (n, 3) of each pedestrian crossing, by id.
         num_completed_links: Links that the archive states on one of the two lanes only.
@@ -58,6 +59,7 @@ class RoadMap:
     left: Ragged
     right: Ragged
     centers: Ragged
+    widths: Ragged
     areas: dict[str, Float64]
     crossings: dict[str, Float64]
     num_completed_links: int
@@ -71,15 +73,15 @@ class RoadMap:
         """Everything as map features, offsets from ``origin`` (3,) [m]."""
         builder = MapBuilder()
         boundaries = _Boundaries(builder)
-        widths = Ragged(self.centers.offsets, side_distances(self.centers, self.left, self.right))
-        for row, lane in enumerate(self.lanes):
-            left, right = self.left[row], self.right[row]
+        for lane, left, right, center, width in zip(
+            self.lanes, self.left, self.right, self.centers, self.widths, strict=True
+        ):
             builder.add(
                 lane.id,
                 LANES.get(lane.kind, MapFeatureType.LANE_UNKNOWN),
-                polyline=self.centers[row],
+                polyline=center,
                 polygon=np.concatenate([left, right[::-1]]),
-                width=widths[row],
+                width=width,
                 entry_lanes=lane.entries,
                 exit_lanes=lane.exits,
                 left_neighbors=[lane.neighbors[0]] if lane.neighbors[0] else (),
@@ -140,10 +142,9 @@ def _parse(archive: dict[str, Any]) -> RoadMap:
         raise ValueError("no lanes")
     left = _lines(segment["left_lane_boundary"] for segment in segments)
     right = _lines(segment["right_lane_boundary"] for segment in segments)
-    if all("centerline" in segment for segment in segments):
-        centers = raised(_lines(segment["centerline"] for segment in segments), left, right)
-    else:
-        centers = midlines(left, right)
+    is_given = all("centerline" in segment for segment in segments)
+    given = _lines(segment["centerline"] for segment in segments) if is_given else midlines(left, right)
+    centers, widths = between(given, left, right)
     areas = archive["drivable_areas"].values()
     outlines = _lines(area["area_boundary"] for area in areas)
     crossings = archive["pedestrian_crossings"].values()
@@ -154,6 +155,7 @@ def _parse(archive: dict[str, Any]) -> RoadMap:
         left=left,
         right=right,
         centers=centers,
+        widths=widths,
         areas={str(area["id"]): outline(points) for area, points in zip(areas, outlines, strict=True)},
         crossings={
             # Both edges run the same way, so the second closes the outline backwards.

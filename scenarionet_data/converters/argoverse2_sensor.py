@@ -136,12 +136,14 @@ def _city(path: Path) -> str | None:
 def windows(log: Log, window: float, stride: float) -> Iterator[Window]:
     """Cut a log every ``stride`` seconds into ``window`` seconds; a sweep counts as 0.1 s.
 
-    The last window ends with the log and may be shorter: no sweep is lost, none is repeated for nothing.
+    The last window ends with the log and may be shorter; it is left out when nothing would follow its history.
     """
     size, step, count = round(window / DT), round(stride / DT), len(log.sweeps)
     for first in range(0, count, step):
-        yield Window(log, first, min(first + size, count))
-        if first + size >= count:
+        last = min(first + size, count)
+        if first == 0 or last - first > HISTORY + 1:
+            yield Window(log, first, last)
+        if last == count:
             return
 
 

@@ -46,17 +46,32 @@ def _unreadable(path: Path, error: Exception) -> CorruptSource:
     return CorruptSource(f"{path} cannot be read ({reason}); download it again")
 
 
+def column(table: pa.Table, path: Path, name: str) -> pa.ChunkedArray:
+    """One column as it is.
+
+    Raises:
+        CorruptSource: It is missing or holds nulls.
+    """
+    if name not in table.column_names:
+        names = ", ".join(table.column_names)
+        raise CorruptSource(f"{path}: wanted a column {name}, found {names}; is this an Argoverse 2 file?")
+    found = table.column(name)
+    if found.null_count:
+        raise CorruptSource(f"{path}: column {name}: wanted no nulls, found {found.null_count}")
+    return found
+
+
 def numbers(table: pa.Table, path: Path, *names: str) -> Array:
     """One column as (R,), or several as (R, len(names)) float64.
 
     Raises:
         CorruptSource: A column is missing, or holds nulls, NaN or infinities.
     """
-    columns = [_column(table, path, name).to_numpy() for name in names]
-    for name, column in zip(names, columns, strict=True):
-        if column.dtype.kind not in "biuf" or not np.isfinite(column).all():
+    arrays = [column(table, path, name).to_numpy() for name in names]
+    for name, array in zip(names, arrays, strict=True):
+        if array.dtype.kind not in "biuf" or not np.isfinite(array).all():
             raise CorruptSource(f"{path}: column {name}: wanted finite numbers; download it again")
-    return columns[0] if len(columns) == 1 else np.stack(columns, axis=-1).astype(np.float64, copy=False)
+    return arrays[0] if len(arrays) == 1 else np.stack(arrays, axis=-1).astype(np.float64, copy=False)
 
 
 def text(table: pa.Table, path: Path, name: str) -> pa.DictionaryArray:
@@ -65,17 +80,7 @@ def text(table: pa.Table, path: Path, name: str) -> pa.DictionaryArray:
     Raises:
         CorruptSource: The column is missing or holds nulls.
     """
-    return _column(table, path, name).combine_chunks().dictionary_encode()
-
-
-def _column(table: pa.Table, path: Path, name: str) -> pa.ChunkedArray:
-    if name not in table.column_names:
-        found = ", ".join(table.column_names)
-        raise CorruptSource(f"{path}: wanted a column {name}, found {found}; is this an Argoverse 2 file?")
-    column = table.column(name)
-    if column.null_count:
-        raise CorruptSource(f"{path}: column {name}: wanted no nulls, found {column.null_count}")
-    return column
+    return column(table, path, name).combine_chunks().dictionary_encode()
 
 
 class Grid:

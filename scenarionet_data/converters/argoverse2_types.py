@@ -50,8 +50,7 @@ OBJECTS = {
 UNKNOWN_OBJECT = Kind(ObjectType.OTHER, (0.5, 0.5, 1.0), is_assumed=True)
 """Stands for a word that is not in the table."""
 
-TRACK_CATEGORIES = ("FRAGMENT", "UNSCORED", "SCORED", "FOCAL")
-SCORED = TRACK_CATEGORIES.index("SCORED")
+TRACK_CATEGORIES = dict(enumerate(("FRAGMENT", "UNSCORED", "SCORED", "FOCAL")))
 
 # The annotators box the rider and the bicycle apart: the rider is the cyclist, the bicycle is OTHER.
 _SENSOR_GROUPS = {

@@ -34,7 +34,7 @@ def with_value(table: pa.Table, column: str, row: int, value: Any) -> pa.Table:
 
 @pytest.fixture
 def log(tmp_path: Path) -> Path:
-    return fixture.write_sensor_log(tmp_path / "raw", seconds=3.0)
+    return fixture.write_sensor_log(tmp_path / "raw", seconds=3.5)
 
 
 def test_boxes_come_to_the_city_frame(log: Path) -> None:
@@ -104,10 +104,11 @@ def test_missing_predecessors_are_completed(log: Path) -> None:
 @pytest.mark.parametrize(
     ("window", "stride", "wanted"),
     [
-        (20.0, 0.0, [(0.0, 3.0)]),
-        (2.0, 0.0, [(0.0, 1.9), (2.0, 3.0)]),
-        (2.0, 1.0, [(0.0, 1.9), (1.0, 2.9), (2.0, 3.0)]),
-        (3.0, 1.0, [(0.0, 2.9), (1.0, 3.0)]),
+        (20.0, 0.0, [(0.0, 3.5)]),
+        (2.0, 0.0, [(0.0, 1.9), (2.0, 3.5)]),
+        (2.0, 1.0, [(0.0, 1.9), (1.0, 2.9), (2.0, 3.5)]),
+        (3.0, 1.0, [(0.0, 2.9), (1.0, 3.5)]),
+        (2.5, 0.0, [(0.0, 2.4)]),  # what is left is no more than a history
     ],
 )
 def test_windows_cover_the_log(log: Path, window: float, stride: float, wanted: list[tuple[float, float]]) -> None:
