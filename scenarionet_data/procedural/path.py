@@ -47,9 +47,14 @@ class Path:
     @cached_property
     def end(self) -> Pose:
         """Pose at the end."""
+        return self.pose_at(self.length)
+
+    def pose_at(self, s: float) -> Pose:
+        """Pose after ``s`` metres."""
         x, y, heading = self.start.x, self.start.y, self.start.heading
         for length, curvature in self.pieces:
-            x, y, heading = _advance(x, y, heading, length, curvature)
+            x, y, heading = _advance(x, y, heading, min(s, length), curvature)
+            s -= min(s, length)
         return Pose(x, y, heading)
 
     @property
