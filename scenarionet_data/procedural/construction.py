@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarionet_data.procedural.graph import NONE, LaneGraph
+from scenarionet_data.procedural.graph import NONE, LaneGraph, close_lane
 from scenarionet_data.procedural.path import Float64
 from scenarionet_data.procedural.roadmap import NO_JUNCTION, Lane, RoadMap
+from scenarionet_data.procedural.routes import LANE_CHANGE_COST
 from scenarionet_data.vocabulary import ObjectType
 
 CONE = (0.35, 0.35, 0.7)  # [m] length, width, height
@@ -17,6 +18,7 @@ BARRIER = (1.6, 0.4, 1.0)
 BROKEN_CAR = (4.6, 1.85, 1.5)
 TAPER = 12.0  # [m] over which cones close the lane
 WORKS = 12.0  # [m] behind the taper
+APPROACH = 30.0  # [m] of lane ahead of a closure, to see it and change lanes
 _CONES = 5
 
 
@@ -34,46 +36,52 @@ class Obstacle:
 
 def place_construction(
     road_map: RoadMap, graph: LaneGraph, probability: float, rng: np.random.Generator
-) -> list[Obstacle]:
+) -> tuple[LaneGraph, list[Obstacle]]:
     """Draw whether there are road works, and put them on one of the outermost lanes of the ego's roads.
 
-    With a lane beside it that goes on, the lane is closed for that stretch, which is written to
-    ``graph.blocked``; otherwise the works stand on the shoulder.
+    With a lane beside it that goes on, the lane is closed for that stretch; otherwise the works stand on the
+    shoulder.
+
+    Returns:
+        The graph with the closed lane, and what stands on the road.
     """
     if rng.random() >= probability:
-        return []
+        return graph, []
     candidates = _candidates(road_map, graph)
     if not candidates:
-        return []
+        return graph, []
     number = int(rng.choice(candidates))
-    lane = road_map.lanes[number]
-    begin = float(rng.uniform(0.35, 0.6)) * (graph.length[number] - TAPER - WORKS)
+    lane, width = road_map.lanes[number], road_map.road.lane_width
+    begin = float(rng.uniform(0.5, 1.0)) * (graph.length[number] - TAPER - WORKS)
     is_breakdown = bool(rng.random() < 0.4)
-    if graph.left[number] != NONE and _goes_on(road_map, graph, number):
-        graph.blocked[number] = begin - 2.0, begin + TAPER + WORKS
-        return _close_lane(lane, begin, road_map.road.lane_width, is_breakdown)
-    return _on_shoulder(lane, begin, road_map.road.lane_width, is_breakdown)
+    if graph.left[number] != NONE and begin > APPROACH and _goes_on(road_map, graph, number):
+        closed = close_lane(graph, number, begin - 2.0, begin + TAPER + WORKS)
+        return closed, _close_lane(lane, begin, width, is_breakdown)
+    return graph, _off_lanes(graph, _on_shoulder(lane, begin, width, is_breakdown))
 
 
 def _candidates(road_map: RoadMap, graph: LaneGraph) -> list[int]:
-    """Outermost lanes outside junctions, long enough, on which the ego's destination can be reached."""
+    """Outermost lanes outside junctions, long enough, on which the ego's destination can be reached.
+
+    Where the ego starts, there is no room to change lanes before road works.
+    """
     return [
         number
         for number, lane in enumerate(road_map.lanes)
         if lane.junction == NO_JUNCTION
         and graph.right[number] == NONE
-        and graph.length[number] > TAPER + WORKS + 12.0
+        and graph.length[number] > TAPER + WORKS + 3.0
         and np.isfinite(graph.cost[0, number])
-        and lane.left_boundaries
+        and graph.conflict_first[number] == graph.conflict_first[number + 1]
+        and lane.id not in road_map.start
     ]
 
 
 def _goes_on(road_map: RoadMap, graph: LaneGraph, number: int) -> bool:
-    """Whether all ways from a lane stay outside junctions for now, so that traffic may merge and come back."""
+    """Whether the road goes on outside junctions, and the ego need not be on this very lane."""
     exits = graph.exit_to[graph.exit_first[number] : graph.exit_first[number + 1]]
-    beside = graph.left[number]
-    through = bool(np.isfinite(graph.cost[0, beside]))
-    return through and all(road_map.lanes[after].junction == NO_JUNCTION for after in exits)
+    is_plain = all(road_map.lanes[after].junction == NO_JUNCTION for after in exits)
+    return is_plain and abs(graph.cost[0, number] - graph.cost[0, graph.left[number]]) < LANE_CHANGE_COST / 2.0
 
 
 def _close_lane(lane: Lane, begin: float, width: float, is_breakdown: bool) -> list[Obstacle]:
@@ -100,6 +108,18 @@ def _on_shoulder(lane: Lane, begin: float, width: float, is_breakdown: bool) -> 
         obstacles.append(_broken_car(lane, begin + TAPER, beyond - 1.5))
         return obstacles
     return [*obstacles, _barrier(lane, begin + TAPER, beyond - 1.3)]
+
+
+def _off_lanes(graph: LaneGraph, obstacles: list[Obstacle]) -> list[Obstacle]:
+    """The obstacles that do not stand on any lane, for example on a ramp beside the road."""
+    places = np.array([(obstacle.x, obstacle.y) for obstacle in obstacles])
+    distance = np.hypot(graph.x[:, None] - places[:, 0], graph.y[:, None] - places[:, 1]).min(axis=0)
+    half = graph.lane_width / 2.0
+    return [
+        obstacle
+        for obstacle, gap in zip(obstacles, distance, strict=True)
+        if gap > half + (obstacle.size[1] / 2.0 if obstacle.type == ObjectType.VEHICLE else 0.1)
+    ]
 
 
 def _cone(lane: Lane, s: float, left: float) -> Obstacle:

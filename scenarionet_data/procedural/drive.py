@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from scenarionet_data.procedural.following import ROOM_TO_CHANGE, acceleration
+from scenarionet_data.procedural.following import acceleration, room_needed
 from scenarionet_data.procedural.graph import NONE, Bool, Int32, LaneGraph
 from scenarionet_data.procedural.lane_change import carry_on, consider
 from scenarionet_data.procedural.path import Float64
@@ -21,6 +21,7 @@ from scenarionet_data.procedural.vehicles import (
 )
 
 EGO = 0
+_LAST_CHANCE = 10.0  # [m] before a vehicle would have to stop and wait to change lanes
 _GENTLE = 2.0  # [m/s2] nobody has to brake harder at the start
 
 
@@ -99,7 +100,7 @@ def _reroute(graph: LaneGraph, state: State, i: int) -> None:
     is_end = graph.exit_first[lane] == graph.exit_first[lane + 1]
     if i == EGO or is_end or graph.next_lane[destination, lane] != NONE:
         return
-    if graph.length[lane] - state.s[i] < 1.5 * ROOM_TO_CHANGE:
+    if graph.length[lane] - state.s[i] < room_needed(graph, state, i, lane) + _LAST_CHANCE:
         for other in range(len(graph.cost)):
             if graph.next_lane[other, lane] != NONE:
                 state.destination[i] = other

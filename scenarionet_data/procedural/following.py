@@ -104,11 +104,26 @@ def _stop_on(graph: LaneGraph, state: State, i: int, lane: int, before: float, f
     if before + graph.blocked[lane, 1] > 0.0:
         stop = before + graph.blocked[lane, 0] - ROOM_TO_CHANGE
     if following == NONE:
-        if graph.exit_first[lane] < graph.exit_first[lane + 1]:
-            stop = min(stop, end - ROOM_TO_CHANGE)
+        stop = min(stop, end - room_needed(graph, state, i, lane))
     elif graph.needs_grant[following] and state.granted[i] != following:
         stop = min(stop, end)
     return stop
+
+
+@njit(cache=True)
+def room_needed(graph: LaneGraph, state: State, i: int, lane: int) -> float:
+    """How far before the end of ``lane`` vehicle ``i`` has to leave it [m]: room for each lane change it needs."""
+    if graph.exit_first[lane] == graph.exit_first[lane + 1]:
+        return -np.inf
+    changes, left, right = 0, lane, lane
+    while left != NONE or right != NONE:
+        for beside in (left, right):
+            if beside != NONE and graph.next_lane[state.destination[i], beside] != NONE:
+                return changes * ROOM_TO_CHANGE
+        changes += 1
+        left = graph.left[left] if left != NONE else NONE
+        right = graph.right[right] if right != NONE else NONE
+    return ROOM_TO_CHANGE
 
 
 @njit(cache=True)

@@ -46,7 +46,7 @@ def generate(seed: int, options: GeneratorOptions) -> Episode:
     rng = np.random.Generator(np.random.PCG64(seed))
     road_map = make_map(options, rng)
     graph = make_graph(road_map)
-    obstacles = place_construction(road_map, graph, options.construction, rng)
+    graph, obstacles = place_construction(road_map, graph, options.construction, rng)
     population = populate(road_map, graph, options, rng)
     _, rows = signal_rows(road_map.lanes)
     lights = make_lights(rows, options.max_steps, options.dt, rng)

@@ -16,7 +16,7 @@ Int32 = npt.NDArray[np.int32]
 Bool = npt.NDArray[np.bool_]
 
 NONE = -1
-ENDING_LANE_COST = 120.0  # [m] of detour a driver accepts rather than stay on a lane until it ends
+AVOIDED_LANE_COST = 120.0  # [m] of detour a driver accepts to avoid a lane that ends or is closed
 LATERAL_ACCELERATION = 2.2  # [m/s2] with which drivers take a bend
 
 
@@ -38,6 +38,9 @@ class LaneGraph(NamedTuple):
         cost: (D, L) [m] to a destination, lane changes counted as detours; infinite when there is no way.
         next_lane: (D, L) the successor that leads to a destination.
         blocked: (L, 2) [m] begin and end of the part closed by road works; infinite when none is.
+        detour: (L,) [m] what drivers accept to avoid the lane.
+        destination: (L,) the destination reached at the lane's end.
+        lane_width: [m].
     """
 
     first: Int32
@@ -60,6 +63,8 @@ class LaneGraph(NamedTuple):
     cost: Float64
     next_lane: Int32
     blocked: Float64
+    detour: Float64
+    destination: Int32
     lane_width: float
 
 
@@ -85,7 +90,8 @@ def make_graph(road_map: RoadMap) -> LaneGraph:
     )
     destination = _destinations(road_map, np.diff(exit_first) == 0)
     ending = np.array([lane.junction != NONE and lane.rank == 0 and not lane.is_intersection for lane in lanes])
-    cost, next_lane = find_routes(length + ENDING_LANE_COST * ending, exit_first, exit_to, left, right, destination)
+    detour = AVOIDED_LANE_COST * ending
+    cost, next_lane = find_routes(length + detour, exit_first, exit_to, left, right, destination)
     return LaneGraph(
         first=first,
         x=points[:, 0].copy(),
@@ -107,8 +113,21 @@ def make_graph(road_map: RoadMap) -> LaneGraph:
         cost=cost,
         next_lane=next_lane,
         blocked=np.full((len(lanes), 2), np.inf),
+        detour=detour,
+        destination=destination,
         lane_width=road_map.road.lane_width,
     )
+
+
+def close_lane(graph: LaneGraph, lane: int, begin: float, end: float) -> LaneGraph:
+    """The graph with a lane closed from ``begin`` to ``end`` [m]: routes lead past it where there is a way."""
+    blocked, detour = graph.blocked.copy(), graph.detour.copy()
+    blocked[lane] = begin, end
+    detour[lane] += AVOIDED_LANE_COST
+    cost, next_lane = find_routes(
+        graph.length + detour, graph.exit_first, graph.exit_to, graph.left, graph.right, graph.destination
+    )
+    return graph._replace(blocked=blocked, detour=detour, cost=cost, next_lane=next_lane)
 
 
 def signal_rows(lanes: list[Lane]) -> tuple[Int32, list[tuple[int, int]]]:

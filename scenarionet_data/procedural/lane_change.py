@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from scenarionet_data.procedural.following import braking_along
+from scenarionet_data.procedural.following import braking_along, room_needed
 from scenarionet_data.procedural.graph import NONE, LaneGraph
 from scenarionet_data.procedural.idm import free_acceleration, interaction, is_worth_changing
 from scenarionet_data.procedural.routes import LANE_CHANGE_COST
@@ -17,6 +17,7 @@ SAFE_BRAKING = 3.0  # [m/s2] a lane change may cost anyone
 THRESHOLD = 0.3  # [m/s2] of advantage worth a lane change
 PATIENCE = 4.0  # [s] between lane changes for advantage
 _CLOSED_AHEAD = 120.0  # [m] at which road works are seen
+STOPPING_ROOM = 6.0  # [m] that drivers keep between their centre and where they have to stop
 _GAP = 2.0  # [m] bumper to bumper, at least
 _HOPS = 3
 
@@ -77,6 +78,8 @@ def _span(graph: LaneGraph, state: State, i: int, lane: int, target: int, s: flo
         behind = graph.right[following] if side > 0.0 else graph.left[following]
         if behind != NONE:
             room = np.inf
+    else:
+        room -= max(0.0, room_needed(graph, state, i, target) + STOPPING_ROOM)
     ahead = graph.blocked[lane, 0] - state.s[i]
     if ahead > 0.0:
         room = min(room, ahead - 2.0)

@@ -44,7 +44,7 @@ class GeneratorOptions:
     min_speed_limit: float = _option(11.1, "Lowest speed limit of a map [m/s].")
     max_speed_limit: float = _option(19.5, "Highest speed limit of a map [m/s].")
     dt: float = _option(0.1, "Time between timesteps [s].")
-    max_steps: int = _option(600, "Timesteps after which a scenario ends when the ego has not arrived.")
+    max_steps: int = _option(900, "Timesteps after which a scenario ends when the ego has not arrived.")
 
     @property
     def weights(self) -> Mapping[str, float]:

@@ -32,7 +32,7 @@ KINDS = (
     Kind("bus", 0.04, (9.0, 10.5), (2.4, 2.5), (3.0, 3.2), (0.9, 1.2)),
 )
 ROOM = 3.0  # [m] bumper to bumper between vehicles at the start, at least
-END_ROOM = 4.0  # [m] free of vehicles' centres at both ends of a lane, at the start
+END_ROOM = 6.0  # [m] free of vehicles' centres at both ends of a lane, at the start
 _TRIES = 20
 
 
@@ -63,8 +63,9 @@ def populate(
 
 
 def _lane_shares(road_map: RoadMap, graph: LaneGraph, options: GeneratorOptions) -> Float64:
-    """(L,) expected number of vehicles on each lane; none in junctions and on very short lanes."""
-    is_open = np.array([lane.junction == NO_JUNCTION for lane in road_map.lanes]) & (graph.length > 3.0 * END_ROOM)
+    """(L,) expected number of vehicles on each lane; none in junctions, tapers and on very short lanes."""
+    is_open = np.array([lane.junction == NO_JUNCTION for lane in road_map.lanes])
+    is_open &= (np.diff(graph.conflict_first) == 0) & (graph.length > 3.0 * END_ROOM)
     with_ego = np.isfinite(graph.cost[0])
     density = options.density / 100.0 * np.where(with_ego, 1.0, options.oncoming)
     shares: Float64 = density * graph.length * is_open

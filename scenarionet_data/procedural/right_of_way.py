@@ -18,6 +18,7 @@ GO, CAUTION, STOP = 1, 2, 3
 _FIRM_BRAKING = 3.0  # [m/s2] with which drivers still stop for a light
 _GAP = 1.5  # [s] left to who has priority
 _CRAWL = 4.0  # [m/s] least speed assumed of who is about to cross
+_STANDING = 0.3  # [m/s]
 _HOPS = 4
 
 
@@ -99,7 +100,12 @@ def _is_in(fleet: Fleet, state: State, places: Places, j: int, lane: int, zone_e
 
 @njit(cache=True)
 def _arrival(graph: LaneGraph, state: State, j: int, lane: int, zone_begin: float) -> float:
-    """Time until vehicle ``j`` is at ``zone_begin`` of ``lane`` [s]; infinite when its route avoids it."""
+    """Time until vehicle ``j`` is at ``zone_begin`` of ``lane`` [s]; infinite when its route avoids it.
+
+    Who stands still without a light to wait for may itself be waiting: it has no priority until it moves.
+    """
+    if state.speed[j] < _STANDING and graph.signal[lane] == NONE:
+        return np.inf
     ahead, where = -state.s[j], state.lane[j]
     for _ in range(_HOPS):
         if where == lane:
