@@ -118,7 +118,7 @@ def _off_lanes(graph: LaneGraph, obstacles: list[Obstacle]) -> list[Obstacle]:
     return [
         obstacle
         for obstacle, gap in zip(obstacles, distance, strict=True)
-        if gap > half + (obstacle.size[1] / 2.0 if obstacle.type == ObjectType.VEHICLE else 0.1)
+        if gap > half + obstacle.size[obstacle.type == ObjectType.VEHICLE] / 2.0  # only a car stands lengthways
     ]
 
 

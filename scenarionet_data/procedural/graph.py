@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from scenarionet_data.procedural.conflicts import find_conflicts
 from scenarionet_data.procedural.path import Float64
-from scenarionet_data.procedural.roadmap import LINE_SPACING, Lane, RoadMap
+from scenarionet_data.procedural.roadmap import Lane, RoadMap
 from scenarionet_data.procedural.routes import find_routes
 
 Int32 = npt.NDArray[np.int32]
@@ -75,7 +75,7 @@ def make_graph(road_map: RoadMap) -> LaneGraph:
     """
     lanes = road_map.lanes
     number = {lane.id: row for row, lane in enumerate(lanes)}
-    samples = [lane.path.sample(LINE_SPACING) for lane in lanes]
+    samples = [lane.samples for lane in lanes]
     first = _offsets([len(points) for points, _ in samples])
     points = np.concatenate([points for points, _ in samples])
     length = np.array([lane.path.length for lane in lanes])

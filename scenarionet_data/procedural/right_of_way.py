@@ -26,16 +26,15 @@ _HOPS = 4
 def update_grant(
     graph: LaneGraph, fleet: Fleet, state: State, places: Places, lights: Int32, t: int, i: int
 ) -> None:
-    """Give vehicle ``i`` the next lane, or take a grant back when its light turns and it can still stop.
+    """Give vehicle ``i`` the next lane that needs a grant, or take a grant back when its light turns and it can still stop.
 
     Args:
         lights: (rows, T) GO, CAUTION or STOP.
     """
-    lane = state.lane[i]
-    following = graph.next_lane[state.destination[i], lane]
-    if following == NONE or not graph.needs_grant[following]:
+    following, distance = _next_to_grant(graph, state, i)
+    if following == NONE:
         return
-    ahead = graph.length[lane] - state.s[i] - fleet.length[i] / 2.0
+    ahead = distance - fleet.length[i] / 2.0
     closed = is_closed(graph, lights, t, following, ahead, state.speed[i])
     if state.granted[i] == following:
         if closed:
@@ -44,6 +43,18 @@ def update_grant(
     reach = state.speed[i] ** 2 / (2.0 * fleet.decel[i]) + 12.0
     if ahead < reach and not closed and _is_free(graph, fleet, state, places, lights, t, i, following, ahead):
         state.granted[i] = following
+
+
+@njit(cache=True)
+def _next_to_grant(graph: LaneGraph, state: State, i: int) -> tuple[int, float]:
+    """The first lane ahead of vehicle ``i`` that it may not simply enter, and the distance to it [m]."""
+    where, ahead = state.lane[i], -state.s[i]
+    for _ in range(_HOPS):
+        ahead += graph.length[where]
+        where = graph.next_lane[state.destination[i], where]
+        if where == NONE or graph.needs_grant[where]:
+            return where, ahead
+    return NONE, np.inf
 
 
 @njit(cache=True)

@@ -8,13 +8,16 @@ that successors and predecessors agree by construction.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
+import numpy as np
 from shapely import Polygon
 
 from scenarionet_data.procedural.path import Float64, Path, Pose
 from scenarionet_data.vocabulary import MapFeatureType
 
 NO_JUNCTION = -1
+LINE_SPACING = 2.0  # [m] between the points of lines and lanes
 
 
 @dataclass(frozen=True)
@@ -50,6 +53,17 @@ class Lane:
     right: str | None = None
     left_boundaries: tuple[str, ...] = ()
     right_boundaries: tuple[str, ...] = ()
+
+    @cached_property
+    def samples(self) -> tuple[Float64, Float64]:
+        """Points (n, 2) [m] and headings (n,) [rad] of the centreline."""
+        return self.path.sample(LINE_SPACING)
+
+    def outline(self, half_width: float) -> Float64:
+        """(2 n, 2) the lane's surface [m]: its right side, then its left side backwards."""
+        points, headings = self.samples
+        left = half_width * np.stack([-np.sin(headings), np.cos(headings)], axis=-1)
+        return np.concatenate([points - left, (points + left)[::-1]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,9 +143,6 @@ class Block:
     def link(self, before: tuple[str, ...], after: tuple[str, ...]) -> None:
         """Every lane of ``before`` leads to every lane of ``after``."""
         self.links += [(first, second) for first in before for second in after]
-
-
-LINE_SPACING = 2.0  # [m] between the points of lines and lanes
 
 
 @dataclass(frozen=True, eq=False)
