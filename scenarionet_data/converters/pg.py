@@ -1,0 +1,210 @@
+"""Procedural generation as a dataset: RAW is a range of seeds, and a seed's scenario is made on the spot.
+
+The generator itself is ``scenarionet_data.procedural``; here its episodes become scenarios.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from scenarionet_data.building import MapBuilder, make_origin, make_tracks
+from scenarionet_data.converters import base
+from scenarionet_data.converters.base import Budgets, Converter, RawItem, Shard
+from scenarionet_data.errors import SourceNotFound
+from scenarionet_data.procedural.construction import boxes
+from scenarionet_data.procedural.generate import Episode, generate
+from scenarionet_data.procedural.options import GeneratorOptions
+from scenarionet_data.procedural.right_of_way import CAUTION, GO, STOP
+from scenarionet_data.procedural.roadmap import Lane, RoadMap
+from scenarionet_data.scenario import (
+    Float64,
+    Lights,
+    MapFeatures,
+    ScenarioDescription,
+    Source,
+    Tracks,
+    make_scenario_id,
+    strings,
+)
+from scenarionet_data.vocabulary import LightState, MapFeatureType, ObjectType, Provenance
+
+BLOCK = 64  # seeds a shard
+HISTORY = 10  # timesteps before the current one, as in Waymo
+_RANGE = re.compile(r"(?:(\d+):)?(\d+)")
+_MAX_SEED = 10**10
+_LIGHT_STATES = {
+    GO: LightState.TRAFFIC_LIGHT_GREEN,
+    CAUTION: LightState.TRAFFIC_LIGHT_YELLOW,
+    STOP: LightState.TRAFFIC_LIGHT_RED,
+}
+
+
+@dataclass(frozen=True)
+class ProceduralOptions(GeneratorOptions, base.Options):
+    """Parameters of maps and traffic."""
+
+
+class Procedural(Converter[int]):
+    """Generated roads and traffic."""
+
+    name: ClassVar[str] = "pg"
+    version: ClassVar[str] = "1"
+    release: ClassVar[str] = "v1"
+    licence: ClassVar[str] = "Apache-2.0 (generated)"
+    raw: ClassVar[str] = "a range of seeds FIRST:END (END excluded), or their number"
+    Options: ClassVar[type[base.Options]] = ProceduralOptions
+    budgets: ClassVar[Budgets] = Budgets(velocity_median=0.02, velocity_p99=0.2, heading_p99=0.02)
+
+    def shards(self, raw: str, split: str, version: str, options: ProceduralOptions) -> Iterator[Shard]:
+        """Blocks of 64 seeds, aligned so that a longer range adds shards and changes only the last one."""
+        options.check()
+        seeds = parse_seeds(raw)
+        for first in range(seeds.start // BLOCK * BLOCK, seeds.stop, BLOCK):
+            block = range(max(first, seeds.start), min(first + BLOCK, seeds.stop))
+            yield Shard(
+                dataset=self.name,
+                version=version,
+                split=split,
+                name=f"seeds-{first:010d}-{first + BLOCK - 1:010d}",
+                root="",
+                items=tuple(RawItem(str(seed), "seed") for seed in block),
+                options=options,
+            )
+
+    def records(self, shard: Shard) -> Iterator[int]:
+        """The seeds."""
+        return (int(item.name) for item in shard.items)
+
+    def scenario(self, shard: Shard, record: int) -> ScenarioDescription:
+        """Generate a seed's scenario."""
+        options = shard.options
+        if not isinstance(options, ProceduralOptions):
+            raise TypeError(f"options of {shard.name}: wanted ProceduralOptions, found {type(options).__name__}")
+        return describe(generate(record, options), record, shard, options.dt)
+
+
+def parse_seeds(raw: str) -> range:
+    """The seeds that RAW asks for.
+
+    Raises:
+        SourceNotFound: It is not a range of seeds, or an empty one.
+
+    Example:
+        >>> parse_seeds("64:200"), parse_seeds("10")
+        (range(64, 200), range(0, 10))
+    """
+    match = _RANGE.fullmatch(str(raw).strip())
+    if match is None:
+        raise SourceNotFound(f"{raw}: not a range of seeds; give FIRST:END such as 0:200, or a number such as 200")
+    seeds = range(int(match[1] or 0), int(match[2]))
+    if not seeds or seeds.stop > _MAX_SEED:
+        raise SourceNotFound(f"{raw}: no seeds between {seeds.start} and {seeds.stop}; END must be larger than FIRST")
+    return seeds
+
+
+def describe(episode: Episode, seed: int, shard: Shard, dt: float) -> ScenarioDescription:
+    """An episode as a scenario."""
+    steps = episode.valid.shape[1]
+    position = np.concatenate([episode.motion[0, :, :2], np.zeros((steps, 1))], axis=1)
+    origin = make_origin(position, episode.valid[0], has_z=False)
+    return ScenarioDescription(
+        id=make_scenario_id(shard.dataset, shard.version, str(seed)),
+        dataset=shard.dataset,
+        version=shard.version,
+        split=shard.split,
+        timestamps=np.arange(steps, dtype=np.float64) * dt,
+        dt=dt,
+        current_timestep=min(HISTORY, steps - 1),
+        ego_id="ego",
+        origin=origin,
+        has_z=False,
+        source=Source(str(seed), str(seed), Procedural.licence, city="pg", crs="pg"),
+        tracks=_tracks(episode, origin),
+        lights=_lights(episode, origin),
+        map=_map_features(episode.road_map, origin),
+        extras={"seed": seed, "blocks": [block.name for block in episode.road_map.blocks]},
+    )
+
+
+def _tracks(episode: Episode, origin: Float64) -> Tracks:
+    """Vehicles first, then what stands still."""
+    moving, steps = episode.valid.shape
+    poses, sizes = boxes(episode.obstacles)
+    standing = np.zeros((len(poses), steps, 4))
+    standing[..., :3] = poses[:, None]
+    motion = np.concatenate([episode.motion, standing])
+    position = np.concatenate([motion[..., :2], np.zeros((*motion.shape[:2], 1))], axis=-1)
+    direction = np.stack([np.cos(motion[..., 2]), np.sin(motion[..., 2])], axis=-1)
+    return make_tracks(
+        ["ego", *(f"v{row}" for row in range(1, moving)), *(f"o{row}" for row in range(len(poses)))],
+        [*[ObjectType.VEHICLE] * moving, *(obstacle.type for obstacle in episode.obstacles)],
+        position,
+        motion[..., 2],
+        motion[..., 3:] * direction,
+        np.concatenate([episode.population.size, sizes]),
+        np.concatenate([episode.valid, np.ones((len(poses), steps), np.bool_)]),
+        origin=origin,
+        source_type=[*episode.population.kinds, *(obstacle.word for obstacle in episode.obstacles)],
+    )
+
+
+def _lights(episode: Episode, origin: Float64) -> Lights:
+    """One light for every lane across an intersection that has lights."""
+    signal = episode.graph.signal
+    controlled = np.flatnonzero(signal >= 0)
+    lanes = episode.road_map.lanes
+    ids = strings(lanes[row].id for row in controlled)
+    starts = [lanes[row].path.start for row in controlled]
+    stop_point = np.array([(pose.x, pose.y, 0.0) for pose in starts], dtype=np.float64).reshape(-1, 3) - origin
+    table = np.zeros(max(_LIGHT_STATES) + 1, dtype=np.uint8)
+    table[list(_LIGHT_STATES)] = list(_LIGHT_STATES.values())
+    return Lights(
+        ids=ids,
+        lane_ids=ids,
+        stop_point=stop_point.astype(np.float32),
+        state=table[episode.lights[signal[controlled]]],
+        is_lane_in_map=np.ones(len(ids), dtype=np.bool_),
+        provenance=np.full(len(ids), Provenance.OBSERVED, dtype=np.uint8),
+    )
+
+
+def _map_features(road_map: RoadMap, origin: Float64) -> MapFeatures:
+    """Lanes, lines and areas, block by block."""
+    builder = MapBuilder()
+    entries: dict[str, list[str]] = {}
+    exits: dict[str, list[str]] = {}
+    for before, after in road_map.links:
+        exits.setdefault(before, []).append(after)
+        entries.setdefault(after, []).append(before)
+    for block in road_map.blocks:
+        for lane in block.lanes:
+            _add_lane(builder, lane, road_map, entries.get(lane.id, []), exits.get(lane.id, []))
+        for line in block.lines:
+            builder.add(line.id, line.type, polyline=line.points, controlled_lanes=line.controlled_lanes)
+        for area in block.areas:
+            builder.add(area.id, area.type, polygon=area.outline, controlled_lanes=area.controlled_lanes)
+    return builder.build(origin, has_z=False)
+
+
+def _add_lane(builder: MapBuilder, lane: Lane, road_map: RoadMap, entries: list[str], exits: list[str]) -> None:
+    half = road_map.road.lane_width / 2.0
+    builder.add(
+        lane.id,
+        MapFeatureType.LANE_SURFACE_STREET,
+        polyline=lane.samples[0],
+        polygon=lane.outline(half),
+        speed_limit=road_map.road.speed_limit,
+        width=(half, half),
+        entry_lanes=entries,
+        exit_lanes=exits,
+        left_neighbors=[lane.left] if lane.left else [],
+        right_neighbors=[lane.right] if lane.right else [],
+        left_boundaries=lane.left_boundaries,
+        right_boundaries=lane.right_boundaries,
+        is_intersection=lane.is_intersection,
+    )

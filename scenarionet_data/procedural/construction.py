@@ -1,0 +1,153 @@
+"""Road works and breakdowns: cones and barriers that close part of a lane, or stand on the shoulder."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenarionet_data.procedural.graph import NONE, LaneGraph, close_lane
+from scenarionet_data.procedural.path import Float64
+from scenarionet_data.procedural.roadmap import NO_JUNCTION, Lane, RoadMap
+from scenarionet_data.procedural.routes import LANE_CHANGE_COST
+from scenarionet_data.vocabulary import ObjectType
+
+CONE = (0.35, 0.35, 0.7)  # [m] length, width, height
+BARRIER = (1.6, 0.4, 1.0)
+BROKEN_CAR = (4.6, 1.85, 1.5)
+TAPER = 12.0  # [m] over which cones close the lane
+WORKS = 12.0  # [m] behind the taper
+APPROACH = 30.0  # [m] of lane ahead of a closure, to see it and change lanes
+_CONES = 5
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """Something that stands still: its type, place, heading [rad] and size [m]."""
+
+    type: ObjectType
+    word: str
+    x: float
+    y: float
+    heading: float
+    size: tuple[float, float, float]
+
+
+def place_construction(
+    road_map: RoadMap, graph: LaneGraph, probability: float, rng: np.random.Generator
+) -> tuple[LaneGraph, list[Obstacle]]:
+    """Draw whether there are road works, and put them on one of the outermost lanes of the ego's roads.
+
+    With a lane beside it that goes on, the lane is closed for that stretch; otherwise the works stand on the
+    shoulder.
+
+    Returns:
+        The graph with the closed lane, and what stands on the road.
+    """
+    if rng.random() >= probability:
+        return graph, []
+    candidates = _candidates(road_map, graph)
+    if not candidates:
+        return graph, []
+    number = int(rng.choice(candidates))
+    lane, width = road_map.lanes[number], road_map.road.lane_width
+    begin = float(rng.uniform(0.5, 1.0)) * (graph.length[number] - TAPER - WORKS)
+    is_breakdown = bool(rng.random() < 0.4)
+    if graph.left[number] != NONE and begin > APPROACH and _goes_on(road_map, graph, number):
+        closed = close_lane(graph, number, begin - 2.0, begin + TAPER + WORKS)
+        return closed, _close_lane(lane, begin, width, is_breakdown)
+    return graph, _off_lanes(graph, _on_shoulder(lane, begin, width, is_breakdown))
+
+
+def _candidates(road_map: RoadMap, graph: LaneGraph) -> list[int]:
+    """Outermost lanes outside junctions, long enough, on which the ego's destination can be reached.
+
+    Where the ego starts, there is no room to change lanes before road works.
+    """
+    return [
+        number
+        for number, lane in enumerate(road_map.lanes)
+        if lane.junction == NO_JUNCTION
+        and graph.right[number] == NONE
+        and graph.length[number] > TAPER + WORKS + 3.0
+        and np.isfinite(graph.cost[0, number])
+        and graph.conflict_first[number] == graph.conflict_first[number + 1]
+        and lane.id not in road_map.start
+    ]
+
+
+def _goes_on(road_map: RoadMap, graph: LaneGraph, number: int) -> bool:
+    """Whether the road goes on outside junctions, and the ego need not be on this very lane."""
+    exits = graph.exit_to[graph.exit_first[number] : graph.exit_first[number + 1]]
+    is_plain = all(road_map.lanes[after].junction == NO_JUNCTION for after in exits)
+    return is_plain and abs(graph.cost[0, number] - graph.cost[0, graph.left[number]]) < LANE_CHANGE_COST / 2.0
+
+
+def _close_lane(lane: Lane, begin: float, width: float, is_breakdown: bool) -> list[Obstacle]:
+    """A taper of cones from the edge across the lane, then barriers and cones, or a car, in the closed part."""
+    edge = 0.5 * width - 0.45
+    obstacles = []
+    for k in range(_CONES):
+        share = k / (_CONES - 1)
+        obstacles.append(_cone(lane, begin + share * TAPER, -edge + share * 2.0 * edge))
+    for k in range(1, _CONES):
+        obstacles.append(_cone(lane, begin + TAPER + k * WORKS / _CONES, edge))
+    for left in (-0.85, 0.85):
+        obstacles.append(_barrier(lane, begin + TAPER + 0.5, left))
+    if is_breakdown:
+        obstacles.append(_broken_car(lane, begin + TAPER + WORKS - 4.0, 0.0))
+    return obstacles
+
+
+def _on_shoulder(lane: Lane, begin: float, width: float, is_breakdown: bool) -> list[Obstacle]:
+    """Cones along the edge and barriers beyond it."""
+    beyond = -0.5 * width
+    obstacles = [_cone(lane, begin + k * (TAPER + WORKS) / _CONES, beyond - 0.25) for k in range(_CONES)]
+    if is_breakdown:
+        obstacles.append(_broken_car(lane, begin + TAPER, beyond - 1.5))
+        return obstacles
+    return [*obstacles, _barrier(lane, begin + TAPER, beyond - 1.3)]
+
+
+def _off_lanes(graph: LaneGraph, obstacles: list[Obstacle]) -> list[Obstacle]:
+    """The obstacles that do not stand on any lane, for example on a ramp beside the road."""
+    places = np.array([(obstacle.x, obstacle.y) for obstacle in obstacles])
+    distance = np.hypot(graph.x[:, None] - places[:, 0], graph.y[:, None] - places[:, 1]).min(axis=0)
+    half = graph.lane_width / 2.0
+    return [
+        obstacle
+        for obstacle, gap in zip(obstacles, distance, strict=True)
+        if gap > half + obstacle.size[obstacle.type == ObjectType.VEHICLE] / 2.0  # only a car stands lengthways
+    ]
+
+
+def _cone(lane: Lane, s: float, left: float) -> Obstacle:
+    return _stand(lane, s, left, ObjectType.TRAFFIC_CONE, "cone", CONE, 0.0)
+
+
+def _barrier(lane: Lane, s: float, left: float) -> Obstacle:
+    return _stand(lane, s, left, ObjectType.TRAFFIC_BARRIER, "barrier", BARRIER, math.pi / 2.0)
+
+
+def _broken_car(lane: Lane, s: float, left: float) -> Obstacle:
+    return _stand(lane, s, left, ObjectType.VEHICLE, "broken-down car", BROKEN_CAR, 0.0)
+
+
+def _stand(
+    lane: Lane,
+    s: float,
+    left: float,
+    kind: ObjectType,
+    word: str,
+    size: tuple[float, float, float],
+    turn: float,
+) -> Obstacle:
+    pose = lane.path.pose_at(s).moved(0.0, left, turn)
+    return Obstacle(kind, word, pose.x, pose.y, pose.heading, size)
+
+
+def boxes(obstacles: list[Obstacle]) -> tuple[Float64, Float64]:
+    """(N, 3) x, y, heading and (N, 3) size of obstacles."""
+    poses = np.array([(o.x, o.y, o.heading) for o in obstacles], dtype=np.float64).reshape(-1, 3)
+    return poses, np.array([o.size for o in obstacles], dtype=np.float64).reshape(-1, 3)

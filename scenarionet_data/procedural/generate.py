@@ -1,0 +1,57 @@
+"""One seed to one episode: a map, its traffic over time, lights and road works. No scenario types here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.procedural.assemble import make_map
+from scenarionet_data.procedural.construction import Obstacle, place_construction
+from scenarionet_data.procedural.drive import drive
+from scenarionet_data.procedural.graph import LaneGraph, make_graph, signal_rows
+from scenarionet_data.procedural.options import GeneratorOptions
+from scenarionet_data.procedural.path import Float64
+from scenarionet_data.procedural.population import Population, populate
+from scenarionet_data.procedural.roadmap import RoadMap
+from scenarionet_data.procedural.signals import make_lights
+
+
+@dataclass(frozen=True, eq=False)
+class Episode:
+    """What happened.
+
+    Attributes:
+        road_map: The map.
+        graph: Its lanes as arrays, numbered as in ``road_map.lanes``.
+        population: The vehicles, the ego first.
+        motion: (N, T, 4) x, y [m], heading [rad], speed [m/s].
+        valid: (N, T).
+        lights: (rows, T) states of the lights, see ``right_of_way``.
+        obstacles: What stands still.
+    """
+
+    road_map: RoadMap
+    graph: LaneGraph
+    population: Population
+    motion: Float64
+    valid: npt.NDArray[np.bool_]
+    lights: npt.NDArray[np.int32]
+    obstacles: list[Obstacle]
+
+
+def generate(seed: int, options: GeneratorOptions) -> Episode:
+    """The episode of a seed: the same bits wherever and whenever it is generated."""
+    rng = np.random.Generator(np.random.PCG64(seed))
+    road_map = make_map(options, rng)
+    graph = make_graph(road_map)
+    graph, obstacles = place_construction(road_map, graph, options.construction, rng)
+    population = populate(road_map, graph, options, rng)
+    _, rows = signal_rows(road_map.lanes)
+    lights = make_lights(rows, options.max_steps, options.dt, rng)
+    count = len(population.kinds)
+    motion = np.zeros((count, options.max_steps, 4))
+    valid = np.zeros((count, options.max_steps), dtype=np.bool_)
+    steps = drive(graph, population.fleet, population.state, lights, options.dt, motion, valid)
+    return Episode(road_map, graph, population, motion[:, :steps], valid[:, :steps], lights[:, :steps], obstacles)

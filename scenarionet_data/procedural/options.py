@@ -1,0 +1,85 @@
+"""What the procedural generator can be told, with the defaults that reproduce the statistics of ScenarioNet's PG row."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from scenarionet_data.errors import BadParameter
+
+BLOCK_NAMES = (
+    "straight",
+    "curve",
+    "intersection",
+    "t_intersection",
+    "roundabout",
+    "on_ramp",
+    "off_ramp",
+    "fork",
+    "merge",
+)
+
+
+def _option(default: Any, doc: str) -> Any:
+    return field(default=default, metadata={"doc": doc})
+
+
+@dataclass(frozen=True)
+class GeneratorOptions:
+    """Parameters of maps and traffic; together with a seed they determine a scenario."""
+
+    num_blocks: int = _option(2, "Road blocks after the straight road the ego starts on.")
+    blocks: str = _option(
+        "straight=2 curve=4 intersection=1 t_intersection=1 roundabout=1 on_ramp=2 off_ramp=2 fork=2 merge=2",
+        "How often each kind of block is drawn, as name=weight; kinds left out are never drawn.",
+    )
+    density: float = _option(1.5, "Vehicles per 100 m of lane; the paper's text says 15, its database 1.5.")
+    oncoming: float = _option(0.5, "Share of the density on lanes that lead against the ego's direction.")
+    construction: float = _option(0.39, "Probability of road works or a breakdown with cones and barriers.")
+    lights: float = _option(0.7, "Probability that an intersection has traffic lights.")
+    min_lanes: int = _option(1, "Fewest lanes per direction.")
+    max_lanes: int = _option(3, "Most lanes per direction.")
+    lane_width: float = _option(3.5, "Width of a lane [m].")
+    min_speed_limit: float = _option(11.1, "Lowest speed limit of a map [m/s].")
+    max_speed_limit: float = _option(19.5, "Highest speed limit of a map [m/s].")
+    dt: float = _option(0.1, "Time between timesteps [s].")
+    max_steps: int = _option(900, "Timesteps after which a scenario ends when the ego has not arrived.")
+
+    @property
+    def weights(self) -> Mapping[str, float]:
+        """Weight of each kind of block.
+
+        Raises:
+            BadParameter: ``blocks`` is not a list of name=weight with a positive sum.
+        """
+        weights = dict.fromkeys(BLOCK_NAMES, 0.0)
+        for word in self.blocks.replace(",", " ").split():
+            name, _, text = word.partition("=")
+            if name not in weights or not text.replace(".", "", 1).isdigit():
+                raise BadParameter(f"blocks: {word!r}; wanted name=weight with a name of {', '.join(BLOCK_NAMES)}")
+            weights[name] = float(text)
+        if sum(weights.values()) <= 0.0:
+            raise BadParameter(f"blocks: {self.blocks!r} draws nothing; give at least one kind a weight above 0")
+        return weights
+
+    def check(self) -> None:
+        """Raise BadParameter at the first value outside its range."""
+        _ = self.weights
+        ranges = {
+            "num_blocks": (0, 20),
+            "density": (0.0, 20.0),
+            "oncoming": (0.0, 10.0),
+            "construction": (0.0, 1.0),
+            "lights": (0.0, 1.0),
+            "min_lanes": (1, self.max_lanes),
+            "max_lanes": (self.min_lanes, 6),
+            "lane_width": (2.8, 5.0),
+            "min_speed_limit": (3.0, self.max_speed_limit),
+            "max_speed_limit": (self.min_speed_limit, 40.0),
+            "dt": (0.01, 0.2),
+            "max_steps": (2, 100_000),
+        }
+        for name, (low, high) in ranges.items():
+            if not low <= getattr(self, name) <= high:
+                raise BadParameter(f"{name}: {getattr(self, name)}; wanted {low} to {high}")

@@ -1,0 +1,142 @@
+"""Paths of straight pieces and circular arcs: what every lane, line and edge of a generated road is made of.
+
+A path starts at a pose and goes through pieces of constant curvature, so headings are continuous, offsets to
+the side are exact (an arc's offset is an arc), and samples lie on the true curve.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+Float64 = npt.NDArray[np.float64]
+Pieces = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A point x, y [m] and a heading [rad] in the map frame."""
+
+    x: float
+    y: float
+    heading: float
+
+    def moved(self, ahead: float, left: float, turn: float = 0.0) -> Pose:
+        """The pose ``ahead`` and ``left`` of this one [m], turned by ``turn`` [rad]."""
+        cos, sin = math.cos(self.heading), math.sin(self.heading)
+        return Pose(self.x + ahead * cos - left * sin, self.y + ahead * sin + left * cos, self.heading + turn)
+
+
+@dataclass(frozen=True)
+class Path:
+    """A start pose and pieces (length [m], curvature [1/m], positive to the left)."""
+
+    start: Pose
+    pieces: Pieces
+
+    @cached_property
+    def length(self) -> float:
+        """Arc length [m]."""
+        return sum(length for length, _ in self.pieces)
+
+    @cached_property
+    def end(self) -> Pose:
+        """Pose at the end."""
+        return self.pose_at(self.length)
+
+    def pose_at(self, s: float) -> Pose:
+        """Pose after ``s`` metres."""
+        x, y, heading = self.start.x, self.start.y, self.start.heading
+        for length, curvature in self.pieces:
+            x, y, heading = _advance(x, y, heading, min(s, length), curvature)
+            s -= min(s, length)
+        return Pose(x, y, heading)
+
+    @property
+    def max_curvature(self) -> float:
+        """Largest absolute curvature [1/m]."""
+        return max(abs(curvature) for _, curvature in self.pieces)
+
+    def offset(self, left: float) -> Path:
+        """The parallel path ``left`` metres to the left (negative: right)."""
+        pieces = tuple((length * (1.0 - k * left), k / (1.0 - k * left)) for length, k in self.pieces)
+        return Path(self.start.moved(0.0, left), pieces)
+
+    def reversed(self) -> Path:
+        """The same curve in the other direction."""
+        pieces = tuple((length, -curvature) for length, curvature in reversed(self.pieces))
+        return Path(self.end.moved(0.0, 0.0, math.pi), pieces)
+
+    def then(self, *pieces: tuple[float, float]) -> Path:
+        """This path, continued."""
+        return Path(self.start, self.pieces + pieces)
+
+    def sample(self, spacing: float) -> tuple[Float64, Float64]:
+        """Points (n, 2) [m] and headings (n,) [rad], equally spaced by at most ``spacing``, ends included."""
+        count = max(2, math.ceil(self.length / spacing - 1e-9) + 1)
+        start = np.array([self.start.x, self.start.y, self.start.heading])
+        samples = _trace(start, np.array(self.pieces, dtype=np.float64), count)
+        return samples[:, :2], samples[:, 2]
+
+
+def bend(turn: float, radius: float) -> tuple[float, float]:
+    """The piece that turns by ``turn`` [rad] (positive to the left) on a circle of ``radius`` [m]."""
+    return radius * abs(turn), math.copysign(1.0 / radius, turn)
+
+
+def shift(ahead: float, left: float) -> Pieces:
+    """Two opposite arcs that move a path ``left`` metres sideways over ``ahead`` metres, same heading."""
+    turn = 2.0 * math.atan2(abs(left), ahead)
+    radius = ahead / (2.0 * math.sin(turn))
+    first = bend(math.copysign(turn, left), radius)
+    return first, (first[0], -first[1])
+
+
+def connect(start: Pose, end: Pose, lead: float) -> Path:
+    """Straight, arc, straight from one pose to another; the straight parts are at least ``lead`` long.
+
+    The poses' lines must meet ahead of ``start`` and behind ``end``, or both be the same line.
+    """
+    dx, dy = end.x - start.x, end.y - start.y
+    turn = math.remainder(end.heading - start.heading, 2.0 * math.pi)
+    if abs(turn) < 1e-9:
+        return Path(start, ((math.hypot(dx, dy), 0.0),))
+    sin = math.sin(turn)
+    before = (dx * math.sin(end.heading) - dy * math.cos(end.heading)) / sin
+    after = (dy * math.cos(start.heading) - dx * math.sin(start.heading)) / sin
+    tangent = min(before, after) - lead
+    arc = bend(turn, tangent / math.tan(abs(turn) / 2.0))
+    pieces = ((before - tangent, 0.0), arc, (after - tangent, 0.0))
+    return Path(start, tuple(piece for piece in pieces if piece[0] > 1e-9))
+
+
+@njit(cache=True)
+def _advance(x: float, y: float, heading: float, length: float, curvature: float) -> tuple[float, float, float]:
+    """Pose after ``length`` on a circle, or straight on."""
+    turn = curvature * length
+    half = 0.5 * turn
+    chord = length if abs(half) < 1e-9 else length * math.sin(half) / half
+    return x + chord * math.cos(heading + half), y + chord * math.sin(heading + half), heading + turn
+
+
+@njit(cache=True)
+def _trace(start: Float64, pieces: Float64, count: int) -> Float64:
+    """(count, 3) x, y, heading at equal arc lengths along ``pieces`` (k, 2)."""
+    samples = np.empty((count, 3))
+    step = pieces[:, 0].sum() / (count - 1)
+    x, y, heading = start[0], start[1], start[2]
+    piece, done = 0, 0.0
+    for row in range(count):
+        ahead = row * step - done
+        while piece < len(pieces) - 1 and ahead > pieces[piece, 0]:
+            x, y, heading = _advance(x, y, heading, pieces[piece, 0], pieces[piece, 1])
+            done += pieces[piece, 0]
+            ahead = row * step - done
+            piece += 1
+        samples[row] = _advance(x, y, heading, ahead, pieces[piece, 1])
+    return samples

@@ -1,0 +1,172 @@
+"""What a generated map is made of, before it becomes map features: lanes, lines, areas and who follows whom.
+
+Right-hand traffic. A road has a reference line between its two directions; forward lanes lie on its right,
+numbered from the reference line outwards, backward lanes on its left. Links are kept once, as pairs, so
+that successors and predecessors agree by construction.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from shapely import Polygon
+
+from scenarionet_data.procedural.path import Float64, Path, Pose
+from scenarionet_data.vocabulary import MapFeatureType
+
+NO_JUNCTION = -1
+LINE_SPACING = 2.0  # [m] between the points of lines and lanes
+
+
+@dataclass(frozen=True)
+class Road:
+    """What all roads of one map share: lane width [m] and speed limit [m/s]."""
+
+    lane_width: float
+    speed_limit: float
+
+
+@dataclass(eq=False)
+class Lane:
+    """One lane.
+
+    Attributes:
+        id: Unique in the map.
+        path: Centreline in driving direction.
+        junction: Lanes that may conflict share this number; -1 outside junctions and merges.
+        rank: Who goes first in a junction: the higher rank.
+        axis: Which of a junction's two light phases the lane belongs to; -1 without a light.
+        is_intersection: Whether it lies in an intersection or roundabout.
+        left, right: Ids of the lanes beside it in the same direction.
+        left_boundaries, right_boundaries: Ids of the lines that bound it.
+    """
+
+    id: str
+    path: Path
+    junction: int = NO_JUNCTION
+    rank: int = 0
+    axis: int = -1
+    is_intersection: bool = False
+    left: str | None = None
+    right: str | None = None
+    left_boundaries: tuple[str, ...] = ()
+    right_boundaries: tuple[str, ...] = ()
+
+    @cached_property
+    def samples(self) -> tuple[Float64, Float64]:
+        """Points (n, 2) [m] and headings (n,) [rad] of the centreline."""
+        return self.path.sample(LINE_SPACING)
+
+    def outline(self, half_width: float) -> Float64:
+        """(2 n, 2) the lane's surface [m]: its right side, then its left side backwards."""
+        points, headings = self.samples
+        left = half_width * np.stack([-np.sin(headings), np.cos(headings)], axis=-1)
+        return np.concatenate([points - left, (points + left)[::-1]])
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """A painted line, an edge or a stop line: a polyline (n, 2) [m], and the lanes it controls."""
+
+    id: str
+    type: MapFeatureType
+    points: Float64
+    controlled_lanes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Area:
+    """A crosswalk or the inside of an intersection: an outline (n, 2) [m]."""
+
+    id: str
+    type: MapFeatureType
+    outline: Float64
+    controlled_lanes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Socket:
+    """An open end of a road.
+
+    Attributes:
+        pose: On the reference line, heading out of the map built so far.
+        forward: Per lane that leaves the map here: ids of the lanes that end at it.
+        backward: Per lane that enters the map here: ids of the lanes that start at it.
+    """
+
+    pose: Pose
+    forward: tuple[tuple[str, ...], ...]
+    backward: tuple[tuple[str, ...], ...]
+
+
+@dataclass(eq=False)
+class Block:
+    """A piece of map: what one road block adds.
+
+    Attributes:
+        name: The kind of block, for example ``"curve"``.
+        index: Its place in the map, unique; prefixes the ids.
+        road: Lane width and speed limit.
+        links: (lane, its successor).
+        footprint: Polygons of the road surface, to keep blocks apart.
+        exit: Where the next block goes.
+    """
+
+    name: str
+    index: int
+    road: Road
+    lanes: list[Lane] = field(default_factory=list)
+    lines: list[Line] = field(default_factory=list)
+    areas: list[Area] = field(default_factory=list)
+    links: list[tuple[str, str]] = field(default_factory=list)
+    footprint: list[Polygon] = field(default_factory=list)
+    exit: Socket | None = None
+
+    def add_lane(self, tag: str, path: Path, **attributes: object) -> Lane:
+        """Add a lane under an id made of the block's index and ``tag``."""
+        lane = Lane(f"{self.index}.{tag}", path, **attributes)  # type: ignore[arg-type]
+        self.lanes.append(lane)
+        return lane
+
+    def add_line(self, tag: str, kind: MapFeatureType, path: Path | Float64, lanes: tuple[str, ...] = ()) -> str:
+        """Add a line along a path or through points; returns its id."""
+        points = path.sample(LINE_SPACING)[0] if isinstance(path, Path) else path
+        self.lines.append(Line(f"{self.index}.{tag}", kind, points, lanes))
+        return self.lines[-1].id
+
+    def add_area(self, tag: str, kind: MapFeatureType, outline: Float64, lanes: tuple[str, ...] = ()) -> None:
+        """Add a polygon."""
+        self.areas.append(Area(f"{self.index}.{tag}", kind, outline, lanes))
+
+    def link(self, before: tuple[str, ...], after: tuple[str, ...]) -> None:
+        """Every lane of ``before`` leads to every lane of ``after``."""
+        self.links += [(first, second) for first in before for second in after]
+
+
+@dataclass(frozen=True, eq=False)
+class RoadMap:
+    """A finished map.
+
+    Attributes:
+        road: Lane width and speed limit.
+        blocks: In order; the first is the straight road the ego starts on.
+        start: Ids of the lanes where the ego may start, from left to right.
+        goal: Ids of the lanes at whose end the ego arrives.
+    """
+
+    road: Road
+    blocks: tuple[Block, ...]
+    start: tuple[str, ...]
+    goal: tuple[str, ...]
+
+    @property
+    def lanes(self) -> list[Lane]:
+        """Every lane, in order."""
+        return [lane for block in self.blocks for lane in block.lanes]
+
+    @property
+    def links(self) -> list[tuple[str, str]]:
+        """Every (lane, successor)."""
+        return [link for block in self.blocks for link in block.links]

@@ -1,0 +1,169 @@
+"""Roundabouts: a ring with one lane per lane of the roads, entered by giving way, left at any of four arms.
+
+Traffic circulates counter-clockwise. Entries and exits are arcs tangent to the ring and to their road.
+Arms are numbered as in ``intersection``.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from shapely import Polygon
+
+from scenarionet_data.procedural.path import Float64, Path, Pose, bend
+from scenarionet_data.procedural.roadmap import LINE_SPACING, Block, Lane, Socket
+from scenarionet_data.procedural.sections import EDGE, SEPARATOR, add_road
+from scenarionet_data.vocabulary import MapFeatureType
+
+ENTRY_RADIUS = 12.0  # [m] of the arcs that lead into and out of the ring
+
+
+@dataclass(frozen=True)
+class Ring:
+    """The circulating lanes: centre, the radius [m] of each lane from the innermost, lane width [m]."""
+
+    x: float
+    y: float
+    radii: tuple[float, ...]
+    lane_width: float
+
+    def angle(self, i: int) -> float:
+        """How far beyond its arm's direction an entry from lane ``i`` touches the ring [rad]."""
+        return math.asin(((i + 0.5) * self.lane_width + ENTRY_RADIUS) / (self.radii[i] + ENTRY_RADIUS))
+
+    def pose(self, i: int, angle: float) -> Pose:
+        """Where ring lane ``i`` runs in the direction ``angle`` from the centre [rad]."""
+        radius = self.radii[i]
+        return Pose(self.x + radius * math.cos(angle), self.y + radius * math.sin(angle), angle + math.pi / 2.0)
+
+    def reach(self, i: int) -> float:
+        """Distance from the centre at which the entry from lane ``i`` starts to turn [m]."""
+        return (self.radii[i] + ENTRY_RADIUS) * math.cos(self.angle(i))
+
+
+def roundabout(block: Block, socket: Socket, rng: np.random.Generator) -> None:
+    """Four roads meet at a ring; the ego leaves by any of the other three."""
+    count = len(socket.forward)
+    approach = add_road(block, "a", socket, ((rng.uniform(15.0, 30.0), 0.0),))
+    inner = rng.uniform(14.0, 19.0)
+    radii = tuple(inner + k * block.road.lane_width for k in range(count))
+    ring = Ring(0.0, 0.0, radii, block.road.lane_width)
+    distance = max(map(ring.reach, range(count))) + 2.0
+    centre = approach.pose.moved(distance, 0.0, math.pi)
+    ring = Ring(centre.x, centre.y, radii, block.road.lane_width)
+    arms = [Pose(centre.x, centre.y, centre.heading + arm * math.pi / 2.0) for arm in range(4)]
+    leave = int(rng.integers(1, 4))
+    for number, arm in enumerate(arms):
+        entries, exits = _add_connections(block, ring, number, arm, distance)
+        if number == 0:
+            _join(block, approach, entries, exits)
+        else:
+            opening = Socket(arm.moved(distance, 0.0), _ids(exits), _ids(entries))
+            end = add_road(block, f"arm{number}", opening, ((rng.uniform(25.0, 40.0), 0.0),))
+            block.exit = end if number == leave else block.exit
+    _add_ring(block, ring, arms)
+    _add_edges(block, ring, arms, distance)
+
+
+def _ids(lanes: list[Lane]) -> tuple[tuple[str, ...], ...]:
+    return tuple((lane.id,) for lane in lanes)
+
+
+def _join(block: Block, approach: Socket, entries: list[Lane], exits: list[Lane]) -> None:
+    """Link the ego's road to the ring."""
+    for before, lane in zip(approach.forward, entries, strict=True):
+        block.link(before, (lane.id,))
+    for lane, after in zip(exits, approach.backward, strict=True):
+        block.link((lane.id,), after)
+
+
+def _add_connections(
+    block: Block, ring: Ring, number: int, arm: Pose, distance: float
+) -> tuple[list[Lane], list[Lane]]:
+    """An arm's entries and exits: lane ``i`` of the road, counted from its middle, to ring lane ``i``."""
+    entries, exits = [], []
+    for i in range(len(ring.radii)):
+        inwards, outwards = _entry(ring, arm, i, distance), _exit(ring, arm, i, distance)
+        entries.append(
+            block.add_lane(f"in{number}{i}", inwards, junction=block.index, rank=0, is_intersection=True)
+        )
+        exits.append(
+            block.add_lane(f"out{number}{i}", outwards, junction=block.index, rank=1, is_intersection=True)
+        )
+    return entries, exits
+
+
+def _entry(ring: Ring, arm: Pose, i: int, distance: float) -> Path:
+    start = arm.moved(distance, (i + 0.5) * ring.lane_width, math.pi)
+    return Path(start, ((distance - ring.reach(i), 0.0), bend(ring.angle(i) - math.pi / 2.0, ENTRY_RADIUS)))
+
+
+def _exit(ring: Ring, arm: Pose, i: int, distance: float) -> Path:
+    start = ring.pose(i, arm.heading - ring.angle(i))
+    return Path(start, (bend(ring.angle(i) - math.pi / 2.0, ENTRY_RADIUS), (distance - ring.reach(i), 0.0)))
+
+
+def _add_ring(block: Block, ring: Ring, arms: list[Pose]) -> None:
+    """The circulating lanes, cut where entries and exits touch them, and the lines between them."""
+    prefix = block.index
+    for k, radius in enumerate(ring.radii):
+        angle = ring.angle(k)
+        for number, arm in enumerate(arms):
+            following = (number + 1) % 4
+            past = Path(ring.pose(k, arm.heading - angle), (bend(2.0 * angle, radius),))
+            on = Path(past.end, (bend(math.pi / 2.0 - 2.0 * angle, radius),))
+            for tag, path in (("past", past), ("on", on)):
+                block.add_lane(f"{tag}{number}{k}", path, junction=block.index, rank=2, is_intersection=True)
+            onward = (f"{prefix}.on{number}{k}",)
+            block.link((f"{prefix}.past{number}{k}", f"{prefix}.in{number}{k}"), onward)
+            block.link(onward, (f"{prefix}.past{following}{k}", f"{prefix}.out{following}{k}"))
+
+
+def _add_edges(block: Block, ring: Ring, arms: list[Pose], distance: float) -> None:
+    """The island, the circles between ring lanes, the outer edges and the splitter islands."""
+    half, outermost = ring.lane_width / 2.0, len(ring.radii) - 1
+    start = ring.pose(0, 0.0)
+    circle = Path(start, (bend(2.0 * math.pi, ring.radii[0]),))
+    circles = [block.add_line("island", EDGE, circle.offset(half))]
+    for k in range(1, len(ring.radii)):
+        circles.append(block.add_line(f"circle{k}", SEPARATOR, circle.offset(half - k * ring.lane_width)))
+    outline = []
+    for number, arm in enumerate(arms):
+        following = arms[(number + 1) % 4]
+        around = bend(math.pi / 2.0 - 2.0 * ring.angle(outermost), ring.radii[outermost])
+        pieces = _entry(ring, arm, outermost, distance).then(around, *_exit(ring, following, outermost, distance).pieces)
+        edge = pieces.offset(-half)
+        outline.append(edge.sample(LINE_SPACING)[0])
+        block.add_line(f"edge{number}", EDGE, outline[-1])
+        block.add_line(f"splitter{number}", MapFeatureType.ROAD_EDGE_MEDIAN, _splitter(ring, arm, distance))
+    _bound_lanes(block, circles, outermost)
+    shape = np.concatenate(outline)
+    block.add_area("box", MapFeatureType.INTERSECTION, shape)
+    block.footprint.append(Polygon(shape))
+
+
+def _splitter(ring: Ring, arm: Pose, distance: float) -> Float64:
+    """The outline between an arm's entry and exit, as far as the ring."""
+    half = ring.lane_width / 2.0
+    sides = []
+    for path in (_entry(ring, arm, 0, distance), _exit(ring, arm, 0, distance)):
+        points = path.offset(half).sample(1.0)[0]
+        outside = np.hypot(points[:, 0] - ring.x, points[:, 1] - ring.y) > ring.radii[-1] + half + 0.1
+        sides.append(points[outside])
+    return np.concatenate([*sides, sides[0][:1]])
+
+
+def _bound_lanes(block: Block, circles: list[str], outermost: int) -> None:
+    """Name the lines beside the ring's lanes and connections."""
+    for lane in block.lanes:
+        tag, number, k = lane.id.split(".")[1][:-2], lane.id[-2], lane.id[-1]
+        if tag in ("past", "on"):
+            lane.left_boundaries = (circles[int(k)],)
+            inside = int(k) < outermost
+            lane.right_boundaries = (circles[int(k) + 1],) if inside else ()
+        if int(k) == outermost and tag in ("on", "in"):
+            lane.right_boundaries = (f"{block.index}.edge{number}",)
+        if int(k) == outermost and tag == "out":
+            lane.right_boundaries = (f"{block.index}.edge{(int(number) - 1) % 4}",)

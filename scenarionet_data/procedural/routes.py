@@ -1,0 +1,50 @@
+"""Ways through the lane graph: for every lane and destination how far it is, and which successor to take."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from scenarionet_data.procedural.path import Float64
+
+Int32 = npt.NDArray[np.int32]
+
+LANE_CHANGE_COST = 80.0  # [m] of detour a driver accepts rather than change lanes
+
+
+@njit(cache=True)
+def find_routes(
+    length: Float64, exit_first: Int32, exit_to: Int32, left: Int32, right: Int32, destination: Int32
+) -> tuple[Float64, Int32]:
+    """Bellman-Ford from every destination backwards.
+
+    Args:
+        length: (L,) [m], with what a lane costs beyond its length.
+        exit_first, exit_to, left, right: As in ``LaneGraph``.
+        destination: (L,) the destination reached at the lane's end, -1 for none.
+
+    Returns:
+        cost (D, L) [m] and next_lane (D, L), -1 where the destination cannot be reached by driving on.
+    """
+    lanes, count = len(length), destination.max() + 1
+    cost = np.full((count, lanes), np.inf)
+    next_lane = np.full((count, lanes), -1, dtype=np.int32)
+    for goal in range(count):
+        changed = True
+        while changed:
+            changed = False
+            for lane in range(lanes - 1, -1, -1):
+                best = length[lane] if destination[lane] == goal else np.inf
+                for e in range(exit_first[lane], exit_first[lane + 1]):
+                    through = length[lane] + cost[goal, exit_to[e]]
+                    if through < best:
+                        best = through
+                        next_lane[goal, lane] = exit_to[e]
+                for beside in (left[lane], right[lane]):
+                    if beside >= 0:
+                        best = min(best, cost[goal, beside] + LANE_CHANGE_COST)
+                if best < cost[goal, lane] - 1e-9:
+                    cost[goal, lane] = best
+                    changed = True
+    return cost, next_lane

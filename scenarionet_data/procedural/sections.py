@@ -1,0 +1,91 @@
+"""Stretches of two-way road: parallel lanes along a reference line, with their lines, edges and tapers."""
+
+from __future__ import annotations
+
+import numpy as np
+from shapely import Polygon
+
+from scenarionet_data.procedural.path import Path, Pieces, shift
+from scenarionet_data.procedural.roadmap import LINE_SPACING, Block, Lane, Socket
+from scenarionet_data.vocabulary import MapFeatureType
+
+EDGE = MapFeatureType.ROAD_EDGE_BOUNDARY
+DIVIDER = MapFeatureType.ROAD_LINE_SOLID_DOUBLE_YELLOW
+SEPARATOR = MapFeatureType.ROAD_LINE_BROKEN_SINGLE_WHITE
+
+
+def add_road(block: Block, tag: str, socket: Socket, pieces: Pieces, *, edge: Path | None = None) -> Socket:
+    """Continue every lane of ``socket`` along ``pieces``.
+
+    Args:
+        block: Gets the lanes and lines.
+        tag: Tells the block's stretches apart.
+        socket: Where the stretch starts.
+        pieces: Of the reference line.
+        edge: The right edge where it does not run parallel.
+
+    Returns:
+        The open end.
+    """
+    line = Path(socket.pose, pieces)
+    width = block.road.lane_width
+    divider = block.add_line(f"{tag}divider", DIVIDER, line)
+    forward = _add_side(block, f"{tag}f", line, len(socket.forward), divider, edge)
+    backward = _add_side(block, f"{tag}b", line.reversed(), len(socket.backward), divider, None)
+    for before, lane in zip(socket.forward, forward, strict=True):
+        block.link(before, (lane.id,))
+    for after, lane in zip(socket.backward, backward, strict=True):
+        block.link((lane.id,), after)
+    block.footprint.append(strip(line, len(backward) * width, len(forward) * width))
+    return Socket(line.end, tuple((lane.id,) for lane in forward), tuple((lane.id,) for lane in backward))
+
+
+def _add_side(block: Block, tag: str, line: Path, count: int, divider: str, edge: Path | None) -> list[Lane]:
+    """The ``count`` lanes on the right of ``line``, in its direction."""
+    width = block.road.lane_width
+    lanes = [block.add_lane(f"{tag}{i}", line.offset(-(i + 0.5) * width)) for i in range(count)]
+    boundaries = [divider]
+    for i in range(1, count):
+        boundaries.append(block.add_line(f"{tag}line{i}", SEPARATOR, line.offset(-i * width)))
+    boundaries.append(block.add_line(f"{tag}edge", EDGE, edge or line.offset(-count * width)))
+    for i, lane in enumerate(lanes):
+        lane.left_boundaries, lane.right_boundaries = (boundaries[i],), (boundaries[i + 1],)
+        lane.left = lanes[i - 1].id if i else None
+        lane.right = lanes[i + 1].id if i + 1 < count else None
+    return lanes
+
+
+def add_widening(block: Block, tag: str, socket: Socket, length: float) -> Socket:
+    """A taper in which the rightmost lane splits in two: one lane more afterwards."""
+    width = block.road.lane_width
+    count = len(socket.forward)
+    edge = Path(socket.pose.moved(0.0, -count * width), shift(length, -width))
+    end = add_road(block, tag, socket, ((length, 0.0),), edge=edge)
+    branch = block.add_lane(f"{tag}branch", edge.offset(width / 2.0), right_boundaries=(f"{block.index}.{tag}fedge",))
+    block.link(socket.forward[-1], (branch.id,))
+    block.footprint.append(strip(branch.path, width / 2.0, width / 2.0))
+    return Socket(end.pose, (*end.forward, (branch.id,)), end.backward)
+
+
+def add_narrowing(block: Block, tag: str, socket: Socket, length: float, junction: int) -> Socket:
+    """A taper in which the rightmost lane joins the one on its left and gives way: one lane less afterwards."""
+    width = block.road.lane_width
+    count = len(socket.forward)
+    edge = Path(socket.pose.moved(0.0, -count * width), shift(length, width))
+    main = Socket(socket.pose, socket.forward[:-1], socket.backward)
+    end = add_road(block, tag, main, ((length, 0.0),), edge=edge)
+    through = next(lane for lane in block.lanes if lane.id == end.forward[-1][0])
+    through.junction, through.rank = junction, 1
+    joining = block.add_lane(
+        f"{tag}join", edge.offset(width / 2.0), junction=junction, right_boundaries=(f"{block.index}.{tag}fedge",)
+    )
+    block.link(socket.forward[-1], (joining.id,))
+    block.footprint.append(strip(joining.path, width / 2.0, width / 2.0))
+    return Socket(end.pose, (*end.forward[:-1], (*end.forward[-1], joining.id)), end.backward)
+
+
+def strip(line: Path, left: float, right: float) -> Polygon:
+    """The surface from ``left`` to ``right`` metres beside a line."""
+    spacing = 2.0 * LINE_SPACING
+    sides = line.offset(left).sample(spacing)[0], line.offset(-right).sample(spacing)[0][::-1]
+    return Polygon(np.concatenate(sides))
