@@ -49,7 +49,8 @@ def examine(lake: str | None = None) -> list[Finding]:
 def _python() -> Iterator[Finding]:
     is_new = tuple(map(int, platform.python_version_tuple()[:2])) >= (3, 11)
     found = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
-    yield Finding("python", "version", "ok" if is_new else "bad", found, "" if is_new else "install Python 3.11 or newer")
+    remedy = "" if is_new else "install Python 3.11 or newer"
+    yield Finding("python", "version", "ok" if is_new else "bad", found, remedy)
 
 
 # --- packages -------------------------------------------------------------------------------------------------

@@ -24,7 +24,7 @@ VERBS = {
 @click.group("scenarionet", cls=Verbs, sections=VERBS, no_args_is_help=True)
 @click.version_option(package_name="scenarionet-lake", prog_name="scenarionet")
 @click.option("--debug", is_flag=True, help="Show the traceback of an error.")
-def cli(debug: bool) -> None:  # noqa: ARG001  # read where errors are reported
+def cli(debug: bool) -> None:
     """Traffic scenarios from every driving dataset in one columnar lake.
 
     Convert recordings once, ask them in SQL, choose what you need, load or export it.

@@ -12,7 +12,7 @@ lake_argument = click.argument("lake", type=click.Path(file_okay=False))
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 quiet_option = click.option("--quiet", is_flag=True, help="No progress.")
 overwrite_option = click.option("--overwrite", is_flag=True, help="Replace what is there.")
-new_version_option = click.option("--overwrite", is_flag=True, help="Make a new version of a database that is there.")
+new_version_option = click.option("--overwrite", is_flag=True, help="Make a new version of an existing database.")
 snapshot_option = click.option("--snapshot", type=click.IntRange(0), help="Look at this snapshot, not the newest.")
 
 

@@ -120,7 +120,7 @@ class Lake:
             found = self.sql(f"{rows} WHERE {near}", {"id": scenario_id})
         if len(found) != 1:
             ids = ", ".join(found["scenario_id"])
-            remedy = f"did you mean {ids}?" if ids else "SELECT scenario_id FROM metadata lists those that are there"
+            remedy = f"did you mean {ids}?" if ids else "SELECT scenario_id FROM metadata lists them all"
             raise ScenarioNotFound(f"{self.root}: no one scenario {scenario_id!r} in this snapshot; {remedy}")
         return found.row(0, named=True)
 

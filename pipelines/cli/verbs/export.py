@@ -20,9 +20,7 @@ from pipelines.cli.progress import Progress
 @overwrite_option
 @json_option
 @quiet_option
-def command(
-    lake: str, database: str, directory: str, to: str, overwrite: bool, as_json: bool, quiet: bool
-) -> None:
+def command(lake: str, database: str, directory: str, to: str, overwrite: bool, as_json: bool, quiet: bool) -> None:
     """Write a database's scenarios to DIR.
 
     `scenarionet` writes the pickles that ScenarioNet and MetaDrive load unchanged; `scenarionet convert
@@ -41,7 +39,8 @@ def command(
         )
     if as_json:
         refused = [{"scenario_id": e.scenario_id, "field": e.field, "reason": e.reason} for e in report.refused]
-        print_json({"directory": str(report.directory), "format": to, "scenarios": report.num_scenarios, "bytes": report.num_bytes, "refused": refused})
+        written = {"scenarios": report.num_scenarios, "bytes": report.num_bytes}
+        print_json({"directory": report.directory, "format": to} | written | {"refused": refused})
     else:
         click.echo(f"{report.directory}: {count(report.num_scenarios, 'scenario')}, {size(report.num_bytes)}")
         for error in report.refused:

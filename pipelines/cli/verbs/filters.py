@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from pipelines.cli.group import verb
-from pipelines.cli.output import print_json, print_table
+from pipelines.cli.output import print_json
 from pipelines.cli.parameters import json_option
 
 

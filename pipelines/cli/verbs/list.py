@@ -58,18 +58,19 @@ def _print(found: dict[str, Any]) -> None:
     else:
         click.echo("No scenarios yet: scenarionet convert DATASET RAW LAKE")
     if found["quarantined"]:
-        click.echo(f"\n{count(found['quarantined'], 'scenario')} in quarantine: scenarionet sql LAKE quarantine_reasons")
+        number = count(found["quarantined"], "scenario")
+        click.echo(f"\n{number} in quarantine: scenarionet sql LAKE quarantine_reasons")
     if found["databases"]:
         click.echo()
-        rows = [(d["reference"], d["count"], origin(d), d["created_at"]) for d in found["databases"]]
-        print_table(rows, ("database", "scenarios", "made by", "at"))
+        databases = [(d["reference"], d["count"], _origin(d), d["created_at"]) for d in found["databases"]]
+        print_table(databases, ("database", "scenarios", "made by", "at"))
     if found["snapshots"]:
         click.echo()
-        rows = [(s["number"], s["operation"], s["created_at"]) for s in reversed(found["snapshots"])]
-        print_table(rows, ("snapshot", "made by", "at"))
+        snapshots = [(s["number"], s["operation"], s["created_at"]) for s in reversed(found["snapshots"])]
+        print_table(snapshots, ("snapshot", "made by", "at"))
 
 
-def origin(lineage: dict[str, Any]) -> str:
+def _origin(lineage: dict[str, Any]) -> str:
     """How a database was made, in a few words."""
     parents = ", ".join(lineage["parents"]) or "the lake"
     return f"{lineage['operation']} of {parents} at snapshot {lineage['snapshot']}"
