@@ -16,8 +16,8 @@ from typing import Literal
 from pipelines import machine
 from scenarionet_data import converters
 from scenarionet_data.errors import ScenarioNetError
+from scenarionet_data.software import PACKAGE
 
-_PACKAGE = "scenarionet-lake"
 _REQUIREMENT = re.compile(r"([A-Za-z0-9._-]+)(?:\[[^\]]*\])?\s*([^;]*)(?:;(.*))?")
 _ENOUGH_DISK = 10 * 10**9
 
@@ -69,7 +69,7 @@ def _packages() -> Iterator[Finding]:
 
 def _package(name: str, wanted: str, extra: str | None) -> Finding:
     absent: Literal["missing", "bad"] = "missing" if extra else "bad"
-    remedy = f"pip install '{_PACKAGE}[{extra}]'" if extra else f"pip install '{name}{wanted}'"
+    remedy = f"pip install '{PACKAGE}[{extra}]'" if extra else f"pip install '{name}{wanted}'"
     try:
         version = metadata.version(name)
         if not extra:  # what everything needs must also load
@@ -86,7 +86,7 @@ def _package(name: str, wanted: str, extra: str | None) -> Finding:
 def _requirements() -> list[str]:
     """Requirements of the installed package; of ``pyproject.toml`` in a checkout that is not installed."""
     try:
-        return metadata.requires(_PACKAGE) or []
+        return metadata.requires(PACKAGE) or []
     except metadata.PackageNotFoundError:
         project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text("utf-8"))["project"]
         extras = project["optional-dependencies"].items()

@@ -21,8 +21,18 @@ VERBS = {
 """The verbs by what a person wants to do; ``<verb>`` is ``verbs/<verb>.py``."""
 
 
+def _print_version(ctx: click.Context, option: click.Parameter, is_wanted: bool) -> None:  # noqa: ARG001
+    from scenarionet_data import software
+
+    if is_wanted:
+        click.echo(software.name_and_version())
+        ctx.exit()
+
+
 @click.group("scenarionet", cls=Verbs, sections=VERBS, no_args_is_help=True)
-@click.version_option(package_name="scenarionet-lake", prog_name="scenarionet")
+@click.option(
+    "--version", is_flag=True, is_eager=True, expose_value=False, callback=_print_version, help="Show the version."
+)
 @click.option("--debug", is_flag=True, help="Show the traceback of an error.")
 def cli(debug: bool) -> None:
     """Traffic scenarios from every driving dataset in one columnar lake.

@@ -6,13 +6,13 @@ import re
 import warnings
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from importlib import metadata as package_metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from scenarionet_data import software
 from scenarionet_data.catalog import database as databases
 from scenarionet_data.catalog import filters, queries
 from scenarionet_data.catalog.database import Database, Lineage
@@ -342,7 +342,7 @@ class Lake:
             snapshot=self.snapshot.number,
             created_at=snapshots.now(),
             count=members.num_rows,
-            created_with=_software(),
+            created_with=software.name_and_version(),
         )
         return databases.save(self.files, name, members, lineage, overwrite=overwrite)
 
@@ -353,10 +353,3 @@ def _check_fractions(fractions: Mapping[str, float]) -> None:
     total = sum(fractions.values())
     if abs(total - 1.0) > 1e-6:
         raise BadParameter(f"wanted fractions that add up to 1, found {total:g}")
-
-
-def _software() -> str:
-    try:
-        return f"scenarionet-lake {package_metadata.version('scenarionet-lake')}"
-    except package_metadata.PackageNotFoundError:
-        return "scenarionet-lake (from source)"
