@@ -7,6 +7,7 @@ choice of ``run``.
 from __future__ import annotations
 
 import re
+import signal
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -77,6 +78,8 @@ class Report:
         adopted: Shards that an earlier, interrupted job had finished.
         skipped: Shards that were in the lake already.
         replaced: Shards whose scenarios were taken out for newer ones.
+        stale: Shards in the lake that another converter version wrote, and that stay.
+        partitions: Where the scenarios went: dataset, version, split.
         failed: Shard name and reason.
         seconds: Time it took.
         snapshot: The lake's newest snapshot.
@@ -89,6 +92,8 @@ class Report:
     adopted: int = 0
     skipped: int = 0
     replaced: int = 0
+    stale: int = 0
+    partitions: set[tuple[str, str, str]] = field(default_factory=set)
     failed: list[tuple[str, str]] = field(default_factory=list)
     seconds: float = 0.0
     snapshot: int = 0
@@ -143,20 +148,14 @@ def convert(
     """
     started = time.monotonic()
     converter = converters.get(dataset)
-    split, version = _checked(split or guess_split(raw), version or converter.release)
-    files = LakeFiles(lake)
-    files.sweep()
-    held = snapshots.shards(files, snapshots.read(files))
-    chosen = options or converter.Options()
-    wanted = list(converter.shards(raw, split, version, chosen))
-    plan = make_plan(wanted, held, converter.version, replace_old=replace_old, stale=stale)
-    report = Report(skipped=plan.num_skipped)
-    maps = make_plan(
-        converter.maps(raw, version, chosen), held, converter.version, replace_old=replace_old, stale=stale
+    files, maps, plan = _prepare(
+        converter, raw, lake, split, version, options, replace_old=replace_old, stale=stale
     )
+    files.sweep()
+    report = Report(skipped=plan.num_skipped, stale=plan.num_stale)
     _convert_maps(files, [Job(dataset, shard, str(files.root)) for shard in maps.shards], maps, report)
     jobs = [Job(dataset, shard, str(files.root), limit) for shard in plan.shards]
-    outcomes = _run_limited(jobs, limit) if limit is not None else (run or _runner(workers))(jobs)
+    outcomes = _run_limited(jobs, limit) if limit is not None else (run or _runner(min(workers, len(jobs))))(jobs)
     basket = _Basket(files, plan, f"convert {dataset}", report)
     try:
         for done, outcome in enumerate(outcomes, start=1):
@@ -170,12 +169,50 @@ def convert(
     return report
 
 
-def _checked(split: str, version: str) -> tuple[str, str]:
-    """Both as given, when they may name folders."""
+def plan_conversion(
+    dataset: str,
+    raw: str,
+    lake: str | Path,
+    *,
+    split: str | None = None,
+    version: str | None = None,
+    options: Options | None = None,
+    replace_old: bool = False,
+    stale: bool = False,
+) -> Plan:
+    """What :func:`convert` would do with the same arguments; nothing is read but names, nothing is written.
+
+    Raises:
+        SourceNotFound: Nothing of this dataset at ``raw``.
+        DuplicateScenario: The recordings are in the lake already, converted with other options.
+    """
+    converter = converters.get(dataset)
+    return _prepare(converter, raw, lake, split, version, options, replace_old=replace_old, stale=stale)[2]
+
+
+def _prepare(
+    converter: Converter[Any],
+    raw: str,
+    lake: str | Path,
+    split: str | None,
+    version: str | None,
+    options: Options | None,
+    *,
+    replace_old: bool,
+    stale: bool,
+) -> tuple[LakeFiles, Plan, Plan]:
+    """The lake's files, what to do about shared maps, and what to do about scenarios."""
+    split, version = split or guess_split(raw), version or converter.release
     for name, value in (("split", split), ("version", version)):
         if not _WORD.fullmatch(value):
             raise BadParameter(f"--{name} {value!r}: use letters, digits, '.', '_' and '-'")
-    return split, version
+    files, chosen = LakeFiles(lake), options or converter.Options()
+    held = snapshots.shards(files, snapshots.read(files))
+    maps, scenarios = (
+        make_plan(wanted, held, converter.version, replace_old=replace_old, stale=stale)
+        for wanted in (converter.maps(raw, version, chosen), converter.shards(raw, split, version, chosen))
+    )
+    return files, maps, scenarios
 
 
 def _convert_maps(files: LakeFiles, jobs: list[Job], plan: Plan, report: Report) -> None:
@@ -269,8 +306,10 @@ def _run_limited(jobs: Iterable[Job], limit: int) -> Iterator[Outcome]:
 def _run_pool(jobs: Iterable[Job], workers: int) -> Iterator[Outcome]:
     """A pool of processes with two jobs each in flight; outcomes as they come."""
     queue = iter(jobs)
-    # spawn: a forked child would share the locks of Arrow's and DuckDB's threads.
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    # spawn: a forked child would share the locks of Arrow's and DuckDB's threads. Ctrl-C reaches every process of
+    # a terminal; it is this one that decides what to do about it.
+    ignore = (signal.signal, (signal.SIGINT, signal.SIG_IGN))
+    with ProcessPoolExecutor(workers, get_context("spawn"), *ignore) as pool:
         running: set[Future[Outcome]] = set()
         try:
             while True:
@@ -318,6 +357,7 @@ class _Basket:
         report.size += sum(record.sizes)
         report.shards += 1
         report.adopted += outcome.was_finished
+        report.partitions.add((record.dataset, record.version, record.split))
         self._finished.append(record)
         if time.monotonic() - self._committed_at > _COMMIT_EVERY and not self._plan.replaced:
             self.commit()

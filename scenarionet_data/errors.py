@@ -6,7 +6,7 @@
       LakeError          the lake: SchemaMismatch, SnapshotConflict, NoSuchSnapshot,
                          ScenarioNotFound, DatabaseNotFound, DatabaseExists, DuplicateScenario
       WorkerLost         a worker process died; what it had finished is kept
-      QueryError         the user's words: UnknownFilter, BadParameter, UnsafeSql
+      QueryError         the user's words: UnknownFilter, UnknownQuery, BadParameter, UnsafeSql
 
 Messages are one sentence that says what was found, followed by what to do next.
 """
@@ -101,6 +101,10 @@ class QueryError(ScenarioNetError, ValueError):
 
 class UnknownFilter(QueryError):
     """No filter of that name; the message lists the nearest."""
+
+
+class UnknownQuery(QueryError):
+    """No question of that name; the message lists the nearest."""
 
 
 class BadParameter(QueryError):

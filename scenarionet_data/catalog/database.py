@@ -102,6 +102,21 @@ def read(files: LakeFiles, name: str, version: int | None = None) -> Database:
     Raises:
         DatabaseNotFound: The message lists those that are there.
     """
+    number, file = _open(files, name, version)
+    return Database(name, number, file.read(), _lineage(file))
+
+
+def lineage(files: LakeFiles, name: str) -> tuple[str, Lineage]:
+    """``name@version`` of the newest version and how it was made; its members are not read.
+
+    Raises:
+        DatabaseNotFound: The message lists those that are there.
+    """
+    number, file = _open(files, name, None)
+    return f"{name}@{number}", _lineage(file)
+
+
+def _open(files: LakeFiles, name: str, version: int | None) -> tuple[int, pq.ParquetFile]:
     check_name(name)
     there = versions(files, name)
     if not there or (version is not None and version not in there):
@@ -112,8 +127,11 @@ def read(files: LakeFiles, name: str, version: int | None = None) -> Database:
     path = f"{_FOLDER}/{name}/{number}.parquet"
     file = pq.ParquetFile(files.path(path))
     tables.load("members").check_version(file.metadata.metadata, path)
-    lineage = Lineage(**json.loads(file.metadata.metadata[b"scenarionet.lineage"]))
-    return Database(name, number, file.read(), lineage)
+    return number, file
+
+
+def _lineage(file: pq.ParquetFile) -> Lineage:
+    return Lineage(**json.loads(file.metadata.metadata[b"scenarionet.lineage"]))
 
 
 def save(files: LakeFiles, name: str, members: pa.Table, lineage: Lineage, *, overwrite: bool) -> Database:

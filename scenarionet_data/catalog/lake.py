@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
-from importlib import metadata as package_metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from scenarionet_data import software
 from scenarionet_data.catalog import database as databases
-from scenarionet_data.catalog import filters
+from scenarionet_data.catalog import filters, queries
 from scenarionet_data.catalog.database import Database, Lineage
 from scenarionet_data.catalog.engine import FILE_TABLES, Engine, check_expression, table_files
-from scenarionet_data.catalog.members import locate
+from scenarionet_data.catalog.members import ADDRESS_COLUMNS, locate
 from scenarionet_data.errors import BadParameter, DatabaseExists, NoSuchSnapshot, ScenarioNotFound
 from scenarionet_data.resources import SQL
 from scenarionet_data.store import snapshot as snapshots
@@ -87,7 +88,46 @@ class Lake:
 
     def summary(self) -> pl.DataFrame:
         """Scenarios, objects and hours by dataset, version and split."""
-        return self.sql((SQL / "analytics" / "summary.sql").read_text("utf-8"))
+        return self.ask("summary")
+
+    def ask(self, name: str, words: Mapping[str, str] | None = None) -> pl.DataFrame:
+        """Rows of a named question of ``sql/analytics``.
+
+        Args:
+            name: Its file's name.
+            words: Values for its parameters, as typed; the rest keep their defaults.
+
+        Raises:
+            UnknownQuery: There is none of that name.
+            BadParameter: It has no such parameter.
+        """
+        question = queries.load(name)
+        return self.sql(question.text, question.bind(words or {}))
+
+    def facts(self, scenario_id: str) -> dict[str, Any]:
+        """What is known about a scenario: its row of the view ``metadata`` without its addresses.
+
+        Args:
+            scenario_id: Its id, its id in the source, or a part of its id, when only one scenario has that.
+
+        Raises:
+            ScenarioNotFound: There is none, or several; the message lists a few that come near.
+        """
+        rows = f"SELECT * EXCLUDE ({', '.join(ADDRESS_COLUMNS)}) FROM metadata"
+        found = self.sql(f"{rows} WHERE scenario_id = $id", {"id": scenario_id})
+        if found.is_empty():
+            near = "source_scenario_id = $id OR contains(scenario_id, $id) ORDER BY scenario_id LIMIT 3"
+            found = self.sql(f"{rows} WHERE {near}", {"id": scenario_id})
+        if len(found) != 1:
+            ids = ", ".join(found["scenario_id"])
+            remedy = f"did you mean {ids}?" if ids else "SELECT scenario_id FROM metadata lists them all"
+            raise ScenarioNotFound(f"{self.root}: no one scenario {scenario_id!r} in this snapshot; {remedy}")
+        return found.row(0, named=True)
+
+    def history(self, last: int = 5) -> list[Snapshot]:
+        """The newest snapshots up to this one, rising."""
+        there = [number for number in snapshots.numbers(self.files) if number <= self.snapshot.number]
+        return [snapshots.read(self.files, number) for number in there[-last:]]
 
     def paths(self, table: str) -> list[str]:
         """Absolute paths of a table's files in this snapshot: what any Parquet engine may read."""
@@ -115,6 +155,14 @@ class Lake:
         if version and not version.isdecimal():
             raise BadParameter(f"{name!r}: wanted name or name@version, with a number")
         return databases.read(self.files, plain, int(version) if version else None)
+
+    def lineage(self, name: str) -> tuple[str, Lineage]:
+        """``name@version`` of a database's newest version and how it was made, without reading its members.
+
+        Raises:
+            DatabaseNotFound: The message lists those that are there.
+        """
+        return databases.lineage(self.files, name)
 
     def filter(
         self,
@@ -146,9 +194,9 @@ class Lake:
         conditions, bound = [f"({where}\n)"], dict(parameters or {})
         for number, text in enumerate(named):
             found, values = filters.parse(text)
-            condition = found.condition
+            condition = found.text
             for key, value in values.items():
-                condition = condition.replace(f"${key}", f"$f{number}_{key}")
+                condition = re.sub(rf"\${key}\b", f"$f{number}_{key}", condition)
                 bound[f"f{number}_{key}"] = value
             conditions.append(f"({condition}\n)")
         engine, source, parents = self._source(parent)
@@ -316,7 +364,7 @@ class Lake:
             snapshot=self.snapshot.number,
             created_at=snapshots.now(),
             count=members.num_rows,
-            created_with=_software(),
+            created_with=software.name_and_version(),
         )
         return databases.save(self.files, name, members, lineage, overwrite=overwrite)
 
@@ -327,10 +375,3 @@ def _check_fractions(fractions: Mapping[str, float]) -> None:
     total = sum(fractions.values())
     if abs(total - 1.0) > 1e-6:
         raise BadParameter(f"wanted fractions that add up to 1, found {total:g}")
-
-
-def _software() -> str:
-    try:
-        return f"scenarionet-lake {package_metadata.version('scenarionet-lake')}"
-    except package_metadata.PackageNotFoundError:
-        return "scenarionet-lake (from source)"

@@ -10,10 +10,8 @@ import hashlib
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from scenarionet_data.building import make_origin, make_tracks
 from scenarionet_data.converters.base import Converter, Options, RawItem, Shard, find_files, fingerprint

@@ -83,9 +83,7 @@ def _calm_start(graph: LaneGraph, fleet: Fleet, state: State, places: Places, li
 
 
 @njit(cache=True)
-def _decide(
-    graph: LaneGraph, fleet: Fleet, state: State, places: Places, lights: Int32, t: int, i: int
-) -> None:
+def _decide(graph: LaneGraph, fleet: Fleet, state: State, places: Places, lights: Int32, t: int, i: int) -> None:
     """Lane change, destination and right of way of one vehicle; others see the outcome at once."""
     consider(graph, fleet, state, places, i)
     _reroute(graph, state, i)

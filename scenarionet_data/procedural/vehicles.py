@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
 from scenarionet_data.procedural.graph import NONE, Bool, Int32, LaneGraph

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
-from scenarionet_data.converters.pg import Procedural, ProceduralOptions, parse_seeds
-from scenarionet_data.errors import BadParameter, SourceNotFound
+from scenarionet_data.converters.pg import Procedural, ProceduralOptions
 from scenarionet_data.testing import ConverterConformance
 
 

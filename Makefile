@@ -1,0 +1,60 @@
+# Everything one does with this repository. `make` alone lists the targets.
+
+PYTHON ?= python3
+BIN := .venv/bin
+INSTALLED := .venv/.installed
+LAKE ?= lake
+RAW ?= $(if $(SCENARIONET_RAW),$(SCENARIONET_RAW)/$(DATASET),$(if $(filter nuplan,$(DATASET)),$(NUPLAN_DATA_ROOT)))
+
+.DEFAULT_GOAL := help
+.PHONY: help install demo test test-all test-metadrive check bench convert docs build clean
+
+help:  ## List the targets.
+	@sed -nE 's/^([a-z-]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "make %-15s %s\n", $$1, $$2}'
+
+install: $(INSTALLED)  ## Make .venv with everything in it (PYTHON=python3.12 chooses another Python).
+
+$(INSTALLED): pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("%s is Python %d.%d, 3.11 or newer is needed: make install PYTHON=python3.11" % (sys.executable, *sys.version_info[:2]))'
+	test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
+	@touch $@
+
+demo: install  ## From nothing to a lake, a filter, a split and pickles, without a download.
+	$(BIN)/python -m pipelines.demo
+
+test: install  ## The tests, in under three minutes (ARGS="-k lake" chooses some).
+	$(BIN)/python -m pytest $(ARGS)
+
+test-all: install  ## The tests, the long ones too.
+	$(BIN)/python -m pytest -m 'not metadrive' $(ARGS)
+
+check: install  ## Lint, format and types.
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+bench: install  ## Measure against the goals; writes bench.json.
+	$(BIN)/python -m tests.bench $(ARGS)
+
+convert: _arguments install  ## DATASET=waymo [RAW=... LAKE=lake SPLIT= WORKERS= ARGS=]: recordings into a lake.
+	$(BIN)/scenarionet convert '$(DATASET)' '$(RAW)' '$(LAKE)' \
+		$(if $(SPLIT),--split '$(SPLIT)') $(if $(WORKERS),--workers '$(WORKERS)') $(ARGS)
+
+.PHONY: _arguments
+_arguments:
+	$(if $(DATASET),,$(error set DATASET, for example `make convert DATASET=waymo RAW=raw/waymo/training`))
+	$(if $(RAW),,$(error set RAW=FOLDER, or SCENARIONET_RAW to the folder that holds $(DATASET)/$(if \
+		$(filter nuplan,$(DATASET)),$(comma) or NUPLAN_DATA_ROOT)))
+
+docs: install  ## Write docs/data_dictionary.md from schemas/.
+	$(BIN)/python -m scenarionet_data.dictionary > docs/data_dictionary.md
+
+build: install  ## Wheel and source distribution in dist/.
+	$(BIN)/python -m build --no-isolation
+
+clean:  ## Remove what was built, the demo and caches; .venv and lakes stay.
+	rm -rf build dist demo .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +
+
+comma := ,

@@ -1,0 +1,106 @@
+"""What verbs print: plain tables that other programs can cut, or one JSON object."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import click
+
+_MAX_NUMBER = 1e12
+"""Larger ones are no quantities but names, such as hashes."""
+
+
+def print_json(content: Mapping[str, Any]) -> None:
+    """Print one JSON object; what JSON has no word for (NaN, infinity) becomes null."""
+    click.echo(json.dumps(_plain(content), indent=1, ensure_ascii=False, allow_nan=False, default=str))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, Mapping):
+        return {str(key): _plain(inner) for key, inner in value.items()}
+    if isinstance(value, (list, tuple, set, frozenset)):
+        return [_plain(inner) for inner in value]
+    return value
+
+
+def print_table(rows: Iterable[Iterable[Any]], columns: Iterable[str] = (), max_cell: int | None = None) -> None:
+    """Print rows with aligned columns, numbers to the right.
+
+    Args:
+        rows: Cells of each row.
+        columns: Heads of the columns; none for a list of facts.
+        max_cell: Shorten longer cells.
+    """
+    head = [*columns]
+    body = [[shorten(cell(value), max_cell) for value in row] for row in rows]
+    lines = [head, *body] if head else body
+    if not lines:
+        return
+    texts = [*zip(*lines, strict=True)]
+    widths = [max(map(len, text)) for text in texts]
+    is_right = [all(map(_is_number, text[bool(head) :])) for text in texts]
+    for line in lines:
+        cells = [t.rjust(w) if r else t.ljust(w) for t, w, r in zip(line, widths, is_right, strict=True)]
+        click.echo("  ".join(cells).rstrip())
+
+
+def cell(value: Any) -> str:
+    """A value in one line."""
+    if value is None:
+        return "-"
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if is_number and abs(value) < _MAX_NUMBER:
+        text = f"{value:,.3f}" if isinstance(value, float) else f"{value:,}"
+        return text.rstrip("0").rstrip(".") if "." in text else text
+    return " ".join(str(value).split())
+
+
+def shorten(text: str, length: int | None) -> str:
+    """The text, or its beginning when it is longer."""
+    return text if length is None or len(text) <= length else text[: length - 1] + "…"
+
+
+def _is_number(text: str) -> bool:
+    return text == "-" or text.replace(",", "").replace(".", "", 1).lstrip("-").isdecimal()
+
+
+def size(num_bytes: float) -> str:
+    """Bytes for a person.
+
+    Example:
+        >>> size(12_300_000)
+        '12.3 MB'
+    """
+    for unit in ("B", "kB", "MB", "GB"):
+        if num_bytes < 1000:
+            return f"{num_bytes:.3g} {unit}"
+        num_bytes /= 1000
+    return f"{num_bytes:,.3g} TB"
+
+
+def duration(seconds: float) -> str:
+    """Seconds for a person.
+
+    Example:
+        >>> duration(3725)
+        '1 h 02 min'
+    """
+    if seconds < 60:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest:02d} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+def count(number: int, noun: str) -> str:
+    """A number with its noun.
+
+    Example:
+        >>> count(1, "scenario"), count(2000, "scenario")
+        ('1 scenario', '2,000 scenarios')
+    """
+    return f"{number:,} {noun}" + ("" if number == 1 else "s")

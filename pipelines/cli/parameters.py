@@ -1,0 +1,41 @@
+"""Arguments and options that several verbs share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import click
+
+from scenarionet_data.errors import BadParameter
+
+lake_argument = click.argument("lake", type=click.Path(file_okay=False))
+json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+quiet_option = click.option("--quiet", is_flag=True, help="No progress.")
+overwrite_option = click.option("--overwrite", is_flag=True, help="Replace what is there.")
+new_version_option = click.option("--overwrite", is_flag=True, help="Make a new version of an existing database.")
+snapshot_option = click.option("--snapshot", type=click.IntRange(0), help="Look at this snapshot, not the newest.")
+
+
+def pairs(words: Iterable[str], option: str) -> dict[str, str]:
+    """``key=value`` words as a mapping.
+
+    Args:
+        words: As typed.
+        option: What they were given to, for the message.
+
+    Raises:
+        BadParameter: A word is no pair, or a key comes twice.
+
+    Example:
+        >>> pairs(["train=0.9", "val=0.1"], "--fractions")
+        {'train': '0.9', 'val': '0.1'}
+    """
+    found: dict[str, str] = {}
+    for word in words:
+        key, equals, value = word.partition("=")
+        if not equals or not key:
+            raise BadParameter(f"{option} wants name=value, found {word!r}")
+        if key in found:
+            raise BadParameter(f"{option} has {key!r} twice")
+        found[key] = value
+    return found

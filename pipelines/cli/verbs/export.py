@@ -1,0 +1,48 @@
+"""``scenarionet export``: a database in a format of other tools."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from pipelines.cli.group import one_line, verb
+from pipelines.cli.output import count, print_json, size
+from pipelines.cli.parameters import json_option, lake_argument, overwrite_option, quiet_option
+from pipelines.cli.progress import Progress
+
+
+@verb("export", "scenarionet export lake busy_val exported/busy_val --format scenarionet")
+@lake_argument
+@click.argument("database", metavar="DB")
+@click.argument("directory", metavar="DIR", type=click.Path(file_okay=False))
+@click.option("--format", "to", type=click.Choice(["scenarionet"]), default="scenarionet", show_default=True)
+@overwrite_option
+@json_option
+@quiet_option
+def command(lake: str, database: str, directory: str, to: str, overwrite: bool, as_json: bool, quiet: bool) -> None:
+    """Write a database's scenarios to DIR.
+
+    `scenarionet` writes the pickles that ScenarioNet and MetaDrive load unchanged; `scenarionet convert
+    scenarionet DIR LAKE` reads such pickles.
+    """
+    from scenarionet_data import ScenarioLoader
+    from scenarionet_data.pickle_compat import export
+
+    scenarios = ScenarioLoader(lake, database)
+    with Progress(f"export {database}", is_quiet=quiet) as progress:
+        report = export(
+            scenarios,
+            Path(directory),
+            overwrite=overwrite,
+            on_progress=lambda done: progress.update(done, len(scenarios), done),
+        )
+    if as_json:
+        refused = [{"scenario_id": e.scenario_id, "field": e.field, "reason": e.reason} for e in report.refused]
+        written = {"scenarios": report.num_scenarios, "bytes": report.num_bytes}
+        print_json({"directory": report.directory, "format": to} | written | {"refused": refused})
+    else:
+        click.echo(f"{report.directory}: {count(report.num_scenarios, 'scenario')}, {size(report.num_bytes)}")
+        for error in report.refused:
+            click.echo(f"left out: {one_line(error)}", err=True)
+    click.get_current_context().exit(1 if report.refused else 0)

@@ -1,0 +1,75 @@
+"""``scenarionet split``: a database in parts, such as train and val."""
+
+from __future__ import annotations
+
+import click
+
+from pipelines.cli.group import Verb, verb
+from pipelines.cli.output import count, print_json
+from pipelines.cli.parameters import json_option, lake_argument, new_version_option, pairs
+from scenarionet_data.errors import BadParameter
+
+
+class _ManyFractions(Verb):
+    """Lets ``--fractions`` take several words: ``--fractions train=0.9 val=0.1``."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Repeat the option before every word."""
+        repeated: list[str] = []
+        is_open = False
+        for word in args:
+            if is_open and not word.startswith("-"):
+                repeated += ["--fractions", word]
+            else:
+                is_open = word == "--fractions"
+                repeated += [] if is_open else [word]
+        return super().parse_args(ctx, repeated)
+
+
+@verb(
+    "split",
+    "scenarionet split lake busy --fractions train=0.9 val=0.1",
+    "scenarionet split lake --fractions train=0.8 val=0.1 test=0.1 --seed 7 --by source_log --prefix all",
+    cls=_ManyFractions,
+)
+@lake_argument
+@click.argument("database", metavar="DB", required=False)
+@click.option("--fractions", multiple=True, required=True, metavar="PART=FRACTION ...", help="They add up to 1.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Another seed, another split.")
+@click.option("--by", default="scenario_id", show_default=True, help="Column whose equal values stay together.")
+@click.option("--prefix", help="Parts are named PREFIX_PART. [default: DB]")
+@new_version_option
+@json_option
+def command(
+    lake: str,
+    database: str | None,
+    fractions: tuple[str, ...],
+    seed: int,
+    by: str,
+    prefix: str | None,
+    overwrite: bool,
+    as_json: bool,
+) -> None:
+    """Part a database (or the whole lake) by fractions.
+
+    Which part a scenario falls into depends on its id and the seed alone: the parts are the same on every
+    machine, and a scenario keeps its part as the lake grows. Use --by source_log to keep the scenarios of one
+    recording on one side.
+    """
+    from scenarionet_data import Lake
+
+    wanted = {part: _fraction(part, word) for part, word in pairs(fractions, "--fractions").items()}
+    made = Lake(lake).split(database, wanted, seed=seed, by=by, prefix=prefix, overwrite=overwrite)
+    if as_json:
+        print_json({part: {"reference": db.reference, "count": len(db)} for part, db in made.items()})
+        return
+    total = max(1, sum(map(len, made.values())))
+    for found in made.values():
+        click.echo(f"{found.reference}: {count(len(found), 'scenario')} ({len(found) / total:.1%})")
+
+
+def _fraction(part: str, word: str) -> float:
+    try:
+        return float(word)
+    except ValueError as error:
+        raise BadParameter(f"--fractions {part} wants a number such as 0.9, found {word!r}") from error

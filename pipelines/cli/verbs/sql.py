@@ -1,0 +1,117 @@
+"""``scenarionet sql``: any question, in SQL or by name."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from pipelines.cli.group import verb
+from pipelines.cli.output import count, print_json, print_table
+from pipelines.cli.parameters import json_option, lake_argument, pairs, snapshot_option
+from scenarionet_data.errors import BadParameter
+
+if TYPE_CHECKING:
+    import polars as pl
+
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+_MAX_ROWS, _MAX_CELL = 100, 60
+_SUFFIXES = (".parquet", ".csv", ".json")
+
+
+@verb(
+    "sql",
+    'scenarionet sql lake "SELECT dataset, avg(ego_distance) FROM metadata GROUP BY ALL"',
+    'scenarionet sql lake "SELECT * FROM objects WHERE max_speed > $fast" -p fast=20 --csv',
+    "scenarionet sql lake summary -o summary.parquet",
+    "scenarionet sql lake",
+)
+@lake_argument
+@click.argument("query", required=False)
+@click.option("-p", "parameters", multiple=True, metavar="NAME=VALUE", help="Value for $NAME; repeatable.")
+@click.option("-o", "output", type=click.Path(dir_okay=False), help="Write to a .parquet, .csv or .json file.")
+@click.option("--csv", "as_csv", is_flag=True, help="Print as CSV.")
+@snapshot_option
+@json_option
+def command(
+    lake: str,
+    query: str | None,
+    parameters: tuple[str, ...],
+    output: str | None,
+    as_csv: bool,
+    snapshot: int | None,
+    as_json: bool,
+) -> None:
+    """Ask a lake one SELECT, or a question by name.
+
+    The views are metadata (a row a scenario; `scenarionet filters --columns` explains it), tracks, objects,
+    states, lights, maps, shards and quarantine. Without a query, the questions with a name are listed.
+    """
+    from scenarionet_data import Lake
+
+    if not query:
+        _list_names(as_json)
+        return
+    if output and Path(output).suffix not in _SUFFIXES:
+        raise BadParameter(f"-o {output}: wanted a file name that ends in {', '.join(_SUFFIXES)}")
+    words = pairs(parameters, "-p")
+    opened = Lake(lake, snapshot)
+    rows = opened.ask(query, words) if _NAME.fullmatch(query) else opened.sql(query, _values(words))
+    if output:
+        _write(rows, Path(output))
+        click.echo(f"{count(len(rows), 'row')} in {output}", err=True)
+    elif as_json:
+        print_json({"columns": rows.columns, "rows": rows.to_dicts()})
+    elif as_csv:
+        click.echo(_flat(rows).write_csv(), nl=False)
+    else:
+        _print(rows)
+
+
+def _values(words: dict[str, str]) -> dict[str, Any]:
+    """Numbers and truth values as such, everything else as text."""
+    return {name: _value(word) for name, word in words.items()}
+
+
+def _value(word: str) -> Any:
+    try:
+        return json.loads(word)
+    except json.JSONDecodeError:
+        return word
+
+
+def _print(rows: pl.DataFrame) -> None:
+    print_table(rows.head(_MAX_ROWS).iter_rows(), rows.columns, _MAX_CELL)
+    if len(rows) > _MAX_ROWS:
+        click.echo(f"... {len(rows) - _MAX_ROWS:,} more rows; --csv, --json or -o FILE give all", err=True)
+
+
+def _write(rows: pl.DataFrame, path: Path) -> None:
+    if path.suffix == ".parquet":
+        rows.write_parquet(path)
+    elif path.suffix == ".csv":
+        _flat(rows).write_csv(path)
+    else:
+        rows.write_json(path)
+
+
+def _flat(rows: pl.DataFrame) -> pl.DataFrame:
+    """Lists and structs as JSON text, which is all a CSV file can hold."""
+    import polars as pl
+
+    nested = [name for name, kind in rows.schema.items() if kind.is_nested()]
+    return rows.with_columns(pl.Series(name, [json.dumps(v) for v in rows[name].to_list()]) for name in nested)
+
+
+def _list_names(as_json: bool) -> None:
+    from scenarionet_data.catalog import queries
+
+    found = [queries.load(name) for name in queries.names()]
+    if as_json:
+        print_json({"queries": [{"name": q.name, "doc": q.doc, "parameters": q.defaults} for q in found]})
+        return
+    print_table([(q.name, ", ".join(f"{k}={v}" for k, v in q.defaults.items()), q.doc) for q in found])
+    click.echo("Ask one: scenarionet sql LAKE NAME -p PARAMETER=VALUE")

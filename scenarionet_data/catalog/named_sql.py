@@ -1,0 +1,79 @@
+"""SQL in files of its own: a description, parameters with defaults, and one statement or condition.
+
+-- Scenarios whose ego travels at least $min metres.
+-- min = 10.0
+ego_distance >= $min
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from scenarionet_data.errors import BadParameter, QueryError
+from scenarionet_data.resources import SQL
+
+
+@dataclass(frozen=True)
+class NamedSql:
+    """The content of a file below ``sql/``.
+
+    Attributes:
+        name: Its file's name.
+        doc: What it is about.
+        defaults: Parameters and their defaults.
+        text: The SQL.
+    """
+
+    name: str
+    doc: str
+    defaults: dict[str, Any]
+    text: str
+
+    def bind(self, words: Mapping[str, str]) -> dict[str, Any]:
+        """Values of all parameters: the defaults, and in their place what was typed.
+
+        Raises:
+            BadParameter: There is no such parameter, or it wants a value of another type.
+        """
+        bound = dict(self.defaults)
+        for key, word in words.items():
+            if key not in bound:
+                raise BadParameter(f"{self.name} has no parameter {key!r}; it has {', '.join(bound) or 'none'}")
+            bound[key] = self._convert(key, word)
+        return bound
+
+    def _convert(self, key: str, word: str) -> Any:
+        """A typed word as a value of the default's type."""
+        kind = type(self.defaults[key])
+        try:
+            return json.loads(word.lower()) is True if kind is bool else kind(word)
+        except ValueError as error:
+            raise BadParameter(f"{self.name}: {key} wants {kind.__name__}, found {word!r}") from error
+
+
+def names(folder: str) -> list[str]:
+    """Files there are in a folder of ``sql/``, sorted."""
+    return sorted(path.stem for path in (SQL / folder).glob("*.sql"))
+
+
+def load(folder: str, name: str, unknown: type[QueryError]) -> NamedSql:
+    """A file by name.
+
+    Raises:
+        unknown: There is none; the message lists the nearest names.
+    """
+    if name not in names(folder):
+        near = difflib.get_close_matches(name, names(folder), n=3) or names(folder)
+        raise unknown(f"nothing called {name!r} in sql/{folder}; did you mean {', '.join(near)}?")
+    lines = (SQL / folder / f"{name}.sql").read_text("utf-8").splitlines()
+    start = next((number for number, line in enumerate(lines) if not line.startswith("--")), len(lines))
+    comments = [line.removeprefix("--").strip() for line in lines[:start]]
+    pairs = [re.fullmatch(r"(\w+) = (.+)", comment) for comment in comments]
+    defaults = {pair.group(1): json.loads(pair.group(2)) for pair in pairs if pair}
+    doc = " ".join(comment for comment, pair in zip(comments, pairs, strict=True) if not pair)
+    return NamedSql(name, doc, defaults, "\n".join(line for line in lines[start:] if line))
