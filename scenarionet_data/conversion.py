@@ -148,9 +148,7 @@ def convert(
     """
     started = time.monotonic()
     converter = converters.get(dataset)
-    files, maps, plan = _prepare(
-        converter, raw, lake, split, version, options, replace_old=replace_old, stale=stale
-    )
+    files, maps, plan = _prepare(converter, raw, lake, split, version, options, replace_old=replace_old, stale=stale)
     files.sweep()
     report = Report(skipped=plan.num_skipped, stale=plan.num_stale)
     _convert_maps(files, [Job(dataset, shard, str(files.root)) for shard in maps.shards], maps, report)
@@ -267,9 +265,7 @@ def convert_shard(job: Job) -> Outcome:
     return Outcome(shard.name, record, seconds=time.monotonic() - started)
 
 
-def _write_scenarios(
-    converter: Converter[Any], shard: Shard, writer: ShardWriter, max_scenarios: int | None
-) -> None:
+def _write_scenarios(converter: Converter[Any], shard: Shard, writer: ShardWriter, max_scenarios: int | None) -> None:
     for position, record in enumerate(converter.records(shard)):
         if writer.num_scenarios == max_scenarios:
             return

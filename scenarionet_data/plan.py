@@ -99,9 +99,7 @@ def _place(shard: Shard, item: RawItem) -> tuple[str, str, str, str]:
 
 
 def _owners(held: Sequence[ShardRecord]) -> dict[tuple[str, str, str, str], ShardRecord]:
-    return {
-        (record.dataset, record.version, record.split, item): record for record in held for item in record.items
-    }
+    return {(record.dataset, record.version, record.split, item): record for record in held for item in record.items}
 
 
 def _must_go(

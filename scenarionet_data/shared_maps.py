@@ -75,9 +75,7 @@ class SharedMaps:
         """
         key = (dataset, version, map_id)
         if key not in self._paths:
-            raise ScenarioNotFound(
-                f"no map {map_id!r} of {dataset} {version} in the lake; convert it with its maps"
-            )
+            raise ScenarioNotFound(f"no map {map_id!r} of {dataset} {version} in the lake; convert it with its maps")
         with self._lock:
             if key not in self._kept:
                 self._kept[key] = read(self._paths[key])

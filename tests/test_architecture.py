@@ -91,9 +91,7 @@ def test_the_page_names_every_room():
 def test_nothing_speaks_of_where_it_was_made():
     """No path of a particular machine, and no folder beside the checkout but in the CI script."""
     words = ("/" + "work/", "../" + "shared", "/" + "root/")
-    files = [
-        path for folder in (*PACKAGES, "tests", "docs", "schemas", "sql") for path in (ROOT / folder).rglob("*")
-    ]
+    files = [path for folder in (*PACKAGES, "tests", "docs", "schemas", "sql") for path in (ROOT / folder).rglob("*")]
     files += [ROOT / "README.md", ROOT / "Makefile", ROOT / "pyproject.toml"]
     for path in files:
         if path.suffix in {".py", ".md", ".toml", ".sql", ".json", ""} and path.is_file():

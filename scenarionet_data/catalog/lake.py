@@ -317,9 +317,7 @@ class Lake:
     def shared_maps(self) -> dict[tuple[str, str, str], str]:
         """Absolute path of each map that scenarios share, by dataset, version and map id."""
         listed = snapshots.shard_table(self.files, self.snapshot).filter(pc.field("split") == "").to_pylist()
-        return {
-            (row["dataset"], row["version"], row["name"]): str(self.files.path(row["files"][0])) for row in listed
-        }
+        return {(row["dataset"], row["version"], row["name"]): str(self.files.path(row["files"][0])) for row in listed}
 
     def _holding(self, database: Database) -> tuple[Lake, pa.Table]:
         """The lake at a snapshot that holds every member unchanged, and where they lie in it."""

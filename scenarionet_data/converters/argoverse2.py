@@ -37,9 +37,7 @@ _FINGERPRINT_SAMPLE = 4096
 class Argoverse2Options(Options):
     """What to convert, and how sensor logs are cut."""
 
-    kind: str = field(
-        default="auto", metadata={"doc": "forecasting, sensor, or auto: whichever of them RAW holds."}
-    )
+    kind: str = field(default="auto", metadata={"doc": "forecasting, sensor, or auto: whichever of them RAW holds."})
     window: float = field(
         default=20.0,
         metadata={"doc": "Seconds of a scenario cut from a sensor log. Logs last about 16 s: 20 takes them whole."},

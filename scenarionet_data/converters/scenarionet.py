@@ -203,14 +203,10 @@ def _list_pickles(raw: str) -> list[str]:
         folders = load(mapping, str(mapping))
         names = [(Path(str(folder)) / str(file)).as_posix() for file, folder in folders.items()]
     except InvalidScenario as error:
-        raise CorruptSource(
-            f"{mapping}: {error.reason}; copy it again, or remove it to take every pickle"
-        ) from error
+        raise CorruptSource(f"{mapping}: {error.reason}; copy it again, or remove it to take every pickle") from error
     missing = [name for name in names if not (Path(raw) / name).is_file()]
     if missing:
-        raise SourceNotFound(
-            f"{raw}: its mapping names {missing[0]}, which is not there ({len(missing)} such files)"
-        )
+        raise SourceNotFound(f"{raw}: its mapping names {missing[0]}, which is not there ({len(missing)} such files)")
     return names
 
 

@@ -49,9 +49,7 @@ class Frame:
         return float(-self.shift[2])
 
 
-def find_frame(
-    description: Mapping[str, Any], ego_position: npt.NDArray[Any], ego_valid: Bool, has_z: bool
-) -> Frame:
+def find_frame(description: Mapping[str, Any], ego_position: npt.NDArray[Any], ego_valid: Bool, has_z: bool) -> Frame:
     """The frame of a pickle.
 
     Our own export names the scenario's ``origin``. MetaDrive moves a scenario to the ego's first position when it

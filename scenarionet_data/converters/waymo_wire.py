@@ -161,9 +161,7 @@ def _scenario_id(fields: Fields, where: str) -> str:
     except UnicodeDecodeError:
         name = ""
     if not name:
-        wanted = (
-            "wanted a waymo.open_dataset.Scenario (of the dataset's scenario files, not of its tf_example files)"
-        )
+        wanted = "wanted a waymo.open_dataset.Scenario (of the dataset's scenario files, not of its tf_example files)"
         raise InvalidScenario(where, "scenario_id", f"{wanted}, found a record without scenario_id")
     return name
 

@@ -41,9 +41,7 @@ def is_flat(scenario: ScenarioDescription) -> bool:
     if scenario.map is None:
         return True
     origin_z = scenario.origin[2]
-    return not any(
-        (ragged.values[:, 2] + origin_z).any() for ragged in (scenario.map.polyline, scenario.map.polygon)
-    )
+    return not any((ragged.values[:, 2] + origin_z).any() for ragged in (scenario.map.polyline, scenario.map.polygon))
 
 
 def describe_map(features: MapFeatures | None, *, flat: bool) -> tuple[dict[str, Any], dict[str, Any]]:

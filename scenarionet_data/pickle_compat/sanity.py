@@ -160,16 +160,12 @@ def _check_feature(check: _Check, feature: Any, field: str) -> None:
         _check_points(check, feature, "polygon", field, minimum=3 if kind in _AREAS else 1)
     if kind in _LANES and "polygon" in feature:
         width = np.shape(feature["polygon"])[1]
-        check.that(
-            width == 2, f"{field}.polygon", f"wanted a lane's outline in the plane, found {width} coordinates"
-        )
+        check.that(width == 2, f"{field}.polygon", f"wanted a lane's outline in the plane, found {width} coordinates")
     if "polyline" in feature and "polygon" in feature:
         centers = [np.asarray(feature[name])[:, :2].mean(axis=0) for name in ("polyline", "polygon")]
         distance = float(np.hypot(*(centers[0] - centers[1])))
         near = distance < _MAX_CENTROID_DISTANCE
-        check.that(
-            near, f"{field}.polygon", f"wanted its centre within 100 m of the polyline's, found {distance:.0f}"
-        )
+        check.that(near, f"{field}.polygon", f"wanted its centre within 100 m of the polyline's, found {distance:.0f}")
 
 
 def _check_points(check: _Check, feature: dict[str, Any], name: str, field: str, minimum: int) -> None:

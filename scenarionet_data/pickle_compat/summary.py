@@ -53,9 +53,7 @@ def _summarize_numbers(description: Mapping[str, Any], objects: Mapping[str, Any
     types = [str(track["type"]) for track in description["tracks"].values()]
     moving = [str(o["type"]) for o in objects.values() if o["moving_distance"] > _MOVING_DISTANCE]
     lights = description["dynamic_map_states"]
-    shown = Counter(
-        state for light in lights.values() for state in light["state"]["object_state"] if state is not None
-    )
+    shown = Counter(state for light in lights.values() for state in light["state"]["object_state"] if state is not None)
     return {
         "num_objects": len(types),
         "object_types": set(types),

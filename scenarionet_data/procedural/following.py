@@ -78,9 +78,7 @@ def nearest_on(
 
 
 @njit(cache=True)
-def _distance_to(
-    graph: LaneGraph, fleet: Fleet, places: Places, j: int, place: int, lane: int, before: float
-) -> float:
+def _distance_to(graph: LaneGraph, fleet: Fleet, places: Places, j: int, place: int, lane: int, before: float) -> float:
     """Distance to one of the places of vehicle ``j`` if it matters on ``lane``, else minus infinity."""
     where, s, half = places.lane[j, place], places.s[j, place], fleet.length[j] / 2.0
     if where == lane:

@@ -46,9 +46,7 @@ class Population:
     state: State
 
 
-def populate(
-    road_map: RoadMap, graph: LaneGraph, options: GeneratorOptions, rng: np.random.Generator
-) -> Population:
+def populate(road_map: RoadMap, graph: LaneGraph, options: GeneratorOptions, rng: np.random.Generator) -> Population:
     """Draw the vehicles: the ego on the first road, the others by density on all roads."""
     share = _lane_shares(road_map, graph, options)
     wanted = 1 + int(share.sum() + rng.random())
@@ -77,9 +75,7 @@ def _draw_vehicles(count: int, rng: np.random.Generator) -> tuple[list[Kind], Fl
     drawn = rng.choice(len(KINDS), size=count, p=shares / shares.sum())
     drawn[0] = 0  # the ego is a car
     kinds = [KINDS[k] for k in drawn]
-    low, high = (
-        np.array([[kind.length[end], kind.width[end], kind.height[end]] for kind in kinds]) for end in (0, 1)
-    )
+    low, high = (np.array([[kind.length[end], kind.width[end], kind.height[end]] for kind in kinds]) for end in (0, 1))
     return kinds, low + rng.random((count, 1)) * (high - low)
 
 

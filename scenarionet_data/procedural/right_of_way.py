@@ -23,9 +23,7 @@ _HOPS = 4
 
 
 @njit(cache=True)
-def update_grant(
-    graph: LaneGraph, fleet: Fleet, state: State, places: Places, lights: Int32, t: int, i: int
-) -> None:
+def update_grant(graph: LaneGraph, fleet: Fleet, state: State, places: Places, lights: Int32, t: int, i: int) -> None:
     """Give vehicle ``i`` the next lane that needs a grant, or take a grant back when its light turns and it can still stop.
 
     Args:

@@ -12,9 +12,7 @@ ALL_RED = 2.0  # [s]
 GREEN = (9.0, 16.0)  # [s] shortest and longest
 
 
-def make_lights(
-    rows: list[tuple[int, int]], steps: int, dt: float, rng: np.random.Generator
-) -> npt.NDArray[np.int32]:
+def make_lights(rows: list[tuple[int, int]], steps: int, dt: float, rng: np.random.Generator) -> npt.NDArray[np.int32]:
     """(rows, steps) GO, CAUTION or STOP for the (junction, axis) of each row."""
     lights = np.full((max(len(rows), 1), steps), STOP, dtype=np.int32)
     for junction in sorted({junction for junction, _ in rows}):

@@ -243,9 +243,7 @@ class _Part:
         footer = pq.read_metadata(self.path)
         found = [footer.row_group(number).num_rows for number in range(footer.num_row_groups)]
         if found != self._rows:
-            raise LakeError(
-                f"{self.path}: wrote row groups of {self._rows} rows, read back {found}; check the disk"
-            )
+            raise LakeError(f"{self.path}: wrote row groups of {self._rows} rows, read back {found}; check the disk")
         return sha256(self.path), self.path.stat().st_size
 
     def discard(self) -> None:
@@ -256,9 +254,7 @@ class _Part:
             self.path.unlink(missing_ok=True)
 
 
-def write_table(
-    files: LakeFiles, table: str, rows: list[dict[str, Any]] | pa.Table, footer: Mapping[str, str]
-) -> Path:
+def write_table(files: LakeFiles, table: str, rows: list[dict[str, Any]] | pa.Table, footer: Mapping[str, str]) -> Path:
     """Write rows of a contract table to a temporary file and return its path."""
     declared = tables.load(table)
     schema = declared.schema

@@ -94,9 +94,7 @@ def _bytes(root: Path, recordings: Path) -> Iterator[Figure]:
         pickled = sum(path.stat().st_size for path in exported.glob("sd_*.pkl"))
         goal = "<= 0.25" if name.startswith("waymo") else ""
         yield Figure(f"{name}: stored bytes over exported pickles", stored / pickled, "", goal)
-        yield Figure(
-            f"{name}: stored bytes per scenario", stored / len(loader) / 1000, "kB", "", "prototype 194 kB"
-        )
+        yield Figure(f"{name}: stored bytes per scenario", stored / len(loader) / 1000, "kB", "", "prototype 194 kB")
 
 
 def waymo_raw(folder: Path, recordings: Path | None, count: int) -> Path:
@@ -134,9 +132,7 @@ def argoverse2_raw(folder: Path, recordings: Path | None, count: int) -> Path:
         target = folder / "val" / new
         target.mkdir(parents=True)
         ids = pa.array([new] * len(table), table.schema.field(column).type)
-        pq.write_table(
-            table.set_column(column, table.schema.field(column), ids), target / f"scenario_{new}.parquet"
-        )
+        pq.write_table(table.set_column(column, table.schema.field(column), ids), target / f"scenario_{new}.parquet")
         shutil.copyfile(source.parent / f"log_map_archive_{old}.json", target / f"log_map_archive_{new}.json")
     return folder
 

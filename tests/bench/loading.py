@@ -34,9 +34,7 @@ def figures(recordings: Path | None) -> Iterator[Figure]:
         one = median_ms(lambda k: loader.tracks(int(order[k])), 300)
         yield Figure("load: tracks of one random scenario, warm", one, "ms", "<= 2", "pickle 2.2-2.6 ms")
         whole = median_ms(lambda k: loader[int(order[k])], 300)
-        yield Figure(
-            "load: one whole random scenario, warm", whole, "ms", "<= 3", "pickle 1.2-4 ms + 1.3-4 to centre"
-        )
+        yield Figure("load: one whole random scenario, warm", whole, "ms", "<= 3", "pickle 1.2-4 ms + 1.3-4 to centre")
         batch = median_ms(lambda k: loader.batch_tracks(order[64 * k : 64 * k + 64].tolist()), 9)
         yield Figure("load: tracks of 64 random scenarios as a batch", batch, "ms", "<= 120", "prototype 173 ms")
         batch = median_ms(lambda k: loader.batch(order[64 * k : 64 * k + 64].tolist()), 9)

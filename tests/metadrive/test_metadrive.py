@@ -101,14 +101,10 @@ def test_every_replay_arrives(replayed: dict[str, Any], scenarios: dict[str, Any
     } == {}
 
 
-def test_the_simulator_gets_the_true_ego(
-    replayed: dict[str, Any], scenarios: dict[str, ScenarioDescription]
-) -> None:
+def test_the_simulator_gets_the_true_ego(replayed: dict[str, Any], scenarios: dict[str, ScenarioDescription]) -> None:
     for name, found in replayed["found"].items():
         scenario = scenarios[name]
-        assert found["ego_size"] == pytest.approx(scenario.tracks.size[scenario.ego_index, 0].tolist(), abs=1e-4), (
-            name
-        )
+        assert found["ego_size"] == pytest.approx(scenario.tracks.size[scenario.ego_index, 0].tolist(), abs=1e-4), name
 
 
 def test_the_simulator_gets_the_map_and_the_lights(replayed: dict[str, Any], scenarios: dict[str, Any]) -> None:

@@ -41,9 +41,7 @@ def test_wrap_angle_keeps_precision_and_the_open_bound(angle):
 def test_wrap_angle_at_its_bounds():
     for dtype in (np.float32, np.float64):
         pi = dtype(np.pi)
-        assert geometry.wrap_angle(np.array([pi, -pi, 3 * pi, 0], dtype)).tolist() == pytest.approx(
-            [-pi, -pi, -pi, 0]
-        )
+        assert geometry.wrap_angle(np.array([pi, -pi, 3 * pi, 0], dtype)).tolist() == pytest.approx([-pi, -pi, -pi, 0])
         below = np.nextafter(pi, dtype(0))
         assert geometry.wrap_angle(below) == below
     assert geometry.wrap_angle(7).dtype == np.float64

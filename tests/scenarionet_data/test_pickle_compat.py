@@ -40,9 +40,7 @@ def import_all(directory: Path) -> list[ScenarioDescription]:
 
 def walk(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
     yield path, value
-    inner = (
-        value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list | tuple) else ()
-    )
+    inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list | tuple) else ()
     for key, item in inner:
         yield from walk(item, f"{path}.{key}")
 
@@ -575,9 +573,7 @@ def test_nuscenes_comes_back_with_its_true_ego(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("source", ["made", "recorded"])
-def test_imported_pickles_survive_another_round(
-    source: str, tmp_path: Path, request: pytest.FixtureRequest
-) -> None:
+def test_imported_pickles_survive_another_round(source: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
     if source == "made":
         raw = made.write_vintages(tmp_path / "raw")
     else:

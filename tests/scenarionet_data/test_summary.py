@@ -138,9 +138,7 @@ def test_curvature_of_an_s_adds_both_turns_and_standing_adds_none():
     assert row["difficulty"] == pytest.approx(3 * math.pi)
 
 
-@pytest.mark.parametrize(
-    ("other", "gap"), [((3.9, 1.9), 0.0), ((4.0, 0.0), 0.0), ((9.0, 0.0), 5.0), ((7.0, 6.0), 5.0)]
-)
+@pytest.mark.parametrize(("other", "gap"), [((3.9, 1.9), 0.0), ((4.0, 0.0), 0.0), ((9.0, 0.0), 5.0), ((7.0, 6.0), 5.0)])
 def test_ego_gap_is_between_boxes_and_zero_where_they_overlap(other, gap):
     assert summarise(scene([[(0, 0)], [other]]))["min_ego_gap"] == pytest.approx(gap, abs=1e-6)
 

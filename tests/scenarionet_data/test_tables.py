@@ -102,9 +102,7 @@ def written(tmp_path_factory):
     scenario = make_scenario(1, num_objects=40, num_steps=91, num_lanes=40, num_lights=4)
     encoded = codec.encode(scenario, "1")
     schema = tables.load("metadata").schema
-    lacking = {
-        name: (0 if name.endswith("rows") else None) for name in schema.names if name not in encoded.metadata
-    }
+    lacking = {name: (0 if name.endswith("rows") else None) for name in schema.names if name not in encoded.metadata}
     row = {**encoded.metadata, **lacking, "tracks_file": "f", "tracks_row_group": 0, "tracks_first_row": 0}
     content = {
         "metadata": pa.Table.from_pylist([row], schema=schema),

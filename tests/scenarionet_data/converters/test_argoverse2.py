@@ -101,9 +101,7 @@ def test_a_parquet_file_of_another_dataset_is_refused(tmp_path: Path) -> None:
         scenarios(CONVERTER, tmp_path)
 
 
-@pytest.mark.parametrize(
-    "options", [{"kind": "lidar"}, {"window": 0.0}, {"stride": -1.0}, {"window": float("nan")}]
-)
+@pytest.mark.parametrize("options", [{"kind": "lidar"}, {"window": 0.0}, {"stride": -1.0}, {"window": float("nan")}])
 def test_options_are_checked(options: dict[str, Any]) -> None:
     with pytest.raises(BadParameter):
         Argoverse2Options(**options)

@@ -91,9 +91,7 @@ def test_vintages_agree_on_the_drive(vintage: str, tmp_path: Path) -> None:
     assert np.array_equal(scenario.tracks.valid, truth.tracks.valid)
     valid = truth.tracks.valid[others]
     assert (ours[others][valid][:, :axes] + first) == pytest.approx(theirs[others][valid][:, :axes], abs=2e-3)
-    assert (ours[0, :, :2] + (first if vintage != "nuplan" else first[:2])) == pytest.approx(
-        theirs[0, :, :2], abs=2e-3
-    )
+    assert (ours[0, :, :2] + (first if vintage != "nuplan" else first[:2])) == pytest.approx(theirs[0, :, :2], abs=2e-3)
     for name in ("object_type", "heading", "velocity"):
         assert getattr(scenario.tracks, name) == pytest.approx(getattr(truth.tracks, name), abs=1e-5)
     assert scenario.tracks.size[:4] == pytest.approx(truth.tracks.size[:4])
@@ -280,8 +278,7 @@ def test_a_moved_folder_gives_the_same_shards(tmp_path: Path) -> None:
     made.write_vintages(tmp_path / "first")
     shutil.copytree(tmp_path / "first", tmp_path / "second")
     keys = [
-        [s.key("1") for s in CONVERTER.shards(str(tmp_path / n), "train", "v1", Options())]
-        for n in ("first", "second")
+        [s.key("1") for s in CONVERTER.shards(str(tmp_path / n), "train", "v1", Options())] for n in ("first", "second")
     ]
     assert keys[0] == keys[1]
 
@@ -314,9 +311,7 @@ def test_a_pickle_that_runs_code_is_refused(protocol: int, tmp_path: Path) -> No
     assert not marker.exists()
 
 
-@pytest.mark.parametrize(
-    "name", ["builtins eval", "builtins getattr", "numpy load", "numpy.core.multiarray fromfile"]
-)
+@pytest.mark.parametrize("name", ["builtins eval", "builtins getattr", "numpy load", "numpy.core.multiarray fromfile"])
 def test_functions_of_allowed_modules_are_refused(name: str, tmp_path: Path) -> None:
     module, _, function = name.partition(" ")
     path = tmp_path / "sd_evil.pkl"
