@@ -110,7 +110,7 @@ class Table:
         return {
             # Setting up zstd costs 30 us a column to read: it is spent where the bytes are.
             "compression": {c.path: "zstd" if c.path in bulky else "lz4" for c in self.columns},
-            "compression_level": dict.fromkeys(sorted(bulky), 3),
+            "compression_level": dict.fromkeys(sorted(bulky), 1),
             "use_dictionary": [c.path for c in self.columns if c.element in ("string", "dictionary")],
             "column_encoding": {
                 column.path: "PLAIN" if column.element == "bool" else "BYTE_STREAM_SPLIT" for column in numbers

@@ -48,7 +48,7 @@ def figures(recordings: Path | None) -> Iterator[Figure]:
         root = Path(folder)
         sources = {
             "waymo": waymo_raw(root / "waymo", recordings, 500),
-            "argoverse2": argoverse2_raw(root / "argoverse2", recordings, 192),
+            "argoverse2": argoverse2_raw(root / "val", recordings, 192),
             "pg": "0:192",
         }
         for dataset, raw in sources.items():
@@ -67,7 +67,8 @@ def _rate(dataset: str, raw: str, root: Path) -> Iterator[Figure]:
     middle = sorted(runs, key=lambda run: run["seconds"])[1]
     wanted, reference = _GOALS[dataset]
     name = f"{dataset}: {middle['scenarios']} scenarios to a committed lake"
-    yield Figure(name, middle["scenarios"] / middle["seconds"], "scenarios/s per core", wanted, reference)
+    yield Figure(name, middle["scenarios"] / middle["cpu"], "scenarios/s of CPU time", wanted, reference)
+    yield Figure(f"{dataset}: the same by the clock", middle["scenarios"] / middle["seconds"], "scenarios/s")
     yield Figure(f"{dataset}: peak memory of the converter", middle["peak_mb"], "MB", "<= 1024")
 
 
@@ -129,7 +130,7 @@ def argoverse2_raw(folder: Path, recordings: Path | None, count: int) -> Path:
     column = table.schema.get_field_index("scenario_id")
     for number in range(count):
         new = f"{number:08x}{old[8:]}"
-        target = folder / "val" / new
+        target = folder / new
         target.mkdir(parents=True)
         ids = pa.array([new] * len(table), table.schema.field(column).type)
         pq.write_table(table.set_column(column, table.schema.field(column), ids), target / f"scenario_{new}.parquet")
