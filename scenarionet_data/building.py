@@ -17,6 +17,27 @@ from scenarionet_data.ragged import Ragged
 from scenarionet_data.scenario import Bool, Float64, MapFeatures, Tracks, strings
 from scenarionet_data.vocabulary import MapFeatureType
 
+METRES = 2.0**-14
+"""Positions and speeds are multiples of this: 0.06 mm, what float32 resolves half a kilometre from the origin."""
+
+RADIANS = 2.0**-20
+"""Headings are multiples of this: a millionth of a radian."""
+
+_PI = np.float32(np.pi)
+_BELOW_PI = np.nextafter(_PI, np.float32(0.0))
+
+
+def rounded(values: npt.ArrayLike, step: float) -> npt.NDArray[np.float32]:
+    """Values to the nearest multiple of ``step``, as float32.
+
+    A recorder's noise below that would fill a fifth of the lake with digits nobody measured.
+    """
+    array = np.asarray(values, dtype=np.float64) * (1.0 / step)
+    np.rint(array, out=array)
+    array *= step
+    with np.errstate(over="ignore"):  # beyond float32 becomes infinite, which validation names
+        return array.astype(np.float32)
+
 
 def make_origin(position: npt.NDArray[Any], valid: Bool, has_z: bool) -> Float64:
     """Origin of a scenario: the ego's first valid position rounded to whole metres.
@@ -74,9 +95,9 @@ def make_tracks(
         ids=strings(ids),
         object_type=np.asarray(object_type, dtype=np.uint8),
         position=_masked(np.asarray(position, dtype=np.float64) - origin, valid),
-        heading=wrap_angle(_masked(wrap_angle(heading), valid)),
+        heading=np.clip(_masked(wrap_angle(heading), valid, RADIANS), -_PI, _BELOW_PI),
         velocity=_masked(velocity, valid),
-        size=_masked(size, valid),
+        size=_sizes(size, valid),
         valid=valid,
         source_type=none if source_type is None else np.array(source_type, dtype=object),
         is_size_assumed=_flags(is_size_assumed, count),
@@ -86,14 +107,23 @@ def make_tracks(
     )
 
 
-def _masked(values: npt.ArrayLike, valid: Bool) -> npt.NDArray[np.float32]:
+def _masked(values: npt.ArrayLike, valid: Bool, step: float = METRES) -> npt.NDArray[np.float32]:
     """float32 copy with zeros where not valid (source values there may be NaN or beyond float32)."""
     values = np.asarray(values)
     mask = valid if values.ndim == 2 else valid[..., None]
-    with np.errstate(over="ignore"):  # beyond float32 becomes infinite, which validation names
-        kept = np.where(mask, values, 0.0).astype(np.float32, copy=False)
+    kept = rounded(np.where(mask, values, 0.0), step)
     kept += np.float32(0.0)  # no negative zeros
     return kept
+
+
+def _sizes(size: npt.NDArray[Any], valid: Bool) -> npt.NDArray[np.float32]:
+    """Sizes that never change stay as they are given; only those measured anew at every step are rounded."""
+    mask = valid[..., None]
+    lowest = np.where(mask, size, np.inf).min(axis=1, keepdims=True)
+    highest = np.where(mask, size, -np.inf).max(axis=1, keepdims=True)
+    with np.errstate(over="ignore"):
+        exact = np.where(mask, size, 0.0).astype(np.float32)
+    return np.where(lowest == highest, exact, _masked(size, valid))
 
 
 def _flags(values: npt.ArrayLike, count: int) -> Bool:
@@ -212,7 +242,13 @@ class MapBuilder:
             values = np.concatenate([np.zeros((0, 3)), *lists]) - origin
             if not has_z:
                 values[:, 2] = 0.0
-            return Ragged.from_flat([len(points) for points in lists], values.astype(np.float32))
+            return Ragged.from_flat([len(points) for points in lists], rounded(values, METRES))
+
+        def widths() -> Ragged:
+            lists = column("width")
+            return Ragged.from_flat(
+                [len(w) for w in lists], rounded(np.concatenate([np.zeros((0, 2)), *lists]), METRES)
+            )
 
         return MapFeatures(
             ids=strings(column("id")),
@@ -220,7 +256,7 @@ class MapBuilder:
             polyline=geometry("polyline"),
             polygon=geometry("polygon"),
             speed_limit=np.array(column("speed_limit"), dtype=np.float32),
-            width=Ragged.from_lists(column("width"), width=2),
+            width=Ragged.from_lists([w if len(w) == 1 else rounded(w, METRES) for w in column("width")], width=2),
             entry_lanes=Ragged.from_ids(column("entry_lanes")),
             exit_lanes=Ragged.from_ids(column("exit_lanes")),
             left_neighbors=Ragged.from_ids(column("left_neighbors")),

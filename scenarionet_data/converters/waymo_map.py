@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from scenarionet_data.building import METRES, rounded
 from scenarionet_data.converters.waymo_wire import (
     CROSSWALK,
     DRIVEWAY,
@@ -70,7 +71,7 @@ def map_features(features: WireMap, origin: Float64) -> MapFeatures | None:
     count = len(features.ids)
     if not count:
         return None
-    points = (features.points - origin).astype(np.float32)
+    points = rounded(features.points - origin, METRES)
     is_line = features.kinds <= STOP_SIGN
     limit = np.where(features.speed_limit > 0, features.speed_limit * MPH, np.nan)
 

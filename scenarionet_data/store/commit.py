@@ -119,11 +119,8 @@ def _merge(files: LakeFiles, folder: str, sources: list[str]) -> list[str]:
         rows += batch[-1].num_rows
         if rows >= ROWS_PER_METADATA_FILE or position == len(mine) - 1:
             temporary = files.temporary()
-            table = pa.concat_tables(batch).replace_schema_metadata(declared.schema.metadata)
-            with writing(temporary):
-                pq.write_table(
-                    table.unify_dictionaries(), temporary, row_group_size=_ROWS_PER_GROUP, **declared.writer_options
-                )
+            with writing(temporary), declared.writer(temporary, {}) as writer:
+                writer.write_table(pa.concat_tables(batch).cast(declared.schema), row_group_size=_ROWS_PER_GROUP)
             merged = f"{folder}/merged-{sha256(temporary)[:16]}.parquet"
             files.publish(temporary, merged)
             names.append(merged)

@@ -222,11 +222,8 @@ class _Part:
         self.path = path
         self._table = tables.load(table)
         self._rows: list[int] = []
-        schema = self._table.schema
         with writing(path):
-            self._writer = pq.ParquetWriter(
-                path, schema.with_metadata({**schema.metadata, **footer}), **self._table.writer_options
-            )
+            self._writer = self._table.writer(path, footer)
 
     def write(self, batch: pa.RecordBatch) -> int:
         """Append a row group; returns its number."""
@@ -257,11 +254,8 @@ class _Part:
 def write_table(files: LakeFiles, table: str, rows: list[dict[str, Any]] | pa.Table, footer: Mapping[str, str]) -> Path:
     """Write rows of a contract table to a temporary file and return its path."""
     declared = tables.load(table)
-    schema = declared.schema
-    content = rows if isinstance(rows, pa.Table) else pa.Table.from_pylist(rows, schema=schema)
+    content = rows if isinstance(rows, pa.Table) else pa.Table.from_pylist(rows, schema=declared.schema)
     temporary = files.temporary()
-    with writing(temporary):
-        pq.write_table(
-            content.replace_schema_metadata({**schema.metadata, **footer}), temporary, **declared.writer_options
-        )
+    with writing(temporary), declared.writer(temporary, footer) as writer:
+        writer.write_table(content.cast(declared.schema))
     return temporary

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-import pyarrow.parquet as pq
 
 from scenarionet_data import codec, tables
 from scenarionet_data.building import MapBuilder
@@ -36,8 +35,7 @@ def write_shared_map(
     has_z = features.has_heights
     temporary = files.temporary()
     footer = {"scenarionet.map": shard.name, "scenarionet.licence": licence}
-    schema = declared.schema.with_metadata({**declared.schema.metadata, **footer})
-    with writing(temporary), pq.ParquetWriter(temporary, schema, **declared.writer_options) as writer:
+    with writing(temporary), declared.writer(temporary, footer) as writer:
         for number, (rows, origin) in enumerate(_tiles(features.bounds)):
             tile = features.take(rows).build(origin, has_z)
             batch = codec.encode_map(shard.name, tile, origin, has_z, tile=number, index=rows)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarionet_data.building import MapBuilder, make_origin, make_tracks
+from scenarionet_data.building import METRES, MapBuilder, make_origin, make_tracks
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.vocabulary import MapFeatureType, ObjectType
 from tests.fixtures.scenarios import make_scenario
@@ -43,7 +43,7 @@ def test_tracks_are_canonical_whatever_stands_at_invalid_steps():
     for array in (made.position, made.heading, made.velocity, made.size):
         assert array.dtype == np.float32
         assert not array[~made.valid].any()
-    assert made.position[0] == pytest.approx(np.arange(9).reshape(3, 3) / 7, abs=1e-6)
+    assert made.position[0] == pytest.approx(np.arange(9).reshape(3, 3) / 7, abs=METRES / 2)
     assert made.heading[0] == pytest.approx([0.0, -math.pi, 9.0 - 2 * math.pi])
     assert made.size[1, 1].tolist() == pytest.approx([0.5, 0.6, 1.8])
     assert made.source_type.tolist() == [None, None]
@@ -126,3 +126,29 @@ def test_map_without_heights_lies_at_zero_and_can_be_built_twice():
 
 def test_empty_map_is_valid():
     replace(make_scenario(num_lights=0), map=MapBuilder().build(np.zeros(3))).validate()
+
+
+@given(st.floats(-1000, 1000), st.floats(-4, 4))
+def test_noise_below_the_resolution_is_dropped(metres, radians):
+    made = make_tracks(
+        ["a"], [1], np.full((1, 1, 3), metres), np.full((1, 1), radians), np.full((1, 1, 2), metres / 10),
+        np.full((1, 3), 4.6), np.ones((1, 1), bool), origin=np.zeros(3),
+    )  # fmt: skip
+    steps = made.position / METRES
+    assert np.array_equal(steps, np.rint(steps))
+    assert abs(float(made.position[0, 0, 0]) - metres) <= 0.6 * METRES
+    turn = (float(made.heading[0, 0]) - radians + math.pi) % (2 * math.pi) - math.pi
+    assert abs(turn) <= 1e-6
+    assert -np.float32(np.pi) <= made.heading[0, 0] < np.float32(np.pi)
+
+
+def test_sizes_that_never_change_stay_as_given():
+    size = np.broadcast_to([4.6, 1.9, 1.5], (2, 5, 3)).copy()
+    size[1, :, 0] += np.linspace(0, 0.1, 5)
+    made = make_tracks(
+        ["a", "b"], [1, 1], np.zeros((2, 5, 3)), np.zeros((2, 5)), np.zeros((2, 5, 2)), size, np.ones((2, 5), bool),
+        origin=np.zeros(3),
+    )  # fmt: skip
+    assert made.size[0, 0].tolist() == np.float32([4.6, 1.9, 1.5]).tolist()
+    assert made.size[1, 0, 1] == np.float32(1.9)
+    assert np.array_equal(made.size[1, :, 0] / METRES, np.rint(made.size[1, :, 0] / METRES))
