@@ -139,7 +139,7 @@ def convert(
         limit: Stop after that many scenarios, for a quick look.
         replace_old: Replace shards converted with other options, from changed files, or by another version.
         stale: Replace shards converted by another converter version.
-        on_progress: Told about every finished shard.
+        on_progress: Told when shards are about to be converted, and about every finished one.
 
     Raises:
         SourceNotFound: Nothing of this dataset at ``raw``.
@@ -155,11 +155,12 @@ def convert(
     jobs = [Job(dataset, shard, str(files.root), limit) for shard in plan.shards]
     outcomes = _run_limited(jobs, limit) if limit is not None else (run or _runner(min(workers, len(jobs))))(jobs)
     basket = _Basket(files, plan, f"convert {dataset}", report)
+    tell = on_progress or (lambda done, total, converted: None)
+    tell(0, len(jobs), 0)
     try:
         for done, outcome in enumerate(outcomes, start=1):
             basket.add(outcome)
-            if on_progress:
-                on_progress(done, len(jobs), report.converted)
+            tell(done, len(jobs), report.converted)
     finally:
         basket.commit()
     report.snapshot = commits.consolidate(files).number
