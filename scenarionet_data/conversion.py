@@ -354,7 +354,8 @@ class _Basket:
         report.size += sum(record.sizes)
         report.shards += 1
         report.adopted += outcome.was_finished
-        report.partitions.add((record.dataset, record.version, record.split))
+        if record.num_scenarios or record.num_quarantined:  # a shared map has no split
+            report.partitions.add((record.dataset, record.version, record.split))
         self._finished.append(record)
         if time.monotonic() - self._committed_at > _COMMIT_EVERY and not self._plan.replaced:
             self.commit()

@@ -60,9 +60,7 @@ def test_convert_is_the_command_line(words, environment, command):
 
 def test_an_old_python_is_refused_in_a_sentence(tmp_path):
     old = tmp_path / "old-python"
-    old.write_text(
-        '#!/bin/sh\nexec python3 -c "import sys; sys.version_info = (3, 9, 2); exec(sys.argv[2])" "$@"\n'
-    )
+    old.write_text('#!/bin/sh\nexec python3 -c "import sys; sys.version_info = (3, 9, 2); exec(sys.argv[2])" "$@"\n')
     old.chmod(0o755)
     text = (ROOT / "Makefile").read_text()
     copy = tmp_path / "Makefile"

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 import subprocess
 import sys
-import time
 
 import click
 import pytest
@@ -36,12 +36,13 @@ def test_help_is_instant_and_imports_nothing_heavy():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
-    times = []
-    for _ in range(5):
-        started = time.perf_counter()
+    took = []
+    for _ in range(3):  # time of the processor: what else this machine does is not the command's fault
+        before = os.times()
         subprocess.run([sys.executable, "-m", "pipelines.cli", "--help"], capture_output=True, check=True)
-        times.append(time.perf_counter() - started)
-    assert min(times) < 0.15
+        after = os.times()
+        took.append(after.children_user + after.children_system - before.children_user - before.children_system)
+    assert min(took) < 0.15
 
 
 def test_help_lists_every_verb_with_a_sentence():
@@ -144,9 +145,7 @@ def test_the_excerpt_of_a_query_is_left_out():
 
 
 def test_a_closed_pipe_ends_quietly(lake):
-    command = (
-        f"{shlex.quote(sys.executable)} -m pipelines.cli sql {lake} 'SELECT * FROM range(300000)' --csv | head -1"
-    )
+    command = f"{shlex.quote(sys.executable)} -m pipelines.cli sql {lake} 'SELECT * FROM range(300000)' --csv | head -1"
     done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False)
     assert done.stdout == "range\n"
     assert "Traceback" not in done.stderr

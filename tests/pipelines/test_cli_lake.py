@@ -49,9 +49,7 @@ def test_show(lake, ok, as_json):
 
 
 def test_sql_as_table_json_and_csv(lake, ok, as_json):
-    query = (
-        "SELECT scenario_id, num_objects, 'a, b' AS words, [1, 2] AS list, 0.0 / 0 AS nan FROM metadata ORDER BY 1"
-    )
+    query = "SELECT scenario_id, num_objects, 'a, b' AS words, [1, 2] AS list, 0.0 / 0 AS nan FROM metadata ORDER BY 1"
     assert "made/v1/s000001" in ok("sql", lake, query)
     found = as_json("sql", lake, query)
     assert found["columns"] == ["scenario_id", "num_objects", "words", "list", "nan"]
@@ -99,12 +97,8 @@ def test_files(lake, ok, as_json):
 
 
 def test_filter(lake, ok, as_json):
-    assert (
-        ok("filter", lake, "--where", "source_scenario_id < 's00001'", "--to", "few") == "few@1: 6 of 9 scenarios\n"
-    )
-    text = ok(
-        "filter", lake, "--from", "few", "--filter", "object_count:min=2", "--filter", "no_overpass", "--to", "x"
-    )
+    assert ok("filter", lake, "--where", "source_scenario_id < 's00001'", "--to", "few") == "few@1: 6 of 9 scenarios\n"
+    text = ok("filter", lake, "--from", "few", "--filter", "object_count:min=2", "--filter", "no_overpass", "--to", "x")
     assert text.startswith("x@1: ")
     assert text.endswith(" of 6 scenarios\n")
     again = run("filter", lake, "--to", "few")
@@ -153,9 +147,7 @@ def test_converters(ok, as_json):
     found = {each["name"]: each for each in as_json("converters")["converters"]}
     assert all({"raw", "licence", "release", "version"} <= set(each) for each in found.values()), found
     one = as_json("converters", "tests.fixtures.made:Made")
-    assert one["options"] == [
-        {"name": "num_objects", "type": "int", "default": 5, "doc": "Objects in each scenario."}
-    ]
+    assert one["options"] == [{"name": "num_objects", "type": "int", "default": 5, "doc": "Objects in each scenario."}]
     assert "Objects in each scenario." in ok("converters", "tests.fixtures.made:Made")
 
 

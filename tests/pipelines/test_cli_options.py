@@ -77,9 +77,7 @@ def test_options_describe_themselves():
 
 
 def test_a_class_in_the_current_folder_is_found(tmp_path: Path, monkeypatch):
-    (tmp_path / "my_own_dataset.py").write_text(
-        "from tests.fixtures.made import Made\nclass Mine(Made):\n    pass\n"
-    )
+    (tmp_path / "my_own_dataset.py").write_text("from tests.fixtures.made import Made\nclass Mine(Made):\n    pass\n")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("sys.path", __import__("sys").path.copy())
     assert find("my_own_dataset:Mine").name == "made"
