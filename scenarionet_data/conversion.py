@@ -155,12 +155,13 @@ def convert(
     jobs = [Job(dataset, shard, str(files.root), limit) for shard in plan.shards]
     outcomes = _run_limited(jobs, limit) if limit is not None else (run or _runner(min(workers, len(jobs))))(jobs)
     basket = _Basket(files, plan, f"convert {dataset}", report)
-    tell = on_progress or (lambda done, total, converted: None)
-    tell(0, len(jobs), 0)
+    if on_progress:
+        on_progress(0, len(jobs), 0)
     try:
         for done, outcome in enumerate(outcomes, start=1):
             basket.add(outcome)
-            tell(done, len(jobs), report.converted)
+            if on_progress:
+                on_progress(done, len(jobs), report.converted)
     finally:
         basket.commit()
     report.snapshot = commits.consolidate(files).number

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+from pathlib import Path
 
 import polars as pl
 import pytest
@@ -124,8 +125,12 @@ def test_filters(ok, as_json):
 
 @pytest.mark.parametrize(
     "words",
-    ["--fractions train=0.5 val=0.5", "--fractions train=0.5 --fractions val=0.5", "--fractions=train=0.5 --fractions val=0.5"],
-)  # fmt: skip
+    [
+        "--fractions train=0.5 val=0.5",
+        "--fractions train=0.5 --fractions val=0.5",
+        "--fractions=train=0.5 --fractions=val=0.5",
+    ],
+)
 def test_split_in_every_spelling(words, lake, as_json):
     found = as_json("split", lake, "--seed", "3", *words.split(), "--by", "source_log", "--prefix", "p")
     assert [part["reference"] for part in found.values()] == ["p_train@1", "p_val@1"]
@@ -140,6 +145,40 @@ def test_split_of_a_database(lake, ok):
     ok("filter", lake, "--to", "all")
     text = ok("split", lake, "all", "--fractions", "train=0.9", "val=0.1", "--overwrite")
     assert [line.split(":")[0] for line in text.splitlines()] == ["all_train@1", "all_val@1"]
+
+
+def test_export_is_read_back(lake, tmp_path, ok, as_json):
+    ok("filter", lake, "--where", "source_scenario_id < 's00001'", "--to", "few")
+    assert ok("export", lake, "few", tmp_path / "pickles").startswith(f"{tmp_path / 'pickles'}: 6 scenarios, ")
+    assert run("export", lake, "few", tmp_path / "pickles").exit_code == 1
+    found = as_json("export", lake, "few", tmp_path / "pickles", "--overwrite", "--quiet")
+    assert (found["scenarios"], found["format"], found["refused"]) == (6, "scenarionet", [])
+    again = as_json("convert", "scenarionet", tmp_path / "pickles", tmp_path / "again", "--quiet")
+    assert again["converted"] == 6
+
+
+def test_check(lake, ok, as_json):
+    ok("filter", lake, "--where", "source_scenario_id < 's00001'", "--to", "few")
+    text = ok("check", lake)  # the lanes of the fixture jump, which only --strict minds
+    assert "ok        ids_are_unique" in text
+    assert "successors_are_close: 9 scenarios, for example\n  made/v1/s000001" in text
+    assert run("check", lake, "--strict").exit_code == 1
+    assert "successors_are_close: 6 scenarios" in ok("check", lake, "few")
+    (one,) = as_json("check", lake, "--only", "ids_are_unique")["checks"]
+    assert (one["is_met"], one["is_hard"]) == (True, True)
+    assert run("check", lake, "--only", "ids_are_uniqe").exit_code == 2
+
+
+def test_check_names_what_is_gone(lake, ok):
+    gone = Path(ok("files", lake, "tracks").split()[0])
+    gone.unlink()
+    result = run("check", lake)
+    assert result.exit_code == 1
+    assert "FAILED    content_is_present" in result.stdout
+    assert f"{gone.name} is gone" in result.stdout
+    asked = run("sql", lake, "SELECT count(*) FROM tracks")
+    assert asked.exit_code == 1
+    assert "scenarionet check" in asked.stderr
 
 
 def test_converters(ok, as_json):
@@ -177,5 +216,5 @@ def test_words_for_quantities():
 
 
 def test_json_has_no_nan(capsys):
-    print_json({"a": float("nan"), "b": [float("inf")], "c": {"d": {1, 1}}})
+    print_json({"a": float("nan"), "b": [float("inf")], "c": {"d": {1}}})
     assert json.loads(capsys.readouterr().out) == {"a": None, "b": [None], "c": {"d": [1]}}

@@ -11,7 +11,6 @@ from pipelines.cli.output import count, print_json, size
 from pipelines.cli.parameters import json_option, lake_argument, overwrite_option, quiet_option
 from pipelines.cli.progress import Progress
 
-
 _FORMATS = ("scenarionet",)
 
 
