@@ -3,6 +3,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 INSTALLED := .venv/.installed
+PYTEST := $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4
 LAKE ?= lake
 RAW ?= $(if $(SCENARIONET_RAW),$(SCENARIONET_RAW)/$(DATASET),$(if $(filter nuplan,$(DATASET)),$(NUPLAN_DATA_ROOT)))
 
@@ -24,10 +25,17 @@ demo: install  ## From nothing to a lake, a filter, a split and pickles, without
 	$(BIN)/python -m pipelines.demo
 
 test: install  ## The tests, in under three minutes (ARGS="-k lake" chooses some).
-	$(BIN)/python -m pytest $(ARGS)
+	$(PYTEST) $(ARGS)
 
 test-all: install  ## The tests, the long ones too.
-	$(BIN)/python -m pytest -m 'not metadrive' $(ARGS)
+	$(PYTEST) -m 'not metadrive' $(ARGS)
+
+test-metadrive: install .venv-metadrive/.installed  ## MetaDrive opens and drives what is exported (Python 3.11).
+	$(BIN)/python -m pytest -m metadrive tests/metadrive $(ARGS)
+
+.venv-metadrive/.installed: tests/metadrive/make_environment.sh
+	sh $< $(PYTHON)
+	@touch $@
 
 check: install  ## Lint, format and types.
 	$(BIN)/ruff check .

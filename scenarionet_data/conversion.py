@@ -139,7 +139,7 @@ def convert(
         limit: Stop after that many scenarios, for a quick look.
         replace_old: Replace shards converted with other options, from changed files, or by another version.
         stale: Replace shards converted by another converter version.
-        on_progress: Told about every finished shard.
+        on_progress: Told when shards are about to be converted, and about every finished one.
 
     Raises:
         SourceNotFound: Nothing of this dataset at ``raw``.
@@ -155,6 +155,8 @@ def convert(
     jobs = [Job(dataset, shard, str(files.root), limit) for shard in plan.shards]
     outcomes = _run_limited(jobs, limit) if limit is not None else (run or _runner(min(workers, len(jobs))))(jobs)
     basket = _Basket(files, plan, f"convert {dataset}", report)
+    if on_progress:
+        on_progress(0, len(jobs), 0)
     try:
         for done, outcome in enumerate(outcomes, start=1):
             basket.add(outcome)
@@ -353,7 +355,8 @@ class _Basket:
         report.size += sum(record.sizes)
         report.shards += 1
         report.adopted += outcome.was_finished
-        report.partitions.add((record.dataset, record.version, record.split))
+        if record.num_scenarios or record.num_quarantined:  # a shared map has no split
+            report.partitions.add((record.dataset, record.version, record.split))
         self._finished.append(record)
         if time.monotonic() - self._committed_at > _COMMIT_EVERY and not self._plan.replaced:
             self.commit()

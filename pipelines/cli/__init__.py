@@ -16,7 +16,7 @@ VERBS = {
     "Look": ("list", "show", "sql", "files"),
     "Choose": ("filter", "filters", "split"),
     "Hand on": ("export",),
-    "Keep healthy": ("doctor",),
+    "Keep healthy": ("check", "doctor"),
 }
 """The verbs by what a person wants to do; ``<verb>`` is ``verbs/<verb>.py``."""
 

@@ -8,7 +8,7 @@ import click
 
 from scenarionet_data.errors import BadParameter
 
-lake_argument = click.argument("lake", type=click.Path(file_okay=False))
+lake_argument = click.argument("lake")
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 quiet_option = click.option("--quiet", is_flag=True, help="No progress.")
 overwrite_option = click.option("--overwrite", is_flag=True, help="Replace what is there.")

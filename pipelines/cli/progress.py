@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import threading
 import time
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
@@ -30,20 +31,27 @@ class Progress:
         self.done = self.total = self.scenarios = 0
         self._task = task
         self._step = step
-        self._started = self._line_at = time.monotonic()
-        self._is_quiet = is_quiet
-        self._bar = None if is_quiet or not sys.stderr.isatty() else _bar(task)
+        self._started = time.monotonic()
+        is_terminal = sys.stderr.isatty()
+        self._bar = _bar(task) if is_terminal and not is_quiet else None
+        self._has_ended = threading.Event()
+        self._lines = None if is_terminal or is_quiet else threading.Thread(target=self._print_lines, daemon=True)
 
     def __enter__(self) -> Self:
         if self._bar:
             self._bar.start()
+        if self._lines:
+            self._lines.start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._has_ended.set()
         if self._bar:
             self._bar.stop()
+        if self._lines:
+            self._lines.join()
 
     def update(self, done: int, total: int, scenarios: int) -> None:
         """Note progress.
@@ -56,23 +64,26 @@ class Progress:
         self.done, self.total, self.scenarios = done, total, scenarios
         if self._bar:
             self._bar.update(self._bar.task_ids[0], completed=done, total=total, rate=self._rate)
-        elif not self._is_quiet and time.monotonic() - self._line_at >= _LINE_EVERY:
-            self._line_at = time.monotonic()
-            click.echo(self._line, err=True)
+
+    def _print_lines(self) -> None:
+        """Also while nothing gets done: who waits wants to know that it goes on."""
+        while not self._has_ended.wait(_LINE_EVERY):
+            click.echo(self.line, err=True)
 
     @property
-    def _elapsed(self) -> float:
-        return max(time.monotonic() - self._started, 1e-9)
+    def line(self) -> str:
+        """The progress in a line."""
+        elapsed = time.monotonic() - self._started
+        steps = f"{self._task}: {self.done:,} of {count(self.total, self._step)} after {duration(elapsed)}"
+        if not self.done:
+            return steps if self.total else f"{self._task}: listing what there is to do"
+        left = elapsed / self.done * (self.total - self.done)
+        return f"{steps}, {self._rate}, about {duration(left)} left"
 
     @property
     def _rate(self) -> str:
-        return f"{self.scenarios / self._elapsed:,.1f} scenarios/s"
-
-    @property
-    def _line(self) -> str:
-        left = self._elapsed / self.done * (self.total - self.done)
-        steps = f"{self.done:,} of {count(self.total, self._step)}"
-        return f"{self._task}: {steps}, {self._rate}, about {duration(left)} left"
+        elapsed = max(time.monotonic() - self._started, 1e-9)
+        return f"{self.scenarios / elapsed:,.1f} scenarios/s" if self.scenarios else ""
 
 
 def _bar(task: str) -> Bar:

@@ -14,7 +14,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scenarionet_data import tables
-from scenarionet_data.errors import QueryError, UnsafeSql
+from scenarionet_data.errors import LakeError, QueryError, UnsafeSql
 from scenarionet_data.resources import SQL
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
@@ -72,11 +72,17 @@ class Engine:
         return polars.DataFrame(self.arrow(sql, parameters))
 
     def arrow(self, sql: str, parameters: Mapping[str, Any] | None = None) -> pa.Table:
-        """Like :meth:`select`, as an Arrow table."""
+        """Like :meth:`select`, as an Arrow table.
+
+        Raises:
+            LakeError: A file is gone or cannot be read.
+        """
         check_select(sql)
-        self._make_views(sql)
         try:
+            self._make_views(sql)
             return self._connection.sql(sql, params=dict(parameters or {})).to_arrow_table()
+        except duckdb.IOException as error:
+            raise LakeError(f"{error}; `scenarionet check {self._files.root}` says what is gone or damaged") from error
         except duckdb.Error as error:
             raise QueryError(str(error)) from error
 

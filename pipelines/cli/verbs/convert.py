@@ -97,7 +97,7 @@ def command(
 
 def _kept(progress: Progress, lake: str) -> str:
     done = f"{progress.done:,} of {count(progress.total, 'shard')} ({count(progress.scenarios, 'scenario')})"
-    kept = f"{done} converted and kept in {lake}" if progress.total else "no shard was finished"
+    kept = f"{done} converted and kept in {lake}" if progress.done else "no shard was finished"
     return f"{kept}; the same command goes on from there"
 
 

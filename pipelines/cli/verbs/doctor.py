@@ -14,7 +14,7 @@ _MARKS = {"ok": "ok", "missing": "--", "bad": "BAD"}
 
 
 @verb("doctor", "scenarionet doctor", "scenarionet doctor lake --json")
-@click.argument("lake", type=click.Path(), required=False)
+@click.argument("lake", required=False)
 @json_option
 def command(lake: str | None, as_json: bool) -> None:
     """Check the installation, the converters, this machine, and a lake when one is given.

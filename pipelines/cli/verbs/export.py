@@ -11,12 +11,14 @@ from pipelines.cli.output import count, print_json, size
 from pipelines.cli.parameters import json_option, lake_argument, overwrite_option, quiet_option
 from pipelines.cli.progress import Progress
 
+_FORMATS = ("scenarionet",)
+
 
 @verb("export", "scenarionet export lake busy_val exported/busy_val --format scenarionet")
 @lake_argument
 @click.argument("database", metavar="DB")
-@click.argument("directory", metavar="DIR", type=click.Path(file_okay=False))
-@click.option("--format", "to", type=click.Choice(["scenarionet"]), default="scenarionet", show_default=True)
+@click.argument("directory", metavar="DIR")
+@click.option("--format", "to", type=click.Choice(_FORMATS), default=_FORMATS[0], help="Whose pickles to write.")
 @overwrite_option
 @json_option
 @quiet_option

@@ -1,0 +1,74 @@
+"""``make``: lists its targets, and says what to set."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+def make(*words: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    clean = {k: v for k, v in os.environ.items() if k not in ("SCENARIONET_RAW", "NUPLAN_DATA_ROOT", "MAKEFLAGS")}
+    return subprocess.run(
+        ["make", "--no-print-directory", *words], cwd=ROOT, env=clean | environment, capture_output=True, text=True,
+        check=False,
+    )  # fmt: skip
+
+
+def test_make_alone_lists_every_target():
+    listed = make().stdout.splitlines()
+    targets = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    assert [line.split()[1] for line in listed] == targets
+    assert all(len(line.split()) > 3 for line in listed)
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ([], "set DATASET"),
+        (["DATASET=waymo"], "set RAW=FOLDER, or SCENARIONET_RAW to the folder that holds waymo/"),
+        (["DATASET=nuplan"], "NUPLAN_DATA_ROOT"),
+    ],
+)
+def test_convert_says_in_one_line_what_to_set(words, says):
+    done = make("-n", "convert", *words)
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert says in line
+
+
+@pytest.mark.parametrize(
+    ("words", "environment", "command"),
+    [
+        ("DATASET=pg RAW=0:200", {}, "convert 'pg' '0:200' 'lake'"),
+        ("DATASET=waymo", {"SCENARIONET_RAW": "/raw"}, "convert 'waymo' '/raw/waymo' 'lake'"),
+        ("DATASET=nuplan", {"NUPLAN_DATA_ROOT": "/nuplan"}, "convert 'nuplan' '/nuplan' 'lake'"),
+        ("DATASET=pg RAW=0:9 LAKE=other SPLIT=val WORKERS=3 ARGS=--stale", {},
+         "convert 'pg' '0:9' 'other' --split 'val' --workers '3' --stale"),
+    ],
+)  # fmt: skip
+def test_convert_is_the_command_line(words, environment, command):
+    done = make("-n", "convert", *words.split(), **environment)
+    assert done.returncode == 0, done.stderr
+    assert command in " ".join(done.stdout.replace("\\\n", " ").split())
+
+
+def test_an_old_python_is_refused_in_a_sentence(tmp_path):
+    old = tmp_path / "old-python"
+    old.write_text('#!/bin/sh\nexec python3 -c "import sys; sys.version_info = (3, 9, 2); exec(sys.argv[2])" "$@"\n')
+    old.chmod(0o755)
+    text = (ROOT / "Makefile").read_text()
+    copy = tmp_path / "Makefile"
+    copy.write_text(text)
+    (tmp_path / "pyproject.toml").touch()
+    done = subprocess.run(
+        ["make", "install", f"PYTHON={old}"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert "is Python 3.9, 3.11 or newer is needed: make install PYTHON=python3.11" in done.stderr
+    assert not (tmp_path / ".venv").exists()

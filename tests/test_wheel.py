@@ -1,0 +1,119 @@
+"""The package as others get it: source distribution, wheel, and a checkout that nobody installed.
+
+Environments are made beside the packages that are installed already, so nothing is downloaded.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tarfile
+import venv
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PARTS = ("pipelines", "scenarionet_data", "scenarionet_sim", "schemas", "sql")
+
+
+def call(*words: str | Path, cwd: Path, code: int = 0) -> str:
+    """Run a program with nothing of this process's environment; returns its standard output."""
+    done = subprocess.run(
+        [str(word) for word in words], cwd=cwd, env={"PATH": "/usr/bin:/bin", "HOME": str(cwd), "LC_ALL": "C.UTF-8"},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == code, done.stdout + done.stderr
+    return done.stdout
+
+
+def environment(folder: Path) -> Path:
+    """A new environment that sees what is installed here, but for this project; returns its Python."""
+    venv.create(folder, symlinks=True, with_pip=False)
+    (packages,) = folder.glob("lib/python*/site-packages")
+    # A folder named in a .pth file is searched, but .pth files in it are not read: no editable install.
+    (packages / "installed.pth").write_text(sysconfig.get_paths()["purelib"] + "\n")
+    return folder / "bin" / "python"
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the source distribution and, built from that, the wheel."""
+    folder = tmp_path_factory.mktemp("built")
+    copy = folder / "checkout"
+    names = (*PARTS, "tests", "docs", "Makefile", "README.md", "LICENSE", "pyproject.toml")
+    for name in names:  # a copy, so that nothing built earlier in the checkout gets in
+        source = ROOT / name
+        if source.is_dir():
+            shutil.copytree(source, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            copy.mkdir(exist_ok=True)
+            shutil.copy(source, copy)
+    call(sys.executable, "-m", "build", "--no-isolation", "--outdir", folder, copy, cwd=folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def installed(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An environment with the wheel in it; returns its folder of programs."""
+    folder = tmp_path_factory.mktemp("installed")
+    python = environment(folder)
+    (wheel,) = built.glob("*.whl")
+    pip = (sys.executable, "-m", "pip", "--python", python, "--disable-pip-version-check", "install")
+    call(*pip, "--quiet", "--no-deps", "--no-index", "--ignore-installed", wheel, cwd=folder)
+    return python.parent
+
+
+def test_the_wheel_holds_the_packages_the_contract_and_the_questions(built):
+    (wheel,) = built.glob("*.whl")
+    names = set(zipfile.ZipFile(wheel).namelist())
+    expected = {path.relative_to(ROOT).as_posix() for part in PARTS[:3] for path in (ROOT / part).rglob("*.py")}
+    expected |= {f"{part}/py.typed" for part in PARTS[:3]}
+    expected |= {f"scenarionet_data/{p.relative_to(ROOT).as_posix()}" for p in (ROOT / "schemas").glob("*.toml")}
+    expected |= {f"scenarionet_data/{p.relative_to(ROOT).as_posix()}" for p in (ROOT / "sql").rglob("*.sql")}
+    own = {name for name in names if ".dist-info/" not in name}
+    assert own == expected
+
+
+def test_the_source_distribution_holds_what_one_works_with(built):
+    (archive,) = built.glob("*.tar.gz")
+    with tarfile.open(archive) as file:
+        names = {name.partition("/")[2] for name in file.getnames()}
+    assert {"Makefile", "README.md", "LICENSE", "pyproject.toml", "schemas/metadata.toml", "tests/conftest.py"} <= names
+    assert {"docs/architecture.md", "sql/views/metadata.sql", "pipelines/cli/__init__.py"} <= names
+
+
+def test_the_installed_command_works_anywhere(installed, tmp_path):
+    scenarionet = installed / "scenarionet"
+    where = call(installed / "python", "-c", "import scenarionet_data as s; print(s.__file__)", cwd=tmp_path)
+    assert where.startswith(str(installed.parent))
+    check_command(scenarionet, cwd=tmp_path, workers="2")
+
+
+def test_a_checkout_works_uninstalled(tmp_path):
+    python = environment(tmp_path / "python")
+    for part in PARTS:
+        shutil.copytree(ROOT / part, tmp_path / "checkout" / part, ignore=shutil.ignore_patterns("__pycache__"))
+    where = call(python, "-c", "import scenarionet_data as s; print(s.__file__)", cwd=tmp_path / "checkout")
+    assert where.startswith(str(tmp_path / "checkout"))
+    check_command(python, "-m", "pipelines.cli", cwd=tmp_path / "checkout")
+
+
+def check_command(*scenarionet: str | Path, cwd: Path, workers: str = "1") -> None:
+    """Converters, a conversion, a question, a filter."""
+    names = {each["name"] for each in json.loads(call(*scenarionet, "converters", "--json", cwd=cwd))["converters"]}
+    assert {"pg", "scenarionet", "waymo"} <= names
+    (cwd / "own.py").write_text((ROOT / "tests/fixtures/made.py").read_text().replace("tests.fixtures.", ""))
+    shutil.copy(ROOT / "tests/fixtures/scenarios.py", cwd)
+    (cwd / "raw").mkdir()
+    (cwd / "raw" / "a.made").write_text("1\n2\n3")
+    (cwd / "raw" / "b.made").write_text("4\n5")
+    call(*scenarionet, "convert", "own:Made", "raw", "lake", "--workers", workers, cwd=cwd)
+    rows = json.loads(call(*scenarionet, "sql", "lake", "summary", "--json", cwd=cwd))["rows"]
+    assert rows[0]["scenarios"] == 5
+    text = call(*scenarionet, "filter", "lake", "--filter", "object_count:min=1", "--to", "some", cwd=cwd)
+    assert text == "some@1: 5 of 5 scenarios\n"
