@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from scenarionet_data.procedural.conflicts import CROSS, SPLIT
 from scenarionet_data.procedural.graph import NONE, LaneGraph
 from scenarionet_data.procedural.idm import free_acceleration, interaction
+from scenarionet_data.procedural.jit import part
 from scenarionet_data.procedural.vehicles import PLACES, Fleet, Places, State
 
 HORIZON = 100.0  # [m] drivers look ahead
@@ -16,7 +16,7 @@ HARDEST_BRAKING = 8.0  # [m/s2]
 _MANY_HOPS = 30
 
 
-@njit(cache=True)
+@part
 def acceleration(graph: LaneGraph, fleet: Fleet, state: State, places: Places, i: int) -> float:
     """What vehicle ``i`` does now [m/s2]."""
     lane, s = state.lane[i], state.s[i]
@@ -29,7 +29,7 @@ def acceleration(graph: LaneGraph, fleet: Fleet, state: State, places: Places, i
     return float(max(wanted, -HARDEST_BRAKING))
 
 
-@njit(cache=True)
+@part
 def braking_along(
     graph: LaneGraph, fleet: Fleet, state: State, places: Places, i: int, lane: int, s: float, stops: bool
 ) -> float:
@@ -55,7 +55,7 @@ def braking_along(
     return braking
 
 
-@njit(cache=True)
+@part
 def nearest_on(
     graph: LaneGraph, fleet: Fleet, state: State, places: Places, i: int, lane: int, before: float
 ) -> tuple[float, float]:
@@ -64,27 +64,31 @@ def nearest_on(
     Vehicles on lanes that split from this one or merge into it count where the lanes are still together.
     """
     gap, speed = np.inf, 0.0
+    is_apart = graph.conflict_first[lane] == graph.conflict_first[lane + 1]
     for j in range(len(state.lane)):
         if j == i or not state.active[j]:
             continue
         for place in range(PLACES):
             if places.lane[j, place] == NONE:
                 continue
-            ahead = _distance_to(graph, fleet, places, j, place, lane, before)
+            if places.lane[j, place] == lane:
+                ahead = before + places.s[j, place]
+            elif is_apart:
+                continue
+            else:
+                ahead = _distance_beside(graph, fleet, places, j, place, lane, before)
             clear = ahead - (fleet.length[i] + fleet.length[j]) / 2.0
             if (ahead > 0.0 or (ahead == 0.0 and j < i)) and clear < gap:
                 gap, speed = clear, state.speed[j]
     return gap, speed
 
 
-@njit(cache=True)
-def _distance_to(
+@part
+def _distance_beside(
     graph: LaneGraph, fleet: Fleet, places: Places, j: int, place: int, lane: int, before: float
 ) -> float:
-    """Distance to one of the places of vehicle ``j`` if it matters on ``lane``, else minus infinity."""
+    """Distance to a place of vehicle ``j`` on a lane still or already joined with ``lane``, else minus infinity."""
     where, s, half = places.lane[j, place], places.s[j, place], fleet.length[j] / 2.0
-    if where == lane:
-        return float(before + s)
     for row in range(graph.conflict_first[lane], graph.conflict_first[lane + 1]):
         other, kind = graph.conflicts[row, 0], graph.conflicts[row, 1]
         if other != where or kind == CROSS:
@@ -96,7 +100,7 @@ def _distance_to(
     return -np.inf
 
 
-@njit(cache=True)
+@part
 def _stop_on(graph: LaneGraph, state: State, i: int, lane: int, before: float, following: int) -> float:
     """Distance to where vehicle ``i`` must stop on ``lane``: before road works, a closed junction, a wrong way."""
     end = before + graph.length[lane]
@@ -110,7 +114,7 @@ def _stop_on(graph: LaneGraph, state: State, i: int, lane: int, before: float, f
     return stop
 
 
-@njit(cache=True)
+@part
 def room_needed(graph: LaneGraph, state: State, i: int, lane: int) -> float:
     """How far before the end of ``lane`` vehicle ``i`` has to leave it [m]: room for each lane change it needs."""
     if graph.exit_first[lane] == graph.exit_first[lane + 1]:
@@ -126,7 +130,7 @@ def room_needed(graph: LaneGraph, state: State, i: int, lane: int) -> float:
     return ROOM_TO_CHANGE
 
 
-@njit(cache=True)
+@part
 def _braking(fleet: Fleet, state: State, i: int, gap: float, speed: float) -> float:
     if gap == np.inf:
         return 0.0
@@ -141,7 +145,7 @@ def _braking(fleet: Fleet, state: State, i: int, gap: float, speed: float) -> fl
     )
 
 
-@njit(cache=True)
+@part
 def _braking_for_bend(graph: LaneGraph, fleet: Fleet, state: State, i: int, lane: int, ahead: float) -> float:
     """Braking that slows vehicle ``i`` to a bend's speed when it gets there; 0 while there is time."""
     slow = graph.speed[lane] * fleet.eagerness[i]

@@ -8,10 +8,10 @@ paths are free of collisions by construction, not by braking.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from scenarionet_data.procedural.conflicts import SPLIT
 from scenarionet_data.procedural.graph import NONE, Int32, LaneGraph
+from scenarionet_data.procedural.jit import part
 from scenarionet_data.procedural.vehicles import PLACES, Fleet, Places, State
 
 GO, CAUTION, STOP = 1, 2, 3
@@ -22,11 +22,11 @@ _STANDING = 0.3  # [m/s]
 _HOPS = 4
 
 
-@njit(cache=True)
+@part
 def update_grant(
     graph: LaneGraph, fleet: Fleet, state: State, places: Places, lights: Int32, t: int, i: int
 ) -> None:
-    """Give vehicle ``i`` the next lane that needs a grant, or take a grant back when its light turns and it can still stop.
+    """Grant vehicle ``i`` the next lane that needs it; take that back when its light turns and it can stop.
 
     Args:
         lights: (rows, T) GO, CAUTION or STOP.
@@ -45,7 +45,7 @@ def update_grant(
         state.granted[i] = following
 
 
-@njit(cache=True)
+@part
 def _next_to_grant(graph: LaneGraph, state: State, i: int) -> tuple[int, float]:
     """The first lane ahead of vehicle ``i`` that it may not simply enter, and the distance to it [m]."""
     where, ahead = state.lane[i], -state.s[i]
@@ -57,7 +57,7 @@ def _next_to_grant(graph: LaneGraph, state: State, i: int) -> tuple[int, float]:
     return NONE, np.inf
 
 
-@njit(cache=True)
+@part
 def is_closed(graph: LaneGraph, lights: Int32, t: int, lane: int, ahead: float, speed: float) -> bool:
     """Whether a light ``ahead`` metres forbids entering ``lane`` to who drives at ``speed``."""
     if graph.signal[lane] == NONE:
@@ -67,7 +67,7 @@ def is_closed(graph: LaneGraph, lights: Int32, t: int, lane: int, ahead: float, 
     return bool(can_stop and light != GO)
 
 
-@njit(cache=True)
+@part
 def _is_free(
     graph: LaneGraph,
     fleet: Fleet,
@@ -98,7 +98,7 @@ def _is_free(
     return True
 
 
-@njit(cache=True)
+@part
 def _is_in(fleet: Fleet, state: State, places: Places, j: int, lane: int, zone_end: float) -> bool:
     """Whether vehicle ``j`` has a grant for ``lane`` or is on it, its rear not yet past ``zone_end``."""
     if state.granted[j] == lane:
@@ -109,7 +109,7 @@ def _is_in(fleet: Fleet, state: State, places: Places, j: int, lane: int, zone_e
     return False
 
 
-@njit(cache=True)
+@part
 def _arrival(graph: LaneGraph, state: State, j: int, lane: int, zone_begin: float) -> float:
     """Time until vehicle ``j`` is at ``zone_begin`` of ``lane`` [s]; infinite when its route avoids it.
 

@@ -133,7 +133,9 @@ def _add_edges(block: Block, ring: Ring, arms: list[Pose], distance: float) -> N
     for number, arm in enumerate(arms):
         following = arms[(number + 1) % 4]
         around = bend(math.pi / 2.0 - 2.0 * ring.angle(outermost), ring.radii[outermost])
-        pieces = _entry(ring, arm, outermost, distance).then(around, *_exit(ring, following, outermost, distance).pieces)
+        pieces = _entry(ring, arm, outermost, distance).then(
+            around, *_exit(ring, following, outermost, distance).pieces
+        )
         edge = pieces.offset(-half)
         outline.append(edge.sample(LINE_SPACING)[0])
         block.add_line(f"edge{number}", EDGE, outline[-1])
