@@ -83,13 +83,9 @@ def _distance(a: Float64, b: Float64) -> float:
 
 @part
 def _is_linked(a: int, b: int, exit_first: Int32, exit_to: Int32) -> bool:
-    for e in range(exit_first[a], exit_first[a + 1]):
-        if exit_to[e] == b:
-            return True
-    for e in range(exit_first[b], exit_first[b + 1]):
-        if exit_to[e] == a:
-            return True
-    return False
+    after_a = exit_to[exit_first[a] : exit_first[a + 1]]
+    after_b = exit_to[exit_first[b] : exit_first[b + 1]]
+    return bool((after_a == b).any() or (after_b == a).any())
 
 
 @part

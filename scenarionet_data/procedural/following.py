@@ -10,7 +10,7 @@ from scenarionet_data.procedural.idm import free_acceleration, interaction
 from scenarionet_data.procedural.jit import part
 from scenarionet_data.procedural.vehicles import PLACES, Fleet, Places, State
 
-HORIZON = 100.0  # [m] drivers look ahead
+HORIZON = 30.0, 5.0  # [m], [s] drivers look ahead: the first, and the way in the second
 ROOM_TO_CHANGE = 16.0  # [m] kept free ahead by who has to change lanes before going on
 HARDEST_BRAKING = 8.0  # [m/s2]
 _MANY_HOPS = 30
@@ -39,6 +39,7 @@ def braking_along(
         stops: Whether to heed closed lanes, missing grants and bends too, not only vehicles.
     """
     braking, before = 0.0, -s
+    horizon = HORIZON[0] + HORIZON[1] * state.speed[i]
     for _ in range(_MANY_HOPS):
         gap, speed = nearest_on(graph, fleet, state, places, i, lane, before)
         braking = max(braking, _braking(fleet, state, i, gap, speed))
@@ -47,7 +48,7 @@ def braking_along(
         if stops:
             obstacle = _stop_on(graph, state, i, lane, before, following)
             braking = max(braking, _braking(fleet, state, i, obstacle - fleet.length[i] / 2.0, 0.0))
-        if following == NONE or end > HORIZON:
+        if following == NONE or end > horizon:
             break
         if stops:
             braking = max(braking, _braking_for_bend(graph, fleet, state, i, following, end))
