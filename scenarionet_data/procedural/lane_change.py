@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_data.procedural.following import braking_along, room_needed
+from scenarionet_data.procedural.following import braking_along, nearest_on, room_needed
 from scenarionet_data.procedural.graph import NONE, LaneGraph
 from scenarionet_data.procedural.idm import free_acceleration, interaction, is_worth_changing
 from scenarionet_data.procedural.jit import part
@@ -18,6 +18,7 @@ THRESHOLD = 0.3  # [m/s2] of advantage worth a lane change
 PATIENCE = 4.0  # [s] between lane changes for advantage
 _CLOSED_AHEAD = 120.0  # [m] at which road works are seen
 STOPPING_ROOM = 6.0  # [m] that drivers keep between their centre and where they have to stop
+_FORESIGHT = 2.0  # [s] for which who is ahead is expected to drive on
 _GAP = 2.0  # [m] bumper to bumper, at least
 _HOPS = 3
 
@@ -38,6 +39,8 @@ def consider(graph: LaneGraph, fleet: Fleet, state: State, places: Places, i: in
             continue
         span = _span(graph, state, i, lane, target, s, side)
         if span == 0.0 or _is_closed(graph, target, s):
+            continue
+        if not _is_way_clear(graph, fleet, state, places, i, target, s, span):
             continue
         if _is_accepted(graph, fleet, state, places, i, target, s, must):
             _start(graph, state, i, target, s, span, side)
@@ -72,18 +75,28 @@ def _span(graph: LaneGraph, state: State, i: int, lane: int, target: int, s: flo
     """Distance over which vehicle ``i`` would change lanes [m]; 0 when there is not enough."""
     span = max(SHORTEST, DURATION * state.speed[i])
     shortest = max(SHORTEST, 0.55 * span)
-    room = graph.length[target] - s
+    room = graph.length[target] - s - STOPPING_ROOM - max(0.0, room_needed(graph, state, i, target))
     following = graph.next_lane[state.destination[i], target]
     if following != NONE:
         behind = graph.right[following] if side > 0.0 else graph.left[following]
         if behind != NONE:
             room = np.inf
-    else:
-        room -= max(0.0, room_needed(graph, state, i, target) + STOPPING_ROOM)
     ahead = graph.blocked[lane, 0] - state.s[i]
     if ahead > 0.0:
         room = min(room, ahead - 2.0)
     return 0.0 if room < shortest else float(min(span, room))
+
+
+@part
+def _is_way_clear(
+    graph: LaneGraph, fleet: Fleet, state: State, places: Places, i: int, target: int, s: float, span: float
+) -> bool:
+    """Whether both lanes are free far enough ahead to finish within ``span``, rather than stand across them."""
+    gap, speed = nearest_on(graph, fleet, state, places, i, target, -s)
+    if gap + _FORESIGHT * speed < span:
+        return False
+    gap, speed = nearest_on(graph, fleet, state, places, i, state.lane[i], -state.s[i])
+    return bool(gap + _FORESIGHT * speed > 0.5 * span)
 
 
 @part

@@ -40,6 +40,8 @@ def update_grant(
         if closed:
             state.granted[i] = NONE
         return
+    if places.lane[i, 1] != NONE:
+        return  # still blocks, and may be blocked by, the lane it leaves
     reach = state.speed[i] ** 2 / (2.0 * fleet.decel[i]) + 12.0
     if ahead < reach and not closed and _is_free(graph, fleet, state, places, lights, t, i, following, ahead):
         state.granted[i] = following

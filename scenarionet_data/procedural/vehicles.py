@@ -10,7 +10,7 @@ from scenarionet_data.procedural.graph import NONE, Bool, Int32, LaneGraph
 from scenarionet_data.procedural.jit import part
 from scenarionet_data.procedural.path import Float64
 
-STRADDLE = 1.0  # [m] from the new lane's centre until which a vehicle still blocks the lane it leaves
+STRADDLE = 0.3  # [m] from the new lane's centre until which a vehicle still blocks the lane it leaves
 PLACES = 3  # a vehicle is on its lane, on the lane it leaves, and with its tail on the lane before
 
 
