@@ -103,7 +103,7 @@ def parse_seeds(raw: str) -> range:
         raise SourceNotFound(f"{raw}: not a range of seeds; give FIRST:END such as 0:200, or a number such as 200")
     seeds = range(int(match[1] or 0), int(match[2]))
     if not seeds or seeds.stop > _MAX_SEED:
-        raise SourceNotFound(f"{raw}: no seeds between {seeds.start} and {seeds.stop}; END must be larger than FIRST")
+        raise SourceNotFound(f"{raw}: no seeds from {seeds.start} to {seeds.stop}; give an END larger than FIRST")
     return seeds
 
 

@@ -47,7 +47,7 @@ def _try_map(options: GeneratorOptions, rng: np.random.Generator) -> RoadMap | N
     count = int(rng.integers(options.min_lanes, options.max_lanes + 1))
     first = Block("start", 0, road)
     entrance = Socket(Pose(0.0, 0.0, 0.0), ((),) * count, ((),) * count)
-    end = add_road(first, "", entrance, ((rng.uniform(40.0, 60.0), 0.0),))
+    end = add_road(first, "", entrance, ((rng.uniform(30.0, 50.0), 0.0),))
     chain = [first]
     for index in range(1, options.num_blocks + 1):
         block = _draw_block(options, rng, index, chain, end)

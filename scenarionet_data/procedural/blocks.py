@@ -10,35 +10,35 @@ from scenarionet_data.procedural.path import Path, Pose, bend
 from scenarionet_data.procedural.roadmap import Block, Lane, Socket
 from scenarionet_data.procedural.sections import EDGE, add_narrowing, add_road, add_widening, strip
 
-TAPER = 30.0  # [m] over which a lane opens or closes
-RAMP_LANE = 60.0  # [m] of acceleration or deceleration lane
+TAPER = 25.0  # [m] over which a lane opens or closes
+RAMP_LANE = (40.0, 60.0)  # [m] shortest and longest acceleration or deceleration lane
 
 
 def straight(block: Block, socket: Socket, rng: np.random.Generator) -> None:
     """A straight road."""
-    block.exit = add_road(block, "", socket, ((rng.uniform(50.0, 120.0), 0.0),))
+    block.exit = add_road(block, "", socket, ((rng.uniform(20.0, 130.0), 0.0),))
 
 
 def curve(block: Block, socket: Socket, rng: np.random.Generator) -> None:
     """A bend to the left or right between two short straight parts."""
-    radius = rng.uniform(35.0, 80.0)
-    turn = rng.uniform(0.4, min(1.9, 100.0 / radius)) * rng.choice([-1.0, 1.0])
+    radius = rng.uniform(30.0, 90.0)
+    turn = rng.uniform(0.3, min(1.9, 130.0 / radius)) * rng.choice([-1.0, 1.0])
     pieces = ((rng.uniform(5.0, 15.0), 0.0), bend(turn, radius), (rng.uniform(5.0, 15.0), 0.0))
     block.exit = add_road(block, "", socket, pieces)
 
 
 def fork(block: Block, socket: Socket, rng: np.random.Generator) -> None:
     """The rightmost lane splits in two: the road goes on with one lane more."""
-    before = add_road(block, "a", socket, ((rng.uniform(15.0, 35.0), 0.0),))
+    before = add_road(block, "a", socket, ((rng.uniform(5.0, 30.0), 0.0),))
     wide = add_widening(block, "b", before, TAPER)
-    block.exit = add_road(block, "c", wide, ((rng.uniform(30.0, 50.0), 0.0),))
+    block.exit = add_road(block, "c", wide, ((rng.uniform(10.0, 60.0), 0.0),))
 
 
 def merge(block: Block, socket: Socket, rng: np.random.Generator) -> None:
     """The rightmost lane ends: the road goes on with one lane less."""
     before = add_road(block, "a", socket, ((rng.uniform(40.0, 60.0), 0.0),))
     narrow = add_narrowing(block, "b", before, TAPER, block.index)
-    block.exit = add_road(block, "c", narrow, ((rng.uniform(15.0, 35.0), 0.0),))
+    block.exit = add_road(block, "c", narrow, ((rng.uniform(5.0, 30.0), 0.0),))
 
 
 def on_ramp(block: Block, socket: Socket, rng: np.random.Generator) -> None:
@@ -49,7 +49,7 @@ def on_ramp(block: Block, socket: Socket, rng: np.random.Generator) -> None:
     away = Path(joint.moved(0.0, 0.0, math.pi), (bend(turn, radius), (rng.uniform(25.0, 40.0), 0.0)))
     ramp = _add_ramp(block, away.reversed())
     wide = Socket(before.pose, (*before.forward, (ramp.id,)), before.backward)
-    beside = add_road(block, "b", wide, ((RAMP_LANE, 0.0),))
+    beside = add_road(block, "b", wide, ((rng.uniform(*RAMP_LANE), 0.0),))
     narrow = add_narrowing(block, "c", beside, TAPER, block.index)
     block.exit = add_road(block, "d", narrow, ((10.0, 0.0),))
 
@@ -58,7 +58,7 @@ def off_ramp(block: Block, socket: Socket, rng: np.random.Generator) -> None:
     """A deceleration lane opens on the right and leaves the road by a ramp."""
     before = add_road(block, "a", socket, ((rng.uniform(10.0, 20.0), 0.0),))
     wide = add_widening(block, "b", before, TAPER)
-    beside = add_road(block, "c", wide, ((RAMP_LANE, 0.0),))
+    beside = add_road(block, "c", wide, ((rng.uniform(*RAMP_LANE), 0.0),))
     main = Socket(beside.pose, beside.forward[:-1], beside.backward)
     turn, radius = rng.uniform(0.35, 0.6), rng.uniform(45.0, 70.0)
     away = Path(_ramp_joint(block, main), (bend(-turn, radius), (rng.uniform(25.0, 40.0), 0.0)))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from scenarionet_data.procedural.jit import entry, part
 from scenarionet_data.procedural.path import Float64
 
 Int32 = npt.NDArray[np.int32]
@@ -16,7 +16,7 @@ _SAME_POINT = 0.5  # [m]
 _MARGIN = 1.5  # [m] added to both ends of a zone: points are up to 2 m apart
 
 
-@njit(cache=True)
+@entry
 def find_conflicts(
     first: Int32,
     points: Float64,
@@ -76,19 +76,19 @@ def find_conflicts(
     return conflict_first, conflicts, conflict_zones, needs_grant
 
 
-@njit(cache=True)
+@part
 def _distance(a: Float64, b: Float64) -> float:
     return float(np.hypot(a[0] - b[0], a[1] - b[1]))
 
 
-@njit(cache=True)
+@part
 def _is_linked(a: int, b: int, exit_first: Int32, exit_to: Int32) -> bool:
-    return (exit_to[exit_first[a] : exit_first[a + 1]] == b).any() or (
-        exit_to[exit_first[b] : exit_first[b + 1]] == a
-    ).any()
+    after_a = exit_to[exit_first[a] : exit_first[a + 1]]
+    after_b = exit_to[exit_first[b] : exit_first[b + 1]]
+    return bool((after_a == b).any() or (after_b == a).any())
 
 
-@njit(cache=True)
+@part
 def _zone(a: Float64, b: Float64, clearance: float) -> tuple[int, int, int, int]:
     """First and last point of ``a`` and of ``b`` nearer than ``clearance`` to the other; -1 when none is."""
     low_a, high_a, low_b, high_b = -1, -1, len(b), -1

@@ -87,14 +87,10 @@ def _goes_on(road_map: RoadMap, graph: LaneGraph, number: int) -> bool:
 def _close_lane(lane: Lane, begin: float, width: float, is_breakdown: bool) -> list[Obstacle]:
     """A taper of cones from the edge across the lane, then barriers and cones, or a car, in the closed part."""
     edge = 0.5 * width - 0.45
-    obstacles = []
-    for k in range(_CONES):
-        share = k / (_CONES - 1)
-        obstacles.append(_cone(lane, begin + share * TAPER, -edge + share * 2.0 * edge))
-    for k in range(1, _CONES):
-        obstacles.append(_cone(lane, begin + TAPER + k * WORKS / _CONES, edge))
-    for left in (-0.85, 0.85):
-        obstacles.append(_barrier(lane, begin + TAPER + 0.5, left))
+    shares = np.linspace(0.0, 1.0, _CONES)
+    obstacles = [_cone(lane, begin + share * TAPER, (2.0 * share - 1.0) * edge) for share in shares]
+    obstacles += [_cone(lane, begin + TAPER + share * WORKS, edge) for share in shares[1:]]
+    obstacles += [_barrier(lane, begin + TAPER + 0.5, left) for left in (-0.85, 0.85)]
     if is_breakdown:
         obstacles.append(_broken_car(lane, begin + TAPER + WORKS - 4.0, 0.0))
     return obstacles

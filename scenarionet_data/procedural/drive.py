@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from scenarionet_data.procedural.following import acceleration, room_needed
 from scenarionet_data.procedural.graph import NONE, Bool, Int32, LaneGraph
+from scenarionet_data.procedural.jit import entry, part
 from scenarionet_data.procedural.lane_change import carry_on, consider
 from scenarionet_data.procedural.path import Float64
 from scenarionet_data.procedural.right_of_way import update_grant
@@ -22,11 +22,14 @@ from scenarionet_data.procedural.vehicles import (
 
 EGO = 0
 _LAST_CHANCE = 10.0  # [m] before a vehicle would have to stop and wait to change lanes
+_CONSIDER_EVERY = 5  # timesteps between thoughts of a lane change
 _GENTLE = 2.0  # [m/s2] nobody has to brake harder at the start
 
 
-@njit(cache=True)
-def drive(graph: LaneGraph, fleet: Fleet, state: State, lights: Int32, dt: float, motion: Float64, valid: Bool) -> int:
+@entry
+def drive(
+    graph: LaneGraph, fleet: Fleet, state: State, lights: Int32, dt: float, motion: Float64, valid: Bool
+) -> int:
     """Drive until the ego arrives or time is over.
 
     Time is a loop because every step follows from the one before.
@@ -66,10 +69,10 @@ def drive(graph: LaneGraph, fleet: Fleet, state: State, lights: Int32, dt: float
             if state.active[i]:
                 _move(graph, state, i, wanted[i], dt)
             occupy(graph, fleet, state, places, i)
-    return steps
+    return int(steps)
 
 
-@njit(cache=True)
+@part
 def _calm_start(graph: LaneGraph, fleet: Fleet, state: State, places: Places, lights: Int32) -> None:
     """Lower the speeds drawn at random until nobody has to brake hard in the first step."""
     for i in range(len(state.lane)):
@@ -80,16 +83,17 @@ def _calm_start(graph: LaneGraph, fleet: Fleet, state: State, places: Places, li
                 state.speed[i] *= 0.9
 
 
-@njit(cache=True)
+@part
 def _decide(graph: LaneGraph, fleet: Fleet, state: State, places: Places, lights: Int32, t: int, i: int) -> None:
     """Lane change, destination and right of way of one vehicle; others see the outcome at once."""
-    consider(graph, fleet, state, places, i)
+    if (t + i) % _CONSIDER_EVERY == 0:
+        consider(graph, fleet, state, places, i)
     _reroute(graph, state, i)
     occupy(graph, fleet, state, places, i)
     update_grant(graph, fleet, state, places, lights, t, i)
 
 
-@njit(cache=True)
+@part
 def _reroute(graph: LaneGraph, state: State, i: int) -> None:
     """Whoever is too late to change lanes goes where its lane leads, except the ego."""
     lane, destination = state.lane[i], state.destination[i]
@@ -103,7 +107,7 @@ def _reroute(graph: LaneGraph, state: State, i: int) -> None:
                 return
 
 
-@njit(cache=True)
+@part
 def _move(graph: LaneGraph, state: State, i: int, acceleration_now: float, dt: float) -> None:
     """Move one vehicle by a step of constant acceleration, along its curve and over lane ends."""
     speed = max(0.0, state.speed[i] + acceleration_now * dt)
@@ -112,12 +116,12 @@ def _move(graph: LaneGraph, state: State, i: int, acceleration_now: float, dt: f
     travelled = 0.5 * (state.speed[i] + speed) * dt / stretch
     state.speed[i] = speed
     state.s[i] += travelled
-    carry_on(graph, state, i, travelled, dt)
+    carry_on(state, i, travelled, dt)
     while state.active[i] and state.s[i] >= graph.length[state.lane[i]]:
         _enter_next(graph, state, i)
 
 
-@njit(cache=True)
+@part
 def _enter_next(graph: LaneGraph, state: State, i: int) -> None:
     lane = state.lane[i]
     following = graph.next_lane[state.destination[i], lane]

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from scenarionet_data.procedural.conflicts import CROSS, SPLIT
 from scenarionet_data.procedural.graph import NONE, LaneGraph
 from scenarionet_data.procedural.idm import free_acceleration, interaction
+from scenarionet_data.procedural.jit import part
 from scenarionet_data.procedural.vehicles import PLACES, Fleet, Places, State
 
-HORIZON = 100.0  # [m] drivers look ahead
+HORIZON = 30.0, 5.0  # [m], [s] drivers look ahead: the first, and the way in the second
 ROOM_TO_CHANGE = 16.0  # [m] kept free ahead by who has to change lanes before going on
 HARDEST_BRAKING = 8.0  # [m/s2]
 _MANY_HOPS = 30
 
 
-@njit(cache=True)
+@part
 def acceleration(graph: LaneGraph, fleet: Fleet, state: State, places: Places, i: int) -> float:
     """What vehicle ``i`` does now [m/s2]."""
     lane, s = state.lane[i], state.s[i]
@@ -29,7 +29,7 @@ def acceleration(graph: LaneGraph, fleet: Fleet, state: State, places: Places, i
     return float(max(wanted, -HARDEST_BRAKING))
 
 
-@njit(cache=True)
+@part
 def braking_along(
     graph: LaneGraph, fleet: Fleet, state: State, places: Places, i: int, lane: int, s: float, stops: bool
 ) -> float:
@@ -39,6 +39,7 @@ def braking_along(
         stops: Whether to heed closed lanes, missing grants and bends too, not only vehicles.
     """
     braking, before = 0.0, -s
+    horizon = HORIZON[0] + HORIZON[1] * state.speed[i]
     for _ in range(_MANY_HOPS):
         gap, speed = nearest_on(graph, fleet, state, places, i, lane, before)
         braking = max(braking, _braking(fleet, state, i, gap, speed))
@@ -47,7 +48,7 @@ def braking_along(
         if stops:
             obstacle = _stop_on(graph, state, i, lane, before, following)
             braking = max(braking, _braking(fleet, state, i, obstacle - fleet.length[i] / 2.0, 0.0))
-        if following == NONE or end > HORIZON:
+        if following == NONE or end > horizon:
             break
         if stops:
             braking = max(braking, _braking_for_bend(graph, fleet, state, i, following, end))
@@ -55,7 +56,7 @@ def braking_along(
     return braking
 
 
-@njit(cache=True)
+@part
 def nearest_on(
     graph: LaneGraph, fleet: Fleet, state: State, places: Places, i: int, lane: int, before: float
 ) -> tuple[float, float]:
@@ -64,25 +65,31 @@ def nearest_on(
     Vehicles on lanes that split from this one or merge into it count where the lanes are still together.
     """
     gap, speed = np.inf, 0.0
+    is_apart = graph.conflict_first[lane] == graph.conflict_first[lane + 1]
     for j in range(len(state.lane)):
         if j == i or not state.active[j]:
             continue
         for place in range(PLACES):
             if places.lane[j, place] == NONE:
                 continue
-            ahead = _distance_to(graph, fleet, places, j, place, lane, before)
+            if places.lane[j, place] == lane:
+                ahead = before + places.s[j, place]
+            elif is_apart:
+                continue
+            else:
+                ahead = _distance_beside(graph, fleet, places, j, place, lane, before)
             clear = ahead - (fleet.length[i] + fleet.length[j]) / 2.0
             if (ahead > 0.0 or (ahead == 0.0 and j < i)) and clear < gap:
                 gap, speed = clear, state.speed[j]
     return gap, speed
 
 
-@njit(cache=True)
-def _distance_to(graph: LaneGraph, fleet: Fleet, places: Places, j: int, place: int, lane: int, before: float) -> float:
-    """Distance to one of the places of vehicle ``j`` if it matters on ``lane``, else minus infinity."""
+@part
+def _distance_beside(
+    graph: LaneGraph, fleet: Fleet, places: Places, j: int, place: int, lane: int, before: float
+) -> float:
+    """Distance to a place of vehicle ``j`` on a lane still or already joined with ``lane``, else minus infinity."""
     where, s, half = places.lane[j, place], places.s[j, place], fleet.length[j] / 2.0
-    if where == lane:
-        return float(before + s)
     for row in range(graph.conflict_first[lane], graph.conflict_first[lane + 1]):
         other, kind = graph.conflicts[row, 0], graph.conflicts[row, 1]
         if other != where or kind == CROSS:
@@ -94,7 +101,7 @@ def _distance_to(graph: LaneGraph, fleet: Fleet, places: Places, j: int, place: 
     return -np.inf
 
 
-@njit(cache=True)
+@part
 def _stop_on(graph: LaneGraph, state: State, i: int, lane: int, before: float, following: int) -> float:
     """Distance to where vehicle ``i`` must stop on ``lane``: before road works, a closed junction, a wrong way."""
     end = before + graph.length[lane]
@@ -108,7 +115,7 @@ def _stop_on(graph: LaneGraph, state: State, i: int, lane: int, before: float, f
     return stop
 
 
-@njit(cache=True)
+@part
 def room_needed(graph: LaneGraph, state: State, i: int, lane: int) -> float:
     """How far before the end of ``lane`` vehicle ``i`` has to leave it [m]: room for each lane change it needs."""
     if graph.exit_first[lane] == graph.exit_first[lane + 1]:
@@ -124,7 +131,7 @@ def room_needed(graph: LaneGraph, state: State, i: int, lane: int) -> float:
     return ROOM_TO_CHANGE
 
 
-@njit(cache=True)
+@part
 def _braking(fleet: Fleet, state: State, i: int, gap: float, speed: float) -> float:
     if gap == np.inf:
         return 0.0
@@ -139,7 +146,7 @@ def _braking(fleet: Fleet, state: State, i: int, gap: float, speed: float) -> fl
     )
 
 
-@njit(cache=True)
+@part
 def _braking_for_bend(graph: LaneGraph, fleet: Fleet, state: State, i: int, lane: int, ahead: float) -> float:
     """Braking that slows vehicle ``i`` to a bend's speed when it gets there; 0 while there is time."""
     slow = graph.speed[lane] * fleet.eagerness[i]

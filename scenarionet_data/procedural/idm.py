@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from scenarionet_data.procedural.jit import entry
 
 EXPONENT = 4.0
 _SMALLEST_GAP = 0.1  # [m]
 
 
-@njit(cache=True)
+@entry
 def free_acceleration(speed: float, desired: float, accel: float, decel: float) -> float:
     """Acceleration on an empty road, no harder braking than ``decel`` [m/s2]."""
     return float(max(accel * (1.0 - (speed / desired) ** EXPONENT), -decel))
 
 
-@njit(cache=True)
+@entry
 def interaction(
     speed: float, gap: float, closing: float, headway: float, accel: float, decel: float, standstill: float
 ) -> float:
@@ -34,7 +35,7 @@ def interaction(
     return float(accel * (desired_gap / max(gap, _SMALLEST_GAP)) ** 2)
 
 
-@njit(cache=True)
+@entry
 def is_worth_changing(own_gain: float, follower_loss: float, politeness: float, threshold: float) -> bool:
     """MOBIL's incentive (Kesting, Treiber, Helbing 2007): own gain against what the new follower loses [m/s2]."""
     return own_gain - politeness * follower_loss > threshold

@@ -64,7 +64,7 @@ def t_intersection(block: Block, socket: Socket, rng: np.random.Generator, has_l
 def _cross(
     block: Block, socket: Socket, rng: np.random.Generator, arms: tuple[int, ...], leave: int, has_lights: bool
 ) -> None:
-    approach = add_road(block, "a", socket, ((rng.uniform(25.0, 40.0), 0.0),))
+    approach = add_road(block, "a", socket, ((rng.uniform(25.0, 55.0), 0.0),))
     side = int(rng.integers(1, len(socket.forward) + 1))
     placed = _place_arms(block, approach, arms, side)
     turns = _add_turns(block, placed, has_lights)
@@ -74,7 +74,7 @@ def _cross(
         if turn.end == 0:
             block.link((turn.lane.id,), approach.backward[turn.end_lane])
     for arm in placed[1:]:
-        end = add_road(block, f"arm{arm.number}", _open(arm, turns), ((rng.uniform(30.0, 45.0), 0.0),))
+        end = add_road(block, f"arm{arm.number}", _open(arm, turns), ((rng.uniform(25.0, 60.0), 0.0),))
         if arm.number == leave:
             block.exit = end
     _add_surface(block, placed, turns)
@@ -138,8 +138,8 @@ def _targets(start: Arm, i: int, arms: list[Arm]) -> list[tuple[Arm, int]]:
         elif (left and i == 0) or (straight and i < end.num_out):
             targets.append((end, i))
     if not targets:
-        left = next(arm for arm in arms if (arm.number - start.number) % 4 == 3)
-        targets.append((left, min(i, left.num_out - 1)))
+        end = next(arm for arm in arms if (arm.number - start.number) % 4 == 3)
+        targets.append((end, min(i, end.num_out - 1)))
     return targets
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from scenarionet_data.procedural.following import braking_along, room_needed
+from scenarionet_data.procedural.following import braking_along, nearest_on, room_needed
 from scenarionet_data.procedural.graph import NONE, LaneGraph
 from scenarionet_data.procedural.idm import free_acceleration, interaction, is_worth_changing
+from scenarionet_data.procedural.jit import part
 from scenarionet_data.procedural.routes import LANE_CHANGE_COST
 from scenarionet_data.procedural.vehicles import PLACES, Fleet, Places, State
 
@@ -18,11 +18,12 @@ THRESHOLD = 0.3  # [m/s2] of advantage worth a lane change
 PATIENCE = 4.0  # [s] between lane changes for advantage
 _CLOSED_AHEAD = 120.0  # [m] at which road works are seen
 STOPPING_ROOM = 6.0  # [m] that drivers keep between their centre and where they have to stop
+_FORESIGHT = 2.0  # [s] for which who is ahead is expected to drive on
 _GAP = 2.0  # [m] bumper to bumper, at least
 _HOPS = 3
 
 
-@njit(cache=True)
+@part
 def consider(graph: LaneGraph, fleet: Fleet, state: State, places: Places, i: int) -> None:
     """Start a lane change of vehicle ``i`` if it must or should, and can."""
     if state.lateral[i] != 0.0:
@@ -39,12 +40,14 @@ def consider(graph: LaneGraph, fleet: Fleet, state: State, places: Places, i: in
         span = _span(graph, state, i, lane, target, s, side)
         if span == 0.0 or _is_closed(graph, target, s):
             continue
+        if not _is_way_clear(graph, fleet, state, places, i, target, s, span):
+            continue
         if _is_accepted(graph, fleet, state, places, i, target, s, must):
             _start(graph, state, i, target, s, span, side)
             return
 
 
-@njit(cache=True)
+@part
 def _must(graph: LaneGraph, state: State, i: int, lane: int, target: int) -> bool:
     """Whether the route leads over ``target``, or road works close this lane."""
     ahead = graph.blocked[lane, 0] - state.s[i]
@@ -54,39 +57,49 @@ def _must(graph: LaneGraph, state: State, i: int, lane: int, target: int) -> boo
     return bool(cost[target] + LANE_CHANGE_COST / 2.0 < cost[lane])
 
 
-@njit(cache=True)
+@part
 def _is_detour(graph: LaneGraph, state: State, i: int, lane: int, target: int) -> bool:
     cost = graph.cost[state.destination[i]]
     return bool(cost[target] > cost[lane] + LANE_CHANGE_COST / 2.0)
 
 
-@njit(cache=True)
+@part
 def _is_closed(graph: LaneGraph, target: int, s: float) -> bool:
     """Whether road works on ``target`` are near ``s``."""
     begin, end = graph.blocked[target, 0], graph.blocked[target, 1]
     return bool(begin - 60.0 < s < end + 8.0)
 
 
-@njit(cache=True)
+@part
 def _span(graph: LaneGraph, state: State, i: int, lane: int, target: int, s: float, side: float) -> float:
     """Distance over which vehicle ``i`` would change lanes [m]; 0 when there is not enough."""
     span = max(SHORTEST, DURATION * state.speed[i])
     shortest = max(SHORTEST, 0.55 * span)
-    room = graph.length[target] - s
+    room = graph.length[target] - s - STOPPING_ROOM - max(0.0, room_needed(graph, state, i, target))
     following = graph.next_lane[state.destination[i], target]
     if following != NONE:
         behind = graph.right[following] if side > 0.0 else graph.left[following]
         if behind != NONE:
             room = np.inf
-    else:
-        room -= max(0.0, room_needed(graph, state, i, target) + STOPPING_ROOM)
     ahead = graph.blocked[lane, 0] - state.s[i]
     if ahead > 0.0:
         room = min(room, ahead - 2.0)
     return 0.0 if room < shortest else float(min(span, room))
 
 
-@njit(cache=True)
+@part
+def _is_way_clear(
+    graph: LaneGraph, fleet: Fleet, state: State, places: Places, i: int, target: int, s: float, span: float
+) -> bool:
+    """Whether both lanes are free far enough ahead to finish within ``span``, rather than stand across them."""
+    gap, speed = nearest_on(graph, fleet, state, places, i, target, -s)
+    if gap + _FORESIGHT * speed < span:
+        return False
+    gap, speed = nearest_on(graph, fleet, state, places, i, state.lane[i], -state.s[i])
+    return bool(gap + _FORESIGHT * speed > 0.5 * span)
+
+
+@part
 def _is_accepted(
     graph: LaneGraph, fleet: Fleet, state: State, places: Places, i: int, target: int, s: float, must: bool
 ) -> bool:
@@ -117,11 +130,11 @@ def _is_accepted(
     return is_worth_changing(now - braking, loss, fleet.politeness[i], THRESHOLD)
 
 
-@njit(cache=True)
+@part
 def _gap_behind(
     graph: LaneGraph, fleet: Fleet, state: State, places: Places, i: int, j: int, target: int, s: float
 ) -> float:
-    """Gap from vehicle ``j`` to ``i`` at ``s`` on ``target`` if ``j`` comes from behind or is beside, else infinite."""
+    """Gap from vehicle ``j`` to ``i`` at ``s`` on ``target`` if ``j`` is behind or beside, else infinite."""
     halves = (fleet.length[i] + fleet.length[j]) / 2.0
     for place in range(PLACES):
         if places.lane[j, place] == target and abs(places.s[j, place] - s) < halves:
@@ -141,7 +154,7 @@ def _gap_behind(
     return np.inf
 
 
-@njit(cache=True)
+@part
 def _start(graph: LaneGraph, state: State, i: int, target: int, s: float, span: float, side: float) -> None:
     state.origin[i] = state.lane[i]
     state.lane[i], state.s[i] = target, s
@@ -152,9 +165,9 @@ def _start(graph: LaneGraph, state: State, i: int, target: int, s: float, span: 
     state.granted[i] = NONE
 
 
-@njit(cache=True)
-def carry_on(graph: LaneGraph, state: State, i: int, travelled: float, dt: float) -> None:
-    """Advance the lane change of vehicle ``i`` by ``travelled`` metres along the lane, and its patience by ``dt``."""
+@part
+def carry_on(state: State, i: int, travelled: float, dt: float) -> None:
+    """Advance the lane change of vehicle ``i`` by ``travelled`` [m], and its patience by ``dt`` [s]."""
     state.patience[i] = max(0.0, state.patience[i] - dt)
     if state.lateral[i] == 0.0:
         return

@@ -1,4 +1,4 @@
-"""What the procedural generator can be told, with the defaults that reproduce the statistics of ScenarioNet's PG row."""
+"""What the procedural generator can be told, with defaults that give the figures of the paper's PG row."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ class GeneratorOptions:
 
     num_blocks: int = _option(2, "Road blocks after the straight road the ego starts on.")
     blocks: str = _option(
-        "straight=2 curve=4 intersection=1 t_intersection=1 roundabout=1 on_ramp=2 off_ramp=2 fork=2 merge=2",
+        "straight=2 curve=4 intersection=1.2 t_intersection=1.2 roundabout=1.2 on_ramp=2 off_ramp=2 fork=2 merge=2",
         "How often each kind of block is drawn, as name=weight; kinds left out are never drawn.",
     )
     density: float = _option(1.5, "Vehicles per 100 m of lane; the paper's text says 15, its database 1.5.")
-    oncoming: float = _option(0.5, "Share of the density on lanes that lead against the ego's direction.")
+    oncoming: float = _option(0.25, "Share of the density on lanes that do not lead to the ego's destination.")
     construction: float = _option(0.39, "Probability of road works or a breakdown with cones and barriers.")
     lights: float = _option(0.7, "Probability that an intersection has traffic lights.")
     min_lanes: int = _option(1, "Fewest lanes per direction.")

@@ -12,7 +12,8 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from scenarionet_data.procedural.jit import entry
 
 Float64 = npt.NDArray[np.float64]
 Pieces = tuple[tuple[float, float], ...]
@@ -115,7 +116,7 @@ def connect(start: Pose, end: Pose, lead: float) -> Path:
     return Path(start, tuple(piece for piece in pieces if piece[0] > 1e-9))
 
 
-@njit(cache=True)
+@entry
 def _advance(x: float, y: float, heading: float, length: float, curvature: float) -> tuple[float, float, float]:
     """Pose after ``length`` on a circle, or straight on."""
     turn = curvature * length
@@ -124,7 +125,7 @@ def _advance(x: float, y: float, heading: float, length: float, curvature: float
     return x + chord * math.cos(heading + half), y + chord * math.sin(heading + half), heading + turn
 
 
-@njit(cache=True)
+@entry
 def _trace(start: Float64, pieces: Float64, count: int) -> Float64:
     """(count, 3) x, y, heading at equal arc lengths along ``pieces`` (k, 2)."""
     samples = np.empty((count, 3))

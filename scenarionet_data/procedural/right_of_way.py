@@ -8,10 +8,10 @@ paths are free of collisions by construction, not by braking.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from scenarionet_data.procedural.conflicts import SPLIT
 from scenarionet_data.procedural.graph import NONE, Int32, LaneGraph
+from scenarionet_data.procedural.jit import part
 from scenarionet_data.procedural.vehicles import PLACES, Fleet, Places, State
 
 GO, CAUTION, STOP = 1, 2, 3
@@ -22,9 +22,11 @@ _STANDING = 0.3  # [m/s]
 _HOPS = 4
 
 
-@njit(cache=True)
-def update_grant(graph: LaneGraph, fleet: Fleet, state: State, places: Places, lights: Int32, t: int, i: int) -> None:
-    """Give vehicle ``i`` the next lane that needs a grant, or take a grant back when its light turns and it can still stop.
+@part
+def update_grant(
+    graph: LaneGraph, fleet: Fleet, state: State, places: Places, lights: Int32, t: int, i: int
+) -> None:
+    """Grant vehicle ``i`` the next lane that needs it; take that back when its light turns and it can stop.
 
     Args:
         lights: (rows, T) GO, CAUTION or STOP.
@@ -38,12 +40,14 @@ def update_grant(graph: LaneGraph, fleet: Fleet, state: State, places: Places, l
         if closed:
             state.granted[i] = NONE
         return
+    if places.lane[i, 1] != NONE:
+        return  # still blocks, and may be blocked by, the lane it leaves
     reach = state.speed[i] ** 2 / (2.0 * fleet.decel[i]) + 12.0
     if ahead < reach and not closed and _is_free(graph, fleet, state, places, lights, t, i, following, ahead):
         state.granted[i] = following
 
 
-@njit(cache=True)
+@part
 def _next_to_grant(graph: LaneGraph, state: State, i: int) -> tuple[int, float]:
     """The first lane ahead of vehicle ``i`` that it may not simply enter, and the distance to it [m]."""
     where, ahead = state.lane[i], -state.s[i]
@@ -55,7 +59,7 @@ def _next_to_grant(graph: LaneGraph, state: State, i: int) -> tuple[int, float]:
     return NONE, np.inf
 
 
-@njit(cache=True)
+@part
 def is_closed(graph: LaneGraph, lights: Int32, t: int, lane: int, ahead: float, speed: float) -> bool:
     """Whether a light ``ahead`` metres forbids entering ``lane`` to who drives at ``speed``."""
     if graph.signal[lane] == NONE:
@@ -65,7 +69,7 @@ def is_closed(graph: LaneGraph, lights: Int32, t: int, lane: int, ahead: float, 
     return bool(can_stop and light != GO)
 
 
-@njit(cache=True)
+@part
 def _is_free(
     graph: LaneGraph,
     fleet: Fleet,
@@ -96,7 +100,7 @@ def _is_free(
     return True
 
 
-@njit(cache=True)
+@part
 def _is_in(fleet: Fleet, state: State, places: Places, j: int, lane: int, zone_end: float) -> bool:
     """Whether vehicle ``j`` has a grant for ``lane`` or is on it, its rear not yet past ``zone_end``."""
     if state.granted[j] == lane:
@@ -107,7 +111,7 @@ def _is_in(fleet: Fleet, state: State, places: Places, j: int, lane: int, zone_e
     return False
 
 
-@njit(cache=True)
+@part
 def _arrival(graph: LaneGraph, state: State, j: int, lane: int, zone_begin: float) -> float:
     """Time until vehicle ``j`` is at ``zone_begin`` of ``lane`` [s]; infinite when its route avoids it.
 

@@ -46,7 +46,7 @@ class Ring:
 def roundabout(block: Block, socket: Socket, rng: np.random.Generator) -> None:
     """Four roads meet at a ring; the ego leaves by any of the other three."""
     count = len(socket.forward)
-    approach = add_road(block, "a", socket, ((rng.uniform(15.0, 30.0), 0.0),))
+    approach = add_road(block, "a", socket, ((rng.uniform(15.0, 45.0), 0.0),))
     inner = rng.uniform(14.0, 19.0)
     radii = tuple(inner + k * block.road.lane_width for k in range(count))
     ring = Ring(0.0, 0.0, radii, block.road.lane_width)
@@ -61,7 +61,7 @@ def roundabout(block: Block, socket: Socket, rng: np.random.Generator) -> None:
             _join(block, approach, entries, exits)
         else:
             opening = Socket(arm.moved(distance, 0.0), _ids(exits), _ids(entries))
-            end = add_road(block, f"arm{number}", opening, ((rng.uniform(25.0, 40.0), 0.0),))
+            end = add_road(block, f"arm{number}", opening, ((rng.uniform(20.0, 60.0), 0.0),))
             block.exit = end if number == leave else block.exit
     _add_ring(block, ring, arms)
     _add_edges(block, ring, arms, distance)
@@ -86,8 +86,12 @@ def _add_connections(
     entries, exits = [], []
     for i in range(len(ring.radii)):
         inwards, outwards = _entry(ring, arm, i, distance), _exit(ring, arm, i, distance)
-        entries.append(block.add_lane(f"in{number}{i}", inwards, junction=block.index, rank=0, is_intersection=True))
-        exits.append(block.add_lane(f"out{number}{i}", outwards, junction=block.index, rank=1, is_intersection=True))
+        entries.append(
+            block.add_lane(f"in{number}{i}", inwards, junction=block.index, rank=0, is_intersection=True)
+        )
+        exits.append(
+            block.add_lane(f"out{number}{i}", outwards, junction=block.index, rank=1, is_intersection=True)
+        )
     return entries, exits
 
 
@@ -122,17 +126,16 @@ def _add_edges(block: Block, ring: Ring, arms: list[Pose], distance: float) -> N
     half, outermost = ring.lane_width / 2.0, len(ring.radii) - 1
     start = ring.pose(0, 0.0)
     circle = Path(start, (bend(2.0 * math.pi, ring.radii[0]),))
-    circles = [block.add_line("island", EDGE, circle.offset(half))]
-    for k in range(1, len(ring.radii)):
-        circles.append(block.add_line(f"circle{k}", SEPARATOR, circle.offset(half - k * ring.lane_width)))
+    circles = [
+        block.add_line(f"circle{k}", SEPARATOR if k else EDGE, circle.offset(half - k * ring.lane_width))
+        for k in range(len(ring.radii))
+    ]
     outline = []
     for number, arm in enumerate(arms):
         following = arms[(number + 1) % 4]
         around = bend(math.pi / 2.0 - 2.0 * ring.angle(outermost), ring.radii[outermost])
-        pieces = _entry(ring, arm, outermost, distance).then(
-            around, *_exit(ring, following, outermost, distance).pieces
-        )
-        edge = pieces.offset(-half)
+        out = _exit(ring, following, outermost, distance)
+        edge = _entry(ring, arm, outermost, distance).then(around, *out.pieces).offset(-half)
         outline.append(edge.sample(LINE_SPACING)[0])
         block.add_line(f"edge{number}", EDGE, outline[-1])
         block.add_line(f"splitter{number}", MapFeatureType.ROAD_EDGE_MEDIAN, _splitter(ring, arm, distance))

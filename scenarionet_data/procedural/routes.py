@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from scenarionet_data.procedural.jit import entry
 from scenarionet_data.procedural.path import Float64
 
 Int32 = npt.NDArray[np.int32]
@@ -13,7 +13,7 @@ Int32 = npt.NDArray[np.int32]
 LANE_CHANGE_COST = 80.0  # [m] of detour a driver accepts rather than change lanes
 
 
-@njit(cache=True)
+@entry
 def find_routes(
     length: Float64, exit_first: Int32, exit_to: Int32, left: Int32, right: Int32, destination: Int32
 ) -> tuple[Float64, Int32]:

@@ -44,10 +44,8 @@ def _add_side(block: Block, tag: str, line: Path, count: int, divider: str, edge
     """The ``count`` lanes on the right of ``line``, in its direction."""
     width = block.road.lane_width
     lanes = [block.add_lane(f"{tag}{i}", line.offset(-(i + 0.5) * width)) for i in range(count)]
-    boundaries = [divider]
-    for i in range(1, count):
-        boundaries.append(block.add_line(f"{tag}line{i}", SEPARATOR, line.offset(-i * width)))
-    boundaries.append(block.add_line(f"{tag}edge", EDGE, edge or line.offset(-count * width)))
+    separators = [block.add_line(f"{tag}line{i}", SEPARATOR, line.offset(-i * width)) for i in range(1, count)]
+    boundaries = [divider, *separators, block.add_line(f"{tag}edge", EDGE, edge or line.offset(-count * width))]
     for i, lane in enumerate(lanes):
         lane.left_boundaries, lane.right_boundaries = (boundaries[i],), (boundaries[i + 1],)
         lane.left = lanes[i - 1].id if i else None
@@ -61,7 +59,9 @@ def add_widening(block: Block, tag: str, socket: Socket, length: float) -> Socke
     count = len(socket.forward)
     edge = Path(socket.pose.moved(0.0, -count * width), shift(length, -width))
     end = add_road(block, tag, socket, ((length, 0.0),), edge=edge)
-    branch = block.add_lane(f"{tag}branch", edge.offset(width / 2.0), right_boundaries=(f"{block.index}.{tag}fedge",))
+    branch = block.add_lane(
+        f"{tag}branch", edge.offset(width / 2.0), right_boundaries=(f"{block.index}.{tag}fedge",)
+    )
     block.link(socket.forward[-1], (branch.id,))
     block.footprint.append(strip(branch.path, width / 2.0, width / 2.0))
     return Socket(end.pose, (*end.forward, (branch.id,)), end.backward)
@@ -76,9 +76,8 @@ def add_narrowing(block: Block, tag: str, socket: Socket, length: float, junctio
     end = add_road(block, tag, main, ((length, 0.0),), edge=edge)
     through = next(lane for lane in block.lanes if lane.id == end.forward[-1][0])
     through.junction, through.rank = junction, 1
-    joining = block.add_lane(
-        f"{tag}join", edge.offset(width / 2.0), junction=junction, right_boundaries=(f"{block.index}.{tag}fedge",)
-    )
+    right = (f"{block.index}.{tag}fedge",)
+    joining = block.add_lane(f"{tag}join", edge.offset(width / 2.0), junction=junction, right_boundaries=right)
     block.link(socket.forward[-1], (joining.id,))
     block.footprint.append(strip(joining.path, width / 2.0, width / 2.0))
     return Socket(end.pose, (*end.forward[:-1], (*end.forward[-1], joining.id)), end.backward)
