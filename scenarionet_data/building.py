@@ -14,7 +14,7 @@ import numpy.typing as npt
 from scenarionet_data.geometry import wrap_angle
 from scenarionet_data.jsontext import to_json
 from scenarionet_data.ragged import Ragged
-from scenarionet_data.scenario import Bool, Float64, MapFeatures, Tracks, strings
+from scenarionet_data.scenario import Bool, Float32, Float64, MapFeatures, Tracks, strings
 from scenarionet_data.vocabulary import MapFeatureType
 
 METRES = 2.0**-14
@@ -32,11 +32,12 @@ def rounded(values: npt.ArrayLike, step: float) -> npt.NDArray[np.float32]:
 
     A recorder's noise below that would fill a fifth of the lake with digits nobody measured.
     """
-    array = np.asarray(values, dtype=np.float64) * (1.0 / step)
-    np.rint(array, out=array)
-    array *= step
     with np.errstate(over="ignore"):  # beyond float32 becomes infinite, which validation names
-        return array.astype(np.float32)
+        array = np.array(values, dtype=np.float32)
+        array *= np.float32(1.0 / step)  # a power of two: exact
+        np.rint(array, out=array)
+        array *= np.float32(step)
+    return array
 
 
 def make_origin(position: npt.NDArray[Any], valid: Bool, has_z: bool) -> Float64:
@@ -52,6 +53,13 @@ def make_origin(position: npt.NDArray[Any], valid: Bool, has_z: bool) -> Float64
     """
     first = np.round(np.asarray(position, dtype=np.float64)[int(np.argmax(valid))])
     return np.array([first[0], first[1], first[2] if has_z else 0.0], dtype=np.float64) + 0.0
+
+
+def offsets_from(origin: Float64, points: npt.NDArray[Any]) -> Float32:
+    """Points (..., 3) as float32 offsets, subtracted in float64 without a float64 copy of all of them."""
+    offsets = np.empty(points.shape, np.float32)
+    np.subtract(points, origin, out=offsets, casting="same_kind")
+    return offsets
 
 
 def make_tracks(
@@ -94,7 +102,7 @@ def make_tracks(
     return Tracks(
         ids=strings(ids),
         object_type=np.asarray(object_type, dtype=np.uint8),
-        position=_masked(np.asarray(position, dtype=np.float64) - origin, valid),
+        position=_masked(offsets_from(origin, position), valid),
         heading=np.clip(_masked(wrap_angle(heading), valid, RADIANS), -_PI, _BELOW_PI),
         velocity=_masked(velocity, valid),
         size=_sizes(size, valid),

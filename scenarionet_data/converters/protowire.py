@@ -1,10 +1,9 @@
 """Reads protobuf messages column by column: all messages of one type at once, into arrays, without any runtime.
 
 A record of traffic holds tens of thousands of small messages; one Python object each would cost more than the rest
-of a conversion. One compiled walk lists the fields of messages and picks their numbers, another unpacks lists. The
-encoding is protobuf.dev/programming-guides/encoding. As in every reader, fields of another number or wire type are
-skipped, lists may be packed or not, and of single fields the last one counts. Groups, which the language gave up,
-count as damage.
+of a conversion. The encoding is protobuf.dev/programming-guides/encoding. As in every reader, fields of another
+number or wire type are skipped, lists may be packed or not, and of single fields the last one counts. Groups, which
+the language gave up, count as damage.
 """
 
 from __future__ import annotations
@@ -13,17 +12,23 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from scenarionet_data.converters.protowire_kernels import (
+    BYTES,
+    DOUBLE,
+    FLOAT,
+    VARINT,
+    Bits,
+    Bytes,
+    Ints,
+    Places,
+    unpack,
+    walk,
+)
 
 Bools = npt.NDArray[np.bool_]
-Bytes = npt.NDArray[np.uint8]
-Ints = npt.NDArray[np.int64]
-Places = npt.NDArray[np.int32]
-Bits = npt.NDArray[np.uint64]
 
-_VARINT, _DOUBLE, _BYTES, _FLOAT = 0, 1, 2, 5
-_WIRE_TYPES = {"v": _VARINT, "d": _DOUBLE, "f": _FLOAT, "-": -1}
-_BAD = 1 << 62
+_WIRE_TYPES = {"v": VARINT, "d": DOUBLE, "f": FLOAT, "-": -1}
 _ROOM = 4096
 
 
@@ -64,7 +69,7 @@ class Messages:
         """Some of them."""
         return Messages(self.buffer, self.first[rows], self.end[rows], self.owner[rows])
 
-    def texts(self) -> list[bytes]:
+    def contents(self) -> list[bytes]:
         """Each one's bytes."""
         return [self.buffer[first:end].tobytes() for first, end in zip(self.first, self.end, strict=True)]
 
@@ -72,8 +77,8 @@ class Messages:
         """Their single numbers as bits; see :func:`doubles`, :func:`floats`, :func:`int64s`, ....
 
         Args:
-            layout: What field 1, 2, ... is: ``v`` varint (integer, enum, bool), ``d`` double, ``f`` float, ``-`` not
-                wanted.
+            layout: What field 1, 2, ... is: ``v`` varint (integer, enum, bool), ``d`` double, ``f`` float,
+                ``-`` not wanted.
             missing: Stands where a message lacks the field.
 
         Returns:
@@ -84,7 +89,7 @@ class Messages:
         """
         values = np.full((len(self), len(layout)), missing, np.int64).view(np.uint64)
         wires = np.array([_WIRE_TYPES[letter] for letter in layout], dtype=np.int64)
-        _require_sound(_walk(self.buffer, self.first, self.end, wires, values, np.empty((5, 0), np.int32)))
+        _require_sound(walk(self.buffer, self.first, self.end, wires, values, np.empty((5, 0), np.int32)))
         return values
 
     def fields(self) -> Fields:
@@ -96,10 +101,10 @@ class Messages:
         nothing = np.empty(0, np.int64), np.empty((0, 0), np.uint64)
         room = _ROOM + int((self.end - self.first).sum()) // 16
         columns = np.empty((5, room), np.int32)
-        count = _require_sound(_walk(self.buffer, self.first, self.end, *nothing, columns))
+        count = _require_sound(walk(self.buffer, self.first, self.end, *nothing, columns))
         if count > room:
             columns = np.empty((5, count), np.int32)
-            _walk(self.buffer, self.first, self.end, *nothing, columns)
+            walk(self.buffer, self.first, self.end, *nothing, columns)
         return Fields(self.buffer, *columns[:, :count])
 
 
@@ -125,7 +130,8 @@ class Fields:
     @property
     def is_part(self) -> Bools:
         """(k,) whether it is a message, a text or a packed list."""
-        return self.wire == _BYTES
+        is_part: Bools = self.wire == BYTES
+        return is_part
 
     def where(self, mask: Bools) -> Fields:
         """Those where ``mask`` (k,) holds."""
@@ -155,11 +161,7 @@ class Fields:
             DamagedMessage: A packed list ends inside an element.
         """
         wire = _WIRE_TYPES[kind]
-        runs = self.where((self.number == number) & ((self.wire == wire) | self.is_part))
-        elements = np.empty((2, int((runs.end - runs.first).sum())), np.int64)  # each takes a byte or more
-        count = _require_sound(_unpack(self.buffer, runs.first, runs.end, wire, elements))
-        run, bits = elements[:, :count]
-        return runs.owner[run], bits.view(np.uint64)
+        return self.where((self.number == number) & ((self.wire == wire) | self.is_part))._elements(wire)
 
     def column(self, number: int, kind: str, size: int) -> Bits:
         """A single number of each message.
@@ -171,10 +173,18 @@ class Fields:
         Returns:
             (size,) bits, 0 where a message lacks the field.
         """
+        wire = _WIRE_TYPES[kind]
+        owner, bits = self.where((self.number == number) & (self.wire == wire))._elements(wire)
         values = np.zeros(size, np.uint64)
-        owner, bits = self.lists(number, kind)
         values[owner] = bits
         return values
+
+    def _elements(self, wire: int) -> tuple[Places, Bits]:
+        """What :meth:`lists` returns, of fields that are numbers of this type or packed lists of them."""
+        elements = np.empty((2, int((self.end - self.first).sum())), np.int64)  # each takes a byte or more
+        count = _require_sound(unpack(self.buffer, self.first, self.end, wire, elements))
+        run, bits = elements[:, :count]
+        return self.owner[run], bits.view(np.uint64)
 
 
 def doubles(bits: Bits) -> npt.NDArray[np.float64]:
@@ -203,119 +213,7 @@ def enums(bits: Bits, size: int) -> Ints:
     return np.where((values >= 0) & (values < size), values, 0)
 
 
-def _require_sound(result: int) -> int:
+def _require_sound(result: np.int64) -> int:
     if result < 0:
         raise DamagedMessage(f"no protobuf message at byte {-1 - result}")
-    return result
-
-
-# --- compiled -------------------------------------------------------------------------------------------
-# Reading never leaves a message: damage moves the position to _BAD, beyond every end, so that loops stop by themselves,
-# and a loop that does not stop exactly at its end has met damage. Indices are unsigned because testing for Python's
-# negative ones takes time, and the walk is one function because handing its arrays on to others takes four times as
-# long. Both fill tables only as far as they reach: with empty ones they just count.
-
-
-@njit(cache=True)
-def _walk(buffer: Bytes, firsts: Places, ends: Places, wires: Ints, values: Bits, fields: Places) -> int:
-    """Goes through the fields of messages.
-
-    Args:
-        buffer: All bytes.
-        firsts, ends: (n,) where each message begins and ends.
-        wires: (w,) wire types; number f of message m goes to ``values[m, f - 1]`` if ``wires[f - 1]`` is its own.
-        values: (n, w).
-        fields: (5, k) the columns of :class:`Fields`; may be too short.
-
-    Returns:
-        How many fields there are; -1 - b if the message that begins at byte b is damaged.
-    """
-    count = 0
-    for message in range(len(firsts)):
-        pos, end = np.int64(firsts[message]), np.int64(ends[message])
-        while pos < end:
-            tag, pos = _read_varint(buffer, pos, end)
-            number, wire = tag >> 3, tag & 7
-            is_wanted = 0 < number <= len(wires) and wires[number - 1] == wire
-            first = pos
-            if wire == _VARINT:
-                value, pos = _read_varint(buffer, pos, end)
-                if is_wanted:
-                    values[message, number - 1] = np.uint64(value)
-            elif wire == _DOUBLE and end - pos >= 8:
-                if is_wanted:
-                    values[message, number - 1] = _bits(buffer, pos, 8)
-                pos += 8
-            elif wire == _FLOAT and end - pos >= 4:
-                if is_wanted:
-                    values[message, number - 1] = _bits(buffer, pos, 4)
-                pos += 4
-            elif wire == _BYTES:
-                size, first = _read_varint(buffer, pos, end)
-                pos = first + size if 0 <= size <= end - first else _BAD
-            else:
-                pos = _BAD
-            if number < 1 or number >= 1 << 29:
-                pos = _BAD
-            if count < fields.shape[1]:
-                fields[0, count] = message
-                fields[1, count] = number
-                fields[2, count] = wire
-                fields[3, count] = first
-                fields[4, count] = pos
-            count += 1
-        if pos != end:
-            return -1 - np.int64(firsts[message])
-    return count
-
-
-@njit(cache=True)
-def _unpack(buffer: Bytes, firsts: Places, ends: Places, wire: int, elements: Ints) -> int:
-    """Elements of lists into ``elements`` (2, k) row of the list, bits; returns as :func:`_walk` does."""
-    count = 0
-    for run in range(len(firsts)):
-        pos, end = np.int64(firsts[run]), np.int64(ends[run])
-        while pos < end:
-            bits = np.int64(0)
-            if wire == _VARINT:
-                bits, pos = _read_varint(buffer, pos, end)
-            elif end - pos >= 8:
-                bits, pos = np.int64(_bits(buffer, pos, 8)), pos + 8
-            else:
-                pos = _BAD
-            elements[0, count] = run
-            elements[1, count] = bits
-            count += 1
-        if pos != end:
-            return -1 - np.int64(firsts[run])
-    return count
-
-
-@njit(cache=True, forceinline=True)
-def _read_varint(buffer: Bytes, pos: int, end: int) -> tuple[int, int]:
-    """Value, as 64 signed bits, and the position behind it; nearly all are one byte long."""
-    if pos < end and buffer[np.uint64(pos)] < 0x80:
-        return np.int64(buffer[np.uint64(pos)]), pos + 1
-    return _read_long_varint(buffer, pos, end)
-
-
-@njit(cache=True)
-def _read_long_varint(buffer: Bytes, pos: int, end: int) -> tuple[int, int]:
-    value, shift = np.int64(0), np.int64(0)
-    while pos < end and shift < 70:
-        byte = np.int64(buffer[np.uint64(pos)])
-        pos += 1
-        value |= (byte & 0x7F) << shift
-        if byte < 0x80 and (shift < 63 or byte < 2):
-            return value, pos
-        shift += 7
-    return np.int64(0), _BAD
-
-
-@njit(cache=True, forceinline=True)
-def _bits(buffer: Bytes, pos: int, size: int) -> np.uint64:
-    """``size`` bytes as a number, the lowest first; becomes a single load."""
-    bits = np.uint64(0)
-    for i in range(size):
-        bits |= np.uint64(buffer[np.uint64(pos) + np.uint64(i)]) << np.uint64(8 * i)
-    return bits
+    return int(result)

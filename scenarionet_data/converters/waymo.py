@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,8 @@ from scenarionet_data.scenario import (
     strings,
 )
 from scenarionet_data.vocabulary import LightState, ObjectType, Provenance
+
+_EXAMPLE = "training.tfrecord-00000-of-01000"
 
 _OBJECT_TYPES = np.array(
     [ObjectType.UNSET, ObjectType.VEHICLE, ObjectType.PEDESTRIAN, ObjectType.CYCLIST, ObjectType.OTHER], np.uint8
@@ -60,13 +63,13 @@ class Waymo(Converter[Record]):
     version = "1"
     release = "v1.2"
     licence = "Waymo Dataset License Agreement for Non-Commercial Use"
-    raw = "a folder with files like training.tfrecord-00000-of-01000 (the dataset's `scenario` format), or one of them"
+    raw = f"a folder with files like {_EXAMPLE} (the dataset's `scenario` format), or one of them"
 
     def shards(self, raw: str, split: str, version: str, options: Options) -> Iterator[Shard]:
         """One shard per TFRecord file; see the base class."""
         root = Path(raw)
         folder = root.parent if root.is_file() else root
-        for path in find_files(raw, "*tfrecord*", self.raw):
+        for path in find_files(raw, "*.tfrecord*", f"files like {_EXAMPLE} (the dataset's `scenario` format)"):
             item = path.relative_to(folder).as_posix()
             yield Shard(
                 dataset=self.name,
@@ -89,7 +92,7 @@ class Waymo(Converter[Record]):
         where = f"{file}@{record.offset}"
         if not record.is_intact:
             raise InvalidScenario(where, "record", "wrong checksum: the record is damaged; download the file again")
-        message = decode(record.payload, where)
+        message = decode(record.payload, where, partial(make_scenario_id, self.name, shard.version))
         # Numbers beyond float32 become infinite and are named by the validation.
         with np.errstate(over="ignore", invalid="ignore"):
             return self._describe(shard, file, message)
@@ -129,7 +132,7 @@ def _shard_name(item: str) -> str:
 
     Example:
         >>> _shard_name("training.tfrecord-00000-of-01000"), _shard_name("a b/c.tfrecord")
-        ('training.tfrecord-00000-of-01000', 'a_b_c.tfrecord-6c7d1cf5')
+        ('training.tfrecord-00000-of-01000', 'a_b_c.tfrecord-8663cf28')
     """
     clean = re.sub(r"[^A-Za-z0-9._-]", "_", item)
     if clean == item:

@@ -1,4 +1,4 @@
-"""Makes the map features of a Waymo scenario canonical: types, metres per second, ids as text, polylines and polygons.
+"""Makes the map of a Waymo scenario canonical: types, metres per second, ids as text, polylines and polygons.
 
 Whole columns at once instead of ``building.MapBuilder``: a record has hundreds of features and a thousand links
 between them, and is to take three milliseconds.
@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from scenarionet_data.building import METRES, rounded
+from scenarionet_data.building import METRES, offsets_from, rounded
 from scenarionet_data.converters.waymo_wire import (
     CROSSWALK,
     DRIVEWAY,
@@ -61,8 +61,8 @@ _BOUNDARY_NAMES = ["UNKNOWN", *(member.name for member in _TYPES[ROAD_LINE][1:])
 def map_features(features: WireMap, origin: Float64) -> MapFeatures | None:
     """The features in the scenario frame; None when there are none.
 
-    A speed limit of 0, which stands on bike lanes, is an unknown one. Which stretch of a lane a boundary or neighbour
-    lies along goes to ``extras``, as MetaDrive's dictionaries of str.
+    A speed limit of 0, which stands on bike lanes, is an unknown one. Along which stretch of a lane a boundary or
+    neighbour lies goes to ``extras``, as MetaDrive's dictionaries of str.
 
     Args:
         features: As decoded, in the source frame.
@@ -71,7 +71,7 @@ def map_features(features: WireMap, origin: Float64) -> MapFeatures | None:
     count = len(features.ids)
     if not count:
         return None
-    points = rounded(features.points - origin, METRES)
+    points = rounded(offsets_from(origin, features.points), METRES)
     is_line = features.kinds <= STOP_SIGN
     limit = np.where(features.speed_limit > 0, features.speed_limit * MPH, np.nan)
 
