@@ -125,6 +125,8 @@ def _describe_lane(
     for name in ("left_boundaries", "right_boundaries"):
         ids = _ids(getattr(features, name), row)
         lane[name] = extras.get(name) or [_whole_boundary(i, num_points, types_by_id) for i in ids]
+    if "interpolating" in extras:
+        lane["interpolating"] = bool(extras["interpolating"])
     if np.isfinite(features.speed_limit[row]):
         lane["speed_limit_kmh"] = float(features.speed_limit[row]) * _KMH
         lane["speed_limit_mph"] = float(features.speed_limit[row]) * _MPH
