@@ -152,7 +152,7 @@ def _make_source(metadata: Mapping[str, Any], where: str, dataset: str, name: st
         return str(metadata[key]) if metadata.get(key) is not None else None
 
     return Source(
-        scenario_id=name,
+        scenario_id=told("source_scenario_id") or name,
         file=where,
         licence=told("licence") or _LICENCES.get(dataset, ScenarioNetPickles.licence),
         log=told("log_name"),
