@@ -114,9 +114,7 @@ def _id(record: Mapping[str, Any]) -> Any:
 def _details(feature: Mapping[str, Any]) -> dict[str, Any]:
     """What Waymo's records say of neighbours and boundaries beyond ids: from which point to which."""
     # The items of a list are of one kind.
-    details = {
-        name: feature[name] for name in _ID_LISTS if feature.get(name) and isinstance(feature[name][0], dict)
-    }
+    details = {name: feature[name] for name in _ID_LISTS if feature.get(name) and isinstance(feature[name][0], dict)}
     return details | {"interpolating": True} if feature.get("interpolating") is True else details
 
 
