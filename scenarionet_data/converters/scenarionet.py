@@ -45,7 +45,7 @@ from scenarionet_data.scenario import Float64, ScenarioDescription, Source, make
 _DT = 0.1
 _MAPPING = "dataset_mapping.pkl"
 _LICENCES = {
-    "waymo": "Waymo Open Dataset License (non-commercial)",
+    "waymo": "Waymo Dataset License Agreement for Non-Commercial Use",
     "nuscenes": "CC BY-NC-SA 4.0",
     "nuplan": "CC BY-NC-SA 4.0",
     "av2": "CC BY-NC-SA 4.0",

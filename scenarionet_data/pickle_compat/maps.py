@@ -85,7 +85,8 @@ def _is_readable(features: MapFeatures) -> Bool:
     """(M,) whether MetaDrive finds what it needs of a feature: a centreline, a line, an area."""
     types, line, area = features.types, features.polyline.lengths, features.polygon.lengths
     needs_area = np.isin(types, _AREAS)
-    needs_line = is_lane(types) | is_road_line(types) | is_road_edge(types) | (types == MapFeatureType.STOP_SIGN)
+    is_edge = is_road_edge(types) & (types != MapFeatureType.GUARDRAIL)  # which MetaDrive ignores
+    needs_line = is_lane(types) | is_road_line(types) | is_edge | (types == MapFeatureType.STOP_SIGN)
     return np.where(needs_area, area >= 3, (line > 0) | ~needs_line)
 
 
