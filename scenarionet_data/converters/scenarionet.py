@@ -45,7 +45,7 @@ from scenarionet_data.scenario import Float64, ScenarioDescription, Source, make
 _DT = 0.1
 _MAPPING = "dataset_mapping.pkl"
 _LICENCES = {
-    "waymo": "Waymo Open Dataset License (non-commercial)",
+    "waymo": "Waymo Dataset License Agreement for Non-Commercial Use",
     "nuscenes": "CC BY-NC-SA 4.0",
     "nuplan": "CC BY-NC-SA 4.0",
     "av2": "CC BY-NC-SA 4.0",
@@ -152,7 +152,7 @@ def _make_source(metadata: Mapping[str, Any], where: str, dataset: str, name: st
         return str(metadata[key]) if metadata.get(key) is not None else None
 
     return Source(
-        scenario_id=name,
+        scenario_id=told("source_scenario_id") or name,
         file=where,
         licence=told("licence") or _LICENCES.get(dataset, ScenarioNetPickles.licence),
         log=told("log_name"),

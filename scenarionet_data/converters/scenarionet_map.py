@@ -102,9 +102,9 @@ def _width(feature: Mapping[str, Any]) -> Any:
 
 
 def _ids(items: Any) -> list[str]:
-    """Ids out of a list of ids (int or str) or of Waymo's records, or out of a single id; each once."""
+    """Ids out of a list of ids (int or str) or of Waymo's records, or out of a single id."""
     found = items if isinstance(items, _LISTS) else () if items is None else (items,)
-    return list(dict.fromkeys([str(_id(item) if isinstance(item, dict) else item) for item in found]))
+    return [str(_id(item) if isinstance(item, dict) else item) for item in found]
 
 
 def _id(record: Mapping[str, Any]) -> Any:
@@ -114,7 +114,8 @@ def _id(record: Mapping[str, Any]) -> Any:
 def _details(feature: Mapping[str, Any]) -> dict[str, Any]:
     """What Waymo's records say of neighbours and boundaries beyond ids: from which point to which."""
     # The items of a list are of one kind.
-    return {name: feature[name] for name in _ID_LISTS if feature.get(name) and isinstance(feature[name][0], dict)}
+    details = {name: feature[name] for name in _ID_LISTS if feature.get(name) and isinstance(feature[name][0], dict)}
+    return details | {"interpolating": True} if feature.get("interpolating") is True else details
 
 
 def _speed_limit(feature: Mapping[str, Any], dataset: str) -> float:

@@ -1,8 +1,8 @@
 """Reads a pickle that may come from anyone: arrays and builtins are rebuilt, every other name is refused.
 
-A pickle is a program; what it may call is the table below and nothing else, and nothing is ever imported. Numpy's
-own constructors are not among it: they trust what they are given, down to arrays of Python objects over bytes of
-the pickle's choice. Covers protocols 0 to 5 and the names of numpy 1 and 2.
+A pickle is a program; what it may call is the table below and nothing else, and nothing is ever imported. Of
+numpy's own constructors only the one for empty arrays is among it: the others trust what they are given, down to
+arrays of Python objects over bytes of the pickle's choice. Covers protocols 0 to 5 and the names of numpy 1 and 2.
 """
 
 from __future__ import annotations
@@ -47,10 +47,6 @@ class _Array(np.ndarray[Any, Any]):
         super().__setstate__((version, shape, dtype.numpy, is_fortran, data))
 
 
-def _reconstruct(kind: type[_Array], shape: Any, code: Any) -> _Array:  # noqa: ARG001
-    return _Array()
-
-
 def _scalar(dtype: _DType, data: bytes) -> Any:
     return np.frombuffer(data, dtype.numpy)[0]
 
@@ -66,6 +62,8 @@ def _encode(text: str, encoding: str) -> bytes:
     return text.encode("latin1")
 
 
+# Numpy's own: makes an empty array of the one kind a pickle can name here.
+_reconstruct: Any = np.zeros(0).__reduce__()[0]
 _KINDS = (int, float, bool, str, bytes, bytearray, list, tuple, dict, set, frozenset)
 _ALLOWED: dict[tuple[str, str], Any] = {
     ("numpy", "ndarray"): _Array,

@@ -167,6 +167,7 @@ def _describe_metadata(scenario: ScenarioDescription, identity: Identity) -> dic
 
 def _describe_source(source: Source) -> dict[str, str]:
     described = {
+        "source_scenario_id": source.scenario_id,
         "source_file": source.file,
         "licence": source.licence,
         "log_name": source.log,

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from scenarionet_data.jsontext import from_json
 from scenarionet_data.ragged import Ragged
-from scenarionet_data.scenario import Codes, MapFeatures, ScenarioDescription
+from scenarionet_data.scenario import Bool, Codes, MapFeatures, ScenarioDescription
 from scenarionet_data.vocabulary import (
     LIGHT_COLORS,
     LightState,
@@ -57,18 +57,22 @@ def describe_map(features: MapFeatures | None, *, flat: bool) -> tuple[dict[str,
     if features is None:
         return {}, {}
     types_by_id = dict(zip(features.ids, _FEATURE_TYPES[features.types], strict=True))
+    readable, lanes = _is_readable(features), is_lane(features.types)
     polylines, polygons = _points(features.polyline, flat), _points(features.polygon, flat)
     described: dict[str, Any] = {}
     omitted: dict[str, list[str]] = {"omitted_map_features": [], "omitted_polygons": []}
     for row, feature_id in enumerate(features.ids):
         polyline, polygon = polylines[row], polygons[row]
-        if not _is_readable(features.types[row], polyline, polygon):
+        if not readable[row]:
             omitted["omitted_map_features"].append(str(feature_id))
             continue
         if len(polyline) and len(polygon) and _centroid_distance(polyline, polygon) >= _MAX_CENTROID_DISTANCE:
             omitted["omitted_polygons"].append(str(feature_id))
             polygon = polygon[:0]
-        described[str(feature_id)] = _describe_feature(features, row, polyline, polygon, types_by_id)
+        feature = _describe_feature(features, row, polyline, polygon)
+        if lanes[row]:
+            feature |= _describe_lane(features, row, feature, types_by_id)
+        described[str(feature_id)] = feature
     return described, {name: ids for name, ids in omitted.items() if ids}
 
 
@@ -77,13 +81,13 @@ def _points(ragged: Ragged, flat: bool) -> Ragged:
     return Ragged(ragged.offsets, np.array(ragged.values[:, : 2 if flat else 3], order="C"))
 
 
-def _is_readable(feature_type: np.uint8, polyline: Float32, polygon: Float32) -> bool:
-    code = np.array(feature_type)
-    if feature_type in _AREAS:
-        return len(polygon) >= 3
-    if is_lane(code) or is_road_line(code) or is_road_edge(code) or feature_type == MapFeatureType.STOP_SIGN:
-        return len(polyline) > 0
-    return True
+def _is_readable(features: MapFeatures) -> Bool:
+    """(M,) whether MetaDrive finds what it needs of a feature: a centreline, a line, an area."""
+    types, line, area = features.types, features.polyline.lengths, features.polygon.lengths
+    needs_area = np.isin(types, _AREAS)
+    is_edge = is_road_edge(types) & (types != MapFeatureType.GUARDRAIL)  # which MetaDrive ignores
+    needs_line = is_lane(types) | is_road_line(types) | is_edge | (types == MapFeatureType.STOP_SIGN)
+    return np.where(needs_area, area >= 3, (line > 0) | ~needs_line)
 
 
 def _centroid_distance(polyline: Float32, polygon: Float32) -> float:
@@ -91,38 +95,28 @@ def _centroid_distance(polyline: Float32, polygon: Float32) -> float:
     return float(np.hypot(*between))
 
 
-def _describe_feature(
-    features: MapFeatures, row: int, polyline: Float32, polygon: Float32, types_by_id: dict[str, str]
-) -> dict[str, Any]:
+def _describe_feature(features: MapFeatures, row: int, polyline: Float32, polygon: Float32) -> dict[str, Any]:
     feature: dict[str, Any] = {"type": str(_FEATURE_TYPES[features.types[row]])}
     if features.types[row] == MapFeatureType.STOP_SIGN:
         feature["position"] = polyline[0]
     elif len(polyline):
         feature["polyline"] = polyline
     if len(polygon):
-        feature |= _describe_polygon(polygon, bool(is_lane(features.types[row])))
+        feature["polygon"] = polygon
     if len(features.controlled_lanes[row]):
         feature["lane"] = _ids(features.controlled_lanes, row)
     if features.is_intersection[row] >= 0:
         feature["is_intersection"] = bool(features.is_intersection[row])
-    extras = from_json(features.extras[row])
-    if is_lane(features.types[row]):
-        feature |= _describe_lane(features, row, len(polyline), extras, types_by_id)
-    if extras:
-        feature["extras"] = extras
+    if features.extras[row]:
+        feature["extras"] = from_json(features.extras[row])
     return feature
 
 
-def _describe_polygon(polygon: Float32, of_lane: bool) -> dict[str, Any]:
-    """An outline; MetaDrive fails on a lane's with heights, so these stand beside it."""
-    if polygon.shape[1] == 2 or not of_lane:
-        return {"polygon": polygon}
-    return {"polygon": np.array(polygon[:, :2], order="C"), "polygon_z": np.array(polygon[:, 2])}
-
-
 def _describe_lane(
-    features: MapFeatures, row: int, num_points: int, extras: dict[str, Any], types_by_id: dict[str, str]
+    features: MapFeatures, row: int, feature: dict[str, Any], types_by_id: dict[str, str]
 ) -> dict[str, Any]:
+    """What only lanes have."""
+    num_points, extras = len(feature["polyline"]), feature.get("extras", {})
     lane: dict[str, Any] = {
         "entry_lanes": _ids(features.entry_lanes, row),
         "exit_lanes": _ids(features.exit_lanes, row),
@@ -132,11 +126,17 @@ def _describe_lane(
     for name in ("left_boundaries", "right_boundaries"):
         ids = _ids(getattr(features, name), row)
         lane[name] = extras.get(name) or [_whole_boundary(i, num_points, types_by_id) for i in ids]
+    if "interpolating" in extras:
+        lane["interpolating"] = bool(extras["interpolating"])
     if np.isfinite(features.speed_limit[row]):
         lane["speed_limit_kmh"] = float(features.speed_limit[row]) * _KMH
         lane["speed_limit_mph"] = float(features.speed_limit[row]) * _MPH
     if len(features.width[row]):
         lane["width"] = np.array(np.broadcast_to(features.width[row], (num_points, 2)))
+    if feature.get("polygon", np.zeros((0, 2))).shape[1] == 3:
+        # MetaDrive fails on a lane's outline with heights: they stand beside it.
+        lane["polygon"] = np.array(feature["polygon"][:, :2], order="C")
+        lane["polygon_z"] = np.array(feature["polygon"][:, 2])
     return lane
 
 

@@ -41,7 +41,7 @@ _LANES = ("LANE_SURFACE_STREET", "LANE_SURFACE_UNSTRUCTURE", "LANE_UNKNOWN", "LA
 _LINES = ("ROAD_LINE_", "UNKNOWN_LINE", "ROAD_EDGE_BOUNDARY", "ROAD_EDGE_MEDIAN")
 _AREAS = ("CROSSWALK", "ROAD_EDGE_SIDEWALK")
 _LIGHT_STATES = {None, *(state.name for state in LightState if state != LightState.ABSENT)}
-_ALLOWED = (int, float, str, np.ndarray, dict, list, tuple, type(None), set)
+_LEAVES = (int, float, str, bool, type(None), np.ndarray, tuple, set)
 _MAX_CENTROID_DISTANCE = 100.0
 
 
@@ -55,7 +55,7 @@ def sanity_check(description: Mapping[str, Any]) -> None:
     check.that(type(description) is dict, "description", f"wanted a plain dict, found {type(description).__name__}")
     for name, kind in _LEVEL_1.items():
         check.has(description, name, kind, name)
-    _check_types(check, description, "description")
+    _check_types(check, dict(description), "description")
     length = description["length"]
     check.that(length > 0, "length", f"wanted at least one timestep, found {length}")
     for track_id, track in description["tracks"].items():
@@ -92,17 +92,19 @@ class _Check:
         self.that(bool(np.isfinite(array).all()), field, "wanted finite numbers")
 
 
-def _check_types(check: _Check, value: Any, field: str) -> None:
+def _check_types(check: _Check, value: dict[str, Any] | list[Any], field: str) -> None:
     """Builtins and arrays only, as far as MetaDrive looks: into dicts and lists."""
-    is_plain = isinstance(value, _ALLOWED) and not isinstance(value, np.generic)
-    check.that(is_plain, field, f"wanted builtins and arrays, found {type(value).__name__}")
-    if isinstance(value, dict):
-        for key, inner in value.items():
-            check.that(type(key) is str, field, f"wanted str keys, found {key!r}")
+    items = value.items() if isinstance(value, dict) else enumerate(value)
+    for key, inner in items:
+        if isinstance(value, dict) and type(key) is not str:
+            check.that(False, field, f"wanted str keys, found {key!r}")
+        if type(inner) in _LEAVES:
+            continue
+        if isinstance(inner, dict | list):
             _check_types(check, inner, f"{field}[{key!r}]")
-    elif isinstance(value, list):
-        for inner in value:
-            _check_types(check, inner, field)
+        elif isinstance(inner, np.generic) or not isinstance(inner, _LEAVES):
+            found = f"wanted builtins and arrays, found {type(inner).__name__}"
+            check.that(False, f"{field}[{key!r}]", found)
 
 
 def _check_track(check: _Check, track: Any, track_id: str, length: int) -> None:

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenarionet_data.converters.base import Options
-from scenarionet_data.converters.scenarionet import ScenarioNetPickles
+from scenarionet_data import converters
 from scenarionet_data.pickle_compat import export
 from scenarionet_data.pickle_compat.describe import identify
 from scenarionet_data.scenario import ScenarioDescription
@@ -23,6 +22,7 @@ from tests.fixtures.scenarios import make_scenario
 
 pytestmark = pytest.mark.metadrive
 
+RECORDINGS = {"scenarionet": "scenarionet", "waymo": "waymo", "argoverse2": "argoverse2/motion-forecasting/val"}
 ENVIRONMENT = Path(__file__).parents[2] / ".venv-metadrive"
 
 
@@ -43,20 +43,22 @@ def accept(task: str, database: Path, numpy1: bool = False) -> dict[str, Any]:
     return result
 
 
-def imported(raw: Path) -> list[ScenarioDescription]:
-    converter = ScenarioNetPickles()
-    shards = converter.shards(str(raw), "train", "v1", Options())
+def converted(dataset: str, raw: str | Path) -> list[ScenarioDescription]:
+    converter = converters.get(dataset)
+    shards = converter.shards(str(raw), "train", converter.release, converter.Options())
     return [converter.scenario(shard, record) for shard in shards for record in converter.records(shard)]
 
 
 @pytest.fixture(scope="module")
 def scenarios(tmp_path_factory: pytest.TempPathFactory) -> dict[str, ScenarioDescription]:
-    """By file name: made up, imported from every vintage, and recorded where recordings are given."""
+    """By file name: made up, generated, imported from every vintage, and recorded where recordings are given."""
     found = [make_scenario(1), make_scenario(2, has_z=False), make_scenario(5, dataset="nuscenes", version="v1.0")]
     found += [make_scenario(4, has_map=False), make_scenario(7, num_lights=0)]
-    found += imported(made.write_vintages(tmp_path_factory.mktemp("raw")))
+    found += converted("scenarionet", made.write_vintages(tmp_path_factory.mktemp("raw")))
+    found += converted("pg", "0:2")
     if folder := os.environ.get("SCENARIONET_TEST_DATA"):
-        found += imported(Path(folder) / "scenarionet")
+        for dataset, raw in RECORDINGS.items():
+            found += converted(dataset, Path(folder) / raw)
     return {identify(scenario).file_name: scenario for scenario in found}
 
 
