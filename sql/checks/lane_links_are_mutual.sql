@@ -3,20 +3,18 @@ WITH lanes AS (
     SELECT map_id, feature_id, entry_lanes, exit_lanes FROM maps WHERE starts_with(feature_type, 'LANE_')
 ),
 forward AS (
-    SELECT map_id, feature_id AS first, unnest(exit_lanes) AS second FROM lanes
+    SELECT * FROM (SELECT map_id, feature_id AS first, unnest(exit_lanes) AS second FROM lanes)
+    WHERE (map_id, second) IN (SELECT (map_id, feature_id) FROM lanes)
 ),
 backward AS (
-    SELECT map_id, unnest(entry_lanes) AS first, feature_id AS second FROM lanes
+    SELECT * FROM (SELECT map_id, unnest(entry_lanes) AS first, feature_id AS second FROM lanes)
+    WHERE (map_id, first) IN (SELECT (map_id, feature_id) FROM lanes)
 ),
 one_way AS (
     (FROM forward EXCEPT FROM backward) UNION ALL (FROM backward EXCEPT FROM forward)
 ),
 broken AS (
-    SELECT o.map_id, min(first || ' -> ' || second) AS example, count(*) AS n
-    FROM one_way AS o
-    JOIN lanes AS a ON a.map_id = o.map_id AND a.feature_id = first
-    JOIN lanes AS b ON b.map_id = o.map_id AND b.feature_id = second
-    GROUP BY o.map_id
+    SELECT map_id, min(first || ' -> ' || second) AS example, count(*) AS n FROM one_way GROUP BY map_id
 )
 SELECT scenario_id, n || ' links are one-way, for example ' || example AS detail
 FROM broken JOIN metadata_rows USING (map_id);
