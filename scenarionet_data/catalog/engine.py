@@ -34,8 +34,8 @@ def table_files(files: LakeFiles, snapshot: Snapshot, table: str) -> list[str]:
     elif table == "shards":
         names = snapshot.manifests
     else:
-        listed = pc.list_flatten(snapshots.shard_table(files, snapshot)["files"])
-        names = listed.filter(pc.starts_with(listed, f"{table}/")).to_pylist()
+        listed = pc.list_flatten(snapshots.column(files, snapshot, "files"))
+        names = sorted(listed.filter(pc.starts_with(listed, f"{table}/")).to_pylist())
     return [str(files.path(name)) for name in names]
 
 
@@ -46,9 +46,13 @@ class Engine:
         files: The lake's files.
         snapshot: What the views show.
         without: Files of the snapshot that the views leave out, for example because they are gone.
+
+    Raises:
+        SchemaMismatch: The snapshot holds files of another version of the contract.
     """
 
     def __init__(self, files: LakeFiles, snapshot: Snapshot, without: Iterable[str] = ()) -> None:
+        snapshots.check_schemas(files, snapshot)
         self._files = files
         self._snapshot = snapshot
         self._without = {str(files.path(name)) for name in without}

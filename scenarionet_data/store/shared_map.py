@@ -14,7 +14,7 @@ from scenarionet_data import codec, tables
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.base import Shard
 from scenarionet_data.store.files import LakeFiles, sha256, writing
-from scenarionet_data.store.shard_writer import ShardRecord, partition
+from scenarionet_data.store.shard_writer import ShardRecord, partition, shard_key
 
 TILE = 200.0
 """Edge of a tile [m]."""
@@ -37,7 +37,7 @@ def write_shared_map(
     temporary = files.temporary()
     footer = {"scenarionet.map": shard.name, "scenarionet.licence": licence}
     schema = declared.schema.with_metadata({**declared.schema.metadata, **footer})
-    with writing(temporary), pq.ParquetWriter(temporary, schema, **declared.writer_options) as writer:
+    with writing(temporary, temporary), pq.ParquetWriter(temporary, schema, **declared.writer_options) as writer:
         for number, (rows, origin) in enumerate(_tiles(features.bounds)):
             tile = features.take(rows).build(origin, has_z)
             batch = codec.encode_map(shard.name, tile, origin, has_z, tile=number, index=rows)
@@ -46,13 +46,14 @@ def write_shared_map(
     name = f"{partition('maps', shard.dataset, shard.version, '')}/{shard.name}-{checksum[:16]}.parquet"
     files.publish(temporary, name)
     return ShardRecord(
-        key=shard.key(converter_version),
+        key=shard_key(shard, converter_version),
         dataset=shard.dataset,
         version=shard.version,
         split="",
         name=shard.name,
         options=shard.options_text,
         converter_version=converter_version,
+        schemas=tables.content_tag(),
         max_scenarios=None,
         items=[item.name for item in shard.items],
         fingerprints=[item.fingerprint for item in shard.items],

@@ -53,9 +53,7 @@ def mapped(*lanes):
         for name, start, end, entries, exits in lanes:
             builder.add(name, LANE, polyline=[[start, 0], [end, 0]], entry_lanes=entries, exit_lanes=exits)
         here = np.isin(scenario.lights.lane_ids, [lane[0] for lane in lanes])
-        return replace(
-            scenario, map=builder.build(np.zeros(3)), lights=replace(scenario.lights, is_lane_in_map=here)
-        )
+        return replace(scenario, map=builder.build(np.zeros(3)), lights=replace(scenario.lights, is_lane_in_map=here))
 
     return change
 
