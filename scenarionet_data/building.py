@@ -58,7 +58,8 @@ def make_origin(position: npt.NDArray[Any], valid: Bool, has_z: bool) -> Float64
 def offsets_from(origin: Float64, points: npt.NDArray[Any]) -> Float32:
     """Points (..., 3) as float32 offsets, subtracted in float64 without a float64 copy of all of them."""
     offsets = np.empty(points.shape, np.float32)
-    np.subtract(points, origin, out=offsets, casting="same_kind")
+    with np.errstate(over="ignore"):  # beyond float32 becomes infinite, which validation names
+        np.subtract(points, origin, out=offsets, casting="same_kind")
     return offsets
 
 

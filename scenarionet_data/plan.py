@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from scenarionet_data import tables
 from scenarionet_data.converters.base import RawItem, Shard
 from scenarionet_data.errors import DuplicateScenario
 from scenarionet_data.store.shard_writer import ShardRecord
@@ -108,6 +109,9 @@ def _must_go(
     """Whether the lake's shard has to make way for ``item`` of ``shard``."""
     if owner.options != shard.options_text:
         _refuse_unless(replace_old, item, owner, f"with other options ({owner.options})")
+        return True
+    if owner.schemas != tables.content_tag():
+        _refuse_unless(replace_old, item, owner, f"under another version of the contract ({owner.schemas})")
         return True
     if owner.fingerprints[owner.items.index(item.name)] != item.fingerprint:
         _refuse_unless(replace_old, item, owner, "and has changed since")

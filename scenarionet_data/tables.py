@@ -18,7 +18,8 @@ import pyarrow.parquet as pq
 from scenarionet_data.errors import SchemaMismatch
 from scenarionet_data.resources import SCHEMAS
 
-TABLES = ("metadata", "tracks", "lights", "maps", "shards", "quarantine", "members")
+CONTENT = ("metadata", "tracks", "lights", "maps", "quarantine")
+TABLES = (*CONTENT, "shards", "members")
 
 _SCALARS = {
     "bool": pa.bool_(),
@@ -161,6 +162,12 @@ def load(name: str) -> Table:
     columns = tuple(Column(name=key, **fields) for key, fields in declared["columns"].items())
     derived = tuple(Column(name=key, **fields) for key, fields in declared.get("derived", {}).items())
     return Table(declared["table"], declared["version"], declared["doc"], columns, derived)
+
+
+@cache
+def content_tag() -> str:
+    """Versions of every table that a shard's files belong to, as its record carries them."""
+    return " ".join(load(name).tag for name in sorted(CONTENT))
 
 
 @cache

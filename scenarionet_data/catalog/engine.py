@@ -6,7 +6,7 @@ Works with DuckDB 1.5 and 2. No extension is loaded or downloaded.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import duckdb
@@ -34,17 +34,28 @@ def table_files(files: LakeFiles, snapshot: Snapshot, table: str) -> list[str]:
     elif table == "shards":
         names = snapshot.manifests
     else:
-        listed = pc.list_flatten(snapshots.shard_table(files, snapshot)["files"])
-        names = listed.filter(pc.starts_with(listed, f"{table}/")).to_pylist()
+        listed = pc.list_flatten(snapshots.column(files, snapshot, "files"))
+        names = sorted(listed.filter(pc.starts_with(listed, f"{table}/")).to_pylist())
     return [str(files.path(name)) for name in names]
 
 
 class Engine:
-    """One locked DuckDB connection over one snapshot; views come into being when a query names them."""
+    """One locked DuckDB connection over one snapshot; views come into being when a query names them.
 
-    def __init__(self, files: LakeFiles, snapshot: Snapshot) -> None:
+    Args:
+        files: The lake's files.
+        snapshot: What the views show.
+        without: Files of the snapshot that the views leave out, for example because they are gone.
+
+    Raises:
+        SchemaMismatch: The snapshot holds files of another version of the contract.
+    """
+
+    def __init__(self, files: LakeFiles, snapshot: Snapshot, without: Iterable[str] = ()) -> None:
+        snapshots.check_schemas(files, snapshot)
         self._files = files
         self._snapshot = snapshot
+        self._without = {str(files.path(name)) for name in without}
         self._connection = duckdb.connect(config={"autoinstall_known_extensions": False})
         self._views: set[str] = set()
         self._connection.execute("SET enable_progress_bar = false")
@@ -123,7 +134,8 @@ class Engine:
 
     def _relation(self, table: str) -> str:
         """SQL for a table's files: a scan, or no rows of the right types when there are none."""
-        paths = table_files(self._files, self._snapshot, table)
+        listed = table_files(self._files, self._snapshot, table)
+        paths = [path for path in listed if path not in self._without]
         if not paths:
             columns = [f"NULL::{_sql_type(c)} AS {c.name}" for c in tables.load(table).columns]
             folders = ["NULL::VARCHAR AS " + name for name in _hive_columns(table)]

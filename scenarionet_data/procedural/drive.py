@@ -27,9 +27,7 @@ _GENTLE = 2.0  # [m/s2] nobody has to brake harder at the start
 
 
 @entry
-def drive(
-    graph: LaneGraph, fleet: Fleet, state: State, lights: Int32, dt: float, motion: Float64, valid: Bool
-) -> int:
+def drive(graph: LaneGraph, fleet: Fleet, state: State, lights: Int32, dt: float, motion: Float64, valid: Bool) -> int:
     """Drive until the ego arrives or time is over.
 
     Time is a loop because every step follows from the one before.

@@ -23,9 +23,7 @@ _HOPS = 4
 
 
 @part
-def update_grant(
-    graph: LaneGraph, fleet: Fleet, state: State, places: Places, lights: Int32, t: int, i: int
-) -> None:
+def update_grant(graph: LaneGraph, fleet: Fleet, state: State, places: Places, lights: Int32, t: int, i: int) -> None:
     """Grant vehicle ``i`` the next lane that needs it; take that back when its light turns and it can stop.
 
     Args:

@@ -86,12 +86,8 @@ def _add_connections(
     entries, exits = [], []
     for i in range(len(ring.radii)):
         inwards, outwards = _entry(ring, arm, i, distance), _exit(ring, arm, i, distance)
-        entries.append(
-            block.add_lane(f"in{number}{i}", inwards, junction=block.index, rank=0, is_intersection=True)
-        )
-        exits.append(
-            block.add_lane(f"out{number}{i}", outwards, junction=block.index, rank=1, is_intersection=True)
-        )
+        entries.append(block.add_lane(f"in{number}{i}", inwards, junction=block.index, rank=0, is_intersection=True))
+        exits.append(block.add_lane(f"out{number}{i}", outwards, junction=block.index, rank=1, is_intersection=True))
     return entries, exits
 
 

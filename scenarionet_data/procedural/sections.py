@@ -59,9 +59,7 @@ def add_widening(block: Block, tag: str, socket: Socket, length: float) -> Socke
     count = len(socket.forward)
     edge = Path(socket.pose.moved(0.0, -count * width), shift(length, -width))
     end = add_road(block, tag, socket, ((length, 0.0),), edge=edge)
-    branch = block.add_lane(
-        f"{tag}branch", edge.offset(width / 2.0), right_boundaries=(f"{block.index}.{tag}fedge",)
-    )
+    branch = block.add_lane(f"{tag}branch", edge.offset(width / 2.0), right_boundaries=(f"{block.index}.{tag}fedge",))
     block.link(socket.forward[-1], (branch.id,))
     block.footprint.append(strip(branch.path, width / 2.0, width / 2.0))
     return Socket(end.pose, (*end.forward, (branch.id,)), end.backward)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import random
 import time
 from collections import defaultdict
@@ -13,17 +14,18 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from scenarionet_data import tables
 from scenarionet_data.errors import SnapshotConflict
 from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.files import LakeFiles, sha256, writing
-from scenarionet_data.store.shard_writer import ShardRecord
+from scenarionet_data.store.files import LakeFiles
+from scenarionet_data.store.shard_writer import ShardRecord, write_table
 from scenarionet_data.store.snapshot import Snapshot
 
 MAX_METADATA_FILES = 64
 """Live metadata files of a partition; more are merged (3,000 files of 64 rows take 0.7 s to count)."""
 
-ROWS_PER_METADATA_FILE = 262_144
+MERGED_FILES = 16
+"""Files that a larger partition has instead; one more shard changes one of them."""
+
 _ROWS_PER_GROUP = 65_536
 _ATTEMPTS = 50
 
@@ -50,7 +52,8 @@ def commit(
         files: The lake.
         added: Finished shards; those the lake holds already are skipped.
         operation: What made them, in words.
-        removed: Keys of shards they replace.
+        removed: Keys of shards they replace. When one of ``added`` is refused, nothing is replaced and nothing is
+            committed: what is in the lake goes only together with what takes its place.
 
     Raises:
         SnapshotConflict: Other jobs published a snapshot before this one, every time.
@@ -58,12 +61,12 @@ def commit(
     wanted = list(added)
     for attempt in range(_ATTEMPTS):
         base = snapshots.read(files)
-        present = set(snapshots.shard_table(files, base)["key"].to_pylist())
+        present = set(snapshots.column(files, base, "key").to_pylist())
         gone = frozenset(removed & present)
         fresh = [record for record in wanted if record.key not in present - gone]
         kept_metadata = _without(files, base, gone) if gone else base.metadata
         fresh, refused = _refuse_duplicates(files, kept_metadata, fresh)
-        if not fresh and not gone:
+        if (refused and gone) or not (fresh or gone):
             return Committed(base, refused)
         following = Snapshot(
             number=base.number + 1,
@@ -81,51 +84,57 @@ def commit(
 
 
 def consolidate(files: LakeFiles) -> Snapshot:
-    """Merge the metadata files of every partition that has too many.
+    """Give partitions of many shards few metadata files.
 
-    The result is a function of the partition's shards alone: their metadata files one after the other, by
-    name, cut at a fixed number of rows.
+    The result is a function of the shards alone, whatever the order of the commits: up to MAX_METADATA_FILES
+    shards keep their own files; of more, each stands in the one of MERGED_FILES that its name's hash chooses.
     """
     for _ in range(_ATTEMPTS):
         base = snapshots.read(files)
-        live = _by_partition(base.metadata)
-        crowded = {folder for folder, names in live.items() if len(names) > MAX_METADATA_FILES}
-        if not crowded:
+        wanted = _metadata_files(snapshots.column(files, base, "metadata_file").drop_null().to_pylist())
+        if set(wanted) == set(base.metadata):
             return base
-        sources = sorted(_own_metadata(snapshots.shards(files, base)))
-        merged = [name for folder in sorted(crowded) for name in _merge(files, folder, sources)]
-        kept = [name for name in base.metadata if _folder(name) not in crowded]
+        for name, sources in wanted.items():
+            if sources != [name] and not files.has(name):
+                _merge(files, name, sources)
         following = replace(
             base,
             number=base.number + 1,
             created_at=snapshots.now(),
             operation="consolidate metadata",
-            metadata=(*kept, *merged),
+            metadata=tuple(wanted),
         )
         if snapshots.publish(files, following):
             return following
     raise SnapshotConflict(f"{files.root}: another job committed first, {_ATTEMPTS} times; run the command again")
 
 
-def _merge(files: LakeFiles, folder: str, sources: list[str]) -> list[str]:
-    """Concatenate the shards' own metadata files of a partition into few; returns the new files' names."""
-    declared = tables.load("metadata")
-    names: list[str] = []
-    batch: list[pa.Table] = []
-    rows = 0
-    mine = [name for name in sources if _folder(name) == folder]
-    for position, name in enumerate(mine):
-        batch.append(pq.ParquetFile(files.path(name)).read())
-        rows += batch[-1].num_rows
-        if rows >= ROWS_PER_METADATA_FILE or position == len(mine) - 1:
-            temporary = files.temporary()
-            with writing(temporary), declared.writer(temporary, {}) as writer:
-                writer.write_table(pa.concat_tables(batch).cast(declared.schema), row_group_size=_ROWS_PER_GROUP)
-            merged = f"{folder}/merged-{sha256(temporary)[:16]}.parquet"
-            files.publish(temporary, merged)
-            names.append(merged)
-            batch, rows = [], 0
-    return names
+def _metadata_files(own: list[str]) -> dict[str, list[str]]:
+    """Metadata files that a lake of these shards has, and the shards' own files each is made of."""
+    partitions: dict[str, list[str]] = defaultdict(list)
+    for name in sorted(own):
+        partitions[_folder(name)].append(name)
+    wanted: dict[str, list[str]] = {}
+    for folder, names in partitions.items():
+        if len(names) <= MAX_METADATA_FILES:
+            wanted |= {name: [name] for name in names}
+            continue
+        chosen: dict[int, list[str]] = defaultdict(list)
+        for name in names:
+            chosen[int(_digest(name), 16) % MERGED_FILES].append(name)
+        wanted |= {f"{folder}/merged-{_digest(*chosen[k])}.parquet": chosen[k] for k in sorted(chosen)}
+    return wanted
+
+
+def _digest(*names: str) -> str:
+    return hashlib.blake2b("\n".join(names).encode(), digest_size=8).hexdigest()
+
+
+def _merge(files: LakeFiles, name: str, sources: list[str]) -> None:
+    """Publish shards' own metadata files, one after the other, as one."""
+    parts = [pq.ParquetFile(files.path(source)).read() for source in sources]
+    together = pa.concat_tables(parts)
+    files.publish(write_table(files, "metadata", together, {}, row_group_size=_ROWS_PER_GROUP), name)
 
 
 def _without(files: LakeFiles, base: Snapshot, gone: frozenset[str]) -> tuple[str, ...]:
@@ -178,10 +187,3 @@ def _folder(name: str) -> str:
 def _release(name: str) -> tuple[str, str]:
     parts = dict(part.split("=", 1) for part in name.split("/") if "=" in part)
     return parts["dataset"], parts["version"]
-
-
-def _by_partition(names: Iterable[str]) -> dict[str, list[str]]:
-    found: dict[str, list[str]] = defaultdict(list)
-    for name in names:
-        found[_folder(name)].append(name)
-    return found

@@ -68,7 +68,7 @@ class LakeFiles:
     def publish(self, temporary: Path, name: str) -> None:
         """Give a complete temporary file its name, at once and for good."""
         target = self.path(name)
-        with writing(target):
+        with writing(target, temporary):
             target.parent.mkdir(parents=True, exist_ok=True)
             _to_disk(temporary)
             temporary.replace(target)
@@ -81,7 +81,7 @@ class LakeFiles:
         """
         temporary = data if isinstance(data, Path) else self.temporary()
         target = self.path(name)
-        with writing(target):
+        with writing(target, temporary):
             if isinstance(data, bytes):
                 temporary.write_bytes(data)
             _to_disk(temporary)
@@ -109,12 +109,21 @@ def sha256(path: Path) -> str:
 
 
 @contextmanager
-def writing(path: Path) -> Iterator[None]:
-    """Turns the operating system's refusals into a LakeError with the remedy."""
+def writing(path: Path, temporary: Path | None = None) -> Iterator[None]:
+    """Turns the operating system's refusals into a LakeError with the remedy.
+
+    Args:
+        path: What the message names.
+        temporary: Removed when anything goes wrong, so that a full disk is not kept full.
+    """
     try:
         yield
-    except OSError as error:
-        raise LakeError(f"cannot write {path}: {error.strerror or error}; {_remedy(error)}") from error
+    except BaseException as error:
+        if temporary is not None:
+            temporary.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise LakeError(f"cannot write {path}: {error.strerror or error}; {_remedy(error)}") from error
+        raise
 
 
 def _remedy(error: OSError) -> str:

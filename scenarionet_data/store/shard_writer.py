@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -38,6 +39,7 @@ class ShardRecord:
     name: str
     options: str
     converter_version: str
+    schemas: str
     max_scenarios: int | None
     items: list[str]
     fingerprints: list[str]
@@ -55,6 +57,11 @@ def partition(table: str, dataset: str, version: str, split: str) -> str:
     return folder if table == "maps" else f"{folder}/split={split}"
 
 
+def shard_key(shard: Shard, converter_version: str) -> str:
+    """The shard's key under this version of the contract: other columns make other files."""
+    return shard.key(f"{converter_version} {tables.content_tag()}")
+
+
 def metadata_name(shard: Shard, key: str) -> str:
     """Name of a shard's own metadata file: known before it is written, so that a finished shard is found."""
     return f"{partition('metadata', shard.dataset, shard.version, shard.split)}/{shard.name}-{key}.parquet"
@@ -62,11 +69,13 @@ def metadata_name(shard: Shard, key: str) -> str:
 
 def find_finished(files: LakeFiles, shard: Shard, converter_version: str) -> ShardRecord | None:
     """The record of a shard that an earlier job finished, whether it was committed or not."""
-    name = metadata_name(shard, shard.key(converter_version))
+    name = metadata_name(shard, shard_key(shard, converter_version))
     if not files.has(name):
         return None
-    footer = pq.read_metadata(files.path(name)).metadata
-    tables.load("metadata").check_version(footer, name)
+    try:
+        footer = pq.read_metadata(files.path(name)).metadata
+    except pa.ArrowInvalid:  # damaged since it was published: the shard is converted again
+        return None
     record = ShardRecord(**json.loads(footer[b"scenarionet.shard"]))
     is_whole = all(files.has(file, size) for file, size in zip(record.files, record.sizes, strict=True))
     return record if is_whole else None
@@ -146,7 +155,7 @@ class ShardWriter:
         self._close_parts()
         if self._rejected:
             self._publish_table("quarantine", self._rejected)
-        shard, key = self._shard, self._shard.key(self._version)
+        shard, key = self._shard, shard_key(self._shard, self._version)
         record = ShardRecord(
             key=key,
             dataset=shard.dataset,
@@ -155,6 +164,7 @@ class ShardWriter:
             name=shard.name,
             options=shard.options_text,
             converter_version=self._version,
+            schemas=tables.content_tag(),
             max_scenarios=max_scenarios,
             items=[item.name for item in shard.items],
             fingerprints=[item.fingerprint for item in shard.items],
@@ -245,17 +255,22 @@ class _Part:
 
     def discard(self) -> None:
         """Remove the unfinished file."""
-        try:
+        with suppress(OSError):  # a disk that is full does not take the footer either, and nobody wants it
             self._writer.close()
-        finally:
-            self.path.unlink(missing_ok=True)
+        self.path.unlink(missing_ok=True)
 
 
-def write_table(files: LakeFiles, table: str, rows: list[dict[str, Any]] | pa.Table, footer: Mapping[str, str]) -> Path:
+def write_table(
+    files: LakeFiles,
+    table: str,
+    rows: list[dict[str, Any]] | pa.Table,
+    footer: Mapping[str, str],
+    row_group_size: int | None = None,
+) -> Path:
     """Write rows of a contract table to a temporary file and return its path."""
     declared = tables.load(table)
     content = rows if isinstance(rows, pa.Table) else pa.Table.from_pylist(rows, schema=declared.schema)
     temporary = files.temporary()
-    with writing(temporary), declared.writer(temporary, footer) as writer:
-        writer.write_table(content.cast(declared.schema))
+    with writing(temporary, temporary), declared.writer(temporary, footer) as writer:
+        writer.write_table(content.cast(declared.schema), row_group_size=row_group_size)
     return temporary

@@ -13,7 +13,7 @@ from scenarionet_data import codec, tables
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.base import Shard
 from scenarionet_data.store.files import LakeFiles, sha256, writing
-from scenarionet_data.store.shard_writer import ShardRecord, partition
+from scenarionet_data.store.shard_writer import ShardRecord, partition, shard_key
 
 TILE = 200.0
 """Edge of a tile [m]."""
@@ -35,7 +35,7 @@ def write_shared_map(
     has_z = features.has_heights
     temporary = files.temporary()
     footer = {"scenarionet.map": shard.name, "scenarionet.licence": licence}
-    with writing(temporary), declared.writer(temporary, footer) as writer:
+    with writing(temporary, temporary), declared.writer(temporary, footer) as writer:
         for number, (rows, origin) in enumerate(_tiles(features.bounds)):
             tile = features.take(rows).build(origin, has_z)
             batch = codec.encode_map(shard.name, tile, origin, has_z, tile=number, index=rows)
@@ -44,13 +44,14 @@ def write_shared_map(
     name = f"{partition('maps', shard.dataset, shard.version, '')}/{shard.name}-{checksum[:16]}.parquet"
     files.publish(temporary, name)
     return ShardRecord(
-        key=shard.key(converter_version),
+        key=shard_key(shard, converter_version),
         dataset=shard.dataset,
         version=shard.version,
         split="",
         name=shard.name,
         options=shard.options_text,
         converter_version=converter_version,
+        schemas=tables.content_tag(),
         max_scenarios=None,
         items=[item.name for item in shard.items],
         fingerprints=[item.fingerprint for item in shard.items],

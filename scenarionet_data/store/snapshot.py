@@ -7,12 +7,13 @@ import json
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
+from pathlib import Path
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scenarionet_data import tables
-from scenarionet_data.errors import NoSuchSnapshot
+from scenarionet_data.errors import LakeError, NoSuchSnapshot, SchemaMismatch
 from scenarionet_data.store.files import LakeFiles
 from scenarionet_data.store.shard_writer import ShardRecord, write_table
 
@@ -48,8 +49,8 @@ EMPTY = Snapshot(0, "", "empty", (), ())
 
 def numbers(files: LakeFiles) -> list[int]:
     """Numbers of the snapshots that are there, rising."""
-    names = files.names(_FOLDER, ".json")
-    return sorted(int(name.rpartition("/")[2].removesuffix(".json")) for name in names)
+    stems = [name.rpartition("/")[2].removesuffix(".json") for name in files.names(_FOLDER, ".json")]
+    return sorted(int(stem) for stem in stems if stem.isdecimal())
 
 
 def read(files: LakeFiles, number: int | None = None) -> Snapshot:
@@ -66,11 +67,21 @@ def read(files: LakeFiles, number: int | None = None) -> Snapshot:
     if number not in there:
         found = f"there are {there[0]} ... {there[-1]}" if there else "there are none"
         raise NoSuchSnapshot(f"{files.root}: no snapshot {number}; {found}")
-    content = json.loads(files.path(_name(number)).read_bytes())
-    if content.pop("format") != 1:
-        raise NoSuchSnapshot(f"{files.root}: snapshot {number} was written by a newer version; update this one")
-    content["metadata"], content["manifests"] = tuple(content["metadata"]), tuple(content["manifests"])
-    return Snapshot(**content)
+    return _parse(files.path(_name(number)))
+
+
+def _parse(path: Path) -> Snapshot:
+    try:
+        content = json.loads(path.read_bytes())
+        if content.pop("format") != 1:
+            raise NoSuchSnapshot(f"{path}: written by a newer version of this software; update it")
+        content["metadata"], content["manifests"] = tuple(content["metadata"]), tuple(content["manifests"])
+        return Snapshot(**content)
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise LakeError(
+            f"{path}: damaged, it is no snapshot; restore it from a copy of the lake, or remove it to go back to the "
+            "snapshot before (what was committed since is adopted when its recordings are converted again)"
+        ) from error
 
 
 def publish(files: LakeFiles, snapshot: Snapshot) -> bool:
@@ -93,14 +104,43 @@ def now() -> str:
 def shard_table(files: LakeFiles, snapshot: Snapshot) -> pa.Table:
     """Every shard of a snapshot as rows of ``schemas/shards.toml``, in order of partition and name."""
     schema = tables.load("shards").schema
-    parts = [pq.ParquetFile(files.path(name)).read() for name in snapshot.manifests]
+    parts = [_read_manifest(files, name) for name in snapshot.manifests]
     together = pa.concat_tables([schema.empty_table(), *(part.cast(schema) for part in parts)])
     return together.sort_by([(name, "ascending") for name in ("dataset", "version", "split", "name", "key")])
+
+
+def column(files: LakeFiles, snapshot: Snapshot, name: str) -> pa.ChunkedArray:
+    """One column of :func:`shard_table`, in any order."""
+    parts = [_read_manifest(files, manifest, [name])[name] for manifest in snapshot.manifests]
+    return pa.chunked_array(
+        [chunk for part in parts for chunk in part.chunks], tables.load("shards").schema.field(name).type
+    )
 
 
 def shards(files: LakeFiles, snapshot: Snapshot) -> list[ShardRecord]:
     """Every shard of a snapshot as records."""
     return [ShardRecord(**row) for row in shard_table(files, snapshot).to_pylist()]
+
+
+def _read_manifest(files: LakeFiles, name: str, columns: list[str] | None = None) -> pa.Table:
+    file = pq.ParquetFile(files.path(name))
+    tables.load("shards").check_version(file.metadata.metadata, name)
+    return file.read(columns)
+
+
+def check_schemas(files: LakeFiles, snapshot: Snapshot) -> None:
+    """Refuse a snapshot with files of another version of the contract.
+
+    Raises:
+        SchemaMismatch: Naming a shard, what was found and what to do.
+    """
+    names, found = (column(files, snapshot, name).to_pylist() for name in ("name", "schemas"))
+    for name, tag in zip(names, found, strict=True):
+        if tag != tables.content_tag():
+            raise SchemaMismatch(
+                f"{files.root}: shard {name} was written under {tag}, this version reads {tables.content_tag()}; "
+                "convert its recordings again with --replace, or use the version that wrote them"
+            )
 
 
 def write_manifests(

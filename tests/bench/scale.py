@@ -112,6 +112,7 @@ def _write_shard(files: LakeFiles, template: pa.Table, number: int, rng: np.rand
         name=name,
         options="{}",
         converter_version="1",
+        schemas=tables.content_tag(),
         max_scenarios=None,
         items=[name],
         fingerprints=["0"],

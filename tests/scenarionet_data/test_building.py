@@ -136,7 +136,7 @@ def test_noise_below_the_resolution_is_dropped(metres, radians):
     )  # fmt: skip
     steps = made.position / METRES
     assert np.array_equal(steps, np.rint(steps))
-    assert abs(float(made.position[0, 0, 0]) - metres) <= 0.6 * METRES
+    assert abs(float(made.position[0, 0, 0]) - metres) <= METRES
     turn = (float(made.heading[0, 0]) - radians + math.pi) % (2 * math.pi) - math.pi
     assert abs(turn) <= 1e-6
     assert -np.float32(np.pi) <= made.heading[0, 0] < np.float32(np.pi)
