@@ -55,8 +55,8 @@ _arguments:
 	$(if $(RAW),,$(error set RAW=FOLDER, or SCENARIONET_RAW to the folder that holds $(DATASET)/$(if \
 		$(filter nuplan,$(DATASET)),$(comma) or NUPLAN_DATA_ROOT)))
 
-docs: install  ## Write docs/data_dictionary.md from schemas/.
-	$(BIN)/python -m scenarionet_data.dictionary > docs/data_dictionary.md
+docs: install  ## Write the data dictionary and the README's columns from schemas/.
+	$(BIN)/python -m scenarionet_data.dictionary
 
 build: install  ## Wheel and source distribution in dist/.
 	$(BIN)/python -m build --no-isolation

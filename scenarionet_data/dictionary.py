@@ -1,9 +1,12 @@
-"""The data dictionary in Markdown, made from the contract: ``python -m scenarionet_data.dictionary``."""
+"""The data dictionary in Markdown, made from the contract."""
 
 from __future__ import annotations
 
 from scenarionet_data import tables
+from scenarionet_data.resources import SCHEMAS
 from scenarionet_data.tables import Column, Table
+
+_BEGIN, _END = "<!-- metadata: made by `make docs` -->", "<!-- end -->"
 
 
 def markdown() -> str:
@@ -36,5 +39,21 @@ def _row(column: Column) -> str:
     return f"| `{column.name}` | {kind} | {column.unit} | {meaning} |"
 
 
+def into_page(page: str) -> str:
+    """A page with its list of metadata columns brought up to date, between the two marks."""
+    before, _, rest = page.partition(_BEGIN)
+    _, _, after = rest.partition(_END)
+    rows = "\n".join(section(tables.load("metadata")).splitlines()[4:])
+    return f"{before}{_BEGIN}\n{rows}\n{_END}{after}"
+
+
+def main() -> None:
+    """Write the dictionary and the README's list; for `make docs`, in a checkout."""
+    root = SCHEMAS.parent
+    (root / "docs" / "data_dictionary.md").write_text(markdown(), "utf-8")
+    readme = root / "README.md"
+    readme.write_text(into_page(readme.read_text("utf-8")), "utf-8")
+
+
 if __name__ == "__main__":
-    print(markdown(), end="")  # noqa: T201
+    main()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -10,6 +11,8 @@ from pathlib import Path
 import pytest
 
 from scenarionet_data import dictionary
+from tests.fixtures.argoverse2 import write_forecasting
+from tests.fixtures.waymo import scenario_bytes, write_tfrecord
 
 ROOT = Path(__file__).parents[1]
 
@@ -23,6 +26,33 @@ def blocks(page: str, language: str) -> list[str]:
 def test_data_dictionary_is_up_to_date():
     written = (ROOT / "docs" / "data_dictionary.md").read_text("utf-8")
     assert written == dictionary.markdown(), "run `make docs`"
+    readme = (ROOT / "README.md").read_text("utf-8")
+    assert readme == dictionary.into_page(readme), "run `make docs`"
+
+
+def test_readme_examples_run(tmp_path):
+    """Every bash and python block, in order, in one folder with recordings beside it."""
+    write_tfrecord(tmp_path / "recordings/waymo/training/training.tfrecord-00000-of-01000", [scenario_bytes(1)])
+    write_forecasting(tmp_path / "recordings/argoverse2/val", num_scenarios=2, seed=0)
+    write_pickles(tmp_path / "recordings/pickles")
+    command = tmp_path / "bin" / "scenarionet"
+    command.parent.mkdir()
+    command.write_text(f'#!/bin/sh\nexec {sys.executable} -m pipelines.cli "$@"\n')
+    command.chmod(0o755)
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "PATH": f"{command.parent}:{os.environ['PATH']}"}
+    text = (ROOT / "README.md").read_text("utf-8")
+    found = re.findall(r"^```(bash|python)\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    assert len(found) >= 9
+    for language, code in found:
+        runner = ["bash", "-euo", "pipefail", "-c"] if language == "bash" else [sys.executable, "-c"]
+        done = subprocess.run([*runner, code], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, code + done.stdout + done.stderr
+
+
+def test_readme_names_make_targets_that_exist():
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
+    named = set(re.findall(r"(?:^|`)make ([a-z-]+)", (ROOT / "README.md").read_text("utf-8"), re.MULTILINE))
+    assert {"demo", "test"} <= named <= targets
 
 
 def test_the_example_converter_passes_its_own_conformance_test(tmp_path):
