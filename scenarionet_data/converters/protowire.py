@@ -87,7 +87,9 @@ class Messages:
         Raises:
             DamagedMessage: One of them is no message.
         """
-        values = np.full((len(self), len(layout)), missing, np.int64).view(np.uint64)
+        values = np.zeros((len(self), len(layout)), np.uint64)
+        if missing:
+            int64s(values).fill(missing)
         wires = np.array([_WIRE_TYPES[letter] for letter in layout], dtype=np.int64)
         _require_sound(walk(self.buffer, self.first, self.end, wires, values, np.empty((5, 0), np.int32)))
         return values
@@ -136,12 +138,12 @@ class Fields:
     def where(self, mask: Bools) -> Fields:
         """Those where ``mask`` (k,) holds."""
         columns = (self.owner, self.number, self.wire, self.first, self.end)
-        return Fields(self.buffer, *(column.compress(mask) for column in columns))
+        return Fields(self.buffer, *(column[mask] for column in columns))
 
     def messages(self, mask: Bools) -> Messages:
         """The messages and texts where ``mask`` (k,) holds."""
         mask = mask & self.is_part
-        return Messages(self.buffer, self.first.compress(mask), self.end.compress(mask), self.owner.compress(mask))
+        return Messages(self.buffer, self.first[mask], self.end[mask], self.owner[mask])
 
     def parts(self, number: int) -> Messages:
         """The messages under one field number."""
