@@ -7,7 +7,6 @@ choice of ``run``.
 from __future__ import annotations
 
 import re
-import signal
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -26,6 +25,7 @@ from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
 from scenarionet_data.store.shard_writer import ShardRecord, ShardWriter, find_finished
 from scenarionet_data.store.shared_map import write_shared_map
+from scenarionet_data.worker import follow_parent
 
 _COMMIT_EVERY = 30.0
 _WORD = re.compile(r"[A-Za-z0-9._-]+")
@@ -304,10 +304,8 @@ def _run_limited(jobs: Iterable[Job], limit: int) -> Iterator[Outcome]:
 def _run_pool(jobs: Iterable[Job], workers: int) -> Iterator[Outcome]:
     """A pool of processes with two jobs each in flight; outcomes as they come."""
     queue = iter(jobs)
-    # spawn: a forked child would share the locks of Arrow's and DuckDB's threads. Ctrl-C reaches every process of
-    # a terminal; it is this one that decides what to do about it.
-    ignore = (signal.signal, (signal.SIGINT, signal.SIG_IGN))
-    with ProcessPoolExecutor(workers, get_context("spawn"), *ignore) as pool:
+    # spawn: a forked child would share the locks of Arrow's and DuckDB's threads.
+    with ProcessPoolExecutor(workers, get_context("spawn"), follow_parent) as pool:
         running: set[Future[Outcome]] = set()
         try:
             while True:

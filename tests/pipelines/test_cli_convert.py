@@ -10,6 +10,7 @@ import sys
 import time
 from pathlib import Path
 
+import psutil
 import pytest
 
 from scenarionet_data import Lake
@@ -37,7 +38,7 @@ def test_running_again_skips_and_succeeds(raw, lake, ok):
 
 def test_json_report(raw, tmp_path):
     write_raw(raw, {"c": ["1 corrupt"]})
-    result = run("convert", NAME, raw, tmp_path / "lake", "--json", "--quiet")
+    result = run("convert", NAME, raw, tmp_path / "lake", "--json", "--quiet", "--workers", 1)
     assert result.exit_code == 1
     assert result.stderr == ""
     report = json.loads(result.stdout)
@@ -53,7 +54,7 @@ def test_json_report(raw, tmp_path):
 
 def test_failed_shards_are_named(raw, tmp_path):
     write_raw(raw, {"c": ["1 corrupt"]})
-    text = run("convert", NAME, raw, tmp_path / "lake").stdout
+    text = run("convert", NAME, raw, tmp_path / "lake", "--workers", 1).stdout
     assert "failed       1 shard\n" in text
     assert "c.made: corrupt; copy it again" in text
 
@@ -103,15 +104,19 @@ def start(*words: str | Path, **options) -> subprocess.Popen:
     )  # fmt: skip
 
 
+def wait_for_shards(lake: Path, number: int) -> None:
+    deadline = time.monotonic() + 30
+    while len(list(lake.glob("metadata/*/*/*/*.parquet"))) < number and time.monotonic() < deadline:
+        time.sleep(0.02)
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_run_says_what_it_kept_and_is_continued(number, tmp_path, ok):
-    raw = write_raw(tmp_path / "raw", {f"s{k}": [f"{10 * k + i} slow" for i in range(3)] for k in range(16)})
+    raw = write_raw(tmp_path / "raw", {f"s{k}": [f"{10 * k + i} slow" for i in range(3)] for k in range(10)})
     lake = tmp_path / "lake"
     # A session of its own: Ctrl-C reaches the workers too.
     running = start("convert", NAME, raw, lake, "--workers", 2, start_new_session=True)
-    deadline = time.monotonic() + 30
-    while len(list(lake.glob("metadata/*/*/*/*.parquet"))) < 3 and time.monotonic() < deadline:
-        time.sleep(0.02)
+    wait_for_shards(lake, 3)
     if number == signal.SIGINT:
         os.killpg(running.pid, number)
     else:
@@ -123,10 +128,26 @@ def test_an_interrupted_run_says_what_it_kept_and_is_continued(number, tmp_path,
     assert line.startswith("interrupted: ")
     assert "the same command goes on from there" in line
     kept = len(Lake(lake))
-    assert 0 < kept < 48
+    assert 0 < kept < 30
     assert f"({kept} scenarios)" in line
     ok("convert", NAME, raw, lake, "--workers", 1)
-    assert len(Lake(lake)) == 48
+    assert len(Lake(lake)) == 30
+
+
+def test_workers_end_with_a_killed_command_and_the_next_adopts_what_they_finished(tmp_path, as_json):
+    raw = write_raw(tmp_path / "raw", {f"s{k}": [f"{10 * k + i} slow" for i in range(3)] for k in range(10)})
+    lake = tmp_path / "lake"
+    running = start("convert", NAME, raw, lake, "--workers", 2)
+    wait_for_shards(lake, 3)
+    workers = psutil.Process(running.pid).children(recursive=True)
+    running.kill()
+    running.communicate()
+    assert workers
+    assert psutil.wait_procs(workers, timeout=10)[1] == []
+    report = as_json("convert", NAME, raw, lake, "--workers", 1, "--quiet")
+    assert report["adopted"] >= 3
+    assert report["shards"] == 10
+    assert len(Lake(lake)) == 30
 
 
 def test_a_bar_on_a_terminal(tmp_path):
