@@ -359,10 +359,18 @@ def test_replacing_within_a_merged_partition(files, template, few):
 
 def test_large_partitions_stay_within_the_limit():
     own = [f"metadata/dataset=d/version=v/split=s/{k:05d}-{k:016x}.parquet" for k in range(3000)]
-    wanted = commits._metadata_files(own)
+    wanted = commits._metadata_files(dict.fromkeys(own, "v"))
     assert len(wanted) == commits.MERGED_FILES <= commits.MAX_METADATA_FILES
     assert sorted(name for sources in wanted.values() for name in sources) == own
-    assert len(commits._metadata_files(own[: commits.MAX_METADATA_FILES])) == commits.MAX_METADATA_FILES
+    few = dict.fromkeys(own[: commits.MAX_METADATA_FILES], "v")
+    assert commits._metadata_files(few) == {name: [name] for name in few}
+
+
+def test_files_of_different_contracts_are_not_merged(few):
+    own = {f"metadata/dataset=d/version=v/split=s/{k}.parquet": "tracks/1" for k in range(9)}
+    assert len(commits._metadata_files(own)) <= 4
+    mixed = own | {"metadata/dataset=d/version=v/split=s/9.parquet": "tracks/2"}
+    assert list(commits._metadata_files(mixed)) == sorted(mixed)
 
 
 # --- snapshots and files --------------------------------------------------------------------------------
