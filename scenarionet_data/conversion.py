@@ -360,15 +360,35 @@ class _Basket:
             self.commit()
 
     def commit(self) -> None:
-        """Commit what is finished and may be."""
-        ready, gone = self._plan.settle(self._finished)
-        for record, scenario_id in commits.commit(self._files, ready, self._operation, gone).refused:
-            self._report.failed.append((record.name, _duplicate_message(scenario_id)))
-            self._report.converted -= record.num_scenarios
-            self._report.shards -= 1
+        """Commit what is finished and may be, and report what may not."""
+        finished = self._finished
+        while True:
+            ready, gone = self._plan.settle(finished)
+            refused = commits.commit(self._files, ready, self._operation, gone).refused
+            for record, scenario_id in refused:
+                self._leave_out(record, _duplicate_message(scenario_id))
+            if not (refused and gone):
+                break
+            # Nothing was committed: without what was refused, others may have to wait.
+            keys = {record.key for record, _ in refused}
+            finished = [record for record in finished if record.key not in keys]
+        for record in finished:
+            if record not in ready:
+                self._leave_out(record, _WAITS)
         self._report.replaced += len(gone)
         self._finished = []
         self._committed_at = time.monotonic()
+
+    def _leave_out(self, record: ShardRecord, reason: str) -> None:
+        self._report.failed.append((record.name, reason))
+        self._report.converted -= record.num_scenarios
+        self._report.shards -= 1
+
+
+_WAITS = (
+    "it would replace scenarios together with shards that failed; mend those and run the same command again: "
+    "it is finished and will be adopted"
+)
 
 
 def _duplicate_message(scenario_id: str) -> str:

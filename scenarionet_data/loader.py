@@ -21,7 +21,7 @@ from scenarionet_data.catalog.database import Database
 from scenarionet_data.catalog.lake import Lake
 from scenarionet_data.scenario import MapFeatures, ScenarioDescription, Tracks
 from scenarionet_data.shared_maps import SharedMaps
-from scenarionet_data.store.files import LakeFiles
+from scenarionet_data.store.files import LakeFiles, reading
 
 _OPEN_FILES = 32
 
@@ -104,8 +104,10 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
         """A scenario's rows of one table; None where it has none."""
         if row[f"{table}_file"] is None:
             return None
-        file, columns = self._open(table, row[f"{table}_file"])
-        group = file.read_row_group(row[f"{table}_row_group"], columns, use_threads=False)
+        name = row[f"{table}_file"]
+        with reading(self._files.path(name)):
+            file, columns = self._open(table, name)
+            group = file.read_row_group(row[f"{table}_row_group"], columns, use_threads=False)
         if group.num_rows != row[f"{table}_num_rows"]:
             group = group.slice(row[f"{table}_first_row"], row[f"{table}_num_rows"])
         (batch,) = group.combine_chunks().to_batches()

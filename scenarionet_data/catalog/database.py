@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 
 from scenarionet_data import tables
 from scenarionet_data.errors import BadParameter, DatabaseExists, DatabaseNotFound
-from scenarionet_data.store.files import LakeFiles
+from scenarionet_data.store.files import LakeFiles, reading
 from scenarionet_data.store.shard_writer import write_table
 
 _FOLDER = "databases"
@@ -125,7 +125,8 @@ def _open(files: LakeFiles, name: str, version: int | None) -> tuple[int, pq.Par
         raise DatabaseNotFound(f"{files.root}: no database {wanted!r}; {have}")
     number = version or there[-1]
     path = f"{_FOLDER}/{name}/{number}.parquet"
-    file = pq.ParquetFile(files.path(path))
+    with reading(files.path(path)):
+        file = pq.ParquetFile(files.path(path))
     tables.load("members").check_version(file.metadata.metadata, path)
     return number, file
 

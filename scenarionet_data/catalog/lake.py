@@ -51,7 +51,7 @@ class Lake:
 
     def __init__(self, root: str | Path, snapshot: int | None = None) -> None:
         self.files = LakeFiles(root)
-        if not self.files.path("snapshots").is_dir():
+        if "snapshots" not in self.files.folders("."):
             raise NoSuchSnapshot(f"{root}: no lake there; make one with `scenarionet convert DATASET RAW {root}`")
         self.snapshot: Snapshot = snapshots.read(self.files, snapshot)
 

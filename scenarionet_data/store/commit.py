@@ -6,13 +6,12 @@ import hashlib
 import random
 import time
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import PurePosixPath
 
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
 
 from scenarionet_data.errors import SnapshotConflict
 from scenarionet_data.store import snapshot as snapshots
@@ -91,7 +90,7 @@ def consolidate(files: LakeFiles) -> Snapshot:
     """
     for _ in range(_ATTEMPTS):
         base = snapshots.read(files)
-        wanted = _metadata_files(snapshots.column(files, base, "metadata_file").drop_null().to_pylist())
+        wanted = _metadata_files(_own_files(files, base))
         if set(wanted) == set(base.metadata):
             return base
         for name, sources in wanted.items():
@@ -109,14 +108,21 @@ def consolidate(files: LakeFiles) -> Snapshot:
     raise SnapshotConflict(f"{files.root}: another job committed first, {_ATTEMPTS} times; run the command again")
 
 
-def _metadata_files(own: list[str]) -> dict[str, list[str]]:
+def _own_files(files: LakeFiles, base: Snapshot) -> dict[str, str]:
+    """Metadata file of every shard to the version of the contract it was written under."""
+    names, schemas = (snapshots.column(files, base, name).to_pylist() for name in ("metadata_file", "schemas"))
+    return {name: schema for name, schema in zip(names, schemas, strict=True) if name is not None}
+
+
+def _metadata_files(own: Mapping[str, str]) -> dict[str, list[str]]:
     """Metadata files that a lake of these shards has, and the shards' own files each is made of."""
     partitions: dict[str, list[str]] = defaultdict(list)
     for name in sorted(own):
         partitions[_folder(name)].append(name)
     wanted: dict[str, list[str]] = {}
     for folder, names in partitions.items():
-        if len(names) <= MAX_METADATA_FILES:
+        # Files of different contracts stay apart until the last of the old ones has been replaced.
+        if len(names) <= MAX_METADATA_FILES or len({own[name] for name in names}) > 1:
             wanted |= {name: [name] for name in names}
             continue
         chosen: dict[int, list[str]] = defaultdict(list)
@@ -132,8 +138,7 @@ def _digest(*names: str) -> str:
 
 def _merge(files: LakeFiles, name: str, sources: list[str]) -> None:
     """Publish shards' own metadata files, one after the other, as one."""
-    parts = [pq.ParquetFile(files.path(source)).read() for source in sources]
-    together = pa.concat_tables(parts)
+    together = pa.concat_tables([files.read(source) for source in sources])
     files.publish(write_table(files, "metadata", together, {}, row_group_size=_ROWS_PER_GROUP), name)
 
 
@@ -175,7 +180,7 @@ def _own_metadata(records: Iterable[ShardRecord]) -> list[str]:
 
 
 def _ids(files: LakeFiles, names: list[str]) -> pa.Array:
-    columns = [pq.ParquetFile(files.path(name)).read(columns=["scenario_id"])["scenario_id"] for name in names]
+    columns = [files.read(name, ["scenario_id"])["scenario_id"] for name in names]
     chunks = [chunk for column in columns for chunk in column.chunks]
     return pa.concat_arrays(chunks) if chunks else pa.array([], pa.string())
 

@@ -15,6 +15,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.parquet as pq
+
 from scenarionet_data.errors import LakeError
 
 _TEMPORARY = ".tmp"
@@ -37,18 +40,20 @@ class LakeFiles:
 
     def names(self, folder: str, suffix: str = "") -> list[str]:
         """Files directly in ``folder``, sorted; empty when there is no such folder."""
-        try:
-            found = [entry.name for entry in os.scandir(self.root / folder) if entry.is_file()]
-        except (FileNotFoundError, NotADirectoryError):
-            return []
+        found = [entry.name for entry in self._entries(folder) if entry.is_file()]
         return sorted(f"{folder}/{name}" for name in found if name.endswith(suffix))
 
     def folders(self, folder: str) -> list[str]:
         """Names of the folders directly in ``folder``, sorted."""
-        try:
-            return sorted(entry.name for entry in os.scandir(self.root / folder) if entry.is_dir())
-        except (FileNotFoundError, NotADirectoryError):
-            return []
+        return sorted(entry.name for entry in self._entries(folder) if entry.is_dir())
+
+    def _entries(self, folder: str) -> list[os.DirEntry[str]]:
+        path = self.root / folder
+        with reading(path):
+            try:
+                return list(os.scandir(path))
+            except (FileNotFoundError, NotADirectoryError):
+                return []
 
     def has(self, name: str, size: int | None = None) -> bool:
         """Whether a file is there (with that size)."""
@@ -57,6 +62,12 @@ class LakeFiles:
         except OSError:
             return False
         return size is None or found == size
+
+    def read(self, name: str, columns: list[str] | None = None) -> pa.Table:
+        """Rows of a Parquet file."""
+        path = self.path(name)
+        with reading(path):
+            return pq.ParquetFile(path).read(columns)
 
     def temporary(self) -> Path:
         """A new path to write to before :meth:`publish`."""
@@ -124,6 +135,19 @@ def writing(path: Path, temporary: Path | None = None) -> Iterator[None]:
         if isinstance(error, OSError):
             raise LakeError(f"cannot write {path}: {error.strerror or error}; {_remedy(error)}") from error
         raise
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Turns a file that is gone, unreadable or damaged into a LakeError with the remedy."""
+    try:
+        yield
+    except (OSError, pa.ArrowInvalid) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise LakeError(
+            f"cannot read {path}: {reason}; `scenarionet check` names every scenario that is hit: restore the file "
+            "from a copy of the lake, or convert its recordings again"
+        ) from error
 
 
 def _remedy(error: OSError) -> str:

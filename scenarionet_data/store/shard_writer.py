@@ -118,10 +118,14 @@ class ShardWriter:
         """Validate, encode and write one scenario.
 
         Raises:
-            InvalidScenario: It breaks the contract, or its id was added before.
+            InvalidScenario: It breaks the contract, belongs elsewhere, or its id was added before.
             LakeError: The lake cannot be written.
         """
         scenario.validate()
+        for name in ("dataset", "version", "split"):
+            wanted, found = getattr(self._shard, name), getattr(scenario, name)
+            if found != wanted:
+                raise InvalidScenario(scenario.id, name, f"wanted {wanted!r}, its shard's, found {found!r}")
         if scenario.id in self._ids:
             raise InvalidScenario(scenario.id, "id", "wanted an id of its own, found it twice in this shard")
         encoded = codec.encode(scenario, self._version)

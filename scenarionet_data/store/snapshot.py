@@ -10,7 +10,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from scenarionet_data import tables
 from scenarionet_data.errors import LakeError, NoSuchSnapshot, SchemaMismatch
@@ -123,9 +122,9 @@ def shards(files: LakeFiles, snapshot: Snapshot) -> list[ShardRecord]:
 
 
 def _read_manifest(files: LakeFiles, name: str, columns: list[str] | None = None) -> pa.Table:
-    file = pq.ParquetFile(files.path(name))
-    tables.load("shards").check_version(file.metadata.metadata, name)
-    return file.read(columns)
+    table = files.read(name, columns)
+    tables.load("shards").check_version(table.schema.metadata, name)
+    return table
 
 
 def check_schemas(files: LakeFiles, snapshot: Snapshot) -> None:

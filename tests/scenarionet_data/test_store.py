@@ -1,0 +1,456 @@
+"""Files, shards, snapshots and commits: what is in a lake, whoever else writes to it."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import replace
+
+import pyarrow.parquet as pq
+import pytest
+
+from scenarionet_data import Lake
+from scenarionet_data.converters.base import Options, RawItem, Shard
+from scenarionet_data.errors import InvalidScenario, LakeError, NoSuchSnapshot, SnapshotConflict
+from scenarionet_data.store import commit as commits
+from scenarionet_data.store import shard_writer
+from scenarionet_data.store import snapshot as snapshots
+from scenarionet_data.store.files import LakeFiles, sha256
+from scenarionet_data.store.shard_writer import ShardWriter, find_finished
+from tests.fixtures.lakes import write_lake, write_shard
+from tests.fixtures.scenarios import make_scenario, renamed
+
+SMALL = {"num_objects": 2, "num_steps": 5, "num_lanes": 1, "num_lights": 1}
+
+
+def small(seed: int, **how):
+    return make_scenario(seed, **SMALL, **how)
+
+
+@pytest.fixture(scope="module")
+def template():
+    return small(1)
+
+
+@pytest.fixture
+def files(tmp_path):
+    return LakeFiles(tmp_path / "lake")
+
+
+def ids(files):
+    """Scenario ids of the newest snapshot, as they lie in the files."""
+    names = snapshots.read(files).metadata
+    return sorted(i for name in names for i in pq.ParquetFile(files.path(name)).read()["scenario_id"].to_pylist())
+
+
+def names_of(files):
+    return [record.name for record in snapshots.shards(files, snapshots.read(files))]
+
+
+# --- one shard ----------------------------------------------------------------------------------------
+
+
+def shard_of(name="a", items=("x",)):
+    return Shard("made", "v1", "train", name, "/raw", tuple(RawItem(i, "f") for i in items), Options())
+
+
+def test_a_shard_has_a_row_group_a_scenario_and_few_scenarios_a_file(files, template, monkeypatch):
+    monkeypatch.setattr(shard_writer, "SCENARIOS_PER_FILE", 3)
+    record = write_shard(files.root, [renamed(template, f"s{k}") for k in range(7)])
+    assert record.num_scenarios == 7
+    tracks = [name for name in record.files if name.startswith("tracks/")]
+    groups = [pq.read_metadata(files.path(name)).num_row_groups for name in tracks]
+    assert groups == [3, 3, 1]
+    rows = pq.ParquetFile(files.path(record.metadata_file)).read().to_pylist()
+    assert [(row["tracks_file"], row["tracks_row_group"]) for row in rows] == [
+        (tracks[k // 3], k % 3) for k in range(7)
+    ]
+    assert {row["tracks_first_row"] for row in rows} == {0}
+    assert {row["tracks_num_rows"] for row in rows} == {2}
+
+
+def test_a_record_names_every_file_with_size_and_checksum(files, template):
+    record = write_shard(files.root, [template])
+    found = {str(p.relative_to(files.root)) for p in files.root.rglob("*.parquet")}
+    assert found == {*record.files, record.metadata_file}
+    for name, size, checksum in zip(record.files, record.sizes, record.checksums, strict=True):
+        path = files.path(name)
+        assert (path.stat().st_size, sha256(path)) == (size, checksum)
+        footer = pq.read_metadata(path).metadata
+        assert footer[b"scenarionet.schema"].decode() == name.split("/")[0] + "/1"
+        assert footer[b"scenarionet.licence"] == b"CC0"
+    assert not list((files.root / ".tmp").iterdir())
+
+
+def test_the_same_shard_gives_the_same_files(tmp_path):
+    records = [write_shard(tmp_path / name, [small(k) for k in range(3)]) for name in ("first", "second")]
+    assert records[0] == records[1]
+
+
+def test_a_shard_without_scenarios_is_finished_all_the_same(files):
+    writer = ShardWriter(files, shard_of(), "1", "CC0")
+    writer.reject(4, InvalidScenario("made/v1/x", "dt", "wanted more"))
+    writer.reject(5, ValueError("odd"))
+    record = writer.finish()
+    assert (record.num_scenarios, record.num_quarantined) == (0, 2)
+    commits.commit(files, [record], "test")
+    lake = Lake(files.root)
+    assert len(lake) == 0
+    rows = lake.sql("SELECT position, scenario_id, error, field, message FROM quarantine ORDER BY position").rows()
+    assert rows == [
+        (4, "made/v1/x", "InvalidScenario", "dt", "wanted more"),
+        (5, None, "ValueError", None, "odd"),
+    ]
+
+
+def test_an_id_found_twice_in_a_shard_is_refused(files, template):
+    writer = ShardWriter(files, shard_of(), "1", "CC0")
+    writer.add(template)
+    with pytest.raises(InvalidScenario, match="found it twice"):
+        writer.add(template)
+    assert writer.finish().num_scenarios == 1
+
+
+@pytest.mark.parametrize("field", ["dataset", "version", "split"])
+def test_a_scenario_of_another_partition_is_refused(files, field):
+    writer = ShardWriter(files, shard_of(), "1", "CC0")
+    with pytest.raises(InvalidScenario, match=f"{field}: wanted .*, found 'other'"):
+        writer.add(small(1, **{field: "other"}))
+
+
+def test_an_abandoned_shard_leaves_nothing(files, template):
+    writer = ShardWriter(files, shard_of(), "1", "CC0")
+    writer.add(template)
+    writer.abandon()
+    assert [path for path in files.root.rglob("*") if path.is_file()] == []
+
+
+# --- adoption -------------------------------------------------------------------------------------------
+
+
+def test_a_finished_shard_is_found_until_a_file_of_it_is_gone_or_cut(files, template):
+    record = write_shard(files.root, [template])
+    shard = replace(shard_of("a", ["a.raw"]))
+    assert find_finished(files, shard, "1") == record
+    assert find_finished(files, shard, "2") is None
+    assert find_finished(files, shard_of("a", ["b.raw"]), "1") is None
+    for name in (*record.files, record.metadata_file):
+        whole = files.path(name).read_bytes()
+        files.path(name).write_bytes(whole[:-1])
+        assert find_finished(files, shard, "1") is None, name
+        files.path(name).unlink()
+        assert find_finished(files, shard, "1") is None, name
+        files.path(name).write_bytes(whole)
+    assert find_finished(files, shard, "1") == record
+
+
+def test_a_finished_shard_of_another_contract_is_not_adopted(files, template, monkeypatch):
+    write_shard(files.root, [template])
+    monkeypatch.setattr("scenarionet_data.tables.content_tag", lambda: "tracks/2")
+    assert find_finished(files, shard_of("a", ["a.raw"]), "1") is None
+
+
+# --- commits --------------------------------------------------------------------------------------------
+
+
+def test_commits_add_up_and_old_snapshots_stay(files, template):
+    for k in range(3):
+        record = write_shard(files.root, [renamed(template, f"s{k}")], name=f"shard{k}")
+        done = commits.commit(files, [record], f"step {k}")
+        assert done.snapshot.number == k + 1
+        assert done.snapshot.operation == f"step {k}"
+    assert snapshots.numbers(files) == [1, 2, 3]
+    assert len(ids(files)) == 3
+    assert len(snapshots.read(files, 1).metadata) == 1
+    assert names_of(files) == ["shard0", "shard1", "shard2"]
+    assert len(Lake(files.root, snapshot=2)) == 2
+
+
+def test_committing_again_changes_nothing(files, template):
+    record = write_shard(files.root, [template])
+    first = commits.commit(files, [record], "test")
+    assert commits.commit(files, [record], "test") == first
+    assert commits.commit(files, [], "test") == first
+    assert snapshots.numbers(files) == [1]
+
+
+def test_a_duplicate_is_refused_and_the_rest_committed(files, template):
+    commits.commit(files, [write_shard(files.root, [template], name="old")], "test")
+    again = write_shard(files.root, [renamed(template, "x"), template], name="again")
+    twice = [write_shard(files.root, [renamed(template, "y")], name=name) for name in ("one", "two")]
+    fresh = write_shard(files.root, [renamed(template, "z")], name="fresh")
+    done = commits.commit(files, [again, *twice, fresh], "test")
+    assert [(record.name, scenario_id) for record, scenario_id in done.refused] == [
+        ("again", template.id),
+        ("two", "made/v1/y"),
+    ]
+    assert names_of(files) == ["fresh", "old", "one"]
+    assert ids(files) == sorted([template.id, "made/v1/y", "made/v1/z"])
+
+
+def test_the_same_id_in_another_split_is_a_duplicate_and_in_another_version_is_not(files):
+    commits.commit(files, [write_shard(files.root, [small(1)])], "test")
+    other_split = write_shard(files.root, [small(1, split="val")], name="b")
+    other_version = write_shard(files.root, [small(1, version="v2")], name="c")
+    done = commits.commit(files, [other_split, other_version], "test")
+    assert [record.name for record, _ in done.refused] == ["b"]
+    assert ids(files) == ["made/v1/s000001", "made/v2/s000001"]
+
+
+def test_replaced_shards_vanish_from_the_newest_snapshot_only(files, template):
+    old = [write_shard(files.root, [renamed(template, f"s{k}")], name=f"shard{k}") for k in range(3)]
+    commits.commit(files, old, "test")
+    new = write_shard(files.root, [renamed(template, "s1"), renamed(template, "s9")], name="new")
+    commits.commit(files, [new], "test", frozenset([old[1].key]))
+    assert ids(files) == ["made/v1/s0", "made/v1/s1", "made/v1/s2", "made/v1/s9"]
+    assert names_of(files) == ["new", "shard0", "shard2"]
+    assert len(Lake(files.root, snapshot=1)) == 3
+
+
+def test_nothing_is_replaced_when_what_takes_its_place_is_refused(files, template):
+    old = [write_shard(files.root, [renamed(template, f"s{k}")], name=f"shard{k}") for k in range(2)]
+    commits.commit(files, old, "test")
+    new = write_shard(files.root, [renamed(template, "s0"), renamed(template, "s1")], name="new")
+    done = commits.commit(files, [new], "test", frozenset([old[0].key]))
+    assert [record.name for record, _ in done.refused] == ["new"]
+    assert names_of(files) == ["shard0", "shard1"]
+    assert snapshots.numbers(files) == [1]
+
+
+def test_many_commits_fold_their_manifests(files, template, monkeypatch):
+    monkeypatch.setattr(snapshots, "_MAX_MANIFESTS", 3)
+    for k in range(8):
+        commits.commit(files, [write_shard(files.root, [renamed(template, f"s{k}")], name=f"shard{k}")], "test")
+        assert len(snapshots.read(files).manifests) <= 3
+        assert names_of(files) == [f"shard{j}" for j in range(k + 1)]
+
+
+def test_threads_lose_nothing(files, template):
+    records = [write_shard(files.root, [renamed(template, f"s{k}")], name=f"shard{k}") for k in range(10)]
+    threads = [threading.Thread(target=commits.commit, args=(files, [record], "test")) for record in records]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(ids(files)) == 10
+    assert len(names_of(files)) == 10
+    numbers = snapshots.numbers(files)
+    assert numbers == list(range(1, len(numbers) + 1))
+
+
+COMMIT_MANY = """
+import sys
+from pathlib import Path
+from scenarionet_data.store import commit as commits
+from scenarionet_data.store.files import LakeFiles
+from tests.fixtures.lakes import write_shard
+from tests.fixtures.scenarios import make_scenario, renamed
+root, who = Path(sys.argv[1]), sys.argv[2]
+template = make_scenario(1, num_objects=2, num_steps=5, num_lanes=1, num_lights=1)
+records = [write_shard(root, [renamed(template, f"{who}{k}")], name=f"{who}{k}") for k in range(12)]
+print("ready", flush=True)
+sys.stdin.readline()
+for record in records:
+    commits.commit(LakeFiles(root), [record], who)
+"""
+
+
+def test_processes_lose_nothing(files):
+    jobs = [
+        subprocess.Popen(
+            [sys.executable, "-c", COMMIT_MANY, str(files.root), who],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        for who in ("a", "b")
+    ]
+    for job in jobs:
+        assert job.stdout.readline() == "ready\n"
+    for job in jobs:
+        job.stdin.write("go\n")
+        job.stdin.flush()
+    for job in jobs:
+        job.communicate(timeout=60)
+        assert job.returncode == 0
+    assert ids(files) == sorted(f"made/v1/{who}{k}" for who in "ab" for k in range(12))
+    assert snapshots.read(files).number == 24
+
+
+def test_endless_rivals_are_a_conflict_with_the_remedy(files, template, monkeypatch):
+    record = write_shard(files.root, [template])
+    monkeypatch.setattr(snapshots, "publish", lambda files, snapshot: False)
+    monkeypatch.setattr(time, "sleep", lambda seconds: None)
+    with pytest.raises(SnapshotConflict, match="run the same command again, nothing is lost"):
+        commits.commit(files, [record], "test")
+
+
+# --- consolidation --------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def few(monkeypatch):
+    """Limits small enough to be met by a few shards."""
+    monkeypatch.setattr(commits, "MAX_METADATA_FILES", 6)
+    monkeypatch.setattr(commits, "MERGED_FILES", 4)
+
+
+def test_few_shards_keep_their_own_files(files, template, few):
+    records = [write_shard(files.root, [renamed(template, f"s{k}")], name=f"shard{k}") for k in range(6)]
+    commits.commit(files, records, "test")
+    assert commits.consolidate(files).number == 1
+
+
+def consolidated(root, template, groups):
+    """Live metadata files and their content, after committing and consolidating groups of shards one by one."""
+    files = LakeFiles(root)
+    for group in groups:
+        records = [write_shard(root, [renamed(template, f"s{k}")], name=f"shard{k:03d}") for k in group]
+        commits.commit(files, records, "test")
+        commits.consolidate(files)
+    live = snapshots.read(files).metadata
+    return {name: sha256(files.path(name)) for name in live}
+
+
+def test_consolidation_depends_on_the_shards_alone(tmp_path, template, few):
+    order = list(range(20))
+    at_once = consolidated(tmp_path / "a", template, [order])
+    random.Random(1).shuffle(order)
+    in_parts = consolidated(tmp_path / "b", template, [order[:7], order[7:9], order[9:19], order[19:]])
+    assert at_once == in_parts
+    assert len(at_once) <= 4
+    assert ids(LakeFiles(tmp_path / "b")) == sorted(f"made/v1/s{k}" for k in range(20))
+    assert len(Lake(tmp_path / "b")) == 20
+
+
+def test_one_more_shard_changes_one_merged_file(tmp_path, template, few):
+    before = consolidated(tmp_path, template, [range(20)])
+    after = consolidated(tmp_path, template, [range(20), [20]])
+    assert len(set(before) & set(after)) == len(after) - 1
+    assert commits.consolidate(LakeFiles(tmp_path)).number == snapshots.numbers(LakeFiles(tmp_path))[-1]
+
+
+def test_partitions_are_merged_on_their_own(files, template, few):
+    many = [write_shard(files.root, [renamed(template, f"s{k}")], name=f"shard{k}") for k in range(9)]
+    val = [write_shard(files.root, [small(k, split="val")], name=f"shard{k}") for k in range(2)]
+    commits.commit(files, [*many, *val], "test")
+    live = commits.consolidate(files).metadata
+    assert len([name for name in live if "split=train/merged-" in name]) <= 4
+    assert {record.metadata_file for record in val} <= set(live)
+
+
+def test_replacing_within_a_merged_partition(files, template, few):
+    records = [write_shard(files.root, [renamed(template, f"s{k}")], name=f"shard{k}") for k in range(9)]
+    commits.commit(files, records, "test")
+    commits.consolidate(files)
+    new = write_shard(files.root, [renamed(template, "s3")], name="shard3", fingerprint="g")
+    commits.commit(files, [new], "test", frozenset([records[3].key]))
+    wanted = sorted(f"made/v1/s{k}" for k in range(9))
+    assert ids(files) == wanted
+    assert commits.consolidate(files).operation == "consolidate metadata"
+    assert ids(files) == wanted
+    assert all("merged" in name for name in snapshots.read(files).metadata)
+
+
+def test_large_partitions_stay_within_the_limit():
+    own = [f"metadata/dataset=d/version=v/split=s/{k:05d}-{k:016x}.parquet" for k in range(3000)]
+    wanted = commits._metadata_files(dict.fromkeys(own, "v"))
+    assert len(wanted) == commits.MERGED_FILES <= commits.MAX_METADATA_FILES
+    assert sorted(name for sources in wanted.values() for name in sources) == own
+    few = dict.fromkeys(own[: commits.MAX_METADATA_FILES], "v")
+    assert commits._metadata_files(few) == {name: [name] for name in few}
+
+
+def test_files_of_different_contracts_are_not_merged(few):
+    own = {f"metadata/dataset=d/version=v/split=s/{k}.parquet": "tracks/1" for k in range(9)}
+    assert len(commits._metadata_files(own)) <= 4
+    mixed = own | {"metadata/dataset=d/version=v/split=s/9.parquet": "tracks/2"}
+    assert list(commits._metadata_files(mixed)) == sorted(mixed)
+
+
+# --- snapshots and files --------------------------------------------------------------------------------
+
+
+def test_a_folder_that_is_no_lake(tmp_path):
+    with pytest.raises(NoSuchSnapshot, match="no lake there; make one with"):
+        Lake(tmp_path)
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(NoSuchSnapshot, match="no lake there"):
+        Lake(tmp_path / "file")
+
+
+def test_a_snapshot_that_is_not_there_is_named_with_those_that_are(tmp_path, template):
+    write_lake(tmp_path, [template])
+    with pytest.raises(NoSuchSnapshot, match=r"no snapshot 7; there are 1 \.\.\. 1"):
+        Lake(tmp_path, snapshot=7)
+
+
+@pytest.mark.parametrize(
+    "garbage", [b"", b"{", b"[]", b"7", b'{"format": 1}', b'{"format": 1, "colour": 3}', bytes(range(256))]
+)
+def test_a_damaged_snapshot_is_named_with_the_remedy(tmp_path, template, garbage):
+    lake = write_lake(tmp_path, [template])
+    path = tmp_path / "snapshots" / "00000002.json"
+    path.write_bytes(garbage)
+    with pytest.raises(LakeError, match=r"00000002\.json: damaged.*remove it to go back"):
+        Lake(tmp_path)
+    assert len(Lake(tmp_path, snapshot=1)) == 1
+    path.unlink()
+    assert Lake(tmp_path).snapshot == lake.snapshot
+
+
+def test_a_snapshot_of_a_newer_format_asks_for_an_update(tmp_path, template):
+    write_lake(tmp_path, [template])
+    path = tmp_path / "snapshots" / "00000001.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "format": 2}))
+    with pytest.raises(NoSuchSnapshot, match="newer version of this software; update it"):
+        Lake(tmp_path)
+
+
+def test_other_files_among_the_snapshots_are_ignored(tmp_path, template):
+    write_lake(tmp_path, [template])
+    (tmp_path / "snapshots" / "notes.json").write_text("{}")
+    (tmp_path / "snapshots" / "00000001.json~").write_text("{")
+    assert Lake(tmp_path).snapshot.number == 1
+
+
+def test_only_one_publishes_a_new_name(files):
+    winners = []
+
+    def publish(k):
+        if files.publish_new("snapshots/x", str(k).encode()):
+            winners.append(k)
+
+    threads = [threading.Thread(target=publish, args=(k,)) for k in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(winners) == 1
+    assert files.path("snapshots/x").read_text() == str(winners[0])
+    assert not list((files.root / ".tmp").iterdir())
+
+
+def test_sweeping_removes_old_temporary_files_only(files):
+    old, new = files.temporary(), files.temporary()
+    for path in (old, new):
+        path.write_bytes(b"x")
+    os.utime(old, (0, time.time() - 25 * 3600))
+    files.sweep()
+    assert not old.exists()
+    assert new.exists()
+
+
+def test_a_refused_write_leaves_no_temporary_file(files):
+    (files.root / "tracks").mkdir(parents=True)
+    (files.root / "tracks" / "taken").mkdir()
+    temporary = files.temporary()
+    temporary.write_bytes(b"x")
+    with pytest.raises(LakeError, match=r"cannot write .*taken: Is a directory"):
+        files.publish(temporary, "tracks/taken")
+    assert not temporary.exists()
