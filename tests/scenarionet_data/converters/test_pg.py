@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
+import numpy as np
 import pytest
 
-from scenarionet_data.converters.pg import Procedural, ProceduralOptions
+from scenarionet_data.converters.pg import Procedural, ProceduralOptions, parse_seeds
+from scenarionet_data.errors import BadParameter, SourceNotFound
 from scenarionet_data.testing import ConverterConformance
 from scenarionet_data.vocabulary import ObjectType
 
@@ -61,8 +65,6 @@ def test_bad_options_are_refused_before_any_work():
 
 
 def test_every_option_is_described():
-    from dataclasses import fields
-
     assert all(field.metadata["doc"] for field in fields(ProceduralOptions))
 
 
