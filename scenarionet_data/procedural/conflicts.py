@@ -83,9 +83,12 @@ def _distance(a: Float64, b: Float64) -> float:
 
 @part
 def _is_linked(a: int, b: int, exit_first: Int32, exit_to: Int32) -> bool:
-    after_a = exit_to[exit_first[a] : exit_first[a + 1]]
-    after_b = exit_to[exit_first[b] : exit_first[b + 1]]
-    return bool((after_a == b).any() or (after_b == a).any())
+    found = False
+    for e in range(exit_first[a], exit_first[a + 1]):
+        found |= exit_to[e] == b
+    for e in range(exit_first[b], exit_first[b + 1]):
+        found |= exit_to[e] == a
+    return found
 
 
 @part

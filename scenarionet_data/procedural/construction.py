@@ -39,8 +39,7 @@ def place_construction(
 ) -> tuple[LaneGraph, list[Obstacle]]:
     """Draw whether there are road works, and put them on one of the outermost lanes of the ego's roads.
 
-    With a lane beside it that goes on, the lane is closed for that stretch; otherwise the works stand on the
-    shoulder.
+    Where a lane can be closed, one is; otherwise the works stand on the shoulder.
 
     Returns:
         The graph with the closed lane, and what stands on the road.
@@ -50,13 +49,16 @@ def place_construction(
     candidates = _candidates(road_map, graph)
     if not candidates:
         return graph, []
-    number = int(rng.choice(candidates))
+    closable = [number for number in candidates if _is_closable(road_map, graph, number)]
+    number = int(rng.choice(closable or candidates))
     lane, width = road_map.lanes[number], road_map.road.lane_width
-    begin = float(rng.uniform(0.5, 1.0)) * (graph.length[number] - TAPER - WORKS)
     is_breakdown = bool(rng.random() < 0.4)
-    if graph.left[number] != NONE and begin > APPROACH and _goes_on(road_map, graph, number):
+    latest = graph.length[number] - TAPER - WORKS
+    if closable:
+        begin = float(rng.uniform(APPROACH, latest))
         closed = close_lane(graph, number, begin - 2.0, begin + TAPER + WORKS)
         return closed, _close_lane(lane, begin, width, is_breakdown)
+    begin = float(rng.uniform(0.5, 1.0)) * latest
     return graph, _off_lanes(graph, _on_shoulder(lane, begin, width, is_breakdown))
 
 
@@ -77,11 +79,14 @@ def _candidates(road_map: RoadMap, graph: LaneGraph) -> list[int]:
     ]
 
 
-def _goes_on(road_map: RoadMap, graph: LaneGraph, number: int) -> bool:
-    """Whether the road goes on outside junctions, and the ego need not be on this very lane."""
+def _is_closable(road_map: RoadMap, graph: LaneGraph, number: int) -> bool:
+    """Whether traffic has the room and a lane to change to, and none, the ego included, needs this very lane."""
+    beside = graph.left[number]
+    if beside == NONE or graph.length[number] < APPROACH + TAPER + WORKS:
+        return False
     exits = graph.exit_to[graph.exit_first[number] : graph.exit_first[number + 1]]
     is_plain = all(road_map.lanes[after].junction == NO_JUNCTION for after in exits)
-    return is_plain and abs(graph.cost[0, number] - graph.cost[0, graph.left[number]]) < LANE_CHANGE_COST / 2.0
+    return is_plain and abs(graph.cost[0, number] - graph.cost[0, beside]) < LANE_CHANGE_COST / 2.0
 
 
 def _close_lane(lane: Lane, begin: float, width: float, is_breakdown: bool) -> list[Obstacle]:

@@ -91,7 +91,9 @@ def make_graph(road_map: RoadMap) -> LaneGraph:
     destination = _destinations(road_map, np.diff(exit_first) == 0)
     ending = np.array([lane.junction != NONE and lane.rank == 0 and not lane.is_intersection for lane in lanes])
     detour = AVOIDED_LANE_COST * ending
-    cost, next_lane = find_routes(length + detour, exit_first, exit_to, left, right, destination)
+    cost, next_lane = find_routes(
+        length + detour, exit_first, exit_to, left, right, destination, int(destination.max()) + 1
+    )
     return LaneGraph(
         first=first,
         x=points[:, 0].copy(),
@@ -124,8 +126,9 @@ def close_lane(graph: LaneGraph, lane: int, begin: float, end: float) -> LaneGra
     blocked, detour = graph.blocked.copy(), graph.detour.copy()
     blocked[lane] = begin, end
     detour[lane] += AVOIDED_LANE_COST
+    beside = graph.left, graph.right
     cost, next_lane = find_routes(
-        graph.length + detour, graph.exit_first, graph.exit_to, graph.left, graph.right, graph.destination
+        graph.length + detour, graph.exit_first, graph.exit_to, *beside, graph.destination, len(graph.cost)
     )
     return graph._replace(blocked=blocked, detour=detour, cost=cost, next_lane=next_lane)
 

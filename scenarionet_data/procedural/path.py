@@ -81,7 +81,7 @@ class Path:
         """Points (n, 2) [m] and headings (n,) [rad], equally spaced by at most ``spacing``, ends included."""
         count = max(2, math.ceil(self.length / spacing - 1e-9) + 1)
         start = np.array([self.start.x, self.start.y, self.start.heading])
-        samples = _trace(start, np.array(self.pieces, dtype=np.float64), count)
+        samples = _trace(start, np.array(self.pieces, dtype=np.float64), self.length / (count - 1), count)
         return samples[:, :2], samples[:, 2]
 
 
@@ -126,10 +126,9 @@ def _advance(x: float, y: float, heading: float, length: float, curvature: float
 
 
 @entry
-def _trace(start: Float64, pieces: Float64, count: int) -> Float64:
-    """(count, 3) x, y, heading at equal arc lengths along ``pieces`` (k, 2)."""
+def _trace(start: Float64, pieces: Float64, step: float, count: int) -> Float64:
+    """(count, 3) x, y, heading every ``step`` metres along ``pieces`` (k, 2)."""
     samples = np.empty((count, 3))
-    step = pieces[:, 0].sum() / (count - 1)
     x, y, heading = start[0], start[1], start[2]
     piece, done = 0, 0.0
     for row in range(count):

@@ -85,17 +85,18 @@ def _place(
     """A lane and distance along it for each vehicle, or None where no room was found."""
     number = {lane.id: row for row, lane in enumerate(road_map.lanes)}
     start = number[road_map.start[int(rng.integers(len(road_map.start)))]]
-    places: list[tuple[int, float] | None] = [(start, float(rng.uniform(END_ROOM, 12.0)))]
-    taken: dict[int, list[tuple[float, float]]] = {start: [(places[0][1], length[0])]}  # type: ignore[index]
+    s = float(rng.uniform(END_ROOM, 12.0))
+    places: list[tuple[int, float] | None] = [(start, s)]
+    taken = {start: [(s, float(length[0]))]}
     cumulative = np.cumsum(share)
-    for vehicle in range(1, len(length)):
+    for own in length[1:]:
         place = None
         for u, v in rng.random((_TRIES, 2)):
             lane = int(np.searchsorted(cumulative, u * cumulative[-1], side="right"))
-            s = END_ROOM + v * (graph.length[lane] - 2.0 * END_ROOM)
-            if _has_room(graph, taken.get(lane, []), lane, s, length[vehicle]):
-                place = (lane, float(s))
-                taken.setdefault(lane, []).append((s, length[vehicle]))
+            s = float(END_ROOM + v * (graph.length[lane] - 2.0 * END_ROOM))
+            if _has_room(graph, taken.get(lane, []), lane, s, own):
+                place = (lane, s)
+                taken.setdefault(lane, []).append((s, float(own)))
                 break
         places.append(place)
     return places

@@ -19,6 +19,7 @@ _FIRM_BRAKING = 3.0  # [m/s2] with which drivers still stop for a light
 _GAP = 1.5  # [s] left to who has priority
 _CRAWL = 4.0  # [m/s] least speed assumed of who is about to cross
 _STANDING = 0.3  # [m/s]
+_AT_THE_LINE = 8.0  # [m]
 _HOPS = 4
 
 
@@ -38,7 +39,7 @@ def update_grant(graph: LaneGraph, fleet: Fleet, state: State, places: Places, l
         if closed:
             state.granted[i] = NONE
         return
-    if places.lane[i, 1] != NONE:
+    if places.lane[i, 1] != NONE and ahead > _AT_THE_LINE:
         return  # still blocks, and may be blocked by, the lane it leaves
     reach = state.speed[i] ** 2 / (2.0 * fleet.decel[i]) + 12.0
     if ahead < reach and not closed and _is_free(graph, fleet, state, places, lights, t, i, following, ahead):

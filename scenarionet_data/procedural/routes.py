@@ -15,7 +15,7 @@ LANE_CHANGE_COST = 80.0  # [m] of detour a driver accepts rather than change lan
 
 @entry
 def find_routes(
-    length: Float64, exit_first: Int32, exit_to: Int32, left: Int32, right: Int32, destination: Int32
+    length: Float64, exit_first: Int32, exit_to: Int32, left: Int32, right: Int32, destination: Int32, count: int
 ) -> tuple[Float64, Int32]:
     """Bellman-Ford from every destination backwards.
 
@@ -23,11 +23,12 @@ def find_routes(
         length: (L,) [m], with what a lane costs beyond its length.
         exit_first, exit_to, left, right: As in ``LaneGraph``.
         destination: (L,) the destination reached at the lane's end, -1 for none.
+        count: D, the number of destinations.
 
     Returns:
         cost (D, L) [m] and next_lane (D, L), -1 where the destination cannot be reached by driving on.
     """
-    lanes, count = len(length), destination.max() + 1
+    lanes = len(length)
     cost = np.full((count, lanes), np.inf)
     next_lane = np.full((count, lanes), -1, dtype=np.int32)
     for goal in range(count):
