@@ -12,6 +12,7 @@ import pytest
 
 from scenarionet_data import dictionary
 from tests.fixtures.argoverse2 import write_forecasting
+from tests.fixtures.scenarionet_pickles import write_vintages
 from tests.fixtures.waymo import scenario_bytes, write_tfrecord
 
 ROOT = Path(__file__).parents[1]
@@ -34,7 +35,7 @@ def test_readme_examples_run(tmp_path):
     """Every bash and python block, in order, in one folder with recordings beside it."""
     write_tfrecord(tmp_path / "recordings/waymo/training/training.tfrecord-00000-of-01000", [scenario_bytes(1)])
     write_forecasting(tmp_path / "recordings/argoverse2/val", num_scenarios=2, seed=0)
-    write_pickles(tmp_path / "recordings/pickles")
+    write_vintages(tmp_path / "recordings/pickles")
     command = tmp_path / "bin" / "scenarionet"
     command.parent.mkdir()
     command.write_text(f'#!/bin/sh\nexec {sys.executable} -m pipelines.cli "$@"\n')
@@ -45,7 +46,9 @@ def test_readme_examples_run(tmp_path):
     assert len(found) >= 9
     for language, code in found:
         runner = ["bash", "-euo", "pipefail", "-c"] if language == "bash" else [sys.executable, "-c"]
-        done = subprocess.run([*runner, code], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            [*runner, code], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+        )
         assert done.returncode == 0, code + done.stdout + done.stderr
 
 

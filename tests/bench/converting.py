@@ -80,7 +80,7 @@ def _bytes(root: Path, recordings: Path) -> Iterator[Figure]:
             ("scenarionet", recordings / "scenarionet/waymo_0"),
             ("scenarionet", recordings / "scenarionet/overpass"),
         ],
-        "argoverse2": [("argoverse2", recordings / "argoverse2/motion-forecasting")],
+        "argoverse2": [("argoverse2", recordings / "argoverse2/motion-forecasting/val")],
         "pg": [("pg", "0:64")],
     }
     for name, parts in sources.items():
@@ -104,7 +104,10 @@ def waymo_raw(folder: Path, recordings: Path | None, count: int) -> Path:
     if recordings is None:
         from tests.fixtures import waymo
 
-        payloads = [waymo.scenario_bytes(seed % 8, scenario_id=f"{seed:016x}") for seed in range(count)]
+        payloads = [  # as large as a recorded one
+            waymo.scenario_bytes(0, num_rows=32, num_vehicles=76, num_others=10, scenario_id=f"{seed:016x}")
+            for seed in range(count)
+        ]
     else:
         record = next((recordings / "waymo/training").glob("*.tfrecord*")).read_bytes()
         (length,) = struct.unpack_from("<Q", record)

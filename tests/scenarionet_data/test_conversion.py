@@ -62,7 +62,7 @@ def test_a_lake_holds_what_the_converter_gave(raw, root):
     assert report.snapshot == 1
     assert report.partitions == {("made", "v1", "train")}
     assert report.size > 0
-    assert seen == [(1, 2, 2), (2, 2, 3)]
+    assert seen == [(0, 2, 0), (1, 2, 2), (2, 2, 3)]
     for scenario in ScenarioLoader(root):
         seed = int(scenario.source.scenario_id[1:])
         assert differences(scenario, make_scenario(seed, num_objects=2)) == []
@@ -390,7 +390,7 @@ def test_long_jobs_commit_now_and_then(raw, root, monkeypatch):
     monkeypatch.setattr("scenarionet_data.conversion._COMMIT_EVERY", 0.0)
     write_raw(raw, {"a": [1], "b": [2], "c": [3]})
     seen = []
-    run(raw, root, on_progress=lambda *_: seen.append(len(Lake(root))))
+    run(raw, root, on_progress=lambda done, *_: done and seen.append(len(Lake(root))))
     assert seen == [1, 2, 3]
 
 
