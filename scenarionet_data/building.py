@@ -126,13 +126,14 @@ def _masked(values: npt.ArrayLike, valid: Bool, step: float = METRES) -> npt.NDA
 
 
 def _sizes(size: npt.NDArray[Any], valid: Bool) -> npt.NDArray[np.float32]:
-    """Sizes that never change stay as they are given; only those measured anew at every step are rounded."""
-    mask = valid[..., None]
-    lowest = np.where(mask, size, np.inf).min(axis=1, keepdims=True)
-    highest = np.where(mask, size, -np.inf).max(axis=1, keepdims=True)
+    """Sizes of an object that never changes stay as they are given; those measured at every step are rounded."""
     with np.errstate(over="ignore"):
-        exact = np.where(mask, size, 0.0).astype(np.float32)
-    return np.where(lowest == highest, exact, _masked(size, valid))
+        exact = np.where(valid[..., None], size, 0.0).astype(np.float32, copy=False)
+    first = exact[np.arange(len(exact)), valid.argmax(axis=1)] if exact.size else exact[:, 0]
+    differs = (exact != first[:, None]) & valid[..., None]
+    changing = differs.reshape(len(exact), -1).any(axis=1)
+    exact[changing] = rounded(exact[changing], METRES)
+    return exact
 
 
 def _flags(values: npt.ArrayLike, count: int) -> Bool:

@@ -19,6 +19,8 @@ from scenarionet_data.vocabulary import ObjectType
 
 Array = npt.NDArray[Any]
 
+_FLOAT32_SLACK = 1e-2  # metres: far more than float32 loses between objects of one scenario
+
 
 def summarise(scenario: ScenarioDescription) -> dict[str, Any]:
     """Every statistic of a valid scenario, by column name, as builtins (None for null)."""
@@ -138,16 +140,15 @@ def min_ego_gap(scenario: ScenarioDescription) -> float | None:
     tracks, ego = scenario.tracks, scenario.ego_index
     together = tracks.valid & tracks.valid[ego]
     together[ego] = False
-    rows, steps = np.nonzero(together)
-    if not len(rows):
+    if not together.any():
         return None
-    between = tracks.position[rows, steps, :2] - tracks.position[ego, steps, :2]
-    apart = np.hypot(between[:, 0], between[:, 1])
-    half, ego_half = tracks.size[rows, steps, :2] / 2, tracks.size[ego, steps, :2] / 2
-    at_least = apart - np.hypot(*half.T) - np.hypot(*ego_half.T)
-    at_most = np.maximum(apart - half.min(axis=1) - ego_half.min(axis=1), 0.0)
-    near = at_least <= at_most.min()
-    rows, steps = rows[near], steps[near]
+    x, y = (tracks.position[..., axis] - tracks.position[ego, :, axis] for axis in (0, 1))
+    apart = np.where(together, np.sqrt(x * x + y * y), np.inf)
+    length, width = tracks.size[..., 0], tracks.size[..., 1]
+    outer, inner = np.sqrt(length * length + width * width) / 2, np.minimum(length, width) / 2
+    at_least, at_most = apart - outer - outer[ego], apart - inner - inner[ego]
+    near = at_least <= max(float(at_most.min()), 0.0) + _FLOAT32_SLACK
+    rows, steps = np.nonzero(near)
     gaps = box_distance(_boxes(tracks, ego, steps), _boxes(tracks, rows, steps))
     return float(gaps.min())
 

@@ -6,8 +6,6 @@ timesteps. Rows are the rows of ``schemas/*.toml``.
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -19,6 +17,7 @@ import pyarrow as pa
 from scenarionet_data.codec.lights import decode_lights, encode_lights
 from scenarionet_data.codec.maps import decode_map, encode_map
 from scenarionet_data.codec.tracks import decode_tracks, encode_tracks
+from scenarionet_data.content_hash import content_hash
 from scenarionet_data.jsontext import from_json, to_json
 from scenarionet_data.scenario import MapFeatures, ScenarioDescription, Source
 from scenarionet_data.summary import summarise
@@ -95,11 +94,9 @@ def encode(scenario: ScenarioDescription, converter_version: str) -> Encoded:
     maps = None
     if scenario.map is not None and scenario.map_id is None:
         maps = encode_map(scenario.id, scenario.map, scenario.origin, scenario.has_z)
-    description = _describe(scenario)
-    hashed = [batch for batch in (tracks, lights, maps) if batch is not None]
     metadata = {
-        **description,
-        "content_hash": _content_hash(description, hashed),
+        **_describe(scenario),
+        "content_hash": content_hash(scenario),
         "converter_version": converter_version,
         **summarise(scenario),
     }
@@ -185,39 +182,3 @@ def _timestamps(row: Mapping[str, Any]) -> Array:
         regular: Array = np.arange(row["num_timesteps"]) * row["dt"]
         return regular
     return np.array(row["timestamps"], dtype=np.float64)
-
-
-_NOT_CONTENT = {"scenario_id", "map_id", "source_file", "split", "dataset", "version", "licence"}
-
-
-def _content_hash(description: Mapping[str, Any], batches: list[pa.RecordBatch]) -> int:
-    """BLAKE2b-64 of everything recorded, and of nothing that says where it is stored."""
-    digest = hashlib.blake2b(digest_size=8)
-    content = {name: value for name, value in description.items() if name not in _NOT_CONTENT}
-    digest.update(json.dumps(content, sort_keys=True).encode())
-    for batch in batches:
-        for name, column in zip(batch.schema.names, batch.columns, strict=True):
-            if name not in _NOT_CONTENT:
-                digest.update(name.encode())
-                _digest_array(digest, column)
-    return int.from_bytes(digest.digest(), "big")
-
-
-def _digest_array(digest: Any, array: pa.Array) -> None:
-    """Lengths and values, null or not; the same for the same content, however Arrow lays it out."""
-    if pa.types.is_dictionary(array.type):
-        array = array.dictionary_decode()
-    if array.null_count:
-        digest.update(np.packbits(array.is_valid().to_numpy(zero_copy_only=False)).tobytes())
-        array = array.drop_null()
-    if pa.types.is_list(array.type):
-        digest.update(np.diff(array.offsets.to_numpy()))
-        _digest_array(digest, array.flatten())
-    elif pa.types.is_string(array.type):
-        _, offsets, data = array.buffers()
-        bounds = np.frombuffer(offsets, np.int32)[array.offset : array.offset + len(array) + 1]
-        digest.update(np.diff(bounds))
-        if data is not None:
-            digest.update(memoryview(data)[bounds[0] : bounds[-1]])
-    else:
-        digest.update(np.ascontiguousarray(array.to_numpy(zero_copy_only=False)))
