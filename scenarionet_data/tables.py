@@ -115,7 +115,8 @@ class Table:
             # Setting up zstd costs 30 us a column to read: it is spent where the bytes are.
             "compression": {c.path: "zstd" if c.path in bulky else "lz4" for c in self.columns},
             "compression_level": dict.fromkeys(sorted(bulky), 3),
-            "use_dictionary": [c.path for c in self.columns if c.element in ("string", "dictionary")],
+            # Ids are all different: a dictionary of them costs time and saves nothing.
+            "use_dictionary": [c.path for c in self.columns if c.element == "dictionary"],
             "column_encoding": {
                 column.path: "PLAIN" if column.element == "bool" else "BYTE_STREAM_SPLIT" for column in numbers
             },

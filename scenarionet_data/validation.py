@@ -75,7 +75,8 @@ class _Check:
         self.that(bad == 0, field, f"wanted finite numbers, found {bad} NaN or infinite of {array.size}")
 
     def words(self, words: Iterable[Any], field: str) -> None:
-        self.that(all(isinstance(word, str) and word for word in words), field, "wanted non-empty str")
+        listed = list(words)
+        self.that(set(map(type, listed)) <= {str} and all(listed), field, "wanted non-empty str")
 
     def unique(self, ids: npt.NDArray[np.object_], field: str) -> None:
         distinct = set(ids)
