@@ -12,7 +12,7 @@ import os
 import time
 import uuid
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pyarrow as pa
@@ -131,9 +131,10 @@ def writing(path: Path, temporary: Path | None = None) -> Iterator[None]:
         yield
     except BaseException as error:
         if temporary is not None:
-            temporary.unlink(missing_ok=True)
+            with suppress(OSError):  # where nothing may be written there is nothing to remove
+                temporary.unlink()
         if isinstance(error, OSError):
-            raise LakeError(f"cannot write {path}: {error.strerror or error}; {_remedy(error)}") from error
+            raise LakeError(f"cannot write {path}: {_reason(error)}; {_remedy(error)}") from error
         raise
 
 
@@ -143,11 +144,16 @@ def reading(path: Path) -> Iterator[None]:
     try:
         yield
     except (OSError, pa.ArrowInvalid) as error:
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise LakeError(
-            f"cannot read {path}: {reason}; `scenarionet check` names every scenario that is hit: restore the file "
+            f"cannot read {path}: {_reason(error)}; `scenarionet check` names every scenario that is hit: restore the file "
             "from a copy of the lake, or convert its recordings again"
         ) from error
+
+
+def _reason(error: Exception) -> str:
+    """The system's own words, without Arrow's around them."""
+    number = getattr(error, "errno", None)
+    return os.strerror(number) if number else str(error)
 
 
 def _remedy(error: OSError) -> str:
