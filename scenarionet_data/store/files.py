@@ -145,8 +145,8 @@ def reading(path: Path) -> Iterator[None]:
         yield
     except (OSError, pa.ArrowInvalid) as error:
         raise LakeError(
-            f"cannot read {path}: {_reason(error)}; `scenarionet check` names every scenario that is hit: restore the file "
-            "from a copy of the lake, or convert its recordings again"
+            f"cannot read {path}: {_reason(error)}; `scenarionet check` names every scenario that is hit: restore the "
+            "file from a copy of the lake, or convert its recordings again"
         ) from error
 
 
