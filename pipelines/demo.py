@@ -43,7 +43,10 @@ def _steps(lake: str, pickles: str, num_scenarios: int) -> list[tuple[str, Calla
     where = "ego_distance > 10 AND num_objects > 5"
     kinds = "SELECT object_type, count(*) AS objects, max(max_speed) AS fastest FROM objects GROUP BY ALL"
     return [
-        (f"Generate {num_scenarios} scenarios", _type("convert", "pg", f"0:{num_scenarios}", lake)),
+        (
+            f"Generate {num_scenarios} scenarios (the first time compiles the generator, half a minute)",
+            _type("convert", "pg", f"0:{num_scenarios}", lake),
+        ),
         ("See what the lake holds", _type("list", lake)),
         ("Ask a question", _type("sql", lake, kinds)),
         ("Choose the busy ones", _type("filter", lake, "--where", where, "--to", "busy")),

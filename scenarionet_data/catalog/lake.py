@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
@@ -13,13 +12,13 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scenarionet_data import software
+from scenarionet_data.catalog import choosing, queries
 from scenarionet_data.catalog import database as databases
-from scenarionet_data.catalog import filters, queries
+from scenarionet_data.catalog.choosing import Pool
 from scenarionet_data.catalog.database import Database, Lineage
-from scenarionet_data.catalog.engine import FILE_TABLES, Engine, check_expression, table_files
+from scenarionet_data.catalog.engine import FILE_TABLES, Engine, table_files
 from scenarionet_data.catalog.members import ADDRESS_COLUMNS, locate
 from scenarionet_data.errors import BadParameter, DatabaseExists, NoSuchSnapshot, ScenarioNotFound
-from scenarionet_data.resources import SQL
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
 from scenarionet_data.store.snapshot import Snapshot
@@ -190,23 +189,10 @@ class Lake:
             DatabaseExists: And ``overwrite`` is False.
         """
         databases.check_name(name)
-        check_expression(where)
-        conditions, bound = [f"({where}\n)"], dict(parameters or {})
-        for number, text in enumerate(named):
-            found, values = filters.parse(text)
-            condition = found.text
-            for key, value in values.items():
-                condition = re.sub(rf"\${key}\b", f"$f{number}_{key}", condition)
-                bound[f"f{number}_{key}"] = value
-            conditions.append(f"({condition}\n)")
-        engine, source, parents = self._source(parent)
-        weight, order = ("weight", "position") if parents else ("1.0", "scenario_id")
-        query = (
-            f"SELECT scenario_id, {weight} AS weight, content_hash FROM {source} "
-            f"WHERE {' AND '.join(conditions)} ORDER BY {order}"
-        )
-        members = engine.arrow(query, bound)
-        return self._save(name, members, "filter", query, bound, parents, overwrite)
+        pool = self._pool(parent)
+        query, bound = choosing.filter_query(pool, where, named, parameters or {})
+        members = pool.engine.arrow(query, bound)
+        return self._save(name, members, "filter", query, bound, pool.parents, overwrite)
 
     def split(
         self,
@@ -235,33 +221,21 @@ class Lake:
             BadParameter: Fractions do not add up to 1, or there is no such column.
             DatabaseExists: And ``overwrite`` is False.
         """
-        _check_fractions(fractions)
-        engine, source, parents = self._source(parent)
+        intervals = choosing.intervals(fractions)
         stem = prefix or (self._resolve(parent).name if parent is not None else "all")
         names = {part: f"{stem}_{part}" for part in fractions}
         for name in names.values():
             databases.check_name(name)
             if not overwrite and databases.versions(self.files, name):
                 raise DatabaseExists(f"database {name!r} exists; give another --prefix, or --overwrite")
-        columns = self.sql("SELECT * FROM metadata LIMIT 0").columns
-        if by not in columns:
-            raise BadParameter(f"no column {by!r} to split by; there are {', '.join(columns)}")
-        template = (SQL / "splits" / "by_hash.sql").read_text("utf-8")
-        query = template.replace("{source}", source).replace("{by}", by)
-        query = query.replace("{order}", "position" if parents else "scenario_id")
-        query = query.replace("{weight}", "weight" if parents else "1.0")
-        drawn = engine.arrow(query, {"seed": str(seed)})
-        made, lower = {}, 0.0
-        u = drawn["u"].to_numpy()
-        for part, fraction in fractions.items():
-            upper = lower + fraction / sum(fractions.values())
-            is_last = part == list(fractions)[-1]
-            chosen = (u >= lower) & ((u < upper) | is_last)
-            bound = {"seed": seed, "by": by, "from": lower, "to": 1.0 if is_last else upper}
-            made[part] = self._save(
-                names[part], drawn.filter(pa.array(chosen)), "split", query, bound, parents, overwrite
-            )
-            lower = upper
+        pool = self._pool(parent)
+        query = choosing.split_query(pool, by)
+        drawn = pool.engine.arrow(query, {"seed": str(seed)})
+        u, made = drawn["u"].to_numpy(), {}
+        for part, (lower, upper) in intervals.items():
+            bound = {"seed": seed, "by": by, "from": lower, "to": upper}
+            members = drawn.filter(pa.array((u >= lower) & (u < upper)))
+            made[part] = self._save(names[part], members, "split", query, bound, pool.parents, overwrite)
         return made
 
     # --- behind them ----------------------------------------------------------------------------------
@@ -269,15 +243,15 @@ class Lake:
     def _resolve(self, database: Database | str) -> Database:
         return self.database(database) if isinstance(database, str) else database
 
-    def _source(self, parent: Database | str | None) -> tuple[Engine, str, list[str]]:
-        """Where to search: the engine to ask, SQL for the scenarios, and the lineage's parents."""
+    def _pool(self, parent: Database | str | None) -> Pool:
+        """What a filter or split chooses from."""
         if parent is None:
-            return self._engine, "metadata", []
+            return Pool(self._engine, "metadata", [])
         found = self._resolve(parent)
         engine = self._holding(found)[0]._engine
         engine.register("members", found.members)
         scenarios = "metadata JOIN (SELECT scenario_id, position, weight FROM members) USING (scenario_id)"
-        return engine, scenarios, [found.reference]
+        return Pool(engine, scenarios, [found.reference])
 
     def members(self, database: Database | str) -> pa.Table:
         """Address and description columns of a database's members, in order.
@@ -365,11 +339,3 @@ class Lake:
             created_with=software.name_and_version(),
         )
         return databases.save(self.files, name, members, lineage, overwrite=overwrite)
-
-
-def _check_fractions(fractions: Mapping[str, float]) -> None:
-    if not fractions or any(fraction <= 0 for fraction in fractions.values()):
-        raise BadParameter("wanted at least one part, each with a fraction above 0, for example train=0.9 val=0.1")
-    total = sum(fractions.values())
-    if abs(total - 1.0) > 1e-6:
-        raise BadParameter(f"wanted fractions that add up to 1, found {total:g}")
