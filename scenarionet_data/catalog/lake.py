@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
@@ -199,14 +200,14 @@ class Lake:
                 condition = re.sub(rf"\${key}\b", f"$f{number}_{key}", condition)
                 bound[f"f{number}_{key}"] = value
             conditions.append(f"({condition}\n)")
-        engine, source, parents = self._source(parent)
+        holder, source, parents = self._source(parent)
         weight, order = ("weight", "position") if parents else ("1.0", "scenario_id")
         query = (
             f"SELECT scenario_id, {weight} AS weight, content_hash FROM {source} "
             f"WHERE {' AND '.join(conditions)} ORDER BY {order}"
         )
-        members = engine.arrow(query, bound)
-        return self._save(name, members, "filter", query, bound, parents, overwrite)
+        members = holder._engine.arrow(query, bound)
+        return holder._save(name, members, "filter", query, bound, parents, overwrite)
 
     def split(
         self,
@@ -236,7 +237,7 @@ class Lake:
             DatabaseExists: And ``overwrite`` is False.
         """
         _check_fractions(fractions)
-        engine, source, parents = self._source(parent)
+        holder, source, parents = self._source(parent)
         stem = prefix or (self._resolve(parent).name if parent is not None else "all")
         names = {part: f"{stem}_{part}" for part in fractions}
         for name in names.values():
@@ -250,7 +251,7 @@ class Lake:
         query = template.replace("{source}", source).replace("{by}", by)
         query = query.replace("{order}", "position" if parents else "scenario_id")
         query = query.replace("{weight}", "weight" if parents else "1.0")
-        drawn = engine.arrow(query, {"seed": str(seed)})
+        drawn = holder._engine.arrow(query, {"seed": str(seed)})
         made, lower = {}, 0.0
         u = drawn["u"].to_numpy()
         for part, fraction in fractions.items():
@@ -258,7 +259,7 @@ class Lake:
             is_last = part == list(fractions)[-1]
             chosen = (u >= lower) & ((u < upper) | is_last)
             bound = {"seed": seed, "by": by, "from": lower, "to": 1.0 if is_last else upper}
-            made[part] = self._save(
+            made[part] = holder._save(
                 names[part], drawn.filter(pa.array(chosen)), "split", query, bound, parents, overwrite
             )
             lower = upper
@@ -269,15 +270,15 @@ class Lake:
     def _resolve(self, database: Database | str) -> Database:
         return self.database(database) if isinstance(database, str) else database
 
-    def _source(self, parent: Database | str | None) -> tuple[Engine, str, list[str]]:
-        """Where to search: the engine to ask, SQL for the scenarios, and the lineage's parents."""
+    def _source(self, parent: Database | str | None) -> tuple[Lake, str, list[str]]:
+        """Where to search: the lake at the snapshot to ask, SQL for the scenarios, and the lineage's parents."""
         if parent is None:
-            return self._engine, "metadata", []
+            return self, "metadata", []
         found = self._resolve(parent)
-        engine = self._holding(found)[0]._engine
-        engine.register("members", found.members)
+        holder = self._holding(found)[0]
+        holder._engine.register("members", found.members)
         scenarios = "metadata JOIN (SELECT scenario_id, position, weight FROM members) USING (scenario_id)"
-        return engine, scenarios, [found.reference]
+        return holder, scenarios, [found.reference]
 
     def members(self, database: Database | str) -> pa.Table:
         """Address and description columns of a database's members, in order.
@@ -357,7 +358,7 @@ class Lake:
         lineage = Lineage(
             operation=operation,
             sql=query,
-            parameters=dict(parameters),
+            parameters=json.loads(json.dumps(dict(parameters), default=str)),  # dates as text
             parents=parents,
             snapshot=self.snapshot.number,
             created_at=snapshots.now(),
