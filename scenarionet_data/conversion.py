@@ -372,8 +372,9 @@ class _Basket:
             # Nothing was committed: without what was refused, others may have to wait.
             keys = {record.key for record, _ in refused}
             finished = [record for record in finished if record.key not in keys]
+        settled = {record.key for record in ready}
         for record in finished:
-            if record not in ready:
+            if record.key not in settled:
                 self._leave_out(record, _WAITS)
         self._report.replaced += len(gone)
         self._finished = []

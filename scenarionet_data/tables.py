@@ -117,8 +117,9 @@ class Table:
             "compression_level": dict.fromkeys(sorted(bulky), 3),
             # Ids are all different: a dictionary of them costs time and saves nothing.
             "use_dictionary": [c.path for c in self.columns if c.element == "dictionary"],
+            # Of integers only some readers understand split bytes.
             "column_encoding": {
-                column.path: "PLAIN" if column.element == "bool" else "BYTE_STREAM_SPLIT" for column in numbers
+                c.path: "BYTE_STREAM_SPLIT" if c.element.startswith("float") else "PLAIN" for c in numbers
             },
             "write_statistics": [column.path for column in self.columns if column.statistics],
             "version": "2.6",

@@ -19,11 +19,13 @@ class Pool:
 
     Attributes:
         engine: Asks the snapshot that holds them.
+        snapshot: Its number.
         source: SQL for their metadata.
         parents: ``name@version`` of the database they belong to; empty for the whole lake.
     """
 
     engine: Engine
+    snapshot: int
     source: str
     parents: list[str]
 

@@ -80,7 +80,11 @@ class Engine:
         """
         import polars  # here: filters need no data frames, and it takes 25 MB
 
-        return polars.DataFrame(self.arrow(sql, parameters))
+        rows = self.arrow(sql, parameters)
+        try:
+            return polars.DataFrame(rows)
+        except polars.exceptions.PolarsError as error:
+            raise QueryError(f"{error}; name columns apart with AS, cast odd types to VARCHAR") from error
 
     def arrow(self, sql: str, parameters: Mapping[str, Any] | None = None) -> pa.Table:
         """Like :meth:`select`, as an Arrow table.
@@ -88,10 +92,10 @@ class Engine:
         Raises:
             LakeError: A file is gone or cannot be read.
         """
-        check_select(sql)
         try:
+            query = self._only_select(sql)
             self._make_views(sql)
-            return self._connection.sql(sql, params=dict(parameters or {})).to_arrow_table()
+            return self._connection.sql(query, params=dict(parameters or {})).to_arrow_table()
         except duckdb.IOException as error:
             raise LakeError(f"{error}; `scenarionet check {self._files.root}` says what is gone or damaged") from error
         except duckdb.Error as error:
@@ -101,6 +105,21 @@ class Engine:
         """Make an Arrow table known to queries under ``name``."""
         self._connection.register(name, rows)
         self._views.add(name)
+
+    def _only_select(self, sql: str) -> str:
+        """The query as one that can only read; everything but a single SELECT is refused.
+
+        Parsed on this locked connection, because parsing may read files; as a subquery, because at the top level
+        ``WITH x AS (COPY ... TO ...) SELECT`` is a SELECT that writes.
+        """
+        statements = self._connection.extract_statements(sql)
+        if len(statements) != 1:
+            raise UnsafeSql(f"wanted one SELECT, found {len(statements)} statements")
+        kind = statements[0].type
+        if kind != duckdb.StatementType.SELECT:
+            raise UnsafeSql(f"wanted one SELECT, found {kind.name}: a query only reads the lake")
+        text = statements[0].query.rstrip().rstrip(";")
+        return f"SELECT * FROM (\n{text}\n)"
 
     def _make_views(self, sql: str) -> None:
         """Create the views whose names occur in ``sql``, those they need first."""
@@ -147,24 +166,6 @@ class Engine:
         )
 
 
-def check_select(sql: str) -> None:
-    """Refuse everything but one reading statement.
-
-    Raises:
-        UnsafeSql: Naming the kind of statement that was found.
-        QueryError: It cannot be parsed.
-    """
-    try:
-        statements = duckdb.extract_statements(sql)
-    except duckdb.Error as error:
-        raise QueryError(str(error)) from error
-    if len(statements) != 1:
-        raise UnsafeSql(f"wanted one SELECT, found {len(statements)} statements")
-    kind = statements[0].type
-    if kind != duckdb.StatementType.SELECT:
-        raise UnsafeSql(f"wanted one SELECT, found {kind.name}: a query only reads the lake")
-
-
 def check_expression(where: str) -> None:
     """Refuse everything but a single expression, as in ``--where``.
 
@@ -185,7 +186,7 @@ def _derived(table: str) -> str:
 def _hive_columns(table: str) -> Sequence[str]:
     if table not in _FOLDER_COLUMNS:
         return ()
-    return ("dataset", "version") if table == "maps" else ("dataset", "version", "split")
+    return ("dataset", "version") if table == "maps" else ("dataset", "split", "version")
 
 
 _SQL_TYPES = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
@@ -192,7 +193,7 @@ class Lake:
         pool = self._pool(parent)
         query, bound = choosing.filter_query(pool, where, named, parameters or {})
         members = pool.engine.arrow(query, bound)
-        return self._save(name, members, "filter", query, bound, pool.parents, overwrite)
+        return self._save(name, members, "filter", query, bound, pool, overwrite)
 
     def split(
         self,
@@ -235,7 +236,7 @@ class Lake:
         for part, (lower, upper) in intervals.items():
             bound = {"seed": seed, "by": by, "from": lower, "to": upper}
             members = drawn.filter(pa.array((u >= lower) & (u < upper)))
-            made[part] = self._save(names[part], members, "split", query, bound, pool.parents, overwrite)
+            made[part] = self._save(names[part], members, "split", query, bound, pool, overwrite)
         return made
 
     # --- behind them ----------------------------------------------------------------------------------
@@ -246,12 +247,12 @@ class Lake:
     def _pool(self, parent: Database | str | None) -> Pool:
         """What a filter or split chooses from."""
         if parent is None:
-            return Pool(self._engine, "metadata", [])
+            return Pool(self._engine, self.snapshot.number, "metadata", [])
         found = self._resolve(parent)
-        engine = self._holding(found)[0]._engine
-        engine.register("members", found.members)
+        holder = self._holding(found)[0]
+        holder._engine.register("members", found.members)
         scenarios = "metadata JOIN (SELECT scenario_id, position, weight FROM members) USING (scenario_id)"
-        return Pool(engine, scenarios, [found.reference])
+        return Pool(holder._engine, holder.snapshot.number, scenarios, [found.reference])
 
     def members(self, database: Database | str) -> pa.Table:
         """Address and description columns of a database's members, in order.
@@ -325,15 +326,15 @@ class Lake:
         operation: str,
         query: str,
         parameters: Mapping[str, Any],
-        parents: list[str],
+        pool: Pool,
         overwrite: bool,
     ) -> Database:
         lineage = Lineage(
             operation=operation,
             sql=query,
-            parameters=dict(parameters),
-            parents=parents,
-            snapshot=self.snapshot.number,
+            parameters=json.loads(json.dumps(dict(parameters), default=str)),  # dates as text
+            parents=pool.parents,
+            snapshot=pool.snapshot,
             created_at=snapshots.now(),
             count=members.num_rows,
             created_with=software.name_and_version(),

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
+from scenarionet_data import tables
 from scenarionet_data.codec.lights import decode_lights, encode_lights
 from scenarionet_data.codec.maps import decode_map, encode_map
 from scenarionet_data.codec.tracks import decode_tracks, encode_tracks
@@ -134,13 +135,20 @@ def decode(encoded: Encoded, shared_map: MapFeatures | None = None) -> ScenarioD
         ),
         tracks=decode_tracks(encoded.tracks, steps),
         lights=decode_lights(encoded.lights, steps),
-        map=shared_map if encoded.maps is None else decode_map(encoded.maps),
+        map=shared_map if row["map_crop"] is not None else _own_map(row, encoded.maps),
         map_id=row["map_id"] if row["map_crop"] is not None else None,
         map_crop=tuple(row["map_crop"]) if row["map_crop"] is not None else None,
         objects_of_interest=tuple(row["objects_of_interest"]),
         tracks_to_predict=tuple(zip(row["tracks_to_predict"], row["tracks_to_predict_difficulty"], strict=True)),
         extras=from_json(row["extras"]),
     )
+
+
+def _own_map(row: Mapping[str, Any], rows: pa.RecordBatch | None) -> MapFeatures | None:
+    if row["map_id"] is None:
+        return None
+    # A map without features has no rows.
+    return decode_map(pa.RecordBatch.from_pylist([], tables.load("maps").schema) if rows is None else rows)
 
 
 def _describe(scenario: ScenarioDescription) -> dict[str, Any]:

@@ -4,7 +4,7 @@ SELECT
     scenario_id,
     {weight} AS weight,
     content_hash,
-    ('0x' || substr(md5($seed || ':' || coalesce({by}::VARCHAR, scenario_id)), 1, 13))::BIGINT
+    ('0x' || substr(md5($seed || ':' || coalesce("{by}"::VARCHAR, scenario_id)), 1, 13))::BIGINT
         / 4503599627370496.0 AS u
 FROM {source}
 ORDER BY {order}

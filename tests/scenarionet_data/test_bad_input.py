@@ -382,7 +382,8 @@ def test_recordings_that_vanish_fail_alone(tmp_path, monkeypatch):
     raw = raw_of(tmp_path / "raw", 0, 2)
 
     def vanish(done, *_):
-        (raw / "s001.made").unlink(missing_ok=True)
+        if done:
+            (raw / "s001.made").unlink(missing_ok=True)
 
     report = run(raw, tmp_path / "lake", on_progress=vanish)
     assert report.converted == 2

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pyarrow as pa
 import pytest
@@ -9,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenarionet_data import codec, tables
+from scenarionet_data.building import MapBuilder
 from scenarionet_data.testing import differences
 from tests.fixtures.scenarios import make_scenario, renamed
 
@@ -35,6 +38,15 @@ def test_round_trip_is_bit_exact(seed, num_objects, num_steps, num_lanes, num_li
     )
     scenario.validate()
     assert differences(scenario, codec.decode(codec.encode(scenario, "1"))) == []
+
+
+@pytest.mark.parametrize("has_z", [True, False])
+def test_a_map_without_features_is_not_no_map(has_z):
+    empty = replace(make_scenario(1, has_map=False, has_z=has_z), map=MapBuilder().build(np.zeros(3)))
+    empty.validate()
+    encoded = codec.encode(empty, "1")
+    for maps in (encoded.maps, None):
+        assert differences(empty, codec.decode(replace(encoded, maps=maps))) == []
 
 
 def test_rows_satisfy_the_schemas():

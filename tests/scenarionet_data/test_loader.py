@@ -1,0 +1,251 @@
+"""Loading: what comes out is what went in, bit for bit, in any order, from any thread or process."""
+
+from __future__ import annotations
+
+import gc
+import multiprocessing
+import os
+import pickle
+import random
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from scenarionet_data import Lake, ScenarioLoader, codec, loader, tables
+from scenarionet_data.building import MapBuilder
+from scenarionet_data.errors import NoSuchSnapshot, ScenarioNotFound
+from scenarionet_data.store import snapshot as snapshots
+from scenarionet_data.store.files import LakeFiles, sha256
+from scenarionet_data.store.shard_writer import partition, write_table
+from scenarionet_data.testing import differences
+from tests.fixtures.lakes import write_lake
+from tests.fixtures.scenarios import make_scenario
+
+COUNT = 10
+
+
+def made(seed):
+    """Of every kind: with and without heights, lights, map, gaps, times of their own."""
+    how = {"num_objects": 1 + seed % 5, "num_steps": 3 + seed, "num_lights": seed % 3}
+    scenario = make_scenario(seed, has_z=seed % 4 > 0, has_map=seed % 5 > 0, **how)
+    if seed == 5:
+        scenario = replace(scenario, map=MapBuilder().build(np.zeros(3)))
+    return scenario
+
+
+@pytest.fixture(scope="module")
+def lake(tmp_path_factory):
+    root = tmp_path_factory.mktemp("loader")
+    write_lake(root, [made(seed) for seed in range(6)], name="a")
+    return write_lake(root, [made(seed) for seed in range(6, COUNT)], name="b")
+
+
+def seeds(scenarios):
+    return [int(scenario.source.scenario_id[1:]) for scenario in scenarios]
+
+
+def test_scenarios_are_the_sources_bit_for_bit(lake):
+    for seed, scenario in enumerate(ScenarioLoader(lake)):
+        assert differences(scenario, made(seed)) == []
+        scenario.validate()
+
+
+def test_tracks_alone_are_the_same(lake):
+    loaded = ScenarioLoader(lake)
+    for seed in range(COUNT):
+        assert differences(loaded.tracks(seed), made(seed).tracks) == []
+
+
+def test_a_loader_is_a_sequence(lake):
+    loaded = ScenarioLoader(lake)
+    assert len(loaded) == COUNT
+    assert loaded.scenario_ids == [made(seed).id for seed in range(COUNT)]
+    assert seeds(loaded) == list(range(COUNT))
+    assert seeds([loaded[-1], loaded[-COUNT], loaded[np.int64(3)]]) == [COUNT - 1, 0, 3]
+    assert seeds(loaded[2:5]) == [2, 3, 4]
+    assert seeds(loaded[::-3]) == list(range(COUNT))[::-3]
+    assert loaded[7:7] == []
+    assert seeds(reversed(loaded)) == list(range(COUNT))[::-1]
+    for index in (COUNT, -COUNT - 1):
+        for load in (loaded.__getitem__, loaded.tracks, lambda k: loaded.batch([k])):
+            with pytest.raises(IndexError, match=f"scenario {index} of {COUNT}"):
+                load(index)
+
+
+def test_a_batch_keeps_the_order_asked_for(lake):
+    order = [random.Random(3).randrange(-COUNT, COUNT) for _ in range(30)]
+    wanted = [k % COUNT for k in order]
+    loaded = ScenarioLoader(lake)
+    assert seeds(loaded.batch(order)) == wanted
+    assert seeds(loaded.batch(np.array(order))) == wanted
+    assert loaded.batch([]) == []
+    for tracks, seed in zip(loaded.batch_tracks(order), wanted, strict=True):
+        assert differences(tracks, made(seed).tracks) == []
+
+
+def test_a_batch_reads_in_the_order_on_disk(lake, monkeypatch):
+    loaded, visited = ScenarioLoader(lake), []
+    load = loaded.tracks
+    monkeypatch.setattr(loaded, "tracks", lambda k: visited.append(k) or load(k))
+    loaded.batch_tracks([9, 0, 5, 7, 1])
+    assert visited == [0, 1, 5, 7, 9]
+
+
+def test_what_is_loaded_is_the_databases_ids_or_everything(lake, tmp_path):
+    own = write_lake(tmp_path, [made(seed) for seed in range(4)])
+    database = own.filter("num_objects > 1", name="some")
+    for scenarios in ("some", "some@1", database, database.scenario_ids):
+        for place in (own, tmp_path, str(tmp_path)):
+            assert ScenarioLoader(place, scenarios).scenario_ids == database.scenario_ids
+    assert seeds(ScenarioLoader(own, [made(k).id for k in (3, 1, 3)])) == [3, 1, 3]
+    assert seeds(ScenarioLoader(own, (made(k).id for k in (2, 0)))) == [2, 0]
+    assert len(ScenarioLoader(own, [])) == 0
+    with pytest.raises(ScenarioNotFound, match="no scenario made/v1/x in snapshot 1"):
+        ScenarioLoader(own, ["made/v1/x"])
+    with pytest.raises(NoSuchSnapshot, match="no lake there"):
+        ScenarioLoader(tmp_path / "nowhere")
+
+
+def test_an_older_snapshot_is_loaded_as_it_was(lake):
+    older = Lake(lake.root, snapshot=1)
+    assert seeds(ScenarioLoader(older)) == list(range(6))
+
+
+# --- compacted files ------------------------------------------------------------------------------------
+
+
+def compacted(root: Path, scenarios, groups) -> Lake:
+    """A lake whose files hold several scenarios a row group, as compaction leaves them."""
+    files, rows = LakeFiles(root), []
+    encoded = [codec.encode(scenario, "1") for scenario in scenarios]
+    addresses = [{} for _ in scenarios]
+    for table in ("tracks", "lights", "maps"):
+        path = files.temporary()
+        with tables.load(table).writer(path, {}) as writer:
+            number = 0
+            for members in groups:
+                batches = [getattr(encoded[k], table) for k in members]
+                lengths = [batch.num_rows if batch is not None else 0 for batch in batches]
+                kept = [batch for batch in batches if batch is not None and batch.num_rows]
+                if kept:
+                    together = pa.Table.from_batches(kept).unify_dictionaries()
+                    writer.write_table(together, row_group_size=together.num_rows)
+                for k, first, length in zip(members, np.cumsum([0, *lengths]), lengths, strict=False):
+                    addresses[k][f"{table}_num_rows"] = length
+                    if length:
+                        addresses[k][f"{table}_row_group"] = number
+                        addresses[k][f"{table}_first_row"] = int(first)
+                number += bool(kept)
+        name = f"{partition(table, 'made', 'v1', 'train')}/compacted-{sha256(path)[:16]}.parquet"
+        files.publish(path, name)
+        for address in addresses:
+            address[f"{table}_file"] = name if address[f"{table}_num_rows"] else None
+    rows = [{**e.metadata, **address} for e, address in zip(encoded, addresses, strict=True)]
+    metadata = f"{partition('metadata', 'made', 'v1', 'train')}/compacted.parquet"
+    files.publish(write_table(files, "metadata", rows, {}), metadata)
+    snapshots.publish(files, snapshots.Snapshot(1, "", "compact", (metadata,), ()))
+    return Lake(root)
+
+
+def test_scenarios_are_found_inside_shared_row_groups(tmp_path):
+    scenarios = [made(seed) for seed in range(COUNT)]
+    lake = compacted(tmp_path, scenarios, [range(4), range(4, 9), [9]])
+    path = next(tmp_path.glob("tracks/**/*.parquet"))
+    assert pq.read_metadata(path).num_row_groups == 3
+    loaded = ScenarioLoader(lake)
+    for seed in random.Random(1).sample(range(COUNT), COUNT):
+        assert differences(loaded[seed], scenarios[seed]) == []
+        assert differences(loaded.tracks(seed), scenarios[seed].tracks) == []
+
+
+# --- threads, processes, handles ------------------------------------------------------------------------
+
+
+def test_a_loader_pickles_as_path_and_ids(lake):
+    loaded = ScenarioLoader(lake, [made(k).id for k in (4, 2)])
+    _ = loaded[0]  # open files do not travel
+    again = pickle.loads(pickle.dumps(loaded))
+    assert seeds(again) == [4, 2]
+    assert again.scenario_ids == loaded.scenario_ids
+    for first, second in zip(loaded, again, strict=True):
+        assert differences(first, second) == []
+    large = ScenarioLoader(lake, [made(k % COUNT).id for k in range(1000)])
+    assert len(pickle.dumps(large)) < 600 * len(large)
+
+
+def test_threads_load_at_once(lake):
+    loaded = ScenarioLoader(lake)
+    wanted = [made(seed) for seed in range(COUNT)]
+
+    def load(worker):
+        order = random.Random(worker).choices(range(COUNT), k=25)
+        return [differences(loaded[k], wanted[k]) for k in order]
+
+    with ThreadPoolExecutor(8) as pool:
+        for found in pool.map(load, range(8)):
+            assert found == [[]] * 25
+
+
+def _child(loaded, queue):
+    queue.put([loaded[k].tracks.position.tobytes() for k in (3, 7)])
+
+
+@pytest.mark.parametrize("method", ["fork", "spawn"])
+def test_worker_processes_load(lake, method):
+    """As a DataLoader's workers do: a copy by fork, with files open, or by pickle."""
+    loaded = ScenarioLoader(lake)
+    _ = loaded[0]
+    context = multiprocessing.get_context(method)
+    queue = context.Queue()
+    worker = context.Process(target=_child, args=(loaded, queue))
+    worker.start()
+    assert queue.get(timeout=60) == [made(k).tracks.position.tobytes() for k in (3, 7)]
+    worker.join()
+
+
+def test_few_files_stay_open(tmp_path, monkeypatch):
+    monkeypatch.setattr(loader, "_OPEN_FILES", 2)
+    for seed in range(4):
+        lake = write_lake(tmp_path, [made(seed)], name=f"s{seed}")
+    loaded = ScenarioLoader(lake)
+    for _ in range(2):
+        for seed in random.Random(2).sample(range(4), 4):
+            scenario = loaded[seed]
+            assert len(loaded._local.files) <= 2
+            assert differences(scenario, made(seed)) == []
+    kept = [loaded[seed] for seed in range(4)]  # what was loaded outlives its file
+    del loaded
+    gc.collect()
+    assert [differences(scenario, made(seed)) for seed, scenario in enumerate(kept)] == [[]] * 4
+
+
+def test_loaded_arrays_are_the_callers(lake):
+    """Changing a loaded scenario changes neither the lake nor the next load."""
+    loaded = ScenarioLoader(lake)
+    scenario = loaded[3]
+    scenario.tracks.position[:] = 7
+    scenario.tracks.valid[:] = False
+    assert differences(loaded[3], made(3)) == []
+
+
+def test_memory_stays_flat(tmp_path):
+    scenarios = [make_scenario(k, num_objects=60, num_steps=91, num_lanes=60) for k in range(12)]
+    loaded = ScenarioLoader(write_lake(tmp_path, scenarios))
+    process = psutil.Process(os.getpid())
+
+    def load_all(times):
+        for _ in range(times):
+            for scenario in loaded:
+                assert scenario.tracks.valid.any()
+        gc.collect()
+        return process.memory_info().rss
+
+    before = load_all(5)
+    after = load_all(20)
+    assert after - before < 8e6  # 240 scenarios of about 0.7 MB
