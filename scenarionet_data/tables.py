@@ -21,6 +21,8 @@ from scenarionet_data.resources import SCHEMAS
 CONTENT = ("metadata", "tracks", "lights", "maps", "quarantine")
 TABLES = (*CONTENT, "shards", "members")
 
+_BULKY = 4096  # bytes
+
 _SCALARS = {
     "bool": pa.bool_(),
     "int8": pa.int8(),
@@ -106,15 +108,19 @@ class Table:
         """The column of that name, stored or derived."""
         return next(column for column in (*self.columns, *self.derived) if column.name == name)
 
-    @property
-    def writer_options(self) -> dict[str, Any]:
-        """Options of ``pyarrow.parquet.ParquetWriter`` (measured: see docs/storage.md)."""
+    def writer_options(self, sample: pa.Table | pa.RecordBatch | None = None) -> dict[str, Any]:
+        """Options of ``pyarrow.parquet.ParquetWriter`` (measured: see docs/storage.md).
+
+        Args:
+            sample: The first rows of the file, which tell where the bytes are; everywhere when there are none.
+        """
         numbers = [column for column in self.columns if column.is_list and _is_number(column.element)]
-        bulky = {column.path for column in numbers} | {c.path for c in self.columns if c.element == "json"}
+        packed = numbers + [column for column in self.columns if column.element == "json"]
+        # Setting up zstd costs 30 us a column to write and to read: it is spent where the bytes are.
+        bulky = [c.path for c in packed if sample is None or sample.column(c.name).nbytes >= _BULKY]
         return {
-            # Setting up zstd costs 30 us a column to read: it is spent where the bytes are.
             "compression": {c.path: "zstd" if c.path in bulky else "lz4" for c in self.columns},
-            "compression_level": dict.fromkeys(sorted(bulky), 3),
+            "compression_level": dict.fromkeys(bulky, 3) or None,
             # Ids are all different: a dictionary of them costs time and saves nothing.
             "use_dictionary": [c.path for c in self.columns if c.element == "dictionary"],
             # Of integers only some readers understand split bytes.
@@ -127,14 +133,17 @@ class Table:
             "store_schema": False,
         }
 
-    def writer(self, path: Path, footer: Mapping[str, str]) -> pq.ParquetWriter:
+    def writer(
+        self, path: Path, footer: Mapping[str, str], sample: pa.Table | pa.RecordBatch | None = None
+    ) -> pq.ParquetWriter:
         """A writer of this table's files.
 
         Args:
             path: Where to write.
             footer: Further words for the file's footer.
+            sample: The first rows that will be written, see :meth:`writer_options`.
         """
-        writer = pq.ParquetWriter(path, self.schema, **self.writer_options)
+        writer = pq.ParquetWriter(path, self.schema, **self.writer_options(sample))
         writer.add_key_value_metadata({"scenarionet.schema": self.tag, **footer})
         return writer
 

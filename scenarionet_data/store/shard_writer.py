@@ -199,7 +199,7 @@ class ShardWriter:
         if not rows:
             return address
         if table not in self._parts:
-            self._parts[table] = _Part(self._files.temporary(), table, self._footer)
+            self._parts[table] = _Part(self._files.temporary(), table, self._footer, batch)
         address[f"{table}_row_group"] = self._parts[table].write(batch)
         address[f"{table}_first_row"] = 0
         return address
@@ -232,12 +232,11 @@ class ShardWriter:
 class _Part:
     """One open file of one table."""
 
-    def __init__(self, path: Path, table: str, footer: Mapping[str, str]) -> None:
+    def __init__(self, path: Path, table: str, footer: Mapping[str, str], first: pa.RecordBatch) -> None:
         self.path = path
-        self._table = tables.load(table)
         self._rows: list[int] = []
         with writing(path):
-            self._writer = self._table.writer(path, footer)
+            self._writer = tables.load(table).writer(path, footer, first)
 
     def write(self, batch: pa.RecordBatch) -> int:
         """Append a row group; returns its number."""

@@ -143,3 +143,13 @@ def test_a_file_of_another_version_is_refused(name):
     for footer in ({}, {b"scenarionet.schema": f"{name}/{table.version + 1}".encode()}):
         with pytest.raises(SchemaMismatch, match=r"^a\.parquet: written under schema .*--replace"):
             table.check_version(footer, "a.parquet")
+
+
+def test_zstd_is_spent_where_the_bytes_are():
+    table = tables.load("tracks")
+    small = codec.encode(make_scenario(1, num_objects=3, num_steps=5), "1").tracks
+    large = codec.encode(make_scenario(1, num_objects=60, num_steps=91), "1").tracks
+    assert set(table.writer_options(small)["compression"].values()) == {"lz4"}
+    chosen = table.writer_options(large)["compression"]
+    assert chosen["x.list.element"] == "zstd"
+    assert chosen["is_size_assumed"] == "lz4"
