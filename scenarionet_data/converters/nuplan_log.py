@@ -107,6 +107,16 @@ class Log:
     tags: list[Tag]
 
 
+def uri(path: Path) -> str:
+    """How SQLite opens a file that never changes: no locks are needed, nor a writable folder for them."""
+    return f"{path.resolve().as_uri()}?mode=ro&immutable=1"
+
+
+def unreadable(path: Path, error: Exception) -> CorruptSource:
+    """What to raise when SQLite cannot read a log."""
+    return CorruptSource(f"{path} cannot be read as a nuPlan log ({error}); download it again")
+
+
 @contextmanager
 def opened(path: Path) -> Iterator[sqlite3.Connection]:
     """Open a log for reading.
@@ -115,11 +125,10 @@ def opened(path: Path) -> Iterator[sqlite3.Connection]:
         CorruptSource: It is missing, damaged, or lacks a table or column that is asked for.
     """
     try:
-        # A log never changes: no locks are needed, nor a writable folder for them.
-        with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)) as database:
+        with closing(sqlite3.connect(uri(path), uri=True)) as database:
             yield database
     except sqlite3.Error as error:
-        raise CorruptSource(f"{path} cannot be read as a nuPlan log ({error}); download it again") from error
+        raise unreadable(path, error) from error
 
 
 def read_place(database: sqlite3.Connection, path: Path) -> Place:
@@ -156,7 +165,7 @@ def read_log(database: sqlite3.Connection, path: Path) -> Log:
         tokens=list(tokens),
         times=np.array(times, np.int64),
         scene=np.array([used.get(token, -1) for token in scene_tokens], np.int64),
-        ego=_ego(floats([row[4:] for row in rows])),
+        ego=_ego(_floats([row[4:] for row in rows])),
         epsg=next((code for code in epsg if code), None),
         scenes=[known.get(token, Scene(token)) for token in used],
         tags=[Tag(*row) for row in database.execute(_TAGS)],
@@ -165,12 +174,12 @@ def read_log(database: sqlite3.Connection, path: Path) -> Log:
 
 def _read_scenes(database: sqlite3.Connection) -> Iterator[Scene]:
     for token, name, roadblock_ids, *goal in database.execute(_SCENES).fetchall():
-        (place,) = _box_of(floats([goal])).tolist()
+        (place,) = _box_of(_floats([goal])).tolist()
         is_known = None not in goal
         yield Scene(token, name or "", tuple((roadblock_ids or "").split()), tuple(place) if is_known else None)
 
 
-def floats(rows: Sequence[Sequence[Any]]) -> Float64:
+def _floats(rows: Sequence[Sequence[Any]]) -> Float64:
     """Rows of numbers as an array; NaN for NULL, and for text or a blob where a number belongs."""
     try:
         return np.array(rows, np.float64)

@@ -71,7 +71,7 @@ def describe(shard: Shard, cut: Cut, licence: str) -> ScenarioDescription:
         version=shard.version,
         split=shard.split,
         timestamps=timestamps,
-        dt=cut.stride * SWEEP * 1e-6,
+        dt=cut.stride * SWEEP / 1e6,
         current_timestep=window.current,
         ego_id=EGO,
         origin=origin,
@@ -130,17 +130,8 @@ def _extras(cut: Cut, scene: Scene | None, origin: Float64) -> Mapping[str, Any]
         if scene.goal is not None:
             x, y, heading = scene.goal
             extras["goal"] = {"x": float(x - origin[0]), "y": float(y - origin[1]), "heading": heading}
-    return extras | ({"num_lost_rows": cut.content.num_lost} if cut.content.num_lost else {})
-
-
-def _in_window(rows: Array, sweeps: Int64) -> tuple[Array, Int64]:
-    """The rows of a window's sweeps, and their timesteps; rows are in order of sweeps."""
-    first, last = int(sweeps[0]), int(sweeps[-1])
-    part = rows[slice(*np.searchsorted(rows["sweep"], [first, last + 1]))]
-    timestep = np.full(last - first + 1, -1)
-    timestep[sweeps - first] = np.arange(len(sweeps))
-    step = timestep[part["sweep"] - first]
-    return part[step >= 0], step[step >= 0]
+    num_lost = cut.content.boxes.num_lost + cut.content.lights.num_lost
+    return extras | ({"num_lost_rows": num_lost} if num_lost else {})
 
 
 # --- tracks ---------------------------------------------------------------------------------------------
@@ -149,14 +140,14 @@ def _in_window(rows: Array, sweeps: Int64) -> tuple[Array, Int64]:
 def _tracks(scenario_id: str, cut: Cut, ego: Float64, timestamps: Float64, origin: Float64) -> Tracks:
     """The boxes of the window track by track, and the ego after them."""
     content, steps = cut.content, len(timestamps)
-    boxes, step = _in_window(content.boxes, cut.window.sweeps)
+    boxes, step = content.boxes.of(cut.window.sweeps)
     used, row = np.unique(boxes["track"], return_inverse=True)
     words = _categories(scenario_id, content, used)
     cell = row * steps + step
-    _check_boxes(scenario_id, boxes, cell)
     count = len(used) + 1
     valid = np.zeros((count, steps), np.bool_)
     valid.reshape(-1)[cell] = True
+    _check_boxes(scenario_id, boxes, int(valid.sum()))
     valid[-1] = True
     position, state = np.zeros((count, steps, 3)), np.zeros((count, steps, 6))
     position.reshape(-1, 3)[cell, :2] = boxes["position"]
@@ -195,12 +186,12 @@ def _categories(scenario_id: str, content: Content, used: Int64) -> list[str]:
     return words
 
 
-def _check_boxes(scenario_id: str, boxes: Array, cell: Int64) -> None:
+def _check_boxes(scenario_id: str, boxes: Array, num_states: int) -> None:
     is_whole = np.isfinite(boxes["position"]).all(axis=1) & np.isfinite(boxes["state"][:, :4]).all(axis=1)
     if not is_whole.all():
         wanted = "wanted numbers for the place, heading and size of every box"
         raise InvalidScenario(scenario_id, "lidar_box", f"{wanted}, found {(~is_whole).sum()} without")
-    if len(np.unique(cell)) < len(cell):
+    if num_states < len(boxes):
         raise InvalidScenario(scenario_id, "lidar_box", "wanted one box per track and sweep, found two")
 
 
@@ -226,7 +217,7 @@ def _velocity(
 
 def _lights(scenario_id: str, cut: Cut, origin: Float64) -> Lights:
     """One light per lane connector; traffic stops where the connector begins."""
-    rows, step = _in_window(cut.content.lights, cut.window.sweeps)
+    rows, step = cut.content.lights.of(cut.window.sweeps)
     if (rows["connector"] < 0).any() or (rows["state"] < 0).any():
         wanted = "wanted a lane connector and green, yellow, red or unknown in every row, found something else"
         raise InvalidScenario(scenario_id, "traffic_light_status", wanted)
