@@ -41,9 +41,7 @@ class NuPlanOptions(Options):
     )
     future: float = field(default=8.0, metadata={"doc": "With by=tag: seconds after the tag."})
     rate: int = field(default=10, metadata={"doc": "Timesteps per second: 10, or 20 as recorded."})
-    radius: float = field(
-        default=100.0, metadata={"doc": "Metres of map around the box that holds the ego's path."}
-    )
+    radius: float = field(default=100.0, metadata={"doc": "Metres of map around the box that holds the ego's path."})
     maps: str = field(
         default="",
         metadata={

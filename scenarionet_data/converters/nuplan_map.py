@@ -96,13 +96,9 @@ def _add_road_blocks(builder: MapBuilder, package: GeoPackage) -> None:
         raise CorruptSource(f"road block {min(shared)} of a nuPlan map is there twice; download the maps again")
     for fid, points in zip(groups.fids, groups.points, strict=True):
         builder.add(f"roadblock-{fid}", MapFeatureType.ROADBLOCK, polygon=points, is_intersection=False)
-    for fid, points, crossing in zip(
-        connectors.fids, connectors.points, connectors["intersection_fid"], strict=True
-    ):
+    for fid, points, crossing in zip(connectors.fids, connectors.points, connectors["intersection_fid"], strict=True):
         extras = {"intersection_id": identifier(crossing)}
-        builder.add(
-            f"roadblock-{fid}", MapFeatureType.ROADBLOCK, polygon=points, is_intersection=True, extras=extras
-        )
+        builder.add(f"roadblock-{fid}", MapFeatureType.ROADBLOCK, polygon=points, is_intersection=True, extras=extras)
 
 
 def _add_stops(builder: MapBuilder, package: GeoPackage) -> None:

@@ -160,9 +160,7 @@ def test_a_tag_that_points_nowhere(raw: Path) -> None:
 
 
 def test_a_tag_about_no_track_of_the_window(raw: Path) -> None:
-    change(
-        log_of(raw), f"UPDATE scenario_tag SET agent_track_token = {NOWHERE} WHERE agent_track_token IS NOT NULL"
-    )
+    change(log_of(raw), f"UPDATE scenario_tag SET agent_track_token = {NOWHERE} WHERE agent_track_token IS NOT NULL")
     assert [scenario.objects_of_interest for scenario in scenarios(CONVERTER, raw, "mini", by="tag")] == [(), ()]
 
 
@@ -170,7 +168,8 @@ def test_rows_of_no_sweep_are_counted(raw: Path) -> None:
     """Which scenario lost them, nobody can say."""
     assert "num_lost_rows" not in scenarios(CONVERTER, raw, "mini")[0].extras
     change(
-        log_of(raw), f"UPDATE lidar_box SET lidar_pc_token = {NOWHERE} WHERE rowid IN (SELECT rowid FROM lidar_box LIMIT 2)"
+        log_of(raw),
+        f"UPDATE lidar_box SET lidar_pc_token = {NOWHERE} WHERE rowid IN (SELECT rowid FROM lidar_box LIMIT 2)",
     )
     light = "(SELECT rowid FROM traffic_light_status LIMIT 1)"
     change(log_of(raw), f"UPDATE traffic_light_status SET lidar_pc_token = {NOWHERE} WHERE rowid IN {light}")
@@ -212,8 +211,11 @@ BAD_LOGS: dict[str, tuple[Callable[[Path], None], str]] = {
     "garbage": (lambda p: p.write_bytes(b"garbage" * 999), "not a database"),
     "garbage in the middle": (overwrite_middle, "malformed|cannot be read"),
     "another zone": (lambda p: change(p, "UPDATE ego_pose SET epsg = 32610"), "recorded in epsg:32610, but its map"),
-    "no such city": (lambda p: change(p, "UPDATE log SET map_version = 'us-tx-austin', location = NULL"), "us-tx-austin"),
-}  # fmt: skip
+    "no such city": (
+        lambda p: change(p, "UPDATE log SET map_version = 'us-tx-austin', location = NULL"),
+        "us-tx-austin",
+    ),
+}
 
 
 @pytest.mark.parametrize("name", BAD_LOGS)
