@@ -4,6 +4,9 @@ RAW is a folder with ``.db`` logs anywhere below. The maps lie below RAW too, or
 
     nuplan-maps-v1.0.json                        the newest version of each map
     us-nv-las-vegas-strip/9.15.1915/map.gpkg     <location>/<version>/map.gpkg
+
+A scenario is a scene of a log or a window around a scenario tag, 10 or 20 timesteps a second, in the city's UTM
+zone. Heights are left out: the maps have none that objects could stand on.
 """
 
 from __future__ import annotations
@@ -96,15 +99,15 @@ class NuPlan(Converter[Cut]):
         (path,) = shard.paths
         with opened(path) as database:
             log = read_log(database, path)
+        map_id, place = find_atlas(path.parent, options.maps).map_of(log.place, path)
+        city = read_city(place)
+        if log.epsg is not None and city.projection.lower() != f"epsg:{log.epsg}":
+            raise CorruptSource(f"{path}: recorded in epsg:{log.epsg}, but its map {place} is in {city.projection}")
         windows = _windows(log, options)
         is_wanted = np.zeros(len(log.tokens), np.bool_)
         for window in windows:
             is_wanted[window.sweeps] = True
         content = read_content(path, log, is_wanted)
-        map_id, place = find_atlas(path.parent, options.maps).map_of(log.place, path)
-        city = read_city(place)
-        if log.epsg is not None and city.projection.lower() != f"epsg:{log.epsg}":
-            raise CorruptSource(f"{path}: recorded in epsg:{log.epsg}, but its map {place} is in {city.projection}")
         for window in windows:
             yield Cut(log, content, window, city, map_id, options.radius, 20 // options.rate)
 

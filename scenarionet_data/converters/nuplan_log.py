@@ -29,11 +29,11 @@ _SWEEPS = """
     FROM lidar_pc p LEFT JOIN ego_pose e ON e.token = p.ego_pose_token ORDER BY p.timestamp, p.token
 """
 _SCENES = """
-    SELECT lower(hex(s.token)), s.name, s.roadblock_ids, g.x, g.y, g.qw, g.qx, g.qy, g.qz
+    SELECT lower(hex(s.token)), CAST(s.name AS TEXT), CAST(s.roadblock_ids AS TEXT), g.x, g.y, g.qw, g.qx, g.qy, g.qz
     FROM scene s LEFT JOIN ego_pose g ON g.token = s.goal_ego_pose_token
 """
 _TAGS = """
-    SELECT t.type, lower(hex(t.lidar_pc_token)), lower(hex(t.agent_track_token))
+    SELECT CAST(ifnull(t.type, '') AS TEXT), lower(hex(t.lidar_pc_token)), lower(hex(t.agent_track_token))
     FROM scenario_tag t LEFT JOIN lidar_pc p ON p.token = t.lidar_pc_token ORDER BY p.timestamp, t.type, t.token
 """
 
@@ -175,7 +175,7 @@ def read_log(database: sqlite3.Connection, path: Path) -> Log:
 def _read_scenes(database: sqlite3.Connection) -> Iterator[Scene]:
     for token, name, roadblock_ids, *goal in database.execute(_SCENES).fetchall():
         (place,) = _box_of(_floats([goal])).tolist()
-        is_known = None not in goal
+        is_known = bool(np.isfinite(place).all())
         yield Scene(token, name or "", tuple((roadblock_ids or "").split()), tuple(place) if is_known else None)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -82,7 +83,7 @@ def describe(shard: Shard, cut: Cut, licence: str) -> ScenarioDescription:
             licence=licence,
             log=log.name,
             city=log.place.city,
-            date=log.place.date,
+            date=_date(log),
             crs=cut.city.projection.upper(),
         ),
         tracks=tracks,
@@ -116,6 +117,12 @@ def _checked(scenario_id: str, cut: Cut) -> tuple[Float64, Scene | None]:
     if scene is not None and scene.name is None:
         raise InvalidScenario(scenario_id, "scene", f"wanted a row of scene for token {scene.token}, found none")
     return ego, scene
+
+
+def _date(log: Log) -> str:
+    """Day of the recording: what the log says where that is ISO 8601, else the first sweep's, in UTC."""
+    said = re.match(r"\d{4}-\d{2}-\d{2}", log.place.date or "")
+    return said[0] if said else str(log.times[0].astype("datetime64[us]").astype("datetime64[D]"))
 
 
 def _extras(cut: Cut, scene: Scene | None, origin: Float64) -> Mapping[str, Any]:
@@ -224,6 +231,8 @@ def _lights(scenario_id: str, cut: Cut, origin: Float64) -> Lights:
     connectors, light = np.unique(rows["connector"], return_inverse=True)
     state = np.full((len(connectors), len(cut.window.sweeps)), LightState.ABSENT, np.uint8)
     state[light, step] = rows["state"]
+    is_contradicted = state[light, step] != rows["state"]  # by a later row of the same connector and sweep
+    state[light[is_contradicted], step[is_contradicted]] = LightState.TRAFFIC_LIGHT_UNKNOWN
     ids = strings(connectors)
     starts = cut.city.starts
     stop_point = np.full((len(ids), 3), np.nan, np.float32)

@@ -164,6 +164,18 @@ def test_a_tag_about_no_track_of_the_window(raw: Path) -> None:
     assert [scenario.objects_of_interest for scenario in scenarios(CONVERTER, raw, "mini", by="tag")] == [(), ()]
 
 
+def test_odd_words_do_no_harm(raw: Path) -> None:
+    """A tag without a type, a goal without a rotation, a route that is no text."""
+    change(log_of(raw), "UPDATE scenario_tag SET type = NULL WHERE type = 'stopping'")
+    change(log_of(raw), "UPDATE scene SET roadblock_ids = x'3437'")
+    change(log_of(raw), "UPDATE ego_pose SET qw = NULL WHERE token = (SELECT goal_ego_pose_token FROM scene)")
+    first, *_ = outcomes(raw)
+    assert isinstance(first, ScenarioDescription)
+    assert first.extras["tags"] == [""]
+    assert first.extras["roadblock_ids"] == ["47"]
+    assert "goal" not in first.extras
+
+
 def test_rows_of_no_sweep_are_counted(raw: Path) -> None:
     """Which scenario lost them, nobody can say."""
     assert "num_lost_rows" not in scenarios(CONVERTER, raw, "mini")[0].extras

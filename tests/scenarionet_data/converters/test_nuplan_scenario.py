@@ -68,6 +68,17 @@ def test_source(scenario: ScenarioDescription, drive: drives.Drive) -> None:
     assert scenario.map_id == "us-nv-las-vegas-strip-9.15.1915"
 
 
+@pytest.mark.parametrize(
+    ("said", "date"), [("2021-06-13 23:00", "2021-06-13"), ("14.06.21", "2021-06-14"), (None, "2021-06-14")]
+)
+def test_the_date_is_iso(drive: drives.Drive, tmp_path: Path, said: str | None, date: str) -> None:
+    raw = fixture.write_raw(tmp_path / "raw", [drive])
+    (log,) = raw.rglob("*.db")
+    with closing(sqlite3.connect(log)) as database, database:
+        database.execute("UPDATE log SET date = ?", (said,))
+    assert only(raw).source.date == date
+
+
 def test_times_are_the_sweeps(scenario: ScenarioDescription, raw: Path, drive: drives.Drive) -> None:
     np.testing.assert_allclose(scenario.timestamps, (drive.timestamps - drive.timestamps[0]) * 1e-6, atol=1e-12)
     assert scenario.dt == 0.05
@@ -209,6 +220,16 @@ def test_a_light_on_an_unknown_connector_is_kept_and_flagged(scenario: ScenarioD
     for row in (0, 1):
         lane = features.polyline[int(np.flatnonzero(features.ids == lights.lane_ids[row])[0])]
         np.testing.assert_allclose(lights.stop_point[row], lane[0], atol=1e-4)
+
+
+def test_a_light_of_two_states_is_unknown(drive: drives.Drive, tmp_path: Path) -> None:
+    rows = drive.lights.filter(pl.col("connector") == 64001)
+    green = rows.filter(pl.col("status") == "green")
+    both = pl.concat([drive.lights, green.with_columns(pl.lit("red").alias("status"))])
+    lights = only(fixture.write_raw(tmp_path / "raw", [replace(drive, lights=both)]), rate=20).lights
+    assert set(lights.state[0, green["step"].to_numpy()]) == {LightState.TRAFFIC_LIGHT_UNKNOWN}
+    other = rows.filter(pl.col("status") == "red")["step"].to_numpy()
+    assert set(lights.state[0, other]) == {LightState.TRAFFIC_LIGHT_RED}
 
 
 # --- windows, tags, routes ------------------------------------------------------------------------------
