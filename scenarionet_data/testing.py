@@ -111,7 +111,9 @@ class ConverterConformance:
         from scenarionet_data import codec
 
         for scenario in self.scenarios(raw):
-            assert differences(scenario, codec.decode(codec.encode(scenario, self.converter.version))) == []
+            shared_map = scenario.map if scenario.map_id else None
+            decoded = codec.decode(codec.encode(scenario, self.converter.version), shared_map)
+            assert differences(scenario, decoded) == []
 
     def test_damaged_files_are_named(self, raw: Any, tmp_path_factory: Any) -> None:
         """A truncated, empty or garbage file gives a SourceError or InvalidScenario, never a wrong scenario."""

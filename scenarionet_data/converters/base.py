@@ -10,7 +10,7 @@ import hashlib
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path, PurePath
 from typing import Any, ClassVar, Generic, TypeVar
 
@@ -34,7 +34,10 @@ class RawItem:
 
 @dataclass(frozen=True)
 class Options:
-    """What a converter can be told; subclasses add fields with defaults and ``metadata={"doc": ...}``."""
+    """What a converter can be told; subclasses add fields with defaults and ``metadata={"doc": ...}``.
+
+    A field with ``"is_place": True`` too says where something lies on this machine: it does not tell shards apart.
+    """
 
 
 @dataclass(frozen=True)
@@ -59,8 +62,10 @@ class Shard:
 
     @property
     def options_text(self) -> str:
-        """The options as canonical JSON."""
-        return json.dumps(asdict(self.options), sort_keys=True)
+        """The options as canonical JSON, but for those that say where something lies."""
+        places = {option.name for option in fields(self.options) if option.metadata.get("is_place")}
+        told = {name: value for name, value in asdict(self.options).items() if name not in places}
+        return json.dumps(told, sort_keys=True)
 
     @property
     def paths(self) -> list[Path]:
