@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, fields
@@ -15,7 +16,7 @@ from pathlib import Path, PurePath
 from typing import Any, ClassVar, Generic, TypeVar
 
 from scenarionet_data.building import MapBuilder
-from scenarionet_data.errors import SourceNotFound
+from scenarionet_data.errors import BadParameter, SourceNotFound
 from scenarionet_data.scenario import ScenarioDescription
 
 
@@ -210,8 +211,14 @@ _SPLITS = {
 }
 
 
+_MANY = 64
+
+
 def guess_split(raw: str) -> str:
-    """Split that the last telling folder name of ``raw`` stands for; ``train`` when none does.
+    """Split that the folder names of ``raw``, or else of the folders in it, stand for; ``train`` when none does.
+
+    Raises:
+        BadParameter: There are several in it; the message names them.
 
     Example:
         >>> guess_split("/data/waymo/validation")
@@ -220,16 +227,39 @@ def guess_split(raw: str) -> str:
     for part in reversed(PurePath(raw).parts):
         if part.lower() in _SPLITS:
             return _SPLITS[part.lower()]
-    return "train"
+    inside = sorted({_SPLITS[name] for name in _split_folders(Path(raw))})
+    if len(inside) > 1:
+        raise BadParameter(f"{raw}: holds the splits {', '.join(inside)}; choose one with --split")
+    return inside[0] if inside else "train"
 
 
-def find_files(raw: str, pattern: str, what: str) -> list[Path]:
+def _split_folders(folder: Path, depth: int = 3) -> Iterator[str]:
+    """Folder names at most ``depth`` levels down that stand for a split; what lies in those is not looked at."""
+    if not depth or not folder.is_dir():
+        return
+    with os.scandir(folder) as entries:
+        inside = sorted(entry.name for entry in entries if entry.is_dir())
+    found = [name.lower() for name in inside if name.lower() in _SPLITS]
+    yield from found
+    if not found and len(inside) <= _MANY:  # a folder of many folders holds recordings, not splits
+        for name in inside:
+            yield from _split_folders(folder / name, depth - 1)
+
+
+def is_of_split(path: Path, root: Path, split: str) -> bool:
+    """Whether no folder between ``root`` and ``path`` is named after another split."""
+    named = {_SPLITS[part.lower()] for part in path.relative_to(root).parts[:-1] if part.lower() in _SPLITS}
+    return named <= {split}
+
+
+def find_files(raw: str, pattern: str, what: str, split: str | None = None) -> list[Path]:
     """Files below ``raw`` that match a glob pattern, sorted; ``raw`` may be such a file itself.
 
     Args:
         raw: Folder or file.
         pattern: Glob, for example ``"*.tfrecord*"``.
         what: What the user should have there, for the message.
+        split: Leave out what lies in folders named after another split.
 
     Raises:
         SourceNotFound: There is no such folder, or nothing in it matches.
@@ -239,7 +269,8 @@ def find_files(raw: str, pattern: str, what: str) -> list[Path]:
         return [root]
     if not root.is_dir():
         raise SourceNotFound(f"{raw}: no such folder; give the folder with {what}")
-    found = sorted(path for path in root.rglob(pattern) if path.is_file())
+    found = [path for path in root.rglob(pattern) if path.is_file() and (not split or is_of_split(path, root, split))]
     if not found:
-        raise SourceNotFound(f"{raw}: nothing named {pattern} in it; give the folder with {what}")
-    return found
+        of_split = f" of split {split}" if split else ""
+        raise SourceNotFound(f"{raw}: nothing named {pattern}{of_split} in it; give the folder with {what}")
+    return sorted(found)

@@ -69,7 +69,7 @@ class Waymo(Converter[Record]):
         """One shard per TFRecord file; see the base class."""
         root = Path(raw)
         folder = root.parent if root.is_file() else root
-        for path in find_files(raw, "*.tfrecord*", f"files like {_EXAMPLE} (the dataset's `scenario` format)"):
+        for path in find_files(raw, "*.tfrecord*", f"files like {_EXAMPLE} (the dataset's `scenario` format)", split):
             item = path.relative_to(folder).as_posix()
             yield Shard(
                 dataset=self.name,

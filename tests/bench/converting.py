@@ -29,9 +29,10 @@ started = time.perf_counter()
 report = convert(dataset, raw, lake)
 seconds = time.perf_counter() - started
 after = resource.getrusage(resource.RUSAGE_SELF)
+status = open("/proc/self/status").read()  # ru_maxrss would count the parent's peak too
 cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 assert report.is_clean, report
-peak_mb = after.ru_maxrss / 1024
+peak_mb = int(status.split("VmHWM:")[1].split()[0]) / 1024
 print(json.dumps({"scenarios": report.converted, "seconds": seconds, "cpu": cpu, "peak_mb": peak_mb}))
 """
 

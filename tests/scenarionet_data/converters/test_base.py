@@ -1,0 +1,38 @@
+"""Which split a raw folder stands for, and which files belong to it."""
+
+from __future__ import annotations
+
+import pytest
+
+from scenarionet_data.converters.base import find_files, guess_split
+from scenarionet_data.errors import BadParameter, SourceNotFound
+
+
+@pytest.fixture
+def raw(tmp_path):
+    for folder in ("motion/validation/a", "motion/validation/b", "other"):
+        (tmp_path / "dataset" / folder).mkdir(parents=True)
+        (tmp_path / "dataset" / folder / "x.made").touch()
+    return tmp_path / "dataset"
+
+
+def test_split_is_told_by_the_path_or_by_the_only_split_inside(raw):
+    assert guess_split(str(raw / "motion/validation/a")) == "val"
+    assert guess_split(str(raw)) == "val"
+    assert guess_split("0:200") == "train"
+
+
+def test_several_splits_inside_ask_for_one(raw):
+    (raw / "training").mkdir()
+    with pytest.raises(BadParameter, match=r"holds the splits train, val; choose one with --split"):
+        guess_split(str(raw))
+    assert guess_split(str(raw / "training")) == "train"
+
+
+def test_files_of_another_split_are_left_out(raw):
+    names = [path.relative_to(raw).as_posix() for path in find_files(str(raw), "*.made", "made files", "val")]
+    assert names == ["motion/validation/a/x.made", "motion/validation/b/x.made", "other/x.made"]
+    names = [path.relative_to(raw).as_posix() for path in find_files(str(raw), "*.made", "made files", "train")]
+    assert names == ["other/x.made"]
+    with pytest.raises(SourceNotFound, match=r"nothing named \*\.made of split train"):
+        find_files(str(raw / "motion"), "*.made", "made files", "train")
