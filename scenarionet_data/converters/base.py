@@ -241,9 +241,9 @@ def _split_folders(folder: Path, depth: int = 3) -> Iterator[str]:
         inside = sorted(entry.name for entry in entries if entry.is_dir())
     found = [name.lower() for name in inside if name.lower() in _SPLITS]
     yield from found
-    if not found and len(inside) <= _MANY:  # a folder of many folders holds recordings, not splits
-        for name in inside:
-            yield from _split_folders(folder / name, depth - 1)
+    others = [name for name in inside if name.lower() not in _SPLITS]
+    for name in others if len(others) <= _MANY else []:  # a folder of many folders holds recordings, not splits
+        yield from _split_folders(folder / name, depth - 1)
 
 
 def is_of_split(path: Path, root: Path, split: str) -> bool:
