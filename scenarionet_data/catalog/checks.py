@@ -9,7 +9,7 @@ real recordings break it now and then.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import pyarrow as pa
@@ -104,22 +104,21 @@ def run_checks(
     holder = lake if database is None else lake.resolve(database)[0]
     broken = _broken_files(holder.files, holder.snapshot)
     engine = Engine(holder.files, holder.snapshot, without=broken["file"].to_pylist())
-    engine.register("broken_files", broken)
-    scope = ""
+    tables, scope = {"broken_files": broken}, ""
     if database is not None:
         found = lake.database(database) if isinstance(database, str) else database
-        engine.register("members", found.members)
-        scope = "SEMI JOIN members USING (scenario_id)"
-    results = [_run(engine, check, scope) for check in chosen]
+        tables["members"], scope = found.members, "SEMI JOIN members USING (scenario_id)"
+    results = [_run(engine, check, scope, tables) for check in chosen]
     engine.close()
     return sorted(results, key=lambda result: (not result.is_hard, result.name))
 
 
-def _run(engine: Engine, check: Check, scope: str) -> CheckResult:
-    rows = engine.arrow(
-        f"SELECT scenario_id, min(detail) AS detail, count(*) OVER () AS num_scenarios "
+def _run(engine: Engine, check: Check, scope: str, tables: Mapping[str, pa.Table]) -> CheckResult:
+    query = (
+        "SELECT scenario_id, min(detail) AS detail, count(*) OVER () AS num_scenarios "
         f"FROM ({check.query}) {scope} GROUP BY scenario_id ORDER BY scenario_id LIMIT {_NUM_EXAMPLES}"
-    ).to_pylist()
+    )
+    rows = engine.arrow(query, **tables).to_pylist()
     examples = tuple((row["scenario_id"], row["detail"]) for row in rows)
     return CheckResult(check.name, check.doc, check.is_hard, rows[0]["num_scenarios"] if rows else 0, examples)
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
+
+import pyarrow as pa
 
 from scenarionet_data.catalog import filters
 from scenarionet_data.catalog.engine import Engine, check_expression
@@ -22,12 +24,18 @@ class Pool:
         snapshot: Its number.
         source: SQL for their metadata.
         parents: ``name@version`` of the database they belong to; empty for the whole lake.
+        tables: Tables that ``source`` names beside the views.
     """
 
     engine: Engine
     snapshot: int
     source: str
     parents: list[str]
+    tables: Mapping[str, pa.Table] = field(default_factory=dict)
+
+    def choose(self, query: str, parameters: Mapping[str, Any]) -> pa.Table:
+        """Rows of a query over ``source``."""
+        return self.engine.arrow(query, parameters, **self.tables)
 
     @property
     def weight(self) -> str:

@@ -6,6 +6,7 @@ Works with DuckDB 1.5 and 2. No extension is loaded or downloaded.
 from __future__ import annotations
 
 import re
+import threading
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -42,6 +43,8 @@ def table_files(files: LakeFiles, snapshot: Snapshot, table: str) -> list[str]:
 class Engine:
     """One locked DuckDB connection over one snapshot; views come into being when a query names them.
 
+    Threads may share it: their queries run one after the other.
+
     Args:
         files: The lake's files.
         snapshot: What the views show.
@@ -58,6 +61,7 @@ class Engine:
         self._without = {str(files.path(name)) for name in without}
         self._connection = duckdb.connect(config={"autoinstall_known_extensions": False})
         self._views: set[str] = set()
+        self._lock = threading.Lock()
         self._connection.execute("SET enable_progress_bar = false")
         self._connection.execute(f"SET allowed_directories = [{_quoted(str(files.root) + '/')}]")
         self._connection.execute("SET enable_external_access = false")
@@ -86,25 +90,27 @@ class Engine:
         except polars.exceptions.PolarsError as error:
             raise QueryError(f"{error}; name columns apart with AS, cast odd types to VARCHAR") from error
 
-    def arrow(self, sql: str, parameters: Mapping[str, Any] | None = None) -> pa.Table:
-        """Like :meth:`select`, as an Arrow table.
+    def arrow(self, sql: str, parameters: Mapping[str, Any] | None = None, **tables: pa.Table) -> pa.Table:
+        """Like :meth:`select`, as an Arrow table; ``tables`` are known to this query by their names.
 
         Raises:
             LakeError: A file is gone or cannot be read.
         """
-        try:
-            query = self._only_select(sql)
-            self._make_views(sql)
-            return self._connection.sql(query, params=dict(parameters or {})).to_arrow_table()
-        except duckdb.IOException as error:
-            raise LakeError(f"{error}; `scenarionet check {self._files.root}` says what is gone or damaged") from error
-        except duckdb.Error as error:
-            raise QueryError(str(error)) from error
-
-    def register(self, name: str, rows: pa.Table) -> None:
-        """Make an Arrow table known to queries under ``name``."""
-        self._connection.register(name, rows)
-        self._views.add(name)
+        with self._lock:  # a connection answers one query at a time
+            for name, rows in tables.items():
+                self._connection.register(name, rows)
+            try:
+                query = self._only_select(sql)
+                self._make_views(sql)
+                return self._connection.sql(query, params=dict(parameters or {})).to_arrow_table()
+            except duckdb.IOException as error:
+                remedy = f"`scenarionet check {self._files.root}` says what is gone or damaged"
+                raise LakeError(f"{error}; {remedy}") from error
+            except duckdb.Error as error:
+                raise QueryError(str(error)) from error
+            finally:
+                for name in tables:
+                    self._connection.unregister(name)
 
     def _only_select(self, sql: str) -> str:
         """The query as one that can only read; everything but a single SELECT is refused.

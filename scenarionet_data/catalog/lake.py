@@ -74,7 +74,9 @@ class Lake:
     # --- questions ------------------------------------------------------------------------------------
 
     def sql(self, query: str, parameters: Mapping[str, Any] | None = None) -> pl.DataFrame:
-        """Rows of one SELECT over the views metadata, tracks, lights, maps, states, objects, shards, quarantine.
+        """Rows of one SELECT over the lake's views.
+
+        They are metadata, tracks, lights, maps, states, steps, objects, shards and quarantine.
 
         Args:
             query: The SELECT.
@@ -192,7 +194,7 @@ class Lake:
         databases.check_name(name)
         pool = self._pool(parent)
         query, bound = choosing.filter_query(pool, where, named, parameters or {})
-        members = pool.engine.arrow(query, bound)
+        members = pool.choose(query, bound)
         return self._save(name, members, "filter", query, bound, pool, overwrite)
 
     def split(
@@ -231,7 +233,7 @@ class Lake:
                 raise DatabaseExists(f"database {name!r} exists; give another --prefix, or --overwrite")
         pool = self._pool(parent)
         query = choosing.split_query(pool, by)
-        drawn = pool.engine.arrow(query, {"seed": str(seed)})
+        drawn = pool.choose(query, {"seed": str(seed)})
         u, made = drawn["u"].to_numpy(), {}
         for part, (lower, upper) in intervals.items():
             bound = {"seed": seed, "by": by, "from": lower, "to": upper}
@@ -250,9 +252,9 @@ class Lake:
             return Pool(self._engine, self.snapshot.number, "metadata", [])
         found = self._resolve(parent)
         holder = self._holding(found)[0]
-        holder._engine.register("members", found.members)
         scenarios = "metadata JOIN (SELECT scenario_id, position, weight FROM members) USING (scenario_id)"
-        return Pool(holder._engine, holder.snapshot.number, scenarios, [found.reference])
+        tables = {"members": found.members}
+        return Pool(holder._engine, holder.snapshot.number, scenarios, [found.reference], tables)
 
     def members(self, database: Database | str) -> pa.Table:
         """Address and description columns of a database's members, in order.

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import multiprocessing
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -109,10 +110,11 @@ def test_two_jobs_at_once_make_one_lake(tmp_path, kind):
     first = raw_of(tmp_path / "first", 0, 8)
     second = first if kind == "the same recordings" else raw_of(tmp_path / "second", 50, 8)
     jobs = [start(raw, tmp_path / "lake") for raw in (first, second)]
-    for job in jobs:
-        output = job.communicate(timeout=60)[0]
-        assert job.returncode == 0
-        assert output == "16 []\n"
+    outputs = [job.communicate(timeout=60)[0] for job in jobs]
+    assert [job.returncode for job in jobs] == [0, 0]
+    # Of the same recordings, the job that comes late converts what is left, or nothing.
+    assert all(re.fullmatch(r"\d+ \[\]\n", output) for output in outputs)
+    assert sum(int(output.split()[0]) for output in outputs) >= 16
     run(first, tmp_path / "undisturbed")
     run(second, tmp_path / "undisturbed")
     assert content(tmp_path / "lake") == content(tmp_path / "undisturbed")

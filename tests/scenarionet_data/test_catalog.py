@@ -7,6 +7,7 @@ import hashlib
 import re
 import shutil
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -332,6 +333,28 @@ def test_order_and_limit_are_the_queries(lake):
     ids = sorted(scenario.id for scenario in scenarios())
     query = "SELECT scenario_id FROM metadata ORDER BY scenario_id DESC LIMIT 3 OFFSET 1"
     assert lake.sql(query)["scenario_id"].to_list() == ids[::-1][1:4]
+
+
+def test_threads_may_ask_at_once(tmp_path):
+    """A server asks from many threads; answers must not be mixed up."""
+    lake = write_lake(tmp_path, [make_scenario(k, num_objects=2, num_steps=4) for k in range(8)])
+    ids = lake.sql("SELECT scenario_id FROM metadata ORDER BY 1")["scenario_id"].to_list()
+    lake = lake.refresh()
+
+    def ask(k):
+        states = lake.sql("SELECT $k AS k, count(*) AS n FROM states WHERE timestep = $t", {"k": k, "t": k % 4})
+        return states["k"][0], lake.locate(ids[k % 8 :])["scenario_id"].to_pylist()
+
+    with ThreadPoolExecutor(8) as pool:
+        assert list(pool.map(ask, range(40))) == [(k, ids[k % 8 :]) for k in range(40)]
+
+
+def test_tables_of_one_query_are_unknown_to_the_next(own):
+    own.filter("true", name="all")
+    own.filter("true", name="again", parent="all")
+    for table in ("members", "wanted"):
+        with pytest.raises(QueryError, match=f"{table} does not exist"):
+            own.sql(f"SELECT * FROM {table}")
 
 
 def test_odd_results_are_query_errors(lake):
