@@ -207,6 +207,7 @@ _SPLITS = {
     "validation": "val",
     "test": "test",
     "testing": "test",
+    "test_obs": "test",
     "mini": "mini",
 }
 
