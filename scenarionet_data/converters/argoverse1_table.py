@@ -36,6 +36,7 @@ _TYPES = {
     "Y": pa.float64(),
     "CITY_NAME": pa.string(),
 }
+_CONVERT = pa.csv.ConvertOptions(column_types=_TYPES, include_columns=list(_TYPES))
 _HEADER = ",".join(_TYPES).encode()
 
 
@@ -108,7 +109,7 @@ def _read(path: Path) -> dict[str, Any]:
         table = pa.csv.read_csv(
             pa.BufferReader(data),
             pa.csv.ReadOptions(use_threads=False, block_size=max(len(data), 1)),
-            convert_options=pa.csv.ConvertOptions(column_types=_TYPES, include_columns=list(_TYPES)),
+            convert_options=_CONVERT,
         )
     except (OSError, KeyError, pa.ArrowException) as error:
         reason = str(error).splitlines()[0].strip("'") if str(error) else type(error).__name__
