@@ -11,18 +11,19 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import numpy.typing as npt
 
-from scenarionet_data.building import MapBuilder
+from scenarionet_data.building import METRES, MapBuilder, meets, rounded
 from scenarionet_data.converters.argoverse1_neighbors import Sides, sort_sides
 from scenarionet_data.errors import CorruptSource
 from scenarionet_data.ragged import Ragged
+from scenarionet_data.scenario import MapFeatures
 from scenarionet_data.vocabulary import MapFeatureType
 
 Float64 = npt.NDArray[np.float64]
@@ -42,12 +43,33 @@ class City:
     Attributes:
         map_id: For example ``MIA-10316``.
         features: All of it.
-        bounds: (M, 4) [m] of each feature.
+        centers: Centreline of each feature, points (P, 2) float64 [m].
     """
 
     map_id: str
     features: MapBuilder
-    bounds: Float64
+    centers: Ragged
+
+    @cached_property
+    def _bounds(self) -> Float64:
+        return self.features.bounds
+
+    @cached_property
+    def _flat(self) -> MapFeatures:
+        return self.features.build(np.zeros(3), has_z=False)
+
+    def crop(self, window: tuple[float, float, float, float], origin: Float64) -> MapFeatures:
+        """What ``features.crop(window).build(origin, has_z=False)`` gives, several times as fast.
+
+        Args:
+            window: min_x, min_y, max_x, max_y [m] in the city's frame.
+            origin: (3,) of the scenario.
+        """
+        rows = np.flatnonzero(meets(self._bounds, window))
+        near = self.centers.take(rows)
+        points = np.zeros((len(near.values), 3), np.float32)
+        points[:, :2] = rounded(near.values - origin[:2], METRES)
+        return replace(self._flat.take(rows), polyline=Ragged(near.offsets, points))
 
 
 @dataclass
@@ -112,7 +134,7 @@ def _read_city(path: Path, state: tuple[int, int]) -> City:  # noqa: ARG001  # a
     except (OSError, ElementTree.ParseError, ValueError, KeyError) as error:
         reason = f"no {error}" if isinstance(error, KeyError) else str(error)
         raise CorruptSource(f"{path}: wanted an Argoverse 1 vector map ({reason}); download it again") from error
-    return City(map_id(path), features, features.bounds)
+    return City(map_id(path), features, centers)
 
 
 def _read_lanes(root: ElementTree.Element) -> tuple[list[Lane], Ragged]:

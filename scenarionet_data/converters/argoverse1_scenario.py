@@ -87,7 +87,7 @@ def _window(motion: Motion, ego: int, origin: Float64, radius: float) -> tuple[f
 
 def _roads(city: City, crop: tuple[float, float, float, float], origin: Float64) -> MapFeatures:
     min_x, min_y, max_x, max_y = np.asarray(crop) + np.tile(origin[:2], 2)
-    return city.features.crop((min_x, min_y, max_x, max_y), city.bounds).build(origin, has_z=False)
+    return city.crop((min_x, min_y, max_x, max_y), origin)
 
 
 def _tracks(

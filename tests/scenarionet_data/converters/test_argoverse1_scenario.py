@@ -9,10 +9,11 @@ import pyarrow.csv
 import pytest
 
 from scenarionet_data.converters.argoverse1 import Argoverse1, Argoverse1Options
+from scenarionet_data.converters.argoverse1_map import read_city
 from scenarionet_data.geometry import wrap_angle
 from scenarionet_data.jsontext import from_json
 from scenarionet_data.scenario import MapFeatures, ScenarioDescription
-from scenarionet_data.testing import ConverterConformance
+from scenarionet_data.testing import ConverterConformance, differences
 from scenarionet_data.vocabulary import MapFeatureType, ObjectType
 from tests.fixtures import argoverse1 as fixture
 from tests.fixtures.argoverse1 import branch_id, lane_id
@@ -155,6 +156,14 @@ def test_the_crop_holds_what_is_near_the_ego(tmp_path: Path) -> None:
     lower, upper = large.map.polyline.bounds()
     min_x, min_y, max_x, max_y = large.map_crop
     assert ((lower[:, 0] <= max_x) & (upper[:, 0] >= min_x) & (lower[:, 1] <= max_y) & (upper[:, 1] >= min_y)).all()
+
+
+def test_a_crop_is_what_the_builder_makes(tmp_path: Path) -> None:
+    city = read_city(fixture.write_map(tmp_path, "MIA", num_roads=3))
+    origin = np.append(np.round(fixture.CENTER["MIA"]), 0.0)
+    for size in (5.0, 60.0, 1e4, -1e4):
+        window = (*(origin[:2] - size), *(origin[:2] + size))
+        assert differences(city.crop(window, origin), city.features.crop(window).build(origin, has_z=False)) == []
 
 
 # --- recordings -----------------------------------------------------------------------------------------
