@@ -12,18 +12,25 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from itertools import islice
 from pathlib import Path
 
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.argoverse1_map import City, find_maps, map_id, read_city
 from scenarionet_data.converters.argoverse1_scenario import describe
 from scenarionet_data.converters.argoverse1_table import is_recording, read_recording
-from scenarionet_data.converters.base import Budgets, Converter, Options, RawItem, Shard, bucket, fingerprint
+from scenarionet_data.converters.base import (
+    Budgets,
+    Converter,
+    Options,
+    RawItem,
+    Shard,
+    bucket,
+    find_files,
+    fingerprint,
+)
 from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario, SourceNotFound
 from scenarionet_data.scenario import ScenarioDescription, make_scenario_id
 
-_SPLIT_FOLDERS = {"train": "train", "val": "val", "test": "test_obs"}
 _FINGERPRINT_SAMPLE = 4096
 """Bytes: a file has 90 kB, and there are 300,000 of them to list."""
 _PEEKED = 16
@@ -70,16 +77,17 @@ class Argoverse1(Converter[RawItem]):
 
     def shards(self, raw: str, split: str, version: str, options: Argoverse1Options) -> Iterator[Shard]:
         """Buckets of files, see :meth:`Converter.shards`."""
-        files = _find_recordings(Path(raw), split)
+        files = _find_recordings(raw, split)
+        root = Path(raw) if Path(raw).is_dir() else Path(raw).parent
         maps = _maps_for(raw, options)
         known = fingerprint(maps) if maps else ""  # a map that arrives later changes what stands on it
         resolved = replace(options, maps=os.pathsep.join(map(str, maps)))  # workers need not search
         items = [
-            RawItem(path.relative_to(raw).as_posix(), fingerprint([path], _FINGERPRINT_SAMPLE) + known)
+            RawItem(path.relative_to(root).as_posix(), fingerprint([path], _FINGERPRINT_SAMPLE) + known)
             for path in files
         ]
         for name, members in bucket(items).items():
-            yield Shard(self.name, version, split, name, raw, members, resolved)
+            yield Shard(self.name, version, split, name, str(root), members, resolved)
 
     def records(self, shard: Shard) -> Iterator[RawItem]:
         """The files of a bucket, see :meth:`Converter.records`."""
@@ -101,23 +109,14 @@ class Argoverse1(Converter[RawItem]):
         return describe(shard, scenario_id, record.name, recording, city, options.radius, self.licence)
 
 
-def _find_recordings(root: Path, split: str) -> list[Path]:
-    """The CSV files below a folder, but for folders of other splits, so it may be that of the whole dataset.
+def _find_recordings(raw: str, split: str) -> list[Path]:
+    """The CSV files of a split.
 
     Raises:
         SourceNotFound: There are none, or they are another dataset's.
     """
-    others = set(_SPLIT_FOLDERS.values()) - {_SPLIT_FOLDERS.get(split)} if split in _SPLIT_FOLDERS else set()
-    found: list[Path] = []
-    for folder, subfolders, names in os.walk(root):
-        subfolders[:] = set(subfolders) - others
-        found += (Path(folder, name) for name in names if name.endswith(".csv"))
-    found.sort()
-    if not found:
-        raise SourceNotFound(
-            f"{root}: no *.csv of split {split} in it; give the folder of that split, or of the whole dataset"
-        )
-    if not any(is_recording(path) for path in islice(found, _PEEKED)):
+    found = find_files(raw, "*.csv", f"Argoverse 1 recordings of split {split}", split)
+    if not any(map(is_recording, found[:_PEEKED])):
         raise SourceNotFound(f"{found[0]} and its like are no Argoverse 1 recordings; give a folder that holds some")
     return found
 

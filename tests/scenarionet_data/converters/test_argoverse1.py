@@ -75,7 +75,7 @@ def test_splits_are_told_apart(tmp_path: Path) -> None:
     assert "argoverse1/v1.1/val-1" in ids
     assert len(set(ids)) == 6
     assert guess_split(str(tmp_path / "test_obs")) == "test"
-    with pytest.raises(SourceNotFound, match="of split val"):
+    with pytest.raises(SourceNotFound, match=r"no such folder.*of split val"):
         shards(CONVERTER, tmp_path / "train" / "nothing", "val", has_map=False)
 
 
@@ -95,6 +95,13 @@ def test_maps_are_found_below_raw_or_where_they_are_said_to_be(tmp_path: Path) -
     assert list(CONVERTER.maps(str(raw), "v1.1", Argoverse1Options(has_map=False))) == []
 
 
+def test_one_file_is_enough(raw: Path) -> None:
+    (whole,) = [s for s in scenarios(CONVERTER, raw) if s.source.scenario_id == "2"]
+    (alone,) = scenarios(CONVERTER, raw / "train" / "data" / "2.csv", maps=str(raw))
+    assert alone.source.file == "2.csv"
+    assert differences(alone.tracks, whole.tracks) == []
+
+
 def test_a_map_that_arrives_later_changes_the_recordings(raw: Path) -> None:
     (before,) = shards(CONVERTER, raw)
     fixture.write_map(raw / "map_files", "MIA")
@@ -103,7 +110,7 @@ def test_a_map_that_arrives_later_changes_the_recordings(raw: Path) -> None:
 
 
 def test_other_folders_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(SourceNotFound, match=r"no \*\.csv of split train"):
+    with pytest.raises(SourceNotFound, match=r"nothing named \*\.csv"):
         shards(CONVERTER, tmp_path)
     (tmp_path / "table.csv").write_text("iteration,loss\n1,2\n")
     with pytest.raises(SourceNotFound, match="no Argoverse 1 recordings"):
