@@ -20,6 +20,7 @@ from scenarionet_data import converters
 from scenarionet_data.converters.base import Converter, Options, Shard, guess_split
 from scenarionet_data.errors import BadParameter, LakeError, SourceError, WorkerLost
 from scenarionet_data.plan import Plan, make_plan
+from scenarionet_data.selection import Selection
 from scenarionet_data.store import commit as commits
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
@@ -121,6 +122,7 @@ def convert(
     workers: int = 1,
     run: Run | None = None,
     limit: int | None = None,
+    selection: Selection | None = None,
     replace_old: bool = False,
     stale: bool = False,
     on_progress: Progress | None = None,
@@ -137,18 +139,22 @@ def convert(
         workers: Processes.
         run: Runs jobs in place of the processes, for example on a cluster.
         limit: Stop after that many scenarios, for a quick look.
+        selection: Which of the recordings; all unless given.
         replace_old: Replace shards converted with other options, from changed files, or by another version.
         stale: Replace shards converted by another converter version.
         on_progress: Told when shards are about to be converted, and about every finished one.
 
     Raises:
         SourceNotFound: Nothing of this dataset at ``raw``.
+        BadParameter: The selection leaves nothing, or asks for what is not known before reading.
         DuplicateScenario: The recordings are in the lake already, converted with other options.
         LakeError: The lake cannot be written.
     """
     started = time.monotonic()
     converter = converters.get(dataset)
-    files, maps, plan = _prepare(converter, raw, lake, split, version, options, replace_old=replace_old, stale=stale)
+    files, maps, plan = _prepare(
+        converter, raw, lake, split, version, options, selection or Selection(), replace_old=replace_old, stale=stale
+    )
     files.sweep()
     report = Report(skipped=plan.num_skipped, stale=plan.num_stale)
     _convert_maps(files, [Job(dataset, shard, str(files.root)) for shard in maps.shards], maps, report)
@@ -177,6 +183,7 @@ def plan_conversion(
     split: str | None = None,
     version: str | None = None,
     options: Options | None = None,
+    selection: Selection | None = None,
     replace_old: bool = False,
     stale: bool = False,
 ) -> Plan:
@@ -184,10 +191,13 @@ def plan_conversion(
 
     Raises:
         SourceNotFound: Nothing of this dataset at ``raw``.
+        BadParameter: The selection leaves nothing, or asks for what is not known before reading.
         DuplicateScenario: The recordings are in the lake already, converted with other options.
     """
     converter = converters.get(dataset)
-    return _prepare(converter, raw, lake, split, version, options, replace_old=replace_old, stale=stale)[2]
+    return _prepare(
+        converter, raw, lake, split, version, options, selection or Selection(), replace_old=replace_old, stale=stale
+    )[2]
 
 
 def _prepare(
@@ -197,6 +207,7 @@ def _prepare(
     split: str | None,
     version: str | None,
     options: Options | None,
+    selection: Selection,
     *,
     replace_old: bool,
     stale: bool,
@@ -208,9 +219,10 @@ def _prepare(
             raise BadParameter(f"--{name} {value!r}: use letters, digits, '.', '_' and '-'")
     files, chosen = LakeFiles(lake), options or converter.Options()
     held = snapshots.shards(files, snapshots.read(files))
+    chosen_shards = selection.of(converter.shards(raw, split, version, chosen))
     maps, scenarios = (
         make_plan(wanted, held, converter.version, replace_old=replace_old, stale=stale)
-        for wanted in (converter.maps(raw, version, chosen), converter.shards(raw, split, version, chosen))
+        for wanted in (converter.maps(raw, version, chosen), chosen_shards)
     )
     return files, maps, scenarios
 

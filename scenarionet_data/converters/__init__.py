@@ -15,6 +15,7 @@ from scenarionet_data.converters.base import Converter
 from scenarionet_data.errors import SourceNotFound
 
 _BUILTIN = {
+    "argoverse1": "scenarionet_data.converters.argoverse1:Argoverse1",
     "argoverse2": "scenarionet_data.converters.argoverse2:Argoverse2",
     "nuplan": "scenarionet_data.converters.nuplan:NuPlan",
     "pg": "scenarionet_data.converters.pg:Procedural",

@@ -70,11 +70,14 @@ class Argoverse2(Converter[RawItem | Window]):
         scenarios, logs = _find(Path(raw), split, options.kind)
         items = [_item(raw, path, _scenario_files(path)) for path in scenarios]
         for name, members in bucket(items).items():
-            yield Shard(self.name, version, split, f"forecasting-{name}", raw, members, options)
+            yield Shard(
+                self.name, version, split, f"forecasting-{name}", raw, members, options, {"kind": "forecasting"}
+            )
         for path in logs:
             name = "sensor-" + re.sub(r"[^A-Za-z0-9._-]", "-", path.resolve().parent.name)
             items = [_item(raw, path, log_files(path))]
-            yield Shard(self.name, version, split, name, raw, tuple(items), options)
+            facts = {"kind": "sensor", "log": path.resolve().parent.name}
+            yield Shard(self.name, version, split, name, raw, tuple(items), options, facts)
 
     def records(self, shard: Shard) -> Iterator[RawItem | Window]:
         """Scenario folders as they are, or the windows of a sensor log, see :meth:`Converter.records`."""

@@ -10,8 +10,8 @@ import hashlib
 import json
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path, PurePath
 from typing import Any, ClassVar, Generic, TypeVar
 
@@ -51,6 +51,7 @@ class Shard:
         root: The raw folder; not part of the key, so that recordings may move.
         items: Raw inputs; when some of them are in the lake already, the rest becomes the shard.
         options: The converter's options.
+        facts: What is known without reading, to choose shards by: location, log, date, ...; not part of the key.
     """
 
     dataset: str
@@ -60,6 +61,7 @@ class Shard:
     root: str
     items: tuple[RawItem, ...]
     options: Options
+    facts: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     @property
     def options_text(self) -> str:
@@ -207,6 +209,7 @@ _SPLITS = {
     "validation": "val",
     "test": "test",
     "testing": "test",
+    "test_obs": "test",
     "mini": "mini",
 }
 

@@ -89,7 +89,7 @@ class NuPlan(Converter[Cut]):
         for log in sorted(logs_of(split, Path(raw)), key=lambda log: (place_of(log).map_name, log.stem)):
             item = RawItem(log.relative_to(raw).as_posix(), fingerprint([log, atlas.manifest]))
             name = re.sub(r"[^A-Za-z0-9._-]", "-", log.stem)
-            yield Shard(self.name, version, split, name, raw, (item,), resolved)
+            yield Shard(self.name, version, split, name, raw, (item,), resolved, _facts(log))
 
     def records(self, shard: Shard) -> Iterator[Cut]:
         """The windows of a log, see :meth:`Converter.records`."""
@@ -126,6 +126,12 @@ class NuPlan(Converter[Cut]):
     def map_features(self, shard: Shard) -> MapBuilder:
         """Read a city's map, see :meth:`Converter.map_features`."""
         return read_city(shard.paths[0]).features
+
+
+def _facts(log: Path) -> dict[str, str]:
+    place = place_of(log)
+    told = {"log": log.stem, "location": place.map_name, "date": place.date}
+    return {key: value for key, value in told.items() if value}
 
 
 def _windows(log: Log, options: NuPlanOptions) -> list[Window]:

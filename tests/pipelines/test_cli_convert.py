@@ -62,12 +62,28 @@ def test_failed_shards_are_named(raw, tmp_path):
 def test_dry_run_writes_nothing(raw, lake, tmp_path, ok, as_json):
     text = ok("convert", NAME, raw, tmp_path / "new", "--dry-run")
     assert "would convert  2 shards with 2 raw inputs" in text
+    assert "would take     about " in text
     assert not (tmp_path / "new").exists()
     write_raw(raw, {"c": ["21"]})
-    assert as_json("convert", NAME, raw, lake, "--dry-run") == {
-        "shards": ["made/v1/train/c"], "inputs": 1, "skipped": 2, "replaced": 0, "stale": 0,
-    }  # fmt: skip
+    found = as_json("convert", NAME, raw, lake, "--dry-run")
+    assert found.pop("seconds") > 0
+    assert found == {"shards": ["made/v1/train/c"], "inputs": 1, "skipped": 2, "replaced": 0, "stale": 0}
     assert Lake(lake).snapshot.number == 1
+
+
+def test_where_and_files_choose(raw, tmp_path, ok):
+    text = ok("convert", NAME, raw, tmp_path / "new", "--dry-run", "--where", "file=a*")
+    assert "would convert  1 shard with 1 raw input" in text
+    text = ok("convert", NAME, raw, tmp_path / "new", "--dry-run", "--files", "1:")
+    assert "would convert  1 shard with 1 raw input" in text
+    for words, message in (
+        (["--where", "city=pit"], "known before reading are file, name"),
+        (["--where", "city"], "wants name=value"),
+        (["--files", "5"], "wants START:END"),
+    ):
+        refused = run("convert", NAME, raw, tmp_path / "new", *words)
+        assert refused.exit_code == 2
+        assert message in refused.stderr
 
 
 def test_options_replace_and_limit(raw, lake, ok):

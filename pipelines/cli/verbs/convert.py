@@ -10,7 +10,7 @@ import click
 from pipelines.cli.group import one_line, verb
 from pipelines.cli.interrupt import Interrupted
 from pipelines.cli.output import count, duration, print_json, print_table, size
-from pipelines.cli.parameters import json_option, lake_argument, quiet_option
+from pipelines.cli.parameters import json_option, lake_argument, pairs, quiet_option
 from pipelines.cli.progress import Progress
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ _REASONS = 5
     "scenarionet convert pg 0:200 lake --split train --workers 2",
     "scenarionet convert waymo raw/waymo/validation lake --limit 10",
     "scenarionet convert scenarionet pickles/nuscenes lake --dry-run",
+    "scenarionet convert nuplan raw/nuplan lake --where 'location=us-nv-*' --files 0:10",
 )
 @click.argument("dataset")
 @click.argument("raw")
@@ -34,9 +35,11 @@ _REASONS = 5
 @click.option("--version", help="The dataset's release. [default: the converter's]")
 @click.option("--workers", type=click.IntRange(1), help="Processes. [default: one a core, 2 GB of memory each]")
 @click.option("--limit", type=click.IntRange(1), help="Stop after that many scenarios, for a quick look.")
+@click.option("--files", metavar="START:END", help="Only these of the raw inputs, counted from 0: 0:10, or 10:.")
+@click.option("--where", multiple=True, metavar="KEY=PATTERN", help="Only what is known to be so: file, name, log, ...")
 @click.option("--replace", is_flag=True, help="Replace what was converted with other options or has changed.")
 @click.option("--stale", is_flag=True, help="Replace what another version of the converter wrote.")
-@click.option("--dry-run", is_flag=True, help="Say what there is to do, and do nothing.")
+@click.option("--dry-run", is_flag=True, help="Say what there is to do, and about how long it takes.")
 @click.option("-O", "options", multiple=True, metavar="KEY=VALUE", help="An option of the converter; repeatable.")
 @json_option
 @quiet_option
@@ -48,6 +51,8 @@ def command(
     version: str | None,
     workers: int | None,
     limit: int | None,
+    files: str | None,
+    where: tuple[str, ...],
     replace: bool,
     stale: bool,
     dry_run: bool,
@@ -62,21 +67,27 @@ def command(
 
     What is converted once is never converted again: run the same command after an interruption, or when
     recordings were added, and it goes on from there.
+
+    --where chooses by what is known before anything is read, with shell patterns: the file of an input, the name
+    of its shard, and what the dataset tells, for example the log, location and date of nuPlan's logs. --dry-run
+    converts a few inputs into a folder that it throws away, to say how long the rest will take.
     """
     from pipelines.cli import converter
     from pipelines.machine import default_workers
     from scenarionet_data.conversion import convert, plan_conversion
+    from scenarionet_data.selection import Selection, parse_slice
 
     chosen = converter.parse_options(converter.find(dataset), options)
     common: dict[str, Any] = {
         "split": split,
         "version": version,
         "options": chosen,
+        "selection": Selection(pairs(where, "--where"), parse_slice(files or ":")),
         "replace_old": replace,
         "stale": stale,
     }
     if dry_run:
-        _print_plan(plan_conversion(dataset, raw, lake, **common), as_json)
+        _print_plan(dataset, plan_conversion(dataset, raw, lake, **common), workers or default_workers(), as_json)
         return
     with Progress(f"convert {dataset}", "shard", is_quiet=quiet) as progress:
         try:
@@ -101,18 +112,26 @@ def _kept(progress: Progress, lake: str) -> str:
     return f"{kept}; the same command goes on from there"
 
 
-def _print_plan(plan: Plan, as_json: bool) -> None:
+def _print_plan(dataset: str, plan: Plan, workers: int, as_json: bool) -> None:
+    from scenarionet_data.pace import measure_pace
+
     num_inputs = sum(len(shard.items) for shard in plan.shards)
+    pace = measure_pace(dataset, plan.shards)
+    processes = min(workers, len(plan.shards))
+    seconds = pace.duration(num_inputs, processes) if pace else None
     if as_json:
         facts = {"skipped": plan.num_skipped, "replaced": len(plan.replaced), "stale": plan.num_stale}
         names = [f"{shard.dataset}/{shard.version}/{shard.split}/{shard.name}" for shard in plan.shards]
-        print_json({"shards": names, "inputs": num_inputs, **facts})
+        print_json({"shards": names, "inputs": num_inputs, "seconds": seconds, **facts})
         return
     rows = [
         ("would convert", f"{count(len(plan.shards), 'shard')} with {count(num_inputs, 'raw input')}"),
         ("would skip", f"{count(plan.num_skipped, 'shard')} that the lake has already"),
         ("would replace", count(len(plan.replaced), "shard")),
     ]
+    if pace and seconds is not None:
+        measured = f"as {count(pace.inputs, 'input')} with {count(pace.scenarios, 'scenario')} took"
+        rows += [("would take", f"about {duration(seconds)} with {count(processes, 'worker')}, {measured}")]
     print_table(rows + _stale_row(plan.num_stale))
 
 

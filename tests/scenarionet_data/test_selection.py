@@ -1,0 +1,122 @@
+"""Choosing recordings before they are read, and how long they will take."""
+
+from __future__ import annotations
+
+import pickle
+
+import pytest
+
+from scenarionet_data import Lake, convert
+from scenarionet_data.conversion import plan_conversion
+from scenarionet_data.converters.base import Options, RawItem, Shard
+from scenarionet_data.errors import BadParameter
+from scenarionet_data.pace import Pace, measure_pace
+from scenarionet_data.selection import Selection, parse_slice
+from tests.fixtures.made import BUCKETED, NAME, MadeOptions, write_raw
+
+FEW = MadeOptions(num_objects=2)
+
+
+def shard(name: str, items: int, **facts: str) -> Shard:
+    files = tuple(RawItem(f"{name}/{number}.raw", "0") for number in range(items))
+    return Shard("made", "v1", "train", name, "/raw", files, Options(), facts)
+
+
+SHARDS = [shard("a", 3, location="pit", date="2021-05-01"), shard("b", 2, location="miami"), shard("c", 2)]
+
+
+def names(selection: Selection) -> list[str]:
+    return [item.name for chosen in selection.of(SHARDS) for item in chosen.items]
+
+
+def test_everything_is_wanted_unless_told_otherwise() -> None:
+    assert Selection().of(iter(SHARDS)) == SHARDS
+    assert Selection({"location": "pit"}).of([]) == []
+
+
+@pytest.mark.parametrize(
+    ("where", "wanted"),
+    [
+        ({"location": "pit"}, ["a/0.raw", "a/1.raw", "a/2.raw"]),
+        ({"location": "*i*"}, ["a/0.raw", "a/1.raw", "a/2.raw", "b/0.raw", "b/1.raw"]),
+        ({"date": "2021-05-*", "file": "*/1.*"}, ["a/1.raw"]),
+        ({"name": "[bc]", "file": "*0.raw"}, ["b/0.raw", "c/0.raw"]),
+    ],
+)
+def test_where_chooses_shards_and_inputs(where: dict[str, str], wanted: list[str]) -> None:
+    assert names(Selection(where)) == wanted
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        ("0:2", ["a/0.raw", "a/1.raw"]),
+        ("2:4", ["a/2.raw", "b/0.raw"]),
+        ("5:", ["c/0.raw", "c/1.raw"]),
+        (":1", ["a/0.raw"]),
+        ("6:100", ["c/1.raw"]),
+    ],
+)
+def test_files_counts_inputs_over_all_shards(text: str, wanted: list[str]) -> None:
+    assert names(Selection(files=parse_slice(text))) == wanted
+
+
+def test_files_counts_what_where_leaves() -> None:
+    assert names(Selection({"location": "*"}, slice(2, 4))) == ["a/2.raw", "b/0.raw"]
+    assert names(Selection({"location": "miami"}, slice(1, None))) == ["b/1.raw"]
+
+
+def test_what_cannot_be_chosen_is_said() -> None:
+    with pytest.raises(BadParameter, match="--where city: known before reading are date, file, location, name"):
+        Selection({"city": "pit"}).of(SHARDS)
+    with pytest.raises(BadParameter, match="nothing is left of 3 shards; there is location miami, pit"):
+        Selection({"location": "boston"}).of(SHARDS)
+    with pytest.raises(BadParameter, match="--files counts 7 raw inputs, from 0"):
+        Selection(files=slice(7, 9)).of(SHARDS)
+
+
+@pytest.mark.parametrize("text", ["", "3", "a:b", "-1:", "1:2:3"])
+def test_slices_that_are_none_are_refused(text: str) -> None:
+    with pytest.raises(BadParameter, match="START:END"):
+        parse_slice(text)
+
+
+def test_facts_travel_but_are_no_part_of_the_key() -> None:
+    first, same = SHARDS[0], shard("a", 3)
+    assert first.key("1") == same.key("1")
+    assert pickle.loads(pickle.dumps(first)) == first
+    assert hash(first) == hash(same)
+
+
+@pytest.mark.parametrize("dataset", [NAME, BUCKETED])
+def test_the_rest_is_converted_later(dataset: str, tmp_path) -> None:
+    raw, root = tmp_path / "raw", tmp_path / "lake"
+    write_raw(raw, {name: [number] for number, name in enumerate("abcde")})
+    some = convert(dataset, str(raw), root, options=FEW, selection=Selection({"file": "[ab]*"}))
+    assert some.converted == 2
+    more = convert(dataset, str(raw), root, options=FEW, selection=Selection(files=slice(0, 4)))
+    rest = convert(dataset, str(raw), root, options=FEW)
+    assert more.converted + rest.converted == 3
+    found = Lake(root).sql("SELECT scenario_id FROM metadata")["scenario_id"].to_list()
+    assert len(found) == len(set(found)) == 5
+
+
+def test_the_pace_is_measured_and_leaves_nothing(tmp_path) -> None:
+    raw = write_raw(tmp_path / "raw", {f"f{number}": [number] for number in range(12)})
+    plan = plan_conversion(BUCKETED, str(raw), tmp_path / "lake", options=FEW)
+    pace = measure_pace(BUCKETED, plan.shards, budget=60.0)
+    assert pace is not None
+    assert (pace.inputs, pace.scenarios) == (5, 5)  # 1 and 2 and 4 before
+    assert 0 < pace.seconds < 30
+    assert not (tmp_path / "lake").exists()
+    assert measure_pace(BUCKETED, plan.shards, budget=0.0).inputs == 1
+    assert measure_pace(BUCKETED, ()) is None
+    write_raw(raw, {f"f{number}": ["corrupt"] for number in range(12)})
+    assert measure_pace(BUCKETED, plan.shards) is None
+
+
+def test_the_pace_scales_with_inputs_and_workers() -> None:
+    pace = Pace(seconds=2.0, inputs=4, scenarios=40)
+    assert pace.duration(100, 4) == 50.0
+    assert pace.duration(2, 16) == 2.0
+    assert pace.duration(0, 4) == 0.0
