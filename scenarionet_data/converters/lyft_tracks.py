@@ -1,0 +1,136 @@
+"""Lyft's agents on a grid of tracks and timesteps, and the recording car, which is not among them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.building import make_tracks
+from scenarionet_data.converters.lyft_recording import Content
+from scenarionet_data.errors import InvalidScenario
+from scenarionet_data.geometry import estimate_velocity
+from scenarionet_data.scenario import Bool, Float64, Tracks
+from scenarionet_data.vocabulary import ObjectType
+
+EGO = "ego"
+EGO_SIZE = (4.87, 1.85, 1.8)
+"""Length, width, height [m] that the owner assumes of the recording car, with sensors
+(``l5kit/rasterization/rasterizer.py``)."""
+
+MOVING = 0.5
+"""[m/s] from which on an object that stands still by its recorded velocity is taken to move: above what the noise
+of box centres makes of most parked cars (half of them stay below 0.2 m/s)."""
+
+# A bicycle or motorcycle that nobody rides is no cyclist: the dataset has labels of their own for riders.
+_GROUPS = {
+    ObjectType.VEHICLE: "CAR VAN TRAM BUS TRUCK EMERGENCY_VEHICLE OTHER_VEHICLE",
+    ObjectType.CYCLIST: "CYCLIST MOTORCYCLIST",
+    ObjectType.PEDESTRIAN: "PEDESTRIAN",
+}
+_TYPES = {f"PERCEPTION_LABEL_{word}": kind for kind, words in _GROUPS.items() for word in words.split()}
+_UNTOLD = frozenset(
+    {*(f"PERCEPTION_LABEL_{word}" for word in ("NOT_SET", "UNKNOWN", "DONTCARE")), "AVRESEARCH_LABEL_DONTCARE"}
+)
+
+
+def tracks(
+    content: Content, labels: Sequence[str], origin: Float64, where: str, keep_unknown: bool
+) -> tuple[Tracks, int]:
+    """The agents, the ego after them, and how many velocities were repaired.
+
+    A track has the label that is the most probable over its frames. The source writes a velocity of exactly zero
+    where it has estimated none, also for road users that move; there it is estimated from the positions.
+
+    Args:
+        content: T frames.
+        labels: Words of the labels.
+        origin: (3,) [m].
+        where: Names the scenario in errors.
+        keep_unknown: Whether to keep objects of which the source does not say what they are.
+
+    Raises:
+        InvalidScenario: A track has two rows in one frame.
+    """
+    grid = _Grid(content, where)
+    words, is_varied = _words(grid, content, labels)
+    rows = np.flatnonzero(keep_unknown | ~np.isin(words, list(_UNTOLD)))
+    times = (content.times - content.times[0]) * 1e-9
+    valid = np.concatenate([grid.valid[rows], np.ones((1, len(times)), np.bool_)])
+    agents = content.agents
+    path = _with_ego(grid.place(agents["centroid"])[rows], content.ego[:, :2])
+    kinds = np.array([*(_TYPES.get(word, ObjectType.OTHER) for word in words[rows]), ObjectType.VEHICLE], np.uint8)
+    recorded = _with_ego(grid.place(agents["velocity"])[rows], 0.0)
+    velocity, is_repaired = _repaired(recorded, path, valid, times, kinds)
+    made = make_tracks(
+        [*map(str, grid.ids[rows].tolist()), EGO],
+        kinds,
+        np.concatenate([path, np.zeros((*path.shape[:2], 1))], axis=-1),
+        _with_ego(grid.place(agents["yaw"])[rows], content.ego[:, 2]),
+        velocity,
+        _with_ego(grid.place(agents["extent"])[rows], np.array(EGO_SIZE, np.float32)),
+        valid,
+        origin=origin,
+        source_type=[*words[rows].tolist(), "EGO"],
+        is_size_assumed=[False] * len(rows) + [True],
+        is_type_assumed=[*is_varied[rows].tolist(), False],
+        is_velocity_estimated=is_repaired.any(axis=1),
+    )
+    return made, int(is_repaired[:-1].sum())
+
+
+class _Grid:
+    """Where each row stands among N tracks and T timesteps.
+
+    Attributes:
+        ids: (N,) ascending.
+        track: (R,) row of ``ids``.
+        valid: (N, T).
+    """
+
+    def __init__(self, content: Content, where: str) -> None:
+        steps = len(content.times)
+        self.ids, self.track = np.unique(content.agents["track_id"], return_inverse=True)
+        self._cell = self.track * steps + content.frame
+        counts = np.bincount(self._cell, minlength=len(self.ids) * steps)
+        if counts.max(initial=0) > 1:
+            track, step = divmod(int(counts.argmax()), steps)
+            found = f"found {counts.max()} of track {self.ids[track]} at timestep {step}"
+            raise InvalidScenario(where, "agents.track_id", f"wanted one row per track and frame, {found}")
+        self.valid = (counts > 0).reshape(len(self.ids), steps)
+
+    def place(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """Values (R, ...) of the rows as (N, T, ...), 0 where there is no row."""
+        cells = np.zeros((self.valid.size, *values.shape[1:]), values.dtype)
+        cells[self._cell] = values
+        return cells.reshape(*self.valid.shape, *values.shape[1:])
+
+
+def _with_ego(agents: npt.NDArray[Any], ego: npt.ArrayLike) -> npt.NDArray[Any]:
+    """(N + 1, T, ...): the agents' values and the ego's, which broadcast to one row."""
+    row = np.broadcast_to(ego, agents.shape[1:]).astype(np.result_type(agents, ego))
+    return np.concatenate([agents, row[None]])
+
+
+def _words(grid: _Grid, content: Content, labels: Sequence[str]) -> tuple[npt.NDArray[np.object_], Bool]:
+    """(N,) label of each track, and whether its frames disagree about it."""
+    probabilities = content.agents["label_probabilities"].astype(np.float64)
+    count, size = len(grid.ids), len(labels)
+    cells = (grid.track[:, None] * size + np.arange(size)).ravel()
+    total = np.bincount(cells, probabilities.ravel(), count * size).reshape(count, size)
+    label = total.argmax(axis=1)
+    differs = probabilities.argmax(axis=1) != label[grid.track]
+    return np.array(labels, dtype=object)[label], np.bincount(grid.track, differs, count) > 0
+
+
+def _repaired(
+    recorded: npt.NDArray[Any], path: Float64, valid: Bool, times: Float64, kinds: npt.NDArray[np.uint8]
+) -> tuple[npt.NDArray[Any], Bool]:
+    """Velocities, and (N + 1, T) where they are estimated: the ego's, and a road user's that moves at exactly 0 m/s."""
+    estimated = estimate_velocity(path, valid, times)
+    is_road_user = np.isin(kinds, list(_GROUPS))[:, None]
+    is_repaired = valid & is_road_user & ~recorded.any(axis=-1) & (np.hypot(*np.moveaxis(estimated, -1, 0)) > MOVING)
+    is_repaired[-1] = True
+    return np.where(is_repaired[..., None], estimated, recorded), is_repaired
