@@ -1,29 +1,42 @@
-"""Lyft Level 5 prediction dataset (the zarr format of l5kit), without l5kit. RAW is the dataset's folder:
+"""Lyft Level 5's prediction dataset, in the zarr format of l5kit, without l5kit.
 
-    scenes/<name>.zarr                  scenes of about 25 s at 10 Hz, format version 1 or 2
-    semantic_map/semantic_map.pb        the map, beside the scenes or anywhere in RAW
-    meta.json                           where the recordings' frame lies on the earth
+RAW is the dataset's folder, or one of the zarr folders in it:
 
-or one of the zarr folders in it. The older perception dataset in nuScenes format is the converter ``nuscenes``' matter.
+    scenes/<name>.zarr               scenes of about 25 s at 10 Hz, format version 1 or 2
+    semantic_map/semantic_map.pb     the map, there or anywhere in the dataset's folder
+    meta.json                        where the recordings' frame lies on the earth, likewise
+
+The older perception dataset, which comes in nuScenes format, is another converter's matter.
 """
 
 from __future__ import annotations
 
-import hashlib
-import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from scenarionet_data.building import MapBuilder, make_origin
 from scenarionet_data.converters.base import Budgets, Converter, Options, RawItem, Shard, fingerprint
+from scenarionet_data.converters.lyft_files import (
+    damaged_item,
+    dataset_folder,
+    find_map,
+    find_recordings,
+    scene_items,
+    scene_of,
+)
 from scenarionet_data.converters.lyft_lights import lights
 from scenarionet_data.converters.lyft_map import City, read_city
 from scenarionet_data.converters.lyft_recording import Content, Recording, Scene
 from scenarionet_data.converters.lyft_tracks import EGO, tracks
-from scenarionet_data.errors import BadParameter, CorruptSource, SourceNotFound
+from scenarionet_data.errors import BadParameter, CorruptSource
 from scenarionet_data.scenario import Float64, ScenarioDescription, Source, make_scenario_id
+
+Box = tuple[float, float, float, float]
+"""min_x, min_y, max_x, max_y [m]."""
 
 DT = 0.1
 """Nominal time between frames [s]."""
@@ -32,9 +45,6 @@ HISTORY = 10
 MAP_ID = "semantic-map"
 _BLOCK = 32
 """Scenes of a shard: successive ones, which share chunks; about 700,000 rows of agents."""
-_FINGERPRINT_SAMPLE = 4096
-_SPLITS = {"train": "train", "train_full": "train", "validate": "val", "validate_full": "val", "test": "test"}
-"""The owner's names of recordings that belong to one split."""
 
 
 @dataclass(frozen=True)
@@ -60,16 +70,22 @@ class LyftOptions(Options):
         if self.map not in ("semantic", "none"):
             raise BadParameter(f"map: wanted semantic or none, found {self.map!r}")
 
+    @property
+    def has_map(self) -> bool:
+        """Whether scenarios get a map."""
+        return self.map == "semantic"
+
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """Frames ``first`` ... ``last - 1`` of the recording, all of one scene: one scenario."""
+    """Frames ``first`` ... ``last - 1`` of the recording, all of one scene: one scenario; with the map, if wanted."""
 
     recording: Recording
     scene: Scene
     first: int
     last: int
     city: City | None
+    options: LyftOptions
 
 
 class Lyft(Converter[Window]):
@@ -81,21 +97,19 @@ class Lyft(Converter[Window]):
     licence = "CC BY-NC-SA 4.0"
     raw = "folder with scenes/*.zarr, semantic_map/semantic_map.pb and meta.json, or one of the zarr folders"
     Options = LyftOptions
-    budgets = Budgets(velocity_median=0.5, velocity_p99=8.0, heading_p99=1.0)
+    budgets = Budgets(velocity_median=1.0, velocity_p99=15.0, heading_p99=2.2)
 
     def shards(self, raw: str, split: str, version: str, options: LyftOptions) -> Iterator[Shard]:
         """Blocks of scenes, recording by recording, see :meth:`Converter.shards`."""
-        root = _root(Path(raw))
-        map_mark = "" if options.map == "none" else fingerprint(_map_files(root))
-        for path in _recordings(Path(raw), split):
+        root = dataset_folder(Path(raw))
+        map_mark = fingerprint(find_map(root)) if options.has_map else ""
+        for path in find_recordings(Path(raw), split):
             name = path.relative_to(root).as_posix()
             stem = re.sub(r"[^A-Za-z0-9._-]", "-", name.removesuffix(".zarr"))
             try:
-                items = _items(Recording(path), name, map_mark)
+                items = scene_items(Recording(path), name, map_mark)
             except CorruptSource:  # said again when the shard is read: it fails alone
-                damaged = RawItem(name, fingerprint(path.glob("**/.z*")))
-                yield Shard(self.name, version, split, stem, str(root), (damaged,), options)
-                continue
+                items = [damaged_item(path, name)]
             for first in range(0, len(items), _BLOCK):
                 block = tuple(items[first : first + _BLOCK])
                 yield Shard(self.name, version, split, f"{stem}-{first // _BLOCK:05d}", str(root), block, options)
@@ -106,15 +120,12 @@ class Lyft(Converter[Window]):
         if not isinstance(options, LyftOptions):
             raise BadParameter(f"wanted LyftOptions, found {type(options).__name__}")
         root = Path(shard.root)
-        city = None if options.map == "none" else _city(root)
-        opened: dict[str, Recording] = {}
-        for item in shard.items:
-            name, _, number = item.name.partition(".zarr:")
-            path = root / (f"{name}.zarr" if number else item.name)
-            if name not in opened:
-                opened[name] = Recording(path)
-            recording = opened[name]
-            for scene in [recording.scenes[int(number)]] if number else recording.scenes:
+        city = _read_city(find_map(root)) if options.has_map else None
+        recording = None
+        for name, row in map(scene_of, shard.items):
+            if recording is None or recording.path != root / name:
+                recording = Recording(root / name)
+            for scene in recording.scenes if row is None else [recording.scenes[row]]:
                 yield from _windows(recording, scene, options, city)
 
     def scenario(self, shard: Shard, record: Window) -> ScenarioDescription:
@@ -123,87 +134,19 @@ class Lyft(Converter[Window]):
 
     def maps(self, raw: str, version: str, options: LyftOptions) -> Iterator[Shard]:
         """The semantic map, see :meth:`Converter.maps`."""
-        if options.map == "none":
-            return
-        root = _root(Path(raw))
-        items = (RawItem(path.relative_to(root).as_posix(), fingerprint([path])) for path in _map_files(root))
-        yield Shard(self.name, version, "", MAP_ID, str(root), tuple(items), Options())
+        if options.has_map:
+            root = dataset_folder(Path(raw))
+            items = (RawItem(path.relative_to(root).as_posix(), fingerprint([path])) for path in find_map(root))
+            yield Shard(self.name, version, "", MAP_ID, str(root), tuple(items), Options())
 
     def map_features(self, shard: Shard) -> MapBuilder:
         """Read the semantic map, see :meth:`Converter.map_features`."""
-        map_file, meta_file = shard.paths
-        return read_city(map_file, meta_file, fingerprint(shard.paths)).features
+        return _read_city(shard.paths).features
 
 
-# --- what lies in RAW -----------------------------------------------------------------------------------
-
-
-def _root(raw: Path) -> Path:
-    """The dataset's folder: RAW, or the one in which the zarr folder RAW lies."""
-    if raw.suffix != ".zarr":
-        return raw
-    return raw.parent.parent if raw.parent.name == "scenes" else raw.parent
-
-
-def _recordings(raw: Path, split: str) -> list[Path]:
-    """The zarr folders of RAW, without those whose name is that of another split.
-
-    Raises:
-        SourceNotFound: There are none.
-    """
-    found = [raw] if raw.suffix == ".zarr" and raw.is_dir() else _find(raw, ".zarr")
-    others = set(_SPLITS.values()) - {split} if split in _SPLITS.values() else set()
-    wanted = [path for path in found if path == raw or _SPLITS.get(path.stem) not in others]
-    if not wanted:
-        hint = f"; of another split are {', '.join(path.name for path in found)}" if found else ""
-        raise SourceNotFound(f"{raw}: no recordings (*.zarr) of split {split} in it{hint}")
-    return wanted
-
-
-def _find(folder: Path, ending: str) -> list[Path]:
-    """Folders and files below whose name ends so, sorted; what is inside recordings is not looked at."""
-    found = []
-    for place, folders, files in os.walk(folder):
-        found += [Path(place, name) for name in (*folders, *files) if name.endswith(ending)]
-        folders[:] = sorted(name for name in folders if not name.endswith(".zarr"))
-    return sorted(found)
-
-
-def _map_files(root: Path) -> list[Path]:
-    """``semantic_map.pb`` and ``meta.json``.
-
-    Raises:
-        SourceNotFound: One of them is not there, or there are several.
-    """
-    chosen = []
-    for name in ("semantic_map.pb", "meta.json"):
-        found = [path for path in _find(root, name) if path.name == name]
-        if len(found) != 1:
-            count = f"found {len(found)}: {', '.join(map(str, found))}" if found else "found none"
-            hint = "download the dataset's semantic map, or go without it: -O map=none"
-            raise SourceNotFound(f"{root}: wanted one {name} in it, {count}; {hint}")
-        chosen += found
-    return chosen
-
-
-def _city(root: Path) -> City:
-    map_file, meta_file = _map_files(root)
-    return read_city(map_file, meta_file, fingerprint([map_file, meta_file]))
-
-
-def _items(recording: Recording, name: str, map_mark: str) -> list[RawItem]:
-    """The scenes of a recording, told apart by their row and the files with their frames, and by the map."""
-    marks: dict[Path, str] = {}
-    items = []
-    for scene in recording.scenes:
-        parts = [repr(scene), map_mark]
-        for file in recording.frame_files(scene):
-            if file not in marks:
-                marks[file] = fingerprint([file], _FINGERPRINT_SAMPLE) if file.is_file() else ""
-            parts.append(marks[file])
-        mark = hashlib.blake2b("\n".join(parts).encode(), digest_size=8).hexdigest()
-        items.append(RawItem(f"{name}:{scene.index}", mark))
-    return items
+def _read_city(files: list[Path]) -> City:
+    map_file, meta_file = files
+    return read_city(map_file, meta_file, fingerprint(files))
 
 
 # --- scenarios ------------------------------------------------------------------------------------------
@@ -217,12 +160,12 @@ def _windows(recording: Recording, scene: Scene, options: LyftOptions, city: Cit
     """
     size, step = round(options.window / DT), round((options.stride or options.window) / DT)
     if not 0 <= scene.first < scene.last <= recording.num_frames:
-        yield Window(recording, scene, scene.first, scene.last, city)
+        yield Window(recording, scene, scene.first, scene.last, city, options)
         return
     for first in range(scene.first, scene.last, step):
         last = min(first + size, scene.last)
         if first == scene.first or last - first > HISTORY + 1:
-            yield Window(recording, scene, first, last, city)
+            yield Window(recording, scene, first, last, city, options)
         if last == scene.last:
             return
 
@@ -232,12 +175,12 @@ def _describe(shard: Shard, window: Window, licence: str) -> ScenarioDescription
 
     It lies in the plane: agents are recorded without heights, and nobody says above what the map's heights are.
     """
-    scene, recording, options = window.scene, window.recording, shard.options
+    scene, recording, options = window.scene, window.recording, window.options
     where = make_scenario_id(shard.dataset, shard.version, scene.name, f"frame{window.first}")
     content = recording.read(window.first, window.last, where)
-    origin = make_origin(content.ego, content.ego[:, 0] == content.ego[:, 0], has_z=False)
+    origin = make_origin(content.ego, np.ones(len(content.times), np.bool_), has_z=False)
     objects, num_repaired = tracks(content, recording.labels, origin, where, options.keep_unknown)
-    crop = _crop(content, window.city, options.radius, origin)
+    box, city = _map_window(content, options.radius), window.city
     return ScenarioDescription(
         id=make_scenario_id(shard.dataset, shard.version, scene.name, int(content.times[0])),
         dataset=shard.dataset,
@@ -255,29 +198,29 @@ def _describe(shard: Shard, window: Window, licence: str) -> ScenarioDescription
             licence=licence,
             log=scene.name,
             city="Palo Alto",
+            date=str(content.times[:1].astype("datetime64[ns]").astype("datetime64[s]")[0]),
             crs="lyft world frame",
         ),
         tracks=objects,
-        lights=lights(content, window.city, origin),
+        lights=lights(content, city, origin),
+        map=city.features.crop(box, city.bounds).build(origin, has_z=False) if city else None,
+        map_id=MAP_ID if city else None,
+        map_crop=_moved(box, -origin) if city else None,
         extras={
             "host": scene.host,
             "scene_index": scene.index,
             "start_timestamp_ns": int(content.times[0]),
             "num_repaired_velocities": num_repaired,
         },
-        **crop,
     )
 
 
-def _crop(content: Content, city: City | None, radius: float, origin: Float64) -> dict[str, object]:
-    """The map and its window, as the fields of a scenario."""
-    if city is None:
-        return {"map": None}
-    low, high = content.ego[:, :2].min(axis=0) - radius, content.ego[:, :2].max(axis=0) + radius
-    window = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
-    x, y = origin[:2].tolist()
-    return {
-        "map": city.features.crop(window, city.bounds).build(origin, has_z=False),
-        "map_id": MAP_ID,
-        "map_crop": (window[0] - x, window[1] - y, window[2] - x, window[3] - y),
-    }
+def _map_window(content: Content, radius: float) -> Box:
+    """The box in the world that holds the ego's path, and ``radius`` [m] more on every side."""
+    (min_x, min_y), (max_x, max_y) = content.ego[:, :2].min(axis=0), content.ego[:, :2].max(axis=0)
+    return float(min_x - radius), float(min_y - radius), float(max_x + radius), float(max_y + radius)
+
+
+def _moved(box: Box, shift: Float64) -> Box:
+    x, y, _ = shift.tolist()
+    return box[0] + x, box[1] + y, box[2] + x, box[3] + y

@@ -97,7 +97,7 @@ def read_city(map_file: Path, meta_file: Path, fingerprint: str) -> City:  # noq
     Raises:
         CorruptSource: A file is missing or damaged.
     """
-    ecef_to_world = np.linalg.inv(_read_world_to_ecef(meta_file))
+    ecef_to_world = np.linalg.inv(_read_world_to_ecef(meta_file)).astype(np.float64)
     wire = read_map(map_file)
     lanes = _lanes(wire.lanes, ecef_to_world)
     builder = MapBuilder()

@@ -20,9 +20,11 @@ EGO_SIZE = (4.87, 1.85, 1.8)
 """Length, width, height [m] that the owner assumes of the recording car, with sensors
 (``l5kit/rasterization/rasterizer.py``)."""
 
-MOVING = 0.5
-"""[m/s] from which on an object that stands still by its recorded velocity is taken to move: above what the noise
-of box centres makes of most parked cars (half of them stay below 0.2 m/s)."""
+MOVING = 1.0
+"""[m/s] from which on a road user that stands still by its recorded velocity is taken to move."""
+_REACH = 4
+"""Frames to either side over which its velocity is then estimated: boxes jump by decimetres from frame to frame,
+most of all where a track begins, which is where the recorded velocities are zero."""
 
 # A bicycle or motorcycle that nobody rides is no cyclist: the dataset has labels of their own for riders.
 _GROUPS = {
@@ -128,9 +130,26 @@ def _words(grid: _Grid, content: Content, labels: Sequence[str]) -> tuple[npt.ND
 def _repaired(
     recorded: npt.NDArray[Any], path: Float64, valid: Bool, times: Float64, kinds: npt.NDArray[np.uint8]
 ) -> tuple[npt.NDArray[Any], Bool]:
-    """Velocities, and (N + 1, T) where they are estimated: the ego's, and a road user's that moves at exactly 0 m/s."""
-    estimated = estimate_velocity(path, valid, times)
-    is_road_user = np.isin(kinds, list(_GROUPS))[:, None]
-    is_repaired = valid & is_road_user & ~recorded.any(axis=-1) & (np.hypot(*np.moveaxis(estimated, -1, 0)) > MOVING)
-    is_repaired[-1] = True
-    return np.where(is_repaired[..., None], estimated, recorded), is_repaired
+    """Velocities, and (N + 1, T) where they are estimated: the ego's, and those of road users that move at 0 m/s."""
+    velocity, is_repaired = recorded.astype(np.float64), np.zeros(valid.shape, np.bool_)
+    velocity[-1:], is_repaired[-1] = estimate_velocity(path[-1:], valid[-1:], times), True
+    is_zero = valid & ~recorded.any(axis=-1) & np.isin(kinds, list(_GROUPS))[:, None]
+    (rows,) = np.nonzero(is_zero[:-1].any(axis=1))
+    estimated = _smooth_velocity(path[rows], valid[rows], times)
+    is_repaired[rows] = is_zero[rows] & (np.hypot(*np.moveaxis(estimated, -1, 0)) > MOVING)
+    velocity[rows] = np.where(is_repaired[rows][..., None], estimated, recorded[rows])
+    return velocity, is_repaired
+
+
+def _smooth_velocity(path: Float64, valid: Bool, times: Float64) -> Float64:
+    """(K, T, 2) differences over ``_REACH`` valid timesteps to both sides, fewer at the ends of a run of them."""
+    steps = np.arange(len(times))
+    goes_on = valid[:, 1:] & valid[:, :-1]
+    edge = np.ones((len(valid), 1), np.bool_)
+    first = np.maximum.accumulate(np.where(np.hstack([edge, ~goes_on]), steps, 0), axis=1)
+    last = np.minimum.accumulate(np.where(np.hstack([~goes_on, edge]), steps, steps[-1])[:, ::-1], axis=1)[:, ::-1]
+    before, after = np.maximum(first, steps - _REACH), np.minimum(last, steps + _REACH)
+    move = np.take_along_axis(path, after[..., None], axis=1) - np.take_along_axis(path, before[..., None], axis=1)
+    span = (times[after] - times[before])[..., None]
+    velocity: Float64 = np.divide(move, span, out=np.zeros_like(move), where=span > 0)
+    return velocity
