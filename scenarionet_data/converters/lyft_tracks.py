@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from scenarionet_data.building import make_tracks
 from scenarionet_data.converters.lyft_recording import Content
+from scenarionet_data.converters.lyft_zarr import Records
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.geometry import estimate_velocity
 from scenarionet_data.scenario import Bool, Float64, Tracks
@@ -41,7 +42,7 @@ _UNTOLD = frozenset(
 def tracks(
     content: Content, labels: Sequence[str], origin: Float64, where: str, keep_unknown: bool
 ) -> tuple[Tracks, int]:
-    """The agents, the ego after them, and how many velocities were repaired.
+    """The agents, the ego after them, and how many of the agents' velocities were repaired.
 
     A track has the label that is the most probable over its frames. The source writes a velocity of exactly zero
     where it has estimated none, also for road users that move; there it is estimated from the positions.
@@ -56,69 +57,72 @@ def tracks(
     Raises:
         InvalidScenario: A track has two rows in one frame.
     """
-    grid = _Grid(content, where)
-    words, is_varied = _words(grid, content, labels)
-    rows = np.flatnonzero(keep_unknown | ~np.isin(words, list(_UNTOLD)))
-    times = (content.times - content.times[0]) * 1e-9
-    valid = np.concatenate([grid.valid[rows], np.ones((1, len(times)), np.bool_)])
-    agents = content.agents
-    path = _with_ego(grid.place(agents["centroid"])[rows], content.ego[:, :2])
-    kinds = np.array([*(_TYPES.get(word, ObjectType.OTHER) for word in words[rows]), ObjectType.VEHICLE], np.uint8)
-    recorded = _with_ego(grid.place(agents["velocity"])[rows], 0.0)
-    velocity, is_repaired = _repaired(recorded, path, valid, times, kinds)
+    agents, frame = content.agents, content.frame
+    if not keep_unknown:
+        grid = _Grid(agents, frame, len(content.times), where)
+        is_told = ~np.isin(_words(grid, agents, labels)[0], list(_UNTOLD))[grid.track]
+        agents, frame = agents[is_told], frame[is_told]
+    grid = _Grid(agents, frame, len(content.times), where)
+    words, is_varied = _words(grid, agents, labels)
+    kinds = np.array([*(_TYPES.get(word, ObjectType.OTHER) for word in words), ObjectType.VEHICLE], np.uint8)
+    position = grid.place(_in_plane(agents["centroid"]), _in_plane(content.ego[:, :2]))
+    velocity, is_repaired = _velocity(
+        grid, agents["velocity"], position, (content.times - content.times[0]) * 1e-9, kinds
+    )
     made = make_tracks(
-        [*map(str, grid.ids[rows].tolist()), EGO],
+        [*map(str, grid.ids.tolist()), EGO],
         kinds,
-        np.concatenate([path, np.zeros((*path.shape[:2], 1))], axis=-1),
-        _with_ego(grid.place(agents["yaw"])[rows], content.ego[:, 2]),
+        position,
+        grid.place(agents["yaw"], content.ego[:, 2]),
         velocity,
-        _with_ego(grid.place(agents["extent"])[rows], np.array(EGO_SIZE, np.float32)),
-        valid,
+        grid.place(agents["extent"], EGO_SIZE),
+        grid.valid,
         origin=origin,
-        source_type=[*words[rows].tolist(), "EGO"],
-        is_size_assumed=[False] * len(rows) + [True],
-        is_type_assumed=[*is_varied[rows].tolist(), False],
+        source_type=[*words.tolist(), "EGO"],
+        is_size_assumed=[False] * len(words) + [True],
+        is_type_assumed=[*is_varied.tolist(), False],
         is_velocity_estimated=is_repaired.any(axis=1),
     )
     return made, int(is_repaired[:-1].sum())
 
 
 class _Grid:
-    """Where each row stands among N tracks and T timesteps.
+    """Where each row stands among N tracks and T timesteps; the ego, always there, is one row more.
 
     Attributes:
         ids: (N,) ascending.
         track: (R,) row of ``ids``.
-        valid: (N, T).
+        valid: (N + 1, T).
     """
 
-    def __init__(self, content: Content, where: str) -> None:
-        steps = len(content.times)
-        self.ids, self.track = np.unique(content.agents["track_id"], return_inverse=True)
-        self._cell = self.track * steps + content.frame
-        counts = np.bincount(self._cell, minlength=len(self.ids) * steps)
-        if counts.max(initial=0) > 1:
+    def __init__(self, agents: Records, frame: npt.NDArray[np.int64], steps: int, where: str) -> None:
+        self.ids, self.track = np.unique(agents["track_id"], return_inverse=True)
+        self._cell = self.track * steps + frame
+        counts = np.bincount(self._cell, minlength=(len(self.ids) + 1) * steps)
+        if counts.max() > 1:
             track, step = divmod(int(counts.argmax()), steps)
             found = f"found {counts.max()} of track {self.ids[track]} at timestep {step}"
             raise InvalidScenario(where, "agents.track_id", f"wanted one row per track and frame, {found}")
-        self.valid = (counts > 0).reshape(len(self.ids), steps)
+        self.valid = (counts > 0).reshape(-1, steps)
+        self.valid[-1] = True
 
-    def place(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """Values (R, ...) of the rows as (N, T, ...), 0 where there is no row."""
+    def place(self, values: npt.NDArray[Any], ego: npt.ArrayLike) -> npt.NDArray[Any]:
+        """Values (R, ...) of the rows and the ego's, for all timesteps or each, as (N + 1, T, ...); 0 elsewhere."""
         cells = np.zeros((self.valid.size, *values.shape[1:]), values.dtype)
         cells[self._cell] = values
-        return cells.reshape(*self.valid.shape, *values.shape[1:])
+        grid: npt.NDArray[Any] = cells.reshape(*self.valid.shape, *values.shape[1:])
+        grid[-1] = ego
+        return grid
 
 
-def _with_ego(agents: npt.NDArray[Any], ego: npt.ArrayLike) -> npt.NDArray[Any]:
-    """(N + 1, T, ...): the agents' values and the ego's, which broadcast to one row."""
-    row = np.broadcast_to(ego, agents.shape[1:]).astype(np.result_type(agents, ego))
-    return np.concatenate([agents, row[None]])
+def _in_plane(points: npt.NDArray[Any]) -> Float64:
+    """(R, 3) float64 of points (R, 2)."""
+    return np.column_stack([points, np.zeros(len(points))])
 
 
-def _words(grid: _Grid, content: Content, labels: Sequence[str]) -> tuple[npt.NDArray[np.object_], Bool]:
+def _words(grid: _Grid, agents: Records, labels: Sequence[str]) -> tuple[npt.NDArray[np.object_], Bool]:
     """(N,) label of each track, and whether its frames disagree about it."""
-    probabilities = content.agents["label_probabilities"].astype(np.float64)
+    probabilities = agents["label_probabilities"]
     count, size = len(grid.ids), len(labels)
     cells = (grid.track[:, None] * size + np.arange(size)).ravel()
     total = np.bincount(cells, probabilities.ravel(), count * size).reshape(count, size)
@@ -127,17 +131,19 @@ def _words(grid: _Grid, content: Content, labels: Sequence[str]) -> tuple[npt.ND
     return np.array(labels, dtype=object)[label], np.bincount(grid.track, differs, count) > 0
 
 
-def _repaired(
-    recorded: npt.NDArray[Any], path: Float64, valid: Bool, times: Float64, kinds: npt.NDArray[np.uint8]
+def _velocity(
+    grid: _Grid, recorded: npt.NDArray[Any], position: Float64, times: Float64, kinds: npt.NDArray[np.uint8]
 ) -> tuple[npt.NDArray[Any], Bool]:
-    """Velocities, and (N + 1, T) where they are estimated: the ego's, and those of road users that move at 0 m/s."""
-    velocity, is_repaired = recorded.astype(np.float64), np.zeros(valid.shape, np.bool_)
-    velocity[-1:], is_repaired[-1] = estimate_velocity(path[-1:], valid[-1:], times), True
-    is_zero = valid & ~recorded.any(axis=-1) & np.isin(kinds, list(_GROUPS))[:, None]
-    (rows,) = np.nonzero(is_zero[:-1].any(axis=1))
-    estimated = _smooth_velocity(path[rows], valid[rows], times)
-    is_repaired[rows] = is_zero[rows] & (np.hypot(*np.moveaxis(estimated, -1, 0)) > MOVING)
-    velocity[rows] = np.where(is_repaired[rows][..., None], estimated, recorded[rows])
+    """Velocities (N + 1, T, 2), and where they are estimated: the ego's, and those of road users that move at 0 m/s."""
+    velocity = grid.place(recorded, estimate_velocity(position[-1:], grid.valid[-1:], times)[0])
+    is_repaired = np.zeros(grid.valid.shape, np.bool_)
+    is_repaired[-1] = True
+    is_road_user = np.isin(kinds, list(_GROUPS))
+    rows = np.unique(grid.track[~recorded.any(axis=1) & is_road_user[grid.track]])
+    estimated = _smooth_velocity(position[rows, :, :2], grid.valid[rows], times)
+    is_moving = np.hypot(*np.moveaxis(estimated, -1, 0)) > MOVING
+    is_repaired[rows] = grid.valid[rows] & ~velocity[rows].any(axis=-1) & is_moving
+    velocity[rows] = np.where(is_repaired[rows][..., None], estimated, velocity[rows])
     return velocity, is_repaired
 
 
