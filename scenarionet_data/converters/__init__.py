@@ -17,6 +17,7 @@ from scenarionet_data.errors import SourceNotFound
 _BUILTIN = {
     "argoverse1": "scenarionet_data.converters.argoverse1:Argoverse1",
     "argoverse2": "scenarionet_data.converters.argoverse2:Argoverse2",
+    "lyft": "scenarionet_data.converters.lyft:Lyft",
     "nuplan": "scenarionet_data.converters.nuplan:NuPlan",
     "pg": "scenarionet_data.converters.pg:Procedural",
     "scenarionet": "scenarionet_data.converters.scenarionet:ScenarioNetPickles",

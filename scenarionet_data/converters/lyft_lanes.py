@@ -1,0 +1,97 @@
+"""The two sides of Lyft's lanes, in driving direction, and the paint along them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.geometry import path_length
+
+Float64 = npt.NDArray[np.float64]
+
+
+class Side(NamedTuple):
+    """One side of a lane.
+
+    Attributes:
+        points: (n, 2) [m].
+        dividers: Kinds of paint, one after the other.
+        changes: Where one gives way to the next [m] along the points.
+    """
+
+    points: Float64
+    dividers: Sequence[int]
+    changes: Sequence[float]
+
+    def reversed(self) -> Side:
+        """The same, from its last point to its first."""
+        length = path_length(self.points)
+        return Side(self.points[::-1], self.dividers[::-1], [length - place for place in reversed(self.changes)])
+
+    def paint(self) -> list[tuple[int, Float64]]:
+        """Each kind of paint with the part of the side along which it runs; a kind without a place is left out."""
+        step = np.hypot(*np.diff(self.points, axis=0).T)
+        along = np.concatenate([[0.0], np.cumsum(step)])
+        bounds = [0.0, *self.changes[: max(len(self.dividers) - 1, 0)], float(along[-1])]
+        parts = zip(self.dividers, pairwise(bounds), strict=False)
+        return [(kind, _part(self.points, along, *place)) for kind, place in parts if place[0] < place[1] <= along[-1]]
+
+
+class Sides(NamedTuple):
+    """Left and right side of a lane; their points run in driving direction."""
+
+    left: Side
+    right: Side
+
+    @property
+    def ends(self) -> Float64:
+        """(2, 2) where the lane begins and ends [m]."""
+        ends: Float64 = (self.left.points[[0, -1]] + self.right.points[[0, -1]]) / 2.0
+        return ends
+
+    def turned_around(self) -> Sides:
+        """The same lane driven the other way; its sides are named anew when their order asks for it."""
+        left, right = self.left.reversed(), self.right.reversed()
+        outline = np.concatenate([left.points, right.points[::-1]])
+        return Sides(left, right) if _is_clockwise(outline) else Sides(right, left)
+
+
+def in_driving_direction(
+    lanes: Mapping[str, Sides], is_backward: Mapping[str, bool], ahead: Mapping[str, Sequence[str]]
+) -> dict[str, Sides]:
+    """Lanes whose points run the way they are driven.
+
+    The map's description says that a side's points follow the road segment, so those of lanes against the segment
+    would run backwards; the owner's reader takes them as they are. What is true shows where lanes meet: such lanes
+    are turned around if that makes the ends of lanes fit the beginnings of the lanes ahead better.
+
+    Args:
+        lanes: As stored, by id.
+        is_backward: Whether a lane goes against its segment.
+        ahead: Ids of the lanes that follow each.
+    """
+    turned = {lane: sides.turned_around() if is_backward[lane] else sides for lane, sides in lanes.items()}
+    return turned if _gaps(turned, ahead) < _gaps(lanes, ahead) else dict(lanes)
+
+
+def _gaps(lanes: Mapping[str, Sides], ahead: Mapping[str, Sequence[str]]) -> float:
+    """Sum of the distances [m] from the ends of lanes to the beginnings of those ahead."""
+    links = [(lane, other) for lane in lanes for other in ahead[lane] if other in lanes]
+    ends = {lane: sides.ends for lane, sides in lanes.items()}
+    return sum(float(np.hypot(*(ends[lane][1] - ends[other][0]))) for lane, other in links)
+
+
+def _is_clockwise(outline: Float64) -> bool:
+    x, y = (outline - outline[0]).T
+    return bool((x * np.roll(y, -1) - np.roll(x, -1) * y).sum() < 0.0)
+
+
+def _part(points: Float64, along: Float64, first: float, last: float) -> Float64:
+    """(m, 2) points of a line from one place along it to another [m]."""
+    inner = (along > first) & (along < last)
+    places = np.concatenate([[first], along[inner], [last]])
+    return np.column_stack([np.interp(places, along, points[:, axis]) for axis in range(2)])
