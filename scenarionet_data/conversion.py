@@ -1,6 +1,6 @@
 """Raw recordings to a lake: plan what is left to do, run the shards, commit what is finished, report.
 
-What runs on a worker is :func:`convert_shard`; who runs it (this process, a pool, a cluster) is the caller's
+What runs on a worker is ``jobs.convert_shard``; who runs it (this process, a pool, a cluster) is the caller's
 choice of ``run``.
 """
 
@@ -8,64 +8,24 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass, field, replace
-from multiprocessing import get_context
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from scenarionet_data import converters
-from scenarionet_data.converters.base import Converter, Options, Shard, guess_split
-from scenarionet_data.errors import BadParameter, LakeError, SourceError, WorkerLost
+from scenarionet_data.converters.base import Converter, Options, guess_split
+from scenarionet_data.errors import BadParameter
+from scenarionet_data.jobs import Job, Outcome, Run, convert_map, run_limited, runner
 from scenarionet_data.plan import Plan, make_plan
 from scenarionet_data.selection import Selection
 from scenarionet_data.store import commit as commits
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
-from scenarionet_data.store.shard_writer import ShardRecord, ShardWriter, find_finished
-from scenarionet_data.store.shared_map import write_shared_map
-from scenarionet_data.worker import follow_parent
+from scenarionet_data.store.shard_writer import ShardRecord
 
 _COMMIT_EVERY = 30.0
 _WORD = re.compile(r"[A-Za-z0-9._-]+")
-
-
-@dataclass(frozen=True)
-class Job:
-    """A shard to convert, with all a worker needs; picklable.
-
-    Attributes:
-        converter: Name of the converter.
-        shard: What to convert.
-        lake: The lake's root.
-        max_scenarios: Stop after that many.
-    """
-
-    converter: str
-    shard: Shard
-    lake: str
-    max_scenarios: int | None = None
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What became of a shard.
-
-    Attributes:
-        shard: Its name.
-        record: The finished shard; None when it failed.
-        error: Why it failed.
-        was_finished: An earlier job had finished it already.
-        seconds: Time it took.
-    """
-
-    shard: str
-    record: ShardRecord | None
-    error: str | None = None
-    was_finished: bool = False
-    seconds: float = 0.0
 
 
 @dataclass
@@ -106,7 +66,6 @@ class Report:
         return not self.failed and not self.quarantined
 
 
-Run = Callable[[Iterable[Job]], Iterator[Outcome]]
 Progress = Callable[[int, int, int], None]
 """Called with shards done, shards to do, scenarios converted."""
 
@@ -159,7 +118,7 @@ def convert(
     report = Report(skipped=plan.num_skipped, stale=plan.num_stale)
     _convert_maps(files, [Job(dataset, shard, str(files.root)) for shard in maps.shards], maps, report)
     jobs = [Job(dataset, shard, str(files.root), limit) for shard in plan.shards]
-    outcomes = _run_limited(jobs, limit) if limit is not None else (run or _runner(min(workers, len(jobs))))(jobs)
+    outcomes = run_limited(jobs, limit) if limit is not None else (run or runner(min(workers, len(jobs))))(jobs)
     basket = _Basket(files, plan, f"convert {dataset}", report)
     if on_progress:
         on_progress(0, len(jobs), 0)
@@ -231,113 +190,8 @@ def _convert_maps(files: LakeFiles, jobs: list[Job], plan: Plan, report: Report)
     """Shared maps come first: a scenario in the lake always finds its map."""
     basket = _Basket(files, plan, "convert maps", report)
     for job in jobs:
-        basket.add(_convert_map(job))
+        basket.add(convert_map(job))
     basket.commit()
-
-
-def _convert_map(job: Job) -> Outcome:
-    """Convert one shared map."""
-    converter, shard = converters.get(job.converter), job.shard
-    try:
-        features = converter.map_features(shard)
-    except SourceError as error:
-        return Outcome(shard.name, None, error=str(error))
-    record = write_shared_map(LakeFiles(job.lake), shard, features, converter.version, converter.licence)
-    return Outcome(shard.name, record)
-
-
-def convert_shard(job: Job) -> Outcome:
-    """Convert one shard, or adopt it when an earlier job finished it. Runs on a worker.
-
-    A record that cannot become a scenario goes to quarantine and the shard goes on; a shard that cannot be
-    read fails alone.
-
-    Raises:
-        LakeError: The lake cannot be written; no other shard could be either.
-    """
-    started = time.monotonic()
-    converter, files, shard = converters.get(job.converter), LakeFiles(job.lake), job.shard
-    if job.max_scenarios is None:
-        finished = find_finished(files, shard, converter.version)
-        if finished:
-            return Outcome(shard.name, finished, was_finished=True)
-    else:
-        shard = replace(shard, name=f"{shard.name}-first{job.max_scenarios}")
-    writer = ShardWriter(files, shard, converter.version, converter.licence)
-    try:
-        _write_scenarios(converter, shard, writer, job.max_scenarios)
-        record = writer.finish(job.max_scenarios)
-    except (LakeError, MemoryError):
-        raise
-    except SourceError as error:
-        return Outcome(shard.name, None, error=str(error), seconds=time.monotonic() - started)
-    except Exception as error:  # a converter's own fault with one file must not end the run
-        message = f"{type(error).__name__}: {error} (while reading {shard.root})"
-        return Outcome(shard.name, None, error=message, seconds=time.monotonic() - started)
-    finally:
-        writer.abandon()
-    return Outcome(shard.name, record, seconds=time.monotonic() - started)
-
-
-def _write_scenarios(converter: Converter[Any], shard: Shard, writer: ShardWriter, max_scenarios: int | None) -> None:
-    for position, record in enumerate(converter.records(shard)):
-        if writer.num_scenarios == max_scenarios:
-            return
-        try:
-            writer.add(converter.scenario(shard, record))
-        except (MemoryError, LakeError, SourceError):
-            raise
-        except Exception as error:  # whatever a damaged record provokes, the rest must go on
-            writer.reject(position, error)
-
-
-# --- who runs the jobs ----------------------------------------------------------------------------------
-
-
-def _runner(workers: int) -> Run:
-    return _run_here if workers <= 1 else lambda jobs: _run_pool(jobs, workers)
-
-
-def _run_here(jobs: Iterable[Job]) -> Iterator[Outcome]:
-    return (convert_shard(job) for job in jobs)
-
-
-def _run_limited(jobs: Iterable[Job], limit: int) -> Iterator[Outcome]:
-    """One shard after the other until ``limit`` scenarios are converted."""
-    left = limit
-    for job in jobs:
-        if left <= 0:
-            return
-        outcome = convert_shard(replace(job, max_scenarios=left))
-        left -= outcome.record.num_scenarios if outcome.record else 0
-        yield outcome
-
-
-def _run_pool(jobs: Iterable[Job], workers: int) -> Iterator[Outcome]:
-    """A pool of processes with two jobs each in flight; outcomes as they come."""
-    queue = iter(jobs)
-    # spawn: a forked child would share the locks of Arrow's and DuckDB's threads.
-    with ProcessPoolExecutor(workers, get_context("spawn"), follow_parent) as pool:
-        running: set[Future[Outcome]] = set()
-        try:
-            while True:
-                for job in queue:
-                    running.add(pool.submit(convert_shard, job))
-                    if len(running) >= 2 * workers:
-                        break
-                if not running:
-                    return
-                finished, running = wait(running, return_when=FIRST_COMPLETED)
-                for future in finished:
-                    yield future.result()
-        except BrokenProcessPool as error:
-            raise WorkerLost(
-                "a worker process was killed, most often for memory; run the same command again, with fewer "
-                "--workers: finished shards are kept"
-            ) from error
-        finally:
-            for future in running:
-                future.cancel()
 
 
 # --- commit and count -------------------------------------------------------------------------------------

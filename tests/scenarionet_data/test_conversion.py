@@ -8,8 +8,9 @@ from dataclasses import replace
 import pytest
 
 from scenarionet_data import Lake, ScenarioLoader, convert
-from scenarionet_data.conversion import Job, convert_shard, plan_conversion
+from scenarionet_data.conversion import plan_conversion
 from scenarionet_data.errors import BadParameter, DuplicateScenario, LakeError, SourceNotFound
+from scenarionet_data.jobs import Job, convert_shard
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles, sha256
 from scenarionet_data.testing import differences
