@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from scenarionet_data.building import MapBuilder
-from scenarionet_data.converters.argoverse1_map import City, find_maps, map_id, read_city
+from scenarionet_data.converters.argoverse1_map import City, find_maps, map_id, maps_by_city, read_city
 from scenarionet_data.converters.argoverse1_scenario import describe
 from scenarionet_data.converters.argoverse1_table import is_recording, read_recording
 from scenarionet_data.converters.base import (
@@ -140,7 +140,7 @@ def _maps_for(raw: str, options: Argoverse1Options) -> list[Path]:
 
 
 def _city(name: str, path: Path, options: Argoverse1Options) -> City:
-    maps = find_maps(options.maps)
+    maps = maps_by_city(options.maps)
     if name not in maps:
         raise CorruptSource(
             f"{path}: recorded in {name!r}, and there is no pruned_argoverse_{name}_*_vector_map.xml (of "

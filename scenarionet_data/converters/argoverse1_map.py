@@ -99,10 +99,17 @@ def find_maps(places: str) -> dict[str, Path]:
     Args:
         places: Folders, or the maps themselves, separated as in ``$PATH``.
     """
-    files: list[Path] = []
-    for place in map(Path, places.split(os.pathsep)):
-        files += place.rglob("*_vector_map.xml") if place.is_dir() else [place]
-    found = [(match, path) for path in files if (match := _NAME.fullmatch(path.name))]
+    files: list[str] = []
+    for place in places.split(os.pathsep):
+        files += map(str, Path(place).rglob("*_vector_map.xml")) if Path(place).is_dir() else [place]
+    return maps_by_city(os.pathsep.join(files))
+
+
+@lru_cache(maxsize=16)
+def maps_by_city(files: str) -> dict[str, Path]:
+    """:func:`find_maps` of files only: their names say it all, so that each process looks once."""
+    paths = [Path(file) for file in files.split(os.pathsep)]
+    found = [(match, path) for path in paths if (match := _NAME.fullmatch(path.name))]
     found.sort(key=lambda pair: (pair[0][1], int(pair[0][2]), pair[1]))
     return {match[1]: path for match, path in found}
 

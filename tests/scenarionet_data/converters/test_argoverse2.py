@@ -79,6 +79,10 @@ def test_both_kinds_are_found_and_told_apart(tmp_path: Path) -> None:
         "forecasting-00000-of-00001",
         f"sensor-{log.name}",
     ]
+    assert [s.facts for s in shards(CONVERTER, tmp_path, "val")] == [
+        {"kind": "forecasting"},
+        {"kind": "sensor", "log": log.name},
+    ]
     assert [len(s.items) for s in shards(CONVERTER, tmp_path, "val", kind="forecasting")] == [2]
     assert [s.name for s in shards(CONVERTER, tmp_path, "val", kind="sensor")] == [f"sensor-{log.name}"]
     assert [s.name for s in shards(CONVERTER, log, "val")] == [f"sensor-{log.name}"]
