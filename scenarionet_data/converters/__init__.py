@@ -17,6 +17,7 @@ from scenarionet_data.errors import SourceNotFound
 _BUILTIN = {
     "argoverse2": "scenarionet_data.converters.argoverse2:Argoverse2",
     "nuplan": "scenarionet_data.converters.nuplan:NuPlan",
+    "nuscenes": "scenarionet_data.converters.nuscenes:NuScenes",
     "pg": "scenarionet_data.converters.pg:Procedural",
     "scenarionet": "scenarionet_data.converters.scenarionet:ScenarioNetPickles",
     "waymo": "scenarionet_data.converters.waymo:Waymo",

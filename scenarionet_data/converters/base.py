@@ -208,6 +208,8 @@ _SPLITS = {
     "test": "test",
     "testing": "test",
     "mini": "mini",
+    "v1.0-mini": "mini",
+    "v1.0-test": "test",
 }
 
 
