@@ -8,7 +8,7 @@ RAW is the dataroot, or one release's folder in it:
 
 Lyft's perception dataset has the same tables (``train_data/`` or ``v1.02-train/``) and is read too: its location
 is none of nuScenes' four, and a location that has no expansion is converted without a map. Give it a ``--version``
-of its own. Scenes of nuScenes' own locations are not converted without their map, unless ``has_map`` is off.
+of its own. Scenes of nuScenes' own locations are not converted without their map, unless ``has_map`` is false.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from scenarionet_data.scenario import ScenarioDescription, make_scenario_id
 
 _CHALLENGE = Path("maps", "prediction", "prediction_scenes.json")
 _EXPANSION = Path("maps", "expansion")
-_GET_MAPS = "download nuScenes' map expansion v1.3, or convert with has_map off"
+_GET_MAPS = "download nuScenes' map expansion v1.3, or leave maps out with -O has_map=false"
 _SCENES_PER_SHARD = {"scene": 64, "window": 8}
 _SUFFIX = {"scene": "", "window": "@window"}
 """Tells a scene's items apart, so that one lake can hold scenes and windows of one split."""
@@ -150,9 +150,7 @@ class NuScenes(Converter[Window | InvalidScenario]):
             return _read_city(path, path.stat().st_size, path.stat().st_mtime_ns)
         if place in PLACES:
             scenario_id = make_scenario_id(shard.dataset, shard.version, window.recording.name)
-            raise InvalidScenario(
-                scenario_id, "map", f"wanted {path.name} in maps/expansion, found none; {_GET_MAPS}"
-            )
+            raise InvalidScenario(scenario_id, "map", f"wanted {path.name} in maps/expansion, found none; {_GET_MAPS}")
         return None
 
 

@@ -87,9 +87,7 @@ def poses(rows: pa.Table) -> Float64:
     quaternion = vectors(rows["rotation"], 4)
     norm = np.linalg.norm(quaternion, axis=1)
     is_turn = np.abs(norm - 1.0) < 1e-2
-    heading = np.where(
-        is_turn, yaw_from_quaternion(*(quaternion / np.where(is_turn, norm, 1.0)[:, None]).T), np.nan
-    )
+    heading = np.where(is_turn, yaw_from_quaternion(*(quaternion / np.where(is_turn, norm, 1.0)[:, None]).T), np.nan)
     return np.column_stack([vectors(rows["translation"], 3), heading])
 
 

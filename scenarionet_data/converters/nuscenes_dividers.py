@@ -72,17 +72,13 @@ def _typed(expansion: Expansion, segments: list[Record]) -> Iterator[tuple[Edge,
             yield frozenset((start, end)), segment["segment_type"]
 
 
-def _lines(
-    expansion: Expansion, record: Record, types: dict[Edge, str], is_lane_divider: bool
-) -> Iterable[Divider]:
+def _lines(expansion: Expansion, record: Record, types: dict[Edge, str], is_lane_divider: bool) -> Iterable[Divider]:
     points = expansion.points(expansion.nodes(record["line_token"]))
     if len(points) < 2:
         raise ValueError(f"divider {record['token']} of {len(points)} nodes")
     unstated = "NIL" if is_lane_divider else None
     kinds = [types.get(frozenset(edge), unstated) for edge in pairwise(places(points))]
-    runs = [
-        (kind, [index for index, _ in run]) for kind, run in groupby(enumerate(kinds), key=lambda item: item[1])
-    ]
+    runs = [(kind, [index for index, _ in run]) for kind, run in groupby(enumerate(kinds), key=lambda item: item[1])]
     for number, (kind, edges) in enumerate(runs):
         name = record["token"] if len(runs) == 1 else f"{record['token']}-{number}"
         kind_of_line, extras = _type(kind)

@@ -58,6 +58,8 @@ def read_rows(
     parsing = pa.json.ParseOptions(schema, newlines_in_values=True, unexpected_field_behavior="ignore")
     try:
         for text in _blocks(path, block):
+            if chosen and text.strip() and not chosen.search(text):
+                raise ValueError(f"its records have no {key!r}")
             lines = _selected(text, chosen, wanted) if chosen else _BETWEEN.sub(b"}\n{", text)
             if lines.strip():
                 reading = pa.json.ReadOptions(use_threads=False, block_size=len(lines) + 1)

@@ -122,9 +122,7 @@ def lanes_across(lanes: list[Lane], areas: list[shapely.Polygon]) -> list[list[s
     return _matches(drawn, [shapely.LineString(lane.center) for lane in drawn], areas)
 
 
-def _matches(
-    lanes: list[Lane], shapes: Sequence[shapely.Geometry], areas: list[shapely.Polygon]
-) -> list[list[str]]:
+def _matches(lanes: list[Lane], shapes: Sequence[shapely.Geometry], areas: list[shapely.Polygon]) -> list[list[str]]:
     found: list[list[str]] = [[] for _ in areas]
     if areas:
         pairs = shapely.STRtree(shapes).query(areas, predicate="intersects")

@@ -95,9 +95,7 @@ def _add_lanes(builder: MapBuilder, expansion: Expansion, lanes: list[Lane], div
 
 
 def _add_drivable(builder: MapBuilder, expansion: Expansion) -> None:
-    areas = {
-        token: expansion.polygon(token) for r in expansion.layer("drivable_area") for token in r["polygon_tokens"]
-    }
+    areas = {token: expansion.polygon(token) for r in expansion.layer("drivable_area") for token in r["polygon_tokens"]}
     for token, area in areas.items():
         _add_area(builder, token, MapFeatureType.DRIVABLE_AREA, area)
     for number, edge in enumerate(road_edges(areas.values())):

@@ -89,7 +89,7 @@ def describe(
             scenario_id=name,
             file=shard.items[0].name.split("/")[0] + "/scene.json",
             licence=licence,
-            log=recording.log["logfile"],
+            log=recording.log["logfile"] or recording.log["token"],  # Lyft names no log files
             city=place,
             date=recording.log["date_captured"],
             crs=f"nuscenes {place}",

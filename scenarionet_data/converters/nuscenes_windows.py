@@ -81,9 +81,7 @@ def challenge_windows(
     keyframes = {sample: number for number, sample in enumerate(recording.samples)}
     unknown = [sample for sample in targets if sample not in keyframes]
     if unknown:
-        raise InvalidScenario(
-            scenario_id, "prediction_scenes", f"wanted keyframes of the scene, found {unknown[0]!r}"
-        )
+        raise InvalidScenario(scenario_id, "prediction_scenes", f"wanted keyframes of the scene, found {unknown[0]!r}")
     for current in sorted(keyframes[sample] for sample in targets):
         last = min(current + future, len(recording.times) - 1)
         asked = tuple(dict.fromkeys(targets[recording.samples[current]]))
