@@ -68,18 +68,19 @@ def describe(
     """
     recording, part = window.recording, slice(window.first, window.last + 1)
     name, place = recording.name, recording.log["location"]
-    steps = make_steps(recording.times[part], nominal_period(recording.times), rate)
+    start = float(recording.times[window.first])
+    steps = make_steps(recording.times[part] - start, nominal_period(recording.times), rate)
     ego, has_pose = _ego(window, steps, place)
     origin = make_origin(ego[:, :3], has_pose, has_z=True)
     current = int(steps.at_keyframes[window.current - window.first])
-    start = None if window.is_whole else round(recording.times[window.current])
+    moment = None if window.is_whole else round(recording.times[window.current])
     crop = _around(ego[has_pose], radius)
     return ScenarioDescription(
-        id=make_scenario_id(shard.dataset, shard.version, name, start),
+        id=make_scenario_id(shard.dataset, shard.version, name, moment),
         dataset=shard.dataset,
         version=shard.version,
         split=shard.split,
-        timestamps=(steps.times - steps.times[0]) * 1e-6,
+        timestamps=steps.times * 1e-6,
         dt=steps.dt,
         current_timestep=current,
         ego_id=EGO,
@@ -106,7 +107,7 @@ def describe(
             "description": recording.scene["description"],
             "sample_tokens": recording.samples[part].tolist(),
             "keyframe_timesteps": steps.at_keyframes.tolist(),
-            "start_timestamp_us": round(steps.times[0]),
+            "start_timestamp_us": round(start),
         },
     )
 
@@ -114,7 +115,9 @@ def describe(
 def _ego(window: Window, steps: Steps, place: str) -> tuple[Float64, Bool]:
     """The ego's box (T, 7) and where a pose is known (T,)."""
     vehicle = RENAULT_ZOE if place in PLACES else FORD_FUSION
-    pose, has_pose = poses_at(steps.times, window.recording.pose_times, window.recording.poses)
+    recording = window.recording
+    pose_times = recording.pose_times - recording.times[window.first]
+    pose, has_pose = poses_at(steps.times, pose_times, recording.poses)
     ahead = vehicle.ahead * np.stack([np.cos(pose[:, 3]), np.sin(pose[:, 3])], axis=-1)
     size = np.broadcast_to(np.array(vehicle.size), (len(pose), 3))
     center = np.column_stack([pose[:, :2] + ahead, pose[:, 2] + vehicle.size[2] / 2.0])

@@ -33,7 +33,7 @@ class Steps:
 
     Attributes:
         dt: Nominal step [s].
-        times: (T,) [us].
+        times: (T,) [us], as the keyframes' are given.
         keyframe: (T,) last keyframe at or before each step.
         share: (T,) way from there to the next keyframe, 0 at a keyframe.
         is_gap: (T,) whether a keyframe is missing between the two.
