@@ -209,6 +209,7 @@ _SPLITS = {
     "testing": "test",
     "mini": "mini",
     "v1.0-mini": "mini",
+    "v1.0-trainval": "train",
     "v1.0-test": "test",
 }
 

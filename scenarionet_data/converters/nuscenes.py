@@ -95,7 +95,7 @@ class NuScenes(Converter[Window | InvalidScenario]):
         for path in sorted((root / _EXPANSION).glob("*.json")) if options.has_map else ():
             item = RawItem(path.relative_to(root).as_posix(), fingerprint([path]))
             # No option changes a map: scenes and windows of one lake share it.
-            yield Shard(self.name, version, "", _map_id(path.stem), str(root), (item,), NuScenesOptions())
+            yield Shard(self.name, version, "", _map_id(path.stem), str(root), (item,), Options())
 
     def map_features(self, shard: Shard) -> MapBuilder:
         """Read one location's map, see :meth:`Converter.map_features`."""

@@ -178,30 +178,35 @@ def _read_boxes(folder: Path, samples: Rows, instances: Array, attributes: list[
 
 
 def _read_poses(folder: Path, samples: Rows) -> Rows:
-    """The ego's poses at the lidar's sweeps; a sweep whose pose is missing has NaN."""
+    """The ego's poses at the lidar's sweeps; NaN where a sweep's pose is missing."""
+    sample, tokens = _read_sweeps(folder, samples)
+
+    def columns(rows: pa.Table) -> dict[str, Array]:
+        return {"token": rows["token"].to_numpy(), "time": rows["timestamp"].to_numpy(), "pose": poses(rows)}
+
+    wanted = {token.encode() for token in tokens if token is not None}
+    found = gather(read_rows(folder / "ego_pose.json", _POSE, "token", wanted), columns, _POSE)
+    row = index(pa.array(tokens, TEXT), found["token"])
+    placed = {
+        "scene": np.append(samples.scene, -1)[sample],
+        "time": np.append(found["time"], np.nan)[row],
+        "pose": np.vstack([found["pose"], np.full(4, np.nan)])[row],
+    }
+    return by_scene(placed, len(samples.start) - 1)
+
+
+def _read_sweeps(folder: Path, samples: Rows) -> tuple[Array, Array]:
+    """Keyframe (-1 where unknown) and pose token of each sweep of the lidar."""
     sensors = [token for token, r in _records(folder, "sensor", "channel").items() if r["channel"] == LIDAR]
     mounted = _records(folder, "calibrated_sensor", "sensor_token").items()
     lidars = {token.encode() for token, record in mounted if record["sensor_token"] in sensors}
     if not lidars:
         raise CorruptSource(f"{folder / 'calibrated_sensor.json'}: wanted a sensor {LIDAR}, found none")
 
-    def sweep_columns(rows: pa.Table) -> dict[str, Array]:
-        return {
-            "sample": index(rows["sample_token"], samples.columns["token"]),
-            "pose": rows["ego_pose_token"].to_numpy(),
-        }
+    def columns(rows: pa.Table) -> dict[str, Array]:
+        sample = index(rows["sample_token"], samples.columns["token"])
+        return {"sample": sample, "pose": rows["ego_pose_token"].to_numpy()}
 
-    def pose_columns(rows: pa.Table) -> dict[str, Array]:
-        return {"token": rows["token"].to_numpy(), "time": rows["timestamp"].to_numpy(), "pose": poses(rows)}
-
-    sweeps = gather(
-        read_rows(folder / "sample_data.json", _SWEEP, "calibrated_sensor_token", lidars), sweep_columns, _SWEEP
-    )
-    wanted = {token.encode() for token in sweeps["pose"] if token is not None}
-    found = gather(read_rows(folder / "ego_pose.json", _POSE, "token", wanted), pose_columns, _POSE)
-    row = index(pa.array(sweeps["pose"], TEXT), found["token"])
-    missing = {"time": np.append(found["time"], np.nan), "pose": np.vstack([found["pose"], np.full(4, np.nan)])}
-    scene = np.append(samples.scene, -1)[sweeps["sample"]]
-    return by_scene(
-        {"scene": scene, "time": missing["time"][row], "pose": missing["pose"][row]}, len(samples.start) - 1
-    )
+    blocks = read_rows(folder / "sample_data.json", _SWEEP, "calibrated_sensor_token", lidars)
+    found = gather(blocks, columns, _SWEEP)
+    return found["sample"], found["pose"]
