@@ -65,6 +65,7 @@ class MapFeatureType(IntEnum):
     INTERSECTION = 66
     ROADBLOCK = 67
     CARPARK_AREA = 68
+    TRAFFIC_LIGHT = 69  # where one stands; what it shows is in lights
 
 
 class LightState(IntEnum):

@@ -19,6 +19,7 @@ _BUILTIN = {
     "argoverse2": "scenarionet_data.converters.argoverse2:Argoverse2",
     "lyft": "scenarionet_data.converters.lyft:Lyft",
     "nuplan": "scenarionet_data.converters.nuplan:NuPlan",
+    "nuscenes": "scenarionet_data.converters.nuscenes:NuScenes",
     "pg": "scenarionet_data.converters.pg:Procedural",
     "scenarionet": "scenarionet_data.converters.scenarionet:ScenarioNetPickles",
     "waymo": "scenarionet_data.converters.waymo:Waymo",

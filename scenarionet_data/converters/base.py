@@ -211,6 +211,9 @@ _SPLITS = {
     "testing": "test",
     "test_obs": "test",
     "mini": "mini",
+    "v1.0-mini": "mini",
+    "v1.0-trainval": "train",
+    "v1.0-test": "test",
 }
 
 

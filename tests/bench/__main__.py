@@ -12,7 +12,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from tests.bench import converting, loading, nuplan, scale
+from tests.bench import converting, loading, nuplan, nuscenes, scale
 from tests.bench.measure import Figure
 
 
@@ -22,6 +22,7 @@ def main() -> None:
     groups: dict[str, Callable[[], Iterator[Figure]]] = {
         "convert": lambda: converting.figures(recordings),
         "nuplan": lambda: nuplan.figures(recordings),
+        "nuscenes": lambda: nuscenes.figures(recordings),
         "load": lambda: loading.figures(recordings),
         "scale": scale.figures,
     }

@@ -1,0 +1,101 @@
+"""Columns of nuScenes' tables as arrays: tokens as row numbers, lists of numbers as vectors, rows by scene."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from scenarionet_data.geometry import yaw_from_quaternion
+
+Array = npt.NDArray[Any]
+Float64 = npt.NDArray[np.float64]
+Int64 = npt.NDArray[np.int64]
+
+TEXT, NUMBER, NUMBERS, TEXTS = pa.string(), pa.float64(), pa.list_(pa.float64()), pa.list_(pa.string())
+
+POSE = {"translation": NUMBERS, "rotation": NUMBERS}
+"""The fields that :func:`poses` reads."""
+
+UNKNOWN_BIT = 63
+"""Bit that stands for a word which is not in the list."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Rows of a table, those of scene ``i`` from ``start[i]`` to ``start[i + 1]``.
+
+    Attributes:
+        start: (C + 1,).
+        columns: (R, ...) each.
+    """
+
+    start: Int64
+    columns: dict[str, Array]
+
+    def of(self, scene: int) -> dict[str, Array]:
+        """The rows of one scene."""
+        rows = slice(self.start[scene], self.start[scene + 1])
+        return {name: column[rows] for name, column in self.columns.items()}
+
+    @property
+    def scene(self) -> Int64:
+        """(R,) scene of each row."""
+        return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
+
+
+def gather(
+    blocks: Iterable[pa.Table], convert: Callable[[pa.Table], dict[str, Array]], schema: pa.Schema
+) -> dict[str, Array]:
+    """The arrays that ``convert`` makes of each block, block after block."""
+    parts = [convert(block) for block in blocks] or [convert(schema.empty_table())]
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def by_scene(columns: dict[str, Array], num_scenes: int) -> Rows:
+    """Sort rows by the columns ``scene`` and, where there is one, ``time``; rows of no scene (-1) are left out."""
+    scene = columns["scene"]
+    order = np.lexsort((columns["time"], scene) if "time" in columns else (scene,))
+    order = order[scene[order] >= 0]
+    start = np.searchsorted(scene[order], np.arange(num_scenes + 1))
+    return Rows(start, {name: column[order] for name, column in columns.items() if name != "scene"})
+
+
+def index(tokens: pa.Array | pa.ChunkedArray, known: Sequence[str] | Array) -> Int64:
+    """(R,) place of each token among the ``known`` ones; -1 where it is not."""
+    place = pc.fill_null(pc.index_in(tokens, value_set=pa.array(known, TEXT)), -1)
+    return np.asarray(place.to_numpy(), dtype=np.int64)
+
+
+def vectors(lists: pa.ChunkedArray, width: int) -> Float64:
+    """(R, width) of lists of numbers; NaN where a list is missing, of another length, or holds null."""
+    array = lists.combine_chunks()
+    fits = pc.fill_null(pc.equal(pc.list_value_length(array), width), False)
+    found = np.full((len(array), width), np.nan)
+    values = array.filter(fits).flatten().to_numpy(zero_copy_only=False)
+    found[fits.to_numpy(zero_copy_only=False)] = values.reshape(-1, width)
+    return found
+
+
+def poses(rows: pa.Table) -> Float64:
+    """(R, 4) x, y, z [m] and heading [rad]; heading NaN where the quaternion is not of length 1."""
+    quaternion = vectors(rows["rotation"], 4)
+    norm = np.linalg.norm(quaternion, axis=1)
+    is_turn = np.abs(norm - 1.0) < 1e-2
+    heading = np.where(is_turn, yaw_from_quaternion(*(quaternion / np.where(is_turn, norm, 1.0)[:, None]).T), np.nan)
+    return np.column_stack([vectors(rows["translation"], 3), heading])
+
+
+def bits(lists: pa.ChunkedArray, known: Sequence[str]) -> npt.NDArray[np.uint64]:
+    """(R,) which of at most 63 ``known`` words each list holds, bit by bit."""
+    array = lists.combine_chunks()
+    place = index(pc.list_flatten(array), known)
+    found = np.zeros(len(array), np.uint64)
+    bit = np.where(place < 0, UNKNOWN_BIT, place).astype(np.uint64)
+    np.bitwise_or.at(found, pc.list_parent_indices(array).to_numpy(), np.uint64(1) << bit)
+    return found

@@ -1,0 +1,297 @@
+"""The nuScenes converter as a whole: conformance, finding releases and splits, options, what is refused."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from scenarionet_data.conversion import convert
+from scenarionet_data.converters.nuscenes import NuScenes, NuScenesOptions
+from scenarionet_data.converters.nuscenes_types import is_in_split
+from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario, SourceNotFound
+from scenarionet_data.loader import ScenarioLoader
+from scenarionet_data.testing import ConverterConformance
+from tests.fixtures import nuscenes as fixture
+from tests.fixtures.nuscenes_world import write_district
+from tests.fixtures.reading import scenarios, shards
+
+CONVERTER = NuScenes()
+TABLES = """attribute calibrated_sensor category ego_pose instance log sample sample_annotation sample_data scene
+    sensor""".split()
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two invented scenes of 12 s in two locations; nobody may change them."""
+    root = tmp_path_factory.mktemp("nuscenes")
+    fixture.write_invented(root, num_scenes=2, num_keyframes=25)
+    return root
+
+
+@pytest.fixture
+def raw(written: Path, tmp_path: Path) -> Path:
+    """A copy of them, to be changed."""
+    shutil.copytree(written, tmp_path / "raw")
+    return tmp_path / "raw"
+
+
+class TestScenes(ConverterConformance):
+    converter = CONVERTER
+    split = "mini"
+    damaged_glob = "v1.0-mini/sample_annotation.json"
+
+    @pytest.fixture
+    def raw(self, written: Path) -> Path:
+        return written
+
+
+class TestWindows(TestScenes):
+    damaged_glob = "maps/expansion/*.json"
+    options = {"by": "window", "past": 1.0, "future": 3.0}  # noqa: RUF012
+
+
+class TestLyft(ConverterConformance):
+    converter = CONVERTER
+    damaged_glob = "train_data/ego_pose.json"
+
+    @pytest.fixture
+    def raw(self, tmp_path: Path) -> Path:
+        fixture.write_lyft(tmp_path / "raw")
+        return tmp_path / "raw"
+
+
+# --- what is found ----------------------------------------------------------------------------------------
+
+
+def test_shards_hold_scenes_of_one_location(written: Path) -> None:
+    found = shards(CONVERTER, written, "mini")
+    assert [shard.name for shard in found] == [
+        "v1.0-mini-boston-seaport-scene-00000-of-00001",
+        "v1.0-mini-singapore-onenorth-scene-00000-of-00001",
+    ]
+    assert [item.name for shard in found for item in shard.items] == ["v1.0-mini/scene-0103", "v1.0-mini/scene-0061"]
+    maps = list(CONVERTER.maps(str(written), "v1.0", NuScenesOptions()))
+    assert [shard.name for shard in maps] == ["boston-seaport", "singapore-onenorth"]
+    assert not list(CONVERTER.maps(str(written), "v1.0", NuScenesOptions(has_map=False)))
+
+
+def test_a_releases_folder_does_as_well(written: Path) -> None:
+    assert shards(CONVERTER, written / "v1.0-mini", "mini") == shards(CONVERTER, written, "mini")
+
+
+def test_splits_are_the_owners(written: Path) -> None:
+    names = {split: [s.source.scenario_id for s in scenarios(CONVERTER, written, split)] for split in
+             ("mini_train", "mini_val")}  # fmt: skip
+    assert names == {"mini_train": ["scene-0061"], "mini_val": ["scene-0103"]}
+    with pytest.raises(SourceNotFound, match=r"v1\.0-mini has no split 'train'; add --split with one of mini,"):
+        shards(CONVERTER, written, "train")
+
+
+def test_numbers_of_scenes_in_splits() -> None:
+    """The owner counts 700 training and 150 validation scenes; 110 of the 960 other numbers are no scene."""
+    names = [f"scene-{number:04d}" for number in range(1, 1111)]
+    val = [name for name in names if is_in_split(name, "val")]
+    assert not set(val) & {name for name in names if is_in_split(name, "train")}
+    for known, split in (("0001", "train"), ("0003", "val"), ("0061", "train"), ("0796", "val"), ("1110", "train")):
+        assert is_in_split(f"scene-{known}", split)
+    train_val = [name for name in names if is_in_split(name, "train_val")]
+    assert set(train_val) == {n for n in names if is_in_split(n, "train") and not is_in_split(n, "train", True)}
+    assert train_val[-1] == "scene-0300"
+    assert is_in_split("host-a004", "train")
+    assert is_in_split("host-a004", "whatever")
+
+
+def test_several_releases(raw: Path) -> None:
+    fixture.write_invented(raw, num_scenes=3, num_keyframes=9, release="v1.0-trainval")
+    assert {s.source.scenario_id for s in scenarios(CONVERTER, raw, "val")} == {"scene-0103", "scene-0553"}
+    shutil.copytree(raw / "v1.0-mini", raw / "copy")
+    with pytest.raises(SourceNotFound, match="give the folder of one of them"):
+        shards(CONVERTER, raw, "mini")
+
+
+def test_a_foreign_folder_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(SourceNotFound, match=r"scene\.json"):
+        shards(CONVERTER, tmp_path)
+    (tmp_path / "v1.0-mini").mkdir()
+    (tmp_path / "v1.0-mini" / "scene.json").write_text("[]")
+    with pytest.raises(CorruptSource, match="no such table"):
+        shards(CONVERTER, tmp_path, "mini")
+
+
+def test_lyft_is_told_by_its_location(tmp_path: Path) -> None:
+    written = fixture.write_lyft(tmp_path)
+    (scenario,) = scenarios(CONVERTER, tmp_path, "train")
+    assert scenario.map is None
+    assert scenario.map_id is None
+    assert scenario.source.city == "Palo Alto"
+    assert scenario.tracks.size[scenario.ego_index, 0].tolist() == pytest.approx([4.87, 1.85, 1.8])
+    assert not scenario.tracks.is_type_assumed.any()
+    assert scenario.dt == pytest.approx(0.1)
+    steps = scenario.extras["keyframe_timesteps"]
+    assert steps == list(range(0, 2 * len(written.times), 2))
+    np.testing.assert_allclose(scenario.timestamps[steps], (written.times - written.times[0]) * 1e-6, atol=1e-7)
+
+
+def test_a_location_of_ones_own_may_have_a_map(tmp_path: Path) -> None:
+    fixture.write_lyft(tmp_path)
+    write_district(tmp_path / "maps" / "expansion", "Palo Alto")
+    (scenario,) = scenarios(CONVERTER, tmp_path, "train")
+    (shared,) = CONVERTER.maps(str(tmp_path), "v1.0", NuScenesOptions())
+    assert scenario.map_id == shared.name == "Palo-Alto"
+
+
+@pytest.mark.parametrize(
+    "options", [{"by": "tag"}, {"past": -1.0}, {"future": float("nan")}, {"rate": 1}, {"radius": -5.0}]
+)
+def test_options_are_checked(options: dict[str, Any]) -> None:
+    with pytest.raises(BadParameter):
+        NuScenesOptions(**options)
+
+
+def test_changed_tables_or_maps_change_the_shards(raw: Path) -> None:
+    def keys() -> list[str]:
+        return [shard.key("1") for shard in shards(CONVERTER, raw, "mini")]
+
+    before = keys()
+    boston = raw / "maps" / "expansion" / "boston-seaport.json"
+    boston.write_text(boston.read_text() + " ")
+    changed = keys()
+    assert [a == b for a, b in zip(before, changed, strict=True)] == [False, True]
+    table = raw / "v1.0-mini" / "ego_pose.json"
+    table.write_text(table.read_text() + " ")
+    assert not set(keys()) & set(changed)
+
+
+# --- into a lake and out of it ----------------------------------------------------------------------------
+
+
+def test_scenes_and_windows_share_one_lake(written: Path, tmp_path: Path) -> None:
+    lake = tmp_path / "lake"
+    first = convert("nuscenes", str(written), lake, split="mini")
+    options = NuScenesOptions(by="window", past=1.0, future=3.0)
+    second = convert("nuscenes", str(written), lake, split="mini", options=options)
+    assert first.is_clean
+    assert second.is_clean
+    assert (first.converted, first.shards) == (2, 4)  # two of the shards are maps,
+    assert second.shards == 2  # which the windows share
+    wanted = {s.id: s for s in scenarios(CONVERTER, written, "mini")}
+    loader = ScenarioLoader(lake, list(wanted))
+    for loaded in (loader[number] for number in range(len(loader))):
+        scenario = wanted[loaded.id]
+        assert loaded.map is not None
+        assert scenario.map is not None
+        assert loaded.map.ids.tolist() == scenario.map.ids.tolist()
+        assert np.abs(loaded.map.polyline.values - scenario.map.polyline.values).max() < 1e-4
+        assert np.array_equal(loaded.tracks.position, scenario.tracks.position)
+
+
+# --- bad input --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("table", TABLES)
+@pytest.mark.parametrize("how", ["missing", "empty", "truncated", "foreign"])
+def test_a_damaged_table_is_named(raw: Path, table: str, how: str) -> None:
+    path = raw / "v1.0-mini" / f"{table}.json"
+    content = path.read_bytes()
+    if how == "missing":
+        path.unlink()
+    else:
+        path.write_bytes({"empty": b"", "truncated": content[:-40], "foreign": b'[{"name": "x"}]'}[how])
+    with pytest.raises((CorruptSource, SourceNotFound), match=table):
+        scenarios(CONVERTER, raw, "mini")
+
+
+def edit(path: Path, change: Callable[[Any], object]) -> None:
+    content = json.loads(path.read_text())
+    change(content)
+    path.write_text(json.dumps(content, indent=0))
+
+
+Change = Callable[[list[dict[str, Any]]], object]
+BROKEN_ROWS: dict[str, tuple[str, Change, str]] = {
+    "unknown sample": ("sample_annotation", lambda rows: rows[7].update(sample_token="f" * 32), "nbr_annotations"),
+    "unknown instance": ("sample_annotation", lambda rows: rows[7].update(instance_token="f" * 32), "instance_token"),
+    "unknown attribute": ("sample_annotation", lambda rows: rows[7].update(attribute_tokens=["f"]), "attribute_tok"),
+    "missing row": ("sample_annotation", lambda rows: rows.pop(7), "nbr_annotations"),
+    "doubled row": ("sample_annotation", lambda rows: rows.insert(7, rows[7]), "found two"),
+    "no translation": ("sample_annotation", lambda rows: rows[7].pop("translation"), "finite"),
+    "short translation": ("sample_annotation", lambda rows: rows[7].update(translation=[1.0]), "finite"),
+    "no number": ("sample_annotation", lambda rows: rows[7].update(size=[1.0, None, 2.0]), "finite"),
+    "not finite": ("sample_annotation", lambda rows: rows[7].update(size=[1.0, float("nan"), 2.0]), "finite"),
+    "no size": ("sample_annotation", lambda rows: rows[7].update(size=[1.0, 0.0, 2.0]), "above 0"),
+    "no rotation": ("sample_annotation", lambda rows: rows[7].update(rotation=[0.0] * 4), "length 1"),
+    "unknown category": ("instance", lambda rows: rows[0].update(category_token="f"), "category_token"),
+    "missing instance": ("instance", lambda rows: rows.pop(0), "instance_token"),
+    "missing sample": ("sample", lambda rows: rows.pop(3), "wanted 25"),
+    "unknown scene": ("sample", lambda rows: rows[3].update(scene_token="f"), "wanted 25"),
+    "samples at one time": ("sample", lambda rows: rows[3].update(timestamp=rows[2]["timestamp"]), "increasing"),
+    "unknown log": ("scene", lambda rows: rows[0].update(log_token="f"), "wanted a log"),
+    "missing pose": ("ego_pose", lambda rows: rows.pop(7), "wanted a pose"),
+    "unknown pose": ("sample_data", lambda rows: rows[7].update(ego_pose_token="f"), "wanted a pose"),
+    "no sweeps": ("sample_data", lambda rows: rows.__delitem__(slice(0, 400)), "sweeps of the lidar"),
+}
+
+
+@pytest.mark.parametrize("what", BROKEN_ROWS)
+def test_a_broken_row_spoils_its_scene_alone(raw: Path, what: str) -> None:
+    """Rows at the tables' beginning are the first scene's: it is quarantined, and the other one is converted."""
+    table, change, reason = BROKEN_ROWS[what]
+    edit(raw / "v1.0-mini" / f"{table}.json", change)
+    reasons, converted = [], []
+    for shard in shards(CONVERTER, raw, "mini"):
+        for record in CONVERTER.records(shard):
+            try:
+                converted.append(CONVERTER.scenario(shard, record).source.scenario_id)
+            except InvalidScenario as error:
+                reasons.append(str(error))
+    assert converted == ["scene-0103"]
+    assert len(reasons) == 1
+    assert "scene-0061" in reasons[0]
+    assert reason in reasons[0]
+
+
+def test_nothing_half_written(raw: Path, tmp_path: Path) -> None:
+    """A quarantined scene is counted, a location without its map too, and the rest is in the lake."""
+    (raw / "maps" / "expansion" / "boston-seaport.json").unlink()
+    lake = tmp_path / "lake"
+    report = convert("nuscenes", str(raw), lake, split="mini")
+    assert (report.converted, report.quarantined, report.failed) == (1, 1, [])
+    assert [s.source.scenario_id for s in ScenarioLoader(lake)[:]] == ["scene-0061"]
+    with pytest.raises(InvalidScenario, match=r"wanted boston-seaport.json in maps/expansion, found none; download"):
+        scenarios(CONVERTER, raw, "mini")
+    shutil.rmtree(raw / "maps")
+    with pytest.raises(SourceNotFound, match="no maps; download"):
+        scenarios(CONVERTER, raw, "mini")
+    assert [s.map for s in scenarios(CONVERTER, raw, "mini", has_map=False)] == [None, None]
+
+
+def drop_node(content: dict[str, Any]) -> None:
+    del content["node"][5]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        drop_node,
+        lambda content: content.pop("lane"),
+        lambda content: content.update(version="1.2"),
+        lambda content: content["node"][3].update(x=float("inf")),
+        lambda content: content["polygon"][1].update(exterior_node_tokens=[]),
+        lambda content: next(iter(content["arcline_path_3"].values()))[0].update(shape="LXL"),
+        lambda content: next(iter(content["arcline_path_3"].values()))[0].update(radius=-1.0),
+        lambda content: content["stop_line"][0].update(road_block_token="nowhere"),
+        lambda content: content["lane_divider"][0].update(line_token="nowhere"),
+    ],
+)
+def test_a_damaged_map_fails_its_location_alone(raw: Path, tmp_path: Path, change: Callable[[Any], object]) -> None:
+    edit(raw / "maps" / "expansion" / "boston-seaport.json", change)
+    report = convert("nuscenes", str(raw), tmp_path / "lake", split="mini")
+    assert report.converted == 1
+    assert len(report.failed) == 2  # the map, and the location's scenes
+    assert all("boston-seaport.json: wanted a nuScenes map expansion v1.3" in reason for _, reason in report.failed)
