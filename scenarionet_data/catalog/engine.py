@@ -6,8 +6,11 @@ Works with DuckDB 1.5 and 2. No extension is loaded or downloaded.
 from __future__ import annotations
 
 import re
+import tempfile
 import threading
+import uuid
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import duckdb
@@ -63,6 +66,9 @@ class Engine:
         self._views: set[str] = set()
         self._lock = threading.Lock()
         self._connection.execute("SET enable_progress_bar = false")
+        # Large queries spill to disk: not into the working directory, and apart from other processes.
+        spill = Path(tempfile.gettempdir()) / f"scenarionet-{uuid.uuid4().hex}"
+        self._connection.execute(f"SET temp_directory = {_quoted(str(spill))}")
         self._connection.execute(f"SET allowed_directories = [{_quoted(str(files.root) + '/')}]")
         self._connection.execute("SET enable_external_access = false")
         self._connection.execute("SET lock_configuration = true")

@@ -405,7 +405,7 @@ def test_links_in_the_path_of_a_lake(tmp_path):
     assert LakeFiles(tmp_path / "link" / "lake").root == (tmp_path / "real" / "lake").resolve()
 
 
-@pytest.mark.parametrize("name", ["with space", "it's", 'quo"te', "ümläut", "100%", "a=b", "[x]*?"])
+@pytest.mark.parametrize("name", ['it\'s a "lake"', "ü 100% a=b", "[x]*?"])
 def test_odd_names_of_folders(tmp_path, name):
     raw = raw_of(tmp_path / "raw", 0, 1)
     run(raw, tmp_path / name)

@@ -6,9 +6,11 @@ import datetime
 import hashlib
 import re
 import shutil
+import tempfile
 import warnings
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -347,6 +349,13 @@ def test_threads_may_ask_at_once(tmp_path):
 
     with ThreadPoolExecutor(8) as pool:
         assert list(pool.map(ask, range(40))) == [(k, ids[k % 8 :]) for k in range(40)]
+
+
+def test_large_queries_spill_apart_from_each_other_and_from_the_working_directory(lake):
+    query = "SELECT current_setting('temp_directory') AS folder"
+    folders = [Path(opened.sql(query).item()) for opened in (lake, lake.refresh())]
+    assert folders[0] != folders[1]
+    assert {folder.parent for folder in folders} == {Path(tempfile.gettempdir())}
 
 
 def test_tables_of_one_query_are_unknown_to_the_next(own):

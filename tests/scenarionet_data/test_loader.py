@@ -246,6 +246,6 @@ def test_memory_stays_flat(tmp_path):
         gc.collect()
         return process.memory_info().rss
 
-    before = load_all(5)
-    after = load_all(20)
-    assert after - before < 8e6  # 240 scenarios of about 0.7 MB
+    before = load_all(4)
+    after = load_all(10)
+    assert after - before < 8e6  # 120 scenarios of about 0.7 MB
