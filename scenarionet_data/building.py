@@ -94,35 +94,113 @@ def make_tracks(
         is_size_assumed, is_type_assumed, is_velocity_estimated: (N,) or one bool for all.
         extras: (N,) JSON-able mappings.
     """
-    count = len(ids)
     valid = np.asarray(valid, dtype=np.bool_)
     size = np.asarray(size)
     if size.ndim == 2:
         size = np.broadcast_to(size[:, None, :], (*valid.shape, 3))
-    none = np.full(count, None, dtype=object)
     return Tracks(
-        ids=strings(ids),
-        object_type=np.asarray(object_type, dtype=np.uint8),
         position=_masked(offsets_from(origin, position), valid),
         heading=np.clip(_masked(wrap_angle(heading), valid, RADIANS), -_PI, _BELOW_PI),
         velocity=_masked(velocity, valid),
         size=_sizes(size, valid),
         valid=valid,
-        source_type=none if source_type is None else np.array(source_type, dtype=object),
-        is_size_assumed=_flags(is_size_assumed, count),
-        is_type_assumed=_flags(is_type_assumed, count),
-        is_velocity_estimated=_flags(is_velocity_estimated, count),
-        extras=none if extras is None else np.array([to_json(e) for e in extras], dtype=object),
+        **_said(
+            ids,
+            object_type,
+            source_type,
+            is_size_assumed,
+            is_type_assumed,
+            is_velocity_estimated,
+            extras,
+        ),
     )
+
+
+def make_tracks_of_rows(
+    ids: Sequence[str],
+    object_type: npt.ArrayLike,
+    position: npt.NDArray[Any],
+    heading: npt.NDArray[Any],
+    velocity: npt.NDArray[Any],
+    size: npt.NDArray[Any],
+    track: npt.NDArray[Any],
+    timestep: npt.NDArray[Any],
+    num_timesteps: int,
+    *,
+    origin: Float64,
+    source_type: Sequence[str | None] | None = None,
+    is_size_assumed: npt.ArrayLike = False,
+    is_type_assumed: npt.ArrayLike = False,
+    is_velocity_estimated: npt.ArrayLike = False,
+    extras: Sequence[Mapping[str, Any] | None] | None = None,
+) -> Tracks:
+    """What :func:`make_tracks` makes, from R rows of one observed state each.
+
+    For sources that list states: when most tracks are short, arithmetic on the whole grid of tracks and timesteps
+    would be spent on nothing.
+
+    Args:
+        ids, object_type, origin, source_type, extras: As there.
+        is_size_assumed, is_type_assumed, is_velocity_estimated: As there.
+        position: (R, 3) float64 [m], source frame.
+        heading: (R,) [rad], any turn.
+        velocity: (R, 2) [m/s].
+        size: (R, 3) [m] length, width, height.
+        track, timestep: (R,) where each row stands; no two stand in one place.
+        num_timesteps: T.
+    """
+    shape = (len(ids), num_timesteps)
+
+    def grid(rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        cells = np.zeros((*shape, *rows.shape[1:]), rows.dtype)
+        cells[track, timestep] = rows
+        return cells
+
+    return Tracks(
+        position=grid(_canonical(offsets_from(origin, position), METRES)),
+        heading=grid(np.clip(_canonical(wrap_angle(heading), RADIANS), -_PI, _BELOW_PI)),
+        velocity=grid(_canonical(velocity, METRES)),
+        size=grid(_row_sizes(size, track, len(ids))),
+        valid=grid(np.ones(len(track), np.bool_)),
+        **_said(ids, object_type, source_type, is_size_assumed, is_type_assumed, is_velocity_estimated, extras),
+    )
+
+
+def _said(
+    ids: Sequence[str],
+    object_type: npt.ArrayLike,
+    source_type: Sequence[str | None] | None,
+    is_size_assumed: npt.ArrayLike,
+    is_type_assumed: npt.ArrayLike,
+    is_velocity_estimated: npt.ArrayLike,
+    extras: Sequence[Mapping[str, Any] | None] | None,
+) -> dict[str, Any]:
+    """The fields of tracks that are one value each."""
+    count = len(ids)
+    none = np.full(count, None, dtype=object)
+    return {
+        "ids": strings(ids),
+        "object_type": np.asarray(object_type, dtype=np.uint8),
+        "source_type": none if source_type is None else np.array(source_type, dtype=object),
+        "is_size_assumed": _flags(is_size_assumed, count),
+        "is_type_assumed": _flags(is_type_assumed, count),
+        "is_velocity_estimated": _flags(is_velocity_estimated, count),
+        "extras": none if extras is None else np.array([to_json(e) for e in extras], dtype=object),
+    }
+
+
+def _canonical(values: npt.ArrayLike, step: float) -> npt.NDArray[np.float32]:
+    """Rounded, without negative zeros."""
+    kept = rounded(values, step)
+    kept += np.float32(0.0)
+    return kept
 
 
 def _masked(values: npt.ArrayLike, valid: Bool, step: float = METRES) -> npt.NDArray[np.float32]:
     """float32 copy with zeros where not valid (source values there may be NaN or beyond float32)."""
     values = np.asarray(values)
     mask = valid if values.ndim == 2 else valid[..., None]
-    kept = rounded(np.where(mask, values, 0.0), step)
-    kept += np.float32(0.0)  # no negative zeros
-    return kept
+    return _canonical(np.where(mask, values, 0.0), step)
 
 
 def _sizes(size: npt.NDArray[Any], valid: Bool) -> npt.NDArray[np.float32]:
@@ -131,9 +209,19 @@ def _sizes(size: npt.NDArray[Any], valid: Bool) -> npt.NDArray[np.float32]:
         exact = np.where(valid[..., None], size, 0.0).astype(np.float32, copy=False)
     first = exact[np.arange(len(exact)), valid.argmax(axis=1)] if exact.size else exact[:, 0]
     differs = (exact != first[:, None]) & valid[..., None]
-    changing = differs.reshape(len(exact), -1).any(axis=1)
+    changing = differs.any(axis=(1, 2))
     exact[changing] = rounded(exact[changing], METRES)
     return exact
+
+
+def _row_sizes(size: npt.NDArray[Any], track: npt.NDArray[Any], count: int) -> npt.NDArray[np.float32]:
+    """As :func:`_sizes`, of rows (R, 3) of ``count`` objects."""
+    with np.errstate(over="ignore"):
+        exact = size.astype(np.float32)
+    some_row, changing = np.zeros(count, np.int64), np.zeros(count, np.bool_)
+    some_row[track] = np.arange(len(track))
+    changing[track[(exact != exact[some_row[track]]).any(axis=1)]] = True
+    return np.where(changing[track][:, None], rounded(exact, METRES), exact)
 
 
 def _flags(values: npt.ArrayLike, count: int) -> Bool:

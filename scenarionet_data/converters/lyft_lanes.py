@@ -34,6 +34,8 @@ class Side(NamedTuple):
 
     def paint(self) -> list[tuple[int, Float64]]:
         """Each kind of paint with the part of the side along which it runs; a kind without a place is left out."""
+        if len(self.dividers) == 1:
+            return [(self.dividers[0], self.points)]
         step = np.hypot(*np.diff(self.points, axis=0).T)
         along = np.concatenate([[0.0], np.cumsum(step)])
         bounds = [0.0, *self.changes[: max(len(self.dividers) - 1, 0)], float(along[-1])]
@@ -74,6 +76,8 @@ def in_driving_direction(
         is_backward: Whether a lane goes against its segment.
         ahead: Ids of the lanes that follow each.
     """
+    if not any(is_backward[lane] for lane in lanes):
+        return dict(lanes)
     turned = {lane: sides.turned_around() if is_backward[lane] else sides for lane, sides in lanes.items()}
     return turned if _gaps(turned, ahead) < _gaps(lanes, ahead) else dict(lanes)
 

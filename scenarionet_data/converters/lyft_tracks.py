@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from copy import copy
 
 import numpy as np
 import numpy.typing as npt
 
-from scenarionet_data.building import make_tracks
+from scenarionet_data.building import make_tracks_of_rows
 from scenarionet_data.converters.lyft_recording import Content
-from scenarionet_data.converters.lyft_zarr import Records
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.geometry import estimate_velocity
 from scenarionet_data.scenario import Bool, Float64, Tracks
@@ -57,105 +56,89 @@ def tracks(
     Raises:
         InvalidScenario: A track has two rows in one frame.
     """
-    agents, frame = content.agents, content.frame
+    rows = _Rows(content, labels, where)
     if not keep_unknown:
-        grid = _Grid(agents, frame, len(content.times), where)
-        is_told = ~np.isin(_words(grid, agents, labels)[0], list(_UNTOLD))[grid.track]
-        agents, frame = agents[is_told], frame[is_told]
-    grid = _Grid(agents, frame, len(content.times), where)
-    words, is_varied = _words(grid, agents, labels)
-    kinds = np.array([*(_TYPES.get(word, ObjectType.OTHER) for word in words), ObjectType.VEHICLE], np.uint8)
-    position = grid.place(_in_plane(agents["centroid"]), _in_plane(content.ego[:, :2]))
-    velocity, is_repaired = _velocity(
-        grid, agents["velocity"], position, (content.times - content.times[0]) * 1e-9, kinds
-    )
-    made = make_tracks(
-        [*map(str, grid.ids.tolist()), EGO],
-        kinds,
-        position,
-        grid.place(agents["yaw"], content.ego[:, 2]),
-        velocity,
-        grid.place(agents["extent"], EGO_SIZE),
-        grid.valid,
+        rows = rows.known()
+    times = (content.times - content.times[0]) * 1e-9
+    kinds = np.array([_TYPES.get(word, ObjectType.OTHER) for word in rows.words], np.uint8)
+    velocity, is_repaired = _repaired(rows, np.isin(kinds, list(_GROUPS)), times)
+    agents, ego, count, steps = rows.agents, content.ego, len(rows.ids), len(times)
+    ego_velocity = estimate_velocity(ego[None, :, :2], np.ones((1, steps), np.bool_), times)[0]
+    made = make_tracks_of_rows(
+        [*map(str, rows.ids.tolist()), EGO],
+        [*kinds, ObjectType.VEHICLE],
+        np.pad(np.concatenate([agents["centroid"], ego[:, :2]]), ((0, 0), (0, 1))),
+        np.concatenate([agents["yaw"], ego[:, 2]]),
+        np.concatenate([velocity, ego_velocity]),
+        np.concatenate([agents["extent"], np.tile(np.array(EGO_SIZE, np.float32), (steps, 1))]),
+        np.concatenate([rows.track, np.full(steps, count)]),
+        np.concatenate([rows.frame, np.arange(steps)]),
+        steps,
         origin=origin,
-        source_type=[*words.tolist(), "EGO"],
-        is_size_assumed=[False] * len(words) + [True],
-        is_type_assumed=[*is_varied.tolist(), False],
-        is_velocity_estimated=is_repaired.any(axis=1),
+        source_type=[*rows.words, "EGO"],
+        is_size_assumed=[False] * count + [True],
+        is_type_assumed=[*rows.is_word_varied.tolist(), False],
+        is_velocity_estimated=[*(np.bincount(rows.track, is_repaired, count) > 0).tolist(), True],
     )
-    return made, int(is_repaired[:-1].sum())
+    return made, int(is_repaired.sum())
 
 
-class _Grid:
-    """Where each row stands among N tracks and T timesteps; the ego, always there, is one row more.
+class _Rows:
+    """R rows of N tracks, a track after the other, by time.
 
     Attributes:
+        agents, frame: (R,) records, and the timestep of each.
         ids: (N,) ascending.
-        track: (R,) row of ``ids``.
-        valid: (N + 1, T).
+        track: (R,) row of ``ids``, ascending.
+        words: (N,) label.
+        is_word_varied: (N,) whether a track's frames disagree about it.
     """
 
-    def __init__(self, agents: Records, frame: npt.NDArray[np.int64], steps: int, where: str) -> None:
-        self.ids, self.track = np.unique(agents["track_id"], return_inverse=True)
-        self._cell = self.track * steps + frame
-        counts = np.bincount(self._cell, minlength=(len(self.ids) + 1) * steps)
-        if counts.max() > 1:
-            track, step = divmod(int(counts.argmax()), steps)
-            found = f"found {counts.max()} of track {self.ids[track]} at timestep {step}"
+    def __init__(self, content: Content, labels: Sequence[str], where: str) -> None:
+        order = np.lexsort((content.frame, content.agents["track_id"]))
+        self.agents, self.frame = content.agents[order], content.frame[order]
+        self.ids, first, self.track = np.unique(self.agents["track_id"], return_index=True, return_inverse=True)
+        (twice,) = np.nonzero((np.diff(self.track) == 0) & (np.diff(self.frame) == 0))
+        if len(twice):
+            found = f"found more of track {self.agents['track_id'][twice[0]]} at timestep {self.frame[twice[0]]}"
             raise InvalidScenario(where, "agents.track_id", f"wanted one row per track and frame, {found}")
-        self.valid = (counts > 0).reshape(-1, steps)
-        self.valid[-1] = True
+        probabilities = self.agents["label_probabilities"]
+        total = np.add.reduceat(probabilities, first, axis=0) if len(first) else np.zeros((0, len(labels)))
+        label = total.argmax(axis=1)
+        differs = probabilities.argmax(axis=1) != label[self.track]
+        self.words = [labels[number] for number in label.tolist()]
+        self.is_word_varied = np.bincount(self.track, differs, len(self.ids)) > 0
 
-    def place(self, values: npt.NDArray[Any], ego: npt.ArrayLike) -> npt.NDArray[Any]:
-        """Values (R, ...) of the rows and the ego's, for all timesteps or each, as (N + 1, T, ...); 0 elsewhere."""
-        cells = np.zeros((self.valid.size, *values.shape[1:]), values.dtype)
-        cells[self._cell] = values
-        grid: npt.NDArray[Any] = cells.reshape(*self.valid.shape, *values.shape[1:])
-        grid[-1] = ego
-        return grid
-
-
-def _in_plane(points: npt.NDArray[Any]) -> Float64:
-    """(R, 3) float64 of points (R, 2)."""
-    return np.column_stack([points, np.zeros(len(points))])
-
-
-def _words(grid: _Grid, agents: Records, labels: Sequence[str]) -> tuple[npt.NDArray[np.object_], Bool]:
-    """(N,) label of each track, and whether its frames disagree about it."""
-    probabilities = agents["label_probabilities"]
-    count, size = len(grid.ids), len(labels)
-    cells = (grid.track[:, None] * size + np.arange(size)).ravel()
-    total = np.bincount(cells, probabilities.ravel(), count * size).reshape(count, size)
-    label = total.argmax(axis=1)
-    differs = probabilities.argmax(axis=1) != label[grid.track]
-    return np.array(labels, dtype=object)[label], np.bincount(grid.track, differs, count) > 0
+    def known(self) -> _Rows:
+        """Those of objects of which the source says what they are."""
+        is_told = ~np.isin(self.words, list(_UNTOLD))
+        rows, chosen = is_told[self.track], copy(self)
+        chosen.agents, chosen.frame = self.agents[rows], self.frame[rows]
+        chosen.track = (np.cumsum(is_told) - 1)[self.track[rows]]
+        chosen.ids, chosen.is_word_varied = self.ids[is_told], self.is_word_varied[is_told]
+        chosen.words = [word for word, told in zip(self.words, is_told, strict=True) if told]
+        return chosen
 
 
-def _velocity(
-    grid: _Grid, recorded: npt.NDArray[Any], position: Float64, times: Float64, kinds: npt.NDArray[np.uint8]
-) -> tuple[npt.NDArray[Any], Bool]:
-    """Velocities (N + 1, T, 2), and where they are estimated: the ego's, and those of road users that move at 0 m/s."""
-    velocity = grid.place(recorded, estimate_velocity(position[-1:], grid.valid[-1:], times)[0])
-    is_repaired = np.zeros(grid.valid.shape, np.bool_)
-    is_repaired[-1] = True
-    is_road_user = np.isin(kinds, list(_GROUPS))
-    rows = np.unique(grid.track[~recorded.any(axis=1) & is_road_user[grid.track]])
-    estimated = _smooth_velocity(position[rows, :, :2], grid.valid[rows], times)
-    is_moving = np.hypot(*np.moveaxis(estimated, -1, 0)) > MOVING
-    is_repaired[rows] = grid.valid[rows] & ~velocity[rows].any(axis=-1) & is_moving
-    velocity[rows] = np.where(is_repaired[rows][..., None], estimated, velocity[rows])
+def _repaired(rows: _Rows, is_road_user: Bool, times: Float64) -> tuple[npt.NDArray[np.float32], Bool]:
+    """Velocities (R, 2), and whether each is estimated: a road user's (N,) that moves at exactly 0 m/s.
+
+    It is estimated over ``_REACH`` timesteps to either side, fewer at the ends of what was observed in one go.
+    """
+    velocity = rows.agents["velocity"].astype(np.float32)
+    here = np.arange(len(velocity))
+    begins = np.ones(len(velocity), np.bool_)
+    begins[1:] = (np.diff(rows.track) > 0) | (np.diff(rows.frame) > 1)
+    run = np.cumsum(begins) - 1
+    first, length = np.flatnonzero(begins), np.bincount(run)
+    (still,) = np.nonzero(~velocity.any(axis=1) & is_road_user[rows.track])
+    before = np.maximum(here - _REACH, first[run])[still]
+    after = np.minimum(here + _REACH, (first + length - 1)[run])[still]
+    move = (rows.agents["centroid"][after] - rows.agents["centroid"][before]).astype(np.float64)
+    span = (times[rows.frame[after]] - times[rows.frame[before]])[:, None]
+    estimated = np.divide(move, span, out=np.zeros_like(move), where=span > 0)
+    is_moving = np.hypot(*estimated.T) > MOVING
+    velocity[still[is_moving]] = estimated[is_moving]
+    is_repaired = np.zeros(len(velocity), np.bool_)
+    is_repaired[still[is_moving]] = True
     return velocity, is_repaired
-
-
-def _smooth_velocity(path: Float64, valid: Bool, times: Float64) -> Float64:
-    """(K, T, 2) differences over ``_REACH`` valid timesteps to both sides, fewer at the ends of a run of them."""
-    steps = np.arange(len(times))
-    goes_on = valid[:, 1:] & valid[:, :-1]
-    edge = np.ones((len(valid), 1), np.bool_)
-    first = np.maximum.accumulate(np.where(np.hstack([edge, ~goes_on]), steps, 0), axis=1)
-    last = np.minimum.accumulate(np.where(np.hstack([~goes_on, edge]), steps, steps[-1])[:, ::-1], axis=1)[:, ::-1]
-    before, after = np.maximum(first, steps - _REACH), np.minimum(last, steps + _REACH)
-    move = np.take_along_axis(path, after[..., None], axis=1) - np.take_along_axis(path, before[..., None], axis=1)
-    span = (times[after] - times[before])[..., None]
-    velocity: Float64 = np.divide(move, span, out=np.zeros_like(move), where=span > 0)
-    return velocity

@@ -12,7 +12,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from tests.bench import converting, loading, nuplan, nuscenes, scale
+from tests.bench import converting, loading, lyft, nuplan, nuscenes, scale
 from tests.bench.measure import Figure
 
 
@@ -21,6 +21,7 @@ def main() -> None:
     recordings = converting.recordings_folder()
     groups: dict[str, Callable[[], Iterator[Figure]]] = {
         "convert": lambda: converting.figures(recordings),
+        "lyft": lambda: lyft.figures(recordings),
         "nuplan": lambda: nuplan.figures(recordings),
         "nuscenes": lambda: nuscenes.figures(recordings),
         "load": lambda: loading.figures(recordings),

@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarionet_data.building import METRES, MapBuilder, make_origin, make_tracks
+from scenarionet_data.building import METRES, MapBuilder, make_origin, make_tracks, make_tracks_of_rows
 from scenarionet_data.errors import InvalidScenario
+from scenarionet_data.testing import differences
 from scenarionet_data.vocabulary import MapFeatureType, ObjectType
 from tests.fixtures.scenarios import make_scenario
 
@@ -152,3 +153,18 @@ def test_sizes_that_never_change_stay_as_given():
     assert made.size[0, 0].tolist() == np.float32([4.6, 1.9, 1.5]).tolist()
     assert made.size[1, 0, 1] == pytest.approx(1.9, abs=METRES)
     assert np.array_equal(made.size[1, :, 0] / METRES, np.rint(made.size[1, :, 0] / METRES))
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_rows_make_the_same_tracks_as_grids(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    count, steps = int(rng.integers(0, 5)), int(rng.integers(1, 7))
+    valid = rng.random((count, steps)) < 0.5
+    position, velocity = rng.normal(0.0, 1e3, (count, steps, 3)), rng.normal(0.0, 1.0, (count, steps, 2))
+    heading = rng.choice([-np.pi, np.pi, 0.0, -0.0, 1.0], (count, steps))
+    size = np.where(rng.random((count, 1, 1)) < 0.5, rng.random((count, 1, 3)), rng.random((count, steps, 3))) + 0.1
+    ids, kinds, origin = [str(k) for k in range(count)], [1] * count, np.array([5.0, -3.0, 1.0])
+    said = {"origin": origin, "source_type": ids, "is_size_assumed": True, "extras": [{"k": k} for k in ids]}
+    wanted = make_tracks(ids, kinds, position, heading, velocity, size, valid, **said)
+    states = (values[valid] for values in (position, heading, velocity, size))
+    assert differences(make_tracks_of_rows(ids, kinds, *states, *np.nonzero(valid), steps, **said), wanted) == []
