@@ -105,12 +105,13 @@ class NuScenes(Converter[Window | InvalidScenario]):
         """The split's scenes in buckets of one location, see :meth:`Converter.shards`."""
         root, folder = _root(Path(raw)), _find_release(Path(raw), split)
         scenes = _scenes_by_place(folder, split, options)
-        maps = {place: _map_file(root, place) for place in scenes}
-        if options.has_map and set(PLACES) & set(scenes) and not any(path.is_file() for path in maps.values()):
+        maps = {place: _map_file(root, place) for place in scenes if options.has_map}
+        if set(PLACES) & set(maps) and not any(path.is_file() for path in maps.values()):
             raise SourceNotFound(f"{root / _EXPANSION}: no maps; {_GET_MAPS}")
         files = [*table_files(folder), *([root / _CHALLENGE] if options.by == "window" else [])]
         for place, names in scenes.items():
-            mark = fingerprint(path for path in (*files, maps[place]) if path.is_file())
+            read = [*files, *([maps[place]] if options.has_map else [])]
+            mark = fingerprint(path for path in read if path.is_file())
             items = [RawItem(f"{folder.name}/{name}{_SUFFIX[options.by]}", mark) for name in names]
             for number, members in bucket(items, _SCENES_PER_SHARD[options.by]).items():
                 shard = f"{folder.name}-{_map_id(place)}-{options.by}-{number}"

@@ -73,9 +73,8 @@ def _typed(expansion: Expansion, segments: list[Record]) -> Iterator[tuple[Edge,
 
 
 def _lines(expansion: Expansion, record: Record, types: dict[Edge, str], is_lane_divider: bool) -> Iterable[Divider]:
+    """The lines of one type each that a divider is made of; none where it has no nodes."""
     points = expansion.points(expansion.nodes(record["line_token"]))
-    if len(points) < 2:
-        raise ValueError(f"divider {record['token']} of {len(points)} nodes")
     unstated = "NIL" if is_lane_divider else None
     kinds = [types.get(frozenset(edge), unstated) for edge in pairwise(places(points))]
     runs = [(kind, [index for index, _ in run]) for kind, run in groupby(enumerate(kinds), key=lambda item: item[1])]

@@ -2,7 +2,7 @@
 
 A layer is a list of records; records name polygons and lines, these name nodes, and only nodes have coordinates:
 metres in the location's own plane frame. The first polygon of the owner's files has no token and belongs to
-nothing. Heights are not recorded.
+nothing, and a few lines have no nodes. Heights are not recorded.
 """
 
 from __future__ import annotations
@@ -64,14 +64,14 @@ class Expansion:
         return np.array([self._nodes[node] for node in nodes], np.float64).reshape(-1, 2)
 
     def polygon(self, token: str) -> tuple[Float64, list[Float64]]:
-        """Exterior (n, 2) and holes (k, 2) of a polygon [m].
+        """Exterior (n, 2) and holes (k, 2) of a polygon [m]; n is 0 for a polygon without nodes.
 
         Raises:
-            ValueError: It has fewer than three nodes.
+            ValueError: It has one or two nodes.
         """
         record = self._polygons[token]
         exterior = self.points(record["exterior_node_tokens"])
-        if len(exterior) < 3:
+        if 0 < len(exterior) < 3:
             raise ValueError(f"polygon {token} of {len(exterior)} nodes")
         holes = [self.points(hole["node_tokens"]) for hole in record["holes"]]
         return exterior, [hole for hole in holes if len(hole) >= 3]

@@ -95,7 +95,8 @@ def _add_lanes(builder: MapBuilder, expansion: Expansion, lanes: list[Lane], div
 
 
 def _add_drivable(builder: MapBuilder, expansion: Expansion) -> None:
-    areas = {token: expansion.polygon(token) for r in expansion.layer("drivable_area") for token in r["polygon_tokens"]}
+    tokens = [token for record in expansion.layer("drivable_area") for token in record["polygon_tokens"]]
+    areas = {token: expansion.polygon(token) for token in tokens}
     for token, area in areas.items():
         _add_area(builder, token, MapFeatureType.DRIVABLE_AREA, area)
     for number, edge in enumerate(road_edges(areas.values())):
@@ -110,8 +111,8 @@ def _add_area(
     extras: Mapping[str, Any] | None = None,
     is_intersection: bool | None = None,
 ) -> None:
-    """Add a polygon; one with holes, or a large one of no unit, becomes features ``<token>-0``, ``-1`` ..."""
-    parts = outlines(*area, cell=CELL if kind in _BROAD else np.inf)
+    """Add a polygon; one with holes, or a broad one, becomes features ``<token>-0``, ``-1`` ...; an empty one none."""
+    parts = outlines(*area, cell=CELL if kind in _BROAD else np.inf) if len(area[0]) else []
     for number, outline in enumerate(parts):
         name = token if len(parts) == 1 else f"{token}-{number}"
         builder.add(name, kind, polygon=outline, is_intersection=is_intersection, extras=extras)
@@ -125,7 +126,7 @@ def _extras(record: Record) -> dict[str, Any]:
 def _add_stop_lines(
     builder: MapBuilder, expansion: Expansion, lanes: list[Lane], lanes_of: dict[str, list[str]]
 ) -> None:
-    """A stop line is an area across lanes; where it names its road block, only that block's lanes obey it."""
+    """A stop line is an area across lanes; where it names a road block, only that block's lanes obey it."""
     records = expansion.layer("stop_line")
     exteriors = [expansion.polygon(record["polygon_token"])[0] for record in records]
     across = lanes_across(lanes, [shapely.Polygon(exterior) for exterior in exteriors])
@@ -135,19 +136,19 @@ def _add_stop_lines(
             record["token"],
             MapFeatureType.STOP_LINE,
             polygon=exterior,
-            controlled_lanes=[lane for lane in crossed if lane in lanes_of[block]] if block else crossed,
+            controlled_lanes=[lane for lane in crossed if block not in lanes_of or lane in lanes_of[block]],
             extras=_extras(record),
         )
 
 
 def _add_traffic_lights(builder: MapBuilder, expansion: Expansion, lanes_of: dict[str, list[str]]) -> None:
     for record in expansion.layer("traffic_light"):
-        pose, block = record["pose"], record["from_road_block_token"]
+        pose = record["pose"]
         builder.add(
             record["token"],
             MapFeatureType.TRAFFIC_LIGHT,
             polyline=[[pose["tx"], pose["ty"], pose["tz"]]],
-            controlled_lanes=lanes_of[block] if block else (),
+            controlled_lanes=lanes_of.get(record["from_road_block_token"], ()),
             extras={
                 "heading": pose["rz"],
                 "traffic_light_type": record["traffic_light_type"],

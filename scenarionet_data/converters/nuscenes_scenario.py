@@ -74,7 +74,7 @@ def describe(
     origin = make_origin(ego[:, :3], has_pose, has_z=True)
     current = int(steps.at_keyframes[window.current - window.first])
     moment = None if window.is_whole else round(recording.times[window.current])
-    crop = _around(ego[has_pose], radius)
+    crop = _around(ego, radius)
     return ScenarioDescription(
         id=make_scenario_id(shard.dataset, shard.version, name, moment),
         dataset=shard.dataset,

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from scenarionet_data.conversion import convert
+from scenarionet_data.converters.base import guess_split
 from scenarionet_data.converters.nuscenes import NuScenes, NuScenesOptions
 from scenarionet_data.converters.nuscenes_types import is_in_split
 from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario, SourceNotFound
@@ -115,6 +116,14 @@ def test_several_releases(raw: Path) -> None:
         shards(CONVERTER, raw, "mini")
 
 
+def test_the_split_is_guessed_where_a_release_tells_it(written: Path, tmp_path: Path) -> None:
+    assert guess_split(str(written)) == guess_split(str(written / "v1.0-mini")) == "mini"
+    for release in ("v1.0-trainval", "v1.0-mini"):
+        (tmp_path / release).mkdir()
+    with pytest.raises(BadParameter, match="holds the splits mini, train"):
+        guess_split(str(tmp_path))
+
+
 def test_a_foreign_folder_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SourceNotFound, match=r"scene\.json"):
         shards(CONVERTER, tmp_path)
@@ -195,15 +204,18 @@ def test_scenes_and_windows_share_one_lake(written: Path, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("table", TABLES)
-@pytest.mark.parametrize("how", ["missing", "empty", "truncated", "foreign"])
+@pytest.mark.parametrize("how", ["missing", "empty", "truncated", "foreign", "corrupt inside"])
 def test_a_damaged_table_is_named(raw: Path, table: str, how: str) -> None:
     path = raw / "v1.0-mini" / f"{table}.json"
     content = path.read_bytes()
     if how == "missing":
         path.unlink()
     else:
-        path.write_bytes({"empty": b"", "truncated": content[:-40], "foreign": b'[{"name": "x"}]'}[how])
-    with pytest.raises((CorruptSource, SourceNotFound), match=table):
+        second = content.index(b'"token"', content.index(b'"token"') + 1)
+        damaged = {"empty": b"", "truncated": content[:-40], "foreign": b'[{"name": "x"}]'}
+        damaged["corrupt inside"] = content[:second] + content[second + 1 :]
+        path.write_bytes(damaged[how])
+    with pytest.raises((CorruptSource, SourceNotFound, InvalidScenario), match=table):
         scenarios(CONVERTER, raw, "mini")
 
 
@@ -256,6 +268,15 @@ def test_a_broken_row_spoils_its_scene_alone(raw: Path, what: str) -> None:
     assert reason in reasons[0]
 
 
+@pytest.mark.parametrize("content", ["", "[]", '{"scene-0061": 5}'])
+def test_a_damaged_list_of_predictions_is_named(raw: Path, content: str) -> None:
+    path = raw / "maps" / "prediction" / "prediction_scenes.json"
+    path.parent.mkdir()
+    path.write_text(content)
+    with pytest.raises(CorruptSource, match=r"prediction_scenes\.json: wanted lists of"):
+        scenarios(CONVERTER, raw, "mini", by="window")
+
+
 def test_nothing_half_written(raw: Path, tmp_path: Path) -> None:
     """A quarantined scene is counted, a location without its map too, and the rest is in the lake."""
     (raw / "maps" / "expansion" / "boston-seaport.json").unlink()
@@ -282,11 +303,13 @@ def drop_node(content: dict[str, Any]) -> None:
         lambda content: content.pop("lane"),
         lambda content: content.update(version="1.2"),
         lambda content: content["node"][3].update(x=float("inf")),
-        lambda content: content["polygon"][1].update(exterior_node_tokens=[]),
+        lambda content: content["polygon"][1].update(
+            exterior_node_tokens=content["polygon"][1]["exterior_node_tokens"][:2]
+        ),
         lambda content: next(iter(content["arcline_path_3"].values()))[0].update(shape="LXL"),
         lambda content: next(iter(content["arcline_path_3"].values()))[0].update(radius=-1.0),
-        lambda content: content["stop_line"][0].update(road_block_token="nowhere"),
         lambda content: content["lane_divider"][0].update(line_token="nowhere"),
+        lambda content: content["walkway"][0].update(polygon_token="nowhere"),
     ],
 )
 def test_a_damaged_map_fails_its_location_alone(raw: Path, tmp_path: Path, change: Callable[[Any], object]) -> None:

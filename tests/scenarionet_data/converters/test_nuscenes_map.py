@@ -54,6 +54,7 @@ def test_every_record_is_there(read: tuple[District, MapBuilder, MapFeatures]) -
         assert {features.ids[k] for k in of_type(features, kind)} == {r["token"] for r in district.layers[layer]}
     assert len(of_type(features, "INTERSECTION")) == 1
     assert "None" not in features.ids
+    assert not set(features.ids) & {token(PLACE, "lane_divider", "empty"), token(PLACE, "walkway", "empty")}
     assert not read[1].build(np.zeros(3), has_z=False).polyline.values[:, 2].any()
 
 
