@@ -20,6 +20,9 @@ from scenarionet_data.vocabulary import MapFeatureType
 METRES = 2.0**-14
 """Positions and speeds are multiples of this: 0.06 mm, what float32 resolves half a kilometre from the origin."""
 
+WIDTHS = 2.0**-10
+"""Lane widths given point by point are multiples of this: 1 mm."""
+
 RADIANS = 2.0**-20
 """Headings are multiples of this: a millionth of a radian."""
 
@@ -354,7 +357,7 @@ class MapBuilder:
             polyline=geometry("polyline"),
             polygon=geometry("polygon"),
             speed_limit=np.array(column("speed_limit"), dtype=np.float32),
-            width=Ragged.from_lists([w if len(w) == 1 else rounded(w, METRES) for w in column("width")], width=2),
+            width=Ragged.from_lists([w if len(w) == 1 else rounded(w, WIDTHS) for w in column("width")], width=2),
             entry_lanes=Ragged.from_ids(column("entry_lanes")),
             exit_lanes=Ragged.from_ids(column("exit_lanes")),
             left_neighbors=Ragged.from_ids(column("left_neighbors")),

@@ -12,6 +12,7 @@ from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.scenarionet_frame import Frame
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.scenario import Float64, Lights, MapFeatures, strings
+from scenarionet_data.stretches import to_rows
 from scenarionet_data.vocabulary import LightState, MapFeatureType, Provenance
 
 # Limits that ScenarioNet and MetaDrive write where the source has none [km/h].
@@ -61,7 +62,7 @@ def make_map(features: Features, frame: Frame) -> tuple[MapFeatures | None, dict
             speed_limit=_speed_limit(feature, frame.quirks) if word.startswith("LANE_") else np.nan,
             width=_width(feature),
             is_intersection=feature.get("is_intersection"),
-            extras=feature.get("extras") if frame.is_ours else _details(feature),
+            extras=to_rows(feature.get("extras") or {} if frame.is_ours else _details(feature)),
             **{ours: _ids(feature[theirs]) for theirs, ours in _ID_LISTS.items() if theirs in feature},
         )
     return (builder.build(frame.local_origin, frame.has_z) if len(builder) else None), dict(sorted(unknown.items()))

@@ -55,7 +55,7 @@ _TYPES = {
 """By kind, the code of each value of the kind's own enum."""
 
 # A boundary of type unknown is a road edge (map.proto), which is MetaDrive's UNKNOWN.
-_BOUNDARY_NAMES = ["UNKNOWN", *(member.name for member in _TYPES[ROAD_LINE][1:])]
+_BOUNDARY_CODES = [int(Type.UNKNOWN), *map(int, _TYPES[ROAD_LINE][1:])]
 
 
 def map_features(features: WireMap, origin: Float64) -> MapFeatures | None:
@@ -118,7 +118,7 @@ def _offsets(lengths: Ints) -> npt.NDArray[np.int32]:
 
 
 def _extras(features: WireMap) -> Strings:
-    """JSON text per feature, the same that ``jsontext.to_json`` makes of the dictionaries; None where empty."""
+    """JSON text per feature, the same that ``jsontext.to_json`` makes of ``stretches``' rows; None where empty."""
     left = _neighbors(features.left_neighbors, features.left_neighbor_boundaries)
     right = _neighbors(features.right_neighbors, features.right_neighbor_boundaries)
     lists = {
@@ -142,18 +142,13 @@ def _grouped(links: Ints, texts: list[str]) -> dict[int, str]:
 
 
 def _boundaries(links: Ints) -> list[str]:
-    return [
-        f'{{"boundary_feature_id":"{feature}","boundary_type":"{_BOUNDARY_NAMES[kind]}",'
-        f'"lane_end_index":"{end}","lane_start_index":"{start}"}}'
-        for _, start, end, feature, kind in _rows(links)
-    ]
+    return [f'[{start},{end},"{feature}",{_BOUNDARY_CODES[kind]}]' for _, start, end, feature, kind in _rows(links)]
 
 
 def _neighbors(links: Ints, boundaries: Ints) -> list[str]:
     inner = _grouped(boundaries, _boundaries(boundaries))
     return [
-        f'{{"boundaries":[{inner.get(row, "")}],"feature_id":"{feature}","neighbor_end_index":"{neighbor_end}",'
-        f'"neighbor_start_index":"{neighbor_start}","self_end_index":"{end}","self_start_index":"{start}"}}'
+        f'["{feature}",{start},{end},{neighbor_start},{neighbor_end},[{inner.get(row, "")}]]'
         for row, (_, feature, start, end, neighbor_start, neighbor_end) in enumerate(_rows(links))
     ]
 

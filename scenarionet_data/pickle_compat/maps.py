@@ -15,6 +15,7 @@ import numpy.typing as npt
 from scenarionet_data.jsontext import from_json
 from scenarionet_data.ragged import Ragged
 from scenarionet_data.scenario import Bool, Codes, MapFeatures, ScenarioDescription
+from scenarionet_data.stretches import to_records
 from scenarionet_data.vocabulary import (
     LIGHT_COLORS,
     LightState,
@@ -108,7 +109,7 @@ def _describe_feature(features: MapFeatures, row: int, polyline: Float32, polygo
     if features.is_intersection[row] >= 0:
         feature["is_intersection"] = bool(features.is_intersection[row])
     if features.extras[row]:
-        feature["extras"] = from_json(features.extras[row])
+        feature["extras"] = to_records(from_json(features.extras[row]))
     return feature
 
 

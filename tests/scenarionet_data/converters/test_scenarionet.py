@@ -17,6 +17,7 @@ from scenarionet_data.converters.scenarionet import ScenarioNetPickles
 from scenarionet_data.converters.scenarionet_pickle import load
 from scenarionet_data.errors import CorruptSource, InvalidScenario, SourceNotFound
 from scenarionet_data.scenario import ScenarioDescription
+from scenarionet_data.stretches import to_records
 from scenarionet_data.testing import ConverterConformance, differences
 from scenarionet_data.vocabulary import LightState, MapFeatureType, ObjectType
 from tests.fixtures import scenarionet_pickles as made
@@ -167,7 +168,7 @@ def test_waymo_map(tmp_path: Path) -> None:
     assert features.left_neighbors[row["1"]].tolist() == ["2"]
     assert features.left_boundaries[row["1"]].tolist() == ["21"]
     assert features.width.lengths.tolist() == [21, 21, 21, 0, 0, 0, 0, 0, 0]
-    details = json.loads(features.extras[row["1"]])
+    details = to_records(json.loads(features.extras[row["1"]]))
     assert details["left_neighbor"][0]["boundaries"][0]["boundary_feature_id"] == "21"
     assert features.controlled_lanes[row["32"]].tolist() == ["1", "2"]
     assert features.polyline[row["32"]].shape == (1, 3)

@@ -13,6 +13,7 @@ from scenarionet_data.converters.waymo import Waymo
 from scenarionet_data.errors import CorruptSource, InvalidScenario, SourceNotFound
 from scenarionet_data.jsontext import from_json, to_json
 from scenarionet_data.scenario import ScenarioDescription
+from scenarionet_data.stretches import to_records
 from scenarionet_data.testing import ConverterConformance
 from scenarionet_data.vocabulary import LightState, MapFeatureType, ObjectType
 from tests.fixtures import waymo as fixture
@@ -218,7 +219,7 @@ def test_detail_of_links_is_metadrives(tmp_path: Path):
     features = convert(tmp_path, PAYLOAD)[0].map
     assert features is not None
     row = {name: index for index, name in enumerate(features.ids)}
-    detail = from_json(features.extras[row["101"]])
+    detail = to_records(from_json(features.extras[row["101"]]))
     assert detail["interpolating"] is True
     assert detail["left_boundaries"] == [segment(0, 50, 2001), segment(50, 100, 2001)]
     assert detail["right_boundaries"] == [segment(0, 100, 2000)]
@@ -230,7 +231,7 @@ def test_detail_of_links_is_metadrives(tmp_path: Path):
     }
     boundaries = [segment(0, 33, 2001), segment(33, 100, 2001)]
     assert detail["left_neighbor"] == [{"feature_id": "201", **indices, "boundaries": boundaries}]
-    edge = from_json(features.extras[row["0"]])["right_boundaries"]
+    edge = to_records(from_json(features.extras[row["0"]]))["right_boundaries"]
     assert edge == [{**segment(0, 100, 2101), "boundary_type": "UNKNOWN"}]
     assert features.extras[row["2000"]] is None
 
