@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import statistics
 import tempfile
 import time
@@ -12,6 +13,7 @@ import numpy as np
 
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.conversion import convert
+from scenarionet_data.pickle_compat import export
 from tests.bench.converting import waymo_raw
 from tests.bench.measure import Figure, median_ms
 
@@ -28,6 +30,7 @@ def figures(recordings: Path | None) -> Iterator[Figure]:
         started = time.perf_counter()
         loader = ScenarioLoader(lake)
         yield Figure("load: open a loader over 400 scenarios", 1e3 * (time.perf_counter() - started), "ms")
+        yield Figure("load: the same scenario's exported pickle, warm, in this run", _pickle(loader, root), "ms")
         order = np.random.default_rng(0).integers(len(loader), size=1000)
         for index in range(len(loader)):  # warm: files in the page cache, footers read
             loader.tracks(index)
@@ -40,6 +43,13 @@ def figures(recordings: Path | None) -> Iterator[Figure]:
         batch = median_ms(lambda k: loader.batch(order[64 * k : 64 * k + 64].tolist()), 9)
         yield Figure("load: 64 whole random scenarios as a batch", batch, "ms")
         yield Figure("sql: average speed of every scenario's ego", _ego_speed(lake), "ms", "", "prototype 145 ms")
+
+
+def _pickle(loader: ScenarioLoader, root: Path) -> float:
+    """What a whole scenario takes from a pickle on this machine, now: the figure that speeds compare with."""
+    export((loader[index] for index in range(8)), root / "pickles")
+    paths = sorted((root / "pickles").glob("sd_*.pkl"))
+    return median_ms(lambda k: pickle.loads(paths[k % len(paths)].read_bytes()), 100)
 
 
 def _ego_speed(lake: Lake) -> float:
