@@ -19,7 +19,7 @@ import pytest
 import shapely
 
 from scenarionet_data.converters.nuscenes import NuScenes
-from scenarionet_data.converters.nuscenes_map import read_map
+from scenarionet_data.converters.nuscenes.map_features import read_map
 from scenarionet_data.vocabulary import MapFeatureType
 from tests.fixtures import nuscenes as fixture
 from tests.fixtures.nuscenes_recorded import read_pickles, write_recorded

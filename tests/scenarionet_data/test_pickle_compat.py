@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from scenarionet_data.converters.base import Options
 from scenarionet_data.converters.scenarionet import ScenarioNetPickles
-from scenarionet_data.converters.scenarionet_pickle import load
+from scenarionet_data.converters.scenarionet.unpickling import load
 from scenarionet_data.errors import BadParameter, DatabaseExists, InvalidScenario
 from scenarionet_data.pickle_compat import export, sanity_check, to_pickle_dict
 from scenarionet_data.pickle_compat.summary import map_height_diff, summarize_object

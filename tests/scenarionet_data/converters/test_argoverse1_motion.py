@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarionet_data.converters.argoverse1_motion import DT, Motion, resample, step_of
+from scenarionet_data.converters.argoverse1.motion import DT, Motion, resample, step_of
 
 
 def motion_of(*tracks: tuple[np.ndarray, np.ndarray], times: np.ndarray) -> Motion:

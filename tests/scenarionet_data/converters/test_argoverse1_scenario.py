@@ -9,7 +9,7 @@ import pyarrow.csv
 import pytest
 
 from scenarionet_data.converters.argoverse1 import Argoverse1, Argoverse1Options
-from scenarionet_data.converters.argoverse1_map import read_city
+from scenarionet_data.converters.argoverse1.map_features import read_city
 from scenarionet_data.geometry import wrap_angle
 from scenarionet_data.jsontext import from_json
 from scenarionet_data.scenario import MapFeatures, ScenarioDescription

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenarionet_data.converters.argoverse2_areas import outline, road_edges
-from scenarionet_data.converters.argoverse2_lines import ground_height, midlines, points_at, positions_along
+from scenarionet_data.converters.argoverse2.areas import outline, road_edges
+from scenarionet_data.converters.lines import ground_height, midlines, points_at, positions_along
 from scenarionet_data.ragged import Ragged
 
 seeds = st.integers(0, 2**32 - 1)

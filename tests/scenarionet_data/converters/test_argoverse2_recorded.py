@@ -13,8 +13,8 @@ import pyarrow.parquet
 import pytest
 
 from scenarionet_data.converters.argoverse2 import Argoverse2
-from scenarionet_data.converters.argoverse2_lines import midlines
-from scenarionet_data.converters.argoverse2_map import read_map
+from scenarionet_data.converters.argoverse2.map_features import read_map
+from scenarionet_data.converters.lines import midlines
 from scenarionet_data.scenario import ScenarioDescription
 from scenarionet_data.vocabulary import MapFeatureType, is_lane, is_road_line
 from tests.fixtures.reading import scenarios

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarionet_data.converters.lyft import Lyft
-from scenarionet_data.converters.lyft_geodesy import local_to_earth, on_ellipsoid
-from scenarionet_data.converters.lyft_map import FACES, City, read_city
+from scenarionet_data.converters.lyft.geodesy import local_to_earth, on_ellipsoid
+from scenarionet_data.converters.lyft.map_features import FACES, City, read_city
 from scenarionet_data.errors import CorruptSource
 from scenarionet_data.scenario import MapFeatures
 from scenarionet_data.vocabulary import LIGHT_COLORS, LightColor, LightState, MapFeatureType, is_lane

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scenarionet_data.converters.lyft import Lyft
-from scenarionet_data.converters.lyft_recording import Content, Recording
+from scenarionet_data.converters.lyft.recording import Content, Recording
 from scenarionet_data.scenario import ScenarioDescription
 from scenarionet_data.vocabulary import LightState, ObjectType
 from tests.fixtures.reading import scenarios

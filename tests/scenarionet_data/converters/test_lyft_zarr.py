@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenarionet_data.converters.lyft_zarr import ChunkedTable
+from scenarionet_data.converters.lyft.zarr_reader import ChunkedTable
 from scenarionet_data.errors import CorruptSource
 from tests.fixtures import lyft as fixture
 

@@ -12,7 +12,7 @@ import pytest
 import shapely
 
 from scenarionet_data.converters.nuplan import NuPlan, NuPlanOptions
-from scenarionet_data.converters.nuplan_map import City, read_city
+from scenarionet_data.converters.nuplan.map_features import City, read_city
 from scenarionet_data.scenario import MapFeatures
 from scenarionet_data.vocabulary import MapFeatureType, is_lane
 from tests.fixtures import geopackage

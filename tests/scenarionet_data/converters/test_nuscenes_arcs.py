@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenarionet_data.converters.nuscenes_arcs import SPACING, centerlines
+from scenarionet_data.converters.nuscenes.arcs import SPACING, centerlines
 from tests.fixtures.nuscenes_world import drive
 
 LENGTHS = st.lists(st.one_of(st.just(0.0), st.floats(0.01, 40.0)), min_size=3, max_size=3)

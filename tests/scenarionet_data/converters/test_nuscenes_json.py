@@ -11,7 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from scenarionet_data.converters.nuscenes_json import read_list, read_rows
+from scenarionet_data.converters.nuscenes.json_reader import read_list, read_rows
 from scenarionet_data.errors import CorruptSource
 
 SCHEMA = pa.schema({"token": pa.string(), "x": pa.float64(), "v": pa.list_(pa.float64()), "flag": pa.bool_()})

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.nuscenes import NuScenes
-from scenarionet_data.converters.nuscenes_areas import CELL, outlines, road_edges
-from scenarionet_data.converters.nuscenes_map import read_map
+from scenarionet_data.converters.nuscenes.areas import CELL, outlines, road_edges
+from scenarionet_data.converters.nuscenes.map_features import read_map
 from scenarionet_data.scenario import MapFeatures
 from scenarionet_data.vocabulary import MapFeatureType, is_lane
 from tests.fixtures import nuscenes as fixture

@@ -14,7 +14,7 @@ import pytest
 from scenarionet_data import converters
 from scenarionet_data.converters.base import Options
 from scenarionet_data.converters.scenarionet import ScenarioNetPickles
-from scenarionet_data.converters.scenarionet_pickle import load
+from scenarionet_data.converters.scenarionet.unpickling import load
 from scenarionet_data.errors import CorruptSource, InvalidScenario, SourceNotFound
 from scenarionet_data.scenario import ScenarioDescription
 from scenarionet_data.stretches import to_records

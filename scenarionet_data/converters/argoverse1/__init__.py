@@ -1,0 +1,149 @@
+"""Argoverse 1 motion forecasting (https://www.argoverse.org/av1.html): CSV files and vector maps, without its API.
+
+RAW is the folder of one split or of the whole dataset, with the maps of the HD map download anywhere below:
+
+    train/data/1.csv                                 5 s of a drive; val/data and test_obs/data (2 s) likewise
+    map_files/pruned_argoverse_MIA_10316_vector_map.xml
+    map_files/pruned_argoverse_PIT_10314_vector_map.xml
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from scenarionet_data.building import MapBuilder
+from scenarionet_data.converters.argoverse1.map_features import City, find_maps, map_id, maps_by_city, read_city
+from scenarionet_data.converters.argoverse1.scenario import describe
+from scenarionet_data.converters.argoverse1.table import is_recording, read_recording
+from scenarionet_data.converters.base import (
+    Budgets,
+    Converter,
+    Options,
+    RawItem,
+    Shard,
+    bucket,
+    find_files,
+    fingerprint,
+)
+from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario, SourceNotFound
+from scenarionet_data.scenario import ScenarioDescription, make_scenario_id
+
+_FINGERPRINT_SAMPLE = 4096
+"""Bytes: a file has 90 kB, and there are 300,000 of them to list."""
+_PEEKED = 16
+"""Files that are looked into, to tell this dataset from another folder of CSV."""
+
+
+@dataclass(frozen=True)
+class Argoverse1Options(Options):
+    """Where the maps are, and how much of them goes with a scenario."""
+
+    maps: str = field(
+        default="", metadata={"doc": "Folder of the *_vector_map.xml; empty: below RAW.", "is_place": True}
+    )
+    has_map: bool = field(default=True, metadata={"doc": "Whether scenarios get a map."})
+    radius: float = field(default=100.0, metadata={"doc": "Metres of map around the box that holds the ego's path."})
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.radius < 1e5:
+            raise BadParameter(f"radius: wanted metres of 0 or more, found {self.radius}")
+
+
+class Argoverse1(Converter[RawItem]):
+    """One scenario a file, in buckets; the maps of the two cities are shared."""
+
+    name = "argoverse1"
+    version = "1"
+    release = "v1.1"
+    licence = "CC BY-NC-SA 4.0"
+    raw = "folder of forecasting files (*.csv), with the maps (*_vector_map.xml) in it or in -O maps=FOLDER"
+    Options = Argoverse1Options
+    # Positions are as recorded, with 0.1 m of noise, sticking and jumps, which differences show ten times as large;
+    # velocities are fitted to a second of them. 40 recordings: 0.85 and 13.1 m/s, 0.02 rad.
+    budgets = Budgets(velocity_median=1.0, velocity_p99=14.0, heading_p99=0.1)
+
+    def maps(self, raw: str, version: str, options: Argoverse1Options) -> Iterator[Shard]:
+        """The cities' maps, see :meth:`Converter.maps`."""
+        for path in find_maps(options.maps or raw).values() if options.has_map else ():
+            item = RawItem(path.name, fingerprint([path]))
+            yield Shard(self.name, version, "", map_id(path), str(path.parent), (item,), Options())
+
+    def map_features(self, shard: Shard) -> MapBuilder:
+        """Read a city's map, see :meth:`Converter.map_features`."""
+        return read_city(shard.paths[0]).features
+
+    def shards(self, raw: str, split: str, version: str, options: Argoverse1Options) -> Iterator[Shard]:
+        """Buckets of files, see :meth:`Converter.shards`."""
+        files = _find_recordings(raw, split)
+        root = Path(raw) if Path(raw).is_dir() else Path(raw).parent
+        maps = _maps_for(raw, options)
+        known = fingerprint(maps) if maps else ""  # a map that arrives later changes what stands on it
+        resolved = replace(options, maps=os.pathsep.join(map(str, maps)))  # workers need not search
+        items = [
+            RawItem(path.relative_to(root).as_posix(), fingerprint([path], _FINGERPRINT_SAMPLE) + known)
+            for path in files
+        ]
+        for name, members in bucket(items).items():
+            yield Shard(self.name, version, split, name, str(root), members, resolved)
+
+    def records(self, shard: Shard) -> Iterator[RawItem]:
+        """The files of a bucket, see :meth:`Converter.records`."""
+        yield from shard.items
+
+    def scenario(self, shard: Shard, record: RawItem) -> ScenarioDescription:
+        """Read one file, see :meth:`Converter.scenario`."""
+        options = shard.options
+        if not isinstance(options, Argoverse1Options):
+            raise BadParameter(f"wanted Argoverse1Options, found {type(options).__name__}")
+        path = Path(shard.root) / record.name
+        # Every split counts its files from 1.
+        scenario_id = make_scenario_id(shard.dataset, shard.version, f"{shard.split}-{path.stem}")
+        try:
+            recording = read_recording(path)
+            city = _city(recording.city, path, options) if options.has_map else None
+        except CorruptSource as error:  # of this file or its map: other files of the shard are fine
+            raise InvalidScenario(scenario_id, "source", str(error)) from error
+        return describe(shard, scenario_id, record.name, recording, city, options.radius, self.licence)
+
+
+def _find_recordings(raw: str, split: str) -> list[Path]:
+    """The CSV files of a split.
+
+    Raises:
+        SourceNotFound: There are none, or they are another dataset's.
+    """
+    found = find_files(raw, "*.csv", f"Argoverse 1 recordings of split {split}", split)
+    if not any(map(is_recording, found[:_PEEKED])):
+        raise SourceNotFound(f"{found[0]} and its like are no Argoverse 1 recordings; give a folder that holds some")
+    return found
+
+
+def _maps_for(raw: str, options: Argoverse1Options) -> list[Path]:
+    """The maps' files; none when scenarios get no map.
+
+    Raises:
+        SourceNotFound: There are none.
+    """
+    if not options.has_map:
+        return []
+    places = options.maps or raw
+    found = list(find_maps(places).values())
+    if not found:
+        raise SourceNotFound(
+            f"{places}: no pruned_argoverse_*_vector_map.xml in it; download the HD maps and add -O maps=FOLDER, "
+            "or go without: -O has_map=false"
+        )
+    return found
+
+
+def _city(name: str, path: Path, options: Argoverse1Options) -> City:
+    maps = maps_by_city(options.maps)
+    if name not in maps:
+        raise CorruptSource(
+            f"{path}: recorded in {name!r}, and there is no pruned_argoverse_{name}_*_vector_map.xml (of "
+            f"{' and '.join(maps)} there are maps); download it, or go without: -O has_map=false"
+        )
+    return read_city(maps[name])

@@ -1,0 +1,223 @@
+"""Argoverse 1's ``pruned_argoverse_<city>_<number>_vector_map.xml``: the lanes of a city.
+
+Nodes are points (``<node id x y>``), ways are lanes: ``<way lane_id>`` with a centreline of node references and
+tags. Frame: the city's, metres; heights, which some files have, are left out, as objects have none. Of a lane's
+extent only the centreline is told; the owner's API takes 3.8 m for the width of all of them, and so is done here.
+Lanes that the map was pruned of are still named as neighbours, successors and predecessors.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.building import METRES, MapBuilder, meets, rounded
+from scenarionet_data.converters.argoverse1.neighbors import Sides, sort_sides
+from scenarionet_data.errors import CorruptSource
+from scenarionet_data.ragged import Ragged
+from scenarionet_data.scenario import MapFeatures
+from scenarionet_data.vocabulary import MapFeatureType
+
+Float64 = npt.NDArray[np.float64]
+
+WIDTH = 3.8
+"""Metres (argoverse-api, ``utils/centerline_utils.py`` and ``utils/manhattan_search.py`` assume it)."""
+
+_NAME = re.compile(r"pruned_argoverse_([A-Za-z]+)_(\d+)_vector_map\.xml")
+_BOOLEANS = {"True": True, "False": False}
+_KEPT_CITIES = 2
+
+
+@dataclass(frozen=True, eq=False)
+class City:
+    """A city's map in its own frame.
+
+    Attributes:
+        map_id: For example ``MIA-10316``.
+        features: All of it.
+        centers: Centreline of each feature, points (P, 2) float64 [m].
+    """
+
+    map_id: str
+    features: MapBuilder
+    centers: Ragged
+
+    @cached_property
+    def _bounds(self) -> Float64:
+        return self.features.bounds
+
+    @cached_property
+    def _flat(self) -> MapFeatures:
+        return self.features.build(np.zeros(3), has_z=False)
+
+    def crop(self, window: tuple[float, float, float, float], origin: Float64) -> MapFeatures:
+        """What ``features.crop(window).build(origin, has_z=False)`` gives, several times as fast.
+
+        Args:
+            window: min_x, min_y, max_x, max_y [m] in the city's frame.
+            origin: (3,) of the scenario.
+        """
+        rows = np.flatnonzero(meets(self._bounds, window))
+        near = self.centers.take(rows)
+        points = np.zeros((len(near.values), 3), np.float32)
+        points[:, :2] = rounded(near.values - origin[:2], METRES)
+        return replace(self._flat.take(rows), polyline=Ragged(near.offsets, points))
+
+
+@dataclass
+class Lane:
+    """A way of the file: what its tags say."""
+
+    id: str
+    tags: dict[str, str]
+    entries: list[str]
+    exits: list[str]
+
+    def is_true(self, key: str) -> bool:
+        """A tag that is True or False."""
+        if self.tags.get(key) not in _BOOLEANS:
+            raise ValueError(f"lane {self.id}: wanted True or False for {key}, found {self.tags.get(key)!r}")
+        return _BOOLEANS[self.tags[key]]
+
+    def neighbor(self, key: str) -> str | None:
+        """A tag that is a lane or None."""
+        found = self.tags[key]
+        return None if found == "None" else str(int(found))
+
+
+def find_maps(places: str) -> dict[str, Path]:
+    """The vector maps in folders, at any depth, by city; the newest, where a city has several.
+
+    Args:
+        places: Folders, or the maps themselves, separated as in ``$PATH``.
+    """
+    files: list[str] = []
+    for place in places.split(os.pathsep):
+        files += map(str, Path(place).rglob("*_vector_map.xml")) if Path(place).is_dir() else [place]
+    return maps_by_city(os.pathsep.join(files))
+
+
+@lru_cache(maxsize=16)
+def maps_by_city(files: str) -> dict[str, Path]:
+    """:func:`find_maps` of files only: their names say it all, so that each process looks once."""
+    paths = [Path(file) for file in files.split(os.pathsep)]
+    found = [(match, path) for path in paths if (match := _NAME.fullmatch(path.name))]
+    found.sort(key=lambda pair: (pair[0][1], int(pair[0][2]), pair[1]))
+    return {match[1]: path for match, path in found}
+
+
+def map_id(path: Path) -> str:
+    """The id of a map, from its file's name."""
+    match = _NAME.fullmatch(path.name)
+    return f"{match[1]}-{match[2]}" if match else path.stem
+
+
+def read_city(path: Path) -> City:
+    """Read a city's map, or take it from the few that a process keeps in memory.
+
+    Raises:
+        CorruptSource: The map is missing, damaged, or laid out otherwise.
+    """
+    if not path.is_file():
+        raise CorruptSource(f"{path}: no such map; download the HD maps again")
+    stat = path.stat()
+    return _read_city(path, (stat.st_mtime_ns, stat.st_size))
+
+
+@lru_cache(maxsize=_KEPT_CITIES)
+def _read_city(path: Path, state: tuple[int, int]) -> City:  # noqa: ARG001  # a changed file is read again
+    try:
+        root = ElementTree.fromstring(path.read_bytes())  # noqa: S314  # expat refuses entities that explode
+        lanes, centers = _read_lanes(root)
+        features = _features(lanes, centers)
+    except (OSError, ElementTree.ParseError, ValueError, KeyError) as error:
+        reason = f"no {error}" if isinstance(error, KeyError) else str(error)
+        raise CorruptSource(f"{path}: wanted an Argoverse 1 vector map ({reason}); download it again") from error
+    return City(map_id(path), features, centers)
+
+
+def _read_lanes(root: ElementTree.Element) -> tuple[list[Lane], Ragged]:
+    """Ways as lanes, and their centrelines with points (P, 2) float64."""
+    node_ids = {node.attrib["id"]: row for row, node in enumerate(root.iter("node"))}
+    flat = [float(node.attrib[axis]) for node in root.iter("node") for axis in "xy"]
+    points = np.array(flat, np.float64).reshape(-1, 2)
+    lanes, rows, lengths = [], [], []
+    for way in root.iter("way"):
+        lane = _lane(way)
+        refs = [reference.attrib["ref"] for reference in way.iter("nd")]
+        missing = [ref for ref in refs if ref not in node_ids]
+        if missing or len(refs) < 2:
+            what = f"node {missing[0]}, which the file lacks" if missing else f"{len(refs)} nodes"
+            raise ValueError(f"lane {lane.id} consists of {what}")
+        lanes.append(lane)
+        rows += [node_ids[ref] for ref in refs]
+        lengths.append(len(refs))
+    distinct = len({lane.id for lane in lanes})
+    if not lanes or distinct < len(lanes) or not np.isfinite(points).all():
+        raise ValueError(f"{len(lanes)} lanes with {distinct} ids, {np.isnan(points).sum()} unknown coordinates")
+    return lanes, Ragged.from_flat(lengths, points[rows])
+
+
+def _lane(way: ElementTree.Element) -> Lane:
+    lane = Lane(str(int(way.attrib["lane_id"])), {}, [], [])
+    lists = {"predecessor": lane.entries, "successor": lane.exits}
+    for tag in way.iter("tag"):
+        key, value = tag.attrib["k"], tag.attrib["v"]
+        if key not in lists:
+            lane.tags[key] = value
+        elif value != "None":
+            lists[key].append(str(int(value)))
+    return lane
+
+
+def _features(lanes: list[Lane], centers: Ragged) -> MapBuilder:
+    _complete_links(lanes)
+    known = {lane.id: row for row, lane in enumerate(lanes)}
+    neighbors = [(lane.neighbor("l_neighbor_id"), lane.neighbor("r_neighbor_id")) for lane in lanes]
+    builder = MapBuilder()
+    for lane, center, sides in zip(lanes, centers, sort_sides(neighbors, known, centers), strict=True):
+        builder.add(
+            lane.id,
+            MapFeatureType.LANE_SURFACE_STREET,
+            polyline=center,
+            width=[[WIDTH / 2.0, WIDTH / 2.0]],
+            entry_lanes=lane.entries,
+            exit_lanes=lane.exits,
+            left_neighbors=sides.left,
+            right_neighbors=sides.right,
+            is_intersection=lane.is_true("is_intersection"),
+            extras=dict(_extras(lane, sides, known)),
+        )
+    return builder
+
+
+def _extras(lane: Lane, sides: Sides, known: dict[str, int]) -> Iterator[tuple[str, object]]:
+    yield "is_width_assumed", True
+    yield "has_traffic_control", lane.is_true("has_traffic_control")
+    yield "turn_direction", lane.tags["turn_direction"]
+    if sides.opposite:
+        yield "opposite_neighbors", sides.opposite
+    if sides.moved:
+        yield "neighbors_of_other_side", sides.moved
+    pruned = [other for other in [*lane.entries, *lane.exits, *sides.left, *sides.right] if other not in known]
+    if pruned:
+        yield "lanes_outside_map", pruned
+
+
+def _complete_links(lanes: list[Lane]) -> None:
+    """Make successor and predecessor mutual between lanes of the map: what one of them states holds."""
+    by_id = {lane.id: lane for lane in lanes}
+    for lane in lanes:
+        for others, back in ((lane.exits, "entries"), (lane.entries, "exits")):
+            for other in others:
+                links = getattr(by_id[other], back) if other in by_id else [lane.id]
+                if lane.id not in links:
+                    links.append(lane.id)

@@ -1,0 +1,148 @@
+"""An Argoverse 1 recording as a scenario: motion at 10 Hz, what the source leaves out assumed and marked so."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.building import make_origin, make_tracks
+from scenarionet_data.converters.argoverse1.map_features import City
+from scenarionet_data.converters.argoverse1.motion import DT, Motion, resample, step_of
+from scenarionet_data.converters.argoverse1.table import EGO, FOCAL, NUM_OBSERVED, Recording
+from scenarionet_data.converters.base import Shard
+from scenarionet_data.ragged import Ragged
+from scenarionet_data.scenario import Lights, MapFeatures, ScenarioDescription, Source, Tracks
+from scenarionet_data.vocabulary import ObjectType
+
+Float64 = npt.NDArray[np.float64]
+
+_EGO_SIZE = (4.877, 2.0, 1.473)
+"""Length, width, height [m] of a Ford Fusion: the recording vehicle's box in the owner's later dataset."""
+_CAR_SIZE = (4.0, 2.0, 1.6)
+_NEAR_LANE = 8.0
+"""Metres from a lane's centreline within which what stands is taken to point along it: a lane of parking more."""
+
+
+def describe(
+    shard: Shard, scenario_id: str, file: str, recording: Recording, city: City | None, radius: float, licence: str
+) -> ScenarioDescription:
+    """Make a recording a scenario.
+
+    Args:
+        shard: Where it belongs.
+        scenario_id: Its id.
+        file: Its raw file, relative to the raw folder.
+        recording: What the file holds.
+        city: The map; None to go without.
+        radius: Metres of map around the ego's path.
+        licence: Of the dataset.
+    """
+    motion = resample(recording.track, recording.frame, recording.position, recording.times)
+    ego, focal = recording.only(EGO), recording.only(FOCAL)
+    position = np.concatenate([motion.position, np.zeros((*motion.valid.shape, 1))], axis=-1)
+    origin = make_origin(position[ego], motion.valid[ego], has_z=False)
+    crop = None if city is None else _window(motion, ego, origin, radius)
+    roads = None if city is None or crop is None else _roads(city, crop, origin)
+    return ScenarioDescription(
+        id=scenario_id,
+        dataset=shard.dataset,
+        version=shard.version,
+        split=shard.split,
+        timestamps=motion.timestamps,
+        dt=DT,
+        current_timestep=step_of(recording.times[NUM_OBSERVED - 1]),
+        ego_id=recording.ids[ego],
+        origin=origin,
+        has_z=False,
+        source=Source(
+            scenario_id=file.rpartition("/")[2].removesuffix(".csv"),
+            file=file,
+            licence=licence,
+            city=recording.city,
+            crs=f"argoverse1 city frame {recording.city}",
+        ),
+        tracks=_tracks(recording, motion, position, origin, roads),
+        lights=Lights.empty(len(motion.timestamps)),
+        map=roads,
+        map_id=None if city is None else city.map_id,
+        map_crop=crop,
+        objects_of_interest=(recording.ids[focal],),
+        tracks_to_predict=((recording.ids[focal], 0),),
+        extras={
+            "start_timestamp": recording.start,
+            "num_recorded_times": len(recording.times),
+            "longest_step": float(np.diff(recording.times).max()),
+        },
+    )
+
+
+def _window(motion: Motion, ego: int, origin: Float64, radius: float) -> tuple[float, float, float, float]:
+    """The box around the ego's path and the margin, in the scenario's frame."""
+    path = motion.position[ego, motion.valid[ego]] - origin[:2]
+    (min_x, min_y), (max_x, max_y) = path.min(axis=0) - radius, path.max(axis=0) + radius
+    return float(min_x), float(min_y), float(max_x), float(max_y)
+
+
+def _roads(city: City, crop: tuple[float, float, float, float], origin: Float64) -> MapFeatures:
+    min_x, min_y, max_x, max_y = np.asarray(crop) + np.tile(origin[:2], 2)
+    return city.crop((min_x, min_y, max_x, max_y), origin)
+
+
+def _tracks(
+    recording: Recording, motion: Motion, position: Float64, origin: Float64, roads: MapFeatures | None
+) -> Tracks:
+    is_ego = np.array([word == EGO for word in recording.types])
+    lane_heading, is_near = _lane_headings(motion, origin, roads)
+    from_lane = is_near & ~motion.has_course
+    heading = np.where(from_lane[:, None], lane_heading[:, None], motion.course)
+    return make_tracks(
+        recording.ids,
+        np.full(len(is_ego), ObjectType.VEHICLE),
+        position,
+        heading,
+        motion.velocity,
+        np.where(is_ego[:, None], _EGO_SIZE, _CAR_SIZE),
+        motion.valid,
+        origin=origin,
+        source_type=recording.types,
+        is_size_assumed=True,
+        is_type_assumed=[word not in (EGO, FOCAL) for word in recording.types],
+        is_velocity_estimated=True,
+        extras=[_heading_note(*flags) for flags in zip(motion.has_course.tolist(), from_lane.tolist(), strict=True)],
+    )
+
+
+def _heading_note(has_course: bool, is_from_lane: bool) -> dict[str, Any] | None:
+    """What the heading of something that never moves stands on."""
+    return None if has_course else {"heading_from": "lane" if is_from_lane else "nothing"}
+
+
+def _lane_headings(motion: Motion, origin: Float64, roads: MapFeatures | None) -> tuple[Float64, npt.NDArray[np.bool_]]:
+    """Direction of the lane nearest to each track that never moves, and whether there is one near: both (N,)."""
+    heading, is_near = np.zeros(len(motion.valid)), np.zeros(len(motion.valid), np.bool_)
+    standing = np.flatnonzero(~motion.has_course)
+    if roads is None or not len(roads) or not len(standing):
+        return heading, is_near
+    valid = motion.valid[standing, :, None]
+    mean = (motion.position[standing] * valid).sum(axis=1) / valid.sum(axis=1)
+    distance, heading[standing] = _nearest_segments(mean - origin[:2], roads.polyline)
+    is_near[standing] = distance < _NEAR_LANE
+    return heading, is_near
+
+
+def _nearest_segments(places: Float64, lines: Ragged) -> tuple[Float64, Float64]:
+    """Distance [m] of places (K, 2) to the nearest segment of the lines, and its direction [rad]: both (K,)."""
+    inner = np.ones(len(lines.values) - 1, np.bool_)
+    inner[lines.offsets[1:-1] - 1] = False
+    start = lines.values[:-1, :2][inner]
+    step = lines.values[1:, :2][inner] - start
+    squared = np.maximum((step * step).sum(axis=1), 1e-9)
+    away = places[:, None].astype(np.float32) - start
+    share = np.clip((away * step).sum(axis=-1) / squared, 0.0, 1.0)
+    rest = away - share[..., None] * step
+    distance = np.hypot(rest[..., 0], rest[..., 1])
+    nearest = distance.argmin(axis=1)
+    chosen = step[nearest]
+    return distance[np.arange(len(places)), nearest].astype(np.float64), np.arctan2(chosen[:, 1], chosen[:, 0])

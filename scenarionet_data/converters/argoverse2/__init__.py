@@ -1,0 +1,138 @@
+"""Argoverse 2 (https://www.argoverse.org/av2.html): motion forecasting scenarios and sensor logs, without av2.
+
+RAW is a folder that holds either or both, at any depth:
+
+    <split>/<scenario>/scenario_<id>.parquet + log_map_archive_<id>.json                      motion forecasting
+    <split>/<log>/annotations.feather + city_SE3_egovehicle.feather + map/log_map_archive_*.json          sensor
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from scenarionet_data.converters.argoverse2.forecasting import read_scenario
+from scenarionet_data.converters.argoverse2.sensor import DT, Window, describe, log_files, read_log, windows
+from scenarionet_data.converters.base import (
+    Budgets,
+    Converter,
+    Options,
+    RawItem,
+    Shard,
+    bucket,
+    fingerprint,
+)
+from scenarionet_data.errors import BadParameter, SourceNotFound
+from scenarionet_data.scenario import ScenarioDescription
+
+_SPLITS = {"train", "val", "test"}
+_FINGERPRINT_SAMPLE = 4096
+"""Bytes: a scenario's files are 100 kB each, and there are 500,000 of them to list."""
+
+
+@dataclass(frozen=True)
+class Argoverse2Options(Options):
+    """What to convert, and how sensor logs are cut."""
+
+    kind: str = field(default="auto", metadata={"doc": "forecasting, sensor, or auto: whichever of them RAW holds."})
+    window: float = field(
+        default=20.0,
+        metadata={"doc": "Seconds of a scenario cut from a sensor log. Logs last about 16 s: 20 takes them whole."},
+    )
+    stride: float = field(
+        default=0.0, metadata={"doc": "Seconds from one window of a sensor log to the next; 0: as the window."}
+    )
+
+    def __post_init__(self) -> None:
+        if self.kind not in ("auto", "forecasting", "sensor"):
+            raise BadParameter(f"kind: wanted auto, forecasting or sensor, found {self.kind!r}")
+        if not (self.window >= DT and (self.stride == 0 or self.stride >= DT)):
+            found = f"found {self.window} and {self.stride}"
+            raise BadParameter(f"window, stride: wanted {DT} s or more (or a stride of 0), {found}")
+
+
+class Argoverse2(Converter[RawItem | Window]):
+    """The motion forecasting dataset in buckets of scenarios, the sensor dataset a log a shard."""
+
+    name = "argoverse2"
+    version = "1"
+    release = "v2"
+    licence = "CC BY-NC-SA 4.0"
+    raw = "folder of motion forecasting scenarios (scenario_*.parquet) or sensor logs (annotations.feather)"
+    Options = Argoverse2Options
+    budgets = Budgets(velocity_median=0.5, velocity_p99=5.0, heading_p99=1.0)
+
+    def shards(self, raw: str, split: str, version: str, options: Argoverse2Options) -> Iterator[Shard]:
+        """Buckets of forecasting scenarios, then sensor logs, see :meth:`Converter.shards`."""
+        scenarios, logs = _find(Path(raw), split, options.kind)
+        items = [_item(raw, path, _scenario_files(path)) for path in scenarios]
+        for name, members in bucket(items).items():
+            yield Shard(
+                self.name, version, split, f"forecasting-{name}", raw, members, options, {"kind": "forecasting"}
+            )
+        for path in logs:
+            name = "sensor-" + re.sub(r"[^A-Za-z0-9._-]", "-", path.resolve().parent.name)
+            items = [_item(raw, path, log_files(path))]
+            facts = {"kind": "sensor", "log": path.resolve().parent.name}
+            yield Shard(self.name, version, split, name, raw, tuple(items), options, facts)
+
+    def records(self, shard: Shard) -> Iterator[RawItem | Window]:
+        """Scenario folders as they are, or the windows of a sensor log, see :meth:`Converter.records`."""
+        options = shard.options
+        if not isinstance(options, Argoverse2Options):
+            raise BadParameter(f"wanted Argoverse2Options, found {type(options).__name__}")
+        for item, path in zip(shard.items, shard.paths, strict=True):
+            if _is_log(path):
+                yield from windows(read_log(path), options.window, options.stride or options.window)
+            else:
+                yield item
+
+    def scenario(self, shard: Shard, record: RawItem | Window) -> ScenarioDescription:
+        """Read a scenario's folder, or describe a window, see :meth:`Converter.scenario`."""
+        if isinstance(record, Window):
+            return describe(shard, record, self.licence)
+        return read_scenario(shard, record, self.licence)
+
+
+def _find(raw: Path, split: str, kind: str) -> tuple[list[Path], list[Path]]:
+    """Scenario Parquet files and annotation files below ``raw``, sorted.
+
+    Folders of another split are left out, so that RAW may be the whole dataset; so is what lies inside a log,
+    where thousands of images are.
+
+    Raises:
+        SourceNotFound: There are none.
+    """
+    others = _SPLITS - {split} if split in _SPLITS else set()
+    scenarios: list[Path] = []
+    logs: list[Path] = []
+    for folder, subfolders, files in os.walk(raw):
+        if "annotations.feather" in files:
+            logs.append(Path(folder, "annotations.feather"))
+        subfolders[:] = sorted(set(subfolders) - others) if "annotations.feather" not in files else []
+        found = (name for name in files if name.startswith("scenario_") and name.endswith(".parquet"))
+        scenarios += (Path(folder, name) for name in found)
+    scenarios, logs = ([] if kind == "sensor" else scenarios), ([] if kind == "forecasting" else logs)
+    if not scenarios and not logs:
+        wanted = "no scenario_*.parquet and no annotations.feather"
+        hint = f"give the folder of split {split}, or of the whole dataset" + (
+            "" if kind == "auto" else f", or another kind than {kind}"
+        )
+        raise SourceNotFound(f"{raw}: {wanted} in it; {hint}")
+    return sorted(scenarios), sorted(logs)
+
+
+def _item(raw: str, path: Path, files: list[Path]) -> RawItem:
+    return RawItem(path.relative_to(raw).as_posix(), fingerprint(files, _FINGERPRINT_SAMPLE))
+
+
+def _scenario_files(path: Path) -> list[Path]:
+    archive = path.with_name(f"log_map_archive_{path.stem.removeprefix('scenario_')}.json")
+    return [file for file in (path, archive) if file.is_file()]
+
+
+def _is_log(path: Path) -> bool:
+    return path.name == "annotations.feather"

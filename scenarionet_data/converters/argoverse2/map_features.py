@@ -1,0 +1,211 @@
+"""Argoverse 2's ``log_map_archive_<id>.json``: lanes, painted lines, drivable areas and crossings of one log.
+
+Frame: the city's, metres, z up. There are no traffic lights, stop signs or speed limits. Motion forecasting maps
+give centrelines (with z = 0), sensor maps none: there they lie halfway between the sides. A neighbour may be a
+lane of the other direction, as the source has it: then both lanes have the other on their left.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from operator import itemgetter
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from scenarionet_data.building import MapBuilder
+from scenarionet_data.converters.argoverse2.areas import outline, road_edges
+from scenarionet_data.converters.argoverse2.types import INEXACT_MARKS, LANES, MARKS, NO_MARK
+from scenarionet_data.converters.lines import Float64, between, midlines
+from scenarionet_data.errors import CorruptSource
+from scenarionet_data.ragged import Ragged
+from scenarionet_data.scenario import MapFeatures
+from scenarionet_data.vocabulary import MapFeatureType
+
+Points = Sequence[Mapping[str, float]]
+_XYZ = itemgetter("x", "y", "z")
+
+
+class Lane(NamedTuple):
+    """What the archive says of a lane beside its geometry; ``marks`` and ``neighbors`` are left, right."""
+
+    id: str
+    kind: str
+    is_intersection: bool
+    marks: tuple[str, str]
+    neighbors: tuple[str | None, str | None]
+    entries: list[str]
+    exits: list[str]
+
+
+@dataclass(frozen=True, eq=False)
+class RoadMap:
+    """A map archive in the city frame.
+
+    Attributes:
+        lanes: K lanes, links completed: what one lane calls its successor has it as predecessor.
+        left, right, centers: K lines, (P, 3) float64 [m].
+        widths: Distance of the left and right side at each centre point, (P, 2) float64 [m].
+        areas: Outline (n, 3) of each drivable area, counter-clockwise, by id.
+        crossings: Outline (n, 3) of each pedestrian crossing, by id.
+        num_completed_links: Links that the archive states on one of the two lanes only.
+    """
+
+    lanes: list[Lane]
+    left: Ragged
+    right: Ragged
+    centers: Ragged
+    widths: Ragged
+    areas: dict[str, Float64]
+    crossings: dict[str, Float64]
+    num_completed_links: int
+
+    @property
+    def ground(self) -> Float64:
+        """(G, 3) points on the ground: along centrelines and around areas."""
+        return np.concatenate([self.centers.values, *self.areas.values()])
+
+    def features(self, origin: Float64) -> MapFeatures:
+        """Everything as map features, offsets from ``origin`` (3,) [m]."""
+        builder = MapBuilder()
+        boundaries = _Boundaries(builder)
+        for lane, left, right, center, width in zip(
+            self.lanes, self.left, self.right, self.centers, self.widths, strict=True
+        ):
+            builder.add(
+                lane.id,
+                LANES.get(lane.kind, MapFeatureType.LANE_UNKNOWN),
+                polyline=center,
+                polygon=np.concatenate([left, right[::-1]]),
+                width=width,
+                entry_lanes=lane.entries,
+                exit_lanes=lane.exits,
+                left_neighbors=[lane.neighbors[0]] if lane.neighbors[0] else (),
+                right_neighbors=[lane.neighbors[1]] if lane.neighbors[1] else (),
+                left_boundaries=boundaries.add(f"{lane.id}-left", lane.marks[0], left),
+                right_boundaries=boundaries.add(f"{lane.id}-right", lane.marks[1], right),
+                is_intersection=lane.is_intersection,
+                extras=None if lane.kind in ("VEHICLE", "BIKE") else {"lane_type": lane.kind},
+            )
+        for number, edges in zip(self.areas, road_edges(list(self.areas.values())), strict=True):
+            builder.add(f"drivable-{number}", MapFeatureType.DRIVABLE_AREA, polygon=self.areas[number])
+            for index, edge in enumerate(edges):
+                builder.add(f"drivable-{number}-edge-{index}", MapFeatureType.ROAD_EDGE_BOUNDARY, polyline=edge)
+        for number, polygon in self.crossings.items():
+            builder.add(f"crossing-{number}", MapFeatureType.CROSSWALK, polygon=polygon)
+        return builder.build(origin)
+
+
+class _Boundaries:
+    """Adds the painted sides of lanes; a line that two lanes share point by point is stored once."""
+
+    def __init__(self, builder: MapBuilder) -> None:
+        self._builder = builder
+        self._stored: dict[tuple[str, bytes], str] = {}
+
+    def add(self, feature_id: str, mark: str, points: Float64) -> tuple[str, ...]:
+        """Ids of the lines on this side of a lane: none without paint, else one."""
+        if mark == NO_MARK:
+            return ()
+        for key in ((mark, points.tobytes()), (mark, points[::-1].tobytes())):
+            if key in self._stored:
+                return (self._stored[key],)
+        self._stored[mark, points.tobytes()] = feature_id
+        extras = {"mark_type": mark} if mark in INEXACT_MARKS or mark not in MARKS else None
+        line = MARKS.get(mark, MapFeatureType.UNKNOWN_LINE)
+        self._builder.add(feature_id, line, polyline=points, extras=extras)
+        return (feature_id,)
+
+
+def read_map(path: Path) -> RoadMap:
+    """Read one map archive.
+
+    Raises:
+        CorruptSource: The file is missing, is no JSON, or is not laid out like a map archive.
+    """
+    try:
+        return _parse(json.loads(path.read_bytes()))
+    except FileNotFoundError as error:
+        raise CorruptSource(f"{path}: no such map; download the folder it belongs to again") from error
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        wanted = "wanted an Argoverse 2 map archive"
+        raise CorruptSource(f"{path}: {wanted}, found {error!r}; download it again") from error
+
+
+def _parse(archive: dict[str, Any]) -> RoadMap:
+    segments = list(archive["lane_segments"].values())
+    if not segments:
+        raise ValueError("no lanes")
+    left = _lines(segment["left_lane_boundary"] for segment in segments)
+    right = _lines(segment["right_lane_boundary"] for segment in segments)
+    is_given = all("centerline" in segment for segment in segments)
+    given = _lines(segment["centerline"] for segment in segments) if is_given else midlines(left, right)
+    centers, widths = between(given, left, right)
+    areas = archive["drivable_areas"].values()
+    outlines = _lines(area["area_boundary"] for area in areas)
+    crossings = archive["pedestrian_crossings"].values()
+    edges = _lines(crossing[edge] for crossing in crossings for edge in ("edge1", "edge2"))
+    lanes = [_lane(segment) for segment in segments]
+    return RoadMap(
+        lanes=lanes,
+        left=left,
+        right=right,
+        centers=centers,
+        widths=widths,
+        areas={str(area["id"]): outline(points) for area, points in zip(areas, outlines, strict=True)},
+        crossings={
+            # Both edges run the same way, so the second closes the outline backwards.
+            str(crossing["id"]): np.concatenate([edges[2 * row], edges[2 * row + 1][::-1]])
+            for row, crossing in enumerate(crossings)
+        },
+        num_completed_links=_complete_links(lanes),
+    )
+
+
+def _lane(segment: Mapping[str, Any]) -> Lane:
+    left, right = segment["left_neighbor_id"], segment["right_neighbor_id"]
+    return Lane(
+        id=str(segment["id"]),
+        kind=segment["lane_type"],
+        is_intersection=bool(segment["is_intersection"]),
+        marks=(segment["left_lane_mark_type"], segment["right_lane_mark_type"]),
+        neighbors=(None if left is None else str(left), None if right is None else str(right)),
+        entries=[str(lane) for lane in segment["predecessors"]],
+        exits=[str(lane) for lane in segment["successors"]],
+    )
+
+
+def _lines(lists: Iterable[Points]) -> Ragged:
+    """Lists of {x, y, z} as one ragged array; ValueError for a line of fewer than two points or NaN."""
+    lists = list(lists)
+    lengths = [len(points) for points in lists]
+    if min(lengths, default=2) < 2:
+        raise ValueError(f"a line of {min(lengths)} points")
+    values = np.array([*map(_XYZ, chain.from_iterable(lists))], np.float64).reshape(-1, 3)
+    if not np.isfinite(values).all():
+        raise ValueError("a coordinate that is not finite")
+    return Ragged(np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32), values)
+
+
+def _complete_links(lanes: list[Lane]) -> int:
+    """Make links between lanes of the map mutual; returns how many were stated on one side only.
+
+    A log's map lists all successors but about half of the predecessors (107 of 199 links of one real log lack
+    theirs, although the lanes' ends coincide there).
+    """
+    by_id = {lane.id: lane for lane in lanes}
+    completed = 0
+    for lane in lanes:
+        for other in [by_id[number] for number in lane.exits if number in by_id]:
+            if lane.id not in other.entries:
+                other.entries.append(lane.id)
+                completed += 1
+        for other in [by_id[number] for number in lane.entries if number in by_id]:
+            if lane.id not in other.exits:
+                other.exits.append(lane.id)
+                completed += 1
+    return completed

@@ -1,0 +1,214 @@
+"""Argoverse 2 sensor logs: annotated boxes in the ego frame of each sweep, the ego's poses, and the log's map.
+
+10 Hz, about 16 s a log. The timesteps are the annotated sweeps; boxes come to the city frame by the ego's pose
+at the sweep's own timestamp: the very pose where there is one (always, in real logs), else interpolated
+between the two poses around it. The dataset records no velocities: they are estimated from positions.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.building import make_origin, make_tracks
+from scenarionet_data.converters.argoverse2.map_features import RoadMap, read_map
+from scenarionet_data.converters.argoverse2.poses import (
+    QUATERNION,
+    TRANSLATION,
+    forward,
+    heading,
+    quaternions,
+    read_poses,
+    rotated,
+)
+from scenarionet_data.converters.argoverse2.table import Grid, numbers, read_feather, text
+from scenarionet_data.converters.argoverse2.types import EGO, EGO_CENTER, EGO_SIZE, SENSOR_CATEGORIES
+from scenarionet_data.converters.base import Shard
+from scenarionet_data.errors import CorruptSource
+from scenarionet_data.geometry import estimate_velocity
+from scenarionet_data.scenario import Lights, ScenarioDescription, Source, Tracks, make_scenario_id
+from scenarionet_data.vocabulary import ObjectType
+
+Float64 = npt.NDArray[np.float64]
+Int64 = npt.NDArray[np.int64]
+
+_SIZE = ("length_m", "width_m", "height_m")
+
+DT = 0.1
+"""Nominal time between sweeps [s]."""
+HISTORY = 10
+"""``current_timestep``: after 1 s, as in the Waymo Open Motion Dataset; the sensor dataset names no such step."""
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """One sensor log in the city frame: S sweeps, R annotated boxes.
+
+    Attributes:
+        name: The log's id.
+        sweeps: (S,) int64 [ns], strictly increasing.
+        num_interpolated: Sweeps without a pose of their own timestamp.
+        ego: (S, 4) x, y, z of the ego's box centre [m], heading [rad].
+        sweep: (R,) sweep of each box.
+        tracks, categories: (R,) words.
+        boxes: (R, 7) x, y, z [m], heading [rad], length, width, height [m].
+        roads: The log's map.
+        city: The code in the map's file name, for example PIT.
+    """
+
+    name: str
+    sweeps: Int64
+    num_interpolated: int
+    ego: Float64
+    sweep: Int64
+    tracks: Any
+    categories: Any
+    boxes: Float64
+    roads: RoadMap
+    city: str | None
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """Sweeps ``first`` ... ``last - 1`` of a log: one scenario."""
+
+    log: Log
+    first: int
+    last: int
+
+
+def log_files(annotations: Path) -> list[Path]:
+    """The files of a log that are read, given its ``annotations.feather``; those that exist."""
+    folder = annotations.parent
+    poses = folder / "city_SE3_egovehicle.feather"
+    return [path for path in (annotations, poses, *_maps(folder)) if path.is_file()]
+
+
+def _maps(folder: Path) -> list[Path]:
+    return sorted((folder / "map").glob("log_map_archive_*.json"))
+
+
+def read_log(annotations: Path) -> Log:
+    """Read one log's boxes, poses and map.
+
+    Raises:
+        CorruptSource: A file is missing or damaged, or a sweep lies outside the recorded poses.
+    """
+    folder = annotations.parent
+    names = ("timestamp_ns", "track_uuid", "category", *_SIZE, *QUATERNION, *TRANSLATION)
+    rows = read_feather(annotations, names)
+    sweeps, sweep = np.unique(numbers(rows, annotations, "timestamp_ns"), return_inverse=True)
+    if not len(sweeps):
+        raise CorruptSource(f"{annotations}: wanted annotations, found none; download the log again")
+    poses = read_poses(folder / "city_SE3_egovehicle.feather", sweeps)
+    position = poses.to_city(numbers(rows, annotations, *TRANSLATION), sweep)
+    facing = rotated(poses.turn[sweep], forward(quaternions(rows, annotations)))
+    center = poses.to_city(np.broadcast_to(EGO_CENTER, (len(sweeps), 3)), np.arange(len(sweeps)))
+    maps = _maps(folder)
+    if not maps:
+        raise CorruptSource(f"{folder / 'map'}: no log_map_archive_*.json; download the log's map folder too")
+    return Log(
+        name=folder.resolve().name,
+        sweeps=sweeps,
+        num_interpolated=poses.num_interpolated,
+        ego=np.column_stack([center, heading(forward(poses.turn))]),
+        sweep=sweep,
+        tracks=text(rows, annotations, "track_uuid"),
+        categories=text(rows, annotations, "category"),
+        boxes=np.column_stack([position, heading(facing), numbers(rows, annotations, *_SIZE)]),
+        roads=read_map(maps[0]),
+        city=_city(maps[0]),
+    )
+
+
+def _city(path: Path) -> str | None:
+    """The code in ``log_map_archive_<log>____PIT_city_57819.json``."""
+    found = re.search(r"____([A-Z]+)_city_", path.name)
+    return found.group(1) if found else None
+
+
+def windows(log: Log, window: float, stride: float) -> Iterator[Window]:
+    """Cut a log every ``stride`` seconds into ``window`` seconds; a sweep counts as 0.1 s.
+
+    The last window ends with the log and may be shorter; it is left out when nothing would follow its history.
+    """
+    size, step, count = round(window / DT), round(stride / DT), len(log.sweeps)
+    for first in range(0, count, step):
+        last = min(first + size, count)
+        if first == 0 or last - first > HISTORY + 1:
+            yield Window(log, first, last)
+        if last == count:
+            return
+
+
+def describe(shard: Shard, window: Window, licence: str) -> ScenarioDescription:
+    """The scenario of one window."""
+    log, part = window.log, slice(window.first, window.last)
+    times = log.sweeps[part]
+    timestamps = (times - times[0]) * 1e-9
+    ego = log.ego[part]
+    origin = make_origin(ego[:, :3], np.ones(len(times), np.bool_), has_z=True)
+    return ScenarioDescription(
+        id=make_scenario_id(shard.dataset, shard.version, log.name, int(times[0])),
+        dataset=shard.dataset,
+        version=shard.version,
+        split=shard.split,
+        timestamps=timestamps,
+        dt=DT,
+        current_timestep=min(HISTORY, len(times) - 1),
+        ego_id=EGO,
+        origin=origin,
+        has_z=True,
+        source=Source(
+            scenario_id=log.name,
+            file=shard.items[0].name,
+            licence=licence,
+            log=log.name,
+            city=log.city,
+            crs=f"argoverse2 city frame {log.city}",
+        ),
+        tracks=_tracks(window, ego, timestamps, origin),
+        lights=Lights.empty(len(times)),
+        map=log.roads.features(origin),
+        extras={
+            "kind": "sensor",
+            "start_timestamp_ns": int(times[0]),
+            "num_interpolated_poses": log.num_interpolated,
+            "num_completed_links": log.roads.num_completed_links,
+        },
+    )
+
+
+def _tracks(window: Window, ego: Float64, timestamps: Float64, origin: Float64) -> Tracks:
+    """The annotated objects of the window, and the ego after them."""
+    log = window.log
+    (rows,) = np.nonzero((log.sweep >= window.first) & (log.sweep < window.last))
+    grid = Grid(log.tracks.take(rows), log.sweep[rows] - window.first, len(timestamps), Path(log.name))
+    words = log.categories.take(rows[grid.first]).to_pylist()
+    boxes = np.concatenate([grid.place(log.boxes[rows]), np.column_stack([ego, _ego_sizes(ego)])[None]])
+    valid = np.concatenate([grid.valid, np.ones((1, len(timestamps)), np.bool_)])
+    kinds = [SENSOR_CATEGORIES.get(word, ObjectType.OTHER) for word in words]
+    return make_tracks(
+        [*grid.ids, EGO],
+        [*kinds, ObjectType.VEHICLE],
+        boxes[..., :3],
+        boxes[..., 3],
+        estimate_velocity(boxes[..., :2], valid, timestamps),
+        boxes[..., 4:7],
+        valid,
+        origin=origin,
+        source_type=[*words, "EGO_VEHICLE"],
+        is_size_assumed=[False] * len(words) + [True],
+        is_type_assumed=[word not in SENSOR_CATEGORIES for word in words] + [False],
+        is_velocity_estimated=True,
+    )
+
+
+def _ego_sizes(ego: Float64) -> Float64:
+    return np.broadcast_to(np.array(EGO_SIZE), (len(ego), 3))

@@ -1,0 +1,89 @@
+"""What lies in a folder of Lyft's dataset: recordings, the map, and the scenes of each recording as raw items."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from pathlib import Path
+
+from scenarionet_data.converters.base import RawItem, fingerprint
+from scenarionet_data.converters.lyft.recording import Recording
+from scenarionet_data.errors import SourceNotFound
+
+_FINGERPRINT_SAMPLE = 4096
+_SPLITS = {"train": "train", "train_full": "train", "validate": "val", "validate_full": "val", "test": "test"}
+"""The owner's names of recordings that belong to one split."""
+
+
+def dataset_folder(raw: Path) -> Path:
+    """The dataset's folder: RAW, or the one in which the zarr folder RAW lies."""
+    if raw.suffix != ".zarr":
+        return raw
+    return raw.parent.parent if raw.parent.name == "scenes" else raw.parent
+
+
+def find_recordings(raw: Path, split: str) -> list[Path]:
+    """The zarr folders of RAW, without those whose name is that of another split.
+
+    Raises:
+        SourceNotFound: There are none.
+    """
+    found = [raw] if raw.suffix == ".zarr" and raw.is_dir() else _find(raw, ".zarr")
+    others = set(_SPLITS.values()) - {split} if split in _SPLITS.values() else set()
+    wanted = [path for path in found if path == raw or _SPLITS.get(path.stem) not in others]
+    if not wanted:
+        hint = f"; of another split are {', '.join(path.name for path in found)}" if found else ""
+        raise SourceNotFound(f"{raw}: no recordings (*.zarr) of split {split} in it{hint}")
+    return wanted
+
+
+def _find(folder: Path, ending: str) -> list[Path]:
+    """Folders and files below whose name ends so, sorted; what is inside recordings is not looked at."""
+    found = []
+    for place, folders, files in os.walk(folder):
+        found += [Path(place, name) for name in (*folders, *files) if name.endswith(ending)]
+        folders[:] = sorted(name for name in folders if not name.endswith(".zarr"))
+    return sorted(found)
+
+
+def find_map(root: Path) -> list[Path]:
+    """``semantic_map.pb`` and ``meta.json``.
+
+    Raises:
+        SourceNotFound: One of them is not there, or there are several.
+    """
+    chosen = []
+    for name in ("semantic_map.pb", "meta.json"):
+        found = [path for path in _find(root, name) if path.name == name]
+        if len(found) != 1:
+            count = f"found {len(found)}: {', '.join(map(str, found))}" if found else "found none"
+            hint = "download the dataset's semantic map, or go without it: -O map=none"
+            raise SourceNotFound(f"{root}: wanted one {name} in it, {count}; {hint}")
+        chosen += found
+    return chosen
+
+
+def scene_items(recording: Recording, name: str, map_mark: str) -> list[RawItem]:
+    """The scenes of a recording, told apart by their row and the files with their frames, and by the map."""
+    marks: dict[Path, str] = {}
+    items = []
+    for scene in recording.scenes:
+        parts = [repr(scene), map_mark]
+        for file in recording.frame_files(scene):
+            if file not in marks:
+                marks[file] = fingerprint([file], _FINGERPRINT_SAMPLE) if file.is_file() else ""
+            parts.append(marks[file])
+        mark = hashlib.blake2b("\n".join(parts).encode(), digest_size=8).hexdigest()
+        items.append(RawItem(f"{name}:{scene.index}", mark))
+    return items
+
+
+def damaged_item(path: Path, name: str) -> RawItem:
+    """Stands for all scenes of a recording whose tables cannot be read; :func:`scene_of` finds none in it."""
+    return RawItem(name, fingerprint(sorted(file for file in path.rglob(".z*") if file.is_file())))
+
+
+def scene_of(item: RawItem) -> tuple[str, int | None]:
+    """Name of an item's recording, and the row of its scene; None when it stands for all of them."""
+    name, _, number = item.name.rpartition(":")
+    return (name, int(number)) if number.isdigit() else (item.name, None)

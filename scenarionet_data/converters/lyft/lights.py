@@ -1,0 +1,76 @@
+"""Lyft's lights: which faces of which traffic lights are lit, frame by frame, as states of the lanes they control."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.converters.lyft.map_features import City
+from scenarionet_data.converters.lyft.recording import Content
+from scenarionet_data.scenario import Float64, Lights, strings
+from scenarionet_data.vocabulary import LIGHT_COLORS, LightState, Provenance
+
+_UNKNOWN = LightState.LANE_STATE_UNKNOWN
+_CODES = 16
+"""More than there are light states."""
+
+
+def lights(content: Content, city: City | None, origin: Float64) -> Lights:
+    """One row per traffic light and lane that it controls.
+
+    A lane shows the face that is lit (ACTIVE), the most restrictive if several are, unknown if none is said to be,
+    and nothing where the light is not reported. A face without a lane in the map, and every face without a map,
+    goes to a row that has the light in place of the lane.
+
+    Args:
+        content: Frames with their faces.
+        city: The map; None without one.
+        origin: (3,) [m].
+    """
+    faces = content.faces
+    if not len(faces):
+        return Lights.empty(len(content.times))
+    names = np.char.add(np.char.add(faces["traffic_light_id"], "\n"), faces["face_id"])
+    kinds, kind_of_row = np.unique(names, return_inverse=True)
+    rows: dict[tuple[str, str], int] = {}
+    shown = np.zeros((sum(len(_targets(city, kind)) for kind in kinds.tolist()), len(content.times)), np.uint8)
+    is_lit = faces["traffic_light_face_status"][:, 0] > 0
+    for number, kind in enumerate(kinds.tolist()):
+        mine = kind_of_row == number
+        value = np.where(is_lit[mine], _ranked(_state(city, kind)), _ranked(_UNKNOWN))
+        for target in _targets(city, kind):
+            row = shown[rows.setdefault(target, len(rows))]
+            np.maximum.at(row, content.faces_frame[mine], value)
+    return _made(list(rows), shown[: len(rows)] % _CODES, city, origin)
+
+
+def _ranked(state: LightState) -> int:
+    """A number that is higher the more restrictive a state is, from which the state can be had back."""
+    return int(LIGHT_COLORS[state]) * _CODES + int(state)
+
+
+def _state(city: City | None, kind: str) -> LightState:
+    _, face = kind.split("\n")
+    return city.faces[face][0] if city and face in city.faces else _UNKNOWN
+
+
+def _targets(city: City | None, kind: str) -> list[tuple[str, str]]:
+    """Light and lane of the rows that a face belongs to."""
+    light, face = kind.split("\n")
+    lanes = city.faces[face][1] if city and face in city.faces else []
+    return [(light, lane) for lane in lanes or [light]]
+
+
+def _made(keys: list[tuple[str, str]], state: npt.NDArray[np.uint8], city: City | None, origin: Float64) -> Lights:
+    lanes = [lane for _, lane in keys]
+    exits = city.exits if city else {}
+    unknown = np.full(2, np.nan)
+    stop = np.array([exits.get(lane, unknown) - origin[:2] for lane in lanes])
+    return Lights(
+        ids=strings(light for light, _ in keys),
+        lane_ids=strings(lanes),
+        stop_point=np.column_stack([stop, np.where(np.isnan(stop[:, 0]), np.nan, 0.0)]).astype(np.float32),
+        state=state,
+        is_lane_in_map=np.array([lane in exits for lane in lanes], dtype=np.bool_),
+        provenance=np.full(len(keys), Provenance.OBSERVED, np.uint8),
+    )

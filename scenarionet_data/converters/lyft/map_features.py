@@ -1,0 +1,260 @@
+"""Lyft's semantic map as map features in the recordings' world frame, and which lanes its lights control.
+
+Geometry comes from local frames over earth-centred coordinates to the world by ``world_to_ecef`` of ``meta.json``.
+Recordings have no heights of objects, so the map lies in the plane like them. A map has about 8,500 lanes.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.building import MapBuilder
+from scenarionet_data.converters.lines import between, midlines
+from scenarionet_data.converters.lyft.lanes import Side, Sides, in_driving_direction
+from scenarionet_data.converters.lyft.wire import Side as WireSide
+from scenarionet_data.converters.lyft.wire import WireControls, WireLanes, WireMap, read_map
+from scenarionet_data.errors import CorruptSource
+from scenarionet_data.ragged import Ragged
+from scenarionet_data.vocabulary import LightState
+from scenarionet_data.vocabulary import MapFeatureType as Type
+
+Float64 = npt.NDArray[np.float64]
+
+_ACCESS = ("UNKNOWN", "NO_RESTRICTION", "ONLY_HOV", "ONLY_BUS", "ONLY_BIKE", "ONLY_TURN")
+_TURNS = ("UNKNOWN", "THROUGH", "LEFT", "SHARP_LEFT", "RIGHT", "SHARP_RIGHT", "U_TURN")
+_BACKWARD = 3
+"""RoadNetworkSegment.TravelDirection.ONE_WAY_BACKWARD."""
+_MOTORWAYS = (1, 14)
+"""RoadNetworkSegment.RoadClass MOTORWAY, MOTORWAY_LINK."""
+
+_DIVIDERS: dict[int, tuple[Type, str | None]] = {
+    0: (Type.UNKNOWN_LINE, None),
+    2: (Type.ROAD_LINE_SOLID_SINGLE_YELLOW, None),
+    3: (Type.ROAD_LINE_SOLID_SINGLE_WHITE, None),
+    4: (Type.ROAD_LINE_BROKEN_SINGLE_YELLOW, None),
+    5: (Type.ROAD_LINE_BROKEN_SINGLE_WHITE, None),
+    6: (Type.ROAD_LINE_SOLID_DOUBLE_YELLOW, None),
+    7: (Type.ROAD_LINE_SOLID_DOUBLE_WHITE, None),
+    8: (Type.ROAD_LINE_PASSING_DOUBLE_YELLOW, "DOUBLE_YELLOW_SOLID_FAR_DASHED_NEAR"),
+    9: (Type.ROAD_LINE_PASSING_DOUBLE_YELLOW, "DOUBLE_YELLOW_DASHED_FAR_SOLID_NEAR"),
+    10: (Type.ROAD_EDGE_BOUNDARY, "CURB_RED"),
+    11: (Type.ROAD_EDGE_BOUNDARY, "CURB_YELLOW"),
+    12: (Type.ROAD_EDGE_BOUNDARY, None),
+}
+"""Lane.Boundary.DividerType; 1, NONE, is no line. The word stands where the type says less than it."""
+
+_AREAS = {16: Type.CROSSWALK, 15: Type.SPEED_BUMP, 34: Type.SPEED_BUMP, 35: Type.CARPARK_AREA}
+_STOP_SIGN, _STOP_LINE = 7, 47
+"""Kinds of traffic controls: field numbers in TrafficControlElement."""
+
+FACES = {
+    9: LightState.LANE_STATE_FLASHING_CAUTION,
+    10: LightState.LANE_STATE_FLASHING_STOP,
+    11: LightState.LANE_STATE_STOP,
+    12: LightState.LANE_STATE_CAUTION,
+    13: LightState.LANE_STATE_GO,
+    **dict.fromkeys((30, 32, 38, 41, 44), LightState.LANE_STATE_ARROW_STOP),
+    **dict.fromkeys((36, 37, 39, 42, 45), LightState.LANE_STATE_ARROW_CAUTION),
+    **dict.fromkeys((31, 33, 40, 43, 46), LightState.LANE_STATE_ARROW_GO),
+}
+"""What a lane shows while a face is lit: flashing yellow and red, then red, yellow, green, and the arrows."""
+
+
+@dataclass(frozen=True, eq=False)
+class City:
+    """A semantic map.
+
+    Attributes:
+        features: In the world frame, z = 0.
+        bounds: Of each feature, see ``MapBuilder.bounds``.
+        exits: Where each lane ends, (2,) [m]: the line to stop at.
+        faces: By face of a traffic light, what it shows and the lanes it controls.
+    """
+
+    features: MapBuilder
+    bounds: Float64
+    exits: dict[str, Float64]
+    faces: dict[str, tuple[LightState, list[str]]]
+
+
+@lru_cache(maxsize=2)
+def read_city(map_file: Path, meta_file: Path, fingerprint: str) -> City:  # noqa: ARG001
+    """Read a semantic map; the ones read last are kept, as every scenario is cropped from it.
+
+    Args:
+        map_file: ``semantic_map.pb``.
+        meta_file: ``meta.json``.
+        fingerprint: Of both, so that changed files are read again.
+
+    Raises:
+        CorruptSource: A file is missing or damaged.
+    """
+    ecef_to_world = np.linalg.inv(_read_world_to_ecef(meta_file)).astype(np.float64)
+    wire = read_map(map_file)
+    lanes = _lanes(wire.lanes, ecef_to_world)
+    builder = MapBuilder()
+    exits = _add_lanes(builder, wire, lanes)
+    controlled = _controlled_lanes(wire)
+    _add_controls(builder, wire.controls, ecef_to_world, controlled)
+    kinds = zip(wire.controls.ids, wire.controls.kinds.tolist(), strict=True)
+    faces = {name: (FACES[kind], controlled.get(name, [])) for name, kind in kinds if kind in FACES}
+    return City(builder, builder.bounds, exits, faces)
+
+
+def _read_world_to_ecef(path: Path) -> Float64:
+    """(4, 4) from the world to earth-centred coordinates."""
+    try:
+        matrix = np.array(json.loads(path.read_bytes())["world_to_ecef"], dtype=np.float64)
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise CorruptSource(f"{path}: wanted world_to_ecef, found {error!r}; download it again") from error
+    is_turn = matrix.shape == (4, 4) and np.abs(matrix[:3, :3] @ matrix[:3, :3].T - np.eye(3)).max() < 1e-3
+    if not (is_turn and np.isfinite(matrix).all()):
+        raise CorruptSource(f"{path}: world_to_ecef: wanted 4 by 4 numbers, a turn and a shift; download it again")
+    return matrix
+
+
+def _in_world(points: Float64, ecef_to_world: Float64) -> Float64:
+    """(P, 2) of earth-centred points (P, 3)."""
+    world: Float64 = points @ ecef_to_world[:2, :3].T + ecef_to_world[:2, 3]
+    return world
+
+
+# --- lanes ----------------------------------------------------------------------------------------------
+
+
+def _lanes(wire: WireLanes, ecef_to_world: Float64) -> dict[str, Sides]:
+    """Lanes that have a geometry, by id, in driving direction."""
+    left, right = (_sides(side, ecef_to_world) for side in (wire.left, wire.right))
+    pairs = zip(wire.ids, left, right, strict=True)
+    found = {name: Sides(*pair) for name, *pair in pairs if min(len(side.points) for side in pair) > 1}
+    is_backward = dict(zip(wire.ids, (wire.orientations == _BACKWARD).tolist(), strict=True))
+    return in_driving_direction(found, is_backward, dict(zip(wire.ids, wire.ahead, strict=True)))
+
+
+def _sides(wire: WireSide, ecef_to_world: Float64) -> list[Side]:
+    lines = Ragged(wire.lines.offsets, _in_world(wire.lines.values, ecef_to_world))
+    return [Side(*side) for side in zip(lines, wire.dividers, wire.changes, strict=True)]
+
+
+def _add_lanes(builder: MapBuilder, wire: WireMap, lanes: Mapping[str, Sides]) -> dict[str, Float64]:
+    """Add lanes and the paint along them; returns where each lane ends."""
+    left, right = (_flat_lines([sides[side].points for sides in lanes.values()]) for side in (0, 1))
+    centers, widths = between(midlines(left, right), left, right)
+    entries = _entries(wire.lanes)
+    rows = {name: row for row, name in enumerate(wire.lanes.ids)}
+    for (name, sides), center, width in zip(lanes.items(), centers, widths, strict=True):
+        row = rows[name]
+        builder.add(
+            name,
+            _lane_type(wire, row),
+            polyline=center,
+            polygon=np.concatenate([sides.left.points, sides.right.points[::-1]]),
+            speed_limit=_speed_limit(wire, row),
+            width=width,
+            entry_lanes=entries.get(name, ()),
+            exit_lanes=wire.lanes.ahead[row],
+            left_neighbors=_some(wire.lanes.left_neighbors[row]),
+            right_neighbors=_some(wire.lanes.right_neighbors[row]),
+            left_boundaries=_add_paint(builder, f"{name}-left", sides.left),
+            right_boundaries=_add_paint(builder, f"{name}-right", sides.right),
+            is_intersection=_is_intersection(wire, row),
+            extras=_lane_extras(wire.lanes, row),
+        )
+    return {name: sides.ends[1] for name, sides in lanes.items()}
+
+
+def _flat_lines(lines: Sequence[Float64]) -> Ragged:
+    points = np.concatenate([np.zeros((0, 2)), *lines])
+    return Ragged.from_flat([len(line) for line in lines], np.column_stack([points, np.zeros(len(points))]))
+
+
+def _entries(lanes: WireLanes) -> dict[str, list[str]]:
+    """By lane the lanes that it is ahead of."""
+    entries: dict[str, list[str]] = {}
+    for name, ahead in zip(lanes.ids, lanes.ahead, strict=True):
+        for other in ahead:
+            entries.setdefault(other, []).append(name)
+    return entries
+
+
+def _some(name: str) -> tuple[str, ...]:
+    return (name,) if name else ()
+
+
+def _lane_type(wire: WireMap, row: int) -> Type:
+    if _ACCESS[wire.lanes.access[row]] == "ONLY_BIKE":
+        return Type.LANE_BIKE_LANE
+    _, _, road_class = wire.segments.get(wire.lanes.parents[row], (0.0, 0.0, 0))
+    return Type.LANE_FREEWAY if road_class in _MOTORWAYS else Type.LANE_SURFACE_STREET
+
+
+def _speed_limit(wire: WireMap, row: int) -> float:
+    """[m/s] of the lane's segment, whose other direction may have its own; NaN for unknown and in junctions."""
+    forward, backward, _ = wire.segments.get(wire.lanes.parents[row], (0.0, 0.0, 0))
+    limit = backward if wire.lanes.orientations[row] == _BACKWARD and backward > 0.0 else forward
+    return limit if 0.0 < limit < np.inf else np.nan
+
+
+def _is_intersection(wire: WireMap, row: int) -> bool | None:
+    parent = wire.lanes.parents[row]
+    return False if parent in wire.segments else wire.junctions.get(parent)
+
+
+def _lane_extras(lanes: WireLanes, row: int) -> dict[str, Any] | None:
+    access, turn = _ACCESS[lanes.access[row]], _TURNS[lanes.turns[row]]
+    said = {
+        "parent": lanes.parents[row],
+        "access_restriction": access if access.startswith("ONLY_") else "",
+        "turn_type": turn if turn != "UNKNOWN" else "",
+        "can_have_parked_cars": bool(lanes.can_have_parked_cars[row]),
+    }
+    return {key: value for key, value in said.items() if value} or None
+
+
+def _add_paint(builder: MapBuilder, name: str, side: Side) -> list[str]:
+    """Add the lines along one side of a lane; returns their ids."""
+    added = []
+    for number, (kind, points) in enumerate(side.paint()):
+        if kind not in _DIVIDERS:
+            continue
+        line, word = _DIVIDERS[kind]
+        added.append(name if len(side.dividers) == 1 else f"{name}-{number}")
+        builder.add(added[-1], line, polyline=points, extras={"divider_type": word} if word else None)
+    return added
+
+
+# --- traffic controls -----------------------------------------------------------------------------------
+
+
+def _controlled_lanes(wire: WireMap) -> dict[str, list[str]]:
+    """By traffic control the lanes at whose exit it stands; a traffic light's lanes are its faces' too."""
+    lights = {name: faces for name, faces in zip(wire.controls.ids, wire.controls.faces, strict=True) if faces}
+    controlled: dict[str, dict[str, None]] = {}
+    for lane, controls in zip(wire.lanes.ids, wire.lanes.controls, strict=True):
+        for control in controls:
+            for name in (control, *lights.get(control, ())):
+                controlled.setdefault(name, {})[lane] = None
+    return {name: list(lanes) for name, lanes in controlled.items()}
+
+
+def _add_controls(
+    builder: MapBuilder, controls: WireControls, ecef_to_world: Float64, controlled: Mapping[str, Sequence[str]]
+) -> None:
+    """Add areas, stop signs and stop lines; other signs are of no kind that a map here has."""
+    places = Ragged(controls.points.offsets, _in_world(controls.points.values, ecef_to_world))
+    for name, kind, points in zip(controls.ids, controls.kinds.tolist(), places, strict=True):
+        lanes = controlled.get(name, ())
+        if kind in _AREAS and len(points) > 2:
+            builder.add(name, _AREAS[kind], polygon=points, controlled_lanes=lanes)
+        elif kind == _STOP_SIGN:
+            builder.add(name, Type.STOP_SIGN, polyline=points.mean(axis=0, keepdims=True), controlled_lanes=lanes)
+        elif kind == _STOP_LINE and len(points) > 1:
+            builder.add(name, Type.STOP_LINE, polyline=points, controlled_lanes=lanes)

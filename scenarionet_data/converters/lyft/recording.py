@@ -1,0 +1,179 @@
+"""Lyft's recordings, scene by scene: a zarr folder of four tables that refer to each other by ranges of rows.
+
+    scenes               frame_index_interval, host, start_time, end_time [ns]
+    frames               timestamp [ns], agent_index_interval, traffic_light_faces_index_interval, ego pose
+    agents               centroid, extent, yaw, velocity, track_id, label_probabilities
+    traffic_light_faces  face_id, traffic_light_id, traffic_light_face_status
+
+Format version 1 has no lights and narrower numbers. Ranges are half open and count from the start of the whole table.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.converters.lyft.zarr_reader import ChunkedTable, Records, read_attributes
+from scenarionet_data.errors import CorruptSource, InvalidScenario
+
+_FIELDS = {
+    "scenes": {"frame_index_interval": (2,), "host": (), "start_time": (), "end_time": ()},
+    "frames": {
+        "timestamp": (),
+        "agent_index_interval": (2,),
+        "ego_translation": (3,),
+        "ego_rotation": (3, 3),
+    },
+    "agents": {"centroid": (2,), "extent": (3,), "yaw": (), "velocity": (2,), "track_id": ()},
+    "traffic_light_faces": {"face_id": (), "traffic_light_id": (), "traffic_light_face_status": (3,)},
+}
+_LIGHTS = "traffic_light_faces_index_interval"
+
+LABELS = tuple(
+    """PERCEPTION_LABEL_NOT_SET PERCEPTION_LABEL_UNKNOWN PERCEPTION_LABEL_DONTCARE PERCEPTION_LABEL_CAR
+    PERCEPTION_LABEL_VAN PERCEPTION_LABEL_TRAM PERCEPTION_LABEL_BUS PERCEPTION_LABEL_TRUCK
+    PERCEPTION_LABEL_EMERGENCY_VEHICLE PERCEPTION_LABEL_OTHER_VEHICLE PERCEPTION_LABEL_BICYCLE
+    PERCEPTION_LABEL_MOTORCYCLE PERCEPTION_LABEL_CYCLIST PERCEPTION_LABEL_MOTORCYCLIST PERCEPTION_LABEL_PEDESTRIAN
+    PERCEPTION_LABEL_ANIMAL AVRESEARCH_LABEL_DONTCARE""".split()  # noqa: SIM905
+)
+"""The words of ``label_probabilities`` where a recording does not name them (``l5kit/data/labels.py``)."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One row of the scenes.
+
+    Attributes:
+        index: Which row.
+        name: Host and start; the same scene in every recording that holds it.
+        first, last: Its frames are ``first`` ... ``last - 1``.
+        start: [ns] as the scene states it; the frames' own timestamps may be seconds apart from it.
+        host: The recording car.
+    """
+
+    index: int
+    name: str
+    first: int
+    last: int
+    start: int
+    host: str
+
+
+@dataclass(frozen=True, eq=False)
+class Content:
+    """The rows of some successive frames: T frames, R agents, K faces.
+
+    Attributes:
+        times: (T,) int64 [ns].
+        ego: (T, 3) x, y [m], yaw [rad].
+        frame, faces_frame: (R,) and (K,) frame of each row, from 0.
+        agents, faces: (R,) and (K,) records.
+    """
+
+    times: npt.NDArray[np.int64]
+    ego: npt.NDArray[np.float64]
+    frame: npt.NDArray[np.int64]
+    agents: Records
+    faces_frame: npt.NDArray[np.int64]
+    faces: Records
+
+
+class Recording:
+    """A zarr folder, opened.
+
+    Attributes:
+        path: The folder.
+        labels: Words of ``label_probabilities``.
+        scenes: All of them.
+
+    Raises:
+        CorruptSource: A table is missing or is no table of this dataset.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        attributes = read_attributes(path)
+        self.labels = tuple(map(str, attributes.get("labels", LABELS)))
+        self._tables = {name: _table(path, name) for name in ("scenes", "frames", "agents")}
+        self._has_lights = _LIGHTS in self._names("frames")
+        if self._has_lights:
+            self._tables["traffic_light_faces"] = _table(path, "traffic_light_faces")
+        shape = self._tables["agents"].dtype["label_probabilities"].shape
+        if shape != (len(self.labels),):
+            raise CorruptSource(f"{path}: wanted a probability for each of {len(self.labels)} labels, found {shape}")
+        table = self._tables["scenes"]
+        self.scenes = [_scene(index, row) for index, row in enumerate(table.rows(0, len(table)))]
+
+    def _names(self, table: str) -> tuple[str, ...]:
+        return self._tables[table].dtype.names or ()
+
+    @property
+    def num_frames(self) -> int:
+        """In all scenes together."""
+        return len(self._tables["frames"])
+
+    def frame_files(self, scene: Scene) -> list[Path]:
+        """Files with the frames of a scene; none where it claims frames that do not exist."""
+        is_sound = 0 <= scene.first <= scene.last <= self.num_frames
+        return self._tables["frames"].chunk_files(scene.first, scene.last) if is_sound else []
+
+    def read(self, first: int, last: int, where: str) -> Content:
+        """Everything in frames ``first`` ... ``last - 1``.
+
+        Args:
+            first, last: Rows of the frames.
+            where: Names the scenario in errors.
+
+        Raises:
+            InvalidScenario: A range of rows points to where there are none.
+            CorruptSource: A chunk is missing or damaged.
+        """
+        if not 0 <= first < last <= self.num_frames:
+            wanted = f"wanted frames within 0 ... {self.num_frames}"
+            raise InvalidScenario(where, "frame_index_interval", f"{wanted}, found {first} ... {last}")
+        frames = self._tables["frames"].rows(first, last)
+        frame, agents = self._parts("agents", frames["agent_index_interval"], where)
+        faces_frame, faces = np.zeros(0, np.int64), np.zeros(0)
+        if self._has_lights:
+            faces_frame, faces = self._parts("traffic_light_faces", frames[_LIGHTS], where)
+        turn = frames["ego_rotation"].astype(np.float64)
+        yaw = np.arctan2(turn[:, 1, 0], turn[:, 0, 0])
+        return Content(
+            times=frames["timestamp"].astype(np.int64),
+            ego=np.column_stack([frames["ego_translation"][:, :2], yaw]),
+            frame=frame,
+            agents=agents,
+            faces_frame=faces_frame,
+            faces=faces,
+        )
+
+    def _parts(self, name: str, ranges: Any, where: str) -> tuple[npt.NDArray[np.int64], Records]:
+        """Frame of each row and the rows that successive frames own in a table."""
+        table, ranges = self._tables[name], ranges.astype(np.int64)
+        first, last = int(ranges[0, 0]), int(ranges[-1, 1])
+        lengths = np.diff(ranges, axis=1)[:, 0]
+        is_run = (ranges[1:, 0] == ranges[:-1, 1]).all() and (lengths >= 0).all()
+        if not (is_run and 0 <= first <= last <= len(table)):
+            wanted = f"wanted one range of rows after the other within 0 ... {len(table)}"
+            raise InvalidScenario(where, f"frames.{name}", f"{wanted}, found {first} ... {last}")
+        return np.repeat(np.arange(len(ranges)), lengths), table.rows(first, last)
+
+
+def _table(path: Path, name: str) -> ChunkedTable:
+    table = ChunkedTable(path / name)
+    wanted = dict(_FIELDS[name])
+    found = {field: table.dtype[field].shape for field in table.dtype.names or ()}
+    wrong = [field for field, shape in wanted.items() if found.get(field) != shape]
+    if wrong or (name == "agents" and "label_probabilities" not in found):
+        raise CorruptSource(f"{path / name}: wanted {list(wanted)}, found {list(found)}; is this a Lyft recording?")
+    return table
+
+
+def _scene(index: int, row: Any) -> Scene:
+    first, last = row["frame_index_interval"].tolist()
+    start, host = int(row["start_time"]), str(row["host"])
+    return Scene(index, f"{host}-{start}", first, last, start, host)

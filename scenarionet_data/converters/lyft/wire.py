@@ -1,0 +1,283 @@
+"""Decodes Lyft's ``semantic_map.pb``, one ``MapFragment`` message, into arrays in the source's own frames and codes.
+
+Field numbers are those of ``l5kit/data/proto/road_network.proto`` in woven-planet/l5kit. What the numbers mean for
+the lake stands in ``map_features``, how bytes become numbers in ``protowire``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.converters.lyft.geodesy import local_to_earth
+from scenarionet_data.converters.protowire import DamagedMessage, Fields, Messages, enums, floats
+from scenarionet_data.errors import CorruptSource
+from scenarionet_data.ragged import Ragged
+
+Float64 = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+Bools = npt.NDArray[np.bool_]
+T = TypeVar("T")
+
+_SEGMENT, _LANE, _CONTROL, _JUNCTION = 1, 3, 4, 5
+"""Kinds of map elements: their field numbers in MapElement.Element."""
+_CONTROL_DATA = (2, 3, 4, 5, 6, 48)
+"""Fields of a TrafficControlElement that do not say what it is."""
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """One side of each of L lanes.
+
+    Attributes:
+        lines: Points (P, 3) in earth-centred coordinates [m]; fewer than two where the lane has no geometry.
+        dividers: Per lane the kinds of paint along it, from its first point on.
+        changes: Per lane where one gives way to the next [m] along the side.
+    """
+
+    lines: Ragged
+    dividers: list[list[int]]
+    changes: list[list[float]]
+
+
+@dataclass(frozen=True, eq=False)
+class WireLanes:
+    """L lanes.
+
+    Attributes:
+        ids: Of each.
+        parents: The segment or junction it is part of, "" for none.
+        left, right: Its sides.
+        ahead: Ids of the lanes that follow.
+        left_neighbors, right_neighbors: Ids of lanes to change to, "" for none.
+        controls: Ids of the traffic controls at its exit.
+        access, orientations, turns: (L,) int64 AccessRestriction.Type, TravelDirection, TurnType.
+        can_have_parked_cars: (L,) bool.
+    """
+
+    ids: list[str]
+    parents: list[str]
+    left: Side
+    right: Side
+    ahead: list[list[str]]
+    left_neighbors: list[str]
+    right_neighbors: list[str]
+    controls: list[list[str]]
+    access: Ints
+    orientations: Ints
+    turns: Ints
+    can_have_parked_cars: Bools
+
+
+@dataclass(frozen=True, eq=False)
+class WireControls:
+    """E traffic controls: lights, their faces, signs, crosswalks.
+
+    Attributes:
+        ids: Of each.
+        kinds: (E,) int64 field number of what it is, 0 for none.
+        points: Points (P, 3) in earth-centred coordinates [m]; the frame's origin where it has none.
+        faces: Of a traffic light, the ids of its faces.
+    """
+
+    ids: list[str]
+    kinds: Ints
+    points: Ragged
+    faces: list[list[str]]
+
+
+@dataclass(frozen=True, eq=False)
+class WireMap:
+    """The parts of a MapFragment that are kept.
+
+    Attributes:
+        lanes, controls: As above.
+        segments: By id: speed limit forwards and backwards [m/s], 0 for unknown, and RoadClass.
+        junctions: By id: whether it is a real intersection.
+    """
+
+    lanes: WireLanes
+    controls: WireControls
+    segments: dict[str, tuple[float, float, int]]
+    junctions: dict[str, bool]
+
+
+def read_map(path: Path) -> WireMap:
+    """Read a semantic map.
+
+    Raises:
+        CorruptSource: The file is missing, no such message, or holds no lanes.
+    """
+    try:
+        found = _decode(path.read_bytes())
+    except (OSError, DamagedMessage, UnicodeDecodeError, ValueError) as error:
+        wanted = "wanted Lyft's semantic map"
+        raise CorruptSource(f"{path}: {wanted}, found {error}; download it again") from error
+    if not found.lanes.ids:
+        raise CorruptSource(f"{path}: wanted Lyft's semantic map, found no lanes in it; download it again")
+    return found
+
+
+def _decode(payload: bytes) -> WireMap:
+    elements = Messages.of(payload).fields().parts(2)
+    fields = elements.fields()
+    ids = _single_ids(fields, 1, len(elements))
+    if "" in ids or len(set(ids)) < len(ids):
+        raise ValueError("elements without an id of their own")
+    bodies = fields.parts(2)
+    inside = bodies.fields()
+
+    def part(number: int) -> tuple[Messages, list[str]]:
+        messages = inside.parts(number)
+        return messages, [ids[row] for row in bodies.owner[messages.owner]]
+
+    return WireMap(
+        lanes=_lanes(*part(_LANE)),
+        controls=_controls(*part(_CONTROL)),
+        segments=_segments(*part(_SEGMENT)),
+        junctions=_junctions(*part(_JUNCTION)),
+    )
+
+
+def _lanes(messages: Messages, ids: list[str]) -> WireLanes:
+    count, fields = len(messages), messages.fields()
+    origins = _origins(fields, 2, count)
+    restriction = fields.parts(11)
+    access = np.zeros(count, np.int64)
+    access[restriction.owner] = enums(restriction.scalars("v")[:, 0], 6)
+    return WireLanes(
+        ids=ids,
+        parents=_single_ids(fields, 1, count),
+        left=_side(fields, 3, origins),
+        right=_side(fields, 4, origins),
+        ahead=_id_lists(fields, 5, count),
+        left_neighbors=_single_ids(fields, 6, count),
+        right_neighbors=_single_ids(fields, 7, count),
+        controls=_id_lists(fields, 8, count),
+        access=access,
+        orientations=enums(fields.column(12, "v", count), 5),
+        turns=enums(fields.column(13, "v", count), 7),
+        can_have_parked_cars=fields.column(10, "v", count) > 0,
+    )
+
+
+def _side(fields: Fields, number: int, origins: Float64) -> Side:
+    """The sides of the lanes that ``fields`` belong to, whose frames have ``origins`` (L, 2)."""
+    count = len(origins)
+    boundaries = fields.parts(number)
+    inside = boundaries.fields()
+    kind_owner, kinds = inside.lists(4, "v")
+    change_owner, changes = inside.lists(5, "v")
+    metres = changes.astype(np.int64) / 100.0
+    return Side(
+        lines=_points(inside, (1, 2, 3), boundaries.owner, origins),
+        dividers=_grouped(boundaries.owner[kind_owner], enums(kinds, 13).tolist(), count),
+        changes=_grouped(boundaries.owner[change_owner], metres.tolist(), count),
+    )
+
+
+def _controls(messages: Messages, ids: list[str]) -> WireControls:
+    count, fields = len(messages), messages.fields()
+    kinds = np.zeros(count, np.int64)
+    is_kind = fields.is_part & ~np.isin(fields.number, _CONTROL_DATA)
+    kinds[fields.owner[is_kind]] = fields.number[is_kind]
+    origins = _origins(fields, 2, count)
+    points = _points(fields, (3, 4, 5), np.arange(count), origins)
+    (bare,) = np.nonzero(points.lengths == 0)
+    places = local_to_earth(np.zeros((len(bare), 3)), *origins[bare].T)
+    lights = fields.parts(29)
+    faces: list[list[str]] = [[] for _ in ids]
+    for row, names in zip(lights.owner.tolist(), _id_lists(lights.fields(), 3, len(lights)), strict=True):
+        faces[row] += names
+    return WireControls(ids, kinds, _filled(points, bare, places), faces)
+
+
+def _filled(points: Ragged, rows: Ints, places: Float64) -> Ragged:
+    """``points`` with one point in each of the empty lists ``rows``."""
+    values = np.insert(points.values, points.offsets[rows], places, axis=0)
+    lengths = points.lengths.copy()
+    lengths[rows] = 1
+    return Ragged.from_flat(lengths.tolist(), values)
+
+
+def _segments(messages: Messages, ids: list[str]) -> dict[str, tuple[float, float, int]]:
+    bits = messages.scalars("-----v--ff")
+    limits = floats(bits[:, 8:10]).tolist()
+    classes = enums(bits[:, 5], 24).tolist()
+    return {name: (*limit, kind) for name, limit, kind in zip(ids, limits, classes, strict=True)}
+
+
+def _junctions(messages: Messages, ids: list[str]) -> dict[str, bool]:
+    return dict(zip(ids, (messages.scalars("---v")[:, 3] > 0).tolist(), strict=True))
+
+
+# --- geometry -------------------------------------------------------------------------------------------
+
+
+def _origins(fields: Fields, number: int, count: int) -> Float64:
+    """(count, 2) latitude and longitude [rad] of the frames under one field.
+
+    The frames' altitude and bearing are left out, as the owner's own reader does (``l5kit/data/map_api.py``).
+    """
+    frames = fields.parts(number)
+    places = frames.fields().parts(1)
+    origins = np.zeros((count, 2))
+    degrees = places.scalars("ff").astype(np.uint32).view(np.int32) * 1e-7
+    origins[frames.owner[places.owner]] = np.radians(degrees)
+    return origins
+
+
+def _points(
+    fields: Fields, numbers: tuple[int, int, int], rows: npt.NDArray[np.integer[Any]], origins: Float64
+) -> Ragged:
+    """Points from their steps [cm]: of the messages that ``fields`` belong to, for each of the rows of ``origins``.
+
+    Args:
+        fields: Of m messages.
+        numbers: Fields with the steps in x, y and z, as zigzag integers.
+        rows: (m,) row that each message belongs to, ascending.
+        origins: (K, 2) latitude and longitude of its frame [rad].
+    """
+    columns = [fields.lists(number, "v") for number in numbers]
+    counts = [np.bincount(rows[owner], minlength=len(origins)) for owner, _ in columns]
+    if any(not np.array_equal(count, counts[0]) for count in counts):
+        raise ValueError("a line with more coordinates of one axis than of another")
+    lines = Ragged.from_flat(counts[0].tolist(), np.stack([_zigzag(bits) for _, bits in columns], axis=-1))
+    travelled = np.cumsum(np.concatenate([np.zeros((1, 3), np.int64), lines.values]), axis=0)
+    local = travelled[1:] - np.repeat(travelled[lines.offsets[:-1]], lines.lengths, axis=0)
+    latitude, longitude = np.repeat(origins, lines.lengths, axis=0).T
+    return Ragged(lines.offsets, local_to_earth(local / 100.0, latitude, longitude))
+
+
+def _zigzag(bits: npt.NDArray[np.uint64]) -> Ints:
+    """sint32 as protobuf writes them: 0, -1, 1, -2, ... are 0, 1, 2, 3, ...."""
+    values = bits.astype(np.int64)
+    signed: Ints = (values >> 1) ^ -(values & 1)
+    return signed
+
+
+# --- ids ------------------------------------------------------------------------------------------------
+
+
+def _id_lists(fields: Fields, number: int, count: int) -> list[list[str]]:
+    """The ids (GlobalId: UTF-8 bytes in field 1) under one field of each of ``count`` messages."""
+    references = fields.parts(number)
+    names = references.fields().parts(1)
+    texts = [content.decode() for content in names.contents()]
+    return _grouped(references.owner[names.owner], texts, count)
+
+
+def _single_ids(fields: Fields, number: int, count: int) -> list[str]:
+    """As :func:`_id_lists`, of a field that is no list; "" where there is none."""
+    return [names[-1] if names else "" for names in _id_lists(fields, number, count)]
+
+
+def _grouped(owner: npt.NDArray[np.integer[Any]], values: list[T], count: int) -> list[list[T]]:
+    groups: list[list[T]] = [[] for _ in range(count)]
+    for row, value in zip(owner.tolist(), values, strict=True):
+        groups[row].append(value)
+    return groups

@@ -1,0 +1,141 @@
+"""nuPlan (https://www.nuscenes.org/nuplan): SQLite logs and GeoPackage maps, without nuplan-devkit.
+
+RAW is a folder with ``.db`` logs anywhere below. The maps lie below RAW too, or in ``$NUPLAN_MAPS_ROOT``:
+
+    nuplan-maps-v1.0.json                        the newest version of each map
+    us-nv-las-vegas-strip/9.15.1915/map.gpkg     <location>/<version>/map.gpkg
+
+A scenario is a scene of a log or a window around a scenario tag, 10 or 20 timesteps a second, in the city's UTM
+zone. Heights are left out: the maps have none that objects could stand on.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from scenarionet_data.building import MapBuilder
+from scenarionet_data.converters.base import Budgets, Converter, Options, RawItem, Shard, fingerprint
+from scenarionet_data.converters.nuplan.content import read_content
+from scenarionet_data.converters.nuplan.files import find_atlas, find_logs, logs_of, place_of
+from scenarionet_data.converters.nuplan.log import Log, opened, read_log
+from scenarionet_data.converters.nuplan.map_features import read_city
+from scenarionet_data.converters.nuplan.scenario import Cut, describe
+from scenarionet_data.converters.nuplan.windows import Window, scenes, tag_windows
+from scenarionet_data.errors import BadParameter, CorruptSource
+from scenarionet_data.scenario import ScenarioDescription
+
+
+@dataclass(frozen=True)
+class NuPlanOptions(Options):
+    """How logs are cut into scenarios, and where the maps are."""
+
+    by: str = field(
+        default="scene",
+        metadata={"doc": "scene: 20 s each, as the owner cut them; or tag: a window around each scenario tag."},
+    )
+    tags: str = field(default="", metadata={"doc": "With by=tag: the types wanted, comma-separated; empty: all."})
+    past: float = field(
+        default=2.0, metadata={"doc": "Seconds of history: before a tag, or from the start of a scene."}
+    )
+    future: float = field(default=8.0, metadata={"doc": "With by=tag: seconds after the tag."})
+    rate: int = field(default=10, metadata={"doc": "Timesteps per second: 10, or 20 as recorded."})
+    radius: float = field(default=100.0, metadata={"doc": "Metres of map around the box that holds the ego's path."})
+    maps: str = field(
+        default="",
+        metadata={
+            "doc": "Folder of nuplan-maps-v1.0.json; empty: below RAW, or $NUPLAN_MAPS_ROOT.",
+            "is_place": True,
+        },
+    )
+
+    def __post_init__(self) -> None:
+        if self.by not in ("scene", "tag"):
+            raise BadParameter(f"by: wanted scene or tag, found {self.by!r}")
+        if self.tags and self.by != "tag":
+            raise BadParameter("tags: choose what to cut with by=tag; scenes are all converted")
+        if self.rate not in (10, 20):
+            raise BadParameter(f"rate: wanted 10 or 20 per second, found {self.rate}")
+        if not (0.0 <= self.past < 1e6 and 0.0 <= self.future < 1e6 and 0.0 <= self.radius < 1e6):
+            found = f"{self.past}, {self.future} and {self.radius}"
+            raise BadParameter(f"past, future, radius: wanted seconds and metres of 0 or more, found {found}")
+
+    @property
+    def wanted(self) -> frozenset[str]:
+        """The types in ``tags``."""
+        return frozenset(part.strip() for part in self.tags.split(",") if part.strip())
+
+
+class NuPlan(Converter[Cut]):
+    """A shard is a log; the maps of the cities are shared."""
+
+    name = "nuplan"
+    version = "1"
+    release = "v1.1"
+    licence = "CC BY-NC-SA 4.0"
+    raw = "folder of nuPlan logs (*.db), with the maps in it or in $NUPLAN_MAPS_ROOT"
+    Options = NuPlanOptions
+    # Of two recorded scenarios one has 0.15, 2.7 and 0.13, the other, of 0.2 s at 20 Hz, 0.8, 8.3 and 0.08.
+    budgets = Budgets(velocity_median=1.0, velocity_p99=10.0, heading_p99=0.5)
+
+    def shards(self, raw: str, split: str, version: str, options: NuPlanOptions) -> Iterator[Shard]:
+        """One shard per log, city by city, see :meth:`Converter.shards`."""
+        atlas = find_atlas(Path(raw), options.maps)
+        resolved = replace(options, maps=str(atlas.root))
+        for log in sorted(logs_of(split, Path(raw)), key=lambda log: (place_of(log).map_name, log.stem)):
+            item = RawItem(log.relative_to(raw).as_posix(), fingerprint([log, atlas.manifest]))
+            name = re.sub(r"[^A-Za-z0-9._-]", "-", log.stem)
+            yield Shard(self.name, version, split, name, raw, (item,), resolved, _facts(log))
+
+    def records(self, shard: Shard) -> Iterator[Cut]:
+        """The windows of a log, see :meth:`Converter.records`."""
+        options = shard.options
+        if not isinstance(options, NuPlanOptions):
+            raise BadParameter(f"wanted NuPlanOptions, found {type(options).__name__}")
+        (path,) = shard.paths
+        with opened(path) as database:
+            log = read_log(database, path)
+        map_id, place = find_atlas(path.parent, options.maps).map_of(log.place, path)
+        city = read_city(place)
+        if log.epsg is not None and city.projection.lower() != f"epsg:{log.epsg}":
+            raise CorruptSource(f"{path}: recorded in epsg:{log.epsg}, but its map {place} is in {city.projection}")
+        windows = _windows(log, options)
+        is_wanted = np.zeros(len(log.tokens), np.bool_)
+        for window in windows:
+            is_wanted[window.sweeps] = True
+        content = read_content(path, log, is_wanted)
+        for window in windows:
+            yield Cut(log, content, window, city, map_id, options.radius, 20 // options.rate)
+
+    def scenario(self, shard: Shard, record: Cut) -> ScenarioDescription:
+        """Describe a window, see :meth:`Converter.scenario`."""
+        return describe(shard, record, self.licence)
+
+    def maps(self, raw: str, version: str, options: NuPlanOptions) -> Iterator[Shard]:
+        """The maps of the logs' cities, see :meth:`Converter.maps`; a log without one fails on its own."""
+        atlas = find_atlas(Path(raw), options.maps)
+        found = {atlas.find(place_of(log)) for log in find_logs(Path(raw))}
+        for map_id, path in sorted(filter(None, found)):
+            item = RawItem(path.relative_to(atlas.root).as_posix(), fingerprint([path]))
+            yield Shard(self.name, version, "", map_id, str(atlas.root), (item,), Options())
+
+    def map_features(self, shard: Shard) -> MapBuilder:
+        """Read a city's map, see :meth:`Converter.map_features`."""
+        return read_city(shard.paths[0]).features
+
+
+def _facts(log: Path) -> dict[str, str]:
+    place = place_of(log)
+    told = {"log": log.stem, "location": place.map_name, "date": place.date}
+    return {key: value for key, value in told.items() if value}
+
+
+def _windows(log: Log, options: NuPlanOptions) -> list[Window]:
+    stride = 20 // options.rate
+    if options.by == "scene":
+        return list(scenes(log, stride, options.past))
+    return list(tag_windows(log, stride, options.past, options.future, options.wanted))

@@ -1,0 +1,127 @@
+"""Where nuPlan's files are: the logs of a split, and the maps with the list of their versions."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from scenarionet_data.converters.nuplan.log import Place, opened, read_place
+from scenarionet_data.errors import CorruptSource, SourceNotFound
+
+_SPLITS = {"mini", "train", "val", "test"}
+_SENSORS = "sensor_blobs"
+"""Folder of images and point clouds, by the million: nothing to look for in it."""
+_MANIFEST = re.compile(r"nuplan-maps-v[\d.]+\.json")
+
+
+def find_logs(root: Path) -> list[Path]:
+    """Logs below a folder, sorted.
+
+    Raises:
+        SourceNotFound: There are none.
+    """
+    logs = sorted(path for path in _walk(root) if path.suffix == ".db")
+    if not logs:
+        raise SourceNotFound(f"{root}: no *.db in it; give the folder of nuPlan's logs, for example splits/mini")
+    return logs
+
+
+def logs_of(split: str, root: Path) -> list[Path]:
+    """Logs below a folder but for those in the folder of another split, so it may be that of the whole dataset.
+
+    Raises:
+        SourceNotFound: There are none; or two of one name, which would be one log twice.
+    """
+    logs = find_logs(root)
+    others = _SPLITS - {split} if split in _SPLITS else set()
+    kept = [log for log in logs if others.isdisjoint(log.relative_to(root).parts)]
+    if not kept:
+        found = sorted(others & {part for log in logs for part in log.relative_to(root).parts})
+        raise SourceNotFound(f"{root}: no logs of split {split} in it, but of {', '.join(found)}; add --split")
+    by_name: dict[str, Path] = {}
+    for log in kept:
+        if by_name.setdefault(log.stem, log) != log:
+            raise SourceNotFound(f"{log} and {by_name[log.stem]} are one log; give a folder that holds it once")
+    return kept
+
+
+def place_of(log: Path) -> Place:
+    """Where a log was recorded; nowhere when it cannot be read, as its own shard will say."""
+    try:
+        with opened(log) as database:
+            return read_place(database, log)
+    except CorruptSource:
+        return Place("", "", None)
+
+
+@dataclass(frozen=True)
+class Atlas:
+    """The maps folder.
+
+    Attributes:
+        manifest: Its ``nuplan-maps-v1.0.json``.
+        versions: Version of the map of each location.
+    """
+
+    manifest: Path
+    versions: dict[str, str]
+
+    @property
+    def root(self) -> Path:
+        """The folder."""
+        return self.manifest.parent
+
+    def find(self, place: Place) -> tuple[str, Path] | None:
+        """Id and path of the map of a place; None when there is none."""
+        for name in (place.map_name, place.city):
+            path = self.root / name / self.versions.get(name, "") / "map.gpkg"
+            if name in self.versions and path.is_file():
+                return f"{name}-{self.versions[name]}", path
+        return None
+
+    def map_of(self, place: Place, log: Path) -> tuple[str, Path]:
+        """Id and path of the map of a log's place.
+
+        Raises:
+            SourceNotFound: There is none.
+        """
+        found = self.find(place)
+        if found is None:
+            known = ", ".join(self.versions) or "none"
+            where = f"{log}: recorded at {place.map_name!r}, whose map.gpkg is not in {self.root}"
+            raise SourceNotFound(f"{where} (it lists {known}); download nuPlan's maps")
+        return found
+
+
+def find_atlas(root: Path, maps: str) -> Atlas:
+    """The maps folder: the one given, or one below the logs' folder, or ``$NUPLAN_MAPS_ROOT``.
+
+    Raises:
+        SourceNotFound: There is no list of map versions in any of them.
+        CorruptSource: The list cannot be read.
+    """
+    places = [Path(maps)] if maps else [root, Path(os.environ.get("NUPLAN_MAPS_ROOT", root))]
+    for place in places:
+        found = sorted(path for path in _walk(place) if _MANIFEST.fullmatch(path.name))
+        if found:
+            return Atlas(found[-1], _versions(found[-1]))
+    where = " or ".join(dict.fromkeys(map(str, places)))
+    raise SourceNotFound(f"{where}: no nuplan-maps-v1.0.json in it; set NUPLAN_MAPS_ROOT to nuPlan's maps folder")
+
+
+def _versions(manifest: Path) -> dict[str, str]:
+    try:
+        entries = json.loads(manifest.read_bytes())
+        return {location: str(entry["version"]) for location, entry in entries.items()}
+    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+        raise CorruptSource(f"{manifest}: wanted map versions, found {error!r}; download the maps again") from error
+
+
+def _walk(root: Path) -> Iterator[Path]:
+    for folder, subfolders, files in os.walk(root):
+        subfolders[:] = [name for name in subfolders if name != _SENSORS]
+        yield from (Path(folder, name) for name in files)

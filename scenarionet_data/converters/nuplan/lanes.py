@@ -1,0 +1,194 @@
+"""Lanes and lane connectors of a nuPlan map: their geometry from four layers, and the graph between them.
+
+Trap: for a connector, the source's ``exit_lane_fid`` is the lane that leads into it (one exits that lane) and
+``entry_lane_fid`` the lane it leads to.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from scenarionet_data.building import MapBuilder
+from scenarionet_data.converters.nuplan.geopackage import GeoPackage, Layer
+from scenarionet_data.converters.nuplan.types import LANES, TURNS
+from scenarionet_data.errors import CorruptSource
+from scenarionet_data.vocabulary import MapFeatureType
+
+Float64 = npt.NDArray[np.float64]
+
+
+def add_lanes(builder: MapBuilder, package: GeoPackage, boundaries: Layer) -> dict[str, Float64]:
+    """Add a map's lanes, then its lane connectors.
+
+    Args:
+        builder: Takes them.
+        package: The map.
+        boundaries: Its layer of that name.
+
+    Returns:
+        The point (2,) [m] where each of them begins, by id.
+
+    Raises:
+        CorruptSource: A lane has no centreline, or two have the same id.
+    """
+    lanes = package.polygons(
+        "lanes_polygons",
+        *("lane_fid", "lane_group_fid", "lane_index", "lane_type_fid", "speed_limit_mps"),
+        *("left_boundary_fid", "right_boundary_fid"),
+    )
+    connectors = package.lines(
+        "lane_connectors",
+        *("exit_lane_fid", "entry_lane_fid", "lane_group_connector_fid", "turn_type_fid", "speed_limit_mps"),
+    )
+    shapes = package.polygons(
+        "gen_lane_connectors_scaled_width_polygons",
+        *("lane_connector_fid", "left_boundary_fid", "right_boundary_fid"),
+    )
+    paths = package.lines("baseline_paths", "lane_fid", "lane_connector_fid")
+    lane_ids = [identifier(fid) for fid in lanes["lane_fid"]]
+    connector_ids = [identifier(fid) for fid in connectors.fids]
+    lane_centers = _centers("lane", lane_ids, paths["lane_fid"], paths)
+    connector_centers = _centers("lane connector", connector_ids, paths["lane_connector_fid"], paths)
+    centers = dict(zip([*lane_ids, *connector_ids], [*lane_centers, *connector_centers], strict=True))
+    if len(centers) < len(lane_ids) + len(connector_ids):
+        raise CorruptSource("two lanes or lane connectors of a nuPlan map have one id; download the maps again")
+    sides = _Sides(boundaries)
+    _add_lanes(builder, lanes, lane_ids, lane_centers, connectors, sides)
+    _add_connectors(builder, connectors, connector_ids, connector_centers, shapes, sides)
+    return {lane: points[0] for lane, points in centers.items()}
+
+
+def identifier(value: Any) -> str:
+    """A reference as an id; layers write them as integers, as floats or as text, and nothing as NULL."""
+    return "" if value in (None, "") else str(int(float(value)))
+
+
+def identifiers(text: str | None) -> list[str]:
+    """The ids in a comma list."""
+    return [identifier(part.strip()) for part in (text or "").split(",") if part.strip()]
+
+
+def _centers(what: str, ids: Sequence[str], owners: Sequence[Any], paths: Layer) -> list[Float64]:
+    """(n, 2) centreline of each lane."""
+    by_owner = {identifier(owner): points for owner, points in zip(owners, paths.points, strict=True)}
+    lost = [lane for lane in ids if lane not in by_owner]
+    if lost:
+        raise CorruptSource(f"{what} {lost[0]} of a nuPlan map has no baseline path; download the maps again")
+    return [by_owner[lane] for lane in ids]
+
+
+class _Sides:
+    """The boundaries of lanes, and how far they are from the middle of a centreline."""
+
+    def __init__(self, boundaries: Layer) -> None:
+        self._lines = {
+            identifier(fid): shapely.LineString(points)
+            for fid, points in zip(boundaries.fids, boundaries.points, strict=True)
+        }
+
+    def width(self, center: Float64, left: str, right: str) -> Float64 | None:
+        """(2,) [m] from the middle of a centreline to both sides; None where a side is not in the map."""
+        if left not in self._lines or right not in self._lines:
+            return None
+        middle = shapely.Point(center[len(center) // 2])
+        width: Float64 = shapely.distance(middle, [self._lines[left], self._lines[right]])
+        return width
+
+
+def _add_lanes(
+    builder: MapBuilder,
+    lanes: Layer,
+    ids: Sequence[str],
+    centers: Sequence[Float64],
+    connectors: Layer,
+    sides: _Sides,
+) -> None:
+    entries, exits = _ends(connectors)
+    # Within a lane group, lanes are counted from the left.
+    places = list(zip(map(identifier, lanes["lane_group_fid"]), lanes["lane_index"], strict=True))
+    lane_at = dict(zip(places, ids, strict=True))
+    for row, lane in enumerate(ids):
+        group, index = places[row]
+        left, right = identifier(lanes["left_boundary_fid"][row]), identifier(lanes["right_boundary_fid"][row])
+        builder.add(
+            lane,
+            LANES.get(lanes["lane_type_fid"][row], MapFeatureType.LANE_UNKNOWN),
+            polyline=centers[row],
+            polygon=lanes.points[row],
+            speed_limit=_speed(lanes["speed_limit_mps"][row]),
+            width=sides.width(centers[row], left, right),
+            entry_lanes=entries[lane],
+            exit_lanes=exits[lane],
+            left_neighbors=_at(lane_at, group, index, -1),
+            right_neighbors=_at(lane_at, group, index, +1),
+            left_boundaries=_boundary(left),
+            right_boundaries=_boundary(right),
+            is_intersection=False,
+            extras={"roadblock_id": group, "lane_index": index},
+        )
+
+
+def _add_connectors(
+    builder: MapBuilder,
+    connectors: Layer,
+    ids: Sequence[str],
+    centers: Sequence[Float64],
+    shapes: Layer,
+    sides: _Sides,
+) -> None:
+    shape_of = {identifier(fid): row for row, fid in enumerate(shapes["lane_connector_fid"])}
+    for row, lane in enumerate(ids):
+        shape = shape_of.get(lane)
+        left = "" if shape is None else identifier(shapes["left_boundary_fid"][shape])
+        right = "" if shape is None else identifier(shapes["right_boundary_fid"][shape])
+        turn = TURNS.get(connectors["turn_type_fid"][row], "unknown")
+        incoming, outgoing = connectors["exit_lane_fid"][row], connectors["entry_lane_fid"][row]
+        builder.add(
+            lane,
+            MapFeatureType.LANE_SURFACE_UNSTRUCTURE,
+            polyline=centers[row],
+            polygon=None if shape is None else shapes.points[shape],
+            speed_limit=_speed(connectors["speed_limit_mps"][row]),
+            width=sides.width(centers[row], left, right),
+            entry_lanes=_known(incoming),
+            exit_lanes=_known(outgoing),
+            left_boundaries=_boundary(left),
+            right_boundaries=_boundary(right),
+            is_intersection=True,
+            extras={"roadblock_id": identifier(connectors["lane_group_connector_fid"][row]), "turn": turn},
+        )
+
+
+def _ends(connectors: Layer) -> tuple[Mapping[str, list[str]], Mapping[str, list[str]]]:
+    """Connectors that lead into each lane, and those that lead out of it."""
+    entries: defaultdict[str, list[str]] = defaultdict(list)
+    exits: defaultdict[str, list[str]] = defaultdict(list)
+    rows = zip(connectors.fids, connectors["exit_lane_fid"], connectors["entry_lane_fid"], strict=True)
+    for fid, incoming, outgoing in rows:
+        exits[identifier(incoming)].append(identifier(fid))
+        entries[identifier(outgoing)].append(identifier(fid))
+    return entries, exits
+
+
+def _at(lane_at: Mapping[tuple[str, Any], str], group: str, index: Any, side: int) -> list[str]:
+    """The lane beside the one at ``index`` of a group, if there is one."""
+    beside = None if index is None else lane_at.get((group, index + side))
+    return [beside] if beside else []
+
+
+def _known(fid: Any) -> list[str]:
+    return [identifier(fid)] if identifier(fid) else []
+
+
+def _boundary(fid: str) -> list[str]:
+    return [f"boundary-{fid}"] if fid else []
+
+
+def _speed(value: float | None) -> float:
+    return float("nan") if value is None else float(value)

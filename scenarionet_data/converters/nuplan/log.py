@@ -1,0 +1,208 @@
+"""A nuPlan log, an SQLite file: its sweeps with the ego's pose, its scenes and its tags.
+
+Tables and columns as in the owner's ``nuplan/database/nuplan_db_orm``. Tokens are blobs of 8 bytes in the file
+and 16 hex digits here. What fills the file, boxes and light states, is read by ``content``.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.converters.nuplan.types import REAR_AXLE_TO_CENTER
+from scenarionet_data.errors import CorruptSource
+from scenarionet_data.geometry import rotate, yaw_from_quaternion
+
+Float64 = npt.NDArray[np.float64]
+Int64 = npt.NDArray[np.int64]
+
+_SWEEPS = """
+    SELECT lower(hex(p.token)), p.timestamp, lower(hex(p.scene_token)), e.epsg,
+        e.x, e.y, e.qw, e.qx, e.qy, e.qz, e.vx, e.vy, e.angular_rate_z
+    FROM lidar_pc p LEFT JOIN ego_pose e ON e.token = p.ego_pose_token ORDER BY p.timestamp, p.token
+"""
+_SCENES = """
+    SELECT lower(hex(s.token)), CAST(s.name AS TEXT), CAST(s.roadblock_ids AS TEXT), g.x, g.y, g.qw, g.qx, g.qy, g.qz
+    FROM scene s LEFT JOIN ego_pose g ON g.token = s.goal_ego_pose_token
+"""
+_TAGS = """
+    SELECT CAST(ifnull(t.type, '') AS TEXT), lower(hex(t.lidar_pc_token)), lower(hex(t.agent_track_token))
+    FROM scenario_tag t LEFT JOIN lidar_pc p ON p.token = t.lidar_pc_token ORDER BY p.timestamp, t.type, t.token
+"""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where and when a log was recorded.
+
+    Attributes:
+        city: The log's location, as the source names it.
+        map_name: The log's map; the location where the log does not say.
+        date: Day of the recording, as the source writes it.
+    """
+
+    city: str
+    map_name: str
+    date: str | None
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A scene of a log.
+
+    Attributes:
+        token: 16 hex digits.
+        name: For example ``scene-001``; None when sweeps refer to a scene that the log lacks.
+        roadblock_ids: Route of the ego.
+        goal: x, y [m], heading [rad] of the ego's box where the scene's mission ends; None without one.
+    """
+
+    token: str
+    name: str | None = None
+    roadblock_ids: tuple[str, ...] = ()
+    goal: tuple[float, float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Tag:
+    """A scenario tag: its type, its sweep's token, and the token of the track it is about, or an empty one."""
+
+    type: str
+    sweep: str
+    track: str
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """One log: S sweeps in order of time, in the city's UTM zone.
+
+    Attributes:
+        name: The file's name without its suffix.
+        place: Where and when.
+        tokens: S tokens.
+        times: (S,) int64 [us].
+        scene: (S,) row in ``scenes``; -1 for a sweep of no scene.
+        ego: (S, 5) x, y [m] and heading [rad] of the ego's box, vx, vy [m/s] of its centre; NaN where the log lacks
+            the pose.
+        epsg: Code of the UTM zone; None when the log does not say.
+        scenes: Those that sweeps refer to, in order of time.
+        tags: In order of time.
+    """
+
+    name: str
+    place: Place
+    tokens: list[str]
+    times: Int64
+    scene: Int64
+    ego: Float64
+    epsg: int | None
+    scenes: list[Scene]
+    tags: list[Tag]
+
+
+def uri(path: Path) -> str:
+    """How SQLite opens a file that never changes: no locks are needed, nor a writable folder for them."""
+    return f"{path.resolve().as_uri()}?mode=ro&immutable=1"
+
+
+def unreadable(path: Path, error: Exception) -> CorruptSource:
+    """What to raise when SQLite cannot read a log."""
+    return CorruptSource(f"{path} cannot be read as a nuPlan log ({error}); download it again")
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[sqlite3.Connection]:
+    """Open a log for reading.
+
+    Raises:
+        CorruptSource: It is missing, damaged, or lacks a table or column that is asked for.
+    """
+    try:
+        with closing(sqlite3.connect(uri(path), uri=True)) as database:
+            yield database
+    except sqlite3.Error as error:
+        raise unreadable(path, error) from error
+
+
+def read_place(database: sqlite3.Connection, path: Path) -> Place:
+    """Where and when a log was recorded.
+
+    Raises:
+        CorruptSource: Its table ``log`` is empty.
+    """
+    row = database.execute("SELECT location, map_version, date FROM log").fetchone()
+    if row is None:
+        raise CorruptSource(f"{path}: table log has no row; download it again")
+    city, map_version, date = row
+    return Place(city or "", (map_version or city or "").removesuffix(".gpkg"), date)
+
+
+def read_log(database: sqlite3.Connection, path: Path) -> Log:
+    """Everything but boxes and light states.
+
+    Raises:
+        CorruptSource: There are no sweeps, or one has no timestamp.
+    """
+    rows = database.execute(_SWEEPS).fetchall()
+    if not rows:
+        raise CorruptSource(f"{path}: table lidar_pc has no rows; download it again")
+    tokens, times, scene_tokens, epsg = list(zip(*rows, strict=True))[:4]
+    timeless = [token for token, time in zip(tokens, times, strict=True) if not isinstance(time, int)]
+    if timeless:
+        raise CorruptSource(f"{path}: lidar_pc {timeless[0]} has no timestamp; download it again")
+    known = {scene.token: scene for scene in _read_scenes(database)}
+    used = {token: row for row, token in enumerate(dict.fromkeys(filter(None, scene_tokens)))}
+    return Log(
+        name=path.stem,
+        place=read_place(database, path),
+        tokens=list(tokens),
+        times=np.array(times, np.int64),
+        scene=np.array([used.get(token, -1) for token in scene_tokens], np.int64),
+        ego=_ego(_floats([row[4:] for row in rows])),
+        epsg=next((code for code in epsg if code), None),
+        scenes=[known.get(token, Scene(token)) for token in used],
+        tags=[Tag(*row) for row in database.execute(_TAGS)],
+    )
+
+
+def _read_scenes(database: sqlite3.Connection) -> Iterator[Scene]:
+    for token, name, roadblock_ids, *goal in database.execute(_SCENES).fetchall():
+        (place,) = _box_of(_floats([goal])).tolist()
+        is_known = bool(np.isfinite(place).all())
+        yield Scene(token, name or "", tuple((roadblock_ids or "").split()), tuple(place) if is_known else None)
+
+
+def _floats(rows: Sequence[Sequence[Any]]) -> Float64:
+    """Rows of numbers as an array; NaN for NULL, and for text or a blob where a number belongs."""
+    try:
+        return np.array(rows, np.float64)
+    except (TypeError, ValueError):
+        return np.array([[v if isinstance(v, (int, float)) else np.nan for v in row] for row in rows], np.float64)
+
+
+def _ego(poses: Float64) -> Float64:
+    """(S, 5) box and velocity of the ego from its recorded poses (S, 9).
+
+    The log records the rear axle, its velocity in the car's own frame (x forward, y left), and the yaw rate w.
+    The centre lies d ahead of the axle on the rigid car, so its velocity there is (vx, vy + w d).
+    """
+    box = _box_of(poses[:, :6])
+    forward, left, yaw_rate = poses[:, 6:].T
+    velocity = np.stack([forward, left + yaw_rate * REAR_AXLE_TO_CENTER], axis=-1)
+    return np.concatenate([box, rotate(velocity, box[:, 2])], axis=1)
+
+
+def _box_of(poses: Float64) -> Float64:
+    """(S, 3) x, y, heading of the ego's box from the rear axle's x, y, qw, qx, qy, qz (S, 6)."""
+    heading = yaw_from_quaternion(*poses[:, 2:].T)
+    is_turn = np.abs(np.linalg.norm(poses[:, 2:], axis=1) - 1.0) < 1e-2
+    heading = np.where(is_turn, heading, np.nan)
+    ahead = REAR_AXLE_TO_CENTER * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+    return np.column_stack([poses[:, :2] + ahead, heading])

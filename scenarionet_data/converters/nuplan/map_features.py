@@ -1,0 +1,148 @@
+"""nuPlan's ``map.gpkg``: a city's lanes and connectors, painted lines, road blocks, stops and areas.
+
+Frame: the city's UTM zone, metres, without heights. Lanes and lane connectors keep the source's ids, which its
+traffic lights refer to; every other feature's id is its kind and the source's id, for example ``roadblock-47012``.
+The drivable area is what is DRIVABLE_AREA, INTERSECTION or CARPARK_AREA.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.building import MapBuilder
+from scenarionet_data.converters.nuplan.geopackage import GeoPackage, Layer, opened
+from scenarionet_data.converters.nuplan.lanes import add_lanes, identifier, identifiers
+from scenarionet_data.converters.nuplan.types import INTERSECTIONS, LINES, STOPS
+from scenarionet_data.errors import CorruptSource
+from scenarionet_data.vocabulary import MapFeatureType
+
+Float64 = npt.NDArray[np.float64]
+
+_AREAS = (
+    ("road_segments", "segment", MapFeatureType.DRIVABLE_AREA),
+    ("generic_drivable_areas", "drivable", MapFeatureType.DRIVABLE_AREA),
+    ("carpark_areas", "carpark", MapFeatureType.CARPARK_AREA),
+    ("walkways", "walkway", MapFeatureType.ROAD_EDGE_SIDEWALK),
+)
+"""Layers that say no more than where an area is; what they call the area, and what it is here."""
+
+_KEPT_CITIES = 2
+"""Shards come city by city, so a worker needs one city at a time, and two where one ends."""
+
+
+@dataclass(frozen=True, eq=False)
+class City:
+    """A city's map in its UTM zone.
+
+    Attributes:
+        features: All of it.
+        bounds: (M, 4) [m] of each feature.
+        starts: (2,) [m] where each lane and connector begins, by id.
+        projection: The zone, for example ``epsg:32611``.
+    """
+
+    features: MapBuilder
+    bounds: Float64
+    starts: Mapping[str, Float64]
+    projection: str
+
+
+def read_city(path: Path) -> City:
+    """Read a city's map, or take it from the few that a process keeps in memory.
+
+    Raises:
+        CorruptSource: The map is missing, damaged, or lacks what it must have.
+        MissingDependency: pyproj is not installed.
+    """
+    if not path.is_file():
+        raise CorruptSource(f"{path}: no such map; download the nuPlan maps")
+    stat = path.stat()
+    return _read_city(path, (stat.st_mtime_ns, stat.st_size))
+
+
+@lru_cache(maxsize=_KEPT_CITIES)
+def _read_city(path: Path, state: tuple[int, int]) -> City:  # noqa: ARG001  # a changed file is read again
+    builder = MapBuilder()
+    with opened(path) as package:
+        boundaries = package.lines("boundaries", "boundary_type_fid")
+        starts = add_lanes(builder, package, boundaries)
+        _add_lines(builder, boundaries)
+        _add_road_blocks(builder, package)
+        _add_stops(builder, package)
+        _add_areas(builder, package)
+        projection = package.projection
+    return City(builder, builder.bounds, starts, projection)
+
+
+def _add_lines(builder: MapBuilder, boundaries: Layer) -> None:
+    for fid, points, kind in zip(boundaries.fids, boundaries.points, boundaries["boundary_type_fid"], strict=True):
+        line = LINES.get(kind, MapFeatureType.UNKNOWN_LINE)
+        builder.add(f"boundary-{fid}", line, polyline=points, extras={"boundary_type": kind})
+
+
+def _add_road_blocks(builder: MapBuilder, package: GeoPackage) -> None:
+    """Lane groups, and the connectors between them: what a route is made of."""
+    groups = package.polygons("lane_groups_polygons")
+    connectors = package.polygons("lane_group_connectors", "intersection_fid")
+    shared = set(groups.fids) & set(connectors.fids)
+    if shared:
+        raise CorruptSource(f"road block {min(shared)} of a nuPlan map is there twice; download the maps again")
+    for fid, points in zip(groups.fids, groups.points, strict=True):
+        builder.add(f"roadblock-{fid}", MapFeatureType.ROADBLOCK, polygon=points, is_intersection=False)
+    for fid, points, crossing in zip(connectors.fids, connectors.points, connectors["intersection_fid"], strict=True):
+        extras = {"intersection_id": identifier(crossing)}
+        builder.add(f"roadblock-{fid}", MapFeatureType.ROADBLOCK, polygon=points, is_intersection=True, extras=extras)
+
+
+def _add_stops(builder: MapBuilder, package: GeoPackage) -> None:
+    """Stop polygons with the lanes and connectors they hold up; crossings with the lanes they cross."""
+    columns = ("stop_polygon_type_fid", "lane_fids", "lane_connector_fids")
+    stops = package.polygons("stop_polygons", *columns)
+    connectors = package.rows("lane_connectors", "fid", "traffic_light_stop_line_fids")
+    held = defaultdict(list)
+    for connector, lines in connectors:
+        for stop in identifiers(lines):
+            held[stop].append(identifier(connector))
+    for row, fid in enumerate(stops.fids):
+        lanes = identifiers(stops["lane_fids"][row]) + identifiers(stops["lane_connector_fids"][row])
+        builder.add(
+            f"stop-{fid}",
+            MapFeatureType.STOP_LINE,
+            polygon=stops.points[row],
+            controlled_lanes=list(dict.fromkeys(lanes + held[identifier(fid)])),
+            extras={"stop_type": STOPS.get(stops["stop_polygon_type_fid"][row], "unknown")},
+        )
+    crossings = package.polygons("crosswalks", "lane_fids", "is_marked")
+    for row, fid in enumerate(crossings.fids):
+        is_marked = crossings["is_marked"][row]
+        builder.add(
+            f"crosswalk-{fid}",
+            MapFeatureType.CROSSWALK,
+            polygon=crossings.points[row],
+            controlled_lanes=identifiers(crossings["lane_fids"][row]),
+            extras=None if is_marked is None else {"is_marked": bool(is_marked)},
+        )
+
+
+def _add_areas(builder: MapBuilder, package: GeoPackage) -> None:
+    crossings = package.polygons("intersections", "intersection_type_fid")
+    for row, fid in enumerate(crossings.fids):
+        builder.add(
+            f"intersection-{fid}",
+            MapFeatureType.INTERSECTION,
+            polygon=crossings.points[row],
+            is_intersection=True,
+            extras={"intersection_type": INTERSECTIONS.get(crossings["intersection_type_fid"][row], "unknown")},
+        )
+    for layer, name, kind in _AREAS:
+        areas = package.polygons(layer)
+        for fid, points, holes in zip(areas.fids, areas.points, areas.num_holes, strict=True):
+            extras = {"num_holes": int(holes)} if holes else None
+            builder.add(f"{name}-{fid}", kind, polygon=points, extras=extras)

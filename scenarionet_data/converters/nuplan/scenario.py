@@ -1,0 +1,249 @@
+"""One window of a nuPlan log as a scenario: the objects' tracks, the ego's, the lights, the crop of the city."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.building import make_origin, make_tracks
+from scenarionet_data.converters.base import Shard
+from scenarionet_data.converters.nuplan.content import Content
+from scenarionet_data.converters.nuplan.log import Log, Scene
+from scenarionet_data.converters.nuplan.map_features import City
+from scenarionet_data.converters.nuplan.types import EGO, EGO_SIZE, OBJECTS, STATIC
+from scenarionet_data.converters.nuplan.windows import SWEEP, Window
+from scenarionet_data.errors import InvalidScenario
+from scenarionet_data.geometry import estimate_velocity
+from scenarionet_data.scenario import Lights, ScenarioDescription, Source, Tracks, make_scenario_id, strings
+from scenarionet_data.vocabulary import LightState, ObjectType, Provenance
+
+Array = npt.NDArray[Any]
+Bool = npt.NDArray[np.bool_]
+Float64 = npt.NDArray[np.float64]
+Int64 = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """One window with all it is cut from: the record of a shard.
+
+    Attributes:
+        log, content: What the shard's file holds.
+        window: The part of it.
+        city: The map around it.
+        map_id: The map's name in the lake.
+        radius: How far the map reaches beyond the ego's path [m].
+        stride: Every how many sweeps there is a timestep.
+    """
+
+    log: Log
+    content: Content
+    window: Window
+    city: City
+    map_id: str
+    radius: float
+    stride: int
+
+
+def describe(shard: Shard, cut: Cut, licence: str) -> ScenarioDescription:
+    """The scenario of one window.
+
+    Raises:
+        InvalidScenario: The window holds a row that is damaged or refers to what the log lacks.
+    """
+    log, window = cut.log, cut.window
+    scenario_id = make_scenario_id(shard.dataset, shard.version, log.name, window.token)
+    ego, scene = _checked(scenario_id, cut)
+    timestamps = (log.times[window.sweeps] - log.times[window.sweeps[0]]) * 1e-6
+    is_there = np.ones(len(ego), np.bool_)
+    origin = make_origin(np.column_stack([ego[:, :2], np.zeros(len(ego))]), is_there, has_z=False)
+    low, high = ego[:, :2].min(axis=0) - cut.radius, ego[:, :2].max(axis=0) + cut.radius
+    crop = cut.city.features.crop((low[0], low[1], high[0], high[1]), cut.city.bounds)
+    tracks = _tracks(scenario_id, cut, ego, timestamps, origin)
+    known = set(tracks.ids)
+    return ScenarioDescription(
+        id=scenario_id,
+        dataset=shard.dataset,
+        version=shard.version,
+        split=shard.split,
+        timestamps=timestamps,
+        dt=cut.stride * SWEEP / 1e6,
+        current_timestep=window.current,
+        ego_id=EGO,
+        origin=origin,
+        has_z=False,
+        source=Source(
+            scenario_id=window.token,
+            file=shard.items[0].name,
+            licence=licence,
+            log=log.name,
+            city=log.place.city,
+            date=_date(log),
+            crs=cut.city.projection.upper(),
+        ),
+        tracks=tracks,
+        lights=_lights(scenario_id, cut, origin),
+        map=crop.build(origin, has_z=False),
+        map_id=cut.map_id,
+        map_crop=(
+            float(low[0] - origin[0]),
+            float(low[1] - origin[1]),
+            float(high[0] - origin[0]),
+            float(high[1] - origin[1]),
+        ),
+        objects_of_interest=tuple(track for track in window.tracks if track in known),
+        extras=_extras(cut, scene, origin),
+    )
+
+
+def _checked(scenario_id: str, cut: Cut) -> tuple[Float64, Scene | None]:
+    """(T, 5) poses of the ego, and the scene of the current timestep; InvalidScenario where they are missing."""
+    log, sweeps = cut.log, cut.window.sweeps
+    if not len(sweeps):
+        wanted = f"wanted a row of lidar_pc for the tagged sweep {cut.window.token}, found none"
+        raise InvalidScenario(scenario_id, "scenario_tag", wanted)
+    ego = log.ego[sweeps]
+    lost = sweeps[~np.isfinite(ego).all(axis=1)]
+    if len(lost):
+        wanted = f"wanted numbers in a row of ego_pose for sweep {log.tokens[lost[0]]}, found none"
+        raise InvalidScenario(scenario_id, "ego_pose", wanted)
+    row = int(log.scene[sweeps[cut.window.current]])
+    scene = log.scenes[row] if row >= 0 else None
+    if scene is not None and scene.name is None:
+        raise InvalidScenario(scenario_id, "scene", f"wanted a row of scene for token {scene.token}, found none")
+    return ego, scene
+
+
+def _date(log: Log) -> str:
+    """Day of the recording: what the log says where that is ISO 8601, else the first sweep's, in UTC."""
+    said = re.match(r"\d{4}-\d{2}-\d{2}", log.place.date or "")
+    return said[0] if said else str(log.times[0].astype("datetime64[us]").astype("datetime64[D]"))
+
+
+def _extras(cut: Cut, scene: Scene | None, origin: Float64) -> Mapping[str, Any]:
+    log, window = cut.log, cut.window
+    extras: dict[str, Any] = {
+        "lidar_pc_token": log.tokens[window.sweeps[window.current]],
+        "start_timestamp_us": int(log.times[window.sweeps[0]]),
+        "tags": list(window.tags),
+    }
+    if scene is not None:
+        extras |= {"scene": scene.name, "scene_token": scene.token, "roadblock_ids": list(scene.roadblock_ids)}
+        if scene.goal is not None:
+            x, y, heading = scene.goal
+            extras["goal"] = {"x": float(x - origin[0]), "y": float(y - origin[1]), "heading": heading}
+    num_lost = cut.content.boxes.num_lost + cut.content.lights.num_lost
+    return extras | ({"num_lost_rows": num_lost} if num_lost else {})
+
+
+# --- tracks ---------------------------------------------------------------------------------------------
+
+
+def _tracks(scenario_id: str, cut: Cut, ego: Float64, timestamps: Float64, origin: Float64) -> Tracks:
+    """The boxes of the window track by track, and the ego after them."""
+    content, steps = cut.content, len(timestamps)
+    boxes, step = content.boxes.of(cut.window.sweeps)
+    used, row = np.unique(boxes["track"], return_inverse=True)
+    words = _categories(scenario_id, content, used)
+    cell = row * steps + step
+    count = len(used) + 1
+    valid = np.zeros((count, steps), np.bool_)
+    valid.reshape(-1)[cell] = True
+    _check_boxes(scenario_id, boxes, int(valid.sum()))
+    valid[-1] = True
+    position, state = np.zeros((count, steps, 3)), np.zeros((count, steps, 6))
+    position.reshape(-1, 3)[cell, :2] = boxes["position"]
+    state.reshape(-1, 6)[cell] = boxes["state"]
+    position[-1, :, :2] = ego[:, :2]
+    state[-1] = np.column_stack([ego[:, 2], np.broadcast_to(EGO_SIZE, (steps, 3)), ego[:, 3:]])
+    is_static = np.array([word in STATIC for word in words] + [False])
+    velocity, is_estimated = _velocity(state[..., 4:], position, valid, timestamps, is_static)
+    return make_tracks(
+        [*(content.tracks[track] for track in used), EGO],
+        [*(OBJECTS.get(word, ObjectType.OTHER) for word in words), ObjectType.VEHICLE],
+        position,
+        state[..., 0],
+        velocity,
+        state[..., 1:4],
+        valid,
+        origin=origin,
+        source_type=[*words, EGO],
+        is_size_assumed=[False] * len(words) + [True],
+        is_type_assumed=[word not in OBJECTS for word in words] + [False],
+        is_velocity_estimated=is_estimated,
+    )
+
+
+def _categories(scenario_id: str, content: Content, used: Int64) -> list[str]:
+    """The category of each track; InvalidScenario where a box, or its track, refers to nothing."""
+    if len(used) and used[0] < 0:
+        raise InvalidScenario(scenario_id, "lidar_box", "wanted a row of track for every box, found none for one")
+    words = []
+    for track in used:
+        word = content.categories[track]
+        if word is None:
+            wanted = f"wanted a row of category for track {content.tracks[track]}, found none"
+            raise InvalidScenario(scenario_id, "track", wanted)
+        words.append(word)
+    return words
+
+
+def _check_boxes(scenario_id: str, boxes: Array, num_states: int) -> None:
+    is_whole = np.isfinite(boxes["position"]).all(axis=1) & np.isfinite(boxes["state"][:, :4]).all(axis=1)
+    if not is_whole.all():
+        wanted = "wanted numbers for the place, heading and size of every box"
+        raise InvalidScenario(scenario_id, "lidar_box", f"{wanted}, found {(~is_whole).sum()} without")
+    if num_states < len(boxes):
+        raise InvalidScenario(scenario_id, "lidar_box", "wanted one box per track and sweep, found two")
+
+
+def _velocity(
+    velocity: Float64, position: Float64, valid: Bool, timestamps: Float64, is_static: Bool
+) -> tuple[Float64, Bool]:
+    """Recorded velocities (N, T, 2), and which tracks' (N,) had to be completed.
+
+    What the log leaves out is 0 for objects that stand, and estimated from positions for others.
+    """
+    is_missing: Bool = np.any(np.isnan(velocity), axis=-1)
+    is_estimated: Bool = np.any(is_missing, axis=1)
+    moving = is_estimated & ~is_static
+    completed = np.where(is_missing[..., None], 0.0, velocity)
+    if moving.any():
+        estimate = estimate_velocity(position[moving], valid[moving], timestamps)
+        completed[moving] = np.where(is_missing[moving][..., None], estimate, completed[moving])
+    return completed, is_estimated
+
+
+# --- lights ---------------------------------------------------------------------------------------------
+
+
+def _lights(scenario_id: str, cut: Cut, origin: Float64) -> Lights:
+    """One light per lane connector; traffic stops where the connector begins."""
+    rows, step = cut.content.lights.of(cut.window.sweeps)
+    if (rows["connector"] < 0).any() or (rows["state"] < 0).any():
+        wanted = "wanted a lane connector and green, yellow, red or unknown in every row, found something else"
+        raise InvalidScenario(scenario_id, "traffic_light_status", wanted)
+    connectors, light = np.unique(rows["connector"], return_inverse=True)
+    state = np.full((len(connectors), len(cut.window.sweeps)), LightState.ABSENT, np.uint8)
+    state[light, step] = rows["state"]
+    is_contradicted = state[light, step] != rows["state"]  # by a later row of the same connector and sweep
+    state[light[is_contradicted], step[is_contradicted]] = LightState.TRAFFIC_LIGHT_UNKNOWN
+    ids = strings(connectors)
+    starts = cut.city.starts
+    stop_point = np.full((len(ids), 3), np.nan, np.float32)
+    for row, lane in enumerate(ids):
+        if lane in starts:
+            stop_point[row] = *(starts[lane] - origin[:2]), 0.0
+    return Lights(
+        ids=ids,
+        lane_ids=ids,
+        stop_point=stop_point,
+        state=state,
+        is_lane_in_map=np.array([lane in starts for lane in ids], np.bool_),
+        provenance=np.full(len(ids), Provenance.OBSERVED, np.uint8),
+    )

@@ -1,0 +1,84 @@
+"""Cuts a nuPlan log into the sweeps of its scenarios: scenes, or windows around scenario tags."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.converters.nuplan.log import Log
+
+Int64 = npt.NDArray[np.int64]
+
+SWEEP = 50_000
+"""Nominal time between sweeps [us]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """The sweeps of one scenario.
+
+    Attributes:
+        sweeps: (T,) int64 rows in the log's sweeps, increasing; none for a tag whose sweep the log lacks.
+        current: Which of them is the last of the history.
+        token: Of the scene, or of the tag's sweep.
+        tags: Types of the tags of that sweep, or of all the scene's sweeps.
+        tracks: Tracks that these tags are about (of a tag's sweep only).
+    """
+
+    sweeps: Int64
+    current: int
+    token: str
+    tags: tuple[str, ...]
+    tracks: tuple[str, ...] = ()
+
+
+def scenes(log: Log, stride: int, past: float) -> Iterator[Window]:
+    """The scenes in order of time, every ``stride``-th sweep; the history lasts ``past`` seconds."""
+    sweep_of = {token: row for row, token in enumerate(log.tokens)}
+    tagged = [(sweep_of[tag.sweep], tag.type) for tag in log.tags if tag.sweep in sweep_of]
+    types: dict[int, set[str]] = {}
+    for sweep, kind in tagged:
+        types.setdefault(int(log.scene[sweep]), set()).add(kind)
+    for row, scene in enumerate(log.scenes):
+        sweeps = np.flatnonzero(log.scene == row)[::stride]
+        current = _last_before(log, sweeps, past)
+        yield Window(sweeps, current, scene.token, tuple(sorted(types.get(row, ()))))
+
+
+def _last_before(log: Log, sweeps: Int64, past: float) -> int:
+    """Position of the last sweep not later than ``past`` seconds after the first."""
+    times = log.times[sweeps]
+    return int(np.searchsorted(times, times[0] + past * 1e6 + SWEEP / 2, side="right")) - 1
+
+
+def tag_windows(log: Log, stride: int, past: float, future: float, wanted: Collection[str]) -> Iterator[Window]:
+    """A window around every tagged sweep, in order of time, from ``past`` to ``future`` seconds.
+
+    Tags of one sweep make one window. At either end of the log windows are shorter.
+
+    Args:
+        log: The log.
+        stride: Take every ``stride``-th sweep, counted from the tagged one.
+        past, future: Seconds.
+        wanted: Types of tags; all when empty.
+    """
+    sweep_of = {token: row for row, token in enumerate(log.tokens)}
+    by_sweep: dict[str, list[tuple[str, str]]] = {}
+    for tag in log.tags:
+        if not wanted or tag.type in wanted:
+            by_sweep.setdefault(tag.sweep, []).append((tag.type, tag.track))
+    for token, tags in by_sweep.items():
+        types = tuple(dict.fromkeys(kind for kind, _ in tags))
+        tracks = tuple(dict.fromkeys(track for _, track in tags if track))
+        here = sweep_of.get(token)
+        if here is None:
+            yield Window(np.zeros(0, np.int64), 0, token, types, tracks)
+            continue
+        bounds = [log.times[here] - past * 1e6 - SWEEP / 2, log.times[here] + future * 1e6 + SWEEP / 2]
+        first, last = np.searchsorted(log.times, bounds)
+        before = np.arange(here, first - 1, -stride)[::-1]
+        sweeps = np.concatenate([before, np.arange(here + stride, last, stride)])
+        yield Window(sweeps, len(before) - 1, token, types, tracks)

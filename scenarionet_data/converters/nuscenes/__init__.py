@@ -1,0 +1,226 @@
+"""nuScenes (https://www.nuscenes.org) without its devkit: scenes, and the prediction challenge's windows.
+
+RAW is the dataroot, or one release's folder in it:
+
+    v1.0-trainval/ (or v1.0-mini/, v1.0-test/)   the 13 tables, *.json
+    maps/expansion/<location>.json               map expansion v1.3, a location each
+    maps/prediction/prediction_scenes.json       the challenge's predictions; comes with the map expansion
+
+Lyft's perception dataset has the same tables (``train_data/`` or ``v1.02-train/``) and is read too: its location
+is none of nuScenes' four, and a location that has no expansion is converted without a map. Give it a ``--version``
+of its own. Scenes of nuScenes' own locations are not converted without their map, unless ``has_map`` is false.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+
+from scenarionet_data.building import MapBuilder
+from scenarionet_data.converters.base import Budgets, Converter, Options, RawItem, Shard, bucket, fingerprint
+from scenarionet_data.converters.nuscenes.map_features import read_map
+from scenarionet_data.converters.nuscenes.recording import Recording, read_recording
+from scenarionet_data.converters.nuscenes.scenario import City, describe
+from scenarionet_data.converters.nuscenes.steps import nominal_period
+from scenarionet_data.converters.nuscenes.tables import read_release, read_scenes, table_files
+from scenarionet_data.converters.nuscenes.types import PLACES, RELEASES, is_in_split
+from scenarionet_data.converters.nuscenes.windows import (
+    Window,
+    challenge_windows,
+    moving_windows,
+    read_challenge,
+    whole,
+)
+from scenarionet_data.errors import BadParameter, InvalidScenario, SourceNotFound
+from scenarionet_data.scenario import ScenarioDescription, make_scenario_id
+
+_CHALLENGE = Path("maps", "prediction", "prediction_scenes.json")
+_EXPANSION = Path("maps", "expansion")
+_GET_MAPS = "download nuScenes' map expansion v1.3, or leave maps out with -O has_map=false"
+_SCENES_PER_SHARD = {"scene": 64, "window": 8}
+_SUFFIX = {"scene": "", "window": "@window"}
+"""Tells a scene's items apart, so that one lake can hold scenes and windows of one split."""
+
+
+@dataclass(frozen=True)
+class NuScenesOptions(Options):
+    """What becomes a scenario, and how much of the map goes with it."""
+
+    by: str = field(
+        default="scene",
+        metadata={"doc": "scene: 20 s each; window: cut for the prediction challenge, see past and future."},
+    )
+    past: float = field(
+        default=2.0,
+        metadata={"doc": "Seconds of a window before its current timestep; in a scene, where that lies."},
+    )
+    future: float = field(default=6.0, metadata={"doc": "Seconds of a window after its current timestep."})
+    rate: int = field(
+        default=10, metadata={"doc": "Timesteps per second, interpolated between keyframes; 2: keyframes alone."}
+    )
+    radius: float = field(
+        default=200.0, metadata={"doc": "Metres of map around the ego's path; of lanes and areas, whole ones."}
+    )
+    has_map: bool = field(default=True, metadata={"doc": "Whether scenarios get a map."})
+
+    def __post_init__(self) -> None:
+        if self.by not in ("scene", "window"):
+            raise BadParameter(f"by: wanted scene or window, found {self.by!r}")
+        if not (0 <= self.past < 1000 and 0 <= self.future < 1000):
+            raise BadParameter(f"past, future: wanted seconds, found {self.past} and {self.future}")
+        if not 2 <= self.rate <= 20:
+            raise BadParameter(f"rate: wanted 2 to 20 timesteps per second, found {self.rate}")
+        if not 0 <= self.radius < 1e5:
+            raise BadParameter(f"radius: wanted metres, found {self.radius}")
+
+
+class NuScenes(Converter[Window | InvalidScenario]):
+    """Scenes in shards of one location; the locations' maps are shared."""
+
+    name = "nuscenes"
+    version = "1"
+    release = "v1.0"
+    licence = "CC BY-NC-SA 4.0"
+    raw = "the dataroot: v1.0-*/*.json and maps/expansion/*.json"
+    Options = NuScenesOptions
+    budgets = Budgets(velocity_median=0.1, velocity_p99=3.0, heading_p99=1.0)
+
+    def maps(self, raw: str, version: str, options: NuScenesOptions) -> Iterator[Shard]:
+        """The locations' maps, see :meth:`Converter.maps`."""
+        root = _root(Path(raw))
+        for path in sorted((root / _EXPANSION).glob("*.json")) if options.has_map else ():
+            item = RawItem(path.relative_to(root).as_posix(), fingerprint([path]))
+            # No option changes a map: scenes and windows of one lake share it.
+            yield Shard(self.name, version, "", _map_id(path.stem), str(root), (item,), Options())
+
+    def map_features(self, shard: Shard) -> MapBuilder:
+        """Read one location's map, see :meth:`Converter.map_features`."""
+        return read_map(shard.paths[0])
+
+    def shards(self, raw: str, split: str, version: str, options: NuScenesOptions) -> Iterator[Shard]:
+        """The split's scenes in buckets of one location, see :meth:`Converter.shards`."""
+        root, folder = _root(Path(raw)), _find_release(Path(raw), split)
+        scenes = _scenes_by_place(folder, split, options)
+        maps = {place: _map_file(root, place) for place in scenes if options.has_map}
+        if set(PLACES) & set(maps) and not any(path.is_file() for path in maps.values()):
+            raise SourceNotFound(f"{root / _EXPANSION}: no maps; {_GET_MAPS}")
+        files = [*table_files(folder), *([root / _CHALLENGE] if options.by == "window" else [])]
+        for place, names in scenes.items():
+            read = [*files, *([maps[place]] if options.has_map else [])]
+            mark = fingerprint(path for path in read if path.is_file())
+            items = [RawItem(f"{folder.name}/{name}{_SUFFIX[options.by]}", mark) for name in names]
+            for number, members in bucket(items, _SCENES_PER_SHARD[options.by]).items():
+                shard = f"{folder.name}-{_map_id(place)}-{options.by}-{number}"
+                yield Shard(self.name, version, split, shard, str(root), members, options)
+
+    def records(self, shard: Shard) -> Iterator[Window | InvalidScenario]:
+        """The windows of each scene, or why there are none, see :meth:`Converter.records`."""
+        options, root = _options(shard), Path(shard.root)
+        folder = root / shard.items[0].name.split("/")[0]
+        release = read_release(folder)
+        tokens = {scene["name"]: token for token, scene in release.scenes.items()}
+        has_challenge = options.by == "window" and (root / _CHALLENGE).is_file()
+        challenge = read_challenge(root / _CHALLENGE) if has_challenge else None
+        for item in shard.items:
+            name = item.name.split("/")[1].removesuffix(_SUFFIX[options.by])
+            scenario_id = make_scenario_id(shard.dataset, shard.version, name)
+            try:
+                recording = read_recording(release, tokens[name], scenario_id)
+                entries = None if challenge is None else challenge.get(name, ())
+                yield from _windows(recording, options, entries, scenario_id)
+            except InvalidScenario as error:  # the other scenes of the shard are fine
+                yield error
+
+    def scenario(self, shard: Shard, record: Window | InvalidScenario) -> ScenarioDescription:
+        """Describe one window, see :meth:`Converter.scenario`."""
+        if isinstance(record, InvalidScenario):
+            raise record
+        options = _options(shard)
+        city = self._city(shard, record) if options.has_map else None
+        return describe(shard, record, city, rate=options.rate, radius=options.radius, licence=self.licence)
+
+    def _city(self, shard: Shard, window: Window) -> City | None:
+        """The map of a window's location; None where the location is none of nuScenes' and has no map."""
+        place = window.recording.log["location"]
+        path = _map_file(Path(shard.root), place)
+        if path.is_file():
+            return _read_city(path, path.stat().st_size, path.stat().st_mtime_ns)
+        if place in PLACES:
+            scenario_id = make_scenario_id(shard.dataset, shard.version, window.recording.name)
+            raise InvalidScenario(scenario_id, "map", f"wanted {path.name} in maps/expansion, found none; {_GET_MAPS}")
+        return None
+
+
+def _options(shard: Shard) -> NuScenesOptions:
+    if not isinstance(shard.options, NuScenesOptions):
+        raise BadParameter(f"wanted NuScenesOptions, found {type(shard.options).__name__}")
+    return shard.options
+
+
+@lru_cache(maxsize=2)
+def _read_city(path: Path, _size: int, _changed: int) -> City:
+    """A location's map; the last two are kept, as a worker's scenes come location by location."""
+    builder = read_map(path)
+    return City(_map_id(path.stem), builder, builder.bounds)
+
+
+def _windows(
+    recording: Recording, options: NuScenesOptions, entries: Sequence[str] | None, scenario_id: str
+) -> Iterator[Window]:
+    period = nominal_period(recording.times)
+    past, future = round(options.past / period), round(options.future / period)
+    if options.by == "scene":
+        yield whole(recording, past)
+    elif entries is None:
+        yield from moving_windows(recording, past, future)
+    else:
+        yield from challenge_windows(recording, past, future, entries, scenario_id)
+
+
+def _root(raw: Path) -> Path:
+    """The dataroot: ``raw``, or the folder that it lies in when it is a release's."""
+    return raw.resolve().parent if (raw / "scene.json").is_file() else raw
+
+
+def _find_release(raw: Path, split: str) -> Path:
+    """The folder of tables that has a split.
+
+    Raises:
+        SourceNotFound: There is none, or several.
+    """
+    is_release = (raw / "scene.json").is_file()
+    folders = [raw.resolve()] if is_release else sorted(path.parent for path in raw.glob("*/scene.json"))
+    if not folders:
+        raise SourceNotFound(f"{raw}: no folder with scene.json; give the folder that holds v1.0-trainval and maps")
+    fitting = [folder for folder in folders if split in RELEASES.get(folder.name, (split,))]
+    if len(fitting) == 1:
+        return fitting[0]
+    found = ", ".join(folder.name for folder in fitting or folders)
+    if fitting:
+        raise SourceNotFound(f"{raw}: {found} may all have a split {split!r}; give the folder of one of them")
+    has = ", ".join(name for folder in folders for name in RELEASES[folder.name])
+    raise SourceNotFound(f"{raw}: {found} has no split {split!r}; add --split with one of {has}")
+
+
+def _scenes_by_place(folder: Path, split: str, options: NuScenesOptions) -> dict[str, list[str]]:
+    scenes, logs = read_scenes(folder)
+    found: dict[str, list[str]] = defaultdict(list)
+    for scene in scenes.values():
+        if is_in_split(scene["name"], split, is_challenge=options.by == "window"):
+            log = logs.get(scene["log_token"], {"location": "unknown"})
+            found[log["location"]].append(scene["name"])
+    if not found:
+        raise SourceNotFound(f"{folder}: none of its scenes belongs to split {split!r}; give another --split")
+    return {place: found[place] for place in sorted(found)}
+
+
+def _map_file(root: Path, place: str) -> Path:
+    return root / _EXPANSION / f"{place}.json"
+
+
+def _map_id(place: str) -> str:
+    return re.sub(r"[^A-Za-z0-9._-]", "-", place)

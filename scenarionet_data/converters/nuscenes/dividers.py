@@ -1,0 +1,91 @@
+"""nuScenes' dividers: painted lines between lanes of one direction, and between opposite directions.
+
+A lane divider types each of its segments (the type at a node holds to the next node). A road divider has no types
+of its own; lanes that it bounds may state them. A divider whose type changes on its way becomes several lines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import groupby, pairwise
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.converters.nuscenes.expansion import Expansion, Record
+from scenarionet_data.converters.nuscenes.types import INEXACT_LINES, LINES, UNTYPED_DIVIDER
+from scenarionet_data.vocabulary import MapFeatureType
+
+Float64 = npt.NDArray[np.float64]
+Place = tuple[int, int]
+Edge = frozenset[Place]
+
+
+@dataclass(frozen=True, eq=False)
+class Divider:
+    """A line of one type.
+
+    Attributes:
+        id: The divider's token; with ``-0``, ``-1`` ... when it became several lines.
+        type: What it is.
+        points: (n, 2) [m].
+        is_lane_divider: Whether the lanes beside it run in one direction.
+        extras: What the type does not tell.
+    """
+
+    id: str
+    type: MapFeatureType
+    points: Float64
+    is_lane_divider: bool
+    extras: dict[str, Any]
+
+
+def places(points: Float64) -> list[Place]:
+    """Points to the millimetre: lanes and dividers that touch have nodes there, not always the same ones."""
+    return [(x, y) for x, y in np.round(points * 1000.0).astype(np.int64).tolist()]
+
+
+def read_dividers(expansion: Expansion) -> list[Divider]:
+    """All dividers of a map."""
+    stated = {
+        edge: kind
+        for lane in expansion.layer("lane")
+        for side in ("left", "right")
+        for edge, kind in _typed(expansion, lane[f"{side}_lane_divider_segments"])
+    }
+    found: list[Divider] = []
+    for record in expansion.layer("lane_divider"):
+        types = dict(_typed(expansion, record["lane_divider_segments"]))
+        found += _lines(expansion, record, types, is_lane_divider=True)
+    for record in expansion.layer("road_divider"):
+        found += _lines(expansion, record, stated, is_lane_divider=False)
+    return found
+
+
+def _typed(expansion: Expansion, segments: list[Record]) -> Iterator[tuple[Edge, str]]:
+    """Edges and their types; a lane names both ends of every edge, a lane divider each node once."""
+    spots = places(expansion.points([segment["node_token"] for segment in segments]))
+    for (start, end), segment in zip(pairwise(spots), segments, strict=False):
+        if start != end:
+            yield frozenset((start, end)), segment["segment_type"]
+
+
+def _lines(expansion: Expansion, record: Record, types: dict[Edge, str], is_lane_divider: bool) -> Iterable[Divider]:
+    """The lines of one type each that a divider is made of; none where it has no nodes."""
+    points = expansion.points(expansion.nodes(record["line_token"]))
+    unstated = "NIL" if is_lane_divider else None
+    kinds = [types.get(frozenset(edge), unstated) for edge in pairwise(places(points))]
+    runs = [(kind, [index for index, _ in run]) for kind, run in groupby(enumerate(kinds), key=lambda item: item[1])]
+    for number, (kind, edges) in enumerate(runs):
+        name = record["token"] if len(runs) == 1 else f"{record['token']}-{number}"
+        kind_of_line, extras = _type(kind)
+        yield Divider(name, kind_of_line, points[edges[0] : edges[-1] + 2], is_lane_divider, extras)
+
+
+def _type(word: str | None) -> tuple[MapFeatureType, dict[str, Any]]:
+    if word is None:
+        return UNTYPED_DIVIDER, {"is_type_assumed": True}
+    is_exact = word in LINES and word not in INEXACT_LINES
+    return LINES.get(word, MapFeatureType.UNKNOWN_LINE), {} if is_exact else {"segment_type": word}

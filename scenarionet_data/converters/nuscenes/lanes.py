@@ -1,0 +1,131 @@
+"""nuScenes' lanes and the connectors between them: centrelines, links, and which dividers bound them."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from scenarionet_data.converters.nuscenes.arcs import centerlines
+from scenarionet_data.converters.nuscenes.dividers import Divider, Place, places
+from scenarionet_data.converters.nuscenes.expansion import Expansion
+
+Float64 = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Lane:
+    """A lane or a lane connector.
+
+    Attributes:
+        id: Its token.
+        kind: ``CAR``, ``BIKE``; None for a connector, which leads from lane to lane.
+        center: (n, 2) [m] in driving direction; empty where the map has no centreline.
+        outline: (k, 2) [m]; empty without a polygon.
+        entries, exits: Ids of predecessors and successors.
+        left, right: Ids of the dividers on its sides.
+    """
+
+    id: str
+    kind: str | None
+    center: Float64
+    outline: Float64
+    entries: list[str]
+    exits: list[str]
+    left: list[str] = field(default_factory=list)
+    right: list[str] = field(default_factory=list)
+
+
+def read_lanes(expansion: Expansion, dividers: list[Divider]) -> list[Lane]:
+    """All lanes and connectors of a map; what one calls its successor has it as predecessor."""
+    records = [*expansion.layer("lane"), *expansion.layer("lane_connector")]
+    centers = centerlines([expansion.paths(record["token"]) for record in records])
+    lanes = []
+    for row, record in enumerate(records):
+        polygon = record.get("polygon_token")
+        outline = expansion.polygon(polygon)[0] if polygon else np.zeros((0, 2))
+        entries, exits = expansion.links(record["token"])
+        lanes.append(Lane(record["token"], record.get("lane_type"), centers[row], outline, entries, exits))
+    _complete_links(lanes)
+    _find_sides(lanes, dividers)
+    return lanes
+
+
+def _complete_links(lanes: list[Lane]) -> None:
+    """Make links between lanes of the map mutual, where one of the two only states it."""
+    by_id = {lane.id: lane for lane in lanes}
+    for lane in lanes:
+        for other in [by_id[token] for token in lane.exits if token in by_id]:
+            if lane.id not in other.entries:
+                other.entries.append(lane.id)
+        for other in [by_id[token] for token in lane.entries if token in by_id]:
+            if lane.id not in other.exits:
+                other.exits.append(lane.id)
+
+
+def _find_sides(lanes: list[Lane], dividers: list[Divider]) -> None:
+    """Tell lanes the dividers that bound them: those that share two nodes or more with the lane's outline."""
+    at: dict[Place, set[int]] = defaultdict(set)
+    for row, divider in enumerate(dividers):
+        for place in places(divider.points):
+            at[place].add(row)
+    for lane in lanes:
+        if len(lane.center) < 2:
+            continue
+        corners = dict(zip(places(lane.outline), lane.outline, strict=True))
+        shared = Counter(row for place in corners for row in at.get(place, ()))
+        for row in sorted(row for row, count in shared.items() if count >= 2):
+            touching = np.array([point for place, point in corners.items() if row in at.get(place, ())])
+            side = lane.left if _is_left(lane.center, touching.mean(axis=0)) else lane.right
+            side.append(dividers[row].id)
+
+
+def _is_left(center: Float64, point: Float64) -> bool:
+    """Whether a point lies left of a line, seen from the line's nearest segment."""
+    middles, ahead = (center[1:] + center[:-1]) / 2.0, np.diff(center, axis=0)
+    nearest = int(np.hypot(*(middles - point).T).argmin())
+    across = point - middles[nearest]
+    return bool(ahead[nearest, 0] * across[1] - ahead[nearest, 1] * across[0] > 0)
+
+
+def neighbors(lanes: list[Lane], dividers: list[Divider]) -> dict[str, tuple[list[str], list[str]]]:
+    """Lanes beside each lane, left and right: they run the same way with one lane divider between them."""
+    between = {divider.id for divider in dividers if divider.is_lane_divider}
+    left_of, right_of = defaultdict(list), defaultdict(list)
+    for lane in lanes:
+        for line in lane.right:
+            left_of[line].append(lane.id)
+        for line in lane.left:
+            right_of[line].append(lane.id)
+    return {
+        lane.id: (
+            list(dict.fromkeys(other for line in lane.left if line in between for other in left_of[line])),
+            list(dict.fromkeys(other for line in lane.right if line in between for other in right_of[line])),
+        )
+        for lane in lanes
+    }
+
+
+def lanes_inside(lanes: list[Lane], areas: list[shapely.Polygon]) -> list[list[str]]:
+    """For each area, the lanes whose middle lies in it."""
+    drawn = [lane for lane in lanes if len(lane.center) > 1]
+    return _matches(drawn, [shapely.Point(lane.center[len(lane.center) // 2]) for lane in drawn], areas)
+
+
+def lanes_across(lanes: list[Lane], areas: list[shapely.Polygon]) -> list[list[str]]:
+    """For each area, the lanes whose centreline passes through it."""
+    drawn = [lane for lane in lanes if len(lane.center) > 1]
+    return _matches(drawn, [shapely.LineString(lane.center) for lane in drawn], areas)
+
+
+def _matches(lanes: list[Lane], shapes: Sequence[shapely.Geometry], areas: list[shapely.Polygon]) -> list[list[str]]:
+    found: list[list[str]] = [[] for _ in areas]
+    if areas:
+        pairs = shapely.STRtree(shapes).query(areas, predicate="intersects")
+        for area, lane in pairs[:, np.lexsort(pairs[::-1])].T:
+            found[area].append(lanes[lane].id)
+    return found

@@ -1,0 +1,157 @@
+"""A nuScenes location's map expansion as map features: lanes, lines, edges, areas, stop lines, traffic lights.
+
+Lanes carry no speed limits or widths, and lights no states. Heights are not recorded: everything lies at z = 0,
+where the ego poses stand too (only the traffic lights hang above it, as the map says).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely.errors import ShapelyError
+
+from scenarionet_data.building import MapBuilder
+from scenarionet_data.converters.nuscenes.areas import CELL, Float64, outlines, road_edges
+from scenarionet_data.converters.nuscenes.dividers import Divider, read_dividers
+from scenarionet_data.converters.nuscenes.expansion import Expansion, Record, read_expansion
+from scenarionet_data.converters.nuscenes.lanes import Lane, lanes_across, lanes_inside, neighbors, read_lanes
+from scenarionet_data.errors import CorruptSource
+from scenarionet_data.vocabulary import MapFeatureType
+
+_AREAS = {
+    "ped_crossing": MapFeatureType.CROSSWALK,
+    "walkway": MapFeatureType.ROAD_EDGE_SIDEWALK,
+    "carpark_area": MapFeatureType.CARPARK_AREA,
+    "road_block": MapFeatureType.ROADBLOCK,
+}
+"""Layers of one polygon a record. Road segments that are no intersections only repeat their blocks."""
+_BROAD = (MapFeatureType.DRIVABLE_AREA, MapFeatureType.ROAD_EDGE_SIDEWALK)
+"""Areas that go on for a whole district: they are cut into parts of ``CELL``."""
+_WORDS = ("orientation", "stop_line_type", "ped_crossing_tokens", "traffic_light_tokens")
+"""Fields of records that features keep: of car parks, how cars stand in them [rad]; of stop lines, why to stop."""
+
+
+def read_map(path: Path) -> MapBuilder:
+    """Read one map expansion, in the location's frame.
+
+    Raises:
+        CorruptSource: The file is missing, no JSON, of another version, or has tokens that point nowhere.
+    """
+    try:
+        return _features(read_expansion(path))
+    except FileNotFoundError as error:
+        raise CorruptSource(f"{path}: no such map; download nuScenes' map expansion v1.3") from error
+    except (OSError, KeyError, TypeError, ValueError, AttributeError, ShapelyError) as error:
+        wanted = "wanted a nuScenes map expansion v1.3"
+        raise CorruptSource(f"{path}: {wanted}, found {error!r}; download it again") from error
+
+
+def _features(expansion: Expansion) -> MapBuilder:
+    builder = MapBuilder()
+    dividers = read_dividers(expansion)
+    lanes = read_lanes(expansion, dividers)
+    _add_lanes(builder, expansion, lanes, dividers)
+    for divider in dividers:
+        builder.add(divider.id, divider.type, polyline=divider.points, extras=divider.extras)
+    _add_drivable(builder, expansion)
+    for layer, kind in _AREAS.items():
+        for record in expansion.layer(layer):
+            _add_area(builder, record["token"], kind, expansion.polygon(record["polygon_token"]), _extras(record))
+    blocks = {record["token"]: record["polygon_token"] for record in expansion.layer("road_block")}
+    inside = lanes_inside(lanes, [shapely.Polygon(expansion.polygon(polygon)[0]) for polygon in blocks.values()])
+    lanes_of = dict(zip(blocks, inside, strict=True))
+    _add_stop_lines(builder, expansion, lanes, lanes_of)
+    _add_traffic_lights(builder, expansion, lanes_of)
+    return builder
+
+
+def _add_lanes(builder: MapBuilder, expansion: Expansion, lanes: list[Lane], dividers: list[Divider]) -> None:
+    crossings = [record for record in expansion.layer("road_segment") if record["is_intersection"]]
+    areas = [expansion.polygon(record["polygon_token"]) for record in crossings]
+    inside = lanes_inside(lanes, [shapely.Polygon(exterior) for exterior, _ in areas])
+    in_crossing = {lane for found in inside for lane in found}
+    beside = neighbors(lanes, dividers)
+    for lane in lanes:
+        builder.add(
+            lane.id,
+            MapFeatureType.LANE_BIKE_LANE if lane.kind == "BIKE" else MapFeatureType.LANE_SURFACE_STREET,
+            polyline=lane.center,
+            polygon=lane.outline,
+            entry_lanes=lane.entries,
+            exit_lanes=lane.exits,
+            left_neighbors=beside[lane.id][0],
+            right_neighbors=beside[lane.id][1],
+            left_boundaries=lane.left,
+            right_boundaries=lane.right,
+            is_intersection=lane.id in in_crossing,
+            extras={"is_connector": True} if lane.kind is None else None,
+        )
+    for record, area in zip(crossings, areas, strict=True):
+        _add_area(builder, record["token"], MapFeatureType.INTERSECTION, area, is_intersection=True)
+
+
+def _add_drivable(builder: MapBuilder, expansion: Expansion) -> None:
+    tokens = [token for record in expansion.layer("drivable_area") for token in record["polygon_tokens"]]
+    areas = {token: expansion.polygon(token) for token in tokens}
+    for token, area in areas.items():
+        _add_area(builder, token, MapFeatureType.DRIVABLE_AREA, area)
+    for number, edge in enumerate(road_edges(areas.values())):
+        builder.add(f"edge-{number}", MapFeatureType.ROAD_EDGE_BOUNDARY, polyline=edge)
+
+
+def _add_area(
+    builder: MapBuilder,
+    token: str,
+    kind: MapFeatureType,
+    area: tuple[Float64, Sequence[Float64]],
+    extras: Mapping[str, Any] | None = None,
+    is_intersection: bool | None = None,
+) -> None:
+    """Add a polygon; one with holes, or a broad one, becomes features ``<token>-0``, ``-1`` ...; an empty one none."""
+    parts = outlines(*area, cell=CELL if kind in _BROAD else np.inf) if len(area[0]) else []
+    for number, outline in enumerate(parts):
+        name = token if len(parts) == 1 else f"{token}-{number}"
+        builder.add(name, kind, polygon=outline, is_intersection=is_intersection, extras=extras)
+
+
+def _extras(record: Record) -> dict[str, Any]:
+    """What a record says beyond its place."""
+    return {key: record[key] for key in _WORDS if record.get(key)}
+
+
+def _add_stop_lines(
+    builder: MapBuilder, expansion: Expansion, lanes: list[Lane], lanes_of: dict[str, list[str]]
+) -> None:
+    """A stop line is an area across lanes; where it names a road block, only that block's lanes obey it."""
+    records = expansion.layer("stop_line")
+    exteriors = [expansion.polygon(record["polygon_token"])[0] for record in records]
+    across = lanes_across(lanes, [shapely.Polygon(exterior) for exterior in exteriors])
+    for record, exterior, crossed in zip(records, exteriors, across, strict=True):
+        block = record["road_block_token"]
+        builder.add(
+            record["token"],
+            MapFeatureType.STOP_LINE,
+            polygon=exterior,
+            controlled_lanes=[lane for lane in crossed if block not in lanes_of or lane in lanes_of[block]],
+            extras=_extras(record),
+        )
+
+
+def _add_traffic_lights(builder: MapBuilder, expansion: Expansion, lanes_of: dict[str, list[str]]) -> None:
+    for record in expansion.layer("traffic_light"):
+        pose = record["pose"]
+        builder.add(
+            record["token"],
+            MapFeatureType.TRAFFIC_LIGHT,
+            polyline=[[pose["tx"], pose["ty"], pose["tz"]]],
+            controlled_lanes=lanes_of.get(record["from_road_block_token"], ()),
+            extras={
+                "heading": pose["rz"],
+                "traffic_light_type": record["traffic_light_type"],
+                "items": record["items"],
+            },
+        )

@@ -1,0 +1,167 @@
+"""A window of a nuScenes scene as a scenario: steps between keyframes, tracks, the ego, the crop of the map.
+
+Heights are above the plane that the ego drives in (its poses have z = 0 throughout); the flat map lies in it.
+Velocities are not recorded: they are estimated from the positions.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.building import MapBuilder, make_origin, make_tracks
+from scenarionet_data.converters.base import Shard
+from scenarionet_data.converters.nuscenes.steps import Steps, boxes_at, make_steps, nominal_period, poses_at
+from scenarionet_data.converters.nuscenes.types import (
+    CATEGORIES,
+    EGO,
+    EGO_CATEGORY,
+    FORD_FUSION,
+    PLACES,
+    RENAULT_ZOE,
+)
+from scenarionet_data.converters.nuscenes.windows import Window
+from scenarionet_data.geometry import estimate_velocity
+from scenarionet_data.scenario import (
+    Bool,
+    Lights,
+    MapFeatures,
+    ScenarioDescription,
+    Source,
+    Tracks,
+    make_scenario_id,
+)
+from scenarionet_data.vocabulary import ObjectType
+
+Float64 = npt.NDArray[np.float64]
+Box = tuple[float, float, float, float]
+
+
+class City(NamedTuple):
+    """A location's map, in the location's frame.
+
+    Attributes:
+        id: Its name as a shared map.
+        builder: Its features.
+        bounds: (M, 4) min_x, min_y, max_x, max_y [m] of each.
+    """
+
+    id: str
+    builder: MapBuilder
+    bounds: Float64
+
+
+def describe(
+    shard: Shard, window: Window, city: City | None, *, rate: int, radius: float, licence: str
+) -> ScenarioDescription:
+    """The scenario of one window.
+
+    Args:
+        shard: Where it belongs.
+        window: Which keyframes of which scene.
+        city: The location's map; None where there is none.
+        rate: Timesteps per second.
+        radius: How far around the ego's path the map is kept [m].
+        licence: Of the recordings.
+    """
+    recording, part = window.recording, slice(window.first, window.last + 1)
+    name, place = recording.name, recording.log["location"]
+    start = float(recording.times[window.first])
+    steps = make_steps(recording.times[part] - start, nominal_period(recording.times), rate)
+    ego, has_pose = _ego(window, steps, place)
+    origin = make_origin(ego[:, :3], has_pose, has_z=True)
+    current = int(steps.at_keyframes[window.current - window.first])
+    moment = None if window.is_whole else round(recording.times[window.current])
+    crop = _around(ego, radius)
+    return ScenarioDescription(
+        id=make_scenario_id(shard.dataset, shard.version, name, moment),
+        dataset=shard.dataset,
+        version=shard.version,
+        split=shard.split,
+        timestamps=steps.times * 1e-6,
+        dt=steps.dt,
+        current_timestep=current,
+        ego_id=EGO,
+        origin=origin,
+        has_z=True,
+        source=Source(
+            scenario_id=name,
+            file=shard.items[0].name.split("/")[0] + "/scene.json",
+            licence=licence,
+            log=recording.log["logfile"] or recording.log["token"],  # Lyft names no log files
+            city=place,
+            date=recording.log["date_captured"],
+            crs=f"nuscenes {place}",
+        ),
+        tracks=_tracks(window, steps, ego, has_pose, origin),
+        lights=Lights.empty(len(steps.times)),
+        map=_crop(city, crop, origin),
+        map_id=city.id if city else None,
+        map_crop=_shifted(crop, origin) if city else None,
+        tracks_to_predict=tuple((token, 0) for token in window.targets),
+        extras={
+            "kind": "scene" if window.is_whole else "window",
+            "scene_token": recording.scene["token"],
+            "description": recording.scene["description"],
+            "sample_tokens": recording.samples[part].tolist(),
+            "keyframe_timesteps": steps.at_keyframes.tolist(),
+            "start_timestamp_us": round(start),
+        },
+    )
+
+
+def _ego(window: Window, steps: Steps, place: str) -> tuple[Float64, Bool]:
+    """The ego's box (T, 7) and where a pose is known (T,)."""
+    vehicle = RENAULT_ZOE if place in PLACES else FORD_FUSION
+    recording = window.recording
+    pose_times = recording.pose_times - recording.times[window.first]
+    pose, has_pose = poses_at(steps.times, pose_times, recording.poses)
+    ahead = vehicle.ahead * np.stack([np.cos(pose[:, 3]), np.sin(pose[:, 3])], axis=-1)
+    size = np.broadcast_to(np.array(vehicle.size), (len(pose), 3))
+    center = np.column_stack([pose[:, :2] + ahead, pose[:, 2] + vehicle.size[2] / 2.0])
+    return np.column_stack([center, pose[:, 3], size]), has_pose
+
+
+def _tracks(window: Window, steps: Steps, ego: Float64, has_pose: Bool, origin: Float64) -> Tracks:
+    """The objects annotated in the window, and the ego after them."""
+    part, objects = slice(window.first, window.last + 1), window.recording.objects
+    rows = np.flatnonzero(objects.seen[:, part].any(axis=1))
+    boxes, valid = boxes_at(steps, objects.boxes[rows, part], objects.seen[rows, part])
+    boxes, valid = np.concatenate([boxes, ego[None]]), np.concatenate([valid, has_pose[None]])
+    words = [*objects.categories[rows], EGO_CATEGORY]
+    kinds = [*(CATEGORIES.get(word, ObjectType.OTHER) for word in words[:-1]), ObjectType.VEHICLE]
+    attributes = [objects.attributes[row] for row in rows]
+    return make_tracks(
+        [*objects.tokens[rows], EGO],
+        kinds,
+        boxes[..., :3],
+        boxes[..., 3],
+        estimate_velocity(boxes[..., :2], valid, steps.times * 1e-6),
+        boxes[..., 4:],
+        valid,
+        origin=origin,
+        source_type=words,
+        is_size_assumed=[*[False] * len(rows), True],
+        is_type_assumed=[*(word not in CATEGORIES for word in words[:-1]), False],
+        is_velocity_estimated=True,
+        extras=[*({"attributes": counts} if counts else None for counts in attributes), None],
+    )
+
+
+def _around(path: Float64, radius: float) -> Box:
+    """The rectangle around a path, with ``radius`` more on each side [m], source frame."""
+    low, high = path[:, :2].min(axis=0) - radius, path[:, :2].max(axis=0) + radius
+    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+
+def _shifted(box: Box, origin: Float64) -> Box:
+    x, y = float(origin[0]), float(origin[1])
+    return box[0] - x, box[1] - y, box[2] - x, box[3] - y
+
+
+def _crop(city: City | None, crop: Box, origin: Float64) -> MapFeatures | None:
+    if city is None:
+        return None
+    return city.builder.crop(crop, city.bounds).build(origin, has_z=True)

@@ -1,0 +1,101 @@
+"""Which stretches of nuScenes' scenes become scenarios: whole scenes, or windows of the prediction challenge.
+
+The challenge asks for the next 6 s of some vehicles at some keyframes, given 2 s of history; which, says the
+owner's ``maps/prediction/prediction_scenes.json`` (https://www.nuscenes.org/prediction). Without that file a window
+is cut around every keyframe that has its whole past and future in the scene, for the vehicles that move.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from scenarionet_data.converters.nuscenes.recording import Recording
+from scenarionet_data.converters.nuscenes.types import CATEGORIES
+from scenarionet_data.errors import CorruptSource, InvalidScenario
+from scenarionet_data.vocabulary import ObjectType
+
+_MOVES = 1.0
+"""Metres that a vehicle has to travel in the future to count as moving."""
+
+Challenge = Mapping[str, Sequence[str]]
+"""``<instance token>_<sample token>`` of each prediction that is asked for, by the scene's name."""
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """Keyframes ``first`` ... ``last`` of a scene: one scenario.
+
+    Attributes:
+        recording: The scene.
+        first, current, last: Keyframes; the history ends with ``current``.
+        targets: Instance tokens whose future is asked for.
+        is_whole: Whether it is the scene as it is, not a window cut from it.
+    """
+
+    recording: Recording
+    first: int
+    current: int
+    last: int
+    targets: tuple[str, ...] = ()
+    is_whole: bool = False
+
+
+def whole(recording: Recording, past: int) -> Window:
+    """The scene as one window, whose history lasts ``past`` keyframes."""
+    last = len(recording.times) - 1
+    return Window(recording, 0, min(past, last), last, is_whole=True)
+
+
+def read_challenge(path: Path) -> Challenge:
+    """The predictions that the challenge asks for.
+
+    Raises:
+        CorruptSource: The file is damaged.
+    """
+    try:
+        content = json.loads(path.read_bytes())
+        return {str(scene): [str(entry) for entry in entries] for scene, entries in content.items()}
+    except (OSError, ValueError, TypeError, AttributeError) as error:
+        wanted = "wanted lists of <instance>_<sample> by scene"
+        raise CorruptSource(f"{path}: {wanted}, found {error!r}; download the map expansion again") from error
+
+
+def challenge_windows(
+    recording: Recording, past: int, future: int, entries: Sequence[str], scenario_id: str
+) -> Iterator[Window]:
+    """A window around each keyframe that ``entries`` name, with all of its targets; shorter at the scene's ends.
+
+    Raises:
+        InvalidScenario: An entry names a keyframe that is not in the scene; names ``scenario_id``.
+    """
+    targets: dict[str, list[str]] = defaultdict(list)
+    for entry in entries:
+        instance, _, sample = entry.partition("_")
+        targets[sample].append(instance)
+    keyframes = {sample: number for number, sample in enumerate(recording.samples)}
+    unknown = [sample for sample in targets if sample not in keyframes]
+    if unknown:
+        raise InvalidScenario(scenario_id, "prediction_scenes", f"wanted keyframes of the scene, found {unknown[0]!r}")
+    for current in sorted(keyframes[sample] for sample in targets):
+        last = min(current + future, len(recording.times) - 1)
+        asked = tuple(dict.fromkeys(targets[recording.samples[current]]))
+        yield Window(recording, max(current - past, 0), current, last, asked)
+
+
+def moving_windows(recording: Recording, past: int, future: int) -> Iterator[Window]:
+    """A window around each keyframe with its whole past and future, for vehicles seen all along that move."""
+    objects = recording.objects
+    is_vehicle = np.array([CATEGORIES.get(word) is ObjectType.VEHICLE for word in objects.categories], np.bool_)
+    for current in range(past, len(recording.times) - future):
+        window, ahead = slice(current - past, current + future + 1), slice(current, current + future + 1)
+        step = np.diff(objects.boxes[:, ahead, :2], axis=1)
+        is_moving = np.hypot(step[..., 0], step[..., 1]).sum(axis=1) > _MOVES
+        chosen = is_vehicle & is_moving & objects.seen[:, window].all(axis=1)
+        if chosen.any():
+            yield Window(recording, window.start, current, window.stop - 1, tuple(objects.tokens[chosen]))

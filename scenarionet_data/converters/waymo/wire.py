@@ -1,0 +1,288 @@
+"""Decodes a ``waymo.open_dataset.Scenario`` message into arrays, in the source's own frame, units and codes.
+
+Field numbers are those of ``scenario.proto`` and ``map.proto`` in waymo-research/waymo-open-dataset. What the
+numbers mean for the lake stands in the package and ``map_features``, how bytes become numbers in ``protowire``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.converters.protowire import (
+    DamagedMessage,
+    Fields,
+    Messages,
+    doubles,
+    enums,
+    floats,
+    int32s,
+    int64s,
+)
+from scenarionet_data.errors import InvalidScenario
+
+Bools = npt.NDArray[np.bool_]
+Doubles = npt.NDArray[np.float64]
+Floats = npt.NDArray[np.float32]
+Ints = npt.NDArray[np.int64]
+
+LANE, ROAD_LINE, ROAD_EDGE, STOP_SIGN, CROSSWALK, SPEED_BUMP, DRIVEWAY = 3, 4, 5, 7, 8, 9, 10
+"""Kinds of map features: their field numbers in MapFeature."""
+
+_KINDS = (LANE, ROAD_LINE, ROAD_EDGE, STOP_SIGN, CROSSWALK, SPEED_BUMP, DRIVEWAY)
+_POINTS_FIELD = np.zeros(DRIVEWAY + 1, np.int32)
+_POINTS_FIELD[LANE] = 8
+_POINTS_FIELD[[ROAD_LINE, ROAD_EDGE, STOP_SIGN]] = 2
+_POINTS_FIELD[[CROSSWALK, SPEED_BUMP, DRIVEWAY]] = 1
+
+
+@dataclass(frozen=True, eq=False)
+class WireTracks:
+    """N tracks over T steps.
+
+    Attributes:
+        ids, types: (N,) int64.
+        center: (N, T, 3) float64 [m].
+        size: (N, T, 3) float32 [m] length, width, height.
+        heading: (N, T) float32 [rad].
+        velocity: (N, T, 2) float32 [m/s].
+        valid: (N, T) bool; the others hold anything where it is False.
+    """
+
+    ids: Ints
+    types: Ints
+    center: Doubles
+    size: Floats
+    heading: Floats
+    velocity: Floats
+    valid: Bools
+
+
+@dataclass(frozen=True, eq=False)
+class WireLights:
+    """K observations of the light of a lane, in order of time.
+
+    Attributes:
+        step, lane, state: (K,) int64.
+        stop_point: (K, 3) float64 [m], NaN where there is none.
+    """
+
+    step: Ints
+    lane: Ints
+    state: Ints
+    stop_point: Doubles
+
+
+@dataclass(frozen=True, eq=False)
+class WireMap:
+    """M map features and how they refer to one another.
+
+    Attributes:
+        ids, kinds, types: (M,) int64; ``kinds`` are ``LANE`` ... ``DRIVEWAY``, ``types`` the kind's own enum or 0.
+        speed_limit: (M,) float64 [mph], 0 where there is none.
+        is_interpolating: (M,) bool.
+        points: (P, 3) float64 [m] of polyline or polygon, feature after feature.
+        num_points: (M,) int64.
+        entry_lanes, exit_lanes, controlled_lanes: (K, 2) int64 feature's row, id of the lane.
+        left_boundaries, right_boundaries: (K, 5) int64 feature's row, then BoundarySegment:
+            lane_start_index, lane_end_index, boundary_feature_id, boundary_type.
+        left_neighbors, right_neighbors: (K, 6) int64 feature's row, then LaneNeighbor:
+            feature_id, self_start_index, self_end_index, neighbor_start_index, neighbor_end_index.
+        left_neighbor_boundaries, right_neighbor_boundaries: (K, 5) int64 neighbour's row, then BoundarySegment.
+        num_unknown: How many features are of a kind that is not known here; they are left out.
+    """
+
+    ids: Ints
+    kinds: Ints
+    types: Ints
+    speed_limit: Doubles
+    is_interpolating: Bools
+    points: Doubles
+    num_points: Ints
+    entry_lanes: Ints
+    exit_lanes: Ints
+    controlled_lanes: Ints
+    left_boundaries: Ints
+    right_boundaries: Ints
+    left_neighbors: Ints
+    right_neighbors: Ints
+    left_neighbor_boundaries: Ints
+    right_neighbor_boundaries: Ints
+    num_unknown: int
+
+
+@dataclass(frozen=True, eq=False)
+class WireScenario:
+    """A Scenario message.
+
+    Attributes:
+        timestamps: (T,) float64 [s].
+        current_time_index: 0, protobuf's default, where the message has none.
+        sdc_track_index: -1 where the message has none.
+        objects_of_interest: (K,) int64 track ids.
+        tracks_to_predict: (K, 2) int64 track_index, difficulty.
+    """
+
+    scenario_id: str
+    timestamps: Doubles
+    current_time_index: int
+    sdc_track_index: int
+    objects_of_interest: Ints
+    tracks_to_predict: Ints
+    tracks: WireTracks
+    lights: WireLights
+    map: WireMap
+
+
+def decode(payload: bytes, where: str, identify: Callable[[str], str] = str) -> WireScenario:
+    """Decode one message.
+
+    Args:
+        payload: The message.
+        where: Names the record in errors as long as its scenario_id is unknown.
+        identify: Makes the name under which errors speak of it of its scenario_id.
+
+    Raises:
+        InvalidScenario: Not a Scenario message, damaged, or its parts differ in length.
+    """
+    try:
+        root = Messages.of(payload)
+        fields = root.fields()
+        scenario_id = _scenario_id(fields, where)
+        where = identify(scenario_id)
+        return _scenario(root, fields, scenario_id, where)
+    except DamagedMessage as error:
+        raise InvalidScenario(where, "record", f"wanted a protobuf message, found {error} of the record") from None
+
+
+def _scenario_id(fields: Fields, where: str) -> str:
+    texts = fields.parts(5).contents()
+    try:
+        scenario_id = texts[-1].decode() if texts else ""
+    except UnicodeDecodeError:
+        scenario_id = ""
+    if not scenario_id:
+        wanted = "wanted a waymo.open_dataset.Scenario (of the `scenario` files, not of the `tf_example` files)"
+        raise InvalidScenario(where, "scenario_id", f"{wanted}, found a record without scenario_id")
+    return scenario_id
+
+
+def _scenario(root: Messages, fields: Fields, scenario_id: str, where: str) -> WireScenario:
+    timestamps = doubles(fields.lists(1, "d")[1])
+    if not len(timestamps):
+        raise InvalidScenario(where, "timestamps_seconds", "wanted one per step, found none")
+    predictions = fields.parts(11).scalars("vv")
+    return WireScenario(
+        scenario_id=scenario_id,
+        timestamps=timestamps,
+        current_time_index=int(int32s(root.scalars("---------v"))[0, 9]),
+        sdc_track_index=int(int32s(root.scalars("-----v", missing=-1))[0, 5]),
+        objects_of_interest=int32s(fields.lists(4, "v")[1]),
+        tracks_to_predict=np.stack([int32s(predictions[:, 0]), enums(predictions[:, 1], 3)], axis=1),
+        tracks=_tracks(fields.parts(2), len(timestamps), where),
+        lights=_lights(fields.parts(7), len(timestamps), where),
+        map=_map(fields.parts(8)),
+    )
+
+
+def _tracks(tracks: Messages, num_steps: int, where: str) -> WireTracks:
+    heads = tracks.scalars("vv")
+    states = tracks.fields().parts(3)
+    counts = np.bincount(states.owner, minlength=len(tracks))
+    if (counts != num_steps).any():
+        row = int(np.argmax(counts != num_steps))
+        raise InvalidScenario(where, "tracks.states", f"wanted {num_steps}, found {counts[row]} in track {row}")
+    bits = states.scalars("-dddffffffv").reshape(len(tracks), num_steps, 11)
+    rest = floats(bits[..., 4:10])
+    return WireTracks(
+        ids=int32s(heads[:, 0]),
+        types=enums(heads[:, 1], 5),
+        center=doubles(bits[..., 1:4]),
+        size=rest[..., :3],
+        heading=rest[..., 3],
+        velocity=rest[..., 4:],
+        valid=bits[..., 10] != 0,
+    )
+
+
+def _lights(steps: Messages, num_steps: int, where: str) -> WireLights:
+    if len(steps) not in (0, num_steps):
+        raise InvalidScenario(where, "dynamic_map_states", f"wanted {num_steps} or none, found {len(steps)}")
+    lights = steps.fields().parts(1)
+    bits = lights.scalars("vv")
+    points = lights.fields().parts(3)
+    stop_point = np.full((len(lights), 3), np.nan)
+    stop_point[points.owner] = doubles(points.scalars("ddd"))
+    return WireLights(lights.owner.astype(np.int64), int64s(bits[:, 0]), enums(bits[:, 1], 9), stop_point)
+
+
+def _map(features: Messages) -> WireMap:
+    ids = int64s(features.scalars("v")[:, 0])
+    rows, kinds, bodies = _bodies(features)
+    fields = bodies.fields()
+    is_point = fields.number == _POINTS_FIELD[kinds][fields.owner]
+    points, others = _points(fields.messages(is_point), kinds), fields.where(~is_point)
+    kind = kinds[others.owner]
+    lane, line, edge, sign = (others.where(kind == k) for k in (LANE, ROAD_LINE, ROAD_EDGE, STOP_SIGN))
+    left, right = lane.parts(11), lane.parts(12)
+    count = len(rows)
+    types = [
+        enums(part.column(number, "v", count), size)
+        for part, number, size in ((lane, 2, 4), (line, 1, 9), (edge, 1, 3))
+    ]
+    return WireMap(
+        ids=ids[rows],
+        kinds=kinds,
+        types=np.sum(types, axis=0),
+        speed_limit=doubles(lane.column(1, "d", count)),
+        is_interpolating=lane.column(3, "v", count) != 0,
+        points=doubles(points.scalars("ddd")),
+        num_points=np.bincount(points.owner, minlength=count),
+        entry_lanes=_ids(lane, 9),
+        exit_lanes=_ids(lane, 10),
+        controlled_lanes=_ids(sign, 1),
+        left_boundaries=_boundaries(lane.parts(13)),
+        right_boundaries=_boundaries(lane.parts(14)),
+        left_neighbors=_neighbors(left),
+        right_neighbors=_neighbors(right),
+        left_neighbor_boundaries=_boundaries(left.fields().parts(6)),
+        right_neighbor_boundaries=_boundaries(right.fields().parts(6)),
+        num_unknown=len(features) - count,
+    )
+
+
+def _bodies(features: Messages) -> tuple[Ints, Ints, Messages]:
+    """Rows of the features of a known kind, their kinds, what stands in them; of a one-of the last one counts."""
+    fields = features.fields()
+    (known,) = np.nonzero(np.isin(fields.number, _KINDS) & fields.is_part)
+    last = np.full(len(features), -1)
+    last[fields.owner[known]] = known
+    (rows,) = np.nonzero(last >= 0)
+    chosen = np.zeros(len(fields.number), np.bool_)
+    chosen[last[rows]] = True
+    return rows, fields.number[chosen].astype(np.int64), fields.messages(chosen)
+
+
+def _points(points: Messages, kinds: Ints) -> Messages:
+    """All but a stop sign's earlier positions: it has a single one, the last."""
+    superseded = (kinds[points.owner[:-1]] == STOP_SIGN) & (points.owner[:-1] == points.owner[1:])
+    return points[np.flatnonzero(~np.append(superseded, False))] if superseded.any() else points
+
+
+def _ids(fields: Fields, number: int) -> Ints:
+    owner, ids = fields.lists(number, "v")
+    return np.stack([owner, int64s(ids)], axis=1)
+
+
+def _boundaries(segments: Messages) -> Ints:
+    bits = segments.scalars("vvvv")
+    indices, types = int32s(bits[:, :2]), enums(bits[:, 3:], 9)
+    return np.concatenate([segments.owner[:, None], indices, int64s(bits[:, 2:3]), types], axis=1)
+
+
+def _neighbors(neighbors: Messages) -> Ints:
+    bits = neighbors.scalars("vvvvv")
+    return np.concatenate([neighbors.owner[:, None], int64s(bits[:, :1]), int32s(bits[:, 1:])], axis=1)
