@@ -9,6 +9,7 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from scenarionet_data.codec.arrow import (
+    Rows,
     batch,
     codes_of,
     floats,
@@ -88,7 +89,7 @@ def encode_map(
     return batch("maps", columns)
 
 
-def decode_map(rows: pa.RecordBatch) -> MapFeatures:
+def decode_map(rows: Rows) -> MapFeatures:
     """Map features from their rows, in the rows' frame."""
     inside = rows.column("is_intersection")
     is_intersection = np.full(rows.num_rows, -1, np.int8)
