@@ -25,7 +25,6 @@ from scenarionet_data.scenario import MapFeatures, ScenarioDescription, Source
 from scenarionet_data.summary import summarise
 
 __all__ = [
-    "DESCRIPTION_COLUMNS",
     "Encoded",
     "LoadedRows",
     "decode",
@@ -37,36 +36,6 @@ __all__ = [
 ]
 
 Array = npt.NDArray[Any]
-
-DESCRIPTION_COLUMNS = (
-    "scenario_id",
-    "dataset",
-    "version",
-    "split",
-    "source_scenario_id",
-    "source_file",
-    "source_log",
-    "city",
-    "date",
-    "licence",
-    "origin_x",
-    "origin_y",
-    "origin_z",
-    "crs",
-    "has_z",
-    "num_timesteps",
-    "dt",
-    "timestamps",
-    "current_timestep",
-    "ego_id",
-    "objects_of_interest",
-    "tracks_to_predict",
-    "tracks_to_predict_difficulty",
-    "map_id",
-    "map_crop",
-    "extras",
-)
-"""Columns of the metadata table that ``decode`` needs beside the rows of the other tables."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +79,7 @@ def decode(encoded: Encoded, shared_map: MapFeatures | None = None) -> ScenarioD
     """The scenario behind its rows.
 
     Args:
-        encoded: Rows; ``metadata`` needs DESCRIPTION_COLUMNS only.
+        encoded: Rows; ``metadata`` needs ``tables.DESCRIPTION_COLUMNS`` only.
         shared_map: The crop of the shared map, already in the scenario's frame.
     """
     row = encoded.metadata

@@ -22,7 +22,7 @@ from scenarionet_data.codec.arrow import (
     string_array,
     strings,
 )
-from scenarionet_data.codec.grid import fill, fill_sizes, fill_valid
+from scenarionet_data.codec.kernels import fill, fill_sizes, fill_valid
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario import Tracks
 from scenarionet_data.vocabulary import ObjectType

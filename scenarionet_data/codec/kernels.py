@@ -1,4 +1,4 @@
-"""From lists over each object's span to (N, T) grids, compiled: the loop that every load runs."""
+"""The loops that every load and every conversion runs, compiled. They trust their arguments."""
 
 from __future__ import annotations
 
@@ -64,3 +64,23 @@ def fill_valid(valid: Array, start: Array, lengths: Array, has_gaps: Array, flag
         for step in range(start[row], start[row] + lengths[row]):
             valid[row, step] = flags[at] if has_gaps[row] else True
             at += has_gaps[row]
+
+
+@njit(cache=True)
+def find_bounds(offsets: Array, points: Array, bounds: Array) -> None:
+    """Extend each row's box by the points of its list.
+
+    Args:
+        offsets: (M + 1,) int32, see ``Ragged``.
+        points: (P, 3) float32.
+        bounds: (M, 4) float32 min_x, min_y, max_x, max_y, extended; NaN where there is no point yet.
+    """
+    for row in range(len(offsets) - 1):
+        for point in range(offsets[row], offsets[row + 1]):
+            for axis in range(2):
+                value = points[point, axis]
+                # "not >=" rather than "<": the first point replaces NaN.
+                if not value >= bounds[row, axis]:
+                    bounds[row, axis] = value
+                if not value <= bounds[row, axis + 2]:
+                    bounds[row, axis + 2] = value
