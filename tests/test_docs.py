@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
@@ -24,6 +25,16 @@ def blocks(page: str, language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
 
 
+def commands(folder: Path, *modules: str) -> Path:
+    """A folder of programs that run modules of this Python, each given as ``program=module``."""
+    (folder / "bin").mkdir()
+    for pair in modules:
+        name, _, module = pair.partition("=")
+        (folder / "bin" / name).write_text(f'#!/bin/sh\nexec {sys.executable} -m {module} "$@"\n')
+        (folder / "bin" / name).chmod(0o755)
+    return folder / "bin"
+
+
 def test_data_dictionary_is_up_to_date():
     written = (ROOT / "docs" / "data_dictionary.md").read_text("utf-8")
     assert written == dictionary.markdown(), "run `make docs`"
@@ -36,11 +47,8 @@ def test_readme_examples_run(tmp_path):
     write_tfrecord(tmp_path / "recordings/waymo/training/training.tfrecord-00000-of-01000", [scenario_bytes(1)])
     write_forecasting(tmp_path / "recordings/argoverse2/val", num_scenarios=2, seed=0)
     write_vintages(tmp_path / "recordings/pickles")
-    command = tmp_path / "bin" / "scenarionet"
-    command.parent.mkdir()
-    command.write_text(f'#!/bin/sh\nexec {sys.executable} -m pipelines.cli "$@"\n')
-    command.chmod(0o755)
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "PATH": f"{command.parent}:{os.environ['PATH']}"}
+    programs = commands(tmp_path, "scenarionet=pipelines.cli")
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "PATH": f"{programs}:{os.environ['PATH']}"}
     text = (ROOT / "README.md").read_text("utf-8")
     found = re.findall(r"^```(bash|python)\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
     assert len(found) >= 9
@@ -71,6 +79,39 @@ def test_the_example_converter_passes_its_own_conformance_test(tmp_path):
     assert done.returncode == 0, done.stdout + done.stderr
     assert re.search(r"\d+ passed", done.stdout)
     assert "skipped" not in done.stdout
+
+
+def test_the_example_as_an_installed_package_is_a_dataset_like_every_other(tmp_path):
+    """The page's package, built and installed by the page's own commands, into a folder of its own."""
+    page = "docs/adding_a_dataset.md"
+    package = tmp_path / "my-datasets"
+    package.mkdir()
+    (package / "my_datasets.py").write_text(blocks(page, "python")[0])
+    (package / "pyproject.toml").write_text(blocks(page, "toml")[0])
+    (tmp_path / "recordings").mkdir()
+    rows = "".join(f"{k / 10},ego,car,{k},0,0,10\n" for k in range(30))
+    (tmp_path / "recordings" / "first.csv").write_text("t,id,kind,x,y,heading,speed\n" + rows)
+    environment = os.environ | {
+        "PYTHONPATH": f"{ROOT}:{tmp_path / 'installed'}",
+        "PATH": f"{commands(tmp_path, 'pip=pip', 'scenarionet=pipelines.cli')}:{os.environ['PATH']}",
+        # pip's own options: what the package needs is here already, and nothing is downloaded.
+        **{"PIP_TARGET": str(tmp_path / "installed"), "PIP_NO_DEPS": "1", "PIP_NO_INDEX": "1"},
+        **{"PIP_NO_BUILD_ISOLATION": "0", "PIP_DISABLE_PIP_VERSION_CHECK": "1"},
+    }
+    (typed,) = blocks(page, "bash")
+    asked = (
+        "scenarionet converters --json > listed.json\nscenarionet sql lake 'SELECT * FROM metadata' --json > rows.json"
+    )
+    done = subprocess.run(
+        ["bash", "-euo", "pipefail", "-c", f"{typed}\n{asked}"],
+        cwd=tmp_path, env=environment, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    listed = {each["name"]: each for each in json.loads((tmp_path / "listed.json").read_text())["converters"]}
+    assert {"csv", "waymo"} <= set(listed)
+    assert listed["csv"]["raw"] == "a folder of *.csv files, one scenario each"
+    (row,) = json.loads((tmp_path / "rows.json").read_text())["rows"]
+    assert (row["scenario_id"], row["source_file"]) == ("csv/v1/first", "first.csv")
 
 
 @pytest.mark.parametrize("kind", ["derived column", "filter", "check"])
