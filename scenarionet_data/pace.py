@@ -20,38 +20,44 @@ class Pace:
         seconds: One process, one raw input.
         inputs: How many that was measured on.
         scenarios: How many scenarios they held.
+        start: Seconds that a process takes more for its first input: imports, tables, maps.
     """
 
     seconds: float
     inputs: int
     scenarios: int
+    start: float = 0.0
 
     def duration(self, inputs: int, workers: int) -> float:
         """Seconds that so many inputs take that many processes, if they are like those measured."""
-        return self.seconds * inputs / max(1, min(workers, inputs))
+        return (self.start + self.seconds * inputs / max(1, min(workers, inputs))) if inputs else 0.0
 
 
 def measure_pace(dataset: str, shards: tuple[Shard, ...], budget: float = 4.0) -> Pace | None:
-    """Convert one input, then two others, then four, until half of the budget is used; the last ones count.
+    """Convert one input, then another, then two, four, ..., until half of the budget is used; the last ones count.
 
-    What comes first also pays for imports, compilation and maps, which a long run pays once.
+    The first one also pays for imports, compilation, tables and maps, which a long run pays once a process: for
+    some datasets that is minutes, so there is always a second one.
 
     Args:
         dataset: Name of the converter.
         shards: What there is to convert.
-        budget: Seconds that it may take; a single input that takes longer is finished all the same.
+        budget: Seconds that it may take after the first input; one that takes longer is finished all the same.
 
     Returns:
         None when none of them could be converted.
     """
-    started, inputs, pace = time.monotonic(), _one_by_one(shards), None
-    wanted = 1
+    inputs = _one_by_one(shards)
+    first = _measured(dataset, list(islice(inputs, 1)))
+    started, wanted, pace = time.monotonic(), 1, first
     while batch := list(islice(inputs, wanted)):
         pace = _measured(dataset, batch) or pace
         if time.monotonic() - started > budget / 2.0:
             break
         wanted *= 2
-    return pace
+    if first is None or pace is None:
+        return pace
+    return replace(pace, start=max(0.0, first.seconds - pace.seconds))
 
 
 def _one_by_one(shards: tuple[Shard, ...]) -> Iterator[Shard]:

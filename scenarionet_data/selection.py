@@ -1,7 +1,7 @@
 """Which of the raw recordings to convert: chosen by what is known of them without reading them.
 
-A shard knows its ``name``, the ``file`` of each of its inputs, and what its converter tells in ``Shard.facts``,
-for example a log's location and date.
+A shard knows its ``name``, the ``file`` of each of its inputs, and the facts that its converter tells of it and of
+each input, for example a log's location and date.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ class Selection:
 
     Attributes:
         where: Shell patterns (``*``, ``?``, ``[...]``) by key, for example ``{"location": "us-nv-*"}``; all hold.
+            One that has several values holds for one of them.
         files: Which of the raw inputs that are left, counted over all shards in their order.
     """
 
@@ -50,11 +51,14 @@ class Selection:
         return kept
 
     def _is_wanted(self, shard: Shard, item: RawItem) -> bool:
-        known = _known(shard, item)
-        return all(key in known and fnmatchcase(known[key], pattern) for key, pattern in self.where.items())
+        return all(
+            any(fnmatchcase(value, pattern) for value in _values(shard, item, key))
+            for key, pattern in self.where.items()
+        )
 
     def _check_keys(self, shards: list[Shard]) -> None:
-        known = {"file", "name", *(key for shard in shards for key in shard.facts)}
+        told = {key for shard in shards for item in shard.items for key in (*shard.facts, *item.facts)}
+        known = {"file", "name"} | told
         unknown = sorted(set(self.where) - known)
         if unknown and shards:
             raise BadParameter(f"--where {unknown[0]}: known before reading are {', '.join(sorted(known))}")
@@ -62,16 +66,19 @@ class Selection:
     def _advice(self, shards: list[Shard]) -> str:
         """The values there are, for the first key."""
         for key in self.where:
-            told = (_known(shard, item) for shard in shards for item in shard.items)
-            values = sorted({known[key] for known in told if key in known})
+            values = sorted({v for shard in shards for item in shard.items for v in _values(shard, item, key)})
             more = ", ..." if len(values) > _SHOWN else ""
             return f"; there is {key} {', '.join(values[:_SHOWN])}{more}"
         return f"; --files counts {sum(len(shard.items) for shard in shards)} raw inputs, from 0"
 
 
-def _known(shard: Shard, item: RawItem) -> dict[str, str]:
-    """All that is known of an input, by key."""
-    return {"name": shard.name, "file": item.name, **shard.facts}
+def _values(shard: Shard, item: RawItem, key: str) -> tuple[str, ...]:
+    """What is known of an input under a key; nothing where that is not known."""
+    for known in ({"name": shard.name, "file": item.name}, item.facts, shard.facts):
+        value = known.get(key)
+        if value is not None:
+            return (value,) if isinstance(value, str) else value
+    return ()
 
 
 def _sliced(shards: list[Shard], files: slice) -> list[Shard]:

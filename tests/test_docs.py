@@ -95,8 +95,11 @@ def test_the_example_as_an_installed_package_is_a_dataset_like_every_other(tmp_p
         "PYTHONPATH": f"{ROOT}:{tmp_path / 'installed'}",
         "PATH": f"{commands(tmp_path, 'pip=pip', 'scenarionet=pipelines.cli')}:{os.environ['PATH']}",
         # pip's own options: what the package needs is here already, and nothing is downloaded.
-        **{"PIP_TARGET": str(tmp_path / "installed"), "PIP_NO_DEPS": "1", "PIP_NO_INDEX": "1"},
-        **{"PIP_NO_BUILD_ISOLATION": "0", "PIP_DISABLE_PIP_VERSION_CHECK": "1"},
+        "PIP_TARGET": str(tmp_path / "installed"),
+        "PIP_NO_DEPS": "1",
+        "PIP_NO_INDEX": "1",
+        "PIP_NO_BUILD_ISOLATION": "0",
+        "PIP_DISABLE_PIP_VERSION_CHECK": "1",
     }
     (typed,) = blocks(page, "bash")
     asked = (

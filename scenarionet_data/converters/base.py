@@ -10,7 +10,7 @@ import hashlib
 import json
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
@@ -21,6 +21,35 @@ from scenarionet_data.scenario import ScenarioDescription
 if TYPE_CHECKING:
     from scenarionet_data.building import MapBuilder
 
+Facts = Mapping[str, str | tuple[str, ...]]
+"""What is known before converting, to choose recordings by: location, log, date, ...; several values are a tuple."""
+
+
+@dataclass(frozen=True)
+class FactsOnDemand(Mapping[str, str | tuple[str, ...]]):
+    """Facts of which some take a look into a file, which is taken when somebody chooses by them.
+
+    Attributes:
+        told: What is known already.
+        asked: Keys of the rest.
+        find: Called with the path and such a key; picklable. Returns no value, ``()``, for what cannot be found.
+        path: Of the file.
+    """
+
+    told: Mapping[str, str | tuple[str, ...]]
+    asked: tuple[str, ...]
+    find: Callable[[Path, str], str | tuple[str, ...]]
+    path: Path
+
+    def __getitem__(self, key: str) -> str | tuple[str, ...]:
+        return self.find(self.path, key) if key in self.asked else self.told[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter((*self.told, *self.asked))
+
+    def __len__(self) -> int:
+        return len(self.told) + len(self.asked)
+
 
 @dataclass(frozen=True)
 class RawItem:
@@ -29,10 +58,12 @@ class RawItem:
     Attributes:
         name: Relative to the raw folder; the same on every machine.
         fingerprint: Changes when the content does, see :func:`fingerprint`.
+        facts: What is known of it besides the shard's facts.
     """
 
     name: str
     fingerprint: str
+    facts: Facts = field(default_factory=dict, hash=False)
 
 
 @dataclass(frozen=True)
@@ -53,7 +84,7 @@ class Shard:
         root: The raw folder; not part of the key, so that recordings may move.
         items: Raw inputs; when some of them are in the lake already, the rest becomes the shard.
         options: The converter's options.
-        facts: What is known without reading, to choose shards by: location, log, date, ...; not part of the key.
+        facts: What is known of all its items; not part of the key.
     """
 
     dataset: str
@@ -63,7 +94,7 @@ class Shard:
     root: str
     items: tuple[RawItem, ...]
     options: Options
-    facts: Mapping[str, str] = field(default_factory=dict, hash=False)
+    facts: Facts = field(default_factory=dict, hash=False)
 
     @property
     def options_text(self) -> str:
@@ -113,6 +144,7 @@ class Converter(ABC, Generic[Record]):
         licence: Licence of the recordings.
         raw: What RAW has to be, in one line.
         Options: Dataclass of what the converter can be told.
+        facts: Keys of what is known of its recordings before they are read, beyond ``file`` and ``name``.
         budgets: How far real recordings stray from plausible motion.
     """
 
@@ -122,6 +154,7 @@ class Converter(ABC, Generic[Record]):
     licence: ClassVar[str]
     raw: ClassVar[str]
     Options: ClassVar[type[Options]] = Options
+    facts: ClassVar[tuple[str, ...]] = ()
     budgets: ClassVar[Budgets] = Budgets()
 
     @abstractmethod

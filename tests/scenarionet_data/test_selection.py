@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 
 import pytest
 
@@ -106,8 +107,9 @@ def test_the_pace_is_measured_and_leaves_nothing(tmp_path) -> None:
     plan = plan_conversion(BUCKETED, str(raw), tmp_path / "lake", options=FEW)
     pace = measure_pace(BUCKETED, plan.shards, budget=60.0)
     assert pace is not None
-    assert (pace.inputs, pace.scenarios) == (5, 5)  # 1 and 2 and 4 before
+    assert (pace.inputs, pace.scenarios) == (4, 4)  # 1 and 1 and 2 and 4 before
     assert 0 < pace.seconds < 30
+    assert 0 <= pace.start < 30
     assert not (tmp_path / "lake").exists()
     assert measure_pace(BUCKETED, plan.shards, budget=0.0).inputs == 1
     assert measure_pace(BUCKETED, ()) is None
@@ -120,3 +122,5 @@ def test_the_pace_scales_with_inputs_and_workers() -> None:
     assert pace.duration(100, 4) == 50.0
     assert pace.duration(2, 16) == 2.0
     assert pace.duration(0, 4) == 0.0
+    assert replace(pace, start=30.0).duration(100, 4) == 80.0
+    assert replace(pace, start=30.0).duration(0, 4) == 0.0

@@ -68,9 +68,10 @@ def command(
     What is converted once is never converted again: run the same command after an interruption, or when
     recordings were added, and it goes on from there.
 
-    --where chooses by what is known before anything is read, with shell patterns: the file of an input, the name
-    of its shard, and what the dataset tells, for example the log, location and date of nuPlan's logs. --dry-run
-    converts a few inputs into a folder that it throws away, to say how long the rest will take.
+    --where chooses by what is known before anything is converted, with shell patterns: the file of an input, the
+    name of its shard, and what the dataset tells, for example the location, log, date and tags of nuPlan's logs
+    (`scenarionet converters nuplan` lists them). --dry-run converts a few inputs into a folder that it throws away,
+    to say how long the rest will take.
     """
     from pipelines.cli import converter
     from pipelines.machine import default_workers

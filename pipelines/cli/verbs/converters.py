@@ -57,10 +57,11 @@ def _explain(name: str, as_json: bool) -> None:
         for option in converter.options(found)
     ]
     facts = {"name": name} | {fact: getattr(found, fact) for fact in _FACTS}
+    facts["where"] = ["file", "name", *found.facts]
     if as_json:
         print_json(facts | {"options": options})
         return
-    print_table(facts.items())
+    print_table((facts | {"where": ", ".join(facts["where"])}).items())
     click.echo()
     if options:
         print_table([option.values() for option in options], ("option", "type", "default", ""))

@@ -17,10 +17,12 @@ from pathlib import Path
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.argoverse1.map_features import City, find_maps, map_id, maps_by_city, read_city
 from scenarionet_data.converters.argoverse1.scenario import describe
-from scenarionet_data.converters.argoverse1.table import is_recording, read_recording
+from scenarionet_data.converters.argoverse1.table import city_of, is_recording, read_recording
 from scenarionet_data.converters.base import (
     Budgets,
     Converter,
+    Facts,
+    FactsOnDemand,
     Options,
     RawItem,
     Shard,
@@ -61,6 +63,7 @@ class Argoverse1(Converter[RawItem]):
     licence = "CC BY-NC-SA 4.0"
     raw = "folder of forecasting files (*.csv), with the maps (*_vector_map.xml) in it or in -O maps=FOLDER"
     Options = Argoverse1Options
+    facts = ("location",)
     # Positions are as recorded, with 0.1 m of noise, sticking and jumps, which differences show ten times as large;
     # velocities are fitted to a second of them. 40 recordings: 0.85 and 13.1 m/s, 0.02 rad.
     budgets = Budgets(velocity_median=1.0, velocity_p99=14.0, heading_p99=0.1)
@@ -83,7 +86,7 @@ class Argoverse1(Converter[RawItem]):
         known = fingerprint(maps) if maps else ""  # a map that arrives later changes what stands on it
         resolved = replace(options, maps=os.pathsep.join(map(str, maps)))  # workers need not search
         items = [
-            RawItem(path.relative_to(root).as_posix(), fingerprint([path], _FINGERPRINT_SAMPLE) + known)
+            RawItem(path.relative_to(root).as_posix(), fingerprint([path], _FINGERPRINT_SAMPLE) + known, _facts(path))
             for path in files
         ]
         for name, members in bucket(items).items():
@@ -107,6 +110,14 @@ class Argoverse1(Converter[RawItem]):
         except CorruptSource as error:  # of this file or its map: other files of the shard are fine
             raise InvalidScenario(scenario_id, "source", str(error)) from error
         return describe(shard, scenario_id, record.name, recording, city, options.radius, self.licence)
+
+
+def _facts(path: Path) -> Facts:
+    return FactsOnDemand({}, ("location",), _fact, path)
+
+
+def _fact(path: Path, _key: str) -> str | tuple[str, ...]:
+    return city_of(path) or ()
 
 
 def _find_recordings(raw: str, split: str) -> list[Path]:

@@ -38,6 +38,7 @@ _TYPES = {
 }
 _CONVERT = pa.csv.ConvertOptions(column_types=_TYPES, include_columns=list(_TYPES))
 _HEADER = ",".join(_TYPES).encode()
+_TWO_LINES = 512
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +73,13 @@ def is_recording(path: Path) -> bool:
     """Whether a file begins like a forecasting CSV."""
     with path.open("rb") as file:
         return file.readline(len(_HEADER) + 2).rstrip() == _HEADER
+
+
+def city_of(path: Path) -> str:
+    """The city that the first row names; an empty text where there is none."""
+    with path.open("rb") as file:
+        _, row, *_ = [*file.read(_TWO_LINES).splitlines(), b"", b""]
+    return row.rpartition(b",")[2].decode("ascii", "replace")
 
 
 def read_recording(path: Path) -> Recording:

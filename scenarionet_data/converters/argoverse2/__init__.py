@@ -15,10 +15,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from scenarionet_data.converters.argoverse2.forecasting import read_scenario
-from scenarionet_data.converters.argoverse2.sensor import DT, Window, describe, log_files, read_log, windows
+from scenarionet_data.converters.argoverse2.sensor import DT, Window, city_of, describe, log_files, read_log, windows
+from scenarionet_data.converters.argoverse2.table import word_in_footer
 from scenarionet_data.converters.base import (
     Budgets,
     Converter,
+    Facts,
+    FactsOnDemand,
     Options,
     RawItem,
     Shard,
@@ -63,20 +66,21 @@ class Argoverse2(Converter[RawItem | Window]):
     licence = "CC BY-NC-SA 4.0"
     raw = "folder of motion forecasting scenarios (scenario_*.parquet) or sensor logs (annotations.feather)"
     Options = Argoverse2Options
+    facts = ("kind", "log", "location")
     budgets = Budgets(velocity_median=0.5, velocity_p99=5.0, heading_p99=1.0)
 
     def shards(self, raw: str, split: str, version: str, options: Argoverse2Options) -> Iterator[Shard]:
         """Buckets of forecasting scenarios, then sensor logs, see :meth:`Converter.shards`."""
         scenarios, logs = _find(Path(raw), split, options.kind)
-        items = [_item(raw, path, _scenario_files(path)) for path in scenarios]
+        items = [_item(raw, path, _scenario_files(path), _facts(path)) for path in scenarios]
         for name, members in bucket(items).items():
             yield Shard(
                 self.name, version, split, f"forecasting-{name}", raw, members, options, {"kind": "forecasting"}
             )
         for path in logs:
             name = "sensor-" + re.sub(r"[^A-Za-z0-9._-]", "-", path.resolve().parent.name)
-            items = [_item(raw, path, log_files(path))]
-            facts = {"kind": "sensor", "log": path.resolve().parent.name}
+            items = [_item(raw, path, log_files(path), {})]
+            facts = {"kind": "sensor", "log": path.resolve().parent.name, "location": city_of(path) or ""}
             yield Shard(self.name, version, split, name, raw, tuple(items), options, facts)
 
     def records(self, shard: Shard) -> Iterator[RawItem | Window]:
@@ -125,8 +129,16 @@ def _find(raw: Path, split: str, kind: str) -> tuple[list[Path], list[Path]]:
     return sorted(scenarios), sorted(logs)
 
 
-def _item(raw: str, path: Path, files: list[Path]) -> RawItem:
-    return RawItem(path.relative_to(raw).as_posix(), fingerprint(files, _FINGERPRINT_SAMPLE))
+def _item(raw: str, path: Path, files: list[Path], facts: Facts) -> RawItem:
+    return RawItem(path.relative_to(raw).as_posix(), fingerprint(files, _FINGERPRINT_SAMPLE), facts)
+
+
+def _facts(scenario: Path) -> Facts:
+    return FactsOnDemand({}, ("location",), _fact, scenario)
+
+
+def _fact(scenario: Path, _key: str) -> str | tuple[str, ...]:
+    return word_in_footer(scenario, "city") or ()
 
 
 def _scenario_files(path: Path) -> list[Path]:

@@ -94,6 +94,11 @@ def _maps(folder: Path) -> list[Path]:
     return sorted((folder / "map").glob("log_map_archive_*.json"))
 
 
+def city_of(annotations: Path) -> str | None:
+    """The city of a log, from its map's file name, for example PIT; None where it is not told."""
+    return next(map(_city, _maps(annotations.parent)), None)
+
+
 def read_log(annotations: Path) -> Log:
     """Read one log's boxes, poses and map.
 

@@ -29,6 +29,17 @@ def read_parquet(path: Path) -> pa.Table:
         raise _unreadable(path, error) from error
 
 
+def word_in_footer(path: Path, column: str) -> str:
+    """The smallest word of a column, without reading it; an empty one where the footer does not tell."""
+    try:
+        group = pa.parquet.read_metadata(path).row_group(0)
+        names = [group.column(number).path_in_schema for number in range(group.num_columns)]
+        statistics = group.column(names.index(column)).statistics
+    except (OSError, ValueError, IndexError, pa.ArrowException):  # what is wrong with it, converting it will say
+        return ""
+    return str(statistics.min) if statistics and statistics.has_min_max else ""
+
+
 def read_feather(path: Path, columns: Iterable[str]) -> pa.Table:
     """Some columns of a Feather file.
 

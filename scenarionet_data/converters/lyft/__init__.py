@@ -43,6 +43,7 @@ DT = 0.1
 HISTORY = 10
 """``current_timestep``: after 1 s, as in the Waymo Open Motion Dataset; Lyft names no such step."""
 MAP_ID = "semantic-map"
+CITY = "Palo Alto"
 _BLOCK = 32
 """Scenes of a shard: successive ones, which share chunks; about 700,000 rows of agents."""
 
@@ -97,6 +98,7 @@ class Lyft(Converter[Window]):
     licence = "CC BY-NC-SA 4.0"
     raw = "folder with scenes/*.zarr, semantic_map/semantic_map.pb and meta.json, or one of the zarr folders"
     Options = LyftOptions
+    facts = ("location", "log", "date", "host")
     budgets = Budgets(velocity_median=1.0, velocity_p99=15.0, heading_p99=2.2)
 
     def shards(self, raw: str, split: str, version: str, options: LyftOptions) -> Iterator[Shard]:
@@ -112,7 +114,8 @@ class Lyft(Converter[Window]):
                 items = [damaged_item(path, name)]
             for first in range(0, len(items), _BLOCK):
                 block = tuple(items[first : first + _BLOCK])
-                yield Shard(self.name, version, split, f"{stem}-{first // _BLOCK:05d}", str(root), block, options)
+                shard = f"{stem}-{first // _BLOCK:05d}"
+                yield Shard(self.name, version, split, shard, str(root), block, options, {"location": CITY})
 
     def records(self, shard: Shard) -> Iterator[Window]:
         """The windows of the shard's scenes, see :meth:`Converter.records`."""
@@ -197,7 +200,7 @@ def _describe(shard: Shard, window: Window, licence: str) -> ScenarioDescription
             file=recording.path.relative_to(shard.root).as_posix(),
             licence=licence,
             log=scene.name,
-            city="Palo Alto",
+            city=CITY,
             date=str(content.times[:1].astype("datetime64[ns]").astype("datetime64[s]")[0]),
             crs="lyft world frame",
         ),

@@ -62,6 +62,11 @@ class Scene:
     start: int
     host: str
 
+    @property
+    def date(self) -> str:
+        """Day it starts, in UTC."""
+        return str(np.datetime64(self.start, "ns").astype("datetime64[D]"))
+
 
 @dataclass(frozen=True, eq=False)
 class Content:

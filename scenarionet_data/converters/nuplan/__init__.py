@@ -21,7 +21,7 @@ import numpy as np
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.base import Budgets, Converter, Options, RawItem, Shard, fingerprint
 from scenarionet_data.converters.nuplan.content import read_content
-from scenarionet_data.converters.nuplan.files import find_atlas, find_logs, logs_of, place_of
+from scenarionet_data.converters.nuplan.files import facts_of, find_atlas, find_logs, logs_of, place_of
 from scenarionet_data.converters.nuplan.log import Log, opened, read_log
 from scenarionet_data.converters.nuplan.map_features import read_city
 from scenarionet_data.converters.nuplan.scenario import Cut, describe
@@ -38,7 +38,10 @@ class NuPlanOptions(Options):
         default="scene",
         metadata={"doc": "scene: 20 s each, as the owner cut them; or tag: a window around each scenario tag."},
     )
-    tags: str = field(default="", metadata={"doc": "With by=tag: the types wanted, comma-separated; empty: all."})
+    tags: str = field(
+        default="",
+        metadata={"doc": "With by=tag: the types wanted, comma-separated; empty: all. --where tag=TYPE chooses logs."},
+    )
     past: float = field(
         default=2.0, metadata={"doc": "Seconds of history: before a tag, or from the start of a scene."}
     )
@@ -79,6 +82,7 @@ class NuPlan(Converter[Cut]):
     licence = "CC BY-NC-SA 4.0"
     raw = "folder of nuPlan logs (*.db), with the maps in it or in $NUPLAN_MAPS_ROOT"
     Options = NuPlanOptions
+    facts = ("location", "log", "date", "tag")
     # Of two recorded scenarios one has 0.15, 2.7 and 0.13, the other, of 0.2 s at 20 Hz, 0.8, 8.3 and 0.08.
     budgets = Budgets(velocity_median=1.0, velocity_p99=10.0, heading_p99=0.5)
 
@@ -86,10 +90,11 @@ class NuPlan(Converter[Cut]):
         """One shard per log, city by city, see :meth:`Converter.shards`."""
         atlas = find_atlas(Path(raw), options.maps)
         resolved = replace(options, maps=str(atlas.root))
-        for log in sorted(logs_of(split, Path(raw)), key=lambda log: (place_of(log).map_name, log.stem)):
+        places = {log: place_of(log) for log in logs_of(split, Path(raw))}
+        for log in sorted(places, key=lambda log: (places[log].map_name, log.stem)):
             item = RawItem(log.relative_to(raw).as_posix(), fingerprint([log, atlas.manifest]))
             name = re.sub(r"[^A-Za-z0-9._-]", "-", log.stem)
-            yield Shard(self.name, version, split, name, raw, (item,), resolved, _facts(log))
+            yield Shard(self.name, version, split, name, raw, (item,), resolved, facts_of(log, places[log]))
 
     def records(self, shard: Shard) -> Iterator[Cut]:
         """The windows of a log, see :meth:`Converter.records`."""
@@ -126,12 +131,6 @@ class NuPlan(Converter[Cut]):
     def map_features(self, shard: Shard) -> MapBuilder:
         """Read a city's map, see :meth:`Converter.map_features`."""
         return read_city(shard.paths[0]).features
-
-
-def _facts(log: Path) -> dict[str, str]:
-    place = place_of(log)
-    told = {"log": log.stem, "location": place.map_name, "date": place.date}
-    return {key: value for key, value in told.items() if value}
 
 
 def _windows(log: Log, options: NuPlanOptions) -> list[Window]:

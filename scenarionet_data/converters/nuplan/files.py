@@ -9,7 +9,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from scenarionet_data.converters.nuplan.log import Place, opened, read_place
+from scenarionet_data.converters.base import Facts, FactsOnDemand
+from scenarionet_data.converters.nuplan.log import Place, opened, read_place, read_tag_types
 from scenarionet_data.errors import CorruptSource, SourceNotFound
 
 _SPLITS = {"mini", "train", "val", "test"}
@@ -56,6 +57,21 @@ def place_of(log: Path) -> Place:
             return read_place(database, log)
     except CorruptSource:
         return Place("", "", None)
+
+
+def facts_of(log: Path, place: Place) -> Facts:
+    """What is known of a log before it is converted; its tags only when asked for: they fill megabytes."""
+    told = {"location": place.map_name, "log": log.stem, "date": place.date}
+    return FactsOnDemand({key: value for key, value in told.items() if value}, ("tag",), _tags_of, log)
+
+
+def _tags_of(log: Path, _key: str) -> tuple[str, ...]:
+    """Types of a log's tags; none when it cannot be read, as its own shard will say."""
+    try:
+        with opened(log) as database:
+            return read_tag_types(database)
+    except CorruptSource:
+        return ()
 
 
 @dataclass(frozen=True)

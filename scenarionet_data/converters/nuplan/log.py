@@ -36,6 +36,7 @@ _TAGS = """
     SELECT CAST(ifnull(t.type, '') AS TEXT), lower(hex(t.lidar_pc_token)), lower(hex(t.agent_track_token))
     FROM scenario_tag t LEFT JOIN lidar_pc p ON p.token = t.lidar_pc_token ORDER BY p.timestamp, t.type, t.token
 """
+_TAG_TYPES = "SELECT DISTINCT CAST(type AS TEXT) AS word FROM scenario_tag WHERE type IS NOT NULL ORDER BY word"
 
 
 @dataclass(frozen=True)
@@ -142,6 +143,11 @@ def read_place(database: sqlite3.Connection, path: Path) -> Place:
         raise CorruptSource(f"{path}: table log has no row; download it again")
     city, map_version, date = row
     return Place(city or "", (map_version or city or "").removesuffix(".gpkg"), date)
+
+
+def read_tag_types(database: sqlite3.Connection) -> tuple[str, ...]:
+    """The types of scenario tags there are, sorted."""
+    return tuple(row[0] for row in database.execute(_TAG_TYPES))
 
 
 def read_log(database: sqlite3.Connection, path: Path) -> Log:

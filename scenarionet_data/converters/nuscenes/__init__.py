@@ -19,6 +19,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.base import Budgets, Converter, Options, RawItem, Shard, bucket, fingerprint
@@ -26,7 +27,7 @@ from scenarionet_data.converters.nuscenes.map_features import read_map
 from scenarionet_data.converters.nuscenes.recording import Recording, read_recording
 from scenarionet_data.converters.nuscenes.scenario import City, describe
 from scenarionet_data.converters.nuscenes.steps import nominal_period
-from scenarionet_data.converters.nuscenes.tables import read_release, read_scenes, table_files
+from scenarionet_data.converters.nuscenes.tables import log_name, read_release, read_scenes, table_files
 from scenarionet_data.converters.nuscenes.types import PLACES, RELEASES, is_in_split
 from scenarionet_data.converters.nuscenes.windows import (
     Window,
@@ -87,6 +88,7 @@ class NuScenes(Converter[Window | InvalidScenario]):
     licence = "CC BY-NC-SA 4.0"
     raw = "the dataroot: v1.0-*/*.json and maps/expansion/*.json"
     Options = NuScenesOptions
+    facts = ("location", "log", "date")
     budgets = Budgets(velocity_median=0.1, velocity_p99=3.0, heading_p99=1.0)
 
     def maps(self, raw: str, version: str, options: NuScenesOptions) -> Iterator[Shard]:
@@ -112,10 +114,12 @@ class NuScenes(Converter[Window | InvalidScenario]):
         for place, names in scenes.items():
             read = [*files, *([maps[place]] if options.has_map else [])]
             mark = fingerprint(path for path in read if path.is_file())
-            items = [RawItem(f"{folder.name}/{name}{_SUFFIX[options.by]}", mark) for name in names]
+            items = [
+                RawItem(f"{folder.name}/{name}{_SUFFIX[options.by]}", mark, _facts(log)) for name, log in names.items()
+            ]
             for number, members in bucket(items, _SCENES_PER_SHARD[options.by]).items():
                 shard = f"{folder.name}-{_map_id(place)}-{options.by}-{number}"
-                yield Shard(self.name, version, split, shard, str(root), members, options)
+                yield Shard(self.name, version, split, shard, str(root), members, options, {"location": place})
 
     def records(self, shard: Shard) -> Iterator[Window | InvalidScenario]:
         """The windows of each scene, or why there are none, see :meth:`Converter.records`."""
@@ -206,16 +210,23 @@ def _find_release(raw: Path, split: str) -> Path:
     raise SourceNotFound(f"{raw}: {found} has no split {split!r}; add --split with one of {has}")
 
 
-def _scenes_by_place(folder: Path, split: str, options: NuScenesOptions) -> dict[str, list[str]]:
+def _scenes_by_place(folder: Path, split: str, options: NuScenesOptions) -> dict[str, dict[str, dict[str, Any]]]:
+    """Of each location its scenes' names, with their logs' records."""
     scenes, logs = read_scenes(folder)
-    found: dict[str, list[str]] = defaultdict(list)
+    found: dict[str, dict[str, dict[str, Any]]] = defaultdict(dict)
     for scene in scenes.values():
         if is_in_split(scene["name"], split, is_challenge=options.by == "window"):
             log = logs.get(scene["log_token"], {"location": "unknown"})
-            found[log["location"]].append(scene["name"])
+            found[log["location"]][scene["name"]] = log
     if not found:
         raise SourceNotFound(f"{folder}: none of its scenes belongs to split {split!r}; give another --split")
     return {place: found[place] for place in sorted(found)}
+
+
+def _facts(log: dict[str, Any]) -> dict[str, str]:
+    """What a log's record, if there is one, tells of its scenes."""
+    told = {"log": log_name(log), "date": log["date_captured"]} if "token" in log else {}
+    return {key: value for key, value in told.items() if value}
 
 
 def _map_file(root: Path, place: str) -> Path:

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from scenarionet_data.building import MapBuilder, make_origin, make_tracks
 from scenarionet_data.converters.base import Shard
 from scenarionet_data.converters.nuscenes.steps import Steps, boxes_at, make_steps, nominal_period, poses_at
+from scenarionet_data.converters.nuscenes.tables import log_name
 from scenarionet_data.converters.nuscenes.types import (
     CATEGORIES,
     EGO,
@@ -90,7 +91,7 @@ def describe(
             scenario_id=name,
             file=shard.items[0].name.split("/")[0] + "/scene.json",
             licence=licence,
-            log=recording.log["logfile"] or recording.log["token"],  # Lyft names no log files
+            log=log_name(recording.log),
             city=place,
             date=recording.log["date_captured"],
             crs=f"nuscenes {place}",

@@ -94,6 +94,11 @@ def read_scenes(folder: Path) -> tuple[Records, Records]:
     return scenes, _records(folder, "log", "logfile", "location", "date_captured")
 
 
+def log_name(log: dict[str, Any]) -> str:
+    """What a log's record calls it: its file; its token where, as in Lyft's dataset, there is none."""
+    return str(log["logfile"] or log["token"])
+
+
 def read_release(folder: Path) -> Release:
     """All tables; the last release is kept, so that a worker reads it once.
 

@@ -31,6 +31,7 @@ from scenarionet_data.converters.base import (
 )
 from scenarionet_data.converters.scenarionet.frame import Frame, find_frame
 from scenarionet_data.converters.scenarionet.map_features import make_lights, make_map
+from scenarionet_data.converters.scenarionet.summary import SUMMARISED, facts_of
 from scenarionet_data.converters.scenarionet.tracks import (
     States,
     count_unstored_states,
@@ -69,11 +70,12 @@ class ScenarioNetPickles(Converter[RawItem]):
     release = "v1"
     licence = "the licence of the dataset that was pickled"
     raw = "folder of ScenarioNet pickles (sd_*.pkl), or of such folders"
+    facts = tuple(SUMMARISED)
 
     def shards(self, raw: str, split: str, version: str, options: Options) -> Iterator[Shard]:
         """Buckets of pickles, by a hash of their names."""
         root = Path(raw) if Path(raw).is_dir() else Path(raw).parent
-        items = [RawItem(name, fingerprint([root / name])) for name in _list_pickles(raw)]
+        items = [RawItem(name, fingerprint([root / name]), facts_of(root / name)) for name in _list_pickles(raw)]
         for name, members in bucket(items).items():
             yield Shard(self.name, version, split, name, str(root), members, options)
 

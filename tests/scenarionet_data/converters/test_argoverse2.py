@@ -81,7 +81,7 @@ def test_both_kinds_are_found_and_told_apart(tmp_path: Path) -> None:
     ]
     assert [s.facts for s in shards(CONVERTER, tmp_path, "val")] == [
         {"kind": "forecasting"},
-        {"kind": "sensor", "log": log.name},
+        {"kind": "sensor", "log": log.name, "location": "PIT"},
     ]
     assert [len(s.items) for s in shards(CONVERTER, tmp_path, "val", kind="forecasting")] == [2]
     assert [s.name for s in shards(CONVERTER, tmp_path, "val", kind="sensor")] == [f"sensor-{log.name}"]
