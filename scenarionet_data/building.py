@@ -220,6 +220,9 @@ def _flags(values: npt.ArrayLike, count: int) -> Bool:
     return np.array(np.broadcast_to(np.asarray(values, dtype=np.bool_), (count,)))
 
 
+_NO_POINTS, _NO_WIDTHS = np.zeros((0, 3)), np.zeros((0, 2))
+
+
 class MapBuilder:
     """Collects map features one by one, in the source frame, and makes :class:`MapFeatures` of them.
 
@@ -276,7 +279,7 @@ class MapBuilder:
                 "polyline": _points(polyline),
                 "polygon": _points(polygon),
                 "speed_limit": speed_limit,
-                "width": np.zeros((0, 2)) if width is None else np.asarray(width, np.float64).reshape(-1, 2),
+                "width": _NO_WIDTHS if width is None else np.asarray(width, np.float64).reshape(-1, 2),
                 "entry_lanes": entry_lanes,
                 "exit_lanes": exit_lanes,
                 "left_neighbors": left_neighbors,
@@ -329,16 +332,17 @@ class MapBuilder:
 
         def geometry(name: str) -> Ragged:
             lists = column(name)
-            values = np.concatenate([np.zeros((0, 3)), *lists]) - origin
+            values = np.concatenate([_NO_POINTS, *lists]) - origin
             if not has_z:
                 values[:, 2] = 0.0
             return Ragged.from_flat([len(points) for points in lists], rounded(values, METRES))
 
         def widths() -> Ragged:
             lists = column("width")
-            return Ragged.from_flat(
-                [len(w) for w in lists], rounded(np.concatenate([np.zeros((0, 2)), *lists]), METRES)
-            )
+            lengths = np.array([len(pairs) for pairs in lists], np.int64)
+            exact = np.concatenate([_NO_WIDTHS, *lists])
+            is_one_for_all = np.repeat(lengths == 1, lengths)[:, None]
+            return Ragged.from_flat(lengths, np.where(is_one_for_all, exact.astype(np.float32), rounded(exact, WIDTHS)))
 
         return MapFeatures(
             ids=strings(column("id")),
@@ -346,7 +350,7 @@ class MapBuilder:
             polyline=geometry("polyline"),
             polygon=geometry("polygon"),
             speed_limit=np.array(column("speed_limit"), dtype=np.float32),
-            width=Ragged.from_lists([w if len(w) == 1 else rounded(w, WIDTHS) for w in column("width")], width=2),
+            width=widths(),
             entry_lanes=Ragged.from_ids(column("entry_lanes")),
             exit_lanes=Ragged.from_ids(column("exit_lanes")),
             left_neighbors=Ragged.from_ids(column("left_neighbors")),
@@ -367,9 +371,13 @@ def meets(boxes: Float64, window: tuple[float, float, float, float]) -> Bool:
 
 def _points(points: npt.ArrayLike | None) -> Float64:
     """(n, 3) float64, z = 0 for points in the plane."""
-    if points is None or not np.size(points):
-        return np.zeros((0, 3))
+    if points is None:
+        return _NO_POINTS
     array = np.asarray(points, dtype=np.float64)
+    if not array.size:
+        return _NO_POINTS
+    if array.ndim == 2 and array.shape[1] == 3:
+        return array
     if array.shape[-1] == 2:
         array = np.concatenate([array, np.zeros((len(array), 1))], axis=1)
     return array.reshape(-1, 3)

@@ -10,6 +10,7 @@ pickles hold them as dictionaries of str, 150 kB of text a scenario; a lane's ``
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any
 
 from scenarionet_data.vocabulary import MapFeatureType
@@ -18,18 +19,20 @@ BOUNDARIES = ("left_boundaries", "right_boundaries")
 NEIGHBORS = ("left_neighbor", "right_neighbor")
 
 _BOUNDARY_KEYS = ("lane_start_index", "lane_end_index", "boundary_feature_id", "boundary_type")
+_CODES = {name: int(code) for name, code in MapFeatureType.__members__.items()}
 _NEIGHBOR_KEYS = ("feature_id", "self_start_index", "self_end_index", "neighbor_start_index", "neighbor_end_index")
 
 
 def to_rows(extras: Mapping[str, Any]) -> dict[str, Any]:
     """A lane's extras with rows in place of records; records of another form stay as they are."""
+    if not extras:
+        return {}
     rows = dict(extras)
-    for name in BOUNDARIES:
-        if _are_records(rows.get(name), _BOUNDARY_KEYS):
-            rows[name] = [_boundary_row(record) for record in rows[name]]
-    for name in NEIGHBORS:
-        if _are_records(rows.get(name), (*_NEIGHBOR_KEYS, "boundaries")):
-            rows[name] = [_neighbor_row(record) for record in rows[name]]
+    for names, to_row in ((BOUNDARIES, _boundary_row), (NEIGHBORS, _neighbor_row)):
+        for name in names:
+            if rows.get(name):
+                with suppress(_OtherForm):
+                    rows[name] = [to_row(record) for record in rows[name]]
     return rows
 
 
@@ -45,21 +48,31 @@ def to_records(extras: Mapping[str, Any]) -> dict[str, Any]:
     return records
 
 
-def _are_records(value: Any, keys: tuple[str, ...]) -> bool:
-    """Whether every item has exactly these keys, and indices that are whole numbers."""
-    return bool(value) and all(
-        isinstance(item, dict)
-        and set(item) == set(keys)
-        and all(str(item[key]).isdecimal() for key in keys if key.endswith("_index"))
-        and item.get("boundary_type", "UNKNOWN") in MapFeatureType.__members__
-        and ("boundaries" not in keys or not item["boundaries"] or _are_records(item["boundaries"], _BOUNDARY_KEYS))
-        for item in value
-    )
+class _OtherForm(Exception):
+    """What should be a record has other keys, or indices that are no whole numbers."""
 
 
-def _boundary_row(record: Mapping[str, Any]) -> list[Any]:
-    first, last, feature_id, name = (record[key] for key in _BOUNDARY_KEYS)
-    return [int(first), int(last), str(feature_id), int(MapFeatureType[name])]
+def _values(record: Any, keys: tuple[str, ...]) -> list[Any]:
+    if not isinstance(record, dict) or len(record) != len(keys):
+        raise _OtherForm
+    try:
+        return [record[key] for key in keys]
+    except KeyError as error:
+        raise _OtherForm from error
+
+
+def _index(value: Any) -> int:
+    text = value if type(value) is str else str(value)
+    if not text.isdecimal():
+        raise _OtherForm
+    return int(text)
+
+
+def _boundary_row(record: Any) -> list[Any]:
+    first, last, feature_id, name = _values(record, _BOUNDARY_KEYS)
+    if name not in _CODES:
+        raise _OtherForm
+    return [_index(first), _index(last), str(feature_id), _CODES[name]]
 
 
 def _boundary_record(row: Any) -> Any:
@@ -69,10 +82,9 @@ def _boundary_record(row: Any) -> Any:
     return dict(zip(_BOUNDARY_KEYS, (str(first), str(last), feature_id, MapFeatureType(code).name), strict=True))
 
 
-def _neighbor_row(record: Mapping[str, Any]) -> list[Any]:
-    feature_id, *indices = (record[key] for key in _NEIGHBOR_KEYS)
-    boundaries = [_boundary_row(boundary) for boundary in record["boundaries"]]
-    return [str(feature_id), *(int(index) for index in indices), boundaries]
+def _neighbor_row(record: Any) -> list[Any]:
+    feature_id, *indices, boundaries = _values(record, (*_NEIGHBOR_KEYS, "boundaries"))
+    return [str(feature_id), *map(_index, indices), [_boundary_row(boundary) for boundary in boundaries or ()]]
 
 
 def _neighbor_record(row: Any) -> Any:

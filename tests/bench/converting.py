@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import pickle
 import shutil
 import struct
 import tempfile
@@ -18,6 +19,7 @@ from scenarionet_data.conversion import convert
 from scenarionet_data.converters.tfrecord import masked_crc
 from scenarionet_data.pickle_compat import export
 from tests.bench.measure import Figure, in_fresh_process
+from tests.fixtures import argoverse1, scenarionet_pickles
 
 _CONVERT = """
 import json, os, resource, sys, time
@@ -36,20 +38,27 @@ peak_mb = int(status.split("VmHWM:")[1].split()[0]) / 1024
 print(json.dumps({"scenarios": report.converted, "seconds": seconds, "cpu": cpu, "peak_mb": peak_mb}))
 """
 
+_ROADS = 300
+"""Of a written Argoverse 1 map: 12,000 lanes; the real ones have 17,000."""
+
 _GOALS = {
     "waymo": (">= 80", "ScenarioNet 7-10, compiled protobuf"),
     "argoverse2": (">= 60", "ScenarioNet 13"),
+    "argoverse1": (">= 150", ""),
+    "scenarionet": (">= 60", ""),
     "pg": (">= 20", "ScenarioNet 0.28"),
 }
 
 
 def figures(recordings: Path | None) -> Iterator[Figure]:
-    """Figures of the three converters; on real recordings where they are at hand."""
+    """Figures of the converters of one file a scenario; on real recordings where they are at hand."""
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
         sources = {
             "waymo": waymo_raw(root / "waymo", recordings, 500),
             "argoverse2": argoverse2_raw(root / "val", recordings, 192),
+            "argoverse1": argoverse1_raw(root / "train", recordings, 400),
+            "scenarionet": scenarionet_raw(root / "pickles", recordings, 140),
             "pg": "0:192",
         }
         for dataset, raw in sources.items():
@@ -139,6 +148,36 @@ def argoverse2_raw(folder: Path, recordings: Path | None, count: int) -> Path:
         ids = pa.array([new] * len(table), table.schema.field(column).type)
         pq.write_table(table.set_column(column, table.schema.field(column), ids), target / f"scenario_{new}.parquet")
         shutil.copyfile(source.parent / f"log_map_archive_{old}.json", target / f"log_map_archive_{new}.json")
+    return folder
+
+
+def argoverse1_raw(folder: Path, recordings: Path | None, count: int) -> Path:
+    """``count`` recordings, the recorded ones moved onto roads of a written map, which has as many as a real one."""
+    argoverse1.write_map(folder, "PIT", num_roads=_ROADS)
+    if recordings is None:
+        argoverse1.write_recordings(folder, count)
+        return folder
+    files = sorted((recordings / "argoverse1").rglob("*.csv"))
+    for number in range(count):
+        rows = [line.split(",") for line in files[number % len(files)].read_text().splitlines()[1:]]
+        x, y = next((float(row[3]), float(row[4])) for row in rows if row[2] == "AV")
+        place = argoverse1.CENTER["PIT"] + argoverse1.road(0.0, 60.0 * (number % _ROADS))
+        right, up = (place - (x, y)).tolist()
+        for row in rows:
+            row[3:] = repr(float(row[3]) + right), repr(float(row[4]) + up), "PIT"
+        argoverse1.write_csv(folder / f"{number}.csv", rows)
+    return folder
+
+
+def scenarionet_raw(folder: Path, recordings: Path | None, count: int) -> Path:
+    """``count`` pickles: the recorded ones of every vintage, or written ones, under new ids."""
+    found = recordings / "scenarionet" if recordings else scenarionet_pickles.write_vintages(folder.parent / "vintages")
+    files = sorted(path for path in found.rglob("*.pkl") if not path.name.startswith("dataset_"))
+    folder.mkdir(parents=True)
+    for number in range(count):
+        description = pickle.loads(files[number % len(files)].read_bytes())
+        description["id"] = f"{number}-{description['id']}"
+        (folder / f"sd_{number}.pkl").write_bytes(pickle.dumps(description, protocol=4))
     return folder
 
 

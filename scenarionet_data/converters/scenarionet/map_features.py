@@ -48,7 +48,7 @@ def make_map(features: Features, frame: Frame) -> tuple[MapFeatures | None, dict
     builder = MapBuilder()
     unknown: Counter[str] = Counter()
     # nuScenes' lanes are (x, y, heading); its map has no heights.
-    is_flat = frame.quirks == "nuscenes"
+    is_flat, ground = frame.quirks == "nuscenes", frame.ground
     for feature_id, feature in features.items():
         word = str(feature["type"])
         if word not in _FEATURE_TYPES:
@@ -57,28 +57,28 @@ def make_map(features: Features, frame: Frame) -> tuple[MapFeatures | None, dict
         builder.add(
             str(feature_id),
             _FEATURE_TYPES[word],
-            polyline=_line(feature, frame, is_flat),
-            polygon=_polygon(feature, frame, is_flat),
+            polyline=_line(feature, frame, ground, is_flat),
+            polygon=_polygon(feature, ground, is_flat) if "polygon" in feature else None,
             speed_limit=_speed_limit(feature, frame.quirks) if word.startswith("LANE_") else np.nan,
             width=_width(feature),
             is_intersection=feature.get("is_intersection"),
             extras=to_rows(feature.get("extras") or {} if frame.is_ours else _details(feature)),
-            **{ours: _ids(feature[theirs]) for theirs, ours in _ID_LISTS.items() if theirs in feature},
+            **{_ID_LISTS[key]: _ids(feature[key]) for key in _ID_LISTS.keys() & feature.keys()},
         )
     return (builder.build(frame.local_origin, frame.has_z) if len(builder) else None), dict(sorted(unknown.items()))
 
 
-def _line(feature: Mapping[str, Any], frame: Frame, is_flat: bool) -> Float64 | None:
+def _line(feature: Mapping[str, Any], frame: Frame, ground: float, is_flat: bool) -> Float64 | None:
     """(n, 3) polyline, or the one point of a stop sign."""
     if "position" not in feature:
-        return _points(feature.get("polyline"), frame.ground, is_flat)
-    position = _points(feature["position"], frame.ground, is_flat)
+        return _points(feature.get("polyline"), ground, is_flat)
+    position = _points(feature["position"], ground, is_flat)
     return None if position is None else position + frame.moved
 
 
-def _polygon(feature: Mapping[str, Any], frame: Frame, is_flat: bool) -> Float64 | None:
+def _polygon(feature: Mapping[str, Any], ground: float, is_flat: bool) -> Float64 | None:
     """(n, 3) outline; our own export keeps a lane's heights beside it."""
-    points = _points(feature.get("polygon"), frame.ground, is_flat)
+    points = _points(feature["polygon"], ground, is_flat)
     if points is not None and "polygon_z" in feature:
         points[:, 2] = feature["polygon_z"]
     return points
@@ -99,7 +99,10 @@ def _points(points: Any, ground: float, is_flat: bool) -> Float64 | None:
 
 def _width(feature: Mapping[str, Any]) -> Any:
     """Width as it is; None where it is all 0 as in Argoverse 2 pickles, for no lane is that wide."""
-    return feature["width"] if "width" in feature and np.any(feature["width"]) else None
+    if "width" not in feature:
+        return None
+    width = np.asarray(feature["width"])
+    return width if width.any() else None
 
 
 def _ids(items: Any) -> list[str]:
@@ -115,7 +118,8 @@ def _id(record: Mapping[str, Any]) -> Any:
 def _details(feature: Mapping[str, Any]) -> dict[str, Any]:
     """What Waymo's records say of neighbours and boundaries beyond ids: from which point to which."""
     # The items of a list are of one kind.
-    details = {name: feature[name] for name in _ID_LISTS if feature.get(name) and isinstance(feature[name][0], dict)}
+    lists = {name: feature[name] for name in _ID_LISTS.keys() & feature.keys() if feature[name]}
+    details = {name: items for name, items in lists.items() if isinstance(items[0], dict)}
     return details | {"interpolating": True} if feature.get("interpolating") is True else details
 
 
