@@ -116,15 +116,16 @@ def _validate_tracks(check: _Check, tracks: Tracks, steps: int) -> None:
     check.array(tracks.valid, "tracks.valid", (count, steps), np.bool_)
     shapes = {"position": (count, steps, 3), "heading": (count, steps), "velocity": (count, steps, 2)}
     shapes["size"] = (count, steps, 3)
-    outside = ~tracks.valid
     for name, shape in shapes.items():
         array = getattr(tracks, name)
         check.array(array, f"tracks.{name}", shape, np.float32)
         check.finite(array, f"tracks.{name}")
-        check.that(not array[outside].any(), f"tracks.{name}", "wanted 0 where valid is False")
+        # Compared as a whole: gathering the cells that are not valid would take five times as long.
+        is_set = (array != 0) & ~tracks.valid.reshape(*tracks.valid.shape, *[1] * (array.ndim - 2))
+        check.that(not is_set.any(), f"tracks.{name}", "wanted 0 where valid is False")
     in_range = (tracks.heading >= -_PI).all() and (tracks.heading < _PI).all()
     check.that(in_range, "tracks.heading", "wanted [-pi, pi)")
-    check.that((tracks.size[tracks.valid] > 0).all(), "tracks.size", "wanted sizes above 0 where valid")
+    check.that(((tracks.size > 0) | ~tracks.valid[..., None]).all(), "tracks.size", "wanted sizes above 0 where valid")
     for name in ("is_size_assumed", "is_type_assumed", "is_velocity_estimated"):
         check.array(getattr(tracks, name), f"tracks.{name}", (count,), np.bool_)
     for name in ("source_type", "extras"):

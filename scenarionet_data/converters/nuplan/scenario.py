@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scenarionet_data.building import make_origin, make_tracks
+from scenarionet_data.building import make_origin, make_tracks_of_rows
 from scenarionet_data.converters.base import Shard
 from scenarionet_data.converters.nuplan.content import Content
 from scenarionet_data.converters.nuplan.log import Log, Scene
@@ -150,32 +150,26 @@ def _tracks(scenario_id: str, cut: Cut, ego: Float64, timestamps: Float64, origi
     boxes, step = content.boxes.of(cut.window.sweeps)
     used, row = np.unique(boxes["track"], return_inverse=True)
     words = _categories(scenario_id, content, used)
-    cell = row * steps + step
-    count = len(used) + 1
-    valid = np.zeros((count, steps), np.bool_)
-    valid.reshape(-1)[cell] = True
-    _check_boxes(scenario_id, boxes, int(valid.sum()))
-    valid[-1] = True
-    position, state = np.zeros((count, steps, 3)), np.zeros((count, steps, 6))
-    position.reshape(-1, 3)[cell, :2] = boxes["position"]
-    state.reshape(-1, 6)[cell] = boxes["state"]
-    position[-1, :, :2] = ego[:, :2]
-    state[-1] = np.column_stack([ego[:, 2], np.broadcast_to(EGO_SIZE, (steps, 3)), ego[:, 3:]])
-    is_static = np.array([word in STATIC for word in words] + [False])
-    velocity, is_estimated = _velocity(state[..., 4:], position, valid, timestamps, is_static)
-    return make_tracks(
+    _check_boxes(scenario_id, boxes, row * steps + step)
+    is_static = np.array([word in STATIC for word in words], np.bool_)
+    velocity, is_estimated = _velocity(boxes, row, step, timestamps, is_static)
+    own = np.column_stack([ego[:, 2], np.broadcast_to(EGO_SIZE, (steps, 3))])
+    state = np.concatenate([boxes["state"][:, :4], own])
+    return make_tracks_of_rows(
         [*(content.tracks[track] for track in used), EGO],
         [*(OBJECTS.get(word, ObjectType.OTHER) for word in words), ObjectType.VEHICLE],
-        position,
-        state[..., 0],
-        velocity,
-        state[..., 1:4],
-        valid,
+        np.pad(np.concatenate([boxes["position"], ego[:, :2]]), ((0, 0), (0, 1))),
+        state[:, 0],
+        np.concatenate([velocity, ego[:, 3:]]),
+        state[:, 1:],
+        np.concatenate([row, np.full(steps, len(used))]),
+        np.concatenate([step, np.arange(steps)]),
+        steps,
         origin=origin,
         source_type=[*words, EGO],
         is_size_assumed=[False] * len(words) + [True],
         is_type_assumed=[word not in OBJECTS for word in words] + [False],
-        is_velocity_estimated=is_estimated,
+        is_velocity_estimated=[*is_estimated.tolist(), False],
     )
 
 
@@ -193,30 +187,41 @@ def _categories(scenario_id: str, content: Content, used: Int64) -> list[str]:
     return words
 
 
-def _check_boxes(scenario_id: str, boxes: Array, num_states: int) -> None:
+def _check_boxes(scenario_id: str, boxes: Array, cell: Int64) -> None:
     is_whole = np.isfinite(boxes["position"]).all(axis=1) & np.isfinite(boxes["state"][:, :4]).all(axis=1)
     if not is_whole.all():
         wanted = "wanted numbers for the place, heading and size of every box"
         raise InvalidScenario(scenario_id, "lidar_box", f"{wanted}, found {(~is_whole).sum()} without")
-    if num_states < len(boxes):
+    if len(np.unique(cell)) < len(cell):
         raise InvalidScenario(scenario_id, "lidar_box", "wanted one box per track and sweep, found two")
 
 
 def _velocity(
-    velocity: Float64, position: Float64, valid: Bool, timestamps: Float64, is_static: Bool
-) -> tuple[Float64, Bool]:
-    """Recorded velocities (N, T, 2), and which tracks' (N,) had to be completed.
+    boxes: Array, row: Int64, step: Int64, timestamps: Float64, is_static: Bool
+) -> tuple[npt.NDArray[np.float32], Bool]:
+    """Velocity of each box (R, 2), and which tracks' (N,) had to be completed.
 
     What the log leaves out is 0 for objects that stand, and estimated from positions for others.
+
+    Args:
+        boxes, row, step: (R,) the boxes, and the track and timestep of each.
+        timestamps: (T,) [s].
+        is_static: (N,) which tracks stand.
     """
-    is_missing: Bool = np.any(np.isnan(velocity), axis=-1)
-    is_estimated: Bool = np.any(is_missing, axis=1)
+    velocity = np.array(boxes["state"][:, 4:])
+    is_missing = np.isnan(velocity).any(axis=1)
+    velocity[is_missing] = 0.0
+    is_estimated = np.bincount(row, is_missing, len(is_static)) > 0
     moving = is_estimated & ~is_static
-    completed = np.where(is_missing[..., None], 0.0, velocity)
     if moving.any():
-        estimate = estimate_velocity(position[moving], valid[moving], timestamps)
-        completed[moving] = np.where(is_missing[moving][..., None], estimate, completed[moving])
-    return completed, is_estimated
+        grid = np.zeros((len(is_static), len(timestamps), 2))
+        valid = np.zeros(grid.shape[:2], np.bool_)
+        grid[row, step], valid[row, step] = boxes["position"], True
+        wanted = is_missing & moving[row]
+        estimate = np.zeros_like(grid)
+        estimate[moving] = estimate_velocity(grid[moving], valid[moving], timestamps)
+        velocity[wanted] = estimate[row[wanted], step[wanted]]
+    return velocity, is_estimated
 
 
 # --- lights ---------------------------------------------------------------------------------------------
