@@ -33,9 +33,7 @@ def lanes_cross_near(features: MapFeatures, path: Array, distance: float, angle:
     _, entry = np.unique(entries.values.astype(np.str_), return_inverse=True)
     points = np.ascontiguousarray(lanes.values[:, :2], dtype=np.float64)
     low, high = np.minimum.reduceat(points, lanes.offsets[:-1]), np.maximum.reduceat(points, lanes.offsets[:-1])
-    return bool(
-        _any_crossing(points, lanes.offsets, low, high, entry, entries.offsets, path, distance, np.sin(angle))
-    )
+    return bool(_any_crossing(points, lanes.offsets, low, high, entry, entries.offsets, path, distance, np.sin(angle)))
 
 
 def _lanes_near(features: MapFeatures, path: Array, distance: float) -> Array:

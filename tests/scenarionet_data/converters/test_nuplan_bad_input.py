@@ -15,7 +15,7 @@ import pytest
 import shapely
 
 from scenarionet_data.conversion import convert
-from scenarionet_data.converters.nuplan import NuPlan
+from scenarionet_data.converters.nuplan import NuPlan, content
 from scenarionet_data.errors import CorruptSource, InvalidScenario, MissingDependency, SourceError
 from scenarionet_data.scenario import ScenarioDescription
 from tests.fixtures import geopackage
@@ -125,8 +125,11 @@ BAD_ROWS = {
 }
 
 
+@pytest.mark.parametrize("rows_at_once", [content._CHUNK, 512])
 @pytest.mark.parametrize("name", BAD_ROWS)
-def test_a_bad_row_costs_its_scene(raw: Path, name: str) -> None:
+def test_a_bad_row_costs_its_scene(raw: Path, name: str, rows_at_once: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whether it is among the first rows, by which the driver tells what a column holds, or not."""
+    monkeypatch.setattr(content, "_CHUNK", rows_at_once)
     statement, field, message = BAD_ROWS[name]
     with closing(sqlite3.connect(log_of(raw))) as database, database:
         assert database.execute(statement, {"sweep": DRIVE.lidar_tokens[MIDDLE]}).rowcount
