@@ -8,7 +8,7 @@ LAKE ?= lake
 RAW ?= $(if $(SCENARIONET_RAW),$(SCENARIONET_RAW)/$(DATASET),$(if $(filter nuplan,$(DATASET)),$(NUPLAN_DATA_ROOT)))
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-all test-metadrive check bench convert docs build clean
+.PHONY: help install demo test test-all test-metadrive test-devkits check bench convert docs build clean
 
 help:  ## List the targets.
 	@sed -nE 's/^([a-z-]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "make %-15s %s\n", $$1, $$2}'
@@ -28,10 +28,17 @@ test: install  ## The tests, in under three minutes (ARGS="-k lake" chooses some
 	$(PYTEST) $(ARGS)
 
 test-all: install  ## The tests, the long ones too.
-	$(PYTEST) -m 'not metadrive' $(ARGS)
+	$(PYTEST) -m 'not metadrive and not devkits' $(ARGS)
 
 test-metadrive: install .venv-metadrive/.installed  ## MetaDrive opens and drives what is exported (Python 3.11).
 	$(BIN)/python -m pytest -m metadrive tests/metadrive $(ARGS)
+
+test-devkits: install .venv-devkits/.installed  ## The owners' readers (nuScenes, Argoverse 2, zarr, GDAL) read what we read.
+	$(BIN)/python -m pytest -m devkits tests/devkits $(ARGS)
+
+.venv-devkits/.installed: tests/devkits/make_environments.sh
+	sh $< $(PYTHON)
+	@touch $@
 
 .venv-metadrive/.installed: tests/metadrive/make_environment.sh
 	sh $< $(PYTHON)

@@ -1,16 +1,8 @@
-"""What nuscenes-devkit reads from a written dataroot is what our converter makes of it.
-
-Needs an environment of its own, as the devkit pins numpy 1, and the path of its interpreter:
-
-    python3 -m venv .venv-nuscenes && .venv-nuscenes/bin/pip install nuscenes-devkit==1.2.0
-    SCENARIONET_NUSCENES_DEVKIT=.venv-nuscenes/bin/python python -m pytest -m devkits tests/devkits/test_nuscenes.py
-"""
+"""What nuscenes-devkit reads from a written dataroot is what our converter makes of it."""
 
 from __future__ import annotations
 
 import json
-import os
-import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +13,7 @@ import shapely
 from scenarionet_data.converters.nuscenes import NuScenes
 from scenarionet_data.converters.nuscenes.map_features import read_map
 from scenarionet_data.vocabulary import MapFeatureType
+from tests.devkits.environments import read_with
 from tests.fixtures import nuscenes as fixture
 from tests.fixtures.nuscenes_recorded import read_pickles, write_recorded
 from tests.fixtures.reading import scenarios
@@ -33,9 +26,6 @@ Read = tuple[Path, dict[str, Any]]
 @pytest.fixture(scope="module", params=["invented", "recorded"])
 def read(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Read:
     """A dataroot, and what the devkit reads from it."""
-    python = os.environ.get("SCENARIONET_NUSCENES_DEVKIT")
-    if not python:
-        pytest.skip("nuscenes-devkit: set SCENARIONET_NUSCENES_DEVKIT to the Python of its environment")
     root = tmp_path_factory.mktemp("nuscenes")
     if request.param == "invented":
         scenes = fixture.write_invented(root, num_scenes=2)
@@ -44,10 +34,7 @@ def read(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     path = root / "maps" / "prediction" / "prediction_scenes.json"
     path.parent.mkdir()
     path.write_text(json.dumps({scene.name: _asked(scene) for scene in scenes}))
-    script = Path(__file__).with_name("nuscenes_reads.py")
-    done = subprocess.run([python, str(script), str(root), "v1.0-mini"], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return root, json.loads(done.stdout)
+    return root, read_with("nuscenes", "nuscenes_reads.py", root, "v1.0-mini")
 
 
 def _asked(scene: fixture.Scene) -> list[str]:
