@@ -87,6 +87,7 @@ class Findings:
         checks: Those that were run, hard ones first.
         rows: What breaks them: check, is_hard, scenario_id, dataset, version, split, detail; by check and scenario.
         totals: Scenarios looked at: dataset, version, split, scenarios.
+        broken_files: Files that are gone or of another size: file and reason.
         holder: The lake at the snapshot that was looked at.
         database: Whose members were looked at; None for the whole lake.
     """
@@ -94,6 +95,7 @@ class Findings:
     checks: tuple[Check, ...]
     rows: pa.Table
     totals: pa.Table
+    broken_files: pa.Table
     holder: Lake
     database: Database | None
 
@@ -199,7 +201,7 @@ def find(
     )
     engine.close()
     rows = pa.concat_tables(found) if found else _ROWS.empty_table()
-    return Findings(tuple(chosen), rows.cast(_ROWS), totals, holder, members)
+    return Findings(tuple(chosen), rows.cast(_ROWS), totals, tables["broken_files"], holder, members)
 
 
 def budget_table(lake: Lake) -> pa.Table:
