@@ -39,13 +39,15 @@ def save_good(findings: Findings, name: str, *, is_strict: bool = False, overwri
         weight, order = "weight", "position"
     select = f"SELECT scenario_id, {weight} AS weight, content_hash FROM {source}"
     engine = Engine(holder.files, holder.snapshot)
-    members = engine.arrow(f"{select} WHERE scenario_id NOT IN (SELECT scenario_id FROM broken) ORDER BY {order}", **tables)
+    members = engine.arrow(
+        f"{select} ANTI JOIN broken USING (scenario_id) ORDER BY {order}", **tables
+    )
     engine.close()
     if not members.num_rows:
         raise BadParameter(f"every scenario breaks a rule, so there is nothing to save as {name!r}; see --broken FILE")
     lineage = Lineage(
         operation="check",
-        sql=f"{_broken_sql(findings, is_strict)}\n{select} WHERE scenario_id NOT IN (FROM broken) ORDER BY {order}",
+        sql=f"{_broken_sql(findings, is_strict)}\n{select} ANTI JOIN broken USING (scenario_id) ORDER BY {order}",
         parameters={"checks": [check.name for check in findings.checks], "is_strict": is_strict},
         parents=[parent.reference] if parent is not None else [],
         snapshot=holder.snapshot.number,

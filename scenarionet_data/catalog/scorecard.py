@@ -123,9 +123,7 @@ def _partition(
     rows = findings.rows.filter(chosen[0] & chosen[1] & chosen[2])
     marks = tuple(_mark(rows, check, count, budgets.outliers) for check in findings.checks)
     whole = findings.database is None
-    return Partition(
-        *name, count, rejected[name], budgets, releases.coverage(name, shards) if whole else None, marks
-    )
+    return Partition(*name, count, rejected[name], budgets, releases.coverage(name, shards) if whole else None, marks)
 
 
 def _mark(rows: pa.Table, check: Check, scenarios: int, outliers: float) -> Mark:

@@ -32,7 +32,9 @@ if TYPE_CHECKING:
 @click.argument("database", metavar="DB", required=False)
 @click.option("--only", multiple=True, metavar="NAME", help="Run this check and no others; repeatable.")
 @click.option("--strict", is_flag=True, help="Let plausibility count like structure.")
-@click.option("--scorecard", is_flag=True, help="Count by dataset, version and split, and compare with what is published.")
+@click.option(
+    "--scorecard", is_flag=True, help="Count by dataset, version and split, and compare with what is published."
+)
 @click.option("-o", "output", metavar="FILE", help="Write the scorecard to a .parquet, .csv or .json file.")
 @click.option("--to", "good", metavar="NAME", help="Save what breaks no hard rule (with --strict: none) as a database.")
 @new_version_option
