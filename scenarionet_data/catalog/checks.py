@@ -24,6 +24,7 @@ from scenarionet_data.catalog import named_sql
 from scenarionet_data.catalog.database import Database
 from scenarionet_data.catalog.engine import Engine
 from scenarionet_data.catalog.lake import Lake
+from scenarionet_data.converters.base import Budgets
 from scenarionet_data.errors import LakeError, QueryError, UnknownQuery
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
@@ -195,6 +196,8 @@ def find(
         if on_progress:
             on_progress(number, len(chosen))
         found.append(engine.arrow(_query(check, scope), **tables))
+    if on_progress:
+        on_progress(len(chosen), len(chosen))
     totals = engine.arrow(
         f"SELECT dataset, version, split, count(*) AS scenarios FROM metadata_rows {scope} GROUP BY ALL ORDER BY ALL",
         **tables,
@@ -208,7 +211,7 @@ def budget_table(lake: Lake) -> pa.Table:
     """The table ``budgets`` that soft rules join: one row a dataset of the lake, as its converter declares it."""
     datasets = pc.unique(snapshots.column(lake.files, lake.snapshot, "dataset")).to_pylist()
     rows = [{"dataset": name, **asdict(converters.budgets(name))} for name in sorted(datasets)]
-    numbers = [(name, pa.float64()) for name in asdict(converters.Budgets())]
+    numbers = [(name, pa.float64()) for name in asdict(Budgets())]
     return pa.Table.from_pylist(rows, schema=pa.schema([("dataset", pa.string()), *numbers]))
 
 

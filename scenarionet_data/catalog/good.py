@@ -12,6 +12,7 @@ from scenarionet_data.catalog import database as databases
 from scenarionet_data.catalog.checks import Findings
 from scenarionet_data.catalog.database import Database, Lineage
 from scenarionet_data.catalog.engine import Engine
+from scenarionet_data.converters.base import Budgets
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.store import snapshot as snapshots
 
@@ -39,9 +40,7 @@ def save_good(findings: Findings, name: str, *, is_strict: bool = False, overwri
         weight, order = "weight", "position"
     select = f"SELECT scenario_id, {weight} AS weight, content_hash FROM {source}"
     engine = Engine(holder.files, holder.snapshot)
-    members = engine.arrow(
-        f"{select} ANTI JOIN broken USING (scenario_id) ORDER BY {order}", **tables
-    )
+    members = engine.arrow(f"{select} ANTI JOIN broken USING (scenario_id) ORDER BY {order}", **tables)
     engine.close()
     if not members.num_rows:
         raise BadParameter(f"every scenario breaks a rule, so there is nothing to save as {name!r}; see --broken FILE")
@@ -65,7 +64,7 @@ def _broken_sql(findings: Findings, is_strict: bool) -> str:
     datasets = sorted(set(findings.totals["dataset"].to_pylist()))
     budgets = [{"dataset": dataset, **asdict(converters.budgets(dataset))} for dataset in datasets]
     return (
-        f"WITH budgets AS ({_values(budgets, {'dataset': '', **asdict(converters.Budgets())})}), "
+        f"WITH budgets AS ({_values(budgets, {'dataset': '', **asdict(Budgets())})}), "
         f"broken_files AS ({_values(findings.broken_files.to_pylist(), {'file': '', 'reason': ''})}), "
         f"broken AS (SELECT scenario_id FROM (\n{union}\n) WHERE scenario_id IS NOT NULL)"
     )

@@ -1,4 +1,4 @@
-"""How much of an owner's split a lake holds: the numbers that owners publish, in ``schemas/releases.toml``."""
+"""How much of an owner's split a lake holds: the numbers that owners publish, in ``releases.toml``."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import cache
+from pathlib import Path
 
-from scenarionet_data.resources import SCHEMAS
 from scenarionet_data.store.shard_writer import ShardRecord
 
 
 @dataclass(frozen=True)
 class Release:
-    """A split as its owner publishes it; the fields are described in ``schemas/releases.toml``."""
+    """A split as its owner publishes it; the fields are described in ``releases.toml``."""
 
     inputs: int
     unit: str
@@ -72,7 +72,7 @@ class Coverage:
 @cache
 def load() -> dict[tuple[str, str, str], Release]:
     """Published splits, by dataset, version and split."""
-    declared = tomllib.loads((SCHEMAS / "releases.toml").read_text("utf-8"))
+    declared = tomllib.loads(Path(__file__).with_name("releases.toml").read_text("utf-8"))
     return {
         (dataset, version, split): Release(**fields)
         for dataset, versions in declared.items()

@@ -163,7 +163,7 @@ def miscounting(scenario_id: str, summarise):
 
 
 def write_case(root: Path, recordings: datasets.Recordings, variants: dict[str, ScenarioDescription]) -> None:
-    """The recorded scenarios, the variants, shared maps good and bad; a shard that miscounts itself, and a lost file."""
+    """The recorded scenarios, the variants, shared maps good and bad, a shard that miscounts itself, a lost file."""
     files, release = LakeFiles(root), recordings.scenarios[0]
     alone = {name: variants.pop(name) for name in ("lost", "twice")}
     records = [write_shard(root, recordings.scenarios, "recorded"), write_shard(root, variants.values(), "variants")]
@@ -198,7 +198,9 @@ def test_shared_maps_are_checked_whole(case: Case) -> None:
     assert case.details("lane_links_are_mutual")[None] == (
         f"map {release}/one-way: 1 links are one-way, for example a -> b"
     )
-    assert case.details("successors_are_close")[None].startswith(f"map {release}/apart: 1 links jump, the widest a -> b")
+    assert case.details("successors_are_close")[None].startswith(
+        f"map {release}/apart: 1 links jump, the widest a -> b"
+    )
     assert case.details("shared_maps_are_present") == {case.id("on-nothing"): "map missing is not in the lake"}
 
 
