@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from functools import cache
+from typing import Any
 
 import pyarrow as pa
 
@@ -19,7 +20,7 @@ from scenarionet_data.errors import BrokenContract, InvalidScenario
 from scenarionet_data.resources import SQL
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
-from scenarionet_data.store.shard_writer import ShardRecord
+from scenarionet_data.store.shard_record import ShardRecord
 
 _GIVEN = ("metadata_rows", "tracks", "lights", "maps")
 
@@ -38,7 +39,7 @@ def audit(files: LakeFiles, scenarios: Sequence[Encoded]) -> dict[int, InvalidSc
         "metadata_rows": pa.Table.from_pylist([dict(s.metadata) for s in scenarios], schema=_schema("metadata_rows")),
         "tracks": _table("tracks", [s.tracks for s in scenarios]),
         "lights": _table("lights", [s.lights for s in own]),
-        "maps": _table("maps", [s.maps for s in own if s.maps is not None]),
+        "maps": _table("maps", [s.maps for s in own]),
     }
     release = scenarios[0].metadata["dataset"], scenarios[0].metadata["version"]
     found: dict[str, InvalidScenario] = {}
@@ -84,9 +85,10 @@ def _engine(root: str) -> Engine:
     return Engine(LakeFiles(root), snapshots.EMPTY, given=_GIVEN, threads=1)
 
 
-def _table(name: str, batches: Sequence[pa.RecordBatch]) -> pa.Table:
+def _table(name: str, batches: Sequence[Any]) -> pa.Table:
+    """The record batches of scenarios as one table; None where a scenario has no rows."""
     names = _schema(name).names
-    return pa.Table.from_batches([batch.select(names) for batch in batches], _schema(name))
+    return pa.Table.from_batches([batch.select(names) for batch in batches if batch is not None], _schema(name))
 
 
 @cache

@@ -9,7 +9,7 @@ from fnmatch import fnmatchcase
 from functools import cache
 from pathlib import Path
 
-from scenarionet_data.store.shard_writer import ShardRecord
+from scenarionet_data.store.shard_record import ShardRecord
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from scenarionet_data.catalog.checks import PARTITION, Check, Findings
 from scenarionet_data.catalog.releases import Coverage
 from scenarionet_data.converters.base import Budgets
 from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.shard_writer import ShardRecord
+from scenarionet_data.store.shard_record import ShardRecord
 
 _NUM_EXAMPLES = 3
 

@@ -53,11 +53,6 @@ class Encoded:
     lights: Rows | None
     maps: Rows | None
 
-    @property
-    def num_bytes(self) -> int:
-        """Bytes of its record batches in memory."""
-        return sum(rows.nbytes for rows in (self.tracks, self.lights, self.maps) if rows is not None)
-
 
 def encode(scenario: ScenarioDescription, converter_version: str) -> Encoded:
     """Rows of a valid scenario.

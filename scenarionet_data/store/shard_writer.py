@@ -93,7 +93,7 @@ class ShardWriter:
         position = len(self._ids) + len(self._rejected)
         self._ids.add(scenario.id)
         self._waiting.append((position, encoded))
-        self._num_bytes += encoded.num_bytes
+        self._num_bytes += sum(rows.nbytes for rows in _batches(encoded).values())
         is_full = len(self._waiting) + len(self._pending) == SCENARIOS_PER_FILE
         if is_full or self._num_bytes > _MAX_WAITING:
             self._write_waiting()
@@ -177,9 +177,9 @@ class ShardWriter:
                 self._ids.remove(each.metadata["scenario_id"])
                 self.reject(position, refused[number])
                 continue
-            row = dict(each.metadata)
+            row, batches = dict(each.metadata), _batches(each)
             for table in _SHARD_TABLES:
-                row.update(self._write(table, getattr(each, table)))
+                row.update(self._write(table, batches.get(table)))
             self._pending.append(row)
 
     def _write(self, table: str, batch: pa.RecordBatch | None) -> dict[str, Any]:
@@ -217,6 +217,11 @@ class ShardWriter:
         name = f"{folder}/{self._shard.name}-{checksum[:16]}.parquet"
         self._files.publish(temporary, name)
         self._published.append((name, size, checksum))
+
+
+def _batches(encoded: Encoded) -> dict[str, pa.RecordBatch]:
+    """The rows that there are, by table."""
+    return {name: getattr(encoded, name) for name in _SHARD_TABLES if getattr(encoded, name) is not None}
 
 
 class _Part:
