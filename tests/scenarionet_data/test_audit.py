@@ -77,11 +77,11 @@ def test_without_checks_it_is_taken_and_found_later(raw, tmp_path):
     assert (result.num_scenarios, result.is_met) == (2, False)
 
 
-@pytest.mark.parametrize("max_waiting", [0, 64_000_000])
-def test_a_refused_scenario_leaves_no_gap(max_waiting, tmp_path, monkeypatch):
+@pytest.mark.parametrize(("name", "value"), [("_MAX_WAITING", 256), ("_MAX_WAITING", 2), ("_MAX_WAITING_BYTES", 0)])
+def test_a_refused_scenario_leaves_no_gap(name, value, tmp_path, monkeypatch):
     """Files of three scenarios hold three all the same, in order, whether scenarios wait for each other or not."""
     monkeypatch.setattr(shard_writer, "SCENARIOS_PER_FILE", 3)
-    monkeypatch.setattr(shard_writer, "_MAX_WAITING", max_waiting)
+    monkeypatch.setattr(shard_writer, name, value)
     lines = ["0 oneway", "1", "2", "3 oneway", "4", "5", "6 oneway", "7"]
     convert(NAME, str(write_raw(tmp_path / "raw", {"a": lines})), tmp_path / "lake")
     rows = Lake(tmp_path / "lake").sql("SELECT scenario_id, tracks_file, tracks_row_group FROM metadata ORDER BY ALL")
