@@ -84,6 +84,7 @@ def convert(
     selection: Selection | None = None,
     replace_old: bool = False,
     stale: bool = False,
+    is_checked: bool = True,
     on_progress: Progress | None = None,
 ) -> Report:
     """Convert raw recordings into a lake; finished shards of earlier runs are kept, never redone.
@@ -101,12 +102,14 @@ def convert(
         selection: Which of the recordings; all unless given.
         replace_old: Replace shards converted with other options, from changed files, or by another version.
         stale: Replace shards converted by another converter version.
+        is_checked: Ask the hard rules of ``sql/checks`` before anything is written; what breaks one goes to quarantine.
         on_progress: Told when shards are about to be converted, and about every finished one.
 
     Raises:
         SourceNotFound: Nothing of this dataset at ``raw``.
         BadParameter: The selection leaves nothing, or asks for what is not known before reading.
         DuplicateScenario: The recordings are in the lake already, converted with other options.
+        BrokenContract: A map that scenarios share breaks a hard rule.
         LakeError: The lake cannot be written.
     """
     started = time.monotonic()
@@ -116,8 +119,9 @@ def convert(
     )
     files.sweep()
     report = Report(skipped=plan.num_skipped, stale=plan.num_stale)
-    _convert_maps(files, [Job(dataset, shard, str(files.root)) for shard in maps.shards], maps, report)
-    jobs = [Job(dataset, shard, str(files.root), limit) for shard in plan.shards]
+    map_jobs = [Job(dataset, shard, str(files.root), is_checked=is_checked) for shard in maps.shards]
+    _convert_maps(files, map_jobs, maps, report)
+    jobs = [Job(dataset, shard, str(files.root), limit, is_checked) for shard in plan.shards]
     outcomes = run_limited(jobs, limit) if limit is not None else (run or runner(min(workers, len(jobs))))(jobs)
     basket = _Basket(files, plan, f"convert {dataset}", report)
     if on_progress:

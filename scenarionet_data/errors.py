@@ -4,7 +4,7 @@
       SourceError        the raw data: SourceNotFound, CorruptSource, MissingDependency
       InvalidScenario    one scenario is unusable: quarantined and counted, the run goes on
       LakeError          the lake: SchemaMismatch, SnapshotConflict, NoSuchSnapshot,
-                         ScenarioNotFound, DatabaseNotFound, DatabaseExists, DuplicateScenario
+                         ScenarioNotFound, DatabaseNotFound, DatabaseExists, DuplicateScenario, BrokenContract
       WorkerLost         a worker process died; what it had finished is kept
       QueryError         the user's words: UnknownFilter, UnknownQuery, BadParameter, UnsafeSql
 
@@ -89,6 +89,10 @@ class DatabaseExists(LakeError):
 
 class DuplicateScenario(LakeError):
     """A scenario of the same id is in the lake already, converted from another source or with other options."""
+
+
+class BrokenContract(LakeError):
+    """What was about to be committed breaks a hard rule of ``sql/checks``."""
 
 
 class WorkerLost(ScenarioNetError):

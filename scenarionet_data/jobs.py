@@ -11,6 +11,7 @@ from multiprocessing import get_context
 from typing import Any
 
 from scenarionet_data import converters
+from scenarionet_data.catalog.audit import audit, audit_shared_map
 from scenarionet_data.converters.base import Converter, Shard
 from scenarionet_data.errors import LakeError, SourceError, WorkerLost
 from scenarionet_data.store.files import LakeFiles
@@ -29,12 +30,14 @@ class Job:
         shard: What to convert.
         lake: The lake's root.
         max_scenarios: Stop after that many.
+        is_checked: Whether the hard rules of ``sql/checks`` are asked before anything is written.
     """
 
     converter: str
     shard: Shard
     lake: str
     max_scenarios: int | None = None
+    is_checked: bool = True
 
 
 @dataclass(frozen=True)
@@ -61,13 +64,19 @@ Run = Callable[[Iterable[Job]], Iterator[Outcome]]
 
 
 def convert_map(job: Job) -> Outcome:
-    """Convert one shared map."""
-    converter, shard = converters.get(job.converter), job.shard
+    """Convert one shared map.
+
+    Raises:
+        BrokenContract: It breaks a hard rule; no scenario can be trusted that needs it.
+    """
+    converter, shard, files = converters.get(job.converter), job.shard, LakeFiles(job.lake)
     try:
         features = converter.map_features(shard)
     except SourceError as error:
         return Outcome(shard.name, None, error=str(error))
-    record = write_shared_map(LakeFiles(job.lake), shard, features, converter.version, converter.licence)
+    record = write_shared_map(files, shard, features, converter.version, converter.licence)
+    if job.is_checked:
+        audit_shared_map(files, record)
     return Outcome(shard.name, record)
 
 
@@ -88,10 +97,10 @@ def convert_shard(job: Job) -> Outcome:
             return Outcome(shard.name, finished, was_finished=True)
     else:
         shard = replace(shard, name=f"{shard.name}-first{job.max_scenarios}")
-    writer = ShardWriter(files, shard, converter.version, converter.licence)
+    writer = ShardWriter(files, shard, converter.version, converter.licence, audit if job.is_checked else None)
     try:
-        _write_scenarios(converter, shard, writer, job.max_scenarios)
-        record = writer.finish(job.max_scenarios)
+        num_records = _write_scenarios(converter, shard, writer, job.max_scenarios)
+        record = writer.finish(job.max_scenarios, num_records)
     except (LakeError, MemoryError):
         raise
     except SourceError as error:
@@ -104,16 +113,20 @@ def convert_shard(job: Job) -> Outcome:
     return Outcome(shard.name, record, seconds=time.monotonic() - started)
 
 
-def _write_scenarios(converter: Converter[Any], shard: Shard, writer: ShardWriter, max_scenarios: int | None) -> None:
+def _write_scenarios(converter: Converter[Any], shard: Shard, writer: ShardWriter, max_scenarios: int | None) -> int:
+    """Hand a shard's scenarios to its writer; returns how many records were read."""
+    num_records = 0
     for position, record in enumerate(converter.records(shard)):
         if writer.num_scenarios == max_scenarios:
-            return
+            break
+        num_records += 1
         try:
             writer.add(converter.scenario(shard, record))
         except (MemoryError, LakeError, SourceError):
             raise
         except Exception as error:  # whatever a damaged record provokes, the rest must go on
             writer.reject(position, error)
+    return num_records
 
 
 def runner(workers: int) -> Run:

@@ -24,7 +24,6 @@ from scenarionet_data.converters.base import Converter, Shard
 from scenarionet_data.errors import InvalidScenario, SourceError
 from scenarionet_data.ragged import Ragged
 from scenarionet_data.scenario import ScenarioDescription
-from scenarionet_data.vocabulary import is_lane
 
 
 class ConverterConformance:
@@ -84,27 +83,18 @@ class ConverterConformance:
             if "@" in scenario.id:
                 assert scenario.source.log
 
-    def test_map_is_linked(self, raw: Any) -> None:
-        """Successor and predecessor of lanes inside the map are mutual; neighbours are lanes or outside."""
-        for scenario in self.scenarios(raw):
-            if scenario.map is None:
-                continue
-            assert one_way_links(scenario) == []
+    def test_contracts_hold(self, raw: Any, tmp_path_factory: Any) -> None:
+        """Converted into a lake, nothing breaks a rule of ``sql/checks``; soft ones as far as ``budgets`` allow."""
+        from scenarionet_data import Lake
+        from scenarionet_data.catalog.checks import run_checks
+        from scenarionet_data.conversion import convert
 
-    def test_motion_is_within_budget(self, raw: Any) -> None:
-        """Velocity agrees with positions, heading with velocity, as far as the dataset's recordings do."""
-        velocity_errors, heading_errors = [], []
-        for scenario in self.scenarios(raw):
-            velocity, heading = motion_errors(scenario)
-            velocity_errors.append(velocity)
-            heading_errors.append(heading)
-        velocity, heading = np.concatenate(velocity_errors), np.concatenate(heading_errors)
-        budgets = self.converter.budgets
-        if len(velocity):
-            assert np.median(velocity) <= budgets.velocity_median
-            assert np.quantile(velocity, 0.99) <= budgets.velocity_p99
-        if len(heading):
-            assert np.quantile(heading, 0.99) <= budgets.heading_p99
+        lake = tmp_path_factory.mktemp("lake")
+        kind = type(self.converter)
+        options = self.converter.Options(**self.options)
+        convert(f"{kind.__module__}:{kind.__qualname__}", str(raw), lake, split=self.split, options=options)
+        broken = [result for result in run_checks(Lake(lake)) if not result.is_met]
+        assert broken == []
 
     def test_encodes_and_round_trips(self, raw: Any) -> None:
         """Typed arrays to tables and back, bit for bit."""
@@ -169,45 +159,3 @@ def differences(first: Any, second: Any, path: str = "scenario") -> list[str]:
             found += differences(getattr(first, name), getattr(second, name), f"{path}.{name}")
         return found
     return [] if first == second else [path]
-
-
-def one_way_links(scenario: ScenarioDescription) -> list[str]:
-    """Successor links between lanes of the map that the other lane does not return."""
-    features = scenario.map
-    if features is None:
-        return []
-    lanes = set(features.ids[is_lane(features.types)])
-    entries = {str(i): set(features.entry_lanes[row]) for row, i in enumerate(features.ids)}
-    exits = {str(i): set(features.exit_lanes[row]) for row, i in enumerate(features.ids)}
-    broken = []
-    for lane in lanes:
-        broken += [f"{lane} -> {other}" for other in exits[lane] & lanes if lane not in entries[other]]
-        broken += [f"{other} -> {lane}" for other in entries[lane] & lanes if lane not in exits[other]]
-    return sorted(set(broken))
-
-
-def motion_errors(scenario: ScenarioDescription) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
-    """How far recorded motion strays from itself.
-
-    Returns:
-        |velocity - change of position / dt| [m/s] over steps inside tracks whose neighbours are valid too, and
-        |angle between velocity and heading| [rad] of vehicles and cyclists above 1 m/s that do not reverse.
-    """
-    tracks = scenario.tracks
-    dt = np.diff(scenario.timestamps)
-    step = np.diff(tracks.position[..., :2].astype(np.float64), axis=1) / dt[None, :, None]
-    both = tracks.valid[:, 1:] & tracks.valid[:, :-1]
-    inner = both.copy()
-    inner[:, 1:] &= both[:, :-1]
-    inner[:, :-1] &= both[:, 1:]
-    mean = (tracks.velocity[:, 1:] + tracks.velocity[:, :-1]) / 2.0
-    moving = inner & (np.hypot(*np.moveaxis(mean, -1, 0)) > 0.1)
-    velocity = np.hypot(*np.moveaxis(mean - step, -1, 0))[moving]
-
-    speed = np.hypot(tracks.velocity[..., 0], tracks.velocity[..., 1])
-    direction = np.arctan2(tracks.velocity[..., 1], tracks.velocity[..., 0])
-    turn = np.abs((direction - tracks.heading + np.pi) % (2 * np.pi) - np.pi)
-    wheeled = np.isin(tracks.object_type, (1, 3))[:, None]
-    fast = tracks.valid & wheeled & (speed > 1.0) & (turn < 0.75 * np.pi)
-    fast[:, 0] = False
-    return velocity, turn[fast]

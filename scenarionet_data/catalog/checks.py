@@ -1,31 +1,40 @@
 """Checks: rules that a lake's content must satisfy, one a file in ``sql/checks``.
 
--- hard: Every file is there.
+-- hard: Every heading lies in [-pi, pi).
 SELECT scenario_id, '...' AS detail FROM ... WHERE ...
 
-A hard rule is structural: what breaks it cannot be trusted. A soft one asks whether recorded motion is plausible;
-real recordings break it now and then.
+A hard rule is structural and judged by a scenario's own rows: it is asked while converting, too (see ``audit``). A
+rule about the lake is as hard, and asks how its files fit together. A soft rule asks whether recorded motion is
+plausible, within the budgets that the dataset's converter declares; real recordings break it now and then.
+
+What breaks a rule is a scenario; or a shared map or a shard, which has no scenario_id and is named in the detail.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass
+from functools import cached_property
 
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from scenarionet_data import converters
 from scenarionet_data.catalog import named_sql
 from scenarionet_data.catalog.database import Database
 from scenarionet_data.catalog.engine import Engine
 from scenarionet_data.catalog.lake import Lake
+from scenarionet_data.converters.base import Budgets
 from scenarionet_data.errors import LakeError, QueryError, UnknownQuery
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
 from scenarionet_data.store.snapshot import Snapshot
 
 _FOLDER = "checks"
+_KINDS = ("hard", "lake", "soft")
 _NUM_EXAMPLES = 5
+
+PARTITION = ("dataset", "version", "split")
 
 
 @dataclass(frozen=True)
@@ -35,14 +44,19 @@ class Check:
     Attributes:
         name: Its file's name.
         doc: What holds when nothing breaks it.
-        is_hard: Whether it is structural.
+        kind: hard, lake or soft.
         query: Selects scenario_id and detail of what breaks it.
     """
 
     name: str
     doc: str
-    is_hard: bool
+    kind: str
     query: str
+
+    @property
+    def is_hard(self) -> bool:
+        """Whether what breaks it cannot be trusted."""
+        return self.kind != "soft"
 
 
 @dataclass(frozen=True)
@@ -51,20 +65,74 @@ class CheckResult:
 
     Attributes:
         name, doc, is_hard: Of the check.
+        is_met: Nothing breaks it; or, of a soft one, no more scenarios of any dataset than its budget allows.
         num_scenarios: Scenarios that break it.
-        examples: The first few of them: scenario id and detail.
+        num_others: Shared maps or shards that break it.
+        examples: The first few: scenario id (None for a map or shard) and detail.
     """
 
     name: str
     doc: str
     is_hard: bool
+    is_met: bool
     num_scenarios: int
-    examples: tuple[tuple[str, str], ...]
+    num_others: int
+    examples: tuple[tuple[str | None, str], ...]
 
-    @property
-    def is_met(self) -> bool:
-        """Whether no scenario breaks it."""
-        return not self.num_scenarios
+
+@dataclass(frozen=True)
+class Findings:
+    """What checks found in a lake or database.
+
+    Attributes:
+        checks: Those that were run, hard ones first.
+        rows: What breaks them: check, is_hard, scenario_id, dataset, version, split, detail; by check and scenario.
+        totals: Scenarios looked at: dataset, version, split, scenarios.
+        broken_files: Files that are gone or of another size: file and reason.
+        holder: The lake at the snapshot that was looked at.
+        database: Whose members were looked at; None for the whole lake.
+    """
+
+    checks: tuple[Check, ...]
+    rows: pa.Table
+    totals: pa.Table
+    broken_files: pa.Table
+    holder: Lake
+    database: Database | None
+
+    def broken_ids(self, *, is_strict: bool = False) -> pa.Array:
+        """Scenarios that break a hard rule, or with ``is_strict`` any, each once."""
+        rows = self.rows if is_strict else self.rows.filter(pc.field("is_hard"))
+        return pc.unique(rows["scenario_id"].drop_null())
+
+    @cached_property
+    def results(self) -> list[CheckResult]:
+        """One of each check."""
+        return [self._result(check) for check in self.checks]
+
+    def _result(self, check: Check) -> CheckResult:
+        rows = self.rows.filter(pc.field("check") == check.name)
+        num_others = rows["scenario_id"].null_count
+        is_met = not rows.num_rows or (not check.is_hard and not num_others and self._is_within_budget(rows))
+        examples = rows.slice(0, _NUM_EXAMPLES).select(["scenario_id", "detail"]).to_pylist()
+        return CheckResult(
+            name=check.name,
+            doc=check.doc,
+            is_hard=check.is_hard,
+            is_met=is_met,
+            num_scenarios=rows.num_rows - num_others,
+            num_others=num_others,
+            examples=tuple((row["scenario_id"], row["detail"]) for row in examples),
+        )
+
+    def _is_within_budget(self, rows: pa.Table) -> bool:
+        broken = _by_dataset(rows.group_by("dataset").aggregate([("scenario_id", "count")]), "scenario_id_count")
+        totals = _by_dataset(self.totals.group_by("dataset").aggregate([("scenarios", "sum")]), "scenarios_sum")
+        return all(broken[name] <= converters.budgets(name).outliers * totals[name] for name in broken)
+
+
+def _by_dataset(counted: pa.Table, column: str) -> dict[str, int]:
+    return dict(zip(counted["dataset"].to_pylist(), counted[column].to_pylist(), strict=True))
 
 
 def names() -> list[str]:
@@ -77,50 +145,101 @@ def load(name: str) -> Check:
 
     Raises:
         UnknownQuery: The message lists the nearest names.
-        QueryError: Its first line does not say whether it is hard or soft.
+        QueryError: Its first line does not say which kind it is.
     """
     found = named_sql.load(_FOLDER, name, UnknownQuery)
     kind, _, doc = found.doc.partition(": ")
-    if kind not in ("hard", "soft"):
-        raise QueryError(f"sql/checks/{name}.sql: wanted a first line '-- hard: <rule>' or '-- soft: <rule>'")
-    return Check(name, doc, kind == "hard", found.text.rstrip().rstrip(";"))
+    if kind not in _KINDS:
+        raise QueryError(f"sql/checks/{name}.sql: wanted a first line '-- hard: <rule>', or lake or soft for hard")
+    return Check(name, doc, kind, found.text.rstrip().rstrip(";"))
 
 
 def run_checks(
     lake: Lake, database: Database | str | None = None, names: Iterable[str] | None = None
 ) -> list[CheckResult]:
-    """Run checks over a lake or the members of a database, hard ones first.
+    """Run checks over a lake or the members of a database, hard ones first; see :func:`find`."""
+    return find(lake, database, names).results
+
+
+Progress = Callable[[int, int], None]
+"""Called with checks done and checks to do."""
+
+
+def find(
+    lake: Lake,
+    database: Database | str | None = None,
+    names: Iterable[str] | None = None,
+    on_progress: Progress | None = None,
+) -> Findings:
+    """Everything that breaks a rule in a lake, or among the members of a database.
 
     Args:
         lake: At the snapshot to check.
-        database: Look only at its members.
+        database: Look only at its members; shards and shared maps are not looked at then.
         names: Which checks; all of them for None.
+        on_progress: Told before the first check and after each.
 
     Raises:
         UnknownQuery: There is no check of such a name.
         LakeError: A file that the snapshot needs to list its scenarios is gone.
     """
-    chosen = [load(name) for name in (named_sql.names(_FOLDER) if names is None else names)]
-    holder = lake if database is None else lake.resolve(database)[0]
-    broken = _broken_files(holder.files, holder.snapshot)
-    engine = Engine(holder.files, holder.snapshot, without=broken["file"].to_pylist())
-    tables, scope = {"broken_files": broken}, ""
-    if database is not None:
-        found = lake.database(database) if isinstance(database, str) else database
-        tables["members"], scope = found.members, "SEMI JOIN members USING (scenario_id)"
-    results = [_run(engine, check, scope, tables) for check in chosen]
-    engine.close()
-    return sorted(results, key=lambda result: (not result.is_hard, result.name))
-
-
-def _run(engine: Engine, check: Check, scope: str, tables: Mapping[str, pa.Table]) -> CheckResult:
-    query = (
-        "SELECT scenario_id, min(detail) AS detail, count(*) OVER () AS num_scenarios "
-        f"FROM ({check.query}) {scope} GROUP BY scenario_id ORDER BY scenario_id LIMIT {_NUM_EXAMPLES}"
+    chosen = sorted((load(name) for name in (named_sql.names(_FOLDER) if names is None else names)), key=_rank)
+    members = lake.database(database) if isinstance(database, str) else database
+    holder = lake if members is None else lake.resolve(members)[0]
+    tables = {"broken_files": _broken_files(holder.files, holder.snapshot), "budgets": budget_table(holder)}
+    engine = Engine(holder.files, holder.snapshot, without=tables["broken_files"]["file"].to_pylist())
+    scope = ""
+    if members is not None:
+        tables["members"], scope = members.members, "SEMI JOIN members USING (scenario_id)"
+    found = []
+    for number, check in enumerate(chosen):
+        if on_progress:
+            on_progress(number, len(chosen))
+        found.append(engine.arrow(_query(check, scope), **tables))
+    if on_progress:
+        on_progress(len(chosen), len(chosen))
+    totals = engine.arrow(
+        f"SELECT dataset, version, split, count(*) AS scenarios FROM metadata_rows {scope} GROUP BY ALL ORDER BY ALL",
+        **tables,
     )
-    rows = engine.arrow(query, **tables).to_pylist()
-    examples = tuple((row["scenario_id"], row["detail"]) for row in rows)
-    return CheckResult(check.name, check.doc, check.is_hard, rows[0]["num_scenarios"] if rows else 0, examples)
+    engine.close()
+    rows = pa.concat_tables(found) if found else _ROWS.empty_table()
+    return Findings(tuple(chosen), rows.cast(_ROWS), totals, tables["broken_files"], holder, members)
+
+
+def budget_table(lake: Lake) -> pa.Table:
+    """The table ``budgets`` that soft rules join: one row a dataset of the lake, as its converter declares it."""
+    datasets = pc.unique(snapshots.column(lake.files, lake.snapshot, "dataset")).to_pylist()
+    rows = [{"dataset": name, **asdict(converters.budgets(name))} for name in sorted(datasets)]
+    numbers = [(name, pa.float64()) for name in asdict(Budgets())]
+    return pa.Table.from_pylist(rows, schema=pa.schema([("dataset", pa.string()), *numbers]))
+
+
+_ROWS = pa.schema(
+    [
+        ("check", pa.string()),
+        ("is_hard", pa.bool_()),
+        ("scenario_id", pa.string()),
+        *((name, pa.string()) for name in PARTITION),
+        ("detail", pa.string()),
+    ]
+)
+
+
+def _rank(check: Check) -> tuple[bool, str]:
+    return not check.is_hard, check.name
+
+
+def _query(check: Check, scope: str) -> str:
+    """A check's query, one row for each scenario, with where that belongs."""
+    return f"""
+        SELECT
+            '{check.name}' AS "check", {check.is_hard} AS is_hard, b.scenario_id::VARCHAR AS scenario_id,
+            any_value(m.dataset) AS dataset, any_value(m.version) AS version, any_value(m.split) AS split,
+            min(b.detail) AS detail
+        FROM (FROM ({check.query}) {scope}) AS b LEFT JOIN metadata_rows AS m ON m.scenario_id = b.scenario_id
+        GROUP BY b.scenario_id, if(b.scenario_id IS NULL, b.detail, NULL)
+        ORDER BY scenario_id, detail"""
 
 
 def _broken_files(files: LakeFiles, snapshot: Snapshot) -> pa.Table:

@@ -52,20 +52,31 @@ class Engine:
         files: The lake's files.
         snapshot: What the views show.
         without: Files of the snapshot that the views leave out, for example because they are gone.
+        given: Tables that every question brings along (see :meth:`arrow`), in place of the snapshot's.
+        threads: Threads of a query; one a core unless given.
 
     Raises:
         SchemaMismatch: The snapshot holds files of another version of the contract.
     """
 
-    def __init__(self, files: LakeFiles, snapshot: Snapshot, without: Iterable[str] = ()) -> None:
+    def __init__(
+        self,
+        files: LakeFiles,
+        snapshot: Snapshot,
+        without: Iterable[str] = (),
+        given: Iterable[str] = (),
+        threads: int | None = None,
+    ) -> None:
         snapshots.check_schemas(files, snapshot)
         self._files = files
         self._snapshot = snapshot
         self._without = {str(files.path(name)) for name in without}
         self._connection = duckdb.connect(config={"autoinstall_known_extensions": False})
-        self._views: set[str] = set()
+        self._views = set(given)
         self._lock = threading.Lock()
         self._connection.execute("SET enable_progress_bar = false")
+        if threads:
+            self._connection.execute(f"SET threads = {threads}")
         # Large queries spill to disk: not into the working directory, and apart from other processes.
         spill = Path(tempfile.gettempdir()) / f"scenarionet-{uuid.uuid4().hex}"
         self._connection.execute(f"SET temp_directory = {_quoted(str(spill))}")

@@ -11,7 +11,7 @@ import importlib
 from importlib.metadata import entry_points
 from typing import Any
 
-from scenarionet_data.converters.base import Converter
+from scenarionet_data.converters.base import Budgets, Converter
 from scenarionet_data.errors import SourceNotFound
 
 _BUILTIN = {
@@ -46,6 +46,11 @@ def get(name: str) -> Converter[Any]:
         near = difflib.get_close_matches(name, names(), n=3) or names()
         raise SourceNotFound(f"no converter {name!r}; did you mean {', '.join(near)}?")
     return _instance(_BUILTIN[name])
+
+
+def budgets(dataset: str) -> Budgets:
+    """What a dataset's converter declares; the defaults for a dataset whose converter is not installed here."""
+    return get(dataset).budgets if dataset in names() else Budgets()
 
 
 def _instance(reference: str) -> Converter[Any]:

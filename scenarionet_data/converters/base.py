@@ -117,18 +117,25 @@ class Shard:
 
 @dataclass(frozen=True)
 class Budgets:
-    """How far real recordings of a dataset may stray from plausible motion.
+    """How far recorded motion may stray from plausible motion: the numbers in the soft rules of ``sql/checks``.
 
-    Checked over all moving objects, without the first and last step of each track and without reversing.
+    A scenario is judged by its moving objects, without the first and last step of each run of timesteps and without
+    reversing: it strays when half of what is measured is beyond a median, or 1 of 100 beyond a 99th percentile.
 
     Attributes:
-        velocity_median, velocity_p99: |velocity - change of position / dt| [m/s].
+        velocity_median, velocity_p99: |velocity - change of position / time| [m/s].
         heading_p99: |angle between velocity and heading| [rad] above 1 m/s.
+        step_speed: Distance over time between two timesteps [m/s]; what is faster has jumped.
+        link_gap: Distance from a lane's end to its successor's start [m].
+        outliers: Share of a dataset's scenarios that may stray.
     """
 
     velocity_median: float = 0.5
     velocity_p99: float = 5.0
     heading_p99: float = 1.0
+    step_speed: float = 60.0
+    link_gap: float = 5.0
+    outliers: float = 0.01
 
 
 Record = TypeVar("Record")

@@ -7,7 +7,7 @@ publish the same files.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -17,6 +17,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scenarionet_data import codec, tables
+from scenarionet_data.codec import Encoded
 from scenarionet_data.converters.base import Shard
 from scenarionet_data.errors import InvalidScenario, LakeError
 from scenarionet_data.scenario import ScenarioDescription
@@ -28,6 +29,12 @@ SCENARIOS_PER_FILE = 64
 """A footer of 64 row groups opens in 0.7 ms, one of 250 in 2-4 ms."""
 
 _SHARD_TABLES = ("tracks", "lights", "maps")
+_MAX_WAITING = 256
+_MAX_WAITING_BYTES = 64_000_000
+"""Scenarios, and bytes of them, that wait to be audited together: asking costs 50 ms, however few they are."""
+
+Audit = Callable[[LakeFiles, Sequence[Encoded]], Mapping[int, InvalidScenario]]
+"""Judges encoded scenarios before they are written: position in the sequence to why one is refused."""
 
 
 class ShardWriter:
@@ -38,9 +45,13 @@ class ShardWriter:
         shard: What is being converted.
         converter_version: Version of the converter.
         licence: Licence of the recordings; goes into every footer.
+        audit: Judges scenarios before they are written; what it refuses goes to quarantine.
     """
 
-    def __init__(self, files: LakeFiles, shard: Shard, converter_version: str, licence: str) -> None:
+    def __init__(
+        self, files: LakeFiles, shard: Shard, converter_version: str, licence: str, audit: Audit | None = None
+    ) -> None:
+        self._audit = audit
         self._files = files
         self._shard = shard
         self._version = converter_version
@@ -51,6 +62,8 @@ class ShardWriter:
             "scenarionet.licence": licence,
             "scenarionet.frame": "scenario frame: metres, radians, seconds; x forward-east, y left, z up",
         }
+        self._waiting: list[tuple[int, Encoded]] = []
+        self._num_bytes = 0
         self._parts: dict[str, _Part] = {}
         self._pending: list[dict[str, Any]] = []
         self._rows: list[dict[str, Any]] = []
@@ -60,11 +73,11 @@ class ShardWriter:
 
     @property
     def num_scenarios(self) -> int:
-        """Scenarios added so far."""
+        """Scenarios added so far, those among them that the audit will refuse."""
         return len(self._ids)
 
     def add(self, scenario: ScenarioDescription) -> None:
-        """Validate, encode and write one scenario.
+        """Validate and encode one scenario; it is written together with others.
 
         Raises:
             InvalidScenario: It breaks the contract, belongs elsewhere, or its id was added before.
@@ -78,13 +91,12 @@ class ShardWriter:
         if scenario.id in self._ids:
             raise InvalidScenario(scenario.id, "id", "wanted an id of its own, found it twice in this shard")
         encoded = codec.encode(scenario, self._version)
+        position = len(self._ids) + len(self._rejected)
         self._ids.add(scenario.id)
-        row = dict(encoded.metadata)
-        for table in _SHARD_TABLES:
-            row.update(self._write(table, getattr(encoded, table)))
-        self._pending.append(row)
-        if len(self._pending) == SCENARIOS_PER_FILE:
-            self._close_parts()
+        self._waiting.append((position, encoded))
+        self._num_bytes += sum(rows.nbytes for rows in _batches(encoded).values())
+        if len(self._waiting) == _MAX_WAITING or self._num_bytes > _MAX_WAITING_BYTES:
+            self._write_waiting()
 
     def reject(self, position: int, error: Exception) -> None:
         """Note that the record at ``position`` has become no scenario, and why."""
@@ -103,11 +115,23 @@ class ShardWriter:
             }
         )
 
-    def finish(self, max_scenarios: int | None = None) -> ShardRecord:
-        """Publish everything, the metadata file last; returns the shard's record."""
+    def finish(self, max_scenarios: int | None = None, num_records: int | None = None) -> ShardRecord:
+        """Publish everything, the metadata file last; returns the shard's record.
+
+        Args:
+            max_scenarios: Where conversion was told to stop.
+            num_records: Records read from the source.
+
+        Raises:
+            LakeError: Records read are not those converted and those in quarantine.
+        """
+        self._write_waiting()
         self._close_parts()
+        if num_records not in (None, len(self._rows) + len(self._rejected)):
+            kept = f"{len(self._rows)} scenarios and {len(self._rejected)} in quarantine"
+            raise LakeError(f"{self._shard.name}: read {num_records} records, but kept {kept}; please report it")
         if self._rejected:
-            self._publish_table("quarantine", self._rejected)
+            self._publish_table("quarantine", sorted(self._rejected, key=lambda row: int(row["position"])))
         shard, key = self._shard, shard_key(self._shard, self._version)
         record = ShardRecord(
             key=key,
@@ -140,6 +164,23 @@ class ShardWriter:
         self._parts.clear()
 
     # --- parts --------------------------------------------------------------------------------------
+
+    def _write_waiting(self) -> None:
+        """Audit the scenarios that wait, and write or reject each."""
+        waiting, self._waiting, self._num_bytes = self._waiting, [], 0
+        encoded = [each for _, each in waiting]
+        refused = self._audit(self._files, encoded) if self._audit and encoded else {}
+        for number, (position, each) in enumerate(waiting):
+            if number in refused:
+                self._ids.remove(each.metadata["scenario_id"])
+                self.reject(position, refused[number])
+                continue
+            row, batches = dict(each.metadata), _batches(each)
+            for table in _SHARD_TABLES:
+                row.update(self._write(table, batches.get(table)))
+            self._pending.append(row)
+            if len(self._pending) == SCENARIOS_PER_FILE:
+                self._close_parts()
 
     def _write(self, table: str, batch: pa.RecordBatch | None) -> dict[str, Any]:
         """Write a scenario's rows as one row group; returns its address columns but for the file."""
@@ -176,6 +217,11 @@ class ShardWriter:
         name = f"{folder}/{self._shard.name}-{checksum[:16]}.parquet"
         self._files.publish(temporary, name)
         self._published.append((name, size, checksum))
+
+
+def _batches(encoded: Encoded) -> dict[str, pa.RecordBatch]:
+    """The rows that there are, by table."""
+    return {name: getattr(encoded, name) for name in _SHARD_TABLES if getattr(encoded, name) is not None}
 
 
 class _Part:

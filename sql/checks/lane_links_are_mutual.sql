@@ -1,20 +1,32 @@
 -- hard: Where a lane names a successor in the same map, that lane names it as a predecessor, and the other way round.
-WITH lanes AS (
-    SELECT map_id, feature_id, entry_lanes, exit_lanes FROM maps WHERE starts_with(feature_type, 'LANE_')
-),
-forward AS (
-    SELECT * FROM (SELECT map_id, feature_id AS first, unnest(exit_lanes) AS second FROM lanes)
-    WHERE (map_id, second) IN (SELECT (map_id, feature_id) FROM lanes)
-),
-backward AS (
-    SELECT * FROM (SELECT map_id, unnest(entry_lanes) AS first, feature_id AS second FROM lanes)
-    WHERE (map_id, first) IN (SELECT (map_id, feature_id) FROM lanes)
+WITH links AS (
+    SELECT dataset, version, map_id, feature_id AS first, unnest(exit_lanes) AS second, 1 AS side FROM lanes
+    UNION ALL
+    SELECT dataset, version, map_id, unnest(entry_lanes), feature_id, 2 FROM lanes
 ),
 one_way AS (
-    (FROM forward EXCEPT FROM backward) UNION ALL (FROM backward EXCEPT FROM forward)
-),
-broken AS (
-    SELECT map_id, min(first || ' -> ' || second) AS example, count(*) AS n FROM one_way GROUP BY map_id
+    SELECT dataset, version, map_id, first, second
+    FROM links
+    GROUP BY ALL
+    HAVING min(side) = max(side)
 )
-SELECT scenario_id, n || ' links are one-way, for example ' || example AS detail
-FROM broken JOIN metadata_rows USING (map_id);
+-- Both lanes have to be in the map, and in the window that a scenario has on a shared one.
+SELECT
+    scenario_id,
+    if(scenario_id IS NULL, concat_ws('/', 'map ' || dataset, version, map_id) || ': ', '')
+    || count(*) || ' links are one-way, for example ' || min(first || ' -> ' || second) AS detail
+FROM one_way
+JOIN lanes AS a USING (dataset, version, map_id)
+JOIN lanes AS b USING (dataset, version, map_id)
+JOIN map_windows AS w USING (dataset, version, map_id)
+WHERE
+    a.feature_id = first
+    AND b.feature_id = second
+    AND (
+        w.is_whole
+        OR (
+            greatest(a.min_x, b.min_x) <= w.max_x AND least(a.max_x, b.max_x) >= w.min_x
+            AND greatest(a.min_y, b.min_y) <= w.max_y AND least(a.max_y, b.max_y) >= w.min_y
+        )
+    )
+GROUP BY scenario_id, dataset, version, map_id;

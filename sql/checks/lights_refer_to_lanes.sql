@@ -1,7 +1,4 @@
 -- hard: Each light says truly whether its lane is in the map, and has a state for every timestep.
-WITH known AS (
-    SELECT DISTINCT map_id, feature_id FROM maps
-)
 SELECT
     l.scenario_id,
     CASE
@@ -12,5 +9,11 @@ SELECT
     END AS detail
 FROM lights AS l
 JOIN metadata_rows AS m USING (scenario_id)
-LEFT JOIN known AS k ON k.map_id = m.map_id AND k.feature_id = l.lane_id
-WHERE len(l.state) <> m.num_timesteps OR l.is_lane_in_map <> (k.feature_id IS NOT NULL);
+WHERE
+    len(l.state) <> m.num_timesteps
+    OR l.is_lane_in_map <> EXISTS (
+        SELECT 1
+        FROM maps AS f
+        WHERE
+            f.dataset = m.dataset AND f.version = m.version AND f.map_id = m.map_id AND f.feature_id = l.lane_id
+    );

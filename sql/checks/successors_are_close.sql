@@ -1,22 +1,32 @@
--- soft: A lane ends within 5 m of where its successors begin.
-WITH lanes AS (
-    SELECT map_id, feature_id, x[1] AS x0, y[1] AS y0, x[-1] AS x1, y[-1] AS y1, origin_x, origin_y, exit_lanes
-    FROM maps
-    WHERE starts_with(feature_type, 'LANE_')
+-- soft: A lane ends where its successors begin, within the dataset's gap between links.
+WITH links AS (
+    SELECT *, unnest(exit_lanes) AS successor FROM lanes JOIN budgets USING (dataset)
 ),
-links AS (
-    SELECT *, unnest(exit_lanes) AS successor FROM lanes
-),
-far AS (
+seen AS (
     SELECT
-        a.map_id,
+        w.scenario_id,
+        w.dataset,
+        w.version,
+        w.map_id,
         a.feature_id || ' -> ' || b.feature_id AS link,
-        sqrt((a.x1 - b.x0 + a.origin_x - b.origin_x) ** 2 + (a.y1 - b.y0 + a.origin_y - b.origin_y) ** 2) AS gap
-    FROM links AS a JOIN lanes AS b ON b.map_id = a.map_id AND b.feature_id = a.successor
-    WHERE gap > 5
-),
-broken AS (
-    SELECT map_id, count(*) AS n, max(gap) AS gap, arg_max(link, gap) AS link FROM far GROUP BY map_id
+        sqrt((a.end_x - b.start_x) ** 2 + (a.end_y - b.start_y) ** 2) AS gap
+    FROM links AS a
+    JOIN lanes AS b
+        ON b.dataset = a.dataset AND b.version = a.version AND b.map_id = a.map_id AND b.feature_id = a.successor
+    JOIN map_windows AS w ON w.dataset = a.dataset AND w.version = a.version AND w.map_id = a.map_id
+    WHERE
+        gap > a.link_gap
+        AND (
+            w.is_whole
+            OR (
+                greatest(a.min_x, b.min_x) <= w.max_x AND least(a.max_x, b.max_x) >= w.min_x
+                AND greatest(a.min_y, b.min_y) <= w.max_y AND least(a.max_y, b.max_y) >= w.min_y
+            )
+        )
 )
-SELECT scenario_id, printf('%d links jump, the widest %s by %.1f m', n, link, gap) AS detail
-FROM broken JOIN metadata_rows USING (map_id);
+SELECT
+    scenario_id,
+    if(scenario_id IS NULL, concat_ws('/', 'map ' || dataset, version, map_id) || ': ', '')
+    || printf('%d links jump, the widest %s by %.1f m', count(*), arg_max(link, gap), max(gap)) AS detail
+FROM seen
+GROUP BY scenario_id, dataset, version, map_id;

@@ -183,3 +183,13 @@ def test_a_bar_on_a_terminal(tmp_path):
     assert "converted" in output
     assert b"scenarios/s" in shown
     assert b"2/2" in shown
+
+
+def test_a_broken_contract_is_quarantined_unless_told_otherwise(tmp_path):
+    raw = write_raw(tmp_path / "raw", {"a": ["1", "2 oneway", "3"]})
+    name = "tests.scenarionet_data.test_audit:OneWay"
+    result = run("convert", name, raw, tmp_path / "lake", "--quiet")
+    assert result.exit_code == 1
+    assert "1 x InvalidScenario" in result.stdout
+    assert "links are one-way" in result.stdout
+    assert run("convert", name, raw, tmp_path / "other", "--quiet", "--no-check").exit_code == 0

@@ -169,6 +169,44 @@ def test_check(lake, ok, as_json):
     assert run("check", lake, "--only", "ids_are_uniqe").exit_code == 2
 
 
+def test_scorecard(lake, ok, as_json, tmp_path):
+    text = ok("check", lake, "--scorecard", "-o", tmp_path / "card.csv")
+    assert text.startswith("made/v1/train\n  holds    9 scenarios, 1 in quarantine\n")
+    assert "nothing is published about this split" in text
+    assert "budgets  velocity_median 0.5, velocity_p99 5, " in text
+    assert "doubtful  successors_are_close     9  100.00%  made/v1/s000001: " in text
+    rows = pl.read_csv(tmp_path / "card.csv")
+    assert rows.filter(pl.col("check") == "successors_are_close").select("broken", "share").row(0) == (9, 1.0)
+    found = as_json("check", lake, "--scorecard")
+    (partition,) = found["scorecard"]["partitions"]
+    assert (partition["scenarios"], partition["quarantined"], partition["budgets"]["outliers"]) == (9, 1, 0.01)
+    assert {mark["check"] for mark in partition["marks"]} == {check["name"] for check in found["checks"]}
+    assert run("check", lake, "--scorecard", "--strict").exit_code == 1
+
+
+@pytest.mark.parametrize("suffix", ["parquet", "csv", "json"])
+def test_check_parts_the_good_from_the_broken(lake, suffix, ok, tmp_path):
+    ok("filter", lake, "--where", "source_scenario_id < 's00001'", "--to", "few")
+    text = ok("check", lake, "few", "--to", "good", "--broken", tmp_path / f"broken.{suffix}")
+    assert text.endswith("good@1: 6 of 6 scenarios\n")
+    read = {"parquet": pl.read_parquet, "csv": pl.read_csv, "json": pl.read_json}[suffix]
+    rows = read(tmp_path / f"broken.{suffix}")
+    assert rows["check"].unique().to_list() == ["successors_are_close"]
+    assert rows["scenario_id"].to_list() == Lake(lake).database("few").scenario_ids
+    assert run("check", lake, "few", "--to", "good").exit_code == 1
+    assert ok("check", lake, "few", "--to", "good", "--overwrite").endswith("good@2: 6 of 6 scenarios\n")
+    nothing = run("check", lake, "few", "--to", "best", "--strict")
+    assert nothing.exit_code == 2
+    assert "nothing to save" in nothing.stderr
+
+
+def test_check_says_which_files_it_writes(lake, tmp_path):
+    for words in (("--scorecard", "-o", "card.txt"), ("--broken", "broken"), ("-o", "card.csv")):
+        result = run("check", lake, *words)
+        assert result.exit_code == 2
+        assert "--scorecard" in result.stderr or ".parquet, .csv, .json" in result.stderr
+
+
 def test_check_names_what_is_gone(lake, ok):
     gone = Path(ok("files", lake, "tracks").split()[0])
     gone.unlink()

@@ -39,6 +39,7 @@ _REASONS = 5
 @click.option("--where", multiple=True, metavar="KEY=PATTERN", help="Only what is known to be so: file, name, log, ...")
 @click.option("--replace", is_flag=True, help="Replace what was converted with other options or has changed.")
 @click.option("--stale", is_flag=True, help="Replace what another version of the converter wrote.")
+@click.option("--no-check", is_flag=True, help="Take scenarios that break a hard rule of `scenarionet check`, too.")
 @click.option("--dry-run", is_flag=True, help="Say what there is to do, and about how long it takes.")
 @click.option("-O", "options", multiple=True, metavar="KEY=VALUE", help="An option of the converter; repeatable.")
 @json_option
@@ -55,6 +56,7 @@ def command(
     where: tuple[str, ...],
     replace: bool,
     stale: bool,
+    no_check: bool,
     dry_run: bool,
     options: tuple[str, ...],
     as_json: bool,
@@ -67,6 +69,9 @@ def command(
 
     What is converted once is never converted again: run the same command after an interruption, or when
     recordings were added, and it goes on from there.
+
+    A record that cannot be read, and a scenario that breaks a hard rule of `scenarionet check`, go to quarantine
+    with the reason, and the run goes on; the exit code is 1 then.
 
     --where chooses by what is known before anything is converted, with shell patterns: the file of an input, the
     name of its shard, and what the dataset tells, for example the location, log, date and tags of nuPlan's logs
@@ -98,6 +103,7 @@ def command(
                 lake,
                 workers=workers or default_workers(),
                 limit=limit,
+                is_checked=not no_check,
                 on_progress=progress.update,
                 **common,
             )

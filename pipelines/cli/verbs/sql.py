@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -12,14 +11,13 @@ import click
 from pipelines.cli.group import verb
 from pipelines.cli.output import count, print_json, print_table
 from pipelines.cli.parameters import json_option, lake_argument, pairs, snapshot_option
-from scenarionet_data.errors import BadParameter
+from pipelines.cli.table_file import check_suffix, flat, write_table
 
 if TYPE_CHECKING:
     import polars as pl
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _MAX_ROWS, _MAX_CELL = 100, 60
-_SUFFIXES = (".parquet", ".csv", ".json")
 
 
 @verb(
@@ -55,18 +53,18 @@ def command(
     if not query:
         _list_names(as_json)
         return
-    if output and Path(output).suffix not in _SUFFIXES:
-        raise BadParameter(f"-o {output}: wanted a file name that ends in {', '.join(_SUFFIXES)}")
+    if output:
+        check_suffix(output, "-o")
     words = pairs(parameters, "-p")
     opened = Lake(lake, snapshot)
     rows = opened.ask(query, words) if _NAME.fullmatch(query) else opened.sql(query, _values(words))
     if output:
-        _write(rows, Path(output))
+        write_table(rows, output)
         click.echo(f"{count(len(rows), 'row')} in {output}", err=True)
     elif as_json:
         print_json({"columns": rows.columns, "rows": rows.to_dicts()})
     elif as_csv:
-        click.echo(_flat(rows).write_csv(), nl=False)
+        click.echo(flat(rows).write_csv(), nl=False)
     else:
         _print(rows)
 
@@ -87,23 +85,6 @@ def _print(rows: pl.DataFrame) -> None:
     print_table(rows.head(_MAX_ROWS).iter_rows(), rows.columns, _MAX_CELL)
     if len(rows) > _MAX_ROWS:
         click.echo(f"... {len(rows) - _MAX_ROWS:,} more rows; --csv, --json or -o FILE give all", err=True)
-
-
-def _write(rows: pl.DataFrame, path: Path) -> None:
-    if path.suffix == ".parquet":
-        rows.write_parquet(path)
-    elif path.suffix == ".csv":
-        _flat(rows).write_csv(path)
-    else:
-        rows.write_json(path)
-
-
-def _flat(rows: pl.DataFrame) -> pl.DataFrame:
-    """Lists and structs as JSON text, which is all a CSV file can hold."""
-    import polars as pl
-
-    nested = [name for name, kind in rows.schema.items() if kind.is_nested()]
-    return rows.with_columns(pl.Series(name, [json.dumps(v) for v in rows[name].to_list()]) for name in nested)
 
 
 def _list_names(as_json: bool) -> None:

@@ -16,10 +16,10 @@ import pytest
 
 from scenarionet_data.converters.argoverse2 import Argoverse2
 from scenarionet_data.errors import CorruptSource
-from scenarionet_data.testing import motion_errors
 from scenarionet_data.vocabulary import ObjectType
 from tests.fixtures import argoverse2 as fixture
 from tests.fixtures import argoverse2_world as world
+from tests.fixtures.motion import motion_errors
 from tests.fixtures.reading import scenarios
 
 CONVERTER = Argoverse2()

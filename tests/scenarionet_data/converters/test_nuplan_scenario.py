@@ -16,10 +16,10 @@ import pytest
 from scenarionet_data import codec
 from scenarionet_data.converters.nuplan import NuPlan
 from scenarionet_data.scenario import ScenarioDescription
-from scenarionet_data.testing import motion_errors
 from scenarionet_data.vocabulary import LightState, ObjectType
 from tests.fixtures import nuplan as fixture
 from tests.fixtures import nuplan_drive as drives
+from tests.fixtures.motion import motion_errors
 from tests.fixtures.reading import scenarios
 
 CONVERTER = NuPlan()

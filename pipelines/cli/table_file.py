@@ -1,0 +1,43 @@
+"""Tables into files: Parquet, CSV or JSON, by the name's ending."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from scenarionet_data.errors import BadParameter
+
+if TYPE_CHECKING:
+    import polars as pl
+
+_SUFFIXES = (".parquet", ".csv", ".json")
+
+
+def check_suffix(path: str, option: str) -> None:
+    """Refuse a file name of another kind, before anything is computed.
+
+    Raises:
+        BadParameter: Naming the kinds there are.
+    """
+    if Path(path).suffix not in _SUFFIXES:
+        raise BadParameter(f"{option} {path}: wanted a file name that ends in {', '.join(_SUFFIXES)}")
+
+
+def write_table(rows: pl.DataFrame, path: str) -> None:
+    """Write rows to a file."""
+    suffix = Path(path).suffix
+    if suffix == ".parquet":
+        rows.write_parquet(path)
+    elif suffix == ".csv":
+        flat(rows).write_csv(path)
+    else:
+        rows.write_json(path)
+
+
+def flat(rows: pl.DataFrame) -> pl.DataFrame:
+    """Lists and structs as JSON text, which is all a CSV file can hold."""
+    import polars as pl
+
+    nested = [name for name, kind in rows.schema.items() if kind.is_nested()]
+    return rows.with_columns(pl.Series(name, [json.dumps(v) for v in rows[name].to_list()]) for name in nested)
