@@ -187,7 +187,28 @@ def check_expression(where: str) -> None:
     try:
         duckdb.SQLExpression(where)
     except duckdb.Error as error:
-        raise UnsafeSql(f"wanted one condition such as ego_distance > 10, found {where!r}: {error}") from error
+        place = _place_of_mistake(where)
+        raise UnsafeSql(
+            f"wanted one condition such as ego_distance > 10, found {where!r}: {error}"
+            + ("" if place is None else f" (character {place})")
+        ) from error
+
+
+def _place_of_mistake(where: str) -> int | None:
+    """Which character of an expression the parser stumbles over, from 1; None when it does not say."""
+    connection = duckdb.connect(config={"enable_external_access": False})  # parsing may read files
+    connection.execute("SET errors_as_json = true")
+    before = "SELECT "
+    try:
+        connection.extract_statements(before + where)
+    except duckdb.Error as error:
+        found = re.search(r'"position":"(\d+)"', str(error))
+        if found:
+            read = (before + where).encode()[: int(found.group(1))].decode(errors="ignore")
+            return len(read) - len(before) + 1
+    finally:
+        connection.close()
+    return None
 
 
 def _derived(table: str) -> str:

@@ -123,7 +123,7 @@ def test_errors_are_one_line_with_an_exit_code(words, code, says, raw, lake, tmp
 
 
 @pytest.mark.parametrize(
-    "words", ["lst lake", "list", "list lake --colour", "split lake db", "convert pg 0:2 lake --workers 0"]
+    "words", ["lst lake", "list", "list lake --colour", "split", "convert pg 0:2 lake --workers 0"]
 )
 def test_what_cannot_be_parsed_is_usage(words):
     result = run(*words.split())
