@@ -40,7 +40,7 @@ def print_diff(diff: Diff) -> None:
     for what in ("came", "went", "changed"):
         ids = diff.ids(what, _MAX_IDS)
         more = diff.count(what) - len(ids)
-        print_table((f"  {what}", name) for name in ids)
+        print_table(("", what, name) for name in ids)
         if more > 0:
             click.echo(f"  {what}  and {more:,} more: --json lists all")
     if diff.columns:

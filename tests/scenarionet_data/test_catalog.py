@@ -573,9 +573,7 @@ def test_databases_that_are_not_there_are_named_with_those_that_are(own):
 
 
 def test_an_empty_database_is_one_when_it_is_asked_for(own):
-    with pytest.raises(
-        EmptyResult, match=rf"none: no scenario is left of {COUNT}; loosen the conditions, or --al"
-    ):
+    with pytest.raises(EmptyResult, match=rf"none: no scenario is left of {COUNT}; loosen the conditions, or --al"):
         own.filter("false", name="none")
     assert own.databases == []
     none = own.filter("false", name="none", allow_empty=True)

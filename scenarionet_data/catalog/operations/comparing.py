@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -13,8 +14,8 @@ from scenarionet_data import tables
 from scenarionet_data.catalog import database as databases
 from scenarionet_data.catalog.database import Database
 from scenarionet_data.catalog.members import ADDRESS_COLUMNS
-from scenarionet_data.catalog.operations.pool import Pool
-from scenarionet_data.errors import BadParameter
+from scenarionet_data.catalog.operations.pool import Pool, StaleDatabaseWarning
+from scenarionet_data.errors import BadParameter, NoSuchSnapshot
 from scenarionet_data.store import snapshot as snapshots
 
 if TYPE_CHECKING:
@@ -125,7 +126,11 @@ def _side(lake: Lake, which: Database | str) -> _Side:
 
 def _changed_columns(lake: Lake, before: _Side, after: _Side) -> tuple[ColumnChange, ...]:
     """Compares the rows of metadata files that only one of the snapshots has: files never change."""
-    found = [snapshots.read(lake.files, side.snapshot) for side in (before, after)]
+    try:
+        found = [snapshots.read(lake.files, side.snapshot) for side in (before, after)]
+    except NoSuchSnapshot as error:
+        warnings.warn(f"columns cannot be compared, only members: {error}", StaleDatabaseWarning, stacklevel=3)
+        return ()
     for snapshot in found:
         snapshots.check_schemas(lake.files, snapshot)
     own = [sorted({*a.metadata} - {*b.metadata}) for a, b in (found, found[::-1])]
