@@ -7,8 +7,6 @@ import pytest
 from scenarionet_data import Lake
 from tests.pipelines.conftest import run
 
-pytestmark = pytest.mark.filterwarnings("ignore:this split leaks")
-
 
 @pytest.fixture
 def two(lake, ok):
@@ -33,6 +31,7 @@ def test_filter_by_ids(lake, tmp_path, ok, as_json):
     assert as_json("filter", lake, "--where", "false", "--to", "x", "--allow-empty")["count"] == 0
 
 
+@pytest.mark.filterwarnings("ignore:this split leaks")
 def test_split_ways(lake, ok, as_json):
     assert len(as_json("split", lake, "--levels", "3", "--prefix", "l")) == 3
     assert set(as_json("split", lake, "--each", "num_objects", "--prefix", "n")) == {"4", "5"}
