@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
+from pipelines.cli import cli
 from scenarionet_data import dictionary
 from tests.fixtures.argoverse2 import write_forecasting
 from tests.fixtures.scenarionet_pickles import write_vintages
@@ -36,30 +40,36 @@ def test_readme_examples_run(tmp_path):
     write_tfrecord(tmp_path / "recordings/waymo/training/training.tfrecord-00000-of-01000", [scenario_bytes(1)])
     write_forecasting(tmp_path / "recordings/argoverse2/val", num_scenarios=2, seed=0)
     write_vintages(tmp_path / "recordings/pickles")
-    assert run_blocks("README.md", tmp_path) >= 9
-
-
-def test_examples_of_databases_run(tmp_path):
-    """Every bash and python block, in order, in one folder."""
-    assert run_blocks("docs/databases.md", tmp_path) >= 9
-
-
-def run_blocks(page, folder):
-    """Runs a page's bash and python blocks in a folder; returns how many."""
-    command = folder / "bin" / "scenarionet"
+    command = tmp_path / "bin" / "scenarionet"
     command.parent.mkdir()
     command.write_text(f'#!/bin/sh\nexec {sys.executable} -m pipelines.cli "$@"\n')
     command.chmod(0o755)
     environment = os.environ | {"PYTHONPATH": str(ROOT), "PATH": f"{command.parent}:{os.environ['PATH']}"}
-    text = (ROOT / page).read_text("utf-8")
+    text = (ROOT / "README.md").read_text("utf-8")
     found = re.findall(r"^```(bash|python)\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    assert len(found) >= 9
     for language, code in found:
         runner = ["bash", "-euo", "pipefail", "-c"] if language == "bash" else [sys.executable, "-c"]
         done = subprocess.run(
-            [*runner, code], cwd=folder, env=environment, capture_output=True, text=True, check=False
+            [*runner, code], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
         )
         assert done.returncode == 0, code + done.stdout + done.stderr
-    return len(found)
+
+
+def test_examples_of_databases_run(tmp_path, monkeypatch):
+    """Every command of the page, in order, in this process, then its Python; warnings are part of the page."""
+    monkeypatch.chdir(tmp_path)
+    commands = [line for block in blocks("docs/databases.md", "bash") for line in block.splitlines()]
+    assert len(commands) >= 25
+    with warnings.catch_warnings():
+        warnings.simplefilter("default")
+        for command in commands:
+            program, *words = shlex.split(command)
+            assert program == "scenarionet"
+            result = CliRunner().invoke(cli, words)
+            assert result.exit_code == 0, command + result.output
+        (code,) = blocks("docs/databases.md", "python")
+        exec(code, {})
 
 
 def test_readme_names_make_targets_that_exist():
