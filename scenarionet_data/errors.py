@@ -4,9 +4,10 @@
       SourceError        the raw data: SourceNotFound, CorruptSource, MissingDependency
       InvalidScenario    one scenario is unusable: quarantined and counted, the run goes on
       LakeError          the lake: SchemaMismatch, SnapshotConflict, NoSuchSnapshot,
-                         ScenarioNotFound, DatabaseNotFound, DatabaseExists, DuplicateScenario, BrokenContract
+                         ScenarioNotFound, DuplicateScenario, BrokenContract, DatabaseNotFound,
+                         DatabaseExists, DatabaseInUse, LeakingSplit
       WorkerLost         a worker process died; what it had finished is kept
-      QueryError         the user's words: UnknownFilter, UnknownQuery, BadParameter, UnsafeSql
+      QueryError         the user's words: UnknownFilter, UnknownQuery, BadParameter, UnsafeSql, EmptyResult
 
 Messages are one sentence that says what was found, followed by what to do next.
 """
@@ -84,7 +85,15 @@ class DatabaseNotFound(LakeError, KeyError):
 
 
 class DatabaseExists(LakeError):
-    """A database of that name exists and overwriting was not asked for."""
+    """A database of that name exists and replacing it was not asked for."""
+
+
+class DatabaseInUse(LakeError):
+    """Other databases were made from this one: without it, nobody could say how."""
+
+
+class LeakingSplit(LakeError):
+    """Scenarios of one source log would stand in several parts of a split."""
 
 
 class DuplicateScenario(LakeError):
@@ -117,3 +126,7 @@ class BadParameter(QueryError):
 
 class UnsafeSql(QueryError):
     """The SQL is not a single reading statement or expression."""
+
+
+class EmptyResult(QueryError):
+    """No scenario is left, and a database without members was not asked for."""

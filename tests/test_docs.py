@@ -5,12 +5,16 @@ from __future__ import annotations
 import json
 import os
 import re
+import shlex
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
+from pipelines.cli import cli
 from scenarionet_data import dictionary
 from tests.fixtures.argoverse2 import write_forecasting
 from tests.fixtures.scenarionet_pickles import write_vintages
@@ -58,6 +62,22 @@ def test_readme_examples_run(tmp_path):
             [*runner, code], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
         )
         assert done.returncode == 0, code + done.stdout + done.stderr
+
+
+def test_examples_of_databases_run(tmp_path, monkeypatch):
+    """Every command of the page, in order, in this process, then its Python; warnings are part of the page."""
+    monkeypatch.chdir(tmp_path)
+    commands = [line for block in blocks("docs/databases.md", "bash") for line in block.splitlines()]
+    assert len(commands) >= 25
+    with warnings.catch_warnings():
+        warnings.simplefilter("default")
+        for command in commands:
+            program, *words = shlex.split(command)
+            assert program == "scenarionet"
+            result = CliRunner().invoke(cli, words)
+            assert result.exit_code == 0, command + result.output
+        (code,) = blocks("docs/databases.md", "python")
+        exec(code, {})
 
 
 def test_readme_names_make_targets_that_exist():

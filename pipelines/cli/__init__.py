@@ -14,7 +14,9 @@ from pipelines.cli.interrupt import stop_cleanly
 VERBS = {
     "Bring recordings in": ("convert", "converters"),
     "Look": ("list", "show", "sql", "files"),
-    "Choose": ("filter", "filters", "split"),
+    "Choose": ("filter", "filters", "split", "sample"),
+    "Combine": ("merge", "intersect", "subtract", "diff", "overlap"),
+    "Keep databases": ("lineage", "rebuild", "rebase", "copy", "rename", "drop", "checkout"),
     "Hand on": ("export",),
     "Keep healthy": ("check", "doctor"),
 }

@@ -11,8 +11,10 @@ from scenarionet_data.errors import BadParameter
 lake_argument = click.argument("lake")
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 quiet_option = click.option("--quiet", is_flag=True, help="No progress.")
-overwrite_option = click.option("--overwrite", is_flag=True, help="Replace what is there.")
-new_version_option = click.option("--overwrite", is_flag=True, help="Make a new version of an existing database.")
+replace_option = click.option("--replace", is_flag=True, help="Replace what is there.")
+new_version_option = click.option("--replace", is_flag=True, help="Make a new version of an existing database.")
+allow_empty_option = click.option("--allow-empty", is_flag=True, help="Save a database without members too.")
+to_option = click.option("--to", "name", required=True, metavar="NAME", help="Name of the new database.")
 snapshot_option = click.option("--snapshot", type=click.IntRange(0), help="Look at this snapshot, not the newest.")
 
 

@@ -123,6 +123,9 @@ class Engine:
             except duckdb.IOException as error:
                 remedy = f"`scenarionet check {self._files.root}` says what is gone or damaged"
                 raise LakeError(f"{error}; {remedy}") from error
+            except duckdb.ParserException as error:
+                message, _, excerpt = str(error).partition("\n")
+                raise QueryError(f"{message}{_place_of_mistake(sql)}\n{excerpt}") from error
             except duckdb.Error as error:
                 raise QueryError(str(error)) from error
             finally:
@@ -198,7 +201,29 @@ def check_expression(where: str) -> None:
     try:
         duckdb.SQLExpression(where)
     except duckdb.Error as error:
-        raise UnsafeSql(f"wanted one condition such as ego_distance > 10, found {where!r}: {error}") from error
+        place = _place_of_mistake(where, "SELECT ")
+        raise UnsafeSql(f"wanted one condition such as ego_distance > 10, found {where!r}: {error}{place}") from error
+
+
+def _place_of_mistake(sql: str, before: str = "") -> str:
+    """Which character the parser stumbles over, from 1, in words; nothing when it does not say.
+
+    Args:
+        sql: What was typed.
+        before: What makes a statement of it.
+    """
+    connection = duckdb.connect(config={"enable_external_access": False})  # parsing may read files
+    connection.execute("SET errors_as_json = true")
+    try:
+        connection.extract_statements(before + sql)
+    except duckdb.Error as error:
+        found = re.search(r'"position":"(\d+)"', str(error))
+        if found:
+            read = (before + sql).encode()[: int(found.group(1))].decode(errors="ignore")
+            return f" (character {len(read) - len(before) + 1})"
+    finally:
+        connection.close()
+    return ""
 
 
 def _derived(table: str) -> str:

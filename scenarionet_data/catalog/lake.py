@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -12,24 +10,31 @@ from typing import TYPE_CHECKING, Any
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from scenarionet_data import software
-from scenarionet_data.catalog import choosing, queries
 from scenarionet_data.catalog import database as databases
-from scenarionet_data.catalog.choosing import Pool
+from scenarionet_data.catalog import queries
 from scenarionet_data.catalog.database import Database, Lineage
 from scenarionet_data.catalog.engine import FILE_TABLES, Engine, table_files
 from scenarionet_data.catalog.members import ADDRESS_COLUMNS, locate
-from scenarionet_data.errors import BadParameter, DatabaseExists, NoSuchSnapshot, ScenarioNotFound
+from scenarionet_data.catalog.operations import (
+    ancestry as ancestors,
+)
+from scenarionet_data.catalog.operations import (
+    combining,
+    comparing,
+    filtering,
+    overlapping,
+    pool,
+    repeating,
+    sampling,
+    splitting,
+)
+from scenarionet_data.errors import BadParameter, NoSuchSnapshot, ScenarioNotFound
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
 from scenarionet_data.store.snapshot import Snapshot
 
 if TYPE_CHECKING:
     import polars as pl
-
-
-class StaleDatabaseWarning(UserWarning):
-    """Members of a database have changed in the newest snapshot; it is read from the one it was made on."""
 
 
 class Lake:
@@ -67,6 +72,10 @@ class Lake:
         """The same lake at its newest snapshot."""
         return Lake(self.root)
 
+    def at(self, snapshot: int) -> Lake:
+        """The same lake at another snapshot."""
+        return self if snapshot == self.snapshot.number else Lake(self.root, snapshot)
+
     @cached_property
     def _engine(self) -> Engine:
         return Engine(self.files, self.snapshot)
@@ -87,6 +96,10 @@ class Lake:
             QueryError: DuckDB does not understand it.
         """
         return self._engine.select(query, parameters)
+
+    def arrow(self, query: str, parameters: Mapping[str, Any] | None = None, **tables: pa.Table) -> pa.Table:
+        """Like :meth:`sql`, as an Arrow table; ``tables`` are known to this query by their names."""
+        return self._engine.arrow(query, parameters, **tables)
 
     def summary(self) -> pl.DataFrame:
         """Scenarios, objects and hours by dataset, version and split."""
@@ -153,108 +166,38 @@ class Lake:
         Raises:
             DatabaseNotFound: The message lists those that are there.
         """
-        plain, _, version = name.partition("@")
-        if version and not version.isdecimal():
-            raise BadParameter(f"{name!r}: wanted name or name@version, with a number")
-        return databases.read(self.files, plain, int(version) if version else None)
+        return databases.read(self.files, *databases.parse_reference(name))
 
     def lineage(self, name: str) -> tuple[str, Lineage]:
-        """``name@version`` of a database's newest version and how it was made, without reading its members.
+        """``name@version`` of a database and how it was made, without reading its members.
 
         Raises:
             DatabaseNotFound: The message lists those that are there.
         """
-        return databases.lineage(self.files, name)
+        return databases.lineage(self.files, *databases.parse_reference(name))
 
-    def filter(
-        self,
-        where: str = "true",
-        *,
-        name: str,
-        parent: Database | str | None = None,
-        named: Sequence[str] = (),
-        parameters: Mapping[str, Any] | None = None,
-        overwrite: bool = False,
-    ) -> Database:
-        """Save the scenarios that satisfy a condition as a database.
+    # What is done with databases is explained where it is done.
+    filter = filtering.keep
+    split = splitting.split
+    sample = sampling.sample
+    merge = combining.merge
+    intersect = combining.intersect
+    subtract = combining.subtract
+    copy = combining.copy
+    rename = combining.rename
+    drop = combining.drop
+    checkout = combining.checkout
+    ancestry = ancestors.ancestry
+    rebuild = repeating.rebuild
+    rebase = repeating.rebase
+    diff = comparing.diff
+    overlap = overlapping.overlap
 
-        Args:
-            where: SQL expression over the columns of ``metadata``.
-            name: Name of the new database.
-            parent: Search only the members of this database, in its order.
-            named: Filters of ``sql/filters`` that must hold too, as ``name:key=value``.
-            parameters: Values for ``$name`` in ``where``.
-            overwrite: Make a further version of an existing database.
-
-        Raises:
-            UnsafeSql: ``where`` is no single expression.
-            QueryError: DuckDB does not understand it.
-            DatabaseExists: And ``overwrite`` is False.
-        """
-        databases.check_name(name)
-        pool = self._pool(parent)
-        query, bound = choosing.filter_query(pool, where, named, parameters or {})
-        members = pool.choose(query, bound)
-        return self._save(name, members, "filter", query, bound, pool, overwrite)
-
-    def split(
-        self,
-        parent: Database | str | None,
-        fractions: Mapping[str, float],
-        *,
-        seed: int = 0,
-        by: str = "scenario_id",
-        prefix: str | None = None,
-        overwrite: bool = False,
-    ) -> dict[str, Database]:
-        """Part a database by fractions, so that a scenario keeps its part as the lake grows.
-
-        Each scenario (or group, for example ``by="source_log"``) falls into a part by a hash of its id and
-        the seed; parts are therefore disjoint, exhaustive, the same on every machine, and near their fractions.
-
-        Args:
-            parent: The database to part; the whole lake for None.
-            fractions: Part name to fraction; they add up to 1.
-            seed: Another seed, another split.
-            by: Column whose equal values stay together.
-            prefix: Parts are saved as ``<prefix>_<part>``; the parent's name unless given.
-            overwrite: Make further versions of existing databases.
-
-        Raises:
-            BadParameter: Fractions do not add up to 1, or there is no such column.
-            DatabaseExists: And ``overwrite`` is False.
-        """
-        intervals = choosing.intervals(fractions)
-        stem = prefix or (self._resolve(parent).name if parent is not None else "all")
-        names = {part: f"{stem}_{part}" for part in fractions}
-        for name in names.values():
-            databases.check_name(name)
-            if not overwrite and databases.versions(self.files, name):
-                raise DatabaseExists(f"database {name!r} exists; give another --prefix, or --overwrite")
-        pool = self._pool(parent)
-        query = choosing.split_query(pool, by)
-        drawn = pool.choose(query, {"seed": str(seed)})
-        u, made = drawn["u"].to_numpy(), {}
-        for part, (lower, upper) in intervals.items():
-            bound = {"seed": seed, "by": by, "from": lower, "to": upper}
-            members = drawn.filter(pa.array((u >= lower) & (u < upper)))
-            made[part] = self._save(names[part], members, "split", query, bound, pool, overwrite)
-        return made
-
-    # --- behind them ----------------------------------------------------------------------------------
-
-    def _resolve(self, database: Database | str) -> Database:
+    def resolve_database(self, database: Database | str) -> Database:
+        """The database, or the one of that name."""
         return self.database(database) if isinstance(database, str) else database
 
-    def _pool(self, parent: Database | str | None) -> Pool:
-        """What a filter or split chooses from."""
-        if parent is None:
-            return Pool(self._engine, self.snapshot.number, "metadata", [])
-        found = self._resolve(parent)
-        holder = self._holding(found)[0]
-        scenarios = "metadata JOIN (SELECT scenario_id, position, weight FROM members) USING (scenario_id)"
-        tables = {"members": found.members}
-        return Pool(holder._engine, holder.snapshot.number, scenarios, [found.reference], tables)
+    # --- scenarios ------------------------------------------------------------------------------------
 
     def members(self, database: Database | str) -> pa.Table:
         """Address and description columns of a database's members, in order.
@@ -265,7 +208,7 @@ class Lake:
         Raises:
             ScenarioNotFound: They are in neither.
         """
-        return self._holding(self._resolve(database))[1]
+        return self._holding(self.resolve_database(database))[1]
 
     def locate(self, scenario_ids: Sequence[str]) -> pa.Table:
         """Address and description columns of scenarios, in the given order.
@@ -288,7 +231,7 @@ class Lake:
         if scenarios is None:
             scenarios = self._engine.arrow("SELECT scenario_id FROM metadata ORDER BY scenario_id")[0].to_pylist()
         if isinstance(scenarios, (Database, str)):
-            return self._holding(self._resolve(scenarios))
+            return self._holding(self.resolve_database(scenarios))
         return self, self.locate(list(scenarios))
 
     def shared_maps(self) -> dict[tuple[str, str, str], str]:
@@ -298,19 +241,8 @@ class Lake:
 
     def _holding(self, database: Database) -> tuple[Lake, pa.Table]:
         """The lake at a snapshot that holds every member unchanged, and where they lie in it."""
-        wanted = database.members.select(["scenario_id", "content_hash"])
-        found = locate(self._engine, wanted)
-        changed = found.num_rows - (found["is_found"].to_numpy().sum() if found.num_rows else 0)
-        if not changed:
-            return self, found
-        warnings.warn(
-            f"{changed} of {len(database)} members of {database.reference} changed after snapshot "
-            f"{database.lineage.snapshot} and are read from it; make the database again to move on",
-            StaleDatabaseWarning,
-            stacklevel=3,
-        )
-        older = Lake(self.root, database.lineage.snapshot)
-        return older, older._complete(locate(older._engine, wanted))
+        lake = pool.holding(self, [databases.stored(self.files, database)])
+        return lake, lake._complete(locate(lake._engine, database.members.select(["scenario_id", "content_hash"])))
 
     def _complete(self, found: pa.Table) -> pa.Table:
         missing = found.filter(pc.invert(found["is_found"]))
@@ -320,25 +252,3 @@ class Lake:
                 f"{missing.num_rows} of {found.num_rows} are missing: replaced, or never converted"
             )
         return found
-
-    def _save(
-        self,
-        name: str,
-        members: pa.Table,
-        operation: str,
-        query: str,
-        parameters: Mapping[str, Any],
-        pool: Pool,
-        overwrite: bool,
-    ) -> Database:
-        lineage = Lineage(
-            operation=operation,
-            sql=query,
-            parameters=json.loads(json.dumps(dict(parameters), default=str)),  # dates as text
-            parents=pool.parents,
-            snapshot=pool.snapshot,
-            created_at=snapshots.now(),
-            count=members.num_rows,
-            created_with=software.name_and_version(),
-        )
-        return databases.save(self.files, name, members, lineage, overwrite=overwrite)

@@ -50,6 +50,8 @@ class NamedSql:
     def _convert(self, key: str, word: str) -> Any:
         """A typed word as a value of the default's type."""
         kind = type(self.defaults[key])
+        if kind is list:
+            return word.split()
         try:
             return json.loads(word.lower()) is True if kind is bool else kind(word)
         except ValueError as error:

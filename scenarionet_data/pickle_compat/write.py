@@ -47,15 +47,15 @@ def export(
     scenarios: Iterable[ScenarioDescription],
     directory: Path,
     *,
-    overwrite: bool = False,
+    replace: bool = False,
     on_progress: Callable[[int], None] | None = None,
 ) -> ExportReport:
     """Write a ScenarioNet database.
 
     Args:
         scenarios: In the order of MetaDrive's scenario index.
-        directory: The database; new or empty, unless ``overwrite``.
-        overwrite: Replace a database of pickles that is there.
+        directory: The database; new or empty, unless ``replace``.
+        replace: Replace a database of pickles that is there.
         on_progress: Called with the number of scenarios done.
 
     Raises:
@@ -64,7 +64,7 @@ def export(
         InvalidScenario: None of the scenarios could be written; the first one's reason.
     """
     directory = Path(directory)
-    _check_target(directory, overwrite)
+    _check_target(directory, replace)
     summary: dict[str, Any] = {}
     refused: list[InvalidScenario] = []
     num_bytes = 0
@@ -120,14 +120,14 @@ def _without_arrays(value: Any) -> Any:
     return value
 
 
-def _check_target(directory: Path, overwrite: bool) -> None:
+def _check_target(directory: Path, replace: bool) -> None:
     if not directory.exists() or (directory.is_dir() and not any(directory.iterdir())):
         return
     foreign = [p.name for p in directory.iterdir() if not _is_ours(p)] if directory.is_dir() else [directory.name]
     if foreign:
         raise DatabaseExists(f"{directory}: holds {foreign[0]!r}, no database of pickles; give another directory")
-    if not overwrite:
-        raise DatabaseExists(f"{directory}: is not empty; allow overwriting, or give another directory")
+    if not replace:
+        raise DatabaseExists(f"{directory}: is not empty; --replace it, or give another directory")
 
 
 def _is_ours(path: Path) -> bool:

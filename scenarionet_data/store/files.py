@@ -9,6 +9,7 @@ from __future__ import annotations
 import errno
 import hashlib
 import os
+import shutil
 import time
 import uuid
 from collections.abc import Iterator
@@ -105,12 +106,39 @@ class LakeFiles:
                 temporary.unlink()
         return True
 
+    def move(self, folder: str, name: str) -> bool:
+        """Give a folder another name, at once; returns whether that name was free."""
+        target = self.path(name)
+        with writing(target):
+            try:
+                self.path(folder).rename(target)
+            except OSError as error:
+                if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
+                    raise
+                return False
+        return True
+
+    def remove(self, name: str) -> None:
+        """Remove a file or folder: nobody sees half of it."""
+        gone = self.temporary()
+        with writing(self.path(name)):
+            self.path(name).rename(gone)
+            _delete(gone)
+
     def sweep(self) -> None:
-        """Remove temporary files that a killed job left more than a day ago."""
-        for name in self.names(_TEMPORARY):
-            path = self.path(name)
-            if path.exists() and time.time() - path.stat().st_mtime > _ABANDONED_AFTER:
-                path.unlink(missing_ok=True)
+        """Remove what a killed job left below the temporary folder more than a day ago."""
+        for entry in self._entries(_TEMPORARY):
+            with suppress(FileNotFoundError):  # its owner was alive after all
+                if time.time() - entry.stat().st_mtime > _ABANDONED_AFTER:
+                    _delete(Path(entry.path))
+
+
+def _delete(path: Path) -> None:
+    """Remove a file or folder."""
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink()
 
 
 def sha256(path: Path) -> str:

@@ -50,40 +50,95 @@ print(json.dumps({
 """
 
 
+_OPERATIONS = {
+    "filter of a database": ('lake.filter("num_objects > 200", name="new", parent="all", replace=True)', 0.0),
+    "split 8:1:1": ('lake.split("all", {"a": 0.8, "b": 0.1, "c": 0.1}, replace=True)', 2.0),
+    "split by source log": ('lake.split("all", {"a": 0.8, "b": 0.2}, by="source_log", replace=True)', 0.0),
+    "split, stratified": (
+        'lake.split("all", {"a": 0.8, "b": 0.2}, by="source_log", stratify="city", replace=True)',
+        0.0,
+    ),
+    "merge of two": ('lake.merge(["far", "busy"], name="new", replace=True)', 2.0),
+    "diff": ('lake.diff("far", "busy")', 2.0),
+    "sample of 10,000": ('lake.sample("all", name="new", n=10_000, replace=True)', 0.0),
+}
+"""What is measured, each in a process of its own, and the seconds it may take."""
+
+_PREPARE = """
+import sys
+from scenarionet_data import Lake
+lake = Lake(sys.argv[1])
+lake.filter(name="all")
+lake.filter("ego_distance > 40", name="far")
+lake.filter("num_objects > 60", name="busy")
+"""
+
+_OPERATE = """
+import json, statistics, sys, time, warnings
+warnings.simplefilter("ignore")
+from scenarionet_data import Lake
+lake, took = Lake(sys.argv[1]), []
+for k in range(4):
+    started = time.perf_counter(), time.process_time()
+    exec(sys.argv[2])
+    took.append((time.perf_counter() - started[0], time.process_time() - started[1]))
+    if k == 0:
+        status = open("/proc/self/status").read()
+wall, cpu = (statistics.median(times) for times in zip(*took))
+print(json.dumps({"wall": wall, "cpu": cpu, "peak_mb": int(status.split("VmHWM:")[1].split()[0]) / 1024}))
+"""
+
+
 def figures() -> Iterator[Figure]:
-    """Figures for 100,000 and 1,000,000 rows."""
-    for rows, wanted in ((100_000, ("", "", "")), (1_000_000, ("<= 0.3", "<= 0.5", "<= 300"))):
+    """Figures for 100,000, 1,000,000 and 10,000,000 rows, the last in shards of ten times as many."""
+    for rows, shard_rows, wanted in (
+        (100_000, _SHARD_ROWS, ("", "", "")),
+        (1_000_000, _SHARD_ROWS, ("<= 0.3", "<= 0.5", "<= 300")),
+        (10_000_000, 10 * _SHARD_ROWS, ("", "<= 3", "")),
+    ):
         with tempfile.TemporaryDirectory() as folder:
-            write_metadata_lake(Path(folder), rows)
-            found = json.loads(in_fresh_process(_FILTER, folder))
-        name = f"{rows // 1000} k rows"
-        yield Figure(f"{name}: open the lake, first time in a process", found["first_open"], "s", wanted[0])
-        yield Figure(
-            f"{name}: filter to a saved database of {found['members']}, first time in a process",
-            found["first_filter"],
-            "s",
-            wanted[1],
-            "ScenarioNet 50 s for 100 k",
-        )
-        yield Figure(f"{name}: filter to a saved database", found["filter"], "s", wanted[1])
-        yield Figure(f"{name}: count under a filter", found["count"], "s", "", "prototype 0.037 s")
-        yield Figure(
-            f"{name}: peak memory of the process",
-            found["peak_mb"],
-            "MB",
-            wanted[2],
-            "ScenarioNet 3,800 MB for 100 k",
-        )
+            write_metadata_lake(Path(folder), rows, shard_rows)
+            yield from filter_figures(folder, f"{rows // 1000} k rows", wanted)
+            if rows == 1_000_000:
+                yield from operation_figures(folder)
 
 
-def write_metadata_lake(root: Path, rows: int) -> None:
+def filter_figures(folder: str, name: str, wanted: tuple[str, str, str]) -> Iterator[Figure]:
+    """Opening, filtering and counting; ``wanted`` are the goals for opening, filtering and memory."""
+    found = json.loads(in_fresh_process(_FILTER, folder))
+    yield Figure(f"{name}: open the lake, first time in a process", found["first_open"], "s", wanted[0])
+    yield Figure(
+        f"{name}: filter to a saved database of {found['members']}, first time in a process",
+        found["first_filter"],
+        "s",
+        wanted[1],
+        "ScenarioNet 50 s for 100 k",
+    )
+    yield Figure(f"{name}: filter to a saved database", found["filter"], "s", wanted[1])
+    yield Figure(f"{name}: count under a filter", found["count"], "s", "", "prototype 0.037 s")
+    peak = "peak memory of the process"
+    yield Figure(f"{name}: {peak}", found["peak_mb"], "MB", wanted[2], "ScenarioNet 3,800 MB for 100 k")
+
+
+def operation_figures(folder: str) -> Iterator[Figure]:
+    """What the other operations take on a million rows; memory is that of the first run in a process."""
+    in_fresh_process(_PREPARE, folder)
+    for name, (code, seconds) in _OPERATIONS.items():
+        found = json.loads(in_fresh_process(_OPERATE, folder, code))
+        goal = f"<= {seconds:g}" if seconds else ""
+        yield Figure(f"1000 k rows: {name}", found["wall"], "s", goal)
+        yield Figure(f"1000 k rows: {name}, time of the processor", found["cpu"], "s", goal)
+        yield Figure(f"1000 k rows: {name}, peak memory", found["peak_mb"], "MB", "<= 500" if seconds else "")
+
+
+def write_metadata_lake(root: Path, rows: int, shard_rows: int = _SHARD_ROWS) -> None:
     """A lake of metadata alone: real rows, random statistics, committed shard by shard as conversion does."""
     files, rng = LakeFiles(root), np.random.default_rng(0)
     row = dict(codec.encode(make_scenario(1), "1").metadata)
     row |= {f"{table}_num_rows": 1 for table in ("tracks", "lights", "maps")}
     row |= {"tracks_row_group": 0, "tracks_first_row": 0, "tracks_file": "tracks/none.parquet"}
-    template = pa.Table.from_pylist([row] * _SHARD_ROWS, schema=tables.load("metadata").schema)
-    records = [_write_shard(files, template, number, rng) for number in range(rows // _SHARD_ROWS)]
+    template = pa.Table.from_pylist([row] * shard_rows, schema=tables.load("metadata").schema)
+    records = [_write_shard(files, template, number, rng) for number in range(rows // shard_rows)]
     for first in range(0, len(records), 200):
         commits.commit(files, records[first : first + 200], "benchmark")
     commits.consolidate(files)
@@ -91,12 +146,14 @@ def write_metadata_lake(root: Path, rows: int) -> None:
 
 def _write_shard(files: LakeFiles, template: pa.Table, number: int, rng: np.random.Generator) -> ShardRecord:
     name = f"training.tfrecord-{number:05d}-of-02000"
+    rows = template.num_rows
     columns = {
-        "scenario_id": [f"waymo/v1.2/{value:016x}" for value in rng.integers(0, 2**63, _SHARD_ROWS)],
-        "content_hash": rng.integers(0, 2**63, _SHARD_ROWS).astype(np.uint64),
-        "ego_distance": rng.gamma(2.0, 40.0, _SHARD_ROWS).astype(np.float32),
-        "num_objects": rng.gamma(2.0, 50.0, _SHARD_ROWS).astype(np.int32),
-        "tracks_row_group": (np.arange(_SHARD_ROWS) % 64).astype(np.int32),
+        "scenario_id": [f"waymo/v1.2/{value:016x}" for value in rng.integers(0, 2**63, rows)],
+        "content_hash": rng.integers(0, 2**63, rows).astype(np.uint64),
+        "source_log": [f"segment-{value:05d}" for value in rng.integers(0, 50_000, rows)],
+        "ego_distance": rng.gamma(2.0, 40.0, rows).astype(np.float32),
+        "num_objects": rng.gamma(2.0, 50.0, rows).astype(np.int32),
+        "tracks_row_group": (np.arange(rows) % 64).astype(np.int32),
     }
     table = template
     for column, values in columns.items():
@@ -117,7 +174,7 @@ def _write_shard(files: LakeFiles, template: pa.Table, number: int, rng: np.rand
         max_scenarios=None,
         items=[name],
         fingerprints=["0"],
-        num_scenarios=_SHARD_ROWS,
+        num_scenarios=rows,
         num_quarantined=0,
         metadata_file=metadata_file,
         files=tracks,

@@ -95,6 +95,7 @@ def test_version():
         ("show {lake} nobody", 1, "no one scenario 'nobody'"),
         ("sql {lake} 'SELECT colour FROM metadata'", 2, "colour"),
         ("sql {lake} 'DROP VIEW metadata'", 2, "wanted one SELECT"),
+        ("sql {lake} 'SELECT 1 FROM metadata WHER 3'", 2, 'syntax error at or near "3" (character 29)'),
         ("sql {lake} sumary", 2, "did you mean summary"),
         ("sql {lake} summary -p colour=red", 2, "no parameter 'colour'"),
         ("sql {lake} summary -o rows.txt", 2, ".parquet"),
@@ -104,6 +105,17 @@ def test_version():
         ("filter {lake} --filter ego_distance:max=far --to x", 2, "max wants float"),
         ("filter {lake} --to a/b", 2, "is no database name"),
         ("filter {lake} --from nothing --to x", 2, "no database 'nothing'"),
+        ("filter {lake} --where 'ego_distanc > 3' --to x", 2, "near are ego_distance"),
+        ("filter {lake} --where 'num_lights > > 3' --to x", 2, "(character 14)"),
+        ("filter {lake} --where false --to x", 2, "--allow-empty"),
+        ("filter {lake} --id nobody --to x", 1, "ids are not in snapshot 1"),
+        ("sample {lake} --to x", 2, "either a number of scenarios or a fraction"),
+        ("merge {lake} nothing none --to x", 2, "no database 'nothing'"),
+        ("diff {lake} @1 @9", 1, "no snapshot 9"),
+        ("overlap {lake} one", 2, "two databases or more"),
+        ("lineage {lake} nothing", 2, "no database 'nothing'"),
+        ("drop {lake} nothing@x", 2, "with a number"),
+        ("split {lake}", 2, "wanted one of fractions"),
         ("split {lake} --fractions train=0.9", 2, "add up to 1"),
         ("split {lake} --fractions train=most", 2, "wants a number"),
         ("split {lake} --fractions train=0.5 train=0.5", 2, "'train' twice"),
@@ -123,7 +135,7 @@ def test_errors_are_one_line_with_an_exit_code(words, code, says, raw, lake, tmp
 
 
 @pytest.mark.parametrize(
-    "words", ["lst lake", "list", "list lake --colour", "split lake db", "convert pg 0:2 lake --workers 0"]
+    "words", ["lst lake", "list", "list lake --colour", "split", "convert pg 0:2 lake --workers 0"]
 )
 def test_what_cannot_be_parsed_is_usage(words):
     result = run(*words.split())

@@ -99,13 +99,13 @@ def test_files(lake, ok, as_json):
 
 def test_filter(lake, ok, as_json):
     assert ok("filter", lake, "--where", "source_scenario_id < 's00001'", "--to", "few") == "few@1: 6 of 9 scenarios\n"
-    text = ok("filter", lake, "--from", "few", "--filter", "object_count:min=2", "--filter", "no_overpass", "--to", "x")
+    text = ok("filter", lake, "--from", "few", "--filter", "object_count:min=2", "--filter", "speed", "--to", "x")
     assert text.startswith("x@1: ")
     assert text.endswith(" of 6 scenarios\n")
     again = run("filter", lake, "--to", "few")
     assert again.exit_code == 1
-    assert "--overwrite" in again.stderr
-    found = as_json("filter", lake, "--to", "few", "--overwrite")
+    assert "--replace" in again.stderr
+    found = as_json("filter", lake, "--to", "few", "--replace")
     assert (found["reference"], found["count"], found["of"]) == ("few@2", 9, 9)
 
 
@@ -141,9 +141,10 @@ def test_split_in_every_spelling(words, lake, as_json):
     }
 
 
+@pytest.mark.filterwarnings("ignore:this split leaks")
 def test_split_of_a_database(lake, ok):
     ok("filter", lake, "--to", "all")
-    text = ok("split", lake, "all", "--fractions", "train=0.9", "val=0.1", "--overwrite")
+    text = ok("split", lake, "all", "--fractions", "train=0.9", "val=0.1", "--replace")
     assert [line.split(":")[0] for line in text.splitlines()] == ["all_train@1", "all_val@1"]
 
 
@@ -151,7 +152,7 @@ def test_export_is_read_back(lake, tmp_path, ok, as_json):
     ok("filter", lake, "--where", "source_scenario_id < 's00001'", "--to", "few")
     assert ok("export", lake, "few", tmp_path / "pickles").startswith(f"{tmp_path / 'pickles'}: 6 scenarios, ")
     assert run("export", lake, "few", tmp_path / "pickles").exit_code == 1
-    found = as_json("export", lake, "few", tmp_path / "pickles", "--overwrite", "--quiet")
+    found = as_json("export", lake, "few", tmp_path / "pickles", "--replace", "--quiet")
     assert (found["scenarios"], found["format"], found["refused"]) == (6, "scenarionet", [])
     again = as_json("convert", "scenarionet", tmp_path / "pickles", tmp_path / "again", "--quiet")
     assert again["converted"] == 6

@@ -480,7 +480,7 @@ def test_an_existing_directory_is_refused(tmp_path: Path) -> None:
     with pytest.raises(DatabaseExists, match="is not empty"):
         export([make_scenario(2)], db)
     assert (db / "sd_made_v1_s000001.pkl").is_file()
-    export([make_scenario(2)], db, overwrite=True)
+    export([make_scenario(2)], db, replace=True)
     assert {p.name for p in db.glob("sd_*")} == {"sd_made_v1_s000002.pkl"}
     (tmp_path / "empty").mkdir()
     export([make_scenario(2)], tmp_path / "empty")
@@ -491,9 +491,9 @@ def test_overwriting_spares_what_is_no_database(tmp_path: Path) -> None:
     (tmp_path / "home").mkdir()
     (tmp_path / "home" / "thesis.tex").write_text("x")
     with pytest.raises(DatabaseExists, match=r"thesis\.tex"):
-        export([make_scenario(1)], tmp_path / "home", overwrite=True)
+        export([make_scenario(1)], tmp_path / "home", replace=True)
     with pytest.raises(DatabaseExists):
-        export([make_scenario(1)], tmp_path / "home" / "thesis.tex", overwrite=True)
+        export([make_scenario(1)], tmp_path / "home" / "thesis.tex", replace=True)
     assert (tmp_path / "home" / "thesis.tex").read_text() == "x"
 
 
@@ -505,7 +505,7 @@ def test_a_broken_run_leaves_everything_as_it_was(tmp_path: Path) -> None:
     export([make_scenario(1)], tmp_path / "db")
     for name in ("db", "other"):
         with pytest.raises(RuntimeError):
-            export(broken(), tmp_path / name, overwrite=True)
+            export(broken(), tmp_path / name, replace=True)
     assert [p.name for p in tmp_path.iterdir()] == ["db"]
     assert [s.source.scenario_id for s in import_all(tmp_path / "db")] == ["s000001"]
 

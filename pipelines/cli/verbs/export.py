@@ -8,7 +8,7 @@ import click
 
 from pipelines.cli.group import one_line, verb
 from pipelines.cli.output import count, print_json, size
-from pipelines.cli.parameters import json_option, lake_argument, overwrite_option, quiet_option
+from pipelines.cli.parameters import json_option, lake_argument, quiet_option, replace_option
 from pipelines.cli.progress import Progress
 
 _FORMATS = ("scenarionet",)
@@ -19,10 +19,10 @@ _FORMATS = ("scenarionet",)
 @click.argument("database", metavar="DB")
 @click.argument("directory", metavar="DIR")
 @click.option("--format", "to", type=click.Choice(_FORMATS), default=_FORMATS[0], help="Whose pickles to write.")
-@overwrite_option
+@replace_option
 @json_option
 @quiet_option
-def command(lake: str, database: str, directory: str, to: str, overwrite: bool, as_json: bool, quiet: bool) -> None:
+def command(lake: str, database: str, directory: str, to: str, replace: bool, as_json: bool, quiet: bool) -> None:
     """Write a database's scenarios to DIR.
 
     `scenarionet` writes the pickles that ScenarioNet and MetaDrive load unchanged; `scenarionet convert
@@ -36,7 +36,7 @@ def command(lake: str, database: str, directory: str, to: str, overwrite: bool, 
         report = export(
             scenarios,
             Path(directory),
-            overwrite=overwrite,
+            replace=replace,
             on_progress=lambda done: progress.update(done, len(scenarios), done),
         )
     if as_json:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import click
 
 from pipelines.cli.group import verb
@@ -28,9 +30,14 @@ def _list_filters(as_json: bool) -> None:
         print_json({"filters": [{"name": f.name, "doc": f.doc, "parameters": f.defaults} for f in found]})
         return
     for each in found:
-        parameters = ",".join(f"{key}={value:g}" for key, value in each.defaults.items())
+        parameters = ",".join(f"{key}={_word(value)}" for key, value in each.defaults.items())
         click.echo(f"{each.name}:{parameters}" if parameters else each.name)
         click.echo(f"    {each.doc}")
+
+
+def _word(value: Any) -> str:
+    """A default as it would be typed."""
+    return f"{value:g}" if isinstance(value, (int, float)) else " ".join(value) if isinstance(value, list) else value
 
 
 def _list_columns(as_json: bool) -> None:

@@ -1,0 +1,38 @@
+"""``scenarionet merge``: several databases as one."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+import click
+
+from pipelines.cli.databases import print_made
+from pipelines.cli.group import verb
+from pipelines.cli.output import count, print_json
+from pipelines.cli.parameters import allow_empty_option, json_option, lake_argument, new_version_option, to_option
+
+
+@verb("merge", "scenarionet merge lake busy far --to both", "scenarionet merge lake a b c --to all --replace --json")
+@lake_argument
+@click.argument("databases", metavar="DB...", nargs=-1, required=True)
+@to_option
+@new_version_option
+@allow_empty_option
+@json_option
+def command(lake: str, databases: tuple[str, ...], name: str, replace: bool, allow_empty: bool, as_json: bool) -> None:
+    """Save the scenarios of several databases as one: one database after the other, nobody twice.
+
+    Who is in several of them keeps the place and weight of the first. How many that are is reported;
+    `scenarionet overlap` says between which.
+    """
+    from scenarionet_data import Lake
+
+    opened = Lake(lake)
+    made = opened.merge(databases, name=name, replace=replace, allow_empty=allow_empty)
+    shared = sum(opened.lineage(parent)[1].count for parent in made.lineage.parents) - len(made)
+    if as_json:
+        print_json({"name": made.name, "reference": made.reference, "repeated": shared} | asdict(made.lineage))
+        return
+    print_made(made, as_json)
+    if shared:
+        click.echo(f"left out: {count(shared, 'scenario')} that came again with a later database")

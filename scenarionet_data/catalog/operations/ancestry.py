@@ -1,0 +1,58 @@
+"""Where a database comes from: the tree of its parents, each with its lineage."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from scenarionet_data.catalog import database as databases
+from scenarionet_data.catalog.database import Lineage
+from scenarionet_data.errors import DatabaseNotFound
+
+if TYPE_CHECKING:
+    from scenarionet_data.catalog.lake import Lake
+
+
+@dataclass(frozen=True)
+class Ancestry:
+    """A database in the tree.
+
+    Attributes:
+        reference: ``name@version``.
+        versions: The versions there are, rising.
+        lineage: How it was made; None when it is gone.
+        parents: What it was made from.
+        children: ``name@version`` of what was made from this version.
+    """
+
+    reference: str
+    versions: tuple[int, ...]
+    lineage: Lineage | None
+    parents: tuple[Ancestry, ...]
+    children: tuple[str, ...]
+
+
+def ancestry(lake: Lake, reference: str) -> Ancestry:
+    """The tree of a database's parents.
+
+    Args:
+        lake: The lake.
+        reference: ``name`` or ``name@version``.
+
+    Raises:
+        DatabaseNotFound: The message lists those that are there.
+    """
+    name, version = databases.parse_reference(reference)
+    found, lineage = databases.lineage(lake.files, name, version)
+    parents = tuple(_parent(lake, parent) for parent in lineage.parents)
+    number = databases.parse_reference(found)[1]
+    children = databases.children(lake.files, name, number)
+    return Ancestry(found, tuple(databases.versions(lake.files, name)), lineage, parents, tuple(children))
+
+
+def _parent(lake: Lake, reference: str) -> Ancestry:
+    try:
+        return ancestry(lake, reference)
+    except DatabaseNotFound:
+        name, _ = databases.parse_reference(reference)
+        return Ancestry(reference, tuple(databases.versions(lake.files, name)), None, (), ())

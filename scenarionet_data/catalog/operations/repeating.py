@@ -1,0 +1,112 @@
+"""A database made again from its lineage: on its own snapshot to prove it, or on the newest to move on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from scenarionet_data.catalog import database as databases
+from scenarionet_data.catalog.database import Stored
+from scenarionet_data.catalog.operations import comparing
+from scenarionet_data.catalog.operations.comparing import Diff
+from scenarionet_data.catalog.operations.pool import Pool, Saving
+from scenarionet_data.errors import DatabaseNotFound, NoSuchSnapshot
+
+if TYPE_CHECKING:
+    from scenarionet_data.catalog.lake import Lake
+
+
+@dataclass(frozen=True)
+class Rebuilt:
+    """A database beside what its lineage makes today.
+
+    Attributes:
+        reference: ``name@version``.
+        diff: From the database to what was made again.
+        is_same: Whether both have the same members with the same weights in the same order.
+    """
+
+    reference: str
+    diff: Diff
+    is_same: bool
+
+
+def rebuild(lake: Lake, reference: str) -> Rebuilt:
+    """Run a database's lineage again, on its own snapshot and parents, and compare; nothing is saved.
+
+    Args:
+        lake: The lake.
+        reference: ``name`` or ``name@version``.
+
+    Raises:
+        NoSuchSnapshot: The snapshot is gone.
+        DatabaseNotFound: A parent is gone.
+    """
+    database = databases.stored(lake.files, reference)
+    lineage = database.lineage
+    try:
+        there = lake.at(lineage.snapshot)
+        pool = Pool(there, tuple(databases.stored(lake.files, parent) for parent in lineage.parents))
+    except (NoSuchSnapshot, DatabaseNotFound) as error:
+        raise type(error)(
+            f"{database.reference} cannot be made again as it was: {error}; it can still be read where its scenarios "
+            f"are unchanged, and `scenarionet rebase --keep-members {lake.root} {database.name}` moves it on"
+        ) from error
+    again = pool.run(lineage.sql, lineage.parameters)
+    rows = comparing.differing(lake, database.relation, "again", again=again)
+    query = Pool(lake, (database,)).query("operations/is_same", members=database.relation)
+    (same,) = lake.arrow(query, again=again)["is_same"].to_pylist()
+    return Rebuilt(
+        database.reference, Diff(database.reference, database.reference, (len(database), again.num_rows), rows), same
+    )
+
+
+def rebase(lake: Lake, name: str, *, keep_members: bool = False) -> list[Diff]:
+    """Move a database to the newest snapshot, as a new version: the question it answers is asked again.
+
+    The databases it was made from are moved first, and their newest versions are asked.
+
+    Args:
+        lake: The lake.
+        name: The database.
+        keep_members: Ask nothing again: keep who is still there, as the newest snapshot has them.
+
+    Returns:
+        What changed, for each database that moved, parents first; none when all stood on the newest snapshot.
+
+    Raises:
+        DatabaseNotFound: A parent is gone.
+    """
+    newest = lake.refresh()
+    plain, _ = databases.parse_reference(name)
+    if keep_members:
+        return [_move(newest, databases.stored(lake.files, plain), keep_members=True)]
+    return _rebase(newest, plain, ())
+
+
+def _rebase(lake: Lake, name: str, waiting: tuple[str, ...]) -> list[Diff]:
+    """Parents first; a version of a database that waits for this very move is a parent as it is."""
+    database = databases.stored(lake.files, name)
+    parents = [databases.parse_reference(parent)[0] for parent in database.lineage.parents]
+    moved = [d for parent in parents if parent not in (*waiting, name) for d in _rebase(lake, parent, (*waiting, name))]
+    is_behind = database.lineage.snapshot < lake.snapshot.number
+    return [*moved, _move(lake, database)] if is_behind or moved else []
+
+
+def _move(lake: Lake, database: Stored, *, keep_members: bool = False) -> Diff:
+    lineage = database.lineage
+    if keep_members:
+        pool = Pool(lake, (database,))
+        lineage = replace(lineage, operation="rebase", sql=pool.query("operations/keep"), parameters={})
+    else:
+        parents = [_newest(parent, database.name) for parent in lineage.parents]
+        pool = Pool(lake, tuple(databases.stored(lake.files, parent) for parent in parents))
+    saving: Saving = {"replace": True, "allow_empty": True}
+    saved = pool.make(lineage.operation, database.name, lineage.sql, lineage.parameters, saving)
+    return comparing.diff(lake, database.reference, saved)
+
+
+def _newest(parent: str, child: str) -> str:
+    """The parent's newest version; of the child itself, the version it was made from."""
+    name, _ = databases.parse_reference(parent)
+    return parent if name == child else name

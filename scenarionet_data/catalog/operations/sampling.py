@@ -1,0 +1,89 @@
+"""Samples: some scenarios of a database, drawn by seed: the same on every machine."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Unpack
+
+from scenarionet_data.catalog import database as databases
+from scenarionet_data.catalog import mistakes
+from scenarionet_data.catalog.database import Database
+from scenarionet_data.catalog.engine import check_expression
+from scenarionet_data.catalog.operations import pool as pools
+from scenarionet_data.catalog.operations.pool import Pool, Saving
+from scenarionet_data.errors import BadParameter, QueryError
+
+if TYPE_CHECKING:
+    from scenarionet_data.catalog.lake import Lake
+
+
+def sample(
+    lake: Lake,
+    parent: Database | str | None,
+    *,
+    name: str,
+    n: int | None = None,
+    fraction: float | None = None,
+    seed: int = 0,
+    weights: str = "1",
+    stratify: str | None = None,
+    balance: str | None = None,
+    **saving: Unpack[Saving],
+) -> Database:
+    """Save scenarios drawn without replacement, in the order of the parent.
+
+    Args:
+        lake: The lake.
+        parent: The database to draw from; the whole lake for None.
+        name: Name of the new database.
+        n: How many, exactly.
+        fraction: How many, as a share of the parent.
+        seed: Another seed, another sample.
+        weights: SQL expression over ``metadata``, for example ``difficulty`` or ``weight``: who has twice as much is
+            twice as likely to be drawn first. Scenarios without a weight above 0 are never drawn.
+        stratify: Column whose values keep their proportions.
+        balance: Column of whose values as many scenarios each are drawn, while there are any.
+        **saving: ``replace``, ``allow_empty``.
+
+    Raises:
+        BadParameter: There are too few to draw from, or the arguments exclude each other.
+        DatabaseExists, EmptyResult: See :class:`Saving`.
+    """
+    databases.check_free(lake.files, name, replace=saving.get("replace", False))
+    _check_size(n, fraction)
+    check_expression(weights)
+    pool = pools.of(lake, parent)
+    query = pool.query("operations/sample", turns=_turns(pool, weights, stratify, balance))
+    parameters = {"seed": seed, "n": n, "fraction": fraction}
+    try:
+        members = pool.run(query, parameters)
+    except QueryError as error:
+        raise mistakes.in_condition(error, weights) from error
+    if n is not None and members.num_rows < n:
+        raise BadParameter(f"wanted {n:,} scenarios of {len(pool):,}, but only {members.num_rows:,} can be drawn")
+    return pool.save("sample", name, query, parameters, members, saving)
+
+
+def _check_size(n: int | None, fraction: float | None) -> None:
+    if (n is None) == (fraction is None):
+        raise BadParameter("wanted either a number of scenarios or a fraction")
+    if n is not None and n < 1:
+        raise BadParameter(f"wanted a number of 1 or more, found {n}")
+    if fraction is not None and not 0 < fraction <= 1:
+        raise BadParameter(f"wanted a fraction above 0 and up to 1, found {fraction:g}")
+
+
+def _turns(pool: Pool, weights: str, stratify: str | None, balance: str | None) -> str:
+    """SQL that gives each scenario its ``turn`` and, among equals, its ``luck``."""
+    if stratify is not None and balance is not None:
+        raise BadParameter("wanted stratify (as the whole) or balance (as many of each), not both")
+    column = stratify or balance
+    if column is not None:
+        pools.check_column(pool.lake, column, "to sample by")
+    way = "stratified" if stratify else "balanced" if balance else "random"
+    lucky = pool.query(
+        "samples/lucky",
+        stratum=f'"{column}"::VARCHAR' if column else "NULL::VARCHAR",
+        likelihood=weights,
+        drawn_id=pools.drawn("scenario_id"),
+    )
+    return pool.query(f"samples/{way}", lucky=lucky, drawn_stratum=pools.drawn("'stratum:' || coalesce(stratum, '')"))

@@ -1,0 +1,5 @@
+-- Scenarios that satisfy every condition, in the order of the pool.
+SELECT scenario_id, weight, content_hash
+FROM {pool} AS metadata
+WHERE {conditions}
+ORDER BY place

@@ -1,0 +1,8 @@
+-- A number for each scenario whose smallest are drawn: -ln(u) / likelihood, with u from seed and id, draws without
+-- replacement in proportion to the likelihood (Efraimidis and Spirakis, "Weighted random sampling with a reservoir",
+-- Information Processing Letters 2006).
+SELECT
+    scenario_id, weight, content_hash, place, {stratum} AS stratum,
+    -ln(1 - {drawn_id}) / likelihood AS luck
+FROM (SELECT *, ({likelihood})::DOUBLE AS likelihood FROM {pool} AS metadata)
+WHERE likelihood > 0

@@ -1,0 +1,3 @@
+-- Turns by luck alone.
+SELECT *, 0 AS turn
+FROM ({lucky})

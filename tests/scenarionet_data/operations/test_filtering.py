@@ -1,0 +1,113 @@
+"""Filters by list and by name, and what is said about conditions that are wrong."""
+
+from __future__ import annotations
+
+import pytest
+
+from scenarionet_data.errors import BadParameter, EmptyResult, QueryError, ScenarioNotFound, UnsafeSql
+
+
+def ids(*numbers):
+    return [f"made/v1/s{number:03d}" for number in numbers]
+
+
+def test_a_list_of_ids_keeps_exactly_these(logs):
+    found = logs.filter(name="some", ids=["made/v1/s010", "r011", "made/v1/s002"])  # r011: the id in the source
+    assert found.scenario_ids == ids(2, 10, 11)
+    assert found.lineage.parameters["f0_ids"] == ["made/v1/s010", "r011", "made/v1/s002"]
+    both = logs.filter("scenario_id > 'made/v1/s005'", name="fewer", ids=ids(2, 10), parent="some")
+    assert both.scenario_ids == ids(10)
+
+
+@pytest.mark.parametrize("part", ["r01", "made/v1/s01", "010", "made/v1/s0100", ""])
+def test_a_part_of_an_id_is_no_id(logs, part):
+    with pytest.raises(ScenarioNotFound, match="1 of 2 ids are not in snapshot 1, for example"):
+        logs.filter(name="some", ids=[part, "r010"])
+    assert logs.databases == []
+
+
+def test_ids_are_looked_for_in_the_parent(logs):
+    logs.filter(name="low", ids=ids(1, 2, 3))
+    with pytest.raises(ScenarioNotFound, match=r"1 of 2 ids are not in low@1, for example made/v1/s004; ids are whole"):
+        logs.filter(name="some", ids=ids(3, 4), parent="low")
+
+
+def test_no_ids_are_no_scenarios(logs):
+    with pytest.raises(EmptyResult):
+        logs.filter(name="none", ids=[])
+    assert len(logs.filter(name="none", ids=[], allow_empty=True)) == 0
+
+
+@pytest.mark.parametrize(
+    ("named", "where"),
+    [
+        ("object_type:type=vehicle,min=2", "num_vehicles >= 2"),
+        ("object_type:min=0", "num_pedestrians >= 0"),
+        ("object_type:type=CYCLIST", "num_cyclists >= 1"),
+        ("object_type:type=cone,min=0,max=0", "num_cones = 0"),
+        ("object_type:type=barrier,min=0", "num_barriers >= 0"),
+        ("object_type:type=other,min=0", "true"),
+        ("object_count:max=3", "num_objects <= 3"),
+        ("speed:min=9,max=11", "ego_mean_speed BETWEEN 9 AND 11"),
+        ("max_speed:min=1", "ego_max_speed >= 1"),
+        ("curvature:max=1", "ego_cumulative_curvature <= 1"),
+        ("difficulty:max=1000", "difficulty <= 1000"),
+        ("ids:ids=r001 r002", "source_scenario_id IN ('r001', 'r002')"),
+        ("no_traffic_light", "true"),
+    ],
+)
+def test_named_filters_say_what_the_sql_says(logs, named, where):
+    wanted = logs.sql(f"SELECT scenario_id FROM metadata WHERE {where} ORDER BY 1")["scenario_id"].to_list()
+    assert wanted
+    assert logs.filter(name="kept", named=[named]).scenario_ids == wanted
+
+
+def test_an_unknown_type_of_object_is_named(logs):
+    with pytest.raises(QueryError, match=r"object_type: wanted vehicle, pedestrian, .* found train"):
+        logs.filter(name="x", named=["object_type:type=train"])
+
+
+@pytest.mark.parametrize(
+    ("where", "says"),
+    [
+        ("ego_distance >> > 10", r'at or near ">" \(character 17\)'),
+        ("ego_distance > 10 AN num_objects > 2", r'at or near "num_objects" \(character 22\)'),
+        ("städte = 1 AND AND", r'at or near "AND" \(character 16\)'),
+        ("'open", r"unterminated .* \(character 1\)"),
+    ],
+)
+def test_a_syntax_error_says_where(logs, where, says):
+    with pytest.raises(UnsafeSql, match=says):
+        logs.filter(where, name="x")
+
+
+@pytest.mark.parametrize(
+    ("where", "says"),
+    [
+        ("ego_distanse > 10", "no column ego_distanse at character 1 of .*; near are ego_distance"),
+        ("has_z AND\n num_object > 2", "no column num_object at character 12 of .*; near are num_objects"),
+        ("xyzzy = 1", "no column xyzzy at character 1 of 'xyzzy = 1'; `scenarionet filters --columns` explains"),
+    ],
+)
+def test_an_unknown_column_says_where_and_what_comes_near(logs, where, says):
+    with pytest.raises(QueryError, match=says):
+        logs.filter(where, name="x")
+
+
+def test_a_condition_cannot_write_into_the_lake(logs):
+    before = sorted(logs.root.rglob("*"))
+    for where in (f"(COPY (SELECT 1) TO '{logs.root}/x')", f"EXISTS (COPY (SELECT 1) TO '{logs.root}/x')"):
+        with pytest.raises(QueryError):
+            logs.filter(where, name="x")
+        with pytest.raises(QueryError):
+            logs.sample(None, name="x", n=1, weights=where)
+    with pytest.raises(QueryError):
+        logs.sql(f"COPY (SELECT 1) TO '{logs.root}/x'")
+    assert sorted(logs.root.rglob("*")) == before
+
+
+def test_a_missing_parameter_is_named(logs):
+    with pytest.raises(QueryError, match="far"):
+        logs.filter("ego_distance > $far", name="x")
+    with pytest.raises(BadParameter, match="a parameter is a number, a text"):
+        logs.filter("ego_distance > $far", name="x", parameters={"far": object()})
