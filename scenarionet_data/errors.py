@@ -5,9 +5,10 @@
       InvalidScenario    one scenario is unusable: quarantined and counted, the run goes on
       LakeError          the lake: SchemaMismatch, SnapshotConflict, NoSuchSnapshot,
                          ScenarioNotFound, DuplicateScenario, BrokenContract, DatabaseNotFound,
-                         DatabaseExists, DatabaseInUse, LeakingSplit
+                         DatabaseExists, DatabaseInUse, LeakingSplit, LayerExists
       WorkerLost         a worker process died; what it had finished is kept
-      QueryError         the user's words: UnknownFilter, UnknownQuery, BadParameter, UnsafeSql, EmptyResult
+      QueryError         the user's words: UnknownFilter, UnknownQuery, UnknownEvent,
+                         BadParameter, UnsafeSql, EmptyResult
 
 Messages are one sentence that says what was found, followed by what to do next.
 """
@@ -96,6 +97,10 @@ class LeakingSplit(LakeError):
     """Scenarios of one source log would stand in several parts of a split."""
 
 
+class LayerExists(LakeError):
+    """A layer of that name exists and replacing it was not asked for."""
+
+
 class DuplicateScenario(LakeError):
     """A scenario of the same id is in the lake already, converted from another source or with other options."""
 
@@ -118,6 +123,10 @@ class UnknownFilter(QueryError):
 
 class UnknownQuery(QueryError):
     """No question of that name; the message lists the nearest."""
+
+
+class UnknownEvent(QueryError):
+    """No event of that name; the message lists the nearest."""
 
 
 class BadParameter(QueryError):

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 FILE_TABLES = ("metadata", "tracks", "lights", "maps", "quarantine", "shards")
 _FOLDER_COLUMNS = ("tracks", "lights", "maps")
+_KEYS = {"metadata": "scenario_id", "tracks": "scenario_id", "lights": "scenario_id", "maps": "map_id"}
 
 
 def table_files(files: LakeFiles, snapshot: Snapshot, table: str) -> list[str]:
@@ -54,6 +55,8 @@ class Engine:
         without: Files of the snapshot that the views leave out, for example because they are gone.
         given: Tables that every question brings along (see :meth:`arrow`), in place of the snapshot's.
         threads: Threads of a query; one a core unless given.
+        layers: Version of each layer of users' columns that the view metadata has.
+        only: Scenarios that the views show, with their addresses; all of the snapshot's for None.
 
     Raises:
         SchemaMismatch: The snapshot holds files of another version of the contract.
@@ -66,17 +69,23 @@ class Engine:
         without: Iterable[str] = (),
         given: Iterable[str] = (),
         threads: int | None = None,
+        layers: Mapping[str, int] | None = None,
+        only: pa.Table | None = None,
     ) -> None:
         snapshots.check_schemas(files, snapshot)
         self._files = files
         self._snapshot = snapshot
         self._without = {str(files.path(name)) for name in without}
+        self._layers = dict(layers or {})
+        self._only = only
         self._connection = duckdb.connect(config={"autoinstall_known_extensions": False})
         self._views = set(given)
         self._lock = threading.Lock()
         self._connection.execute("SET enable_progress_bar = false")
         if threads:
             self._connection.execute(f"SET threads = {threads}")
+        if only is not None:
+            self._connection.register("chosen", only.select(["scenario_id", "map_id"]))
         # Large queries spill to disk: not into the working directory, and apart from other processes.
         spill = Path(tempfile.gettempdir()) / f"scenarionet-{uuid.uuid4().hex}"
         self._connection.execute(f"SET temp_directory = {_quoted(str(spill))}")
@@ -148,21 +157,22 @@ class Engine:
         return f"SELECT * FROM (\n{text}\n)"
 
     def _make_views(self, sql: str) -> None:
-        """Create the views whose names occur in ``sql``, those they need first."""
-        words = set(re.findall(r"[A-Za-z_][A-Za-z0-9_]*", sql.lower()))
-        for path in sorted((SQL / "views").glob("*.sql")):
-            if path.stem in words and path.stem not in self._views:
-                self._make_view(path.stem)
+        """Create the views and macros whose names occur in ``sql``, those they need first."""
+        defined = _definitions()
+        for name in sorted(words(sql) & set(defined)):
+            self._make_view(name, defined)
 
-    def _make_view(self, name: str) -> None:
-        text = (SQL / "views" / f"{name}.sql").read_text("utf-8")
+    def _make_view(self, name: str, defined: Mapping[str, Path]) -> None:
+        if name in self._views:
+            return
+        text = defined[name].read_text("utf-8")
         needs = re.search(r"^-- needs: (.*)$", text, re.MULTILINE)
         for needed in needs.group(1).split(", ") if needs else []:
-            if needed not in self._views:
-                self._make_view(needed)
+            self._make_view(needed, defined)
         table = name.removesuffix("_rows")
         if table in FILE_TABLES:
             text = text.replace("{files}", self._relation(table)).replace("{derived}", _derived(table))
+            text = text.replace("{layers}", self._layer_joins())
         self._connection.execute(text)
         if name in FILE_TABLES:
             self._comment(name)
@@ -179,7 +189,7 @@ class Engine:
 
     def _relation(self, table: str) -> str:
         """SQL for a table's files: a scan, or no rows of the right types when there are none."""
-        listed = table_files(self._files, self._snapshot, table)
+        listed = self._chosen_files(table)
         paths = [path for path in listed if path not in self._without]
         if not paths:
             columns = [f"NULL::{_sql_type(c)} AS {c.name}" for c in tables.load(table).columns]
@@ -187,9 +197,39 @@ class Engine:
             return f"(SELECT {', '.join(columns + folders)} WHERE false)"
         self._connection.execute(f"SET VARIABLE {table}_files = $paths", {"paths": paths})
         hive = str(table in _FOLDER_COLUMNS).lower()
-        return f"read_parquet(getvariable('{table}_files'), hive_partitioning = {hive}" + (
+        scan = f"read_parquet(getvariable('{table}_files'), hive_partitioning = {hive}" + (
             ", hive_types_autocast = false)" if table in _FOLDER_COLUMNS else ")"
         )
+        if self._only is None or table not in _KEYS:
+            return scan
+        return f"(SELECT * FROM {scan} SEMI JOIN chosen USING ({_KEYS[table]}))"
+
+    def _chosen_files(self, table: str) -> list[str]:
+        """A table's files; of chosen scenarios, those that hold a part of one."""
+        listed = table_files(self._files, self._snapshot, table)
+        if self._only is None or table not in ("tracks", "lights"):  # maps may be shared: their files have no address
+            return listed
+        wanted = {str(self._files.path(name)) for name in pc.unique(self._only[f"{table}_file"]).to_pylist() if name}
+        return [path for path in listed if path in wanted]
+
+    def _layer_joins(self) -> str:
+        """SQL that joins the layers to metadata."""
+        paths = {name: self._files.path(f"layers/{name}/{version}.parquet") for name, version in self._layers.items()}
+        joins = [
+            f"LEFT JOIN read_parquet({_quoted(str(path))}) AS layer_{name} USING (scenario_id)"
+            for name, path in paths.items()
+        ]
+        return " ".join(joins)
+
+
+def words(sql: str) -> set[str]:
+    """Every word of a query that may be a name, in lower case."""
+    return set(re.findall(r"[a-z_][a-z0-9_]*", sql.lower()))
+
+
+def _definitions() -> dict[str, Path]:
+    """File of each view and macro by name."""
+    return {path.stem: path for folder in ("macros", "views") for path in (SQL / folder).glob("*.sql")}
 
 
 def check_expression(where: str) -> None:
