@@ -195,10 +195,10 @@ def test_check_parts_the_good_from_the_broken(lake, suffix, ok, tmp_path):
     assert rows["check"].unique().to_list() == ["successors_are_close"]
     assert rows["scenario_id"].to_list() == Lake(lake).database("few").scenario_ids
     assert run("check", lake, "few", "--to", "good").exit_code == 1
-    assert ok("check", lake, "few", "--to", "good", "--overwrite").endswith("good@2: 6 of 6 scenarios\n")
+    assert ok("check", lake, "few", "--to", "good", "--replace").endswith("good@2: 6 of 6 scenarios\n")
     nothing = run("check", lake, "few", "--to", "best", "--strict")
     assert nothing.exit_code == 2
-    assert "nothing to save" in nothing.stderr
+    assert "no scenario is left of 6" in nothing.stderr
 
 
 def test_check_says_which_files_it_writes(lake, tmp_path):

@@ -14,7 +14,7 @@ from scenarionet_data.catalog import checks
 from scenarionet_data.catalog.checks import find, run_checks
 from scenarionet_data.catalog.good import save_good
 from scenarionet_data.converters.base import Budgets
-from scenarionet_data.errors import BadParameter, DatabaseExists, LakeError, QueryError, UnknownQuery
+from scenarionet_data.errors import DatabaseExists, EmptyResult, LakeError, QueryError, UnknownQuery
 from scenarionet_data.scenario import ScenarioDescription
 from scenarionet_data.vocabulary import MapFeatureType
 from tests.fixtures.lakes import write_lake
@@ -371,7 +371,7 @@ def test_the_good_ones_become_a_database(is_strict, left, mixed):
     assert again["content_hash"].to_list() == made.members["content_hash"].to_pylist()
     with pytest.raises(DatabaseExists):
         save_good(find(mixed), "good")
-    assert save_good(find(mixed), "good", overwrite=True).version == 2
+    assert save_good(find(mixed), "good", replace=True).version == 2
 
 
 def test_the_good_ones_of_a_database_keep_its_order(mixed):
@@ -383,7 +383,7 @@ def test_the_good_ones_of_a_database_keep_its_order(mixed):
 
 def test_nothing_good_is_refused(mixed):
     mixed.filter("ends_with(scenario_id, '1')", name="bad")
-    with pytest.raises(BadParameter, match="--broken"):
+    with pytest.raises(EmptyResult):
         save_good(find(mixed, "bad"), "good")
     assert mixed.databases == ["bad"]
 

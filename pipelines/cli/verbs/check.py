@@ -50,7 +50,7 @@ def command(
     scorecard: bool,
     output: str | None,
     good: str | None,
-    overwrite: bool,
+    replace: bool,
     broken: str | None,
     snapshot: int | None,
     as_json: bool,
@@ -77,7 +77,7 @@ def command(
             Lake(lake, snapshot), database, only or None, lambda done, total: progress.update(done, total, 0)
         )
     card = make_scorecard(findings) if scorecard else None
-    made = save_good(findings, good, is_strict=strict, overwrite=overwrite) if good else None
+    made = save_good(findings, good, is_strict=strict, replace=replace) if good else None
     if broken:
         _write(findings.rows, broken)
     if card and output:

@@ -1,0 +1,6 @@
+-- Scenarios of the pool that no rule finds broken, in its order.
+WITH {rules}
+SELECT scenario_id, weight, content_hash
+FROM {pool}
+ANTI JOIN broken USING (scenario_id)
+ORDER BY place
