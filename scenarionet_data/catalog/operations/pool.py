@@ -26,7 +26,10 @@ _WHOLE_LAKE = "(SELECT *, 1.0::DOUBLE AS weight, scenario_id AS place FROM metad
 _MEMBERS = (
     "(SELECT * FROM metadata JOIN (SELECT scenario_id, weight, position AS place FROM members) USING (scenario_id))"
 )
-_CHANGED = "SELECT count(*) AS n FROM {members} ANTI JOIN metadata_rows USING (scenario_id, content_hash)"
+_CHANGED = (
+    "SELECT count(*) AS n, min(scenario_id) AS example "
+    "FROM {members} ANTI JOIN metadata_rows USING (scenario_id, content_hash)"
+)
 _DRAWN = "('0x' || substr(md5(concat($seed, ':', {name})), 1, 13))::BIGINT / 4503599627370496.0"
 """A number in [0, 1) for a name and the seed: the same on every machine, for every version of the engine."""
 
@@ -152,11 +155,14 @@ def holding(lake: Lake, wanted: Sequence[Stored]) -> Lake:
         return lake
     first = stale[0]
     older = _made_on(lake, max(stale, key=lambda found: found.lineage.snapshot))
-    if any(num_changed(older, found) for found in wanted):
-        raise ScenarioNotFound(
-            f"{lake.root}: no snapshot holds the members of {' and '.join(w.reference for w in wanted)} as they were; "
-            f"move on first: `scenarionet rebase {lake.root} {first.name}`"
-        )
+    for found in wanted:
+        count, example = _changed(older, found)
+        if count:
+            raise ScenarioNotFound(
+                f"{lake.root}: no snapshot holds the members of {' and '.join(w.reference for w in wanted)} as they "
+                f"were: {count:,} of {len(found):,} of {found.reference} are not in snapshot {older.snapshot.number}, "
+                f"for example {example}; move on first: `scenarionet rebase {lake.root} {first.name}`"
+            )
     warnings.warn(
         f"{num_changed(lake, first)} of {len(first)} members of {first.reference} changed after snapshot "
         f"{first.lineage.snapshot} and are read from it; `scenarionet rebase {lake.root} {first.name}` moves on",
@@ -167,11 +173,14 @@ def holding(lake: Lake, wanted: Sequence[Stored]) -> Lake:
 
 
 def num_changed(lake: Lake, database: Stored) -> int:
-    """Members that a snapshot does not hold, or not as they were; none in the one they were taken from."""
-    if database.lineage.snapshot == lake.snapshot.number:
-        return 0
-    found = lake.arrow(_CHANGED.format(members=database.relation))
-    return int(found["n"][0].as_py())
+    """Members that a snapshot does not hold, or not as they were."""
+    return _changed(lake, database)[0]
+
+
+def _changed(lake: Lake, database: Stored) -> tuple[int, str]:
+    """How many members changed, and one of them."""
+    (row,) = lake.arrow(_CHANGED.format(members=database.relation)).to_pylist()
+    return row["n"], row["example"]
 
 
 def _made_on(lake: Lake, database: Stored) -> Lake:

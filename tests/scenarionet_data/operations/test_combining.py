@@ -71,6 +71,21 @@ def test_databases_of_several_snapshots_are_merged_where_one_snapshot_holds_them
     assert changed.subtract(["new", "old"], name="unseen").scenario_ids == ["made/v1/s000004"]
 
 
+def test_members_that_the_lake_never_had_are_named(logs):
+    made = make(logs, "a", [1, 2])
+    foreign = made.members.set_column(0, "scenario_id", [["made/v1/s001", "made/v1/elsewhere"]])
+    databases.save(logs.files, "foreign", foreign, made.lineage, replace=False)
+    says = "members of foreign@1 as they were: 1 of 2 of foreign@1 are not in snapshot 1, for example made/v1/elsewhere"
+    for use in (
+        lambda: logs.filter("true", name="x", parent="foreign"),
+        lambda: logs.sample("foreign", name="x", n=1),
+        lambda: logs.merge(["a", "foreign"], name="x"),
+        lambda: logs.members("foreign"),
+    ):
+        with pytest.raises(ScenarioNotFound, match=says.replace("of foreign@1 as", ".*foreign@1 as")):
+            use()
+
+
 # --- names ---------------------------------------------------------------------------------------------------
 
 
