@@ -7,7 +7,7 @@
                          ScenarioNotFound, DuplicateScenario, DatabaseNotFound, DatabaseExists,
                          DatabaseInUse, LeakingSplit
       WorkerLost         a worker process died; what it had finished is kept
-      QueryError         the user's words: UnknownFilter, UnknownQuery, BadParameter, UnsafeSql, EmptyResult
+      QueryError         the user's words: UnknownFilter, UnknownQuery, UnknownEvent, BadParameter, UnsafeSql, EmptyResult
 
 Messages are one sentence that says what was found, followed by what to do next.
 """
@@ -114,6 +114,10 @@ class UnknownFilter(QueryError):
 
 class UnknownQuery(QueryError):
     """No question of that name; the message lists the nearest."""
+
+
+class UnknownEvent(QueryError):
+    """No event of that name; the message lists the nearest."""
 
 
 class BadParameter(QueryError):

@@ -137,18 +137,18 @@ class Engine:
         return f"SELECT * FROM (\n{text}\n)"
 
     def _make_views(self, sql: str) -> None:
-        """Create the views whose names occur in ``sql``, those they need first."""
-        words = set(re.findall(r"[A-Za-z_][A-Za-z0-9_]*", sql.lower()))
-        for path in sorted((SQL / "views").glob("*.sql")):
-            if path.stem in words and path.stem not in self._views:
-                self._make_view(path.stem)
+        """Create the views and macros whose names occur in ``sql``, those they need first."""
+        defined = _definitions()
+        for name in sorted(words(sql) & set(defined)):
+            self._make_view(name, defined)
 
-    def _make_view(self, name: str) -> None:
-        text = (SQL / "views" / f"{name}.sql").read_text("utf-8")
+    def _make_view(self, name: str, defined: Mapping[str, Path]) -> None:
+        if name in self._views:
+            return
+        text = defined[name].read_text("utf-8")
         needs = re.search(r"^-- needs: (.*)$", text, re.MULTILINE)
         for needed in needs.group(1).split(", ") if needs else []:
-            if needed not in self._views:
-                self._make_view(needed)
+            self._make_view(needed, defined)
         table = name.removesuffix("_rows")
         if table in FILE_TABLES:
             text = text.replace("{files}", self._relation(table)).replace("{derived}", _derived(table))
@@ -179,6 +179,16 @@ class Engine:
         return f"read_parquet(getvariable('{table}_files'), hive_partitioning = {hive}" + (
             ", hive_types_autocast = false)" if table in _FOLDER_COLUMNS else ")"
         )
+
+
+def words(sql: str) -> set[str]:
+    """Every word of a query that may be a name, in lower case."""
+    return set(re.findall(r"[a-z_][a-z0-9_]*", sql.lower()))
+
+
+def _definitions() -> dict[str, Path]:
+    """File of each view and macro by name."""
+    return {path.stem: path for folder in ("macros", "views") for path in (SQL / folder).glob("*.sql")}
 
 
 def check_expression(where: str) -> None:

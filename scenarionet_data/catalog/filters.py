@@ -36,7 +36,4 @@ def parse(text: str) -> tuple[NamedSql, dict[str, Any]]:
         >>> parse("ego_distance:min=25")[1]["min"]
         25.0
     """
-    name, _, rest = text.partition(":")
-    found = load(name)
-    pairs = (pair.partition("=") for pair in filter(None, rest.split(",")))
-    return found, found.bind({key: value for key, _, value in pairs})
+    return named_sql.parse(_FOLDER, text, UnknownFilter)

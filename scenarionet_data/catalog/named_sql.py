@@ -79,3 +79,16 @@ def load(folder: str, name: str, unknown: type[QueryError]) -> NamedSql:
     defaults = {pair.group(1): json.loads(pair.group(2)) for pair in pairs if pair}
     doc = " ".join(comment for comment, pair in zip(comments, pairs, strict=True) if not pair)
     return NamedSql(name, doc, defaults, "\n".join(line for line in lines[start:] if line))
+
+
+def parse(folder: str, text: str, unknown: type[QueryError]) -> tuple[NamedSql, dict[str, Any]]:
+    """A file and the values of its parameters from the command line's ``name:key=value,key=value``.
+
+    Raises:
+        unknown: There is no such file.
+        BadParameter: No such parameter, or no such value.
+    """
+    name, _, rest = text.partition(":")
+    found = load(folder, name, unknown)
+    pairs = (pair.partition("=") for pair in filter(None, rest.split(",")))
+    return found, found.bind({key: value for key, _, value in pairs})

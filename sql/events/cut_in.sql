@@ -1,0 +1,41 @@
+-- A vehicle moves into the ego's lane in front of it. At first its near side is outside the lane (3.5 m wide, around the
+-- ego's own path), then 0.3 m inside, then its centre is within 0.9 m of the path, all within $within seconds. When it
+-- comes in, its rear is at most $max_gap metres ahead of the ego's front, both move faster than $min_speed m/s, and it
+-- goes the ego's way. From when it comes in until it is in the middle; value is the gap when it comes in, in m.
+-- Where the ego itself changes lanes behind another vehicle, their paths meet in the same way and it counts too.
+-- Source: UN Regulation 157 (ALKS), 5.2.5 and annex 4: a cut-in, with lane intrusion from 0.3 m beyond the marking.
+-- max_gap = 30.0
+-- min_speed = 2.0
+-- within = 4.0
+WITH sides AS (
+    SELECT
+        *,
+        abs("left") - width / 2 AS near_side,
+        ahead - (length + ego_length) / 2 AS gap,
+        lag(abs("left") - width / 2) OVER earlier AS near_side_before,
+        lag(timestep) OVER earlier AS timestep_before
+    FROM ego_corridor
+    WHERE object_type = 'VEHICLE' AND abs(turn) <= pi() / 4
+    WINDOW earlier AS (PARTITION BY scenario_id, track_id ORDER BY timestep)
+),
+intrusions AS (
+    SELECT * FROM sides
+    WHERE
+        near_side <= 1.45 AND near_side_before > 1.45 AND timestep_before = timestep - 1
+        AND gap BETWEEN 0 AND $max_gap AND least(speed, ego_speed) > $min_speed
+),
+middles AS (
+    SELECT scenario_id, track_id, timestep, seconds FROM sides WHERE abs("left") <= 0.9 AND ahead > 0
+)
+SELECT
+    i.scenario_id,
+    i.track_id,
+    i.ego_id AS other_id,
+    i.timestep AS first_timestep,
+    min(m.timestep) AS last_timestep,
+    i.gap AS value
+FROM intrusions AS i JOIN middles AS m USING (scenario_id, track_id)
+WHERE m.timestep >= i.timestep AND m.seconds <= i.seconds + $within
+GROUP BY i.scenario_id, i.track_id, i.ego_id, i.timestep, i.gap
+-- Of several intrusions before it is in the middle, the last one brought it there.
+QUALIFY row_number() OVER (PARTITION BY i.scenario_id, i.track_id, last_timestep ORDER BY i.timestep DESC) = 1

@@ -1,0 +1,19 @@
+-- A vehicle or cyclist gains speed by $min m/s^2 or more, as the mean over half a second. Of the ego alone with
+-- ego_only=true. From where the half second begins to the end of it; value is the strongest acceleration, in m/s^2.
+-- Source: 2.4 m/s^2 is the bound of comfortable acceleration in nuPlan's closed-loop metric ego_is_comfortable.
+-- min = 2.4
+-- ego_only = false
+WITH hard AS (
+    SELECT *, timestep - row_number() OVER (PARTITION BY scenario_id, track_id ORDER BY timestep) AS run
+    FROM motion
+    WHERE object_type IN ('VEHICLE', 'CYCLIST') AND (is_ego OR NOT $ego_only) AND acceleration >= $min
+)
+SELECT
+    scenario_id,
+    track_id,
+    NULL::VARCHAR AS other_id,
+    (min(timestep) - any_value(num_steps))::INTEGER AS first_timestep,
+    max(timestep) AS last_timestep,
+    max(acceleration) AS value
+FROM hard
+GROUP BY scenario_id, track_id, run

@@ -1,0 +1,22 @@
+-- How close the ego's box and an object's come: the smallest gap between them as rectangles, at most $max metres, 0 where
+-- they overlap. One hit per object; both timesteps are when they are closest; value in m.
+-- Source: the "distance to nearest object" of the Waymo Open Sim Agents metrics (Montali et al. 2023), without their
+-- rounded corners.
+-- max = 1.0
+WITH gaps AS (
+    SELECT
+        scenario_id, track_id, ego_id, timestep,
+        box_gap(ahead, "left", turn, ego_length, ego_width, length, width) AS gap
+    FROM ego_pairs
+    WHERE distance <= $max + sqrt(length ** 2 + width ** 2) / 2 + sqrt(ego_length ** 2 + ego_width ** 2) / 2
+)
+SELECT
+    scenario_id,
+    track_id,
+    ego_id AS other_id,
+    arg_min(timestep, (gap, timestep)) AS first_timestep,
+    first_timestep AS last_timestep,
+    min(gap) AS value
+FROM gaps
+WHERE gap <= $max
+GROUP BY scenario_id, track_id, ego_id

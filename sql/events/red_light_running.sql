@@ -1,0 +1,36 @@
+-- A vehicle's front crosses the stop line of its lane while the light is red, and has been for $min_red seconds, faster
+-- than $min_speed m/s. Of the ego alone with ego_only=true. Both timesteps are those before and after the crossing;
+-- value is its speed, in m/s. Turning on red where that is allowed counts too: recordings do not say.
+-- Source: the traffic light violation of the Waymo Open Sim Agents metrics (2025): crossing the stop point of the
+-- lane while its light is STOP or ARROW_STOP.
+-- min_speed = 1.0
+-- min_red = 0.0
+-- ego_only = false
+WITH sides AS (
+    SELECT
+        *,
+        lag(before) OVER earlier AS earlier_before,
+        lag(timestep) OVER earlier AS earlier_timestep
+    FROM at_red
+    WHERE track_id = ego_id OR NOT $ego_only
+    WINDOW earlier AS (PARTITION BY scenario_id, track_id, light_id, lane_id ORDER BY timestep)
+),
+crossings AS (
+    SELECT *
+    FROM sides
+    WHERE before < 0 AND earlier_before >= 0 AND earlier_timestep = timestep - 1 AND speed > $min_speed
+),
+reds AS (
+    SELECT c.*, s.state[greatest(c.timestep - ceil($min_red / c.dt)::INTEGER, 0) + 1 : c.timestep + 1] AS since
+    FROM crossings AS c JOIN stop_lines AS s USING (scenario_id, light_id, lane_id)
+)
+SELECT
+    scenario_id,
+    track_id,
+    NULL::VARCHAR AS other_id,
+    earlier_timestep AS first_timestep,
+    timestep AS last_timestep,
+    max(speed) AS value
+FROM reds
+WHERE len(list_filter(since, lambda state: state NOT IN ('LANE_STATE_STOP', 'LANE_STATE_ARROW_STOP', 'TRAFFIC_LIGHT_RED'))) = 0
+GROUP BY scenario_id, track_id, earlier_timestep, timestep

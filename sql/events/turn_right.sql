@@ -1,0 +1,10 @@
+-- A vehicle or cyclist turns right by $min to $max degrees in one go (view turns); bends of the road count too. Of the
+-- ego alone with ego_only=true. Value is the angle, in degrees.
+-- Source: the right turn of the Waymo Open Motion trajectory types (Ettinger et al. 2021: more than 30 degrees to the
+-- right and not a U-turn), with 45 degrees, measured on the turn and not on the whole trajectory.
+-- min = 45.0
+-- max = 135.0
+-- ego_only = false
+SELECT scenario_id, track_id, NULL::VARCHAR AS other_id, first_timestep, last_timestep, -degrees(angle) AS value
+FROM turns
+WHERE -degrees(angle) >= $min AND -degrees(angle) < $max AND (is_ego OR NOT $ego_only)

@@ -1,0 +1,53 @@
+-- A vehicle turns left across oncoming traffic that no light holds back: when its turn begins, or within $within seconds,
+-- another vehicle comes towards it (within 30 degrees of opposite), faster than $min_speed m/s, at most $range metres
+-- ahead and on its left side, and no light beside it (20 m) shows a green arrow. Of the ego alone with ego_only=true.
+-- other_id is the nearest oncoming vehicle; value is its distance, in m.
+-- Source: the tag starting_unprotected_noncross/cross_turn of nuPlan; MUTCD 4D.17, permissive left turn: made after
+-- yielding to oncoming traffic, without a green arrow.
+-- range = 60.0
+-- within = 2.0
+-- min_speed = 2.0
+-- ego_only = false
+WITH lefts AS (
+    SELECT t.*, m.dt, m.ego_id
+    FROM turns AS t JOIN metadata_rows AS m USING (scenario_id)
+    WHERE degrees(angle) BETWEEN 45 AND 135 AND object_type = 'VEHICLE' AND (is_ego OR NOT $ego_only)
+),
+begun AS (
+    SELECT l.*, s.x, s.y, s.heading
+    FROM lefts AS l JOIN states AS s
+        ON s.scenario_id = l.scenario_id AND s.track_id = l.track_id AND s.timestep = l.first_timestep
+),
+arrows AS (
+    SELECT scenario_id, x, y, unnest(range(len(state))) AS timestep, unnest(state) AS state
+    FROM stop_lines
+    WHERE list_contains(state, 'LANE_STATE_ARROW_GO')
+),
+oncoming AS (
+    SELECT
+        b.scenario_id, b.track_id, o.track_id AS other_id, b.first_timestep, b.last_timestep,
+        min((o.x - b.x) * cos(b.heading) + (o.y - b.y) * sin(b.heading)) AS ahead
+    FROM begun AS b JOIN states AS o ON o.scenario_id = b.scenario_id
+        AND o.timestep BETWEEN b.first_timestep AND b.first_timestep + ceil($within / b.dt)
+    WHERE
+        o.track_id <> b.track_id AND o.object_type = 'VEHICLE' AND o.speed > $min_speed
+        AND cos(o.heading - b.heading) <= -cos(pi() / 6)
+        AND (o.x - b.x) * cos(b.heading) + (o.y - b.y) * sin(b.heading) BETWEEN 0 AND $range
+        AND (o.y - b.y) * cos(b.heading) - (o.x - b.x) * sin(b.heading) BETWEEN 0 AND 15
+        AND NOT EXISTS (
+            SELECT 1 FROM arrows AS a
+            WHERE a.scenario_id = b.scenario_id AND a.state = 'LANE_STATE_ARROW_GO'
+                AND a.timestep BETWEEN b.first_timestep AND b.last_timestep
+                AND (a.x - b.x) ** 2 + (a.y - b.y) ** 2 <= 400
+        )
+    GROUP BY ALL
+)
+SELECT
+    scenario_id,
+    track_id,
+    arg_min(other_id, (ahead, other_id)) AS other_id,
+    first_timestep,
+    last_timestep,
+    min(ahead) AS value
+FROM oncoming
+GROUP BY scenario_id, track_id, first_timestep, last_timestep

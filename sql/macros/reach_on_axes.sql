@@ -1,0 +1,8 @@
+-- How far apart [m] the centres of two boxes may be along each of the axes of on_axes before the boxes are apart.
+CREATE MACRO reach_on_axes(turn, length1, width1, length2, width2) AS
+[
+    (length1 + abs(cos(turn)) * length2 + abs(sin(turn)) * width2) / 2,
+    (width1 + abs(sin(turn)) * length2 + abs(cos(turn)) * width2) / 2,
+    (length2 + abs(cos(turn)) * length1 + abs(sin(turn)) * width1) / 2,
+    (width2 + abs(sin(turn)) * length1 + abs(cos(turn)) * width1) / 2
+];

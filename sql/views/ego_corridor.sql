@@ -1,0 +1,79 @@
+-- needs: tracks, ego_path, ego_progress, wrap_angle
+-- One row per object and timestep at which its centre is within 4 m of the ego's whole path, past and to come: where it
+-- is in the frame of the path. `ahead` [m] is how far beyond the ego it is, along the path; `left` [m] how far to the
+-- path's left; `turn` [rad] its heading less the path's there; `ego_passes` [s] when the ego's centre is there, null
+-- beyond the recording; `ego_passing_speed` [m/s] how fast it is then.
+CREATE VIEW ego_corridor AS
+WITH paths AS MATERIALIZED (
+    -- Numbers in place of scenario ids: millions of states are joined by them.
+    SELECT
+        scenario_id, row_number() OVER () AS number,
+        min(x) - 4 AS min_x, min(y) - 4 AS min_y, max(x) + 4 AS max_x, max(y) + 4 AS max_y
+    FROM ego_path
+    GROUP BY scenario_id
+),
+columns_of_squares AS (
+    SELECT *, floor(x / 2)::INTEGER + unnest([-2, -1, 0, 1, 2]) AS square_x
+    FROM ego_path JOIN (SELECT scenario_id, number FROM paths) USING (scenario_id)
+),
+squares AS (
+    SELECT *, floor(y / 2)::INTEGER + unnest([-2, -1, 0, 1, 2]) AS square_y FROM columns_of_squares
+),
+surface AS (
+    -- The plane within 4 m of the path in squares of 2 m, each with the point of the path nearest to its middle: a state
+    -- meets one point and not every point around it.
+    SELECT
+        number, square_x, square_y,
+        unnest(arg_min(
+            {'path_x': x, 'path_y': y, 'path_heading': heading, 's': s, 'passes': seconds, 'passing_speed': speed},
+            (x - 2 * square_x - 1) ** 2 + (y - 2 * square_y - 1) ** 2
+        ))
+    FROM squares
+    GROUP BY number, square_x, square_y
+),
+spans AS (
+    -- Most tracks stay away from the path and need not become rows. (Zeros at steps that are not valid do no harm.)
+    SELECT number, t.*, unnest(range(len(x))) + 1 AS i  -- lists count from 1
+    FROM tracks AS t JOIN paths AS p USING (scenario_id)
+    WHERE
+        list_min(x) <= p.max_x AND list_max(x) >= p.min_x AND list_min(y) <= p.max_y AND list_max(y) >= p.min_y
+),
+positions AS (
+    SELECT
+        number, scenario_id, track_id, object_type, (start + i - 1)::INTEGER AS timestep,
+        x[i] AS x, y[i] AS y, heading[i] AS heading,
+        sqrt(vx[i] * vx[i] + vy[i] * vy[i]) AS speed,
+        length[least(i, len(length))] AS length,
+        width[least(i, len(width))] AS width,
+        floor(x[i] / 2)::INTEGER AS square_x,
+        floor(y[i] / 2)::INTEGER AS square_y
+    FROM spans
+    WHERE valid IS NULL OR valid[i]
+),
+placed AS (
+    SELECT
+        *,
+        (x - path_x) * cos(path_heading) + (y - path_y) * sin(path_heading) AS along,
+        (y - path_y) * cos(path_heading) - (x - path_x) * sin(path_heading) AS "left"
+    FROM positions JOIN surface USING (number, square_x, square_y)
+)
+SELECT
+    scenario_id,
+    o.track_id,
+    o.object_type,
+    e.track_id AS ego_id,
+    timestep,
+    e.seconds,
+    o.s + o.along - e.s AS ahead,
+    o.left,
+    wrap_angle(o.heading - o.path_heading) AS turn,
+    o.speed,
+    o.length,
+    o.width,
+    e.speed AS ego_speed,
+    e.length AS ego_length,
+    e.width AS ego_width,
+    o.passes + o.along / greatest(o.passing_speed, 0.1) AS ego_passes,
+    o.passing_speed AS ego_passing_speed
+FROM placed AS o JOIN ego_progress AS e USING (scenario_id, timestep)
+WHERE abs(o.left) <= 4 AND o.track_id <> e.track_id;

@@ -1,0 +1,11 @@
+-- needs: ego_states
+-- ego_states with `s` [m], how far along its path the ego is.
+CREATE VIEW ego_progress AS
+SELECT * EXCLUDE (step), sum(step) OVER (PARTITION BY scenario_id ORDER BY timestep) AS s
+FROM (
+    SELECT
+        *,
+        coalesce(sqrt((x - lag(x) OVER earlier) ** 2 + (y - lag(y) OVER earlier) ** 2), 0) AS step
+    FROM ego_states
+    WINDOW earlier AS (PARTITION BY scenario_id ORDER BY timestep)
+);
