@@ -5,7 +5,7 @@
       InvalidScenario    one scenario is unusable: quarantined and counted, the run goes on
       LakeError          the lake: SchemaMismatch, SnapshotConflict, NoSuchSnapshot,
                          ScenarioNotFound, DuplicateScenario, DatabaseNotFound, DatabaseExists,
-                         DatabaseInUse, LeakingSplit
+                         DatabaseInUse, LeakingSplit, LayerExists
       WorkerLost         a worker process died; what it had finished is kept
       QueryError         the user's words: UnknownFilter, UnknownQuery, UnknownEvent, BadParameter, UnsafeSql, EmptyResult
 
@@ -94,6 +94,10 @@ class DatabaseInUse(LakeError):
 
 class LeakingSplit(LakeError):
     """Scenarios of one source log would stand in several parts of a split."""
+
+
+class LayerExists(LakeError):
+    """A layer of that name exists and replacing it was not asked for."""
 
 
 class DuplicateScenario(LakeError):

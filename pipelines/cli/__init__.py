@@ -13,8 +13,8 @@ from pipelines.cli.interrupt import stop_cleanly
 
 VERBS = {
     "Bring recordings in": ("convert", "converters"),
-    "Look": ("list", "show", "sql", "files"),
-    "Choose": ("filter", "filters", "split", "sample"),
+    "Look": ("list", "show", "sql", "mine", "stats", "files"),
+    "Choose": ("filter", "filters", "split", "sample", "tag"),
     "Combine": ("merge", "intersect", "subtract", "diff", "overlap"),
     "Keep databases": ("lineage", "rebuild", "rebase", "copy", "rename", "drop", "checkout"),
     "Hand on": ("export",),

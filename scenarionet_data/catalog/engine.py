@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 FILE_TABLES = ("metadata", "tracks", "lights", "maps", "quarantine", "shards")
 _FOLDER_COLUMNS = ("tracks", "lights", "maps")
+_KEYS = {"metadata": "scenario_id", "tracks": "scenario_id", "lights": "scenario_id", "maps": "map_id"}
 
 
 def table_files(files: LakeFiles, snapshot: Snapshot, table: str) -> list[str]:
@@ -52,20 +53,33 @@ class Engine:
         files: The lake's files.
         snapshot: What the views show.
         without: Files of the snapshot that the views leave out, for example because they are gone.
+        layers: Version of each layer of users' columns that the view metadata has.
+        only: Scenarios that the views show, with their addresses; all of the snapshot's for None.
 
     Raises:
         SchemaMismatch: The snapshot holds files of another version of the contract.
     """
 
-    def __init__(self, files: LakeFiles, snapshot: Snapshot, without: Iterable[str] = ()) -> None:
+    def __init__(
+        self,
+        files: LakeFiles,
+        snapshot: Snapshot,
+        without: Iterable[str] = (),
+        layers: Mapping[str, int] | None = None,
+        only: pa.Table | None = None,
+    ) -> None:
         snapshots.check_schemas(files, snapshot)
         self._files = files
         self._snapshot = snapshot
         self._without = {str(files.path(name)) for name in without}
+        self._layers = dict(layers or {})
+        self._only = only
         self._connection = duckdb.connect(config={"autoinstall_known_extensions": False})
         self._views: set[str] = set()
         self._lock = threading.Lock()
         self._connection.execute("SET enable_progress_bar = false")
+        if only is not None:
+            self._connection.register("chosen", only.select(["scenario_id", "map_id"]))
         # Large queries spill to disk: not into the working directory, and apart from other processes.
         spill = Path(tempfile.gettempdir()) / f"scenarionet-{uuid.uuid4().hex}"
         self._connection.execute(f"SET temp_directory = {_quoted(str(spill))}")
@@ -152,6 +166,7 @@ class Engine:
         table = name.removesuffix("_rows")
         if table in FILE_TABLES:
             text = text.replace("{files}", self._relation(table)).replace("{derived}", _derived(table))
+            text = text.replace("{layers}", self._layer_joins())
         self._connection.execute(text)
         if name in FILE_TABLES:
             self._comment(name)
@@ -168,7 +183,7 @@ class Engine:
 
     def _relation(self, table: str) -> str:
         """SQL for a table's files: a scan, or no rows of the right types when there are none."""
-        listed = table_files(self._files, self._snapshot, table)
+        listed = self._chosen_files(table)
         paths = [path for path in listed if path not in self._without]
         if not paths:
             columns = [f"NULL::{_sql_type(c)} AS {c.name}" for c in tables.load(table).columns]
@@ -176,9 +191,29 @@ class Engine:
             return f"(SELECT {', '.join(columns + folders)} WHERE false)"
         self._connection.execute(f"SET VARIABLE {table}_files = $paths", {"paths": paths})
         hive = str(table in _FOLDER_COLUMNS).lower()
-        return f"read_parquet(getvariable('{table}_files'), hive_partitioning = {hive}" + (
+        scan = f"read_parquet(getvariable('{table}_files'), hive_partitioning = {hive}" + (
             ", hive_types_autocast = false)" if table in _FOLDER_COLUMNS else ")"
         )
+        if self._only is None or table not in _KEYS:
+            return scan
+        return f"(SELECT * FROM {scan} SEMI JOIN chosen USING ({_KEYS[table]}))"
+
+    def _chosen_files(self, table: str) -> list[str]:
+        """A table's files; of chosen scenarios, those that hold a part of one."""
+        listed = table_files(self._files, self._snapshot, table)
+        if self._only is None or table not in ("tracks", "lights"):  # maps may be shared: their files have no address
+            return listed
+        wanted = {str(self._files.path(name)) for name in pc.unique(self._only[f"{table}_file"]).to_pylist() if name}
+        return [path for path in listed if path in wanted]
+
+    def _layer_joins(self) -> str:
+        """SQL that joins the layers to metadata."""
+        joins = [
+            f"LEFT JOIN read_parquet({_quoted(str(self._files.path(f'layers/{name}/{version}.parquet')))}) AS layer_{name} "
+            "USING (scenario_id)"
+            for name, version in self._layers.items()
+        ]
+        return " ".join(joins)
 
 
 def words(sql: str) -> set[str]:

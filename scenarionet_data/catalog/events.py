@@ -6,11 +6,18 @@ first_timestep, last_timestep and value, whose meaning and unit its head names.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 from scenarionet_data.catalog import named_sql
 from scenarionet_data.catalog.named_sql import NamedSql
 from scenarionet_data.errors import UnknownEvent
+
+if TYPE_CHECKING:
+    import polars as pl
+
+    from scenarionet_data.catalog.database import Database
+    from scenarionet_data.catalog.lake import Lake
 
 _FOLDER = "events"
 
@@ -41,3 +48,25 @@ def parse(text: str) -> tuple[NamedSql, dict[str, Any]]:
         20.0
     """
     return named_sql.parse(_FOLDER, text, UnknownEvent)
+
+
+def mine(
+    lake: Lake, name: str, words: Mapping[str, str] | None = None, *, database: Database | str | None = None
+) -> pl.DataFrame:
+    """Every hit of an event, in order of scenario and time.
+
+    Args:
+        lake: The lake.
+        name: The event.
+        words: Values for its parameters, as typed; the rest keep their defaults.
+        database: Look at its members only.
+
+    Raises:
+        UnknownEvent: No such event.
+        BadParameter: No such parameter, or no such value.
+    """
+    event = load(name)
+    bound = event.bind(words or {})
+    asked = lake if database is None else lake.only(database)
+    query = f"SELECT * FROM (\n{event.text}\n) ORDER BY scenario_id, first_timestep, track_id, other_id"
+    return asked.sql(query, bound)

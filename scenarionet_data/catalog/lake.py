@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from scenarionet_data.catalog import comparison, events, queries
 from scenarionet_data.catalog import database as databases
-from scenarionet_data.catalog import queries
+from scenarionet_data.catalog import layers as layer_files
 from scenarionet_data.catalog.database import Database, Lineage
 from scenarionet_data.catalog.engine import FILE_TABLES, Engine, table_files
 from scenarionet_data.catalog.members import ADDRESS_COLUMNS, locate
@@ -43,6 +44,7 @@ class Lake:
     Args:
         root: The lake's folder.
         snapshot: Its number; the newest unless given.
+        layers: Versions of layers to show, by name; the newest of each other.
 
     Raises:
         NoSuchSnapshot: There is no lake, or no such snapshot.
@@ -54,11 +56,15 @@ class Lake:
         train, val = lake.split(busy, {"train": 0.9, "val": 0.1}, seed=0).values()
     """
 
-    def __init__(self, root: str | Path, snapshot: int | None = None) -> None:
+    def __init__(
+        self, root: str | Path, snapshot: int | None = None, layers: Mapping[str, int] | None = None
+    ) -> None:
         self.files = LakeFiles(root)
         if "snapshots" not in self.files.folders("."):
             raise NoSuchSnapshot(f"{root}: no lake there; make one with `scenarionet convert DATASET RAW {root}`")
         self.snapshot: Snapshot = snapshots.read(self.files, snapshot)
+        self.layers: dict[str, int] = layer_files.newest(self.files) | dict(layers or {})
+        self._chosen: pa.Table | None = None
 
     def __repr__(self) -> str:
         return f"Lake({str(self.files.root)!r}, snapshot={self.snapshot.number})"
@@ -72,13 +78,29 @@ class Lake:
         """The same lake at its newest snapshot."""
         return Lake(self.root)
 
-    def at(self, snapshot: int) -> Lake:
-        """The same lake at another snapshot."""
-        return self if snapshot == self.snapshot.number else Lake(self.root, snapshot)
+    def at(self, snapshot: int, layers: Iterable[str] = ()) -> Lake:
+        """The same lake at another snapshot, with these versions of layers (``name@version``)."""
+        pinned = self.layers | layer_files.pinned(layers)
+        is_same = snapshot == self.snapshot.number and pinned == self.layers
+        return self if is_same else Lake(self.root, snapshot, pinned)
+
+    def only(self, scenarios: Database | str | Iterable[str]) -> Lake:
+        """The lake at a snapshot that holds some scenarios, whose views show these and no others.
+
+        Args:
+            scenarios: A database or its name, or ids.
+
+        Raises:
+            ScenarioNotFound: One is not there.
+        """
+        holder, members = self.resolve(scenarios)
+        chosen = Lake(self.root, holder.snapshot.number, self.layers)
+        chosen._chosen = members
+        return chosen
 
     @cached_property
     def _engine(self) -> Engine:
-        return Engine(self.files, self.snapshot)
+        return Engine(self.files, self.snapshot, layers=self.layers, only=self._chosen)
 
     # --- questions ------------------------------------------------------------------------------------
 
@@ -100,6 +122,15 @@ class Lake:
     def arrow(self, query: str, parameters: Mapping[str, Any] | None = None, **tables: pa.Table) -> pa.Table:
         """Like :meth:`sql`, as an Arrow table; ``tables`` are known to this query by their names."""
         return self._engine.arrow(query, parameters, **tables)
+
+    # Explained where they are done.
+    mine = events.mine
+    compare = comparison.compare
+    tag = layer_files.tag
+    tag_by_sql = layer_files.tag_by_sql
+    tag_where = layer_files.tag_where
+    tag_event = layer_files.tag_event
+    tag_from_file = layer_files.tag_from_file
 
     def summary(self) -> pl.DataFrame:
         """Scenarios, objects and hours by dataset, version and split."""

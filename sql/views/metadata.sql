@@ -1,6 +1,7 @@
--- One row per scenario: the files' columns, timestamps filled in, and the contract's derived columns.
+-- One row per scenario: the files' columns, timestamps filled in, the contract's derived columns, and the
+-- columns that users have added (layers).
 CREATE VIEW metadata AS
 SELECT
     * REPLACE (coalesce(timestamps, list_transform(range(num_timesteps), lambda k: k * dt)) AS timestamps)
     {derived}
-FROM {files};
+FROM {files} AS files {layers};
