@@ -7,7 +7,8 @@
                          ScenarioNotFound, DuplicateScenario, DatabaseNotFound, DatabaseExists,
                          DatabaseInUse, LeakingSplit, LayerExists
       WorkerLost         a worker process died; what it had finished is kept
-      QueryError         the user's words: UnknownFilter, UnknownQuery, UnknownEvent, BadParameter, UnsafeSql, EmptyResult
+      QueryError         the user's words: UnknownFilter, UnknownQuery, UnknownEvent,
+                         BadParameter, UnsafeSql, EmptyResult
 
 Messages are one sentence that says what was found, followed by what to do next.
 """

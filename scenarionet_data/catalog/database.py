@@ -36,6 +36,7 @@ class Lineage:
         created_at: UTC, ISO 8601.
         count: Members.
         created_with: Version of this software.
+        layers: ``name@version`` of the users' columns that the query names.
     """
 
     operation: str
@@ -46,6 +47,7 @@ class Lineage:
     created_at: str
     count: int
     created_with: str = field(default="")
+    layers: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True)

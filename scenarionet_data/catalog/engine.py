@@ -208,10 +208,10 @@ class Engine:
 
     def _layer_joins(self) -> str:
         """SQL that joins the layers to metadata."""
+        paths = {name: self._files.path(f"layers/{name}/{version}.parquet") for name, version in self._layers.items()}
         joins = [
-            f"LEFT JOIN read_parquet({_quoted(str(self._files.path(f'layers/{name}/{version}.parquet')))}) AS layer_{name} "
-            "USING (scenario_id)"
-            for name, version in self._layers.items()
+            f"LEFT JOIN read_parquet({_quoted(str(path))}) AS layer_{name} USING (scenario_id)"
+            for name, path in paths.items()
         ]
         return " ".join(joins)
 

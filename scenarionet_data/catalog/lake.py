@@ -56,9 +56,7 @@ class Lake:
         train, val = lake.split(busy, {"train": 0.9, "val": 0.1}, seed=0).values()
     """
 
-    def __init__(
-        self, root: str | Path, snapshot: int | None = None, layers: Mapping[str, int] | None = None
-    ) -> None:
+    def __init__(self, root: str | Path, snapshot: int | None = None, layers: Mapping[str, int] | None = None) -> None:
         self.files = LakeFiles(root)
         if "snapshots" not in self.files.folders("."):
             raise NoSuchSnapshot(f"{root}: no lake there; make one with `scenarionet convert DATASET RAW {root}`")

@@ -9,7 +9,7 @@ from __future__ import annotations
 import difflib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -83,6 +83,11 @@ def read(files: LakeFiles, name: str, version: int) -> Layer:
 def used(layers: Mapping[str, int], sql: str) -> list[str]:
     """``name@version`` of the layers that a query may ask: those that it names."""
     return [f"{name}@{layers[name]}" for name in sorted(words(sql) & set(layers))]
+
+
+def pinned(references: Iterable[str]) -> dict[str, int]:
+    """Versions by name of ``name@version``s."""
+    return {name: int(version) for name, _, version in (reference.partition("@") for reference in references)}
 
 
 def tag(
@@ -163,7 +168,9 @@ def tag_event(lake: Lake, name: str, event: str, *, replace: bool = False) -> La
     return tag(lake, name, lake.arrow(query, values), source=f"event {event}", replace=replace)
 
 
-def tag_from_file(lake: Lake, name: str, path: str | Path, column: str | None = None, *, replace: bool = False) -> Layer:
+def tag_from_file(
+    lake: Lake, name: str, path: str | Path, column: str | None = None, *, replace: bool = False
+) -> Layer:
     """Add a column from a CSV or Parquet file with scenario_id and the column; see :func:`tag`.
 
     Args:

@@ -1,4 +1,4 @@
-"""Every event of sql/events on scenarios made by hand: each hit with its objects, timesteps and value, and near misses."""
+"""Every event of sql/events on scenarios made by hand: each hit with its objects, timesteps and value, and no other."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import numpy as np
 import polars as pl
 import pytest
 
-from scenarionet_data import Lake
+from scenarionet_data import Lake, convert
 from scenarionet_data.catalog import events
-from scenarionet_data.errors import BadParameter, UnknownEvent
-from scenarionet_data.vocabulary import LightState, ObjectType
+from scenarionet_data.errors import BadParameter, QueryError, UnknownEvent
+from scenarionet_data.vocabulary import LightState
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.moments import Mover, T, along, crosswalk, going, lane, moment, shifting, shown, walking
 
@@ -129,15 +129,23 @@ MOMENTS = {
         (moment("across-same", FAR, car=turning(0, 0, np.pi / 2), other=along(0, 4, 10)), []),
         (
             moment(
-                "across-arrow", FAR, ROAD, [("out", None, shown((ARROW, 1)))],
-                car=turning(0, 0, np.pi / 2), other=along(50, 4, -10),
+                "across-arrow",
+                FAR,
+                ROAD,
+                [("out", None, shown((ARROW, 1)))],
+                car=turning(0, 0, np.pi / 2),
+                other=along(50, 4, -10),
             ),
             [],
         ),
         (
             moment(
-                "across-green", FAR, ROAD, [("out", None, shown((GREEN, 1)))],
-                car=turning(0, 0, np.pi / 2), other=along(50, 4, -10),
+                "across-green",
+                FAR,
+                ROAD,
+                [("out", None, shown((GREEN, 1)))],
+                car=turning(0, 0, np.pi / 2),
+                other=along(50, 4, -10),
             ),
             [("car", "other", 16, 55, 6.0)],
         ),
@@ -248,3 +256,90 @@ def test_every_event_names_its_source_and_uses_its_parameters(name):
 def test_columns_have_the_same_types_in_every_event(found):
     kinds = {name: tuple(rows.dtypes) for name, rows in found.items()}
     assert set(kinds.values()) == {(pl.String, pl.String, pl.String, pl.Int32, pl.Int32, pl.Float64)}, kinds
+
+
+# --- asking -------------------------------------------------------------------------------------------------
+
+
+def ids_of(name: str) -> list[str]:
+    """Scenarios among the event's own in which it happens."""
+    return sorted(scenario.id for scenario, wanted in MOMENTS[name] if wanted)
+
+
+def test_mine_lists_hits_in_order_and_takes_parameters(lake):
+    rows = lake.mine("cut_in")
+    assert rows["scenario_id"].is_sorted()
+    assert set(ids_of("cut_in")) <= set(rows["scenario_id"])
+    assert lake.mine("cut_in", {"max_gap": "15"}).is_empty()
+    assert len(lake.mine("hard_braking", {"ego_only": "true"})) == 0
+    own = lake.mine("closest_approach").sort("scenario_id", "first_timestep", "track_id", "other_id")
+    assert own.equals(lake.mine("closest_approach"))
+    with pytest.raises(UnknownEvent, match="cut_in"):
+        lake.mine("cutin")
+    with pytest.raises(BadParameter, match="max_gap"):
+        lake.mine("cut_in", {"gap": "15"})
+
+
+def test_mine_looks_only_at_a_databases_members(tmp_path):
+    lake = write_lake(tmp_path, [scenario for scenario, _ in MOMENTS["cut_in"]])
+    hits = lake.mine("cut_in")
+    one = lake.filter("scenario_id = $id", name="one", parameters={"id": hits["scenario_id"][0]})
+    assert lake.mine("cut_in", database="one").equals(hits.head(1))
+    assert lake.mine("cut_in", database=one).equals(hits.head(1))
+    lake.filter("scenario_id <> ALL ($ids)", name="none", parameters={"ids": hits["scenario_id"].to_list()})
+    assert lake.mine("cut_in", database="none").is_empty()
+
+
+def test_filter_keeps_scenarios_in_which_an_event_happens(tmp_path):
+    lake = write_lake(tmp_path, [scenario for name in ("cut_in", "following") for scenario, _ in MOMENTS[name]])
+    found = lake.filter("ego_distance > 10", name="cut", happening=["cut_in"])
+    assert found.scenario_ids == ids_of("cut_in")
+    assert "cut-in" not in found.lineage.sql  # comments stay in their file
+    assert found.lineage.parameters == {"f0_max_gap": 30.0, "f0_min_speed": 2.0, "f0_within": 4.0}
+    assert lake.rebuild("cut").is_same
+    both = lake.filter(
+        "true", name="both", parent="cut", named=["ego_distance:min=1"], happening=["cut_in:max_gap=20", "following"]
+    )
+    assert set(both.scenario_ids) <= set(ids_of("cut_in"))
+    assert both.lineage.parameters["f1_max_gap"] == 20.0
+    assert lake.rebuild("both").is_same
+    with pytest.raises(UnknownEvent):
+        lake.filter(name="x", happening=["nothing"])
+    with pytest.raises(QueryError, match="no column"):
+        lake.filter("ego_distanse > 1", name="x", happening=["cut_in"])
+
+
+@pytest.mark.parametrize("name", events.names())
+def test_an_empty_lake_has_no_hits(name, tmp_path):
+    (tmp_path / "snapshots").mkdir()
+    assert Lake(tmp_path).mine(name).is_empty()
+
+
+def test_generated_scenarios_are_mined(tmp_path):
+    """Every event runs over another source, with what that lacks or adds, and some happen."""
+    convert("pg", "0:6", tmp_path)
+    lake = Lake(tmp_path)
+    counts = {name: len(lake.mine(name)) for name in events.names()}
+    assert counts["closest_approach"] > 0
+    assert counts["following"] + counts["stationary_lead"] > 0
+    assert counts["turn_left"] + counts["turn_right"] > 0
+    assert counts["minimum_gap"] >= lake.sql("SELECT count(*) FROM metadata WHERE min_ego_gap <= 1").item()
+
+
+def test_recorded_scenarios_are_mined(recordings, tmp_path):
+    sources = {
+        "waymo": "waymo/training",
+        "argoverse2": "argoverse2/motion-forecasting/val",
+        "scenarionet": "scenarionet",
+    }
+    for dataset, folder in sources.items():
+        convert(dataset, str(recordings / folder), tmp_path)
+    lake = Lake(tmp_path)
+    counts = {name: len(lake.mine(name)) for name in events.names()}
+    assert counts["stop_at_red"] > 0
+    assert counts["turn_left"] > 0
+    assert counts["pedestrian_crossing"] > 0
+    gaps = lake.sql("SELECT scenario_id, min_ego_gap FROM metadata WHERE min_ego_gap <= 1 ORDER BY 1")
+    mined = lake.mine("minimum_gap").group_by("scenario_id").agg(pl.col("value").min()).sort("scenario_id")
+    assert mined["scenario_id"].to_list() == gaps["scenario_id"].to_list()
+    assert mined["value"].to_list() == pytest.approx(gaps["min_ego_gap"].to_list(), abs=1e-4)

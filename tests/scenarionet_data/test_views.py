@@ -74,7 +74,9 @@ def test_box_ttc_is_when_boxes_first_touch(lake):
 
 
 def test_segment_gap_and_wrap_angle(lake):
-    found = lake.sql("SELECT segment_gap(3, 4, 0, 0) AS a, segment_gap(5, 2, 10, 0) AS b, segment_gap(13, 4, 10, 0) AS c")
+    found = lake.sql(
+        "SELECT segment_gap(3, 4, 0, 0) AS a, segment_gap(5, 2, 10, 0) AS b, segment_gap(13, 4, 10, 0) AS c"
+    )
     assert found.row(0) == (5.0, 2.0, 5.0)
     angles = np.linspace(-10, 10, 401)
     query = "SELECT wrap_angle(angle) AS w FROM angles"
@@ -126,7 +128,7 @@ def test_the_corridor_follows_the_egos_path_round_a_bend(tmp_path):
 
 def test_the_path_goes_straight_on_where_the_recording_ends(tmp_path):
     lake = write_lake(tmp_path, [moment("straight", along(0, 0, 1), near=along(55, 1), far=along(65, 1))])
-    rows = lake.sql("SELECT track_id, ahead, \"left\", ego_passes FROM ego_corridor WHERE timestep = 0")
+    rows = lake.sql('SELECT track_id, ahead, "left", ego_passes FROM ego_corridor WHERE timestep = 0')
     assert rows["track_id"].to_list() == ["near"]
     assert rows.row(0)[1:] == (pytest.approx(55.0, abs=1e-3), pytest.approx(1.0), None)
     path = lake.sql("SELECT min(s) AS a, max(s) AS b, max(seconds) AS t FROM ego_path").row(0)
@@ -155,7 +157,12 @@ def test_motion_and_turns(tmp_path):
 def test_lane_graph_has_every_link(lake, scenarios):
     found = set(lake.sql("SELECT map_id, lane_id, relation, other_lane_id, is_in_map FROM lane_graph").rows())
     wanted = set()
-    columns = {"SUCCESSOR": "exit_lanes", "PREDECESSOR": "entry_lanes", "LEFT": "left_neighbors", "RIGHT": "right_neighbors"}
+    columns = {
+        "SUCCESSOR": "exit_lanes",
+        "PREDECESSOR": "entry_lanes",
+        "LEFT": "left_neighbors",
+        "RIGHT": "right_neighbors",
+    }
     for scenario in scenarios:
         ids, types = scenario.map.ids, scenario.map.types
         lanes = {name for name, kind in zip(ids, types, strict=True) if kind < 16}

@@ -44,7 +44,7 @@ def command(
     query: str | None,
     file: str | None,
     column: str | None,
-    overwrite: bool,
+    replace: bool,
     as_json: bool,
 ) -> None:
     """Add a column to scenarios: a label, a count, a score, an embedding.
@@ -62,7 +62,7 @@ def command(
     chosen = [(option, value) for option, value in given.items() if value is not None]
     if len(chosen) != 1 or (column and not file):
         raise BadParameter(f"wanted one of {', '.join(given)} (and --column only with --file)")
-    layer = _tag(opened, name, *chosen[0], column, overwrite)
+    layer = _tag(opened, name, *chosen[0], column, replace)
     if as_json:
         print_json(asdict(layer) | {"reference": layer.reference})
     else:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Unpack
 
-from scenarionet_data.catalog import filters, mistakes
+from scenarionet_data.catalog import events, filters, mistakes
 from scenarionet_data.catalog.database import Database
 from scenarionet_data.catalog.engine import check_expression
 from scenarionet_data.catalog.named_sql import NamedSql
@@ -25,6 +26,7 @@ def keep(
     name: str,
     parent: Database | str | None = None,
     named: Sequence[str] = (),
+    happening: Sequence[str] = (),
     ids: Sequence[str] | None = None,
     parameters: Mapping[str, Any] | None = None,
     **saving: Unpack[Saving],
@@ -37,6 +39,7 @@ def keep(
         name: Name of the new database.
         parent: Search only the members of this database, in its order.
         named: Filters of ``sql/filters`` that must hold too, as ``name:key=value``.
+        happening: Events of ``sql/events`` that must happen too, as ``name:key=value``.
         ids: Keep only these: ids, or ids in the source, whole ones.
         parameters: Values for ``$name`` in ``where``: numbers, texts, truth values, lists of them.
         **saving: ``replace``, ``allow_empty``.
@@ -51,15 +54,31 @@ def keep(
     wanted = [filters.parse(text) for text in named]
     if ids is not None:
         wanted.append((filters.load("ids"), {"ids": list(ids)}))
-    conditions, bound = _conditions(where, wanted, parameters or {})
     pool = pools.of(lake, parent)
     if ids is not None:
         _check_ids(pool, list(ids))
-    query = pool.query("operations/filter", conditions=conditions)
     try:
+        if happening:
+            pool = _narrowed(pool, *_conditions(where, wanted, parameters or {}))
+            wanted += [_event(text) for text in happening]
+        conditions, bound = _conditions(where, wanted, parameters or {})
+        query = pool.query("operations/filter", conditions=conditions)
         return pool.make("filter", name, query, bound, saving)
     except QueryError as error:
         raise mistakes.in_condition(error, where) from error
+
+
+def _narrowed(pool: Pool, conditions: str, bound: Mapping[str, Any]) -> Pool:
+    """The pool at a lake that shows only what satisfies conditions: events are searched for in nothing else."""
+    query = pool.query("operations/filter", conditions=conditions)
+    left = pool.run(query, pools.as_recorded(bound))["scenario_id"].to_pylist()
+    return replace(pool, lake=pool.lake.only(left))
+
+
+def _event(text: str) -> tuple[NamedSql, dict[str, Any]]:
+    """An event as a condition: that it happens in the scenario."""
+    found, values = events.parse(text)
+    return replace(found, text=f"scenario_id IN (SELECT scenario_id FROM (\n{found.text}\n))"), values
 
 
 def _conditions(

@@ -13,6 +13,7 @@ import pyarrow.compute as pc
 
 from scenarionet_data import software
 from scenarionet_data.catalog import database as databases
+from scenarionet_data.catalog import layers
 from scenarionet_data.catalog.database import Database, Lineage, Stored
 from scenarionet_data.errors import BadParameter, EmptyResult, NoSuchSnapshot, ScenarioNotFound
 from scenarionet_data.resources import SQL
@@ -130,6 +131,7 @@ class Pool:
             created_at=snapshots.now(),
             count=members.num_rows,
             created_with=software.name_and_version(),
+            layers=layers.used(self.lake.layers, query),
         )
         return databases.save(self.lake.files, name, members, lineage, replace=saving.get("replace", False))
 

@@ -45,7 +45,7 @@ def rebuild(lake: Lake, reference: str) -> Rebuilt:
     database = databases.stored(lake.files, reference)
     lineage = database.lineage
     try:
-        there = lake.at(lineage.snapshot)
+        there = lake.at(lineage.snapshot, lineage.layers)
         pool = Pool(there, tuple(databases.stored(lake.files, parent) for parent in lineage.parents))
     except (NoSuchSnapshot, DatabaseNotFound) as error:
         raise type(error)(

@@ -1,0 +1,167 @@
+"""Columns of users: added from Python, SQL, events and files, asked like any other, pinned by lineage."""
+
+from __future__ import annotations
+
+import polars as pl
+import pyarrow as pa
+import pytest
+
+from scenarionet_data import Lake
+from scenarionet_data.catalog import layers
+from scenarionet_data.errors import BadParameter, LayerExists, QueryError, ScenarioNotFound, UnsafeSql
+from scenarionet_data.store import commit as commits
+from tests.fixtures.lakes import write_lake
+from tests.fixtures.scenarios import make_scenario
+
+SCENARIOS = [make_scenario(seed, num_objects=2 + seed % 3, num_steps=12, num_lanes=1) for seed in range(6)]
+IDS = [scenario.id for scenario in SCENARIOS]
+
+
+@pytest.fixture
+def lake(tmp_path) -> Lake:
+    return write_lake(tmp_path / "lake", SCENARIOS)
+
+
+def files(lake):
+    return {path: path.read_bytes() for path in lake.root.rglob("*.parquet")}
+
+
+def column(lake, name):
+    return dict(lake.refresh().sql(f"SELECT scenario_id, {name} FROM metadata").rows())
+
+
+def test_a_tag_is_a_column_and_nothing_is_rewritten(lake):
+    before = files(lake)
+    made = lake.tag("score", dict(zip(IDS[:4], [1.5, 2.5, 3.5, None], strict=True)))
+    assert (made.reference, made.type, made.count, made.source) == ("score@1", "double", 3, "python")
+    assert column(lake, "score") == dict.fromkeys(IDS) | dict(zip(IDS[:3], [1.5, 2.5, 3.5], strict=True))
+    after = files(lake)
+    (added,) = after.keys() - before.keys()
+    assert added.relative_to(lake.root).as_posix() == "layers/score/1.parquet"
+    assert {path: after[path] for path in before} == before
+    assert len(lake.refresh()) == len(IDS)
+    assert lake.refresh().facts(IDS[0])["score"] == 1.5
+
+
+def test_a_tag_is_filtered_split_and_sampled_by(lake):
+    lake.tag("score", {name: float(k) for k, name in enumerate(IDS)})
+    lake.refresh().tag("kind", {name: "ab"[k % 2] for k, name in enumerate(IDS)})
+    lake = lake.refresh()
+    found = lake.filter("score >= 2 AND kind = 'a'", name="best")
+    assert found.scenario_ids == [IDS[2], IDS[4]]
+    assert found.lineage.layers == ["kind@1", "score@1"]
+    assert lake.filter("num_objects > 0", name="all").lineage.layers == []
+    parts = lake.split("all", {"x": 0.5, "y": 0.5}, by="kind", allow_empty=True)
+    kinds = [{column(lake, "kind")[name] for name in part.scenario_ids} for part in parts.values()]
+    assert kinds[0].isdisjoint(kinds[1])
+
+
+def test_an_embedding_is_searched(lake):
+    vectors = [[1.0, 0.0], [0.0, 1.0], [0.8, 0.6], [-1.0, 0.0], [0.6, 0.8], [0.0, -1.0]]
+    table = pa.table({"scenario_id": IDS, "vector": pa.array(vectors, pa.list_(pa.float32()))})
+    assert lake.tag("embedding", table).type == "list<item: float>"
+    query = """
+        SELECT scenario_id FROM metadata ORDER BY list_cosine_similarity(embedding, $like::FLOAT[]) DESC LIMIT 2
+    """
+    near = lake.refresh().sql(query, {"like": [1.0, 0.1]})
+    assert near["scenario_id"].to_list() == [IDS[0], IDS[2]]
+
+
+def test_tags_from_sql_conditions_and_events(lake):
+    made = lake.tag_by_sql("steps_seen", "SELECT scenario_id, count(*) FROM states GROUP BY scenario_id")
+    assert column(lake, "steps_seen") == {s.id: int(s.tracks.valid.sum()) for s in SCENARIOS}
+    assert "FROM states" in made.source
+    lake.refresh().tag_where("crowded", "num_objects > 3")
+    counted = column(lake, "num_objects")
+    assert column(lake, "crowded") == {name: number > 3 for name, number in counted.items()}
+    lake.tag_event("approaches", "closest_approach:max=30")
+    hits = lake.mine("closest_approach", {"max": "30"})["scenario_id"].to_list()
+    assert column(lake, "approaches") == {name: hits.count(name) for name in IDS}
+    lake.refresh().tag_by_sql("twice", "SELECT scenario_id, 2 * approaches AS v FROM metadata")
+    assert column(lake, "twice") == {name: 2 * hits.count(name) for name in IDS}
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_tags_from_files(lake, suffix, tmp_path):
+    path = tmp_path / f"scores.{suffix}"
+    rows = pl.DataFrame({"scenario_id": IDS[::-1], "score": range(6), "word": list("abcdef")})
+    rows.write_csv(path) if suffix == "csv" else rows.write_parquet(path)
+    assert lake.tag_from_file("score", path, "score").source == path.name
+    assert column(lake, "score") == dict(zip(IDS[::-1], range(6), strict=True))
+    lake.tag_from_file("letter", path, "word")
+    assert column(lake, "letter")[IDS[0]] == "f"
+    with pytest.raises(BadParameter, match="no column points; there are scenario_id, score, word"):
+        lake.tag_from_file("other", path, "points")
+    with pytest.raises(BadParameter, match="--column"):
+        lake.tag_from_file("other", path)
+
+
+def test_files_that_are_no_table_are_refused(lake, tmp_path):
+    (tmp_path / "x.parquet").write_bytes(b"PAR1")
+    (tmp_path / "x.csv").write_bytes(b'a,"\n')
+    (tmp_path / "x.txt").write_text("a")
+    for name in ("x.parquet", "x.txt", "gone.csv"):
+        with pytest.raises(BadParameter, match=name):
+            lake.tag_from_file("score", tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("num_objects", "is a column of every lake"),
+        ("objects_per_100m", "is a column of every lake"),
+        ("weight", "is a column of every lake"),
+        ("Score", "no layer name"),
+        ("my-score", "no layer name"),
+        ("../x", "no layer name"),
+        ("", "no layer name"),
+        ("select", "a word of SQL"),
+    ],
+)
+def test_names_that_cannot_be_columns_are_refused(lake, name, reason):
+    with pytest.raises(BadParameter, match=reason):
+        lake.tag(name, {IDS[0]: 1})
+
+
+def test_rows_that_do_not_fit_are_refused(lake):
+    with pytest.raises(ScenarioNotFound, match=r"1 of 2 ids .* made/v1/s00000x; ids look like made/v1/s00000"):
+        lake.tag("score", {IDS[0]: 1, "made/v1/s00000x": 2})
+    with pytest.raises(BadParameter, match="each scenario_id once"):
+        lake.tag("score", pa.table({"scenario_id": [IDS[0], IDS[0]], "v": [1, 2]}))
+    with pytest.raises(BadParameter, match="each scenario_id once"):
+        lake.tag("score", pa.table({"scenario_id": pa.array([None], pa.string()), "v": [1]}))
+    with pytest.raises(BadParameter, match="one more column, found a, b"):
+        lake.tag("score", pa.table({"a": [1], "b": [1]}))
+    with pytest.raises(UnsafeSql):
+        lake.tag_by_sql("score", "COPY (SELECT 1) TO 'x'")
+    with pytest.raises(UnsafeSql):
+        lake.tag_where("score", "1; SELECT 2")
+    with pytest.raises(QueryError):
+        lake.tag_where("score", "nothing > 1")
+    assert layers.newest(lake.files) == {}
+
+
+def test_versions_stay_and_lineage_pins_the_one_it_asked(lake):
+    lake.tag("score", {name: float(k) for k, name in enumerate(IDS)})
+    lake = lake.refresh()
+    lake.filter("score >= 4", name="best")
+    with pytest.raises(LayerExists, match="--replace"):
+        lake.tag("score", {IDS[0]: 9.0})
+    assert lake.tag("score", {IDS[0]: 9.0}, replace=True).reference == "score@2"
+    newest = lake.refresh()
+    assert newest.filter("score >= 4", name="again").scenario_ids == [IDS[0]]
+    assert newest.database("best").lineage.layers == ["score@1"]
+    assert newest.rebuild("best").is_same
+    assert newest.rebuild("again").is_same
+    assert Lake(lake.root, layers={"score": 1}).sql("SELECT max(score) FROM metadata").item() == 5.0
+    found = layers.read(lake.files, "score", 1)
+    assert (found.count, found.snapshot) == (6, 1)
+
+
+def test_layers_survive_what_rewrites_the_metadata(lake):
+    lake.tag("score", {name: k for k, name in enumerate(IDS)})
+    before = column(lake, "score")
+    commits.consolidate(lake.files)
+    assert column(lake, "score") == before
+    more = [make_scenario(99, num_objects=2, num_steps=4)]
+    assert column(write_lake(lake.root, more, name="b"), "score") == before | {more[0].id: None}
