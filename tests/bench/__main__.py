@@ -12,7 +12,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from tests.bench import converting, loading, lyft, nuplan, nuscenes, scale
+from tests.bench import converting, loading, lyft, mining, nuplan, nuscenes, scale
 from tests.bench.measure import Figure
 
 
@@ -25,6 +25,7 @@ def main() -> None:
         "nuplan": lambda: nuplan.figures(recordings),
         "nuscenes": lambda: nuscenes.figures(recordings),
         "load": lambda: loading.figures(recordings),
+        "mine": lambda: mining.figures(recordings),
         "scale": scale.figures,
     }
     parser = argparse.ArgumentParser(description=__doc__)
