@@ -105,7 +105,8 @@ class Lake:
     def sql(self, query: str, parameters: Mapping[str, Any] | None = None) -> pl.DataFrame:
         """Rows of one SELECT over the lake's views.
 
-        They are metadata, tracks, lights, maps, states, steps, objects, shards and quarantine.
+        They are metadata, tracks, lights, maps, states, steps, objects, shards, quarantine, and those of
+        docs/events.md.
 
         Args:
             query: The SELECT.

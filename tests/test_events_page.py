@@ -1,0 +1,41 @@
+"""The page about events, views, tags and statistics: its examples run, and it names everything there is."""
+
+from __future__ import annotations
+
+import re
+import shutil
+
+import pytest
+
+from scenarionet_data.catalog import events
+from scenarionet_data.resources import SQL
+from tests.fixtures.lakes import write_lake
+from tests.fixtures.moments import along, moment
+from tests.test_docs import ROOT, blocks, run_blocks
+
+PAGE = "docs/events.md"
+
+
+def test_examples_run(tmp_path):
+    pytest.importorskip("matplotlib", reason="the extra `plots` is not installed")
+    assert run_blocks(PAGE, tmp_path) >= 7
+    assert (tmp_path / "stats.svg").exists()
+
+
+def test_every_event_and_view_of_the_inside_is_named():
+    text = (ROOT / PAGE).read_text("utf-8")
+    assert [name for name in events.names() if f"`{name}`" not in text] == []
+    of_files = {"metadata", "metadata_rows", "tracks", "lights", "maps", "shards", "quarantine", "steps"}
+    views = {path.stem for path in (SQL / "views").glob("*.sql")} - of_files
+    assert [name for name in sorted(views) if f"`{name}`" not in text] == []
+
+
+def test_the_event_that_the_page_adds_is_found(tmp_path, monkeypatch):
+    (text,) = blocks(PAGE, "sql")
+    shutil.copytree(SQL / "events", tmp_path / "events")
+    name = re.match(r"-- sql/events/(\w+)\.sql\n", text).group(1)
+    (tmp_path / "events" / f"{name}.sql").write_text(text.split("\n", 1)[1])
+    monkeypatch.setattr("scenarionet_data.catalog.named_sql.SQL", tmp_path)
+    lake = write_lake(tmp_path / "lake", [moment("standing", along(0, 0, 5), car=along(9, 9))])
+    assert [row[1:] for row in lake.mine(name).rows()] == [("car", None, 0, 100, 101.0)]
+    assert lake.mine(name, {"min": "102"}).is_empty()
