@@ -3,22 +3,35 @@
 from __future__ import annotations
 
 import re
+import shlex
 import shutil
 
 import pytest
+from click.testing import CliRunner
 
+from pipelines.cli import cli
 from scenarionet_data.catalog import events
 from scenarionet_data.resources import SQL
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.moments import along, moment
-from tests.test_docs import ROOT, blocks, run_blocks
+from tests.test_docs import ROOT, blocks
 
 PAGE = "docs/events.md"
 
 
-def test_examples_run(tmp_path):
+def test_examples_run(tmp_path, monkeypatch):
+    """Every command of the page, in order, in this process, then its Python."""
     pytest.importorskip("matplotlib", reason="the extra `plots` is not installed")
-    assert run_blocks(PAGE, tmp_path) >= 7
+    monkeypatch.chdir(tmp_path)
+    text = "".join(blocks(PAGE, "bash"))
+    commands = re.split(r"^(?=scenarionet )", text, flags=re.MULTILINE)[1:]
+    assert len(commands) >= 20
+    for command in commands:
+        _, *words = shlex.split(command, comments=True)
+        result = CliRunner().invoke(cli, words)
+        assert result.exit_code == 0, command + result.output
+    (code,) = blocks(PAGE, "python")
+    exec(code, {})
     assert (tmp_path / "stats.svg").exists()
 
 

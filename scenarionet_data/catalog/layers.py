@@ -68,8 +68,9 @@ class Layer:
 
 
 def newest(files: LakeFiles) -> dict[str, int]:
-    """Newest version of each layer of a lake, by name."""
-    return {name: versions[-1] for name in files.folders(_FOLDER) if (versions := _versions(files, name))}
+    """Newest version of each layer of a lake, by name; a folder of another name than a layer can have is none."""
+    there = {name: _versions(files, name) for name in files.folders(_FOLDER) if _NAME.fullmatch(name)}
+    return {name: versions[-1] for name, versions in there.items() if versions}
 
 
 def read(files: LakeFiles, name: str, version: int) -> Layer:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+
 import polars as pl
 import pyarrow as pa
 import pytest
@@ -156,6 +158,14 @@ def test_versions_stay_and_lineage_pins_the_one_it_asked(lake):
     assert Lake(lake.root, layers={"score": 1}).sql("SELECT max(score) FROM metadata").item() == 5.0
     found = layers.read(lake.files, "score", 1)
     assert (found.count, found.snapshot) == (6, 1)
+
+
+def test_folders_that_are_no_layers_are_left_alone(lake):
+    lake.tag("score", {IDS[0]: 1})
+    shutil.copytree(lake.root / "layers" / "score", lake.root / "layers" / "a JOIN b")
+    (lake.root / "layers" / "empty").mkdir()
+    assert lake.refresh().layers == {"score": 1}
+    assert column(lake, "score")[IDS[0]] == 1
 
 
 def test_layers_survive_what_rewrites_the_metadata(lake):
