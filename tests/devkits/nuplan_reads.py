@@ -15,7 +15,7 @@ def main(path):
             path, layer=name, return_fids=True, read_geometry=kind is not None
         )
         described = {"kind": kind, "crs": meta["crs"], "fids": fids.tolist(), "fields": {}}
-        for field, values in zip(meta["fields"], columns):
+        for field, values in zip(meta["fields"], columns, strict=True):
             described["fields"][field] = [None if v != v else v for v in np.asarray(values, object).tolist()]
         if kind is not None:
             described["points"] = [shapely.get_coordinates(shape).tolist() for shape in shapely.from_wkb(shapes)]
