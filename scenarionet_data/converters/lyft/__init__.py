@@ -104,9 +104,9 @@ class Lyft(Converter[Window]):
 
     def shards(self, raw: str, split: str, version: str, options: LyftOptions) -> Iterator[Shard]:
         """Blocks of scenes, recording by recording, see :meth:`Converter.shards`."""
-        root = dataset_folder(Path(raw))
+        root, recordings = dataset_folder(Path(raw)), find_recordings(Path(raw), split)
         map_mark = fingerprint(find_map(root)) if options.has_map else ""
-        for path in find_recordings(Path(raw), split):
+        for path in recordings:
             name = path.relative_to(root).as_posix()
             stem = re.sub(r"[^A-Za-z0-9._-]", "-", name.removesuffix(".zarr"))
             try:
@@ -139,6 +139,7 @@ class Lyft(Converter[Window]):
     def maps(self, raw: str, version: str, options: LyftOptions) -> Iterator[Shard]:
         """The semantic map, see :meth:`Converter.maps`."""
         if options.has_map:
+            find_recordings(Path(raw), split="")  # in a folder of something else the map is not what is missing
             root = dataset_folder(Path(raw))
             items = (RawItem(path.relative_to(root).as_posix(), fingerprint([path])) for path in find_map(root))
             yield Shard(self.name, version, "", MAP_ID, str(root), tuple(items), Options())

@@ -23,7 +23,7 @@ def dataset_folder(raw: Path) -> Path:
 
 
 def find_recordings(raw: Path, split: str) -> list[Path]:
-    """The zarr folders of RAW, without those whose name is that of another split.
+    """The zarr folders of RAW, without those whose name is that of another split than ``split``, if one is given.
 
     Raises:
         SourceNotFound: There are none.
@@ -33,7 +33,8 @@ def find_recordings(raw: Path, split: str) -> list[Path]:
     wanted = [path for path in found if path == raw or _SPLITS.get(path.stem) not in others]
     if not wanted:
         hint = f"; of another split are {', '.join(path.name for path in found)}" if found else ""
-        raise SourceNotFound(f"{raw}: no recordings (*.zarr) of split {split} in it{hint}")
+        of_split = f" of split {split}" if split else ""
+        raise SourceNotFound(f"{raw}: no recordings (*.zarr){of_split} in it{hint}")
     return wanted
 
 

@@ -5,6 +5,7 @@ RAW is the dataroot, or one release's folder in it:
     v1.0-trainval/ (or v1.0-mini/, v1.0-test/)   the 13 tables, *.json
     maps/expansion/<location>.json               map expansion v1.3, a location each
     maps/prediction/prediction_scenes.json       the challenge's predictions; comes with the map expansion
+    can_bus/<scene>_<message>.json               the CAN bus expansion, where it was downloaded
 
 Lyft's perception dataset has the same tables (``train_data/`` or ``v1.02-train/``) and is read too: its location
 is none of nuScenes' four, and a location that has no expansion is converted without a map. Give it a ``--version``
@@ -15,7 +16,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -23,6 +24,7 @@ from typing import Any
 
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.base import Budgets, Converter, Options, RawItem, Shard, bucket, fingerprint
+from scenarionet_data.converters.nuscenes.can_bus import Messages, can_bus_mark, read_can_bus
 from scenarionet_data.converters.nuscenes.map_features import read_map
 from scenarionet_data.converters.nuscenes.recording import Recording, read_recording
 from scenarionet_data.converters.nuscenes.scenario import City, describe
@@ -36,7 +38,7 @@ from scenarionet_data.converters.nuscenes.windows import (
     read_challenge,
     whole,
 )
-from scenarionet_data.errors import BadParameter, InvalidScenario, SourceNotFound
+from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario, SourceNotFound
 from scenarionet_data.scenario import ScenarioDescription, make_scenario_id
 
 _CHALLENGE = Path("maps", "prediction", "prediction_scenes.json")
@@ -67,6 +69,9 @@ class NuScenesOptions(Options):
         default=200.0, metadata={"doc": "Metres of map around the ego's path; of lanes and areas, whole ones."}
     )
     has_map: bool = field(default=True, metadata={"doc": "Whether scenarios get a map."})
+    has_can_bus: bool = field(
+        default=True, metadata={"doc": "Whether the ego's extras get speed, steering, ... of can_bus/, where that is."}
+    )
 
     def __post_init__(self) -> None:
         if self.by not in ("scene", "window"):
@@ -114,9 +119,10 @@ class NuScenes(Converter[Window | InvalidScenario]):
         for place, names in scenes.items():
             read = [*files, *([maps[place]] if options.has_map else [])]
             mark = fingerprint(path for path in read if path.is_file())
-            items = [
-                RawItem(f"{folder.name}/{name}{_SUFFIX[options.by]}", mark, _facts(log)) for name, log in names.items()
-            ]
+            items = []
+            for name, log in names.items():
+                said = can_bus_mark(root, name) if options.has_can_bus else ""
+                items.append(RawItem(f"{folder.name}/{name}{_SUFFIX[options.by]}", mark + said, _facts(log)))
             for number, members in bucket(items, _SCENES_PER_SHARD[options.by]).items():
                 shard = f"{folder.name}-{_map_id(place)}-{options.by}-{number}"
                 yield Shard(self.name, version, split, shard, str(root), members, options, {"location": place})
@@ -145,7 +151,8 @@ class NuScenes(Converter[Window | InvalidScenario]):
             raise record
         options = _options(shard)
         city = self._city(shard, record) if options.has_map else None
-        return describe(shard, record, city, rate=options.rate, radius=options.radius, licence=self.licence)
+        said = _said(shard, record) if options.has_can_bus else {}
+        return describe(shard, record, city, said, rate=options.rate, radius=options.radius, licence=self.licence)
 
     def _city(self, shard: Shard, window: Window) -> City | None:
         """The map of a window's location; None where the location is none of nuScenes' and has no map."""
@@ -157,6 +164,16 @@ class NuScenes(Converter[Window | InvalidScenario]):
             scenario_id = make_scenario_id(shard.dataset, shard.version, window.recording.name)
             raise InvalidScenario(scenario_id, "map", f"wanted {path.name} in maps/expansion, found none; {_GET_MAPS}")
         return None
+
+
+def _said(shard: Shard, window: Window) -> Mapping[str, Messages]:
+    """What the ego's CAN bus said during the window's scene."""
+    name = window.recording.name
+    try:
+        return read_can_bus(Path(shard.root), name)
+    except CorruptSource as error:  # the other scenes of the shard are fine
+        scenario_id = make_scenario_id(shard.dataset, shard.version, name)
+        raise InvalidScenario(scenario_id, "can_bus", str(error)) from error
 
 
 def _options(shard: Shard) -> NuScenesOptions:

@@ -6,13 +6,15 @@ Velocities are not recorded: they are estimated from the positions.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.building import MapBuilder, make_origin, make_tracks
 from scenarionet_data.converters.base import Shard
+from scenarionet_data.converters.nuscenes.can_bus import Messages, signals_at
 from scenarionet_data.converters.nuscenes.steps import Steps, boxes_at, make_steps, nominal_period, poses_at
 from scenarionet_data.converters.nuscenes.tables import log_name
 from scenarionet_data.converters.nuscenes.types import (
@@ -55,7 +57,14 @@ class City(NamedTuple):
 
 
 def describe(
-    shard: Shard, window: Window, city: City | None, *, rate: int, radius: float, licence: str
+    shard: Shard,
+    window: Window,
+    city: City | None,
+    said: Mapping[str, Messages],
+    *,
+    rate: int,
+    radius: float,
+    licence: str,
 ) -> ScenarioDescription:
     """The scenario of one window.
 
@@ -63,6 +72,7 @@ def describe(
         shard: Where it belongs.
         window: Which keyframes of which scene.
         city: The location's map; None where there is none.
+        said: What the ego's CAN bus said.
         rate: Timesteps per second.
         radius: How far around the ego's path the map is kept [m].
         licence: Of the recordings.
@@ -96,7 +106,7 @@ def describe(
             date=recording.log["date_captured"],
             crs=f"nuscenes {place}",
         ),
-        tracks=_tracks(window, steps, ego, has_pose, origin),
+        tracks=_tracks(window, steps, ego, has_pose, origin, signals_at(said, start + steps.times)),
         lights=Lights.empty(len(steps.times)),
         map=_crop(city, crop, origin),
         map_id=city.id if city else None,
@@ -125,7 +135,9 @@ def _ego(window: Window, steps: Steps, place: str) -> tuple[Float64, Bool]:
     return np.column_stack([center, pose[:, 3], size]), has_pose
 
 
-def _tracks(window: Window, steps: Steps, ego: Float64, has_pose: Bool, origin: Float64) -> Tracks:
+def _tracks(
+    window: Window, steps: Steps, ego: Float64, has_pose: Bool, origin: Float64, signals: Mapping[str, list[Any]]
+) -> Tracks:
     """The objects annotated in the window, and the ego after them."""
     part, objects = slice(window.first, window.last + 1), window.recording.objects
     rows = np.flatnonzero(objects.seen[:, part].any(axis=1))
@@ -147,7 +159,10 @@ def _tracks(window: Window, steps: Steps, ego: Float64, has_pose: Bool, origin: 
         is_size_assumed=[*[False] * len(rows), True],
         is_type_assumed=[*(word not in CATEGORIES for word in words[:-1]), False],
         is_velocity_estimated=True,
-        extras=[*({"attributes": counts} if counts else None for counts in attributes), None],
+        extras=[
+            *({"attributes": counts} if counts else None for counts in attributes),
+            {"can_bus": signals} if signals else None,
+        ],
     )
 
 

@@ -1,0 +1,113 @@
+"""What nuScenes' recording car said of itself: the CAN bus expansion, ``can_bus/<scene>_<message>.json``.
+
+Each file is a list of messages in order of ``utime`` [us]. Names and units are the owner's
+(``python-sdk/nuscenes/can_bus/README.md`` of nuscenes-devkit), at the timesteps of the scenario. Of the six kinds of
+messages those are read that are not said twice. Some twenty scenes have none.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.converters.base import fingerprint
+from scenarionet_data.errors import CorruptSource
+
+Float64 = npt.NDArray[np.float64]
+
+FOLDER = "can_bus"
+MEASURED = {
+    "pose": ("vel", "accel", "rotation_rate"),
+    "steeranglefeedback": ("value",),
+    "vehicle_monitor": ("vehicle_speed", "throttle", "brake", "steering", "yaw_rate"),
+}
+"""Numbers and vectors, which are interpolated."""
+SWITCHED = {"vehicle_monitor": ("gear_position", "brake_switch", "left_signal", "right_signal")}
+"""Positions of switches, which are those of the last message."""
+
+_GAP = 1.5e6
+"""Time [us] between messages over which nothing is said; the rarest come every 0.5 s."""
+_DIGITS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Messages:
+    """The messages of one kind of a scene.
+
+    Attributes:
+        times: (M,) [us], strictly increasing.
+        fields: (M, c) each.
+    """
+
+    times: Float64
+    fields: Mapping[str, Float64]
+
+
+def can_bus_mark(root: Path, scene: str) -> str:
+    """Changes with the messages of a scene; empty for a scene without any."""
+    files = _files(root, scene)
+    return fingerprint(files) if files else ""
+
+
+def _files(root: Path, scene: str) -> list[Path]:
+    return [path for kind in MEASURED if (path := root / FOLDER / f"{scene}_{kind}.json").is_file()]
+
+
+def read_can_bus(root: Path, scene: str) -> Mapping[str, Messages]:
+    """A scene's messages by kind; empty for a scene without any. The last ones are kept, for the scene's windows.
+
+    Raises:
+        CorruptSource: A file is damaged.
+    """
+    found = {}
+    for path in _files(root, scene):
+        kind, state = path.stem.removeprefix(f"{scene}_"), path.stat()
+        found[kind] = _read(path, kind, state.st_size, state.st_mtime_ns)
+    return found
+
+
+def signals_at(messages: Mapping[str, Messages], times: Float64) -> dict[str, list[Any]]:
+    """What was said at ``times`` (T,) [us], by ``<kind>.<field>``: T numbers, vectors or, where unknown, None."""
+    found = {}
+    for kind, said in messages.items():
+        after = np.searchsorted(said.times, times).clip(1, len(said.times) - 1)
+        is_known = (times >= said.times[0]) & (times <= said.times[-1])
+        is_known &= said.times[after] - said.times[after - 1] <= _GAP
+        last = np.searchsorted(said.times, times, side="right").clip(1) - 1
+        for name, values in said.fields.items():
+            if name in SWITCHED.get(kind, ()):
+                at = values[last]
+            else:
+                at = np.column_stack([np.interp(times, said.times, column) for column in values.T])
+            found[f"{kind}.{name}"] = _listed(at, is_known)
+    return found
+
+
+def _listed(values: Float64, is_known: npt.NDArray[np.bool_]) -> list[Any]:
+    rows = np.round(values, _DIGITS).tolist()
+    told = [row[0] if len(row) == 1 else row for row in rows]
+    return [value if known else None for value, known in zip(told, is_known.tolist(), strict=True)]
+
+
+@lru_cache(maxsize=len(MEASURED))
+def _read(path: Path, kind: str, _size: int, _changed: int) -> Messages:
+    try:
+        messages = json.loads(path.read_bytes())
+        times, first = np.unique(np.array([message["utime"] for message in messages], np.float64), return_index=True)
+        fields = {
+            name: np.array([message[name] for message in messages], np.float64).reshape(len(messages), -1)[first]
+            for name in (*MEASURED[kind], *SWITCHED.get(kind, ()))
+        }
+        is_whole = len(times) > 1 and all(np.isfinite(values).all() for values in (times, *fields.values()))
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise CorruptSource(f"{path} cannot be read ({error!r}); download the CAN bus expansion again") from error
+    if not is_whole:
+        raise CorruptSource(f"{path}: wanted two messages or more, of finite numbers; download the expansion again")
+    return Messages(times, fields)

@@ -1,0 +1,108 @@
+"""The CAN bus expansion: what the ego says of itself, in its track's extras."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scenarionet_data.converters.nuscenes import NuScenes
+from scenarionet_data.errors import InvalidScenario
+from scenarionet_data.jsontext import from_json
+from scenarionet_data.scenario import ScenarioDescription
+from tests.fixtures import nuscenes as fixture
+from tests.fixtures.reading import scenarios, shards
+
+CONVERTER = NuScenes()
+
+
+@pytest.fixture
+def raw(tmp_path: Path) -> Path:
+    """Two scenes, of which the first has a CAN bus."""
+    written = fixture.write_invented(tmp_path, num_scenes=2)
+    fixture.write_can_bus(tmp_path, written[0])
+    return tmp_path
+
+
+def said(scenario: ScenarioDescription) -> dict[str, list]:
+    return from_json(scenario.tracks.extras[scenario.ego_index]).get("can_bus", {})
+
+
+def by_name(raw: Path, **options: object) -> dict[str, ScenarioDescription]:
+    return {s.source.scenario_id: s for s in scenarios(CONVERTER, raw, "mini", **options)}
+
+
+def test_signals_are_at_the_timesteps(raw: Path) -> None:
+    scenario = by_name(raw)["scene-0061"]
+    signals = said(scenario)
+    assert {len(values) for values in signals.values()} == {scenario.num_timesteps}
+    ego = scenario.tracks.velocity[scenario.ego_index]
+    inside = slice(2, -2)
+    speed = np.array(signals["pose.vel"])[:, 0]
+    np.testing.assert_allclose(speed[inside], np.hypot(*ego.T)[inside], atol=0.3)
+    np.testing.assert_allclose(
+        np.array(signals["vehicle_monitor.vehicle_speed"])[inside] / 3.6, speed[inside], atol=0.3
+    )
+    assert set(signals["steeranglefeedback.value"]) == {-0.25}
+    assert signals["pose.rotation_rate"][7] == [0.0, 0.0, 0.02]
+
+
+def test_switches_are_where_they_were_last_and_not_in_between(raw: Path) -> None:
+    signals = said(by_name(raw)["scene-0061"])
+    assert set(signals["vehicle_monitor.left_signal"]) == {0.0, 1.0}
+    assert signals["vehicle_monitor.left_signal"] == sorted(signals["vehicle_monitor.left_signal"])
+    assert set(signals["vehicle_monitor.gear_position"]) == {7.0}
+
+
+def test_scenes_without_and_those_who_do_not_want_it(raw: Path) -> None:
+    assert said(by_name(raw)["scene-0103"]) == {}
+    assert said(by_name(raw, has_can_bus=False)["scene-0061"]) == {}
+
+
+def test_windows_have_their_part(raw: Path) -> None:
+    whole = said(by_name(raw)["scene-0061"])["vehicle_monitor.left_signal"]
+    windows = [s for s in scenarios(CONVERTER, raw, "mini", by="window") if s.source.scenario_id == "scene-0061"]
+    assert windows
+    for window in windows:
+        part = said(window)["vehicle_monitor.left_signal"]
+        assert len(part) == window.num_timesteps < len(whole)
+
+
+def test_messages_that_are_missing_are_unknown(raw: Path) -> None:
+    path = raw / "can_bus" / "scene-0061_vehicle_monitor.json"
+    messages = json.loads(path.read_text())
+    path.write_text(json.dumps(messages[:4] + messages[12:-5]))
+    values = said(by_name(raw)["scene-0061"])["vehicle_monitor.throttle"]
+    assert {values[k] for k in (0, 10)} == {120.0}
+    assert values[25] is None and values[-1] is None
+    (raw / "can_bus" / "scene-0061_pose.json").unlink()
+    assert "pose.vel" not in said(by_name(raw)["scene-0061"])
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{", "[]", "[1]", '[{"utime": 1}]', '[{"utime": 1, "value": 0}]', '[{"utime": 1, "value": NaN}]']
+)
+def test_a_damaged_file_costs_its_scene(raw: Path, text: str) -> None:
+    (raw / "can_bus" / "scene-0061_steeranglefeedback.json").write_text(text)
+    outcomes = []
+    for shard in shards(CONVERTER, raw, "mini"):
+        for record in CONVERTER.records(shard):
+            try:
+                outcomes.append(CONVERTER.scenario(shard, record).source.scenario_id)
+            except InvalidScenario as error:
+                outcomes.append((error.field, "steeranglefeedback" in error.reason))
+    assert sorted(map(str, outcomes)) == ["('can_bus', True)", "scene-0103"]
+
+
+def test_a_can_bus_that_arrives_later_changes_its_scene_alone(raw: Path) -> None:
+    def marks() -> dict[str, str]:
+        return {item.name: item.fingerprint for shard in shards(CONVERTER, raw, "mini") for item in shard.items}
+
+    before = marks()
+    for path in (raw / "can_bus").iterdir():
+        path.rename(path.with_name(path.name.replace("0061", "0103")))
+    after = marks()
+    assert [name for name in before if before[name] != after[name]] == list(before)
+    assert len(before) == 2
