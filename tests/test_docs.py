@@ -6,18 +6,24 @@ import json
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import warnings
+from dataclasses import asdict
 from pathlib import Path
 
+import polars as pl
 import pytest
 from click.testing import CliRunner
 
 from pipelines.cli import cli
-from scenarionet_data import dictionary
+from scenarionet_data import converters, dictionary, resources
+from scenarionet_data.catalog import checks
 from tests.fixtures.argoverse2 import write_forecasting
+from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarionet_pickles import write_vintages
+from tests.fixtures.scenarios import make_scenario
 from tests.fixtures.waymo import scenario_bytes, write_tfrecord
 
 ROOT = Path(__file__).parents[1]
@@ -78,6 +84,35 @@ def test_examples_of_databases_run(tmp_path, monkeypatch):
             assert result.exit_code == 0, command + result.output
         (code,) = blocks("docs/databases.md", "python")
         exec(code, {})
+
+
+def test_the_page_of_checks_is_true():
+    """It lists every rule as its file says and every dataset's budgets; its rule of one's own is one."""
+    page = (ROOT / "docs" / "checks.md").read_text("utf-8")
+    for check in map(checks.load, checks.names()):
+        assert f"| `{check.name}` | {check.kind} | {check.doc} |" in page
+    for dataset in converters.names():
+        numbers = " | ".join(f"{number:g}" for number in asdict(converters.budgets(dataset)).values())
+        assert f"| `{dataset}` | {numbers} |" in page
+
+
+def test_the_page_of_checks_runs(tmp_path, monkeypatch):
+    """Its commands, and its rule beside the others."""
+    (rule,) = blocks("docs/checks.md", "sql")
+    shutil.copytree(resources.SQL, tmp_path / "sql")
+    (tmp_path / rule.splitlines()[0].removeprefix("-- ")).write_text(rule.split("\n", 1)[1])
+    monkeypatch.setattr("scenarionet_data.catalog.named_sql.SQL", tmp_path / "sql")
+    monkeypatch.chdir(tmp_path)
+    lake = write_lake("lake", [make_scenario(1, num_objects=1, num_lanes=1), make_scenario(2, num_lanes=1)])
+    lines = [
+        line.partition("#")[0].split() for block in blocks("docs/checks.md", "bash") for line in block.splitlines()
+    ]
+    results = [CliRunner().invoke(cli, line[1:]) for line in lines]
+    assert [result.exit_code for result in results] == [0] * 3, results[0].output
+    assert "ego_is_alone             1  50.00%  made/v1/s000001: nobody else is there" in results[0].output
+    assert pl.read_csv("scorecard.csv").height == len(checks.names())
+    assert len(lake.database("good")) == 2
+    assert pl.read_parquet("broken.parquet")["scenario_id"].to_list() == [make_scenario(1).id]
 
 
 def test_readme_names_make_targets_that_exist():

@@ -68,8 +68,7 @@ def _broken(files: LakeFiles, rows: Mapping[str, pa.Table], dataset: str, versio
     given = {name: rows.get(name, _schema(name).empty_table()) for name in _GIVEN}
     for name, value in (("dataset", dataset), ("version", version)):  # in a lake, the names of folders
         given["maps"] = given["maps"].append_column(name, pa.repeat(value, given["maps"].num_rows))
-    found = _engine(str(files.root)).arrow(_query(), **given)
-    return [(row["name"], row["scenario_id"], row["detail"]) for row in found.to_pylist()]
+    return _engine(str(files.root)).fetch(_query(), **given)
 
 
 @cache

@@ -9,7 +9,8 @@ import re
 import tempfile
 import threading
 import uuid
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -122,13 +123,29 @@ class Engine:
         Raises:
             LakeError: A file is gone or cannot be read.
         """
+        with self._asked(tables):
+            query = self._only_select(sql)
+            self._make_views(sql)
+            return self._connection.sql(query, params=dict(parameters or {})).to_arrow_table()
+
+    def fetch(self, sql: str, **tables: pa.Table) -> list[tuple[Any, ...]]:
+        """Rows of a query of our own, which is known to only read; half the time of :meth:`arrow` on few rows.
+
+        Raises:
+            LakeError: A file is gone or cannot be read.
+        """
+        with self._asked(tables):
+            self._make_views(sql)
+            return self._connection.execute(sql).fetchall()
+
+    @contextmanager
+    def _asked(self, tables: Mapping[str, pa.Table]) -> Iterator[None]:
+        """Holds the connection for one question, which knows ``tables``."""
         with self._lock:  # a connection answers one query at a time
             for name, rows in tables.items():
                 self._connection.register(name, rows)
             try:
-                query = self._only_select(sql)
-                self._make_views(sql)
-                return self._connection.sql(query, params=dict(parameters or {})).to_arrow_table()
+                yield
             except duckdb.IOException as error:
                 remedy = f"`scenarionet check {self._files.root}` says what is gone or damaged"
                 raise LakeError(f"{error}; {remedy}") from error
