@@ -82,7 +82,7 @@ class Ragged:
         return cls(_offsets([len(array) for array in arrays]), values)
 
     @classmethod
-    def from_flat(cls, lengths: Sequence[int], values: Array) -> Ragged:
+    def from_flat(cls, lengths: Sequence[int] | npt.NDArray[Any], values: Array) -> Ragged:
         """Lists of these lengths whose elements lie one after the other in ``values``."""
         return cls(_offsets(lengths), values)
 

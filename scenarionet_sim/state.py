@@ -1,0 +1,64 @@
+"""Everything that moves, at one moment, in W worlds of N objects: the only truth of a simulation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Bool = npt.NDArray[np.bool_]
+Codes = npt.NDArray[np.uint8]
+Float64 = npt.NDArray[np.float64]
+Int32 = npt.NDArray[np.int32]
+
+
+@dataclass(eq=False)
+class State:
+    """W worlds side by side; worlds with fewer than N objects have rows that are never present.
+
+    Row n of world w is row n of that world's log. Rows that are not present hold what they held last.
+
+    Attributes:
+        position: (W, N, 2) float64 [m] centre of the box.
+        heading: (W, N) float64 [rad] in [-pi, pi).
+        velocity: (W, N, 2) float64 [m/s] along the scenario's axes.
+        yaw_rate: (W, N) float64 [rad/s].
+        z: (W, N) float64 [m] centre of the box.
+        present: (W, N) bool.
+        arc: (W, N) float64 [m] how far along its own path an object is that does not replay its log.
+        lateral: (W, N) float64 [m] how far to the left of its path it is.
+        size: (W, N, 3) float64 [m] length, width, height.
+        object_type: (W, N) uint8 codes of ``ObjectType``.
+        timestep: (W,) int32.
+    """
+
+    position: Float64
+    heading: Float64
+    velocity: Float64
+    yaw_rate: Float64
+    z: Float64
+    present: Bool
+    arc: Float64
+    lateral: Float64
+    size: Float64
+    object_type: Codes
+    timestep: Int32
+
+    @classmethod
+    def empty(cls, num_worlds: int, num_objects: int) -> State:
+        """Nothing anywhere."""
+        shape = num_worlds, num_objects
+        return cls(
+            position=np.zeros((*shape, 2)),
+            heading=np.zeros(shape),
+            velocity=np.zeros((*shape, 2)),
+            yaw_rate=np.zeros(shape),
+            z=np.zeros(shape),
+            present=np.zeros(shape, np.bool_),
+            arc=np.zeros(shape),
+            lateral=np.zeros(shape),
+            size=np.zeros((*shape, 3)),
+            object_type=np.zeros(shape, np.uint8),
+            timestep=np.zeros(num_worlds, np.int32),
+        )
