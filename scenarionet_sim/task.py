@@ -1,7 +1,7 @@
 """What driving well means: the reward, and how an episode ends, as the ScenarioNet paper defines them.
 
 Everything is about A agents at one step, as arrays. Where they are along their reference trajectory (arc length
-and distance, the Frenet frame's two numbers) and what they touch is measured elsewhere; here it is judged.
+and lateral distance, the Frenet frame's two numbers) and what they touch is measured elsewhere; here it is judged.
 """
 
 from __future__ import annotations
@@ -15,8 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.procedural.jit import entry
+from scenarionet_data.vocabulary import ObjectType
 
+Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
+Int32 = npt.NDArray[np.int32]
 
 
 class Status(IntEnum):
@@ -28,13 +31,10 @@ class Status(IntEnum):
     TIMED_OUT = 3
 
 
-class Contact(IntEnum):
-    """What an agent touches, the worst of it."""
+DRIVING, ARRIVED, OFF_ROUTE, TIMED_OUT = (int(status) for status in Status)
 
-    NOTHING = 0
-    OBJECT = 1  # a cone, a barrier, anything else that is placed and not alive
-    ROAD_USER = 2  # a vehicle, a pedestrian, a cyclist
-
+ROAD_USERS = np.uint32(sum(1 << kind for kind in (ObjectType.VEHICLE, ObjectType.PEDESTRIAN, ObjectType.CYCLIST)))
+"""Bits of the types whose touch is a collision with a vehicle or a human; all others are objects."""
 
 TERMS = ("displacement", "smoothness", "collision", "terminal")
 """Columns of the rewards of :func:`judge`."""
@@ -79,7 +79,7 @@ class Ending:
         off_route: Distance from the reference trajectory beyond which it is left [m].
         completion: Share of the route beyond which the destination is reached.
         short_route: A route shorter than this [m] is complete from the beginning.
-        extra_steps: Steps an episode may take beyond the recording's.
+        extra_steps: Steps an episode may last beyond the recording's end.
     """
 
     off_route: float = 2.5
@@ -125,15 +125,17 @@ class Verdict:
 
 @entry
 def judge(
+    agents: Int32,
     arc: Float64,
     arc_before: Float64,
-    offset: Float64,
-    length: Float64,
-    speed: Float64,
+    lateral: Float64,
+    velocity: Float64,
+    path_arc: Float32,
+    path_offsets: Int32,
+    timestep: Int32,
+    num_steps: Int32,
     steering: Float64,
-    contact: npt.NDArray[np.uint8],
-    steps: npt.NDArray[np.int64],
-    recorded: npt.NDArray[np.int64],
+    hits: npt.NDArray[np.uint32],
     reward: Float64,
     ending: Float64,
     terms: Float64,
@@ -145,44 +147,45 @@ def judge(
     An agent that is both beyond the end of its route and off it has left it: arriving means arriving on the route.
 
     Args:
-        arc, arc_before: (A,) longitudinal position on the reference trajectory now and a step ago [m].
-        offset: (A,) distance from the reference trajectory [m].
-        length: (A,) of the reference trajectory [m].
-        speed: (A,) [m/s].
-        steering: (A,) first number of the action, in [-1, 1].
-        contact: (A,) codes of ``Contact``.
-        steps: (A,) steps since the agent began, this one included.
-        recorded: (A,) timesteps of the recording.
+        agents: (A, 2) world and row.
+        arc, arc_before: (W, N) place along the reference trajectory now and a step ago [m].
+        lateral: (W, N) distance from it to the left [m].
+        velocity: (W, N, 2) [m/s].
+        path_arc, path_offsets: Reference trajectories, see ``Stage``.
+        timestep, num_steps: (W,) of the log: now, and how many there are.
+        steering: (A,) first number of each action, in [-1, 1].
+        hits: (A,) types of object that each agent touches, as bits.
         reward, ending: ``Reward.numbers``, ``Ending.numbers``.
         terms, status, completion: Written; see ``Verdict``.
     """
     c1, c2, c3, p_road_user, p_object, r_arrived, r_off_route, slow = reward
-    max_offset, min_completion, short_route, extra_steps = ending
-    for agent in range(arc.shape[0]):
-        is_short = length[agent] < short_route
-        done = 1.0 if is_short else min(max(arc[agent] / length[agent], 0.0), 1.0)
-        completion[agent] = done
-        displacement, terminal = arc[agent] - arc_before[agent], 0.0
-        state = 0
-        if offset[agent] > max_offset:
-            state, terminal = 2, r_off_route
+    max_lateral, min_completion, short_route, extra_steps = ending
+    for a in range(len(agents)):
+        w, n = agents[a, 0], agents[a, 1]
+        first, end = path_offsets[w, n], path_offsets[w, n + 1]
+        length = path_arc[w, end - 1] if end > first else 0.0
+        is_short = length < short_route
+        done = 1.0 if is_short else min(max(arc[w, n] / length, 0.0), 1.0)
+        state, terminal = DRIVING, 0.0
+        if abs(lateral[w, n]) > max_lateral:
+            state, terminal = OFF_ROUTE, r_off_route
         elif is_short or done > min_completion:
-            state, terminal = 1, r_arrived
-        elif steps[agent] >= recorded[agent] + extra_steps:
-            state = 3
-        smoothness = 0.0
-        if speed[agent] >= slow:
-            smoothness = min(0.0, 1.0 / speed[agent] - abs(steering[agent]))
+            state, terminal = ARRIVED, r_arrived
+        elif timestep[w] >= num_steps[w] + extra_steps:
+            state = TIMED_OUT
+        speed = np.hypot(velocity[w, n, 0], velocity[w, n, 1])
+        smoothness = min(0.0, 1.0 / speed - abs(steering[a])) if speed >= slow else 0.0
         collision = 0.0
-        if contact[agent] == 2:
+        if hits[a] & ROAD_USERS:
             collision = p_road_user
-        elif contact[agent] == 1:
+        elif hits[a]:
             collision = p_object
-        terms[agent, 0] = c1 * displacement if state == 0 else 0.0
-        terms[agent, 1] = c2 * smoothness
-        terms[agent, 2] = c3 * collision
-        terms[agent, 3] = terminal
-        status[agent] = state
+        terms[a, 0] = c1 * (arc[w, n] - arc_before[w, n]) if state == DRIVING else 0.0
+        terms[a, 1] = c2 * smoothness
+        terms[a, 2] = c3 * collision
+        terms[a, 3] = terminal
+        status[a] = state
+        completion[a] = done
 
 
 def is_terminated(status: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
