@@ -12,8 +12,9 @@ import numpy.typing as npt
 from scenarionet_data.ragged import Ragged
 from scenarionet_data.scenario import Bool, Codes, Float32, Float64
 from scenarionet_sim.grid import Grid
+from scenarionet_sim.paths import Paths, Stops
 from scenarionet_sim.roads import Roads
-from scenarionet_sim.world import Paths, World
+from scenarionet_sim.world import World
 
 Int32 = npt.NDArray[np.int32]
 Array = npt.NDArray[Any]
@@ -25,9 +26,9 @@ _SLACK = 1.25
 class Stage:
     """The worlds a simulation holds, each in its slot.
 
-    Every array of :class:`World`, its ``Paths`` and its ``Roads`` is an attribute of the same name with a leading
-    axis of worlds, C-contiguous, padded at the end to the longest. Lists of lists (``lanes``, ``polygons``) are
-    their values, and offsets under ``lanes_offsets``; a grid is its parts (``segment_grid_cell_start``, ...);
+    Every array of :class:`World`, its ``paths``, ``stops`` and ``roads`` is an attribute of the same name with a
+    leading axis of worlds, C-contiguous, padded at the end to the longest. Lists of lists (``lanes``, ``polygons``)
+    are their values, and offsets under ``lanes_offsets``; a grid is its parts (``segment_grid_cell_start``, ...);
     a number of each world is an array (W,). What a world really has is counted by the ``num_...`` arrays; offsets
     are padded with their last value, so lists beyond the last are empty.
 
@@ -98,7 +99,7 @@ class Stage:
     @property
     def max_objects(self) -> int:
         """N: rows that every world has room for."""
-        return self.object_type.shape[1]
+        return int(self.object_type.shape[1])
 
     def replace(self, slot: int, world: World) -> None:
         """Put another world into a slot; stacks that are too small for it are made anew, larger."""
@@ -126,7 +127,7 @@ class Stage:
 def _put(stack: Array, slot: int, array: Array, name: str) -> None:
     is_offsets = name.endswith(("_offsets", "_cell_start"))
     stack[slot] = array[-1] if is_offsets else 0
-    stack[(slot, *map(slice, array.shape))] = array
+    stack[slot, ...][tuple(map(slice, array.shape))] = array
 
 
 def _arrays(world: World) -> Iterator[tuple[str, Array]]:
@@ -147,7 +148,7 @@ def _arrays(world: World) -> Iterator[tuple[str, Array]]:
 def _parts(prefix: str, value: Any) -> Iterator[tuple[str, Array]]:
     for column in fields(value):
         part, name = getattr(value, column.name), prefix + column.name
-        if isinstance(part, Roads | Paths):
+        if isinstance(part, Roads | Paths | Stops):
             yield from _parts("", part)
         elif isinstance(part, Grid):
             yield from _parts(f"{name}_", part)

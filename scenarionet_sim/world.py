@@ -12,42 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.scenario import Bool, Codes, Float32, Lights, ScenarioDescription, Strings, Tracks
-from scenarionet_sim.kernels.log import HEADING, VALID, VX, YAW_RATE, Z, median_sizes, pack_log, thin
-from scenarionet_sim.kernels.paths import find_stops
+from scenarionet_sim.kernels.log import HEADING, VALID, VX, YAW_RATE, Z, median_sizes, pack_log
+from scenarionet_sim.paths import Paths, Stops
 from scenarionet_sim.roads import Roads
 
 Int32 = npt.NDArray[np.int32]
-
-SPACING = 0.1
-"""Points of a path are at least this far apart [m]: a standing object's noise makes no path."""
-
-
-@dataclass(frozen=True, eq=False)
-class Paths:
-    """Where each object drove, without when: the reference path of each, the ego's is its route.
-
-    Object n has the points ``offsets[n]:offsets[n + 1]``; none when it is never valid, one when it stands.
-
-    Attributes:
-        path_points: (P, 2) float32 [m], at least ``SPACING`` apart.
-        path_arc: (P,) float32 [m] distance from the path's first point.
-        path_heading: (P,) float32 [rad] as recorded: an object may drive backwards.
-        path_z: (P,) float32 [m] of the box's centre.
-        path_offsets: (N + 1,) int32.
-    """
-
-    path_points: Float32
-    path_arc: Float32
-    path_heading: Float32
-    path_z: Float32
-    path_offsets: Int32
-
-    def length(self) -> Float32:
-        """(N,) float32 [m] length of each path, 0 without points."""
-        first, end = self.path_offsets[:-1], self.path_offsets[1:]
-        length = np.zeros(len(first), np.float32)
-        length[end > first] = self.path_arc[end[end > first] - 1]
-        return length
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +34,7 @@ class World:
             :mod:`scenarionet_sim.kernels.log` for the columns. ``log_position`` and so on are views of it.
         top_speed: (N,) float32 [m/s] the highest recorded.
         paths: Reference paths.
-        stop_arc, stop_light: (K,) float32 [m], int32: where a path meets the stop point of a light that governs
-            it, and which light; object n has ``stop_offsets[n]:stop_offsets[n + 1]``, in order along the path.
-        stop_offsets: (N + 1,) int32.
+        stops: Where paths meet lights.
         light_lane: (L,) int32 row of the lane in ``roads``, or -1 when the map lacks it.
         light_stop: (L, 2) float32 [m]; the start of the lane where the source does not say, else NaN.
         light_state: (L, T) uint8 codes of ``LightState``.
@@ -84,9 +51,7 @@ class World:
     log: Float32
     top_speed: Float32
     paths: Paths
-    stop_arc: Float32
-    stop_light: Int32
-    stop_offsets: Int32
+    stops: Stops
     light_lane: Int32
     light_stop: Float32
     light_state: Codes
@@ -101,7 +66,7 @@ class World:
     @property
     def num_objects(self) -> int:
         """N."""
-        return self.log.shape[1]
+        return len(self.track_ids)
 
     @property
     def log_position(self) -> Float32:
@@ -131,7 +96,8 @@ class World:
     @property
     def log_valid(self) -> Bool:
         """(T, N) bool."""
-        return self.log[..., VALID] != 0
+        valid: Bool = self.log[..., VALID] != 0
+        return valid
 
     @classmethod
     def from_scenario(cls, scenario: ScenarioDescription) -> World:
@@ -140,9 +106,8 @@ class World:
         log = _log(tracks, scenario.timestamps)
         size = np.empty((len(tracks), 3), np.float32)
         median_sizes(tracks.size, tracks.valid, size)
-        roads, paths = Roads.from_map(scenario.map), _paths(log)
+        roads, paths = Roads.from_map(scenario.map), Paths.from_log(log)
         lane, stop = _light_places(scenario.lights, roads)
-        stop_arc, stop_light, stop_offsets = _stops(paths, lane, stop, roads)
         return cls(
             scenario_id=scenario.id,
             dt=scenario.dt,
@@ -153,9 +118,7 @@ class World:
             log=log,
             top_speed=np.hypot(log[..., VX], log[..., VX + 1]).max(axis=0),
             paths=paths,
-            stop_arc=stop_arc,
-            stop_light=stop_light,
-            stop_offsets=stop_offsets,
+            stops=Stops.on(paths, lane, stop, roads),
             light_lane=lane,
             light_stop=stop,
             light_state=scenario.lights.state,
@@ -170,19 +133,6 @@ def _log(tracks: Tracks, timestamps: npt.NDArray[np.float64]) -> Float32:
     return log
 
 
-def _paths(log: Float32) -> Paths:
-    is_kept = np.empty((log.shape[1], log.shape[0]), np.bool_)
-    thin(log, SPACING, is_kept)
-    track, step = np.nonzero(is_kept)
-    states = log[step, track]
-    offsets = np.concatenate([[0], np.cumsum(is_kept.sum(axis=1))]).astype(np.int32)
-    hops = np.append(0.0, np.hypot(*np.diff(states[:, :2].astype(np.float64), axis=0).T))
-    total = np.cumsum(hops)
-    arc = total - np.repeat(total[np.minimum(offsets[:-1], max(len(total) - 1, 0))], np.diff(offsets))
-    columns = (states[:, :2], arc, states[:, HEADING], states[:, Z])
-    return Paths(*(np.ascontiguousarray(column, np.float32) for column in columns), offsets)
-
-
 def _light_places(lights: Lights, roads: Roads) -> tuple[Int32, Float32]:
     """(L,) rows of the lights' lanes and (L, 2) where to stop for them."""
     row_of = {lane: row for row, lane in enumerate(roads.lane_ids)}
@@ -192,19 +142,6 @@ def _light_places(lights: Lights, roads: Roads) -> tuple[Int32, Float32]:
     assumed[assumed] = roads.lanes.lengths[lane[assumed]] > 0
     stop[assumed] = roads.lanes.values[roads.lanes.offsets[lane[assumed]]]
     return lane, stop
-
-
-def _stops(paths: Paths, lane: Int32, stop: Float32, roads: Roads) -> tuple[Float32, Int32, Int32]:
-    """Stops of each path: arcs, lights, offsets."""
-    num_objects, num_lights = len(paths.path_offsets) - 1, len(lane)
-    found = np.full((num_objects, num_lights), np.nan, np.float32)
-    arrays = paths.path_points, paths.path_arc, paths.path_heading, paths.path_offsets
-    find_stops(*arrays, lane, stop, roads.lanes.values, roads.lanes.offsets, found)
-    order = np.argsort(found, axis=1, kind="stable")
-    arcs = np.take_along_axis(found, order, axis=1)
-    is_stop = ~np.isnan(arcs)
-    offsets = np.concatenate([[0], np.cumsum(is_stop.sum(axis=1))]).astype(np.int32)
-    return arcs[is_stop], order[is_stop].astype(np.int32), offsets
 
 
 def _extents(log: Float32) -> Float32:

@@ -89,7 +89,8 @@ def follow_paths(
         agents: (A, 2) world and row.
         position: (W, N, 2) [m].
         points, arc, heading, path_z, offsets: Paths of W worlds, see ``Stage``.
-        back, ahead: How far around the last arc length to look [m]: a path may cross itself.
+        back, ahead: How far around the last arc length to look [m], as a path may cross itself; everywhere
+            when that is NaN.
         along, lateral, z: (W, N) read and written at the agents.
     """
     for a in range(len(agents)):
@@ -98,7 +99,8 @@ def follow_paths(
         if end == first:
             continue
         x, y, last = position[w, n, 0], position[w, n, 1], along[w, n]
-        found = nearest(points[w], arc[w], heading[w], first, end, x, y, last - back, last + ahead)
+        low, high = (-np.inf, np.inf) if np.isnan(last) else (last - back, last + ahead)
+        found = nearest(points[w], arc[w], heading[w], first, end, x, y, low, high)
         along[w, n], lateral[w, n] = found
         z[w, n] = height_at(arc[w], path_z[w], first, end, found[0])
 
@@ -107,10 +109,10 @@ def follow_paths(
 def height_at(arc: Float32, path_z: Float32, first: int, end: int, s: float) -> float:
     """Height of a path at an arc length [m]; that of its ends beyond them."""
     if end - first == 1:
-        return np.float64(path_z[first])
+        return float(path_z[first])
     k = segment_at(arc, first, end, s)
     share = min(max((s - arc[k]) / (arc[k + 1] - arc[k]), 0.0), 1.0)
-    return path_z[k] + share * (np.float64(path_z[k + 1]) - path_z[k])
+    return float(path_z[k] + share * (path_z[k + 1] - path_z[k]))
 
 
 @entry
