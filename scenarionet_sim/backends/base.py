@@ -100,7 +100,7 @@ def checked_actions(actions: npt.ArrayLike) -> Actions:
     Raises:
         BadParameter: One is not a number.
     """
-    clipped: Actions = np.clip(np.asarray(actions, np.float64).reshape(-1, 2), -1.0, 1.0)
+    clipped: Actions = np.minimum(np.maximum(np.asarray(actions, np.float64).reshape(-1, 2), -1.0), 1.0)
     if math.isnan(clipped.sum()):
         raise BadParameter(f"an action is not a number: {clipped[np.isnan(clipped).any(axis=1)][0].tolist()}")
     return clipped
