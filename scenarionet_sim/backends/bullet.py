@@ -101,16 +101,15 @@ class BulletSession:
 
     def drive(self, state: State, agents: Agents, actions: Actions, dt: float) -> None:
         """Move the agents by one control step, see :class:`~scenarionet_sim.backends.base.Session`."""
-        pose, slack = (
-            (state.position, state.heading, state.velocity, state.yaw_rate),
-            self._spec.vehicle.acceleration * dt,
-        )
+        if not len(agents):
+            return
+        actions, pose = checked_actions(actions), (state.position, state.heading, state.velocity, state.yaw_rate)
+        slack = self._spec.vehicle.acceleration * dt
         rows = find_bodies(state.position, state.velocity, state.size, state.present, agents, slack, dt)
         motion = read_motion(*pose, rows, len(agents), dt)
-        bodies = self._place(rows, len(agents), state.size, motion)
-        driven = motion[: len(agents)]
+        bodies, driven = self._place(rows, len(agents), state.size, motion), motion[: len(agents)]
         size = state.size[agents[:, 0], agents[:, 1]]
-        self._simulate(bodies[: len(agents)], driven, size, checked_actions(actions), dt / self._spec.substeps)
+        self._simulate(bodies[: len(agents)], driven, size, actions, dt / self._spec.substeps)
         write_motion(*pose, agents, driven)
 
     # --- one step -------------------------------------------------------------------------------------

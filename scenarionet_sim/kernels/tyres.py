@@ -42,12 +42,9 @@ def apply_tyres(motion: Float64, size: Float64, actions: Float64, vehicle: Vehic
         if throttle < 0.0:
             wanted = _brake(forward, -throttle * braking * step)
         change = max(-grip, min(grip, wanted))
-        across = 0.5 * math.sqrt(grip * grip - change * change)  # what friction leaves to each axle
-        arm = 0.5 * wheelbase * size[a, 0]
-        gyration = (size[a, 0] ** 2 + size[a, 1] ** 2) / 12.0
-        forward, left, motion[a, 5] = _roll(
-            forward + change, left, motion[a, 5], actions[a, 0] * max_steer, arm, gyration, across
-        )
+        axle = 0.5 * change, 0.5 * math.sqrt(grip * grip - change * change)
+        frame = 0.5 * wheelbase * size[a, 0], (size[a, 0] ** 2 + size[a, 1] ** 2) / 12.0
+        forward, left, motion[a, 5] = _roll(forward, left, motion[a, 5], actions[a, 0] * max_steer, frame, axle)
         motion[a, 3] = cos * forward - sin * left
         motion[a, 4] = sin * forward + cos * left
 
@@ -66,22 +63,23 @@ def _brake(forward: float, change: float) -> float:
 
 @part
 def _roll(
-    forward: float, left: float, yaw_rate: float, steer: float, arm: float, gyration: float, grip: float
+    forward: float, left: float, yaw_rate: float, steer: float, frame: tuple[float, float], axle: tuple[float, float]
 ) -> tuple[float, float, float]:
-    """Velocity and yaw rate after the tyres' impulses across the wheels of both axles, each at most ``grip``.
+    """Velocity and yaw rate after the impulses of both axles along and across their wheels.
 
-    The impulses f and r solve [[a, b], [b, d]] (f, r) = -(slip_f, slip_r), which leaves no velocity across either
-    axle; where one of them is more than friction gives, it is cut and the other one found anew.
+    The impulses across, f and r, solve [[a, b], [b, d]] (f, r) = -(slip_f, slip_r), which leaves no velocity
+    across either axle; where one of them is more than friction gives, it is cut and the other one found anew.
 
     Args:
         forward, left, yaw_rate: In the vehicle's frame.
         steer: Angle of the front wheels.
-        arm: From the centre to an axle.
-        gyration: Radius of gyration squared.
-        grip: Largest impulse of an axle per unit of mass.
+        frame: From the centre to an axle, and radius of gyration squared.
+        axle: Impulse of each axle along its wheels, and the most it has across them, per unit of mass.
     """
+    (arm, gyration), (along, grip) = frame, axle
     cos, sin = math.cos(steer), math.sin(steer)
     lever = arm * cos
+    forward, left, yaw_rate = forward + along * (1.0 + cos), left + along * sin, yaw_rate + arm * along * sin / gyration
     slip_f = cos * (left + arm * yaw_rate) - sin * forward
     slip_r = left - arm * yaw_rate
     a, b, d = 1.0 + lever * lever / gyration, cos - lever * arm / gyration, 1.0 + arm * arm / gyration
