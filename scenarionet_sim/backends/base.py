@@ -68,11 +68,8 @@ class Session(Protocol):
             state: The agents' rows as they are now; every other row already at its pose after the step.
             agents: (A, 2) int32 world and row of each agent.
             actions: (A, 2) float64 steering (positive to the left) and throttle (negative: brake, never
-                reverse), as :func:`checked_actions` passes them.
+                reverse), as :func:`checked_actions` returns them.
             dt: Length of the control step [s].
-
-        Raises:
-            BadParameter: An action is not a number.
         """
         ...
 

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_data.scenario import Float64
 from scenarionet_data.software import PACKAGE
-from scenarionet_sim.backends.base import SUBSTEPS, Actions, Agents, Drive, checked_actions
+from scenarionet_sim.backends.base import SUBSTEPS, Actions, Agents, Drive
 from scenarionet_sim.backends.storey import Key, Storey
 from scenarionet_sim.kernels.bodies import find_bodies, read_motion, write_motion
 from scenarionet_sim.kernels.tyres import apply_tyres
@@ -36,7 +36,7 @@ class Bullet:
     """Rigid-body physics by pybullet.
 
     Attributes:
-        vehicle: What driven vehicles are capable of.
+        drive: What vehicles are capable of.
         tyre_friction: Tyres push with at most this share of the load on them.
         body_friction: Between bodies that touch.
         restitution: Of a collision; 0 is a crash without rebound.
@@ -45,7 +45,7 @@ class Bullet:
         max_asleep: Bodies out of reach that a world keeps for their return.
     """
 
-    vehicle: Drive = field(default_factory=Drive)
+    drive: Drive = field(default_factory=Drive)
     tyre_friction: float = 0.9
     body_friction: float = 0.5
     restitution: float = 0.1
@@ -103,8 +103,8 @@ class BulletSession:
         """Move the agents by one control step, see :class:`~scenarionet_sim.backends.base.Session`."""
         if not len(agents):
             return
-        actions, pose = checked_actions(actions), (state.position, state.heading, state.velocity, state.yaw_rate)
-        slack = self._spec.vehicle.acceleration * dt
+        pose = state.position, state.heading, state.velocity, state.yaw_rate
+        slack = self._spec.drive.acceleration * dt
         rows = find_bodies(state.position, state.velocity, state.size, state.present, agents, slack, dt)
         motion = read_motion(*pose, rows, len(agents), dt)
         bodies, driven = self._place(rows, len(agents), state.size, motion), motion[: len(agents)]
@@ -137,7 +137,7 @@ class BulletSession:
     def _simulate(self, bodies: list[int], motion: Float64, size: Float64, actions: Actions, step: float) -> None:
         """The physics steps, with the wheels at work in each; changes the agents' motion."""
         bullet, client, spec = self._bullet, self._client, self._spec
-        car, friction = spec.vehicle, spec.tyre_friction * _GRAVITY
+        car, friction = spec.drive, spec.tyre_friction * _GRAVITY
         vehicle = (car.max_steer, car.acceleration, car.braking, friction, car.max_speed, car.wheelbase)
         bullet.setTimeStep(step, client)
         for _ in range(spec.substeps):

@@ -27,7 +27,9 @@ def is_off_road(corners: Float64, roads: Roads) -> Bool:
         corners: (T, 4, 2) [m].
         roads: With at least one polygon to drive on.
     """
-    polygons = shapely.STRtree([shapely.Polygon(outline) for outline in roads.polygons.take(np.flatnonzero(roads.is_road))])
+    polygons = shapely.STRtree(
+        [shapely.Polygon(outline) for outline in roads.polygons.take(np.flatnonzero(roads.is_road))]
+    )
     near, _ = polygons.query(shapely.points(corners.reshape(-1, 2)), predicate="dwithin", distance=OFF_ROAD_TOLERANCE)
     is_on = np.zeros(corners.shape[0] * corners.shape[1], np.bool_)
     is_on[near] = True

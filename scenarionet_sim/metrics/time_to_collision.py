@@ -45,7 +45,7 @@ def time_to_collision(
         (T,) [s]; infinite where nothing would be hit.
     """
     soonest = np.full(len(position), np.inf)
-    length, width, num_steps = size[ego, 0], size[ego, 1], int(round(HORIZON / STEP))
+    length, width, num_steps = size[ego, 0], size[ego, 1], round(HORIZON / STEP)
     for t in range(len(position)):
         vx, vy = velocity[t, ego, 0], velocity[t, ego, 1]
         if math.hypot(vx, vy) <= _STANDING:
