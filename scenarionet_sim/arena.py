@@ -128,6 +128,10 @@ class Arena:
             for a, w in enumerate(self.agents[:, 0].tolist())
         ]
 
+    def is_success(self) -> list[bool]:
+        """(A,) which agents have reached their destination."""
+        return [bool(code == task.ARRIVED) for code in self.status]
+
     def close(self) -> None:
         """Give back what the backend holds."""
         self.simulation.close()
