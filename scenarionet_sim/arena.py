@@ -58,6 +58,7 @@ class Arena:
         self._is_driven = any(isinstance(policy, External) for policy in config.policies)
         self._watched = Agents(self.simulation) if self._is_driven else Egos(self.simulation)
         self._tally = tally.Tally.of(len(worlds), self.simulation.stage.max_objects)
+        self.numbers: Float64
         self._make_room()
 
     @property
@@ -113,9 +114,10 @@ class Arena:
         self.simulation.retire(self.agents[agents])
         self._make_room()
 
-    def observe(self, rng: np.random.Generator) -> Any:
-        """What the agents observe, in arrays of their own."""
-        return self._observation.of(self.simulation.stage, self._watched.state, self.agents, rng)
+    def observe(self, rng: np.random.Generator, rows: npt.NDArray[Any] | None = None) -> Any:
+        """What the agents (some of them, by their place in ``agents``) observe, in arrays of their own."""
+        agents = self.agents if rows is None else self.agents[rows]
+        return self._observation.of(self.simulation.stage, self._watched.state, agents, rng)
 
     def infos(self) -> list[dict[str, Any]]:
         """What there is to know about each agent: ``NUMBERS``, ``ENDS``, and where in which log it is."""
@@ -169,5 +171,10 @@ class Arena:
             watched.contacts, self._touched, self._tally.crashes, self._tally.sums, self._board,
         )  # fmt: skip
         self._touched[...] = watched.contacts
-        parts = self.terms, self._verdict.completion[:, None], state.lateral[agents[:, 0], agents[:, 1], None], self._board
+        parts = (
+            self.terms,
+            self._verdict.completion[:, None],
+            state.lateral[agents[:, 0], agents[:, 1], None],
+            self._board,
+        )
         np.concatenate(parts, axis=1, out=self.numbers)

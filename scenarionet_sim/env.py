@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -47,7 +47,7 @@ class ScenarioNetEnv(gymnasium.Env[Any, Array]):
         env = gymnasium.make("ScenarioNet-v0", scenarios=Scenarios("lake", "busy"), backend=Kinematic())
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "human"], "render_fps": 10}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 10}  # noqa: RUF012  # as the base class
 
     def __init__(
         self, config: EnvConfig | None = None, render_mode: str | None = None, seed: int | None = None, **settings: Any

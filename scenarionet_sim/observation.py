@@ -49,6 +49,18 @@ class Observation:
         agents = range(len(observed[self.names[0]]))
         return [{name: values[agent] for name, values in observed.items()} for agent in agents]
 
+    def take(self, observed: Any, rows: npt.NDArray[Any]) -> Any:
+        """What some of the agents observe, in arrays of their own."""
+        return observed[rows] if self._is_flat else {name: values[rows] for name, values in observed.items()}
+
+    def put(self, observed: Any, rows: npt.NDArray[Any], others: Any) -> None:
+        """Overwrite what some of the agents observe."""
+        if self._is_flat:
+            observed[rows] = others
+        else:
+            for name, values in observed.items():
+                values[rows] = others[name]
+
     def parts(self, observed: Array) -> dict[str, Array]:
         """The arrays (..., *shape) by sensor in flat observations (..., D)."""
         sizes = [int(np.prod(sensor.shape)) for sensor in self._sensors]
