@@ -21,7 +21,7 @@ from scenarionet_sim.world import World
 NOBODY = 255
 """In ``Simulation.driver``: a row that no policy drives, and that is never present."""
 
-_BACK, _AHEAD = 10.0, 20.0  # [m] an agent is looked for on its path around where it was
+LOOK_BACK, LOOK_AHEAD = 10.0, 20.0  # [m] an agent is looked for on its path around where it was
 
 
 class Simulation:
@@ -169,6 +169,6 @@ class Simulation:
         stage, state = self.stage, self.state
         paths = stage.path_points, stage.path_arc, stage.path_heading, stage.path_z, stage.path_offsets
         places = state.arc, state.lateral, state.z
-        follow_paths(self.agents, state.position, *paths, _BACK, _AHEAD, *places)
+        follow_paths(self.agents, state.position, *paths, LOOK_BACK, LOOK_AHEAD, *places)
         boxes = state.position, state.heading, state.z, state.size, state.object_type, state.present
         find_contacts(self.agents, *boxes, self.contacts, self.hits)
