@@ -95,7 +95,7 @@ class Stops:
             roads: The map.
         """
         found = np.full((len(paths.path_offsets) - 1, len(lane)), np.nan, np.float32)
-        arrays = paths.path_points, paths.path_arc, paths.path_heading, paths.path_offsets
+        arrays = paths.path_points, paths.path_arc, paths.path_heading, paths.path_z, paths.path_offsets
         find_stops(*arrays, lane, stop, roads.lanes.values, roads.lanes.offsets, found)
         order = np.argsort(found, axis=1, kind="stable")
         arcs = np.take_along_axis(found, order, axis=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from scenarionet_sim.paths import SPACING, Paths, Stops
 from scenarionet_sim.roads import Roads
 from scenarionet_sim.world import World
 
+_BESIDE = 2.5  # [m] from a centreline an object is still on the lane
 _BACK_TO_THE_MIDDLE = 20.0  # [m] over which a path that ends beside a centreline comes back to it
 
 
@@ -26,12 +28,12 @@ def continued(world: World, rows: Bool, beyond: float) -> World:
     """
     paths = world.paths
     ends = paths.path_offsets[1:][rows] - 1
-    found = find_lanes(
-        paths.path_points[ends], paths.path_heading[ends], world.roads.lanes.values, world.roads.lanes.offsets
-    )
+    found = np.tile([-1.0, 0.0, _BESIDE], (len(ends), 1))
+    lanes = world.roads.lanes
+    find_lanes(paths.path_points[ends], paths.path_heading[ends], lanes.values, lanes.offsets, found)
     tails = {
         int(row): _tail(world.roads, int(lane), paths.path_points[end], float(along), beyond)
-        for row, end, (lane, along) in zip(np.flatnonzero(rows), ends, found, strict=True)
+        for row, end, (lane, along, _) in zip(np.flatnonzero(rows), ends, found, strict=True)
         if lane >= 0
     }
     longer = _lengthened(paths, tails)
@@ -76,14 +78,14 @@ def _arc(line: Float64) -> Float64:
 
 def _lengthened(paths: Paths, tails: dict[int, Float64]) -> Paths:
     """The paths with tails; what is closer than the spacing of paths is left out."""
-    parts: list[tuple[Float64, ...]] = []
+    parts: list[tuple[Any, ...]] = []
     for row, (first, end) in enumerate(zip(paths.path_offsets[:-1], paths.path_offsets[1:], strict=True)):
         here = slice(first, end)
         own = paths.path_points[here], paths.path_arc[here], paths.path_heading[here], paths.path_z[here]
         parts.append(_appended(own, tails[row]) if row in tails else own)
-    columns = [np.concatenate(column).astype(np.float32) for column in zip(*parts, strict=True)]
+    points, arc, heading, z = (np.concatenate(column).astype(np.float32) for column in zip(*parts, strict=True))
     offsets = np.append(0, np.cumsum([len(part[1]) for part in parts])).astype(np.int32)
-    return Paths(*columns, path_offsets=offsets)
+    return Paths(points, arc, heading, z, offsets)
 
 
 def _appended(own: tuple[Float32, ...], tail: Float64) -> tuple[Float64, ...]:

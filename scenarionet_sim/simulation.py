@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.scenario import Bool
+from scenarionet_data.scenario import Bool, Codes
 from scenarionet_sim.backends.base import Backend, checked_actions
 from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.kernels.overlap import find_contacts
@@ -59,7 +59,9 @@ class Simulation:
         self.policies = tuple(policies)
         self.stage = Stage(worlds)
         self._worlds = list(worlds)
-        self._make_room()
+        shape = len(worlds), self.stage.max_objects
+        self.state, self.previous = State.empty(*shape), State.empty(*shape)
+        self.driver: Codes = np.full(shape, NOBODY, np.uint8)
         self._session = (backend or Kinematic()).open(self.stage)
         for slot in range(len(worlds)):
             self._begin(slot, worlds[slot], None)
@@ -143,15 +145,14 @@ class Simulation:
         self._session.reset(slot, self.state)
 
     def _make_room(self) -> None:
-        """Moments with a row for every object of the stage, those that are there kept."""
+        """Larger moments, with a row for every object that the stage has room for."""
         shape = len(self.stage), self.stage.max_objects
-        old = (self.state, self.previous, self.driver) if hasattr(self, "state") else None
+        state, previous, driver = self.state, self.previous, self.driver
         self.state, self.previous = State.empty(*shape), State.empty(*shape)
+        self.state.take(state)
+        self.previous.take(previous)
         self.driver = np.full(shape, NOBODY, np.uint8)
-        if old is not None:
-            self.state.take(old[0])
-            self.previous.take(old[1])
-            self.driver[:, : old[2].shape[1]] = old[2]
+        self.driver[:, : driver.shape[1]] = driver
 
     def _find_agents(self) -> None:
         """Who is an agent now, and what it touches."""

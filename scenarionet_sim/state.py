@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -49,7 +50,7 @@ class State:
     timestep: Int32
 
     @property
-    def motion(self) -> tuple[Float64, Float64, Float64, Float64, Float64, Bool]:
+    def motion(self) -> tuple[Any, ...]:
         """Position, heading, velocity, yaw rate, height and presence, in the order that kernels take them."""
         return self.position, self.heading, self.velocity, self.yaw_rate, self.z, self.present
 

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.scenario import Bool, Codes, Float32, Lights, ScenarioDescription, Strings, Tracks
-from scenarionet_sim.kernels.log import HEADING, VALID, VX, YAW_RATE, Z, median_sizes, pack_log
+from scenarionet_sim.kernels.log import HEADING, VALID, VX, YAW_RATE, Z, pack_log
 from scenarionet_sim.paths import Paths, Stops
 from scenarionet_sim.roads import Roads
 
@@ -104,8 +104,6 @@ class World:
         """The world of a scenario."""
         tracks = scenario.tracks
         log = _log(tracks, scenario.timestamps)
-        size = np.empty((len(tracks), 3), np.float32)
-        median_sizes(tracks.size, tracks.valid, size)
         roads, paths = Roads.from_map(scenario.map), Paths.from_log(log)
         lane, stop = _light_places(scenario.lights, roads)
         return cls(
@@ -114,7 +112,7 @@ class World:
             ego=scenario.ego_index,
             track_ids=tracks.ids,
             object_type=tracks.object_type,
-            size=size,
+            size=_median_sizes(tracks),
             log=log,
             top_speed=np.hypot(log[..., VX], log[..., VX + 1]).max(axis=0),
             paths=paths,
@@ -128,9 +126,20 @@ class World:
 
 
 def _log(tracks: Tracks, timestamps: npt.NDArray[np.float64]) -> Float32:
-    log = np.empty((len(timestamps), len(tracks), 8), np.float32)
+    log = np.zeros((len(timestamps), len(tracks), 8), np.float32)
     pack_log(tracks.position, tracks.heading, tracks.velocity, tracks.valid, timestamps, log)
     return log
+
+
+def _median_sizes(tracks: Tracks) -> Float32:
+    """(N, 3) over the valid steps, so that a sensor's noise makes no box grow; 0 for what is never valid."""
+    ordered = np.sort(np.where(tracks.valid[..., None], tracks.size, np.inf), axis=1)
+    count = tracks.valid.sum(axis=1)
+    middle = np.stack([(count - 1) // 2, count // 2], axis=1).clip(0)
+    sizes = np.take_along_axis(ordered, middle[..., None], axis=1).mean(axis=1)
+    sizes[count == 0] = 0.0
+    medians: Float32 = sizes.astype(np.float32)
+    return medians
 
 
 def _light_places(lights: Lights, roads: Roads) -> tuple[Int32, Float32]:

@@ -11,22 +11,19 @@ Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 Int32 = npt.NDArray[np.int32]
 
-_FARTHEST, _ACROSS = 2.5, np.cos(np.pi / 4)  # [m] from a centreline, and the cosine of the angle to it
+_ACROSS = np.cos(np.pi / 4)  # how far a lane's direction may be from an object's heading
 
 
 @entry
-def find_lanes(places: Float32, headings: Float32, points: Float32, offsets: Int32) -> Float64:
+def find_lanes(places: Float32, headings: Float32, points: Float32, offsets: Int32, found: Float64) -> None:
     """The lane nearest to each place that leads its way.
 
     Args:
         places, headings: (Q, 2) [m], (Q,) [rad].
         points, offsets: (P, 2) [m], (M + 1,) centrelines.
-
-    Returns:
-        (Q, 2) row of the lane, or -1; and how far along it the place is [m].
+        found: (Q, 3) row of the lane, how far along it the place is [m], how far from it; written where a lane
+            is nearer than what the last column says.
     """
-    found = np.full((len(places), 2), -1.0)
-    nearest = np.full(len(places), _FARTHEST)
     for m in range(len(offsets) - 1):
         arc = 0.0
         for k in range(offsets[m], offsets[m + 1] - 1):
@@ -39,7 +36,6 @@ def find_lanes(places: Float32, headings: Float32, points: Float32, offsets: Int
                 along = min(max((tx * dx + ty * dy) / length, 0.0), length)
                 apart = np.hypot(dx - along * tx / length, dy - along * ty / length)
                 leads = np.cos(headings[q]) * tx + np.sin(headings[q]) * ty > _ACROSS * length
-                if leads and apart < nearest[q]:
-                    nearest[q], found[q, 0], found[q, 1] = apart, m, arc + along
+                if leads and apart < found[q, 2]:
+                    found[q, 0], found[q, 1], found[q, 2] = m, arc + along, apart
             arc += length
-    return found

@@ -24,16 +24,14 @@ def pack_log(
     Args:
         position, heading, velocity, valid: (N, T, 3), (N, T), (N, T, 2), (N, T) as in ``Tracks``.
         timestamps: (T,) [s].
-        log: (T, N, 8) written: x, y, z [m], heading [rad], vx, vy [m/s], yaw rate [rad/s], 1 where valid.
-            0 where not valid.
+        log: (T, N, 8) of zeros, written where valid: x, y, z [m], heading [rad], vx, vy [m/s], yaw rate [rad/s], 1.
     """
     num_objects, num_steps = valid.shape
     for n in range(num_objects):
         for t in range(num_steps):
-            row = log[t, n]
-            row[:] = 0.0
             if not valid[n, t]:
                 continue
+            row = log[t, n]
             before = t - 1 if t > 0 and valid[n, t - 1] else t
             after = t + 1 if t + 1 < num_steps and valid[n, t + 1] else t
             row[X], row[Y], row[Z] = position[n, t, 0], position[n, t, 1], position[n, t, 2]
@@ -43,25 +41,6 @@ def pack_log(
                 turn -= 2.0 * np.pi * np.floor(turn / (2.0 * np.pi) + 0.5)
                 row[YAW_RATE] = turn / (timestamps[after] - timestamps[before])
             row[VALID] = 1.0
-
-
-@entry
-def median_sizes(size: Float32, valid: Bool, medians: Float32) -> None:
-    """Each object's size, its sensor's noise left out.
-
-    Args:
-        size, valid: (N, T, 3) [m], (N, T) as in ``Tracks``.
-        medians: (N, 3) written: over the valid steps; 0 for an object that is never valid.
-    """
-    found = np.empty(valid.shape[1], np.float32)
-    for n in range(valid.shape[0]):
-        for axis in range(3):
-            count = 0
-            for t in range(valid.shape[1]):
-                if valid[n, t]:
-                    found[count] = size[n, t, axis]
-                    count += 1
-            medians[n, axis] = np.median(found[:count]) if count else 0.0
 
 
 @entry

@@ -1,17 +1,18 @@
 """Places along paths: nearest points, poses at an arc length, and which traffic lights a path passes.
 
-A path is ``points[first:end]`` (P, 2) with arc lengths ``arc[first:end]`` that start at 0. Arc lengths below 0 and
-beyond the end continue the first and last segment; a path of one point is the straight line along its heading.
+Arc lengths below 0 and beyond the end continue a path's first and last segment; a path of one point is the
+straight line along its heading.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.procedural.jit import entry, part
 
-Bool = npt.NDArray[np.bool_]
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 Int32 = npt.NDArray[np.int32]
@@ -20,13 +21,30 @@ _LANE_HALF = 1.75  # [m] a path closer than this to a lane's centreline drives o
 _BEYOND = 10.0  # [m] after a stop point lanes that start together have parted by more than that
 
 
+class Path(NamedTuple):
+    """One path among all of a world: rows ``first`` to ``end`` of its arrays, see ``paths.Paths``."""
+
+    points: Float32
+    arc: Float32
+    heading: Float32
+    z: Float32
+    first: int
+    end: int
+
+
 @part
-def segment_at(arc: Float32, first: int, end: int, s: float) -> int:
-    """The segment that holds arc length ``s``: from its returned point to the next; ``end - 2`` beyond the end."""
-    low, high = first, end - 1
+def wrapped(angle: float) -> float:
+    """An angle in [-pi, pi)."""
+    return float(angle - 2.0 * np.pi * np.floor((angle + np.pi) / (2.0 * np.pi)))
+
+
+@part
+def segment_at(path: Path, s: float) -> int:
+    """The segment that holds arc length ``s``, as its first point: the first or the last for what lies beyond."""
+    low, high = path.first, path.end - 1
     while high - low > 1:
         middle = (low + high) // 2
-        if arc[middle] <= s:
+        if path.arc[middle] <= s:
             low = middle
         else:
             high = middle
@@ -34,36 +52,53 @@ def segment_at(arc: Float32, first: int, end: int, s: float) -> int:
 
 
 @part
-def nearest(
-    points: Float32, arc: Float32, heading: Float32, first: int, end: int, x: float, y: float, low: float, high: float
-) -> tuple[float, float]:
+def direction(path: Path, k: int) -> tuple[float, float, float]:
+    """Unit vector along segment ``k``, and its length [m]."""
+    length = np.float64(path.arc[k + 1]) - path.arc[k]
+    tx = (np.float64(path.points[k + 1, 0]) - path.points[k, 0]) / length
+    ty = (np.float64(path.points[k + 1, 1]) - path.points[k, 1]) / length
+    return tx, ty, length
+
+
+@part
+def pose_at(path: Path, s: float) -> tuple[float, float, float, float]:
+    """x, y, z [m] and heading [rad] at an arc length on a path of two points or more."""
+    k = segment_at(path, s)
+    share = (s - path.arc[k]) / (np.float64(path.arc[k + 1]) - path.arc[k])
+    x = path.points[k, 0] + share * (np.float64(path.points[k + 1, 0]) - path.points[k, 0])
+    y = path.points[k, 1] + share * (np.float64(path.points[k + 1, 1]) - path.points[k, 1])
+    z = path.z[k] + min(max(share, 0.0), 1.0) * (np.float64(path.z[k + 1]) - path.z[k])
+    turn = wrapped(np.float64(path.heading[k + 1]) - np.float64(path.heading[k]))
+    return x, y, z, wrapped(path.heading[k] + share * turn)
+
+
+@part
+def nearest(path: Path, x: float, y: float, low: float, high: float) -> tuple[float, float]:
     """Arc length of the place of a path nearest to a point, and how far to its left the point lies [m].
 
     Args:
-        points, arc, heading: Paths of one world.
-        first, end: The path; at least one point.
+        path: Of at least one point.
         x, y: The point.
         low, high: Arc lengths between which to look.
     """
+    first, end = path.first, path.end
     if end - first == 1:
-        cos, sin = np.cos(heading[first]), np.sin(heading[first])
-        dx, dy = x - points[first, 0], y - points[first, 1]
+        cos, sin = np.cos(path.heading[first]), np.sin(path.heading[first])
+        dx, dy = x - path.points[first, 0], y - path.points[first, 1]
         return cos * dx + sin * dy, cos * dy - sin * dx
     best, best_s, best_lateral = np.inf, 0.0, 0.0
-    for k in range(segment_at(arc, first, end, low), end - 1):
-        if arc[k] > high:
+    for k in range(segment_at(path, low), end - 1):
+        if path.arc[k] > high:
             break
-        length = arc[k + 1] - arc[k]
-        x0, y0 = np.float64(points[k, 0]), np.float64(points[k, 1])
-        tx, ty = (points[k + 1, 0] - x0) / length, (points[k + 1, 1] - y0) / length
-        dx, dy = x - x0, y - y0
+        tx, ty, length = direction(path, k)
+        dx, dy = x - path.points[k, 0], y - path.points[k, 1]
         along, left = tx * dx + ty * dy, tx * dy - ty * dx
-        inside = min(max(along, 0.0), np.float64(length))
+        inside = min(max(along, 0.0), length)
         apart = left * left + (along - inside) ** 2
         if apart < best:
             best = apart
             is_beyond = (k == first and along < 0.0) or (k == end - 2 and along > length)
-            best_s = arc[k] + (along if is_beyond else inside)
+            best_s = path.arc[k] + (along if is_beyond else inside)
             best_lateral = left if is_beyond else np.copysign(np.sqrt(apart), left)
     return best_s, best_lateral
 
@@ -95,24 +130,13 @@ def follow_paths(
     """
     for a in range(len(agents)):
         w, n = agents[a, 0], agents[a, 1]
-        first, end = offsets[w, n], offsets[w, n + 1]
-        if end == first:
+        path = Path(points[w], arc[w], heading[w], path_z[w], offsets[w, n], offsets[w, n + 1])
+        if path.end == path.first:
             continue
-        x, y, last = position[w, n, 0], position[w, n, 1], along[w, n]
+        last = along[w, n]
         low, high = (-np.inf, np.inf) if np.isnan(last) else (last - back, last + ahead)
-        found = nearest(points[w], arc[w], heading[w], first, end, x, y, low, high)
-        along[w, n], lateral[w, n] = found
-        z[w, n] = height_at(arc[w], path_z[w], first, end, found[0])
-
-
-@part
-def height_at(arc: Float32, path_z: Float32, first: int, end: int, s: float) -> float:
-    """Height of a path at an arc length [m]; that of its ends beyond them."""
-    if end - first == 1:
-        return float(path_z[first])
-    k = segment_at(arc, first, end, s)
-    share = min(max((s - arc[k]) / (arc[k + 1] - arc[k]), 0.0), 1.0)
-    return float(path_z[k] + share * (path_z[k + 1] - path_z[k]))
+        along[w, n], lateral[w, n] = nearest(path, position[w, n, 0], position[w, n, 1], low, high)
+        z[w, n] = path.z[path.first] if path.end - path.first == 1 else pose_at(path, along[w, n])[2]
 
 
 @entry
@@ -120,6 +144,7 @@ def find_stops(
     points: Float32,
     arc: Float32,
     heading: Float32,
+    path_z: Float32,
     offsets: Int32,
     lane: Int32,
     stop: Float32,
@@ -133,40 +158,59 @@ def find_stops(
     a junction start at one point and have lights of their own.
 
     Args:
-        points, arc, heading, offsets: Paths of N objects.
+        points, arc, heading, path_z, offsets: Paths of N objects.
         lane: (L,) row of each light's lane, -1 when the map lacks it: such a light governs no path.
         stop: (L, 2) [m], NaN when unknown.
         lane_points, lane_offsets: Centrelines.
-        stops: (N, L) written: arc lengths, NaN where the light does not govern the path.
+        stops: (N, L) of NaN, written where a light governs a path: arc length [m].
     """
-    lane_arc, zeros = np.zeros(len(lane_points), np.float32), np.zeros(len(lane_points), np.float32)
-    for m in range(len(lane_offsets) - 1):
-        for k in range(lane_offsets[m] + 1, lane_offsets[m + 1]):
-            step = np.hypot(lane_points[k, 0] - lane_points[k - 1, 0], lane_points[k, 1] - lane_points[k - 1, 1])
-            lane_arc[k] = lane_arc[k - 1] + max(step, np.float32(1e-6))  # repeated points have no direction
+    lane_arc, nothing = _arcs(lane_points, lane_offsets), np.zeros(0, np.float32)
     for n in range(len(offsets) - 1):
-        first, end = offsets[n], offsets[n + 1]
-        if end - first < 2:
+        path = Path(points, arc, heading, path_z, offsets[n], offsets[n + 1])
+        if path.end - path.first < 2:
             continue
-        low_x, high_x = points[first:end, 0].min() - _LANE_HALF, points[first:end, 0].max() + _LANE_HALF
-        low_y, high_y = points[first:end, 1].min() - _LANE_HALF, points[first:end, 1].max() + _LANE_HALF
+        low_x, high_x, low_y, high_y = _bounds(path)
         for light in range(len(lane)):
-            x, y, row = stop[light, 0], stop[light, 1], lane[light]
+            x, y, row = np.float64(stop[light, 0]), np.float64(stop[light, 1]), lane[light]
             if row < 0 or not (low_x <= x <= high_x and low_y <= y <= high_y):
                 continue
-            lane_first, lane_end = lane_offsets[row], lane_offsets[row + 1]
-            if lane_end - lane_first < 2:
-                continue
-            s, lateral = nearest(points, arc, heading, first, end, x, y, -np.inf, np.inf)
-            beyond = min(_BEYOND, arc[end - 1] - s)
-            if abs(lateral) > _LANE_HALF or s < 0.0 or beyond < 1.0:
-                continue
-            on_lane, _ = nearest(lane_points, lane_arc, zeros, lane_first, lane_end, x, y, -np.inf, np.inf)
-            there = min(max(on_lane, 0.0) + beyond, np.float64(lane_arc[lane_end - 1]))
-            k = segment_at(lane_arc, lane_first, lane_end, there)
-            share = (there - lane_arc[k]) / (lane_arc[k + 1] - lane_arc[k])
-            x = lane_points[k, 0] + share * (lane_points[k + 1, 0] - lane_points[k, 0])
-            y = lane_points[k, 1] + share * (lane_points[k + 1, 1] - lane_points[k, 1])
-            further, lateral = nearest(points, arc, heading, first, end, x, y, s, np.inf)
-            if abs(lateral) <= _LANE_HALF and further > s:
-                stops[n, light] = s
+            way = Path(lane_points, lane_arc, nothing, nothing, lane_offsets[row], lane_offsets[row + 1])
+            if way.end - way.first > 1:
+                stops[n, light] = _stop_on(path, way, x, y)
+
+
+@part
+def _arcs(points: Float32, offsets: Int32) -> Float32:
+    """(P,) arc lengths of all centrelines."""
+    arc = np.zeros(len(points), np.float32)
+    for m in range(len(offsets) - 1):
+        for k in range(offsets[m] + 1, offsets[m + 1]):
+            step = np.hypot(points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1])
+            arc[k] = arc[k - 1] + max(step, np.float32(1e-3))  # repeated points have no direction
+    return arc
+
+
+@part
+def _bounds(path: Path) -> tuple[float, float, float, float]:
+    """Least and greatest x, least and greatest y of the lane that a path drives on [m]."""
+    low_x, high_x, low_y, high_y = np.inf, -np.inf, np.inf, -np.inf
+    for k in range(path.first, path.end):
+        x, y = np.float64(path.points[k, 0]), np.float64(path.points[k, 1])
+        low_x, high_x, low_y, high_y = min(low_x, x), max(high_x, x), min(low_y, y), max(high_y, y)
+    return low_x - _LANE_HALF, high_x + _LANE_HALF, low_y - _LANE_HALF, high_y + _LANE_HALF
+
+
+@part
+def _stop_on(path: Path, way: Path, x: float, y: float) -> float:
+    """Arc length of the stop point (x, y) of a lane's light on a path, NaN when the path takes another lane."""
+    s, lateral = nearest(path, x, y, -np.inf, np.inf)
+    beyond = min(_BEYOND, path.arc[path.end - 1] - s)
+    if abs(lateral) > _LANE_HALF or s < 0.0 or beyond < 1.0:
+        return np.nan
+    on_lane, _ = nearest(way, x, y, -np.inf, np.inf)
+    there = min(max(on_lane, 0.0) + beyond, np.float64(way.arc[way.end - 1]))
+    k = segment_at(way, there)
+    tx, ty, _ = direction(way, k)
+    x, y = way.points[k, 0] + tx * (there - way.arc[k]), way.points[k, 1] + ty * (there - way.arc[k])
+    further, lateral = nearest(path, x, y, s, np.inf)
+    return s if abs(lateral) <= _LANE_HALF and further > s else np.nan

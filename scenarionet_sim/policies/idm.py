@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
+from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario import Bool, Codes
 from scenarionet_data.vocabulary import LIGHT_COLORS
-from scenarionet_sim.kernels.idm import drive_along_paths
+from scenarionet_sim.kernels.idm import Law, drive_along_paths
 from scenarionet_sim.policies.base import Policy
 from scenarionet_sim.policies.who import Who, other_vehicles
 from scenarionet_sim.stage import Stage
@@ -48,20 +47,25 @@ class Idm(Policy):
     hardest: float = 8.0
     shortest: float = 2.0
 
+    def __post_init__(self) -> None:
+        for number in ("headway", "acceleration", "deceleration", "standstill", "slowest", "lateral", "hardest"):
+            if not getattr(self, number) > 0.0:
+                raise BadParameter(f"Idm: {number} is {getattr(self, number)}; it must be positive")
+
     def wants(self, world: World) -> Bool:
         """Those of its objects that drive at all."""
         return self.who(world) & (world.paths.length() >= self.shortest)
 
     def advance(self, stage: Stage, now: State, then: State, driver: Codes, me: int, dt: float) -> None:
         """One step of the law for each."""
-        law = (
+        law = Law(
             self.headway, self.acceleration, self.deceleration, self.standstill,
             self.slowest, self.lateral, self.overlap, self.hardest,
         )  # fmt: skip
+        paths = stage.path_points, stage.path_arc, stage.path_heading, stage.path_z, stage.path_offsets
+        stops = stage.stop_arc, stage.stop_light, stage.stop_offsets, stage.light_state
+        moments = *now.motion, now.arc, *then.motion, then.arc, then.lateral
         drive_along_paths(
-            driver, me, dt, np.array(law), LIGHT_COLORS,
-            stage.log, stage.num_steps, now.timestep,
-            stage.path_points, stage.path_arc, stage.path_heading, stage.path_z, stage.path_offsets,
-            stage.top_speed, stage.stop_arc, stage.stop_light, stage.stop_offsets, stage.light_state,
-            now.size, *now.motion, now.arc, *then.motion, then.arc, then.lateral,
+            driver, me, dt, law, LIGHT_COLORS, stage.log, stage.num_steps, now.timestep,
+            *paths, stage.top_speed, *stops, now.size, *moments,
         )  # fmt: skip

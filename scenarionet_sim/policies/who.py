@@ -21,7 +21,8 @@ def everyone(world: World) -> Bool:
 
 def ego(world: World) -> Bool:
     """The recording vehicle."""
-    return np.arange(world.num_objects) == world.ego
+    is_ego: Bool = np.arange(world.num_objects) == world.ego
+    return is_ego
 
 
 def others(world: World) -> Bool:
