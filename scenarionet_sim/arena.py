@@ -130,10 +130,6 @@ class Arena:
             for a, w in enumerate(self.agents[:, 0].tolist())
         ]
 
-    def is_success(self) -> list[bool]:
-        """(A,) which agents have reached their destination."""
-        return [bool(code == task.ARRIVED) for code in self.status]
-
     def close(self) -> None:
         """Give back what the backend holds."""
         self.simulation.close()
@@ -158,6 +154,7 @@ class Arena:
         is_new = np.ones(len(self.agents), np.bool_)
         is_new[place] = False
         self.terms[is_new] = self.numbers[is_new, : len(task.TERMS)] = 0.0
+        self.status[is_new] = task.DRIVING
 
     def _judge(self, steering: Float64) -> None:
         stage, state, watched, agents = self.simulation.stage, self._watched.state, self._watched, self.agents

@@ -15,7 +15,7 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_sim.arena import Arena, open_stream
 from scenarionet_sim.config import EnvConfig
 from scenarionet_sim.observation import Observation
-from scenarionet_sim.task import DRIVING, TIMED_OUT
+from scenarionet_sim.task import ARRIVED, DRIVING, TIMED_OUT
 from scenarionet_sim.world import World
 
 Array = npt.NDArray[Any]
@@ -104,7 +104,7 @@ class ScenarioNetEnv(gymnasium.Env[Any, Array]):
         status = self._arena.status[0]
         if status != DRIVING:
             self._is_running = False
-            self._stream.sampler.report(self._index, self._arena.is_success()[0])
+            self._stream.sampler.report(self._index, float(status == ARRIVED))
         is_over, is_late = status not in (DRIVING, TIMED_OUT), status == TIMED_OUT
         if self.render_mode == "human":
             self.render()

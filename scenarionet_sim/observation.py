@@ -31,8 +31,8 @@ class Observation:
         self._sensors = tuple(sensors)
         self._is_flat = form == "flat"
         self.names = _names(self._sensors)
-        parts = {name: sensor.space() for name, sensor in zip(self.names, self._sensors, strict=True)}
-        self.space: spaces.Space[Any] = _joined(list(parts.values())) if self._is_flat else spaces.Dict(parts)
+        parts: dict[str, spaces.Space[Any]] = {name: sensor.space() for name, sensor in zip(self.names, self._sensors, strict=True)}
+        self.space: spaces.Space[Any] = _joined([sensor.space() for sensor in self._sensors]) if self._is_flat else spaces.Dict(parts)
 
     def of(self, stage: Stage, state: State, agents: Agents, rng: np.random.Generator) -> Any:
         """What agents observe now, in arrays of their own: (A, D) float32, or (A, ...) by name."""

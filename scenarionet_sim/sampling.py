@@ -25,8 +25,8 @@ class Sampler(Protocol):
     def draw(self) -> int:
         """The next scenario."""
 
-    def report(self, scenario: int, success: bool) -> None:
-        """Learn how the episode in a scenario ended."""
+    def report(self, scenario: int, success: float) -> None:
+        """Learn how the episode in a scenario ended: 1 for success, 0 for none, or the share of its agents."""
 
 
 class Sequential:
@@ -52,7 +52,7 @@ class Sequential:
         self._next = (drawn + 1) % self._count
         return drawn
 
-    def report(self, scenario: int, success: bool) -> None:
+    def report(self, scenario: int, success: float) -> None:
         """Nothing depends on it."""
 
 
@@ -74,7 +74,7 @@ class Shuffled:
             self._rest = self._rng.permutation(self._count).tolist()
         return self._rest.pop()
 
-    def report(self, scenario: int, success: bool) -> None:
+    def report(self, scenario: int, success: float) -> None:
         """Nothing depends on it."""
 
 
@@ -104,7 +104,7 @@ class Weighted:
         mark = self._rng.random() * self._cumulative[-1]
         return int(np.searchsorted(self._cumulative, mark, side="right"))
 
-    def report(self, scenario: int, success: bool) -> None:
+    def report(self, scenario: int, success: float) -> None:
         """Nothing depends on it."""
 
 
@@ -166,7 +166,7 @@ class Rising:
             self._rest = (self._first + self._rng.permutation(self._last - self._first)).tolist()
         return self._rest.pop()
 
-    def report(self, scenario: int, success: bool) -> None:
+    def report(self, scenario: int, success: float) -> None:
         """Count an episode, and rise when enough succeeded."""
         if not self._first <= scenario < self._last:
             return
@@ -177,11 +177,11 @@ class Rising:
 
     @property
     def success_rate(self) -> float:
-        """Share of successes among the last episodes of this level; 0 before the first."""
+        """Mean success of the last episodes of this level; 0 before the first."""
         return sum(self._results) / max(len(self._results), 1)
 
     def _enter(self, level: int) -> None:
         self.level = level
         self._first, self._last = int(self._starts[level]), int(self._starts[level + 1])
         self._rest.clear()
-        self._results: deque[bool] = deque(maxlen=self._curriculum.episodes or self._last - self._first)
+        self._results: deque[float] = deque(maxlen=self._curriculum.episodes or self._last - self._first)

@@ -123,7 +123,7 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         terminated, truncated = (status != DRIVING) & (status != TIMED_OUT), status == TIMED_OUT
         ended = terminated | truncated
         for slot in np.flatnonzero(ended):
-            self._stream.sampler.report(int(self._scenario[slot]), bool(status[slot] == ARRIVED))
+            self._stream.sampler.report(int(self._scenario[slot]), float(status[slot] == ARRIVED))
         observed, infos = self._arena.observe(self.np_random), self._infos()
         if self._mode is AutoresetMode.NEXT_STEP:
             self._has_ended = ended
