@@ -109,3 +109,36 @@ def nearest_objects(
             apart[place], out[a, place] = distance, n
         for place in range(found, out.shape[1]):
             out[a, place] = -1
+
+
+@entry
+def light_ahead(
+    agents: Int32,
+    arc: Float64,
+    timestep: Int32,
+    stop_arc: Float32,
+    stop_light: Int32,
+    stop_offsets: Int32,
+    light_state: Codes,
+    num_steps: Int32,
+    apart: Float64,
+    shown: Codes,
+) -> None:
+    """The next light that governs each agent's path.
+
+    Args:
+        agents: (A, 2) world and row.
+        arc, timestep: The state of W worlds, see ``State``.
+        stop_arc, stop_light, stop_offsets, light_state, num_steps: Stops and lights of W worlds, see ``Stage``.
+        apart: (A,), written: distance along the path to the stop point [m], infinite without a light.
+        shown: (A,), written: its ``LightState`` now, at the last timestep after the end, 0 without a light.
+    """
+    for a in range(agents.shape[0]):
+        w, me = agents[a, 0], agents[a, 1]
+        apart[a], shown[a] = np.inf, 0
+        now = min(timestep[w], num_steps[w] - 1)
+        for stop in range(stop_offsets[w, me], stop_offsets[w, me + 1]):
+            if stop_arc[w, stop] >= arc[w, me]:
+                apart[a] = stop_arc[w, stop] - arc[w, me]
+                shown[a] = light_state[w, stop_light[w, stop], now]
+                break

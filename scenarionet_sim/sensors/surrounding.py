@@ -1,0 +1,73 @@
+"""The true states of the objects around an agent: what perfect perception would report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from scenarionet_data.geometry import rotate
+from scenarionet_data.vocabulary import ObjectType
+from scenarionet_sim.kernels.ahead import nearest_objects
+from scenarionet_sim.sensors.base import Agents, Array, Sensor, require, table
+from scenarionet_sim.stage import Stage
+from scenarionet_sim.state import State
+
+_KINDS = (ObjectType.VEHICLE, ObjectType.PEDESTRIAN, ObjectType.CYCLIST)
+
+
+@dataclass(frozen=True)
+class Surrounding(Sensor):
+    """The objects nearest to the agent, nearest first, in its frame.
+
+    Observes (objects, 13) float32 in [-1, 1], each clipped there; a row of zeros where there is no object:
+
+    0.       1: there is one
+    1. - 2.  centre, x forward and y left / ``range``
+    3. - 4.  cosine and sine of its heading minus the agent's
+    5. - 6.  velocity minus the agent's, forward and left / ``max_speed``
+    7. - 9.  length, width, height / ``max_size``
+    10. - 12. 1 for a vehicle, a pedestrian, a cyclist; all 0 for another kind
+
+    Attributes:
+        objects: How many at most.
+        range: Between centres [m].
+        types: What is reported; None: everything.
+        max_speed: [m/s].
+        max_size: [m].
+    """
+
+    low: ClassVar[float] = -1.0
+
+    objects: int = 16
+    range: float = 50.0
+    types: tuple[ObjectType, ...] | None = None
+    max_speed: float = 40.0
+    max_size: float = 20.0
+
+    def __post_init__(self) -> None:
+        require(self.objects > 0, f"surrounding objects are at least one, found objects={self.objects}")
+        scales = self.range, self.max_speed, self.max_size
+        require(min(scales) > 0, f"range, max_speed and max_size are above 0, found {scales}")
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(objects, 13)."""
+        return self.objects, 13
+
+    def observe(self, stage: Stage, state: State, agents: Agents, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
+        """See the class."""
+        rows = np.empty((len(agents), self.objects), np.int32)
+        nearest_objects(agents, state.position, state.object_type, state.present, table(self.types), self.range, rows)
+        world, me = agents[:, :1], agents[:, 1:]
+        heading = state.heading[world, me]
+        turn = state.heading[world, rows] - heading
+        out[..., 0] = 1.0
+        out[..., 1:3] = rotate(state.position[world, rows] - state.position[world, me], -heading) / self.range
+        out[..., 3], out[..., 4] = np.cos(turn), np.sin(turn)
+        out[..., 5:7] = rotate(state.velocity[world, rows] - state.velocity[world, me], -heading) / self.max_speed
+        out[..., 7:10] = state.size[world, rows] / self.max_size
+        out[..., 10:] = state.object_type[world, rows][..., None] == _KINDS
+        out[rows < 0] = 0.0
+        return np.clip(out, -1.0, 1.0, out=out)
