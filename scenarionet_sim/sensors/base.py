@@ -82,6 +82,22 @@ class Sensor(ABC):
         return np.zeros((num_agents, *self.shape), self.dtype)
 
 
+def arcs(state: State, agents: Agents) -> Float64:
+    """(A,) how far along its path each agent is [m].
+
+    Raises:
+        BadParameter: An agent has not been looked for on its path.
+    """
+    arc: Float64 = state.arc[agents[:, 0], agents[:, 1]]
+    lost = np.flatnonzero(np.isnan(arc))
+    if len(lost):
+        raise BadParameter(
+            f"object {agents[lost[0], 1]} of world {agents[lost[0], 0]} has no place on its path; a simulation finds "
+            "its agents', call kernels.paths.follow_paths for others"
+        )
+    return arc
+
+
 def require(is_met: bool, message: str) -> None:
     """Refuse a sensor's parameter.
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarionet_data.vocabulary import LIGHT_COLORS, LightColor
-from scenarionet_sim.kernels.ahead import light_ahead
-from scenarionet_sim.sensors.base import Agents, Array, Sensor, require
+from scenarionet_data.vocabulary import LIGHT_COLORS
+from scenarionet_sim.kernels.ahead import observe_light
+from scenarionet_sim.sensors.base import Agents, Array, Sensor, arcs, require
 from scenarionet_sim.stage import Stage
 from scenarionet_sim.state import State
 
@@ -37,12 +37,8 @@ class LightAhead(Sensor):
 
     def observe(self, stage: Stage, state: State, agents: Agents, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
         """See the class."""
-        apart, shown = np.empty(len(agents)), np.empty(len(agents), np.uint8)
+        arcs(state, agents)
         stops = stage.stop_arc, stage.stop_light, stage.stop_offsets
-        light_ahead(agents, state.arc, state.timestep, *stops, stage.light_state, stage.num_steps, apart, shown)
-        is_near = apart <= self.range
-        color = LIGHT_COLORS[shown]
-        out[:, 0] = np.where(is_near, apart / self.range, 1.0)
-        for column, wanted in enumerate((LightColor.GREEN, LightColor.YELLOW, LightColor.RED), start=1):
-            out[:, column] = is_near & (color == wanted)
+        lights = stage.light_state, stage.num_steps, LIGHT_COLORS
+        observe_light(agents, state.arc, state.timestep, *stops, *lights, self.range, out)
         return out

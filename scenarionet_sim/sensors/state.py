@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
-from scenarionet_data.geometry import wrap_angle
-from scenarionet_sim.kernels.ahead import heading_of_path
-from scenarionet_sim.sensors.base import Agents, Array, Sensor, require
+from scenarionet_sim.kernels.ahead import observe_self
+from scenarionet_sim.sensors.base import Agents, Array, Float64, Sensor, arcs, require
 from scenarionet_sim.stage import Stage
 from scenarionet_sim.state import State
 
@@ -54,36 +54,16 @@ class EgoState(Sensor):
 
     def observe(self, stage: Stage, state: State, agents: Agents, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
         """See the class."""
-        world, row = agents.T
-        heading, velocity, yaw_rate = (a[world, row] for a in (state.heading, state.velocity, state.yaw_rate))
-        cos, sin = np.cos(heading), np.sin(heading)
-        forward = cos * velocity[:, 0] + sin * velocity[:, 1]
-        path_heading = np.empty(len(agents))
-        heading_of_path(agents, state.arc, stage.path_points, stage.path_arc, stage.path_offsets, path_heading)
-        out[:, 0] = forward / self.max_speed
-        out[:, 1] = (cos * velocity[:, 1] - sin * velocity[:, 0]) / self.max_speed
-        out[:, 2] = yaw_rate / self.max_yaw_rate
-        out[:, 3] = _steering(forward, yaw_rate, state.size[world, row, 0]) / (np.pi / 2)
-        out[:, 4] = np.nan_to_num(wrap_angle(heading - path_heading)) / np.pi
-        out[:, 5] = state.lateral[world, row] / self.max_offset
-        out[:, 6] = _completion(stage, state, agents)
+        arcs(state, agents)
+        motion = state.heading, state.velocity, state.yaw_rate, state.size, state.arc, state.lateral
+        paths = stage.path_points, stage.path_arc, stage.path_heading, stage.path_z, stage.path_offsets
+        observed = np.empty((len(agents), 7))
+        observe_self(agents, *motion, *paths, WHEELBASE, observed)
+        np.multiply(observed, self._shares, out=out, casting="same_kind")
         return np.clip(out, -1.0, 1.0, out=out)
 
-
-def _steering(forward: Array, yaw_rate: Array, length: Array) -> Array:
-    """(A,) [rad]; a bicycle's yaw rate is speed * tan(angle) / wheelbase."""
-    is_moving = np.abs(forward) >= 0.1
-    curvature = np.divide(yaw_rate, forward, out=np.zeros_like(forward), where=is_moving)
-    angle: Array = np.arctan(WHEELBASE * length * curvature)
-    return angle
-
-
-def _completion(stage: Stage, state: State, agents: Agents) -> Array:
-    """(A,) in [0, 1]; 1 for a path without length."""
-    world, row = agents.T
-    first, end = stage.path_offsets[world, row], stage.path_offsets[world, row + 1]
-    last = np.minimum(np.maximum(end - 1, 0), max(stage.path_arc.shape[1] - 1, 0))
-    length = np.where(end > first, stage.path_arc[world, last], 0.0).astype(np.float64)
-    share = np.divide(state.arc[world, row], length, out=np.ones_like(length), where=length > 0)
-    done: Array = np.clip(share, 0.0, 1.0)
-    return done
+    @cached_property
+    def _shares(self) -> Float64:
+        """(7,) what the columns are multiplied with."""
+        full = [self.max_speed, self.max_speed, self.max_yaw_rate, np.pi / 2, np.pi, self.max_offset, 1.0]
+        return 1.0 / np.array(full)

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
-from scenarionet_data.geometry import rotate
 from scenarionet_data.vocabulary import ObjectType
-from scenarionet_sim.kernels.ahead import nearest_objects
-from scenarionet_sim.sensors.base import Agents, Array, Sensor, require, table
+from scenarionet_sim.kernels.ahead import observe_others
+from scenarionet_sim.sensors.base import Agents, Array, Float64, Sensor, require, table
 from scenarionet_sim.stage import Stage
 from scenarionet_sim.state import State
-
-_KINDS = (ObjectType.VEHICLE, ObjectType.PEDESTRIAN, ObjectType.CYCLIST)
 
 
 @dataclass(frozen=True)
@@ -58,16 +56,14 @@ class Surrounding(Sensor):
 
     def observe(self, stage: Stage, state: State, agents: Agents, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
         """See the class."""
-        rows = np.empty((len(agents), self.objects), np.int32)
-        nearest_objects(agents, state.position, state.object_type, state.present, table(self.types), self.range, rows)
-        world, me = agents[:, :1], agents[:, 1:]
-        heading = state.heading[world, me]
-        turn = state.heading[world, rows] - heading
-        out[..., 0] = 1.0
-        out[..., 1:3] = rotate(state.position[world, rows] - state.position[world, me], -heading) / self.range
-        out[..., 3], out[..., 4] = np.cos(turn), np.sin(turn)
-        out[..., 5:7] = rotate(state.velocity[world, rows] - state.velocity[world, me], -heading) / self.max_speed
-        out[..., 7:10] = state.size[world, rows] / self.max_size
-        out[..., 10:] = state.object_type[world, rows][..., None] == _KINDS
-        out[rows < 0] = 0.0
+        motion = state.position, state.heading, state.velocity, state.size, state.object_type, state.present
+        observed = np.empty((len(agents), *self.shape))
+        observe_others(agents, *motion, table(self.types), self.range, observed)
+        np.multiply(observed, self._shares, out=out, casting="same_kind")
         return np.clip(out, -1.0, 1.0, out=out)
+
+    @cached_property
+    def _shares(self) -> Float64:
+        """(13,) what the columns are multiplied with."""
+        full = [1.0, *[self.range] * 2, 1.0, 1.0, *[self.max_speed] * 2, *[self.max_size] * 3, 1.0, 1.0, 1.0]
+        return 1.0 / np.array(full)
