@@ -54,7 +54,8 @@ class Arena:
 
     def __init__(self, config: EnvConfig, observation: Observation, worlds: Sequence[World]) -> None:
         self._config, self._observation = config, observation
-        self.simulation = Simulation(worlds, config.policies, config.backend)
+        history = max(getattr(sensor, "history", 0) for sensor in config.sensors)
+        self.simulation = Simulation(worlds, config.policies, config.backend, history)
         self._is_driven = any(isinstance(policy, External) for policy in config.policies)
         self._watched = Agents(self.simulation) if self._is_driven else Egos(self.simulation)
         self._tally = tally.Tally.of(len(worlds), self.simulation.stage.max_objects)
