@@ -71,6 +71,6 @@ def _cell_size(origin: Float32, end: Float32) -> float:
 
 def _cells(points: Float32, origin: Float32, size: float, shape: Int32) -> Int32:
     """(B, 2) column and row of each point, moved onto the grid."""
-    cells = np.floor((np.nan_to_num(points) - origin) / size).astype(np.int32)
+    cells = np.floor((np.nan_to_num(points).astype(np.float64) - origin) / size).astype(np.int32)
     inside: Int32 = np.clip(cells, 0, shape - 1)
     return inside

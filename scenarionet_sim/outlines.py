@@ -11,6 +11,10 @@ from scenarionet_data.scenario import Bool, Float64, MapFeatures
 HALF_WIDTH = 1.75
 """From the centreline to either side [m] of a lane whose width nobody knows."""
 
+_PLAUSIBLE = (0.5, 2.75)
+"""Half widths [m] that are believed: sources give 0, or the way to a boundary across the street, where a lane has
+no boundary of its own."""
+
 _MAX_MITRE = 2.0
 """At a sharp corner of a centreline the outline goes out at most this many half widths."""
 
@@ -100,4 +104,5 @@ def _half_widths(lanes: Ragged, widths: Ragged) -> Float64:
         within = np.arange(len(owner)) - lanes.offsets[owner]
         row = widths.offsets[owner] + np.where(known == 1, 0, within)
         half[known > 0] = widths.values[row[known > 0]]
-    return half
+    is_plausible = (half >= _PLAUSIBLE[0]) & (half <= _PLAUSIBLE[1])
+    return np.where(is_plausible, half, HALF_WIDTH)

@@ -18,7 +18,7 @@ from scenarionet_sim.grid import Grid, Int32
 from scenarionet_sim.kernels.containment import find_polygon
 from scenarionet_sim.outlines import lane_outlines
 
-_AREAS_TO_DRIVE_ON = (
+AREAS_TO_DRIVE_ON = (
     MapFeatureType.DRIVABLE_AREA,
     MapFeatureType.INTERSECTION,
     MapFeatureType.ROADBLOCK,
@@ -65,7 +65,7 @@ class Roads:
     """(Q,) polygons that may be driven on."""
 
     def __post_init__(self) -> None:
-        is_road = is_lane(self.polygon_type) | np.isin(self.polygon_type, _AREAS_TO_DRIVE_ON)
+        is_road = is_lane(self.polygon_type) | np.isin(self.polygon_type, AREAS_TO_DRIVE_ON)
         object.__setattr__(self, "is_road", is_road)
 
     @property

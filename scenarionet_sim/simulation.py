@@ -13,6 +13,7 @@ from scenarionet_sim.backends.base import Backend, checked_actions
 from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.kernels.overlap import find_contacts
 from scenarionet_sim.kernels.paths import follow_paths
+from scenarionet_sim.past import Past
 from scenarionet_sim.policies import External, Policy, Replay
 from scenarionet_sim.stage import Int32, Stage
 from scenarionet_sim.state import State
@@ -34,6 +35,7 @@ class Simulation:
         worlds: One for each slot; all of one timestep.
         policies: Who drives what; the last that wants an object drives it.
         backend: How agents move.
+        history: Past moments to remember in ``state.past``, for sensors that show them.
 
     Attributes:
         stage: The worlds.
@@ -55,12 +57,15 @@ class Simulation:
         worlds: Sequence[World],
         policies: Iterable[Policy] = (Replay(), External()),
         backend: Backend | None = None,
+        history: int = 0,
     ) -> None:
         self.policies = tuple(policies)
         self.stage = Stage(worlds)
         self._worlds = list(worlds)
         shape = len(worlds), self.stage.max_objects
         self.state, self.previous = State.empty(*shape), State.empty(*shape)
+        if history:
+            self.state.past = self.previous.past = Past.empty(history, *shape)
         self.driver: Codes = np.full(shape, NOBODY, np.uint8)
         self._session = (backend or Kinematic()).open(self.stage)
         for slot in range(len(worlds)):
@@ -97,6 +102,8 @@ class Simulation:
         if len(wanted) != len(self.agents):
             raise BadParameter(f"{len(wanted)} actions for {len(self.agents)} agents; give one for each of agents")
         now, then = self.state, self.previous
+        if now.past is not None:
+            now.past.remember(now)
         np.add(now.timestep, 1, out=then.timestep)
         for number in self._driving:
             self.policies[number].advance(self.stage, now, then, self.driver, number, self.dt)
@@ -142,6 +149,8 @@ class Simulation:
         first = int(np.argmax(world.log_valid[:, world.ego])) if start is None else start
         self.state.begin(slot, world, first, driver != NOBODY)
         self.previous.begin(slot, world, first, driver != NOBODY)
+        if self.state.past is not None:
+            self.state.past.forget(slot)
         self._session.reset(slot, self.state)
 
     def _make_room(self) -> None:
@@ -151,6 +160,8 @@ class Simulation:
         self.state, self.previous = State.empty(*shape), State.empty(*shape)
         self.state.take(state)
         self.previous.take(previous)
+        if state.past is not None:
+            self.state.past = self.previous.past = state.past.with_room(self.stage.max_objects)
         self.driver = np.full(shape, NOBODY, np.uint8)
         self.driver[:, : driver.shape[1]] = driver
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from scenarionet_sim.past import Past
 from scenarionet_sim.world import World
 
 Bool = npt.NDArray[np.bool_]
@@ -35,6 +36,7 @@ class State:
         size: (W, N, 3) float64 [m] length, width, height.
         object_type: (W, N) uint8 codes of ``ObjectType``.
         timestep: (W,) int32.
+        past: The moments before, where somebody wants them remembered.
     """
 
     position: Float64
@@ -48,6 +50,7 @@ class State:
     size: Float64
     object_type: Codes
     timestep: Int32
+    past: Past | None = None
 
     @property
     def motion(self) -> tuple[Any, ...]:
@@ -95,4 +98,5 @@ class State:
         """Copy a state of as many worlds and at most as many objects."""
         for column in fields(self):
             old = getattr(other, column.name)
-            getattr(self, column.name)[tuple(map(slice, old.shape))] = old
+            if isinstance(old, np.ndarray):
+                getattr(self, column.name)[tuple(map(slice, old.shape))] = old
