@@ -68,11 +68,8 @@ class Session(Protocol):
             state: The agents' rows as they are now; every other row already at its pose after the step.
             agents: (A, 2) int32 world and row of each agent.
             actions: (A, 2) float64 steering (positive to the left) and throttle (negative: brake, never
-                reverse), as :func:`checked_actions` passes them.
+                reverse), as :func:`checked_actions` returns them.
             dt: Length of the control step [s].
-
-        Raises:
-            BadParameter: An action is not a number.
         """
         ...
 
@@ -100,7 +97,7 @@ def checked_actions(actions: npt.ArrayLike) -> Actions:
     Raises:
         BadParameter: One is not a number.
     """
-    clipped: Actions = np.clip(np.asarray(actions, np.float64).reshape(-1, 2), -1.0, 1.0)
+    clipped: Actions = np.minimum(np.maximum(np.asarray(actions, np.float64).reshape(-1, 2), -1.0), 1.0)
     if math.isnan(clipped.sum()):
         raise BadParameter(f"an action is not a number: {clipped[np.isnan(clipped).any(axis=1)][0].tolist()}")
     return clipped
