@@ -50,7 +50,7 @@ def points_ahead(
             out[a, k, 0], out[a, k, 1] = 0.0, 0.0
             if end == first:
                 continue
-            x, y = np.float64(path.points[first, 0]), np.float64(path.points[first, 1])
+            x, y = float(path.points[first, 0]), float(path.points[first, 1])
             if end - first > 1:
                 along = min(max(arc[w, me] + (k + 1) * spacing, 0.0), np.float64(path.arc[end - 1]))
                 x, y, _, _ = pose_at(path, along)
