@@ -100,7 +100,7 @@ class Arena:
         acting = self.agents
         if self._is_driven:
             self.simulation.step(actions)
-            steering = np.clip(np.array(actions, np.float64).reshape(-1, 2)[:, 0], -1.0, 1.0)
+            steering = np.ascontiguousarray(self.simulation.actions[:, 0])
         else:
             self.simulation.step()
             steering = np.zeros(len(acting))

@@ -49,8 +49,8 @@ class Past:
 
     def with_room(self, num_objects: int) -> Past:
         """The same for more objects, who have not been there."""
-        larger = Past.empty(*self.present.shape[:2], num_objects)
-        here = slice(0, self.present.shape[2])
+        num_moments, num_worlds, old = self.present.shape
+        larger, here = Past.empty(num_moments, num_worlds, num_objects), slice(0, old)
         larger.position[:, :, here] = self.position
         larger.heading[:, :, here], larger.present[:, :, here] = self.heading, self.present
         return larger

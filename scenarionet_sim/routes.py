@@ -10,11 +10,12 @@ import numpy as np
 from scenarionet_data.geometry import wrap_angle
 from scenarionet_data.scenario import Bool, Float32, Float64
 from scenarionet_sim.kernels.lanes import find_lanes
-from scenarionet_sim.paths import SPACING, Paths, Stops
+from scenarionet_sim.paths import Paths, Stops
 from scenarionet_sim.roads import Roads
 from scenarionet_sim.world import World
 
 _BESIDE = 2.5  # [m] from a centreline an object is still on the lane
+_STEP = 2.0  # [m] between points
 _BACK_TO_THE_MIDDLE = 20.0  # [m] over which a path that ends beside a centreline comes back to it
 
 
@@ -41,20 +42,18 @@ def continued(world: World, rows: Bool, beyond: float) -> World:
 
 
 def _tail(roads: Roads, lane: int, end: Float32, along: float, beyond: float) -> Float64:
-    """(K, 2) points from ``along`` a lane on, from beside it back to its middle."""
-    points, total = [roads.lanes[lane].astype(np.float64)], 0.0
-    arc = _arc(points[0])
-    start = np.array([np.interp(along, arc, points[0][:, axis]) for axis in range(2)])
-    points = [start[None], points[0][arc > along]]
-    total = arc[-1] - along
-    while total < beyond and len(roads.successors[lane]):
+    """(K, 2) points every ``_STEP`` from ``along`` a lane on, from beside it back to its middle."""
+    lines = [roads.lanes[lane].astype(np.float64)]
+    length = _arc(lines[0])[-1] - along
+    while length < beyond and len(roads.successors[lane]):
         lane = _straightest(roads, lane)
-        points.append(roads.lanes[lane].astype(np.float64))
-        total += _arc(points[-1])[-1]
-    line = np.concatenate(points)
-    arc = _arc(line)
-    line += (end - start) * np.maximum(1.0 - arc / _BACK_TO_THE_MIDDLE, 0.0)[:, None]
-    return line[arc <= beyond]
+        lines.append(roads.lanes[lane].astype(np.float64))
+        length += _arc(lines[-1])[-1]
+    line = np.concatenate(lines)
+    arc, ahead = _arc(line) - along, np.arange(0.0, min(length, beyond) + 1e-6, _STEP)
+    points = np.column_stack([np.interp(ahead, arc, line[:, axis]) for axis in range(2)])
+    points += (end - points[0]) * np.maximum(1.0 - ahead / _BACK_TO_THE_MIDDLE, 0.0)[:, None]
+    return points[1:]
 
 
 def _straightest(roads: Roads, lane: int) -> int:
@@ -77,7 +76,7 @@ def _arc(line: Float64) -> Float64:
 
 
 def _lengthened(paths: Paths, tails: dict[int, Float64]) -> Paths:
-    """The paths with tails; what is closer than the spacing of paths is left out."""
+    """The paths with tails."""
     parts: list[tuple[Any, ...]] = []
     for row, (first, end) in enumerate(zip(paths.path_offsets[:-1], paths.path_offsets[1:], strict=True)):
         here = slice(first, end)
@@ -90,15 +89,11 @@ def _lengthened(paths: Paths, tails: dict[int, Float64]) -> Paths:
 
 def _appended(own: tuple[Float32, ...], tail: Float64) -> tuple[Float64, ...]:
     points, arc, heading, z = own
-    kept = [points[-1].astype(np.float64)]
-    for point in tail:  # one after the other: whether a point is kept depends on the last that was
-        if np.hypot(*(point - kept[-1])) >= SPACING:
-            kept.append(point)
-    line = np.array(kept)
+    line = np.concatenate([points[-1:], tail])
     steps = np.diff(line, axis=0)
     return (
-        np.concatenate([points, line[1:]]),
+        np.concatenate([points, tail]),
         np.concatenate([arc, arc[-1] + _arc(line)[1:]]),
         np.concatenate([heading, np.arctan2(steps[:, 1], steps[:, 0])]),
-        np.concatenate([z, np.full(len(steps), z[-1])]),
+        np.concatenate([z, np.full(len(tail), z[-1])]),
     )

@@ -43,6 +43,7 @@ class Simulation:
         driver: (W, N) uint8 number of the policy that drives each object, or ``NOBODY``.
         agents: (A, 2) int32 world and row of each agent that is present, in that order: what ``step`` takes
             actions for.
+        actions: (A, 2) float64 what the agents of the last step did, within [-1, 1].
         contacts: (A, N) bool what each agent's box overlaps.
         hits: (A,) uint32 the same by type: bit k is set when an object of type k is touched.
 
@@ -98,9 +99,9 @@ class Simulation:
         Raises:
             BadParameter: There are more or fewer actions than agents, or one is not a number.
         """
-        wanted = np.zeros((len(self.agents), 2)) if actions is None else checked_actions(actions)
-        if len(wanted) != len(self.agents):
-            raise BadParameter(f"{len(wanted)} actions for {len(self.agents)} agents; give one for each of agents")
+        self.actions = np.zeros((len(self.agents), 2)) if actions is None else checked_actions(actions)
+        if len(self.actions) != len(self.agents):
+            raise BadParameter(f"{len(self.actions)} actions for {len(self.agents)} agents; give one for each")
         now, then = self.state, self.previous
         if now.past is not None:
             now.past.remember(now)
@@ -108,7 +109,7 @@ class Simulation:
         for number in self._driving:
             self.policies[number].advance(self.stage, now, then, self.driver, number, self.dt)
         if len(self.agents):
-            self._session.drive(then, self.agents, wanted, self.dt)
+            self._session.drive(then, self.agents, self.actions, self.dt)
         self.state, self.previous = then, now
         if self._is_agent_due:
             self._find_agents()

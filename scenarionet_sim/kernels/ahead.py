@@ -19,6 +19,15 @@ _STANDING = 0.1
 
 
 @entry
+def find_lost(agents: Int32, arc: Float64) -> int:
+    """The first of the agents (A, 2) whose arc length (W, N) is not known, -1 when all are."""
+    for a in range(agents.shape[0]):
+        if np.isnan(arc[agents[a, 0], agents[a, 1]]):
+            return a
+    return -1
+
+
+@entry
 def points_ahead(
     agents: Int32,
     position: Float64,

@@ -13,8 +13,9 @@ import numpy.typing as npt
 
 from scenarionet_data.procedural.idm import free_acceleration, interaction
 from scenarionet_data.procedural.jit import entry, part
-from scenarionet_sim.kernels.log import VALID, X, Y
+from scenarionet_sim.kernels.log import HEADING, VALID, X, Y, Z
 from scenarionet_sim.kernels.motion import place_as_recorded
+from scenarionet_sim.kernels.overlap import is_overlapping
 from scenarionet_sim.kernels.paths import Path, direction, nearest, pose_at, segment_at, wrapped
 
 Bool = npt.NDArray[np.bool_]
@@ -98,7 +99,7 @@ def drive_along_paths(
             if arc[w, n] == np.inf:
                 continue
             if not present[w, n]:
-                if t + 1 < num_steps[w] and _is_free(log[w, t + 1, n], size[w, n, 1] / 2.0, boxes):
+                if t + 1 < num_steps[w] and _is_free(log[w, t + 1, n], size[w, n], boxes):
                     place_as_recorded(
                         log[w, t + 1, n], w, n,
                         next_position, next_heading, next_velocity, next_yaw_rate, next_z, next_present,
@@ -154,12 +155,16 @@ def _boxes(
 
 
 @part
-def _is_free(row: Float32, half_width: float, boxes: Float64) -> bool:
-    """Whether the log has the object in this row, and nothing stands on its middle."""
+def _is_free(row: Float32, size: Float64, boxes: Float64) -> bool:
+    """Whether the log has an object of that size in this row, and nothing is there yet."""
     if row[VALID] == 0.0:
         return False
+    cos, sin = np.cos(np.float64(row[HEADING])), np.sin(np.float64(row[HEADING]))
     for b in range(boxes.shape[1]):
-        if np.hypot(boxes[_BX, b] - row[X], boxes[_BY, b] - row[Y]) < half_width + boxes[_HALF_WIDTH, b]:
+        if abs(boxes[_BZ, b] - row[Z]) <= boxes[_HALF_HEIGHT, b] + size[2] / 2.0 and is_overlapping(
+            boxes[_BX, b] - row[X], boxes[_BY, b] - row[Y], cos, sin, size[0], size[1],
+            boxes[_COS, b], boxes[_SIN, b], 2.0 * boxes[_HALF_LENGTH, b], 2.0 * boxes[_HALF_WIDTH, b],
+        ):  # fmt: skip
             return False
     return True
 
@@ -253,11 +258,11 @@ def _braking_for_light(color: int, gap: float, speed: float, law: Law) -> float:
 
 @part
 def _speed_for_bends(stations: Float64, count: int, law: Law) -> float:
-    """The speed that every bend ahead can still be slowed down for [m/s]."""
+    """The speed that every bend ahead can still be slowed down for, with half the comfortable braking [m/s]."""
     highest = np.inf
     for k in range(count - 1):
         bend = abs(wrapped(stations[k + 1, _HEADING] - stations[k, _HEADING]))
         length, distance = stations[k + 1, _ARC] - stations[k, _ARC], stations[k, _ARC] - stations[0, _ARC]
         if bend > 1e-3 * length:
-            highest = min(highest, law.lateral * length / bend + 2.0 * law.deceleration * distance)
+            highest = min(highest, law.lateral * length / bend + law.deceleration * distance)
     return float(np.sqrt(highest))

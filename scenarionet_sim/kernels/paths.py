@@ -54,10 +54,10 @@ def segment_at(path: Path, s: float) -> int:
 @part
 def direction(path: Path, k: int) -> tuple[float, float, float]:
     """Unit vector along segment ``k``, and its length [m]."""
-    length = np.float64(path.arc[k + 1]) - path.arc[k]
-    tx = (np.float64(path.points[k + 1, 0]) - path.points[k, 0]) / length
-    ty = (np.float64(path.points[k + 1, 1]) - path.points[k, 1]) / length
-    return tx, ty, length
+    dx = np.float64(path.points[k + 1, 0]) - path.points[k, 0]
+    dy = np.float64(path.points[k + 1, 1]) - path.points[k, 1]
+    length = max(np.sqrt(dx * dx + dy * dy), 1e-9)
+    return dx / length, dy / length, length
 
 
 @part

@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_data.vocabulary import MapFeatureType
+from scenarionet_sim.kernels.ahead import find_lost
 from scenarionet_sim.stage import Stage
 from scenarionet_sim.state import State
 
@@ -82,20 +83,18 @@ class Sensor(ABC):
         return np.zeros((num_agents, *self.shape), self.dtype)
 
 
-def arcs(state: State, agents: Agents) -> Float64:
-    """(A,) how far along its path each agent is [m].
+def require_arcs(state: State, agents: Agents) -> None:
+    """Refuse agents whose place on their paths is not known.
 
     Raises:
-        BadParameter: An agent has not been looked for on its path.
+        BadParameter: Naming the first.
     """
-    arc: Float64 = state.arc[agents[:, 0], agents[:, 1]]
-    lost = np.flatnonzero(np.isnan(arc))
-    if len(lost):
+    lost = find_lost(agents, state.arc)
+    if lost >= 0:
         raise BadParameter(
-            f"object {agents[lost[0], 1]} of world {agents[lost[0], 0]} has no place on its path; a simulation finds "
+            f"object {agents[lost, 1]} of world {agents[lost, 0]} has no place on its path; a simulation finds "
             "its agents', call kernels.paths.follow_paths for others"
         )
-    return arc
 
 
 def require(is_met: bool, message: str) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from scenarionet_data.vocabulary import LIGHT_COLORS
 from scenarionet_sim.kernels.ahead import observe_light
-from scenarionet_sim.sensors.base import Agents, Array, Sensor, arcs, require
+from scenarionet_sim.sensors.base import Agents, Array, Sensor, require, require_arcs
 from scenarionet_sim.stage import Stage
 from scenarionet_sim.state import State
 
@@ -37,7 +37,7 @@ class LightAhead(Sensor):
 
     def observe(self, stage: Stage, state: State, agents: Agents, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
         """See the class."""
-        arcs(state, agents)
+        require_arcs(state, agents)
         stops = stage.stop_arc, stage.stop_light, stage.stop_offsets
         lights = stage.light_state, stage.num_steps, LIGHT_COLORS
         observe_light(agents, state.arc, state.timestep, *stops, *lights, self.range, out)

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from scenarionet_sim.kernels.ahead import points_ahead
-from scenarionet_sim.sensors.base import Agents, Array, Sensor, arcs, require
+from scenarionet_sim.sensors.base import Agents, Array, Sensor, require, require_arcs
 from scenarionet_sim.stage import Stage
 from scenarionet_sim.state import State
 
@@ -45,9 +45,10 @@ class Navigation(Sensor):
 
     def observe(self, stage: Stage, state: State, agents: Agents, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
         """See the class."""
-        arcs(state, agents)
+        require_arcs(state, agents)
         ahead = np.empty((len(agents), self.points, 2))
         paths = stage.path_points, stage.path_arc, stage.path_heading, stage.path_z, stage.path_offsets
         points_ahead(agents, state.position, state.heading, state.arc, *paths, self.spacing, ahead)
-        out[...] = ahead / self.range
-        return np.clip(out, -1.0, 1.0, out=out)
+        np.divide(ahead, self.range, out=out, casting="same_kind")
+        np.minimum(out, 1.0, out=out)  # np.clip takes three times as long for so few numbers
+        return np.maximum(out, -1.0, out=out)

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from scenarionet_sim.kernels.ahead import observe_self
-from scenarionet_sim.sensors.base import Agents, Array, Float64, Sensor, arcs, require
+from scenarionet_sim.sensors.base import Agents, Array, Float64, Sensor, require, require_arcs
 from scenarionet_sim.stage import Stage
 from scenarionet_sim.state import State
 
@@ -54,13 +54,14 @@ class EgoState(Sensor):
 
     def observe(self, stage: Stage, state: State, agents: Agents, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
         """See the class."""
-        arcs(state, agents)
+        require_arcs(state, agents)
         motion = state.heading, state.velocity, state.yaw_rate, state.size, state.arc, state.lateral
         paths = stage.path_points, stage.path_arc, stage.path_heading, stage.path_z, stage.path_offsets
         observed = np.empty((len(agents), 7))
         observe_self(agents, *motion, *paths, WHEELBASE, observed)
         np.multiply(observed, self._shares, out=out, casting="same_kind")
-        return np.clip(out, -1.0, 1.0, out=out)
+        np.minimum(out, 1.0, out=out)  # np.clip takes three times as long for so few numbers
+        return np.maximum(out, -1.0, out=out)
 
     @cached_property
     def _shares(self) -> Float64:

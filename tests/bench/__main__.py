@@ -12,7 +12,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from tests.bench import converting, loading, lyft, nuplan, nuscenes, scale
+from tests.bench import converting, loading, lyft, nuplan, nuscenes, scale, sim
 from tests.bench.measure import Figure
 
 
@@ -26,6 +26,7 @@ def main() -> None:
         "nuscenes": lambda: nuscenes.figures(recordings),
         "load": lambda: loading.figures(recordings),
         "scale": scale.figures,
+        "sim": lambda: sim.figures(recordings),
     }
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", choices=groups, action="append", help="run this group; may be repeated")
