@@ -111,6 +111,8 @@ class ScenarioNetEnv(gymnasium.Env[Any, Array]):
         """
         if not self._is_running or self._arena is None:
             raise ResetNeeded("step needs an episode that runs; call reset first")
+        if np.shape(action) != (2,):
+            raise BadParameter(f"an action of shape {np.shape(action)}; wanted steering and throttle, shape (2,)")
         self._arena.step(action)
         status = self._arena.status[0]
         if status != DRIVING:
