@@ -63,6 +63,10 @@ class ScenarioNetEnv(gymnasium.Env[Any, Array]):
         self._arena: Arena | None = None
         self._is_running = False
 
+    def __len__(self) -> int:
+        """Number of scenarios that are played."""
+        return len(self._stream.ids)
+
     def __reduce__(self) -> tuple[Callable[..., ScenarioNetEnv], tuple[Any, ...]]:
         return type(self), (self.config, self.render_mode, self._seed)
 
