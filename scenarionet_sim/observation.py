@@ -29,17 +29,26 @@ class Observation:
 
     def __init__(self, sensors: Sequence[Sensor], form: Literal["flat", "dict"]) -> None:
         self._sensors = tuple(sensors)
+        self._sizes = [int(np.prod(sensor.shape)) for sensor in self._sensors]
         self._is_flat = form == "flat"
         self.names = _names(self._sensors)
-        parts: dict[str, spaces.Space[Any]] = {name: sensor.space() for name, sensor in zip(self.names, self._sensors, strict=True)}
-        self.space: spaces.Space[Any] = _joined([sensor.space() for sensor in self._sensors]) if self._is_flat else spaces.Dict(parts)
+        parts: dict[str, spaces.Space[Any]] = {
+            name: sensor.space() for name, sensor in zip(self.names, self._sensors, strict=True)
+        }
+        self.space: spaces.Space[Any] = (
+            _joined([sensor.space() for sensor in self._sensors]) if self._is_flat else spaces.Dict(parts)
+        )
 
     def of(self, stage: Stage, state: State, agents: Agents, rng: np.random.Generator) -> Any:
         """What agents observe now, in arrays of their own: (A, D) float32, or (A, ...) by name."""
         count = len(agents)
         seen = [sensor.observe(stage, state, agents, rng, sensor.empty(count)) for sensor in self._sensors]
         if self._is_flat:
-            return np.concatenate([part.reshape(count, -1) for part in seen], axis=1, dtype=np.float32)
+            return np.concatenate(
+                [part.reshape(count, size) for part, size in zip(seen, self._sizes, strict=True)],
+                axis=1,
+                dtype=np.float32,
+            )
         return dict(zip(self.names, seen, strict=True))
 
     def split(self, observed: Any) -> list[Any]:
@@ -63,11 +72,10 @@ class Observation:
 
     def parts(self, observed: Array) -> dict[str, Array]:
         """The arrays (..., *shape) by sensor in flat observations (..., D)."""
-        sizes = [int(np.prod(sensor.shape)) for sensor in self._sensors]
-        ends = np.cumsum(sizes)
+        ends = np.cumsum(self._sizes)
         return {
             name: observed[..., end - size : end].reshape(*observed.shape[:-1], *sensor.shape)
-            for name, sensor, size, end in zip(self.names, self._sensors, sizes, ends, strict=True)
+            for name, sensor, size, end in zip(self.names, self._sensors, self._sizes, ends, strict=True)
         }
 
 
