@@ -22,14 +22,8 @@ def lake(tmp_path) -> Lake:
 
 
 def rollout(scenario_id: str) -> dict:
-    lists = dict.fromkeys(("x", "y", "heading", "vx", "vy"), [0.0, 1.0])
-    return {
-        "scenario_id": scenario_id,
-        "track_id": "t0",
-        "object_type": "VEHICLE",
-        "is_judged": True,
-        "start": 0,
-    } | lists
+    facts = {"track_id": "t0", "object_type": "VEHICLE", "is_judged": True, "start": 0}
+    return {"scenario_id": scenario_id} | facts | {name: [0.0, 1.0] for name in ("x", "y", "heading", "vx", "vy")}
 
 
 def publish(run: runs.Run, part: int, scenario_id: str, cost: int) -> None:
@@ -44,10 +38,10 @@ def test_results_are_one_join_from_what_is_known(lake):
         publish(run, part, scenario.id, cost=part)
     assert run.done() == {0, 1}
     rows = lake.refresh().sql(
-        "SELECT run, num_objects, cost, len(x) AS steps FROM results "
+        "SELECT run, num_timesteps, cost, len(x) AS steps FROM results "
         "JOIN metadata USING (scenario_id) JOIN rollouts USING (run, scenario_id, track_id) ORDER BY cost"
     )
-    assert rows.rows() == [("mine", 12, 0, 2), ("mine", 12, 1, 2)]
+    assert rows.rows() == [("mine", 11, 0, 2), ("mine", 11, 1, 2)]
 
 
 def test_without_runs_the_views_are_empty(lake):
