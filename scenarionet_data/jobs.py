@@ -14,7 +14,8 @@ from scenarionet_data import converters
 from scenarionet_data.converters.base import Converter, Shard
 from scenarionet_data.errors import LakeError, SourceError, WorkerLost
 from scenarionet_data.store.files import LakeFiles
-from scenarionet_data.store.shard_writer import ShardRecord, ShardWriter, find_finished
+from scenarionet_data.store.shard_record import ShardRecord, find_finished
+from scenarionet_data.store.shard_writer import ShardWriter
 from scenarionet_data.store.shared_map import write_shared_map
 from scenarionet_data.worker import follow_parent
 
