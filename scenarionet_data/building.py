@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from scenarionet_data import canonical
 from scenarionet_data.geometry import wrap_angle
 from scenarionet_data.jsontext import to_json
 from scenarionet_data.ragged import Ragged
@@ -26,6 +27,7 @@ WIDTHS = 2.0**-10
 RADIANS = 2.0**-20
 """Headings are multiples of this: a millionth of a radian."""
 
+_STEPS = np.array([METRES, RADIANS], np.float32)
 _PI = np.float32(np.pi)
 _BELOW_PI = np.nextafter(_PI, np.float32(0.0))
 
@@ -97,25 +99,21 @@ def make_tracks(
         is_size_assumed, is_type_assumed, is_velocity_estimated: (N,) or one bool for all.
         extras: (N,) JSON-able mappings.
     """
-    valid = np.asarray(valid, dtype=np.bool_)
-    size = np.asarray(size)
-    if size.ndim == 2:
-        size = np.broadcast_to(size[:, None, :], (*valid.shape, 3))
+    valid = np.ascontiguousarray(valid, dtype=np.bool_)
+    shapes = [(*valid.shape, 3), valid.shape, (*valid.shape, 2)]
+    source = [
+        np.ascontiguousarray(np.broadcast_to(values, shape), np.float64)
+        for values, shape in zip((position, heading, velocity), shapes, strict=True)
+    ]
+    poses = tuple(np.zeros(shape, np.float32) for shape in shapes)
+    canonical.fill_poses(source[0], source[1], source[2], valid, origin, _STEPS, poses)
     return Tracks(
-        position=_masked(offsets_from(origin, position), valid),
-        heading=np.clip(_masked(wrap_angle(heading), valid, RADIANS), -_PI, _BELOW_PI),
-        velocity=_masked(velocity, valid),
-        size=_sizes(size, valid),
+        position=poses[0],
+        heading=poses[1],
+        velocity=poses[2],
+        size=_sizes(np.asarray(size), valid),
         valid=valid,
-        **_said(
-            ids,
-            object_type,
-            source_type,
-            is_size_assumed,
-            is_type_assumed,
-            is_velocity_estimated,
-            extras,
-        ),
+        **_said(ids, object_type, source_type, is_size_assumed, is_type_assumed, is_velocity_estimated, extras),
     )
 
 
@@ -199,22 +197,13 @@ def _canonical(values: npt.ArrayLike, step: float) -> npt.NDArray[np.float32]:
     return kept
 
 
-def _masked(values: npt.ArrayLike, valid: Bool, step: float = METRES) -> npt.NDArray[np.float32]:
-    """float32 copy with zeros where not valid (source values there may be NaN or beyond float32)."""
-    values = np.asarray(values)
-    mask = valid if values.ndim == 2 else valid[..., None]
-    return _canonical(np.where(mask, values, 0.0), step)
-
-
 def _sizes(size: npt.NDArray[Any], valid: Bool) -> npt.NDArray[np.float32]:
     """Sizes of an object that never changes stay as they are given; those measured at every step are rounded."""
-    with np.errstate(over="ignore"):
-        exact = np.where(valid[..., None], size, 0.0).astype(np.float32, copy=False)
-    first = exact[np.arange(len(exact)), valid.argmax(axis=1)] if exact.size else exact[:, 0]
-    differs = (exact != first[:, None]) & valid[..., None]
-    changing = differs.any(axis=(1, 2))
-    exact[changing] = rounded(exact[changing], METRES)
-    return exact
+    size = np.broadcast_to(size[:, None, :] if size.ndim == 2 else size, (*valid.shape, 3))
+    sizes = np.zeros(size.shape, np.float32)
+    with np.errstate(over="ignore"):  # beyond float32 becomes infinite, which validation names
+        canonical.fill_sizes(np.ascontiguousarray(size, np.float32), valid, np.float32(METRES), sizes)
+    return sizes
 
 
 def _row_sizes(size: npt.NDArray[Any], track: npt.NDArray[Any], count: int) -> npt.NDArray[np.float32]:

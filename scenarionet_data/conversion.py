@@ -22,7 +22,7 @@ from scenarionet_data.selection import Selection
 from scenarionet_data.store import commit as commits
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
-from scenarionet_data.store.shard_writer import ShardRecord
+from scenarionet_data.store.shard_record import ShardRecord
 
 _COMMIT_EVERY = 30.0
 _WORD = re.compile(r"[A-Za-z0-9._-]+")

@@ -59,43 +59,6 @@ def box_corners(
     return corners
 
 
-def box_distance(first: Float64, second: Float64) -> Float64:
-    """Distance [m] between boxes in the plane, pair by pair; 0 where they touch or overlap.
-
-    Two disjoint rectangles are nearest at a corner of one of them; whether they are disjoint is the
-    separating-axis test on their four axes.
-
-    Args:
-        first, second: (n, 5) x, y, heading, length, width.
-
-    Returns:
-        (n,) float64.
-    """
-    forward, backward = _corners_seen_from(first, second), _corners_seen_from(second, first)
-    distances = np.minimum(_corner_distance(forward, first), _corner_distance(backward, second))
-    overlap = ~(_is_separated(forward, first) | _is_separated(backward, second))
-    gaps: Float64 = np.where(overlap, 0.0, distances)
-    return gaps
-
-
-def _corners_seen_from(box: Float64, other: Float64) -> Float64:
-    """(n, 4, 2) corners of ``other`` in the frame of ``box``."""
-    corners = box_corners(other[:, :2], other[:, 2], other[:, 3], other[:, 4])
-    return rotate(corners - box[:, None, :2], -box[:, 2][:, None])
-
-
-def _corner_distance(corners: Float64, box: Float64) -> Float64:
-    beyond = np.maximum(np.abs(corners) - box[:, None, 3:5] / 2, 0.0)
-    nearest: Float64 = np.hypot(beyond[..., 0], beyond[..., 1]).min(axis=1)
-    return nearest
-
-
-def _is_separated(corners: Float64, box: Float64) -> npt.NDArray[np.bool_]:
-    half = box[:, 3:5] / 2
-    apart: npt.NDArray[np.bool_] = ((corners.min(axis=1) > half) | (corners.max(axis=1) < -half)).any(axis=1)
-    return apart
-
-
 def estimate_velocity(
     position: npt.NDArray[Any], valid: npt.NDArray[np.bool_], timestamps: npt.NDArray[Any]
 ) -> Float64:

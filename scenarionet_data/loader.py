@@ -13,15 +13,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from scenarionet_data import codec, tables
 from scenarionet_data.catalog.database import Database
 from scenarionet_data.catalog.lake import Lake
+from scenarionet_data.codec import LoadedRows
 from scenarionet_data.scenario import MapFeatures, ScenarioDescription, Tracks
 from scenarionet_data.shared_maps import SharedMaps
 from scenarionet_data.store.files import LakeFiles, reading
+from scenarionet_data.store.row_groups import RowGroups
 
 _OPEN_FILES = 32
 
@@ -100,18 +100,16 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
         row: dict[str, Any] = self._rows.slice(index % len(self), 1).to_pylist()[0]
         return row
 
-    def _read(self, table: str, row: dict[str, Any]) -> pa.RecordBatch | None:
+    def _read(self, table: str, row: dict[str, Any]) -> LoadedRows | None:
         """A scenario's rows of one table; None where it has none."""
-        if row[f"{table}_file"] is None:
-            return None
         name = row[f"{table}_file"]
+        if name is None:
+            return None
         with reading(self._files.path(name)):
-            file, columns = self._open(table, name)
-            group = file.read_row_group(row[f"{table}_row_group"], columns, use_threads=False)
+            group = self._open(table, name).read(row[f"{table}_row_group"])
         if group.num_rows != row[f"{table}_num_rows"]:
             group = group.slice(row[f"{table}_first_row"], row[f"{table}_num_rows"])
-        (batch,) = group.combine_chunks().to_batches()
-        return batch
+        return group
 
     def _crop(self, row: dict[str, Any]) -> MapFeatures | None:
         """A scenario's window on a shared map; None where it has a map of its own, or none."""
@@ -120,20 +118,16 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
         shared = self._shared_maps.get(row["dataset"], row["version"], row["map_id"])
         return shared.crop(tuple(row["map_crop"]), np.array([row["origin_x"], row["origin_y"], row["origin_z"]]))
 
-    def _open(self, table: str, name: str) -> tuple[pq.ParquetFile, list[str]]:
+    def _open(self, table: str, name: str) -> RowGroups:
         """An open file of this thread's, the least recently used of many closed."""
         if not hasattr(self._local, "files"):
             self._local.files = OrderedDict()
-        cache: OrderedDict[str, tuple[pq.ParquetFile, list[str]]] = self._local.files
-        if name in cache:
-            cache.move_to_end(name)
-            return cache[name]
-        # pre_buffer would share its cache between threads; a memory map needs no copy.
-        file = pq.ParquetFile(self._files.path(name), memory_map=True, pre_buffer=False)
-        tables.load(table).check_version(file.metadata.metadata, name)
-        cache[name] = (file, _NEEDED[table])
-        if len(cache) > _OPEN_FILES:
-            cache.popitem(last=False)[1][0].close()
+        cache: OrderedDict[str, RowGroups] = self._local.files
+        if name not in cache:
+            cache[name] = RowGroups(self._files.path(name), tables.load(table), _NEEDED[table])
+            if len(cache) > _OPEN_FILES:
+                cache.popitem(last=False)[1].close()
+        cache.move_to_end(name)
         return cache[name]
 
 

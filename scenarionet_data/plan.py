@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from scenarionet_data import tables
 from scenarionet_data.converters.base import RawItem, Shard
 from scenarionet_data.errors import DuplicateScenario
-from scenarionet_data.store.shard_writer import ShardRecord
+from scenarionet_data.store.shard_record import ShardRecord
 
 
 @dataclass(frozen=True)

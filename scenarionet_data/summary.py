@@ -12,14 +12,13 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data import vocabulary
-from scenarionet_data.geometry import box_distance, wrap_angle
+from scenarionet_data.gaps import nearest_box
+from scenarionet_data.geometry import wrap_angle
 from scenarionet_data.intersections import lanes_cross_near
 from scenarionet_data.scenario import MapFeatures, ScenarioDescription, Tracks
 from scenarionet_data.vocabulary import ObjectType
 
 Array = npt.NDArray[Any]
-
-_FLOAT32_SLACK = 1e-2  # metres: far more than float32 loses between objects of one scenario
 
 
 def summarise(scenario: ScenarioDescription) -> dict[str, Any]:
@@ -133,30 +132,12 @@ def has_intersection(scenario: ScenarioDescription, path: Array) -> bool:
 
 
 def min_ego_gap(scenario: ScenarioDescription) -> float | None:
-    """Smallest distance [m] between the ego's box and another object's; 0 where they overlap.
-
-    Bounds from the boxes' inner and outer circles leave few pairs for the exact distance.
-    """
-    tracks, ego = scenario.tracks, scenario.ego_index
-    together = tracks.valid & tracks.valid[ego]
-    together[ego] = False
-    if not together.any():
-        return None
-    x, y = (tracks.position[..., axis] - tracks.position[ego, :, axis] for axis in (0, 1))
-    apart = np.where(together, np.sqrt(x * x + y * y), np.inf)
-    length, width = tracks.size[..., 0], tracks.size[..., 1]
-    outer, inner = np.sqrt(length * length + width * width) / 2, np.minimum(length, width) / 2
-    at_least, at_most = apart - outer - outer[ego], apart - inner - inner[ego]
-    near = at_least <= max(float(at_most.min()), 0.0) + _FLOAT32_SLACK
-    rows, steps = np.nonzero(near)
-    gaps = box_distance(_boxes(tracks, ego, steps), _boxes(tracks, rows, steps))
-    return float(gaps.min())
-
-
-def _boxes(tracks: Tracks, rows: Any, steps: Array) -> Array:
-    """(n, 5) float64 x, y, heading, length, width."""
-    parts = (tracks.position[rows, steps, :2], tracks.heading[rows, steps][:, None], tracks.size[rows, steps, :2])
-    return np.concatenate(parts, axis=1).astype(np.float64)
+    """Smallest distance [m] between the ego's box and another object's; 0 where they overlap, None without another."""
+    tracks = scenario.tracks
+    boxes = np.empty((*tracks.valid.shape, 5))
+    boxes[..., :2], boxes[..., 2], boxes[..., 3:] = tracks.position[..., :2], tracks.heading, tracks.size[..., :2]
+    gap = float(nearest_box(boxes, tracks.valid, scenario.ego_index))
+    return gap if np.isfinite(gap) else None
 
 
 def bounding_box(tracks: Tracks) -> dict[str, float]:

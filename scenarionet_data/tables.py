@@ -19,7 +19,37 @@ from scenarionet_data.errors import SchemaMismatch
 from scenarionet_data.resources import SCHEMAS
 
 CONTENT = ("metadata", "tracks", "lights", "maps", "quarantine")
-TABLES = (*CONTENT, "shards", "members")
+TABLES = (*CONTENT, "shards", "members", "results", "rollouts", "observations")
+
+DESCRIPTION_COLUMNS = (
+    "scenario_id",
+    "dataset",
+    "version",
+    "split",
+    "source_scenario_id",
+    "source_file",
+    "source_log",
+    "city",
+    "date",
+    "licence",
+    "origin_x",
+    "origin_y",
+    "origin_z",
+    "crs",
+    "has_z",
+    "num_timesteps",
+    "dt",
+    "timestamps",
+    "current_timestep",
+    "ego_id",
+    "objects_of_interest",
+    "tracks_to_predict",
+    "tracks_to_predict_difficulty",
+    "map_id",
+    "map_crop",
+    "extras",
+)
+"""Columns of the metadata table that a scenario is read back from, beside the rows of the other tables."""
 
 _BULKY = 4096  # bytes
 
@@ -120,7 +150,7 @@ class Table:
         bulky = [c.path for c in packed if sample is None or sample.column(c.name).nbytes >= _BULKY]
         return {
             "compression": {c.path: "zstd" if c.path in bulky else "lz4" for c in self.columns},
-            "compression_level": dict.fromkeys(bulky, 3) or None,
+            "compression_level": dict.fromkeys(bulky, 2) or None,
             # Ids are all different: a dictionary of them costs time and saves nothing.
             "use_dictionary": [c.path for c in self.columns if c.element == "dictionary"],
             # Of integers only some readers understand split bytes.

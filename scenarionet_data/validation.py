@@ -116,11 +116,12 @@ def _validate_tracks(check: _Check, tracks: Tracks, steps: int) -> None:
     check.array(tracks.valid, "tracks.valid", (count, steps), np.bool_)
     shapes = {"position": (count, steps, 3), "heading": (count, steps), "velocity": (count, steps, 2)}
     shapes["size"] = (count, steps, 3)
+    outside = ~tracks.valid
     for name, shape in shapes.items():
         array = getattr(tracks, name)
         check.array(array, f"tracks.{name}", shape, np.float32)
         check.finite(array, f"tracks.{name}")
-        check.that(not array[~tracks.valid].any(), f"tracks.{name}", "wanted 0 where valid is False")
+        check.that(not array[outside].any(), f"tracks.{name}", "wanted 0 where valid is False")
     in_range = (tracks.heading >= -_PI).all() and (tracks.heading < _PI).all()
     check.that(in_range, "tracks.heading", "wanted [-pi, pi)")
     check.that((tracks.size[tracks.valid] > 0).all(), "tracks.size", "wanted sizes above 0 where valid")

@@ -78,6 +78,17 @@ class Arena:
         """(A,)."""
         return self._verdict.status
 
+    @property
+    def contacts(self) -> npt.NDArray[np.bool_]:
+        """(A, N) what each agent's box overlaps."""
+        return self._watched.contacts
+
+    @property
+    def arc(self) -> Float64:
+        """(A,) how far along its route each agent is [m]."""
+        arc: Float64 = self._watched.state.arc[self.agents[:, 0], self.agents[:, 1]]
+        return arc
+
     def begin(self, slot: int, world: World, start: int | None = None) -> None:
         """Begin an episode in a slot; see :meth:`Simulation.reset`.
 

@@ -100,7 +100,11 @@ class Roads:
 
     def is_on_road(self, points: npt.ArrayLike) -> Bool:
         """Whether points (..., 2) [m] lie on a lane or another area to drive on."""
-        return self._find(points, self.is_road) >= 0
+        return self.is_in(points, self.is_road)
+
+    def is_in(self, points: npt.ArrayLike, is_wanted: Bool) -> Bool:
+        """Whether points (..., 2) [m] lie in any of the polygons chosen by a mask (Q,)."""
+        return self._find(points, is_wanted) >= 0
 
     def lane_at(self, points: npt.ArrayLike) -> Int32:
         """Row of a lane around each point (..., 2) [m]; the first where lanes overlap, -1 beside all."""

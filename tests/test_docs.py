@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from scenarionet_data import dictionary
+from scenarionet_data import Lake, dictionary, tables
 from tests.fixtures.argoverse2 import write_forecasting
 from tests.fixtures.scenarionet_pickles import write_vintages
 from tests.fixtures.waymo import scenario_bytes, write_tfrecord
@@ -31,25 +31,49 @@ def test_data_dictionary_is_up_to_date():
     assert readme == dictionary.into_page(readme), "run `make docs`"
 
 
-def test_readme_examples_run(tmp_path):
-    """Every bash and python block, in order, in one folder with recordings beside it."""
-    write_tfrecord(tmp_path / "recordings/waymo/training/training.tfrecord-00000-of-01000", [scenario_bytes(1)])
-    write_forecasting(tmp_path / "recordings/argoverse2/val", num_scenarios=2, seed=0)
-    write_vintages(tmp_path / "recordings/pickles")
-    command = tmp_path / "bin" / "scenarionet"
+def run_blocks(page: str, folder: Path) -> int:
+    """Run every bash and python block of a page, in order, in one folder; returns how many there are.
+
+    A python block whose first line names a file is written there instead.
+    """
+    command = folder / "bin" / "scenarionet"
     command.parent.mkdir()
     command.write_text(f'#!/bin/sh\nexec {sys.executable} -m pipelines.cli "$@"\n')
     command.chmod(0o755)
     environment = os.environ | {"PYTHONPATH": str(ROOT), "PATH": f"{command.parent}:{os.environ['PATH']}"}
-    text = (ROOT / "README.md").read_text("utf-8")
+    text = (ROOT / page).read_text("utf-8")
     found = re.findall(r"^```(bash|python)\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
-    assert len(found) >= 9
     for language, code in found:
+        name = re.match(r"# (\w+\.py)\n", code)
+        if name:
+            (folder / name.group(1)).write_text(code)
+            continue
         runner = ["bash", "-euo", "pipefail", "-c"] if language == "bash" else [sys.executable, "-c"]
-        done = subprocess.run(
-            [*runner, code], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
-        )
+        done = subprocess.run([*runner, code], cwd=folder, env=environment, capture_output=True, text=True, check=False)
         assert done.returncode == 0, code + done.stdout + done.stderr
+    return len(found)
+
+
+def test_readme_examples_run(tmp_path):
+    """With recordings beside it."""
+    write_tfrecord(tmp_path / "recordings/waymo/training/training.tfrecord-00000-of-01000", [scenario_bytes(1)])
+    write_forecasting(tmp_path / "recordings/argoverse2/val", num_scenarios=2, seed=0)
+    write_vintages(tmp_path / "recordings/pickles")
+    assert run_blocks("README.md", tmp_path) >= 9
+
+
+def test_evaluation_examples_run(tmp_path):
+    assert run_blocks("docs/evaluation.md", tmp_path) >= 5
+    runs = Lake(tmp_path / "lake").ask("runs")
+    planner = runs.filter(run="driven-my_planner.Planner-replay-kinematic")
+    assert planner["success"].item() > 0.8, "the page's planner follows its route"
+
+
+def test_evaluation_page_explains_every_metric():
+    page = (ROOT / "docs" / "evaluation.md").read_text("utf-8")
+    table = tables.load("results")
+    explained = {column.name for column in (*table.columns, *table.derived)} - {"run", "scenario_id", "track_id"}
+    assert [name for name in sorted(explained) if f"`{name}`" not in page] == []
 
 
 def test_readme_names_make_targets_that_exist():

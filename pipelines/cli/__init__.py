@@ -15,6 +15,7 @@ VERBS = {
     "Bring recordings in": ("convert", "converters"),
     "Look": ("list", "show", "sql", "files"),
     "Choose": ("filter", "filters", "split"),
+    "Simulate": ("sim", "record"),
     "Hand on": ("export",),
     "Keep healthy": ("check", "doctor"),
 }

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable
+from pathlib import Path
 
 import click
 
@@ -14,6 +16,13 @@ quiet_option = click.option("--quiet", is_flag=True, help="No progress.")
 overwrite_option = click.option("--overwrite", is_flag=True, help="Replace what is there.")
 new_version_option = click.option("--overwrite", is_flag=True, help="Make a new version of an existing database.")
 snapshot_option = click.option("--snapshot", type=click.IntRange(0), help="Look at this snapshot, not the newest.")
+
+
+def look_in_current_folder(name: str) -> None:
+    """Let ``module:Class`` name a module of the current folder, here and in worker processes."""
+    here = str(Path.cwd())
+    if ":" in name and here not in sys.path:
+        sys.path.append(here)
 
 
 def pairs(words: Iterable[str], option: str) -> dict[str, str]:

@@ -25,7 +25,7 @@ from scenarionet_data.store.files import LakeFiles
 from scenarionet_data.store.snapshot import Snapshot
 
 _FOLDER = "checks"
-_NUM_EXAMPLES = 5
+NUM_EXAMPLES = 5
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ def run_checks(
 def _run(engine: Engine, check: Check, scope: str, tables: Mapping[str, pa.Table]) -> CheckResult:
     query = (
         "SELECT scenario_id, min(detail) AS detail, count(*) OVER () AS num_scenarios "
-        f"FROM ({check.query}) {scope} GROUP BY scenario_id ORDER BY scenario_id LIMIT {_NUM_EXAMPLES}"
+        f"FROM ({check.query}) {scope} GROUP BY scenario_id ORDER BY scenario_id LIMIT {NUM_EXAMPLES}"
     )
     rows = engine.arrow(query, **tables).to_pylist()
     examples = tuple((row["scenario_id"], row["detail"]) for row in rows)

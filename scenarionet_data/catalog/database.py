@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 from scenarionet_data import tables
 from scenarionet_data.errors import BadParameter, DatabaseExists, DatabaseNotFound
 from scenarionet_data.store.files import LakeFiles, reading
-from scenarionet_data.store.shard_writer import write_table
+from scenarionet_data.store.table_file import write_table
 
 _FOLDER = "databases"
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]*")

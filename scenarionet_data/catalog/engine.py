@@ -20,6 +20,7 @@ import pyarrow.compute as pc
 from scenarionet_data import tables
 from scenarionet_data.errors import LakeError, QueryError, UnsafeSql
 from scenarionet_data.resources import SQL
+from scenarionet_data.store import runs
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
 from scenarionet_data.store.snapshot import Snapshot
@@ -27,14 +28,16 @@ from scenarionet_data.store.snapshot import Snapshot
 if TYPE_CHECKING:
     import polars as pl
 
-FILE_TABLES = ("metadata", "tracks", "lights", "maps", "quarantine", "shards")
+FILE_TABLES = ("metadata", "tracks", "lights", "maps", "quarantine", "shards", *runs.RUN_TABLES)
 _FOLDER_COLUMNS = ("tracks", "lights", "maps")
 
 
 def table_files(files: LakeFiles, snapshot: Snapshot, table: str) -> list[str]:
-    """Absolute paths of the files of one of FILE_TABLES in a snapshot."""
+    """Absolute paths of the files of one of FILE_TABLES in a snapshot; what runs left belongs to every snapshot."""
     if table == "metadata":
         names: Sequence[str] = snapshot.metadata
+    elif table in runs.RUN_TABLES:
+        names = runs.part_files(files, table)
     elif table == "shards":
         names = snapshot.manifests
     else:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pyarrow as pa
 
 from scenarionet_data.catalog.engine import Engine
-from scenarionet_data.codec import DESCRIPTION_COLUMNS
+from scenarionet_data.tables import DESCRIPTION_COLUMNS
 
 ADDRESS_COLUMNS = tuple(
     f"{table}_{part}"

@@ -15,6 +15,7 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from scenarionet_data import tables
+from scenarionet_data.codec.arrow import LoadedRows, Rows
 from scenarionet_data.codec.lights import decode_lights, encode_lights
 from scenarionet_data.codec.maps import decode_map, encode_map
 from scenarionet_data.codec.tracks import decode_tracks, encode_tracks
@@ -24,8 +25,8 @@ from scenarionet_data.scenario import MapFeatures, ScenarioDescription, Source
 from scenarionet_data.summary import summarise
 
 __all__ = [
-    "DESCRIPTION_COLUMNS",
     "Encoded",
+    "LoadedRows",
     "decode",
     "decode_lights",
     "decode_map",
@@ -36,36 +37,6 @@ __all__ = [
 
 Array = npt.NDArray[Any]
 
-DESCRIPTION_COLUMNS = (
-    "scenario_id",
-    "dataset",
-    "version",
-    "split",
-    "source_scenario_id",
-    "source_file",
-    "source_log",
-    "city",
-    "date",
-    "licence",
-    "origin_x",
-    "origin_y",
-    "origin_z",
-    "crs",
-    "has_z",
-    "num_timesteps",
-    "dt",
-    "timestamps",
-    "current_timestep",
-    "ego_id",
-    "objects_of_interest",
-    "tracks_to_predict",
-    "tracks_to_predict_difficulty",
-    "map_id",
-    "map_crop",
-    "extras",
-)
-"""Columns of the metadata table that ``decode`` needs beside the rows of the other tables."""
-
 
 @dataclass(frozen=True)
 class Encoded:
@@ -73,14 +44,14 @@ class Encoded:
 
     Attributes:
         metadata: One row of the metadata table, without the address columns.
-        tracks, lights: Record batches of these tables.
-        maps: Record batch of the scenario's own map; None without one, or when the map is shared.
+        tracks, lights: Rows of these tables; None where there are no lights.
+        maps: Rows of the scenario's own map; None without one, or when the map is shared.
     """
 
     metadata: Mapping[str, Any]
-    tracks: pa.RecordBatch
-    lights: pa.RecordBatch
-    maps: pa.RecordBatch | None
+    tracks: Rows
+    lights: Rows | None
+    maps: Rows | None
 
 
 def encode(scenario: ScenarioDescription, converter_version: str) -> Encoded:
@@ -108,7 +79,7 @@ def decode(encoded: Encoded, shared_map: MapFeatures | None = None) -> ScenarioD
     """The scenario behind its rows.
 
     Args:
-        encoded: Rows; ``metadata`` needs DESCRIPTION_COLUMNS only.
+        encoded: Rows; ``metadata`` needs ``tables.DESCRIPTION_COLUMNS`` only.
         shared_map: The crop of the shared map, already in the scenario's frame.
     """
     row = encoded.metadata
@@ -144,7 +115,7 @@ def decode(encoded: Encoded, shared_map: MapFeatures | None = None) -> ScenarioD
     )
 
 
-def _own_map(row: Mapping[str, Any], rows: pa.RecordBatch | None) -> MapFeatures | None:
+def _own_map(row: Mapping[str, Any], rows: Rows | None) -> MapFeatures | None:
     if row["map_id"] is None:
         return None
     # A map without features has no rows.

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +16,40 @@ from scenarionet_data.ragged import Ragged
 from scenarionet_data.vocabulary import LightState, MapFeatureType, ObjectType, Provenance
 
 Array = npt.NDArray[Any]
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedRows:
+    """Rows of a table as they come out of a file.
+
+    Attributes:
+        batch: Their columns, but for those in ``lists``.
+        lists: Columns of float lists that were read without Arrow: (num_rows,) int32 lengths and flat float32 values.
+    """
+
+    batch: pa.RecordBatch
+    lists: Mapping[str, tuple[Array, Array]]
+
+    @property
+    def num_rows(self) -> int:
+        """Rows."""
+        return int(self.batch.num_rows)
+
+    def column(self, name: str) -> pa.Array:
+        """A column of the batch."""
+        return self.batch.column(name)
+
+    def slice(self, first: int, num_rows: int) -> LoadedRows:
+        """Some of the rows."""
+        cut = {}
+        for name, (lengths, values) in self.lists.items():
+            start = int(lengths[:first].sum())
+            kept = lengths[first : first + num_rows]
+            cut[name] = kept, values[start : start + int(kept.sum())]
+        return LoadedRows(self.batch.slice(first, num_rows), cut)
+
+
+Rows: TypeAlias = pa.RecordBatch | LoadedRows
 
 
 def batch(table: str, columns: Mapping[str, Any]) -> pa.RecordBatch:
@@ -80,27 +115,29 @@ def string_array(values: Array) -> pa.Array:
 
 def dictionary_of(values: Array) -> pa.Array:
     """Object array of str or None as a dictionary array."""
-    array = string_array(values)
-    return array.dictionary_encode().cast(pa.dictionary(pa.int32(), pa.string()))
+    listed = values.tolist()
+    numbers = {word: number for number, word in enumerate(word for word in dict.fromkeys(listed) if word is not None)}
+    indices = pa.array([numbers.get(word) for word in listed], pa.int32())
+    return pa.DictionaryArray.from_arrays(indices, pa.array(list(numbers), pa.string()))
 
 
-def numbers(rows: pa.RecordBatch, name: str) -> Array:
+def numbers(rows: Rows, name: str) -> Array:
     """A column as a NumPy array."""
     numbers: Array = rows.column(name).to_numpy(zero_copy_only=False)
     return numbers
 
 
-def floats(rows: pa.RecordBatch, name: str) -> Array:
+def floats(rows: Rows, name: str) -> Array:
     """float32 with NaN for null."""
     return numbers(rows, name).astype(np.float32, copy=False)
 
 
-def bools(rows: pa.RecordBatch, name: str) -> Array:
+def bools(rows: Rows, name: str) -> Array:
     """A column as a bool array."""
     return numbers(rows, name).astype(np.bool_, copy=False)
 
 
-def strings(rows: pa.RecordBatch, name: str) -> Array:
+def strings(rows: Rows, name: str) -> Array:
     """Object array of str, None for null."""
     column = rows.column(name)
     if column.null_count == len(column):
@@ -111,8 +148,10 @@ def strings(rows: pa.RecordBatch, name: str) -> Array:
     return strings
 
 
-def lists(rows: pa.RecordBatch, name: str) -> tuple[Array, Array]:
+def lists(rows: Rows, name: str) -> tuple[Array, Array]:
     """Lengths and flat values of a list column; empty values where every row is null."""
+    if isinstance(rows, LoadedRows) and name in rows.lists:
+        return rows.lists[name]
     column = rows.column(name)
     if column.null_count:
         return np.zeros(len(column), np.int32), np.zeros(0, np.float32)
@@ -121,7 +160,7 @@ def lists(rows: pa.RecordBatch, name: str) -> tuple[Array, Array]:
     return np.diff(offsets), values
 
 
-def points(rows: pa.RecordBatch, first: str, *others: str) -> Ragged:
+def points(rows: Rows, first: str, *others: str) -> Ragged:
     """List columns of one shape side by side, as lists of float32 points; 0 for a null column."""
     lengths, values = lists(rows, first)
     points = np.zeros((len(values), 1 + len(others)), np.float32)
@@ -133,7 +172,7 @@ def points(rows: pa.RecordBatch, first: str, *others: str) -> Ragged:
     return Ragged(offsets_of(lengths), points)
 
 
-def id_lists(rows: pa.RecordBatch, name: str) -> Ragged:
+def id_lists(rows: Rows, name: str) -> Ragged:
     """A list column of ids."""
     column = rows.column(name)
     offsets = column.offsets.to_numpy()

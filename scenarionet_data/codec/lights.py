@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 
 from scenarionet_data import tables
-from scenarionet_data.codec.arrow import batch, bools, codes_of, floats, names_of, string_array, strings
+from scenarionet_data.codec.arrow import Rows, batch, bools, codes_of, floats, names_of, string_array, strings
 from scenarionet_data.scenario import Lights
 from scenarionet_data.vocabulary import LightState, Provenance
 
@@ -35,7 +35,7 @@ def encode_lights(scenario_id: str, lights: Lights, has_z: bool) -> pa.RecordBat
     return batch("lights", columns)
 
 
-def decode_lights(rows: pa.RecordBatch | None, steps: int) -> Lights:
+def decode_lights(rows: Rows | None, steps: int) -> Lights:
     """Lights over ``steps`` timesteps from their rows; none for None."""
     if rows is None or not rows.num_rows:
         return Lights.empty(steps)

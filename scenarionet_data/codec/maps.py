@@ -9,6 +9,7 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from scenarionet_data.codec.arrow import (
+    Rows,
     batch,
     codes_of,
     floats,
@@ -19,6 +20,7 @@ from scenarionet_data.codec.arrow import (
     string_array,
     strings,
 )
+from scenarionet_data.codec.kernels import find_bounds
 from scenarionet_data.ragged import Ragged
 from scenarionet_data.scenario import MapFeatures
 from scenarionet_data.vocabulary import MapFeatureType
@@ -88,7 +90,7 @@ def encode_map(
     return batch("maps", columns)
 
 
-def decode_map(rows: pa.RecordBatch) -> MapFeatures:
+def decode_map(rows: Rows) -> MapFeatures:
     """Map features from their rows, in the rows' frame."""
     inside = rows.column("is_intersection")
     is_intersection = np.full(rows.num_rows, -1, np.int8)
@@ -109,6 +111,7 @@ def decode_map(rows: pa.RecordBatch) -> MapFeatures:
 
 def _bounding_boxes(features: MapFeatures) -> Array:
     """(M, 4) float32 min_x, min_y, max_x, max_y of polyline and polygon; NaN without geometry."""
-    (low, high), (area_low, area_high) = features.polyline.bounds(), features.polygon.bounds()
-    box: Array = np.concatenate([np.fmin(low, area_low)[:, :2], np.fmax(high, area_high)[:, :2]], axis=1)
+    box = np.full((len(features), 4), np.nan, np.float32)
+    find_bounds(features.polyline.offsets, features.polyline.values, box)
+    find_bounds(features.polygon.offsets, features.polygon.values, box)
     return box

@@ -9,6 +9,7 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from scenarionet_data.codec.arrow import (
+    Rows,
     batch,
     bools,
     codes_of,
@@ -21,6 +22,8 @@ from scenarionet_data.codec.arrow import (
     string_array,
     strings,
 )
+from scenarionet_data.codec.kernels import fill, fill_sizes, fill_valid
+from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario import Tracks
 from scenarionet_data.vocabulary import ObjectType
 
@@ -67,37 +70,39 @@ def encode_tracks(scenario_id: str, tracks: Tracks, has_z: bool) -> pa.RecordBat
     return batch("tracks", columns)
 
 
-def decode_tracks(rows: pa.RecordBatch, steps: int) -> Tracks:
-    """Tracks over ``steps`` timesteps from their rows."""
-    count = rows.num_rows
-    start = numbers(rows, "start")
-    lengths, x = lists(rows, "x")
-    first = offsets_of(lengths)[:-1]
-    # Where each list element goes in the (N * T) grid.
-    target = np.arange(len(x)) + np.repeat(np.arange(count) * steps + start - first, lengths)
-    flat_valid = _decode_valid(rows, lengths)
+def decode_tracks(rows: Rows, steps: int) -> Tracks:
+    """Tracks over ``steps`` timesteps from their rows.
+
+    Raises:
+        LakeError: Lists do not fit their spans, or spans the scenario: the file is damaged.
+    """
+    start, lengths = numbers(rows, "start"), lists(rows, "x")[0]
+    _require("start", bool(((start >= 0) & (start + lengths <= steps)).all()))
+    shape = (rows.num_rows, steps)
 
     def grid(*names: str) -> Array:
-        block = np.zeros((count * steps, len(names)), np.float32)
+        block = np.zeros((*shape, len(names)), np.float32)
         for axis, name in enumerate(names):
-            values = x if name == "x" else lists(rows, name)[1]
-            if len(values):
-                block[target, axis] = values
-        return block.reshape(count, steps, len(names))
+            stored, values = lists(rows, name)
+            if len(values):  # a source without heights has no z
+                _require(name, np.array_equal(stored, lengths))
+                fill(block, axis, start, lengths, values)
+        return block
 
-    size = np.zeros((count * steps, 3), np.float32)
+    valid, size = np.zeros(shape, np.bool_), np.zeros((*shape, 3), np.float32)
+    fill_valid(valid, start, lengths, *_gaps(rows, lengths))
     for axis, name in enumerate(("length", "width", "height")):
-        size[target, axis] = _decode_size(rows, name, lengths, first) * flat_valid
-    valid = np.zeros(count * steps, np.bool_)
-    valid[target] = flat_valid
+        stored, values = lists(rows, name)
+        _require(name, bool(((stored == lengths) | (stored == 1)).all()))
+        fill_sizes(size, axis, valid, start, stored, values)
     return Tracks(
         ids=strings(rows, "track_id"),
         object_type=codes_of(rows.column("object_type"), ObjectType),
         position=grid("x", "y", "z"),
         heading=grid("heading")[..., 0],
         velocity=grid("vx", "vy"),
-        size=size.reshape(count, steps, 3),
-        valid=valid.reshape(count, steps),
+        size=size,
+        valid=valid,
         source_type=strings(rows, "source_type"),
         is_size_assumed=bools(rows, "is_size_assumed"),
         is_type_assumed=bools(rows, "is_type_assumed"),
@@ -125,28 +130,25 @@ def _encode_size(size: Array, valid: Array, inside: Array, lengths: Array) -> pa
     return list_array(offsets_of(np.where(is_constant, 1, lengths)), size[kept])
 
 
-def _decode_size(rows: pa.RecordBatch, name: str, lengths: Array, first: Array) -> Array:
-    stored, values = lists(rows, name)
-    if np.array_equal(stored, lengths):
-        return values
-    if len(values) == len(stored) and (stored == 1).all():
-        return np.repeat(values, lengths)
-    within = np.arange(lengths.sum()) - np.repeat(first, lengths)
-    within[np.repeat(stored != lengths, lengths)] = 0
-    picked: Array = values[np.repeat(offsets_of(stored)[:-1], lengths) + within]
-    return picked
-
-
 def _encode_valid(flat_valid: Array, lengths: Array, is_gapless: Array) -> pa.Array:
     """Null where the whole span is valid."""
     kept = flat_valid[np.repeat(~is_gapless, lengths)]
     return list_array(offsets_of(np.where(is_gapless, 0, lengths)), kept, mask=is_gapless)
 
 
-def _decode_valid(rows: pa.RecordBatch, lengths: Array) -> Array:
+def _gaps(rows: Rows, lengths: Array) -> tuple[Array, Array]:
+    """Which objects have gaps, and their flags, one object after the other."""
     column = rows.column("valid")
-    flat = np.ones(lengths.sum(), np.bool_)
-    if column.null_count < len(column):
-        has_gaps = column.is_valid().to_numpy(zero_copy_only=False)
-        flat[np.repeat(has_gaps, lengths)] = column.flatten().to_numpy(zero_copy_only=False)
-    return flat
+    has_gaps = column.is_valid().to_numpy(zero_copy_only=False)
+    flags = column.flatten().to_numpy(zero_copy_only=False)
+    _require("valid", len(flags) == lengths[has_gaps].sum())
+    return has_gaps, flags
+
+
+def _require(column: str, fits: bool) -> None:
+    """Compiled loops do not look at bounds: what they read and write is made sure of here."""
+    if not fits:
+        raise LakeError(
+            f"tracks.{column} does not fit the scenario's spans: its file is damaged; `scenarionet check` names every "
+            "scenario that is hit; restore the file from a copy of the lake, or convert its recordings again"
+        )

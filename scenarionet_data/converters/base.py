@@ -13,11 +13,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path, PurePath
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
-from scenarionet_data.building import MapBuilder
 from scenarionet_data.errors import BadParameter, SourceNotFound
 from scenarionet_data.scenario import ScenarioDescription
+
+if TYPE_CHECKING:
+    from scenarionet_data.building import MapBuilder
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,9 @@ import pyarrow.compute as pc
 from scenarionet_data.errors import SnapshotConflict
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
-from scenarionet_data.store.shard_writer import ShardRecord, write_table
+from scenarionet_data.store.shard_record import ShardRecord
 from scenarionet_data.store.snapshot import Snapshot
+from scenarionet_data.store.table_file import write_table
 
 MAX_METADATA_FILES = 64
 """Live metadata files of a partition; more are merged (3,000 files of 64 rows take 0.7 s to count)."""

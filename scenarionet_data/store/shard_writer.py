@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -21,64 +21,13 @@ from scenarionet_data.converters.base import Shard
 from scenarionet_data.errors import InvalidScenario, LakeError
 from scenarionet_data.scenario import ScenarioDescription
 from scenarionet_data.store.files import LakeFiles, sha256, writing
+from scenarionet_data.store.shard_record import ShardRecord, metadata_name, partition, shard_key
+from scenarionet_data.store.table_file import write_table
 
 SCENARIOS_PER_FILE = 64
 """A footer of 64 row groups opens in 0.7 ms, one of 250 in 2-4 ms."""
 
 _SHARD_TABLES = ("tracks", "lights", "maps")
-
-
-@dataclass(frozen=True)
-class ShardRecord:
-    """A finished shard: a row of ``schemas/shards.toml``, described there."""
-
-    key: str
-    dataset: str
-    version: str
-    split: str
-    name: str
-    options: str
-    converter_version: str
-    schemas: str
-    max_scenarios: int | None
-    items: list[str]
-    fingerprints: list[str]
-    num_scenarios: int
-    num_quarantined: int
-    metadata_file: str | None
-    files: list[str]
-    sizes: list[int]
-    checksums: list[str]
-
-
-def partition(table: str, dataset: str, version: str, split: str) -> str:
-    """Folder of a partition; maps have no split."""
-    folder = f"{table}/dataset={dataset}/version={version}"
-    return folder if table == "maps" else f"{folder}/split={split}"
-
-
-def shard_key(shard: Shard, converter_version: str) -> str:
-    """The shard's key under this version of the contract: other columns make other files."""
-    return shard.key(f"{converter_version} {tables.content_tag()}")
-
-
-def metadata_name(shard: Shard, key: str) -> str:
-    """Name of a shard's own metadata file: known before it is written, so that a finished shard is found."""
-    return f"{partition('metadata', shard.dataset, shard.version, shard.split)}/{shard.name}-{key}.parquet"
-
-
-def find_finished(files: LakeFiles, shard: Shard, converter_version: str) -> ShardRecord | None:
-    """The record of a shard that an earlier job finished, whether it was committed or not."""
-    name = metadata_name(shard, shard_key(shard, converter_version))
-    if not files.has(name):
-        return None
-    try:
-        footer = pq.read_metadata(files.path(name)).metadata
-    except pa.ArrowInvalid:  # damaged since it was published: the shard is converted again
-        return None
-    record = ShardRecord(**json.loads(footer[b"scenarionet.shard"]))
-    is_whole = all(files.has(file, size) for file, size in zip(record.files, record.sizes, strict=True))
-    return record if is_whole else None
 
 
 class ShardWriter:
@@ -261,19 +210,3 @@ class _Part:
         with suppress(OSError):  # a disk that is full does not take the footer either, and nobody wants it
             self._writer.close()
         self.path.unlink(missing_ok=True)
-
-
-def write_table(
-    files: LakeFiles,
-    table: str,
-    rows: list[dict[str, Any]] | pa.Table,
-    footer: Mapping[str, str],
-    row_group_size: int | None = None,
-) -> Path:
-    """Write rows of a contract table to a temporary file and return its path."""
-    declared = tables.load(table)
-    content = rows if isinstance(rows, pa.Table) else pa.Table.from_pylist(rows, schema=declared.schema)
-    temporary = files.temporary()
-    with writing(temporary, temporary), declared.writer(temporary, footer) as writer:
-        writer.write_table(content.cast(declared.schema), row_group_size=row_group_size)
-    return temporary

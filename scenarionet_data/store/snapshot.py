@@ -14,7 +14,8 @@ import pyarrow as pa
 from scenarionet_data import tables
 from scenarionet_data.errors import LakeError, NoSuchSnapshot, SchemaMismatch
 from scenarionet_data.store.files import LakeFiles
-from scenarionet_data.store.shard_writer import ShardRecord, write_table
+from scenarionet_data.store.shard_record import ShardRecord
+from scenarionet_data.store.table_file import write_table
 
 _FOLDER = "snapshots"
 _MAX_MANIFESTS = 16

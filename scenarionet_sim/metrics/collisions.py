@@ -1,4 +1,8 @@
-"""Collisions by what was hit; an object is hit once, however long it is touched."""
+"""Collisions by what was hit.
+
+A crash begins at the step at which an agent touches what it did not touch before; boxes that overlap from the first
+moment on are the recording's own.
+"""
 
 from __future__ import annotations
 
@@ -17,19 +21,16 @@ class Collisions:
     """What was hit in an episode.
 
     Attributes:
-        vehicles, humans, objects: Vehicles; pedestrians and cyclists; everything else.
-        first: Step of the first touch; None without any.
+        vehicles, humans, objects: How many different vehicles; pedestrians and cyclists; objects of every other type.
+        cost: The paper's cost: the number of crashes, of which one object may suffer several.
+        first: Step of the first crash; None without any.
     """
 
     vehicles: int
     humans: int
     objects: int
+    cost: int
     first: int | None
-
-    @property
-    def cost(self) -> int:
-        """The paper's cost: the number of crashes."""
-        return self.vehicles + self.humans + self.objects
 
 
 def count_collisions(contacts: Bool, object_type: Codes) -> Collisions:
@@ -39,8 +40,9 @@ def count_collisions(contacts: Bool, object_type: Codes) -> Collisions:
         contacts: (T, N) whose box its box overlaps.
         object_type: (N,) codes of ``ObjectType``.
     """
-    hit = object_type[contacts.any(axis=0)]
+    crashes = contacts[1:] & ~contacts[:-1]
+    hit = object_type[crashes.any(axis=0)]
     vehicles, humans = int((hit == ObjectType.VEHICLE).sum()), int(np.isin(hit, _HUMANS).sum())
-    touched = contacts.any(axis=1)
-    first = int(touched.argmax()) if touched.any() else None
-    return Collisions(vehicles, humans, len(hit) - vehicles - humans, first)
+    steps = np.flatnonzero(crashes.any(axis=1))
+    first = int(steps[0]) + 1 if len(steps) else None
+    return Collisions(vehicles, humans, len(hit) - vehicles - humans, int(crashes.sum()), first)

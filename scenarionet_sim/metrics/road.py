@@ -31,9 +31,9 @@ def is_off_road(corners: Float64, roads: Roads) -> Bool:
         [shapely.Polygon(outline) for outline in roads.polygons.take(np.flatnonzero(roads.is_road))]
     )
     near, _ = polygons.query(shapely.points(corners.reshape(-1, 2)), predicate="dwithin", distance=OFF_ROAD_TOLERANCE)
-    is_on = np.zeros(corners.shape[0] * corners.shape[1], np.bool_)
-    is_on[near] = True
-    off: Bool = ~is_on.reshape(corners.shape[:2]).all(axis=1)
+    is_off = np.ones(corners.shape[0] * corners.shape[1], np.bool_)
+    is_off[near] = False
+    off: Bool = np.any(is_off.reshape(corners.shape[:2]), axis=1)
     return off
 
 

@@ -35,19 +35,21 @@ def savitzky_golay(values: Float64, window: int, order: int, dt: float, derivati
     count, window = len(values), min(window, len(values))
     if window <= order:
         return np.full(count, np.nan)
-    half, middle = window // 2, window // 2 - (0.0 if window % 2 else 0.5)
+    half, middle = window // 2, (window - 1) / 2
     fit = np.linalg.pinv(np.vander(np.arange(window) - middle, order + 1, increasing=True))  # window to polynomial
     scale = math.factorial(derivative) / dt**derivative
     starts = np.arange(count - window + 1)
     polynomials = np.lib.stride_tricks.sliding_window_view(values, window) @ fit.T
     smooth = np.empty(count)
     smooth[starts + math.floor(middle)] = polynomials[:, derivative] * scale
-    ends = np.arange(half) - middle
+    ends = np.arange(half, dtype=np.float64) - middle
     smooth[:half] = _evaluate(polynomials[0], ends, derivative) / dt**derivative
     smooth[count - half :] = _evaluate(polynomials[-1], ends + (window - half), derivative) / dt**derivative
     return smooth
 
 
 def _evaluate(polynomial: Float64, at: Float64, derivative: int) -> Float64:
-    powers: Float64 = np.polynomial.polynomial.polyval(at, np.polynomial.polynomial.polyder(polynomial, derivative))
-    return powers
+    derived = (
+        np.polynomial.Polynomial(polynomial).deriv(derivative) if derivative else np.polynomial.Polynomial(polynomial)
+    )
+    return np.asarray(derived(at), np.float64)

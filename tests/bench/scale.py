@@ -13,7 +13,8 @@ import pyarrow as pa
 from scenarionet_data import codec, tables
 from scenarionet_data.store import commit as commits
 from scenarionet_data.store.files import LakeFiles
-from scenarionet_data.store.shard_writer import ShardRecord, partition, write_table
+from scenarionet_data.store.shard_record import ShardRecord, partition
+from scenarionet_data.store.table_file import write_table
 from tests.bench.measure import Figure, in_fresh_process
 from tests.fixtures.scenarios import make_scenario
 

@@ -87,28 +87,3 @@ def test_box_corners_run_counter_clockwise_from_the_front_left(box):
     assert outline.symmetric_difference(polygon(box)).area == pytest.approx(0, abs=1e-6)
     front_left = geometry.rotate(np.array([length / 2, width / 2]), heading) + np.array([x, y])
     assert corners[0] == pytest.approx(front_left)
-
-
-@given(st.lists(st.tuples(boxes, boxes), min_size=1, max_size=8))
-def test_box_distance_is_shapelys(pairs):
-    first, second = (np.array(side) for side in zip(*pairs, strict=True))
-    found = geometry.box_distance(first, second)
-    wanted = [polygon(a).distance(polygon(b)) for a, b in pairs]
-    assert found == pytest.approx(wanted, abs=1e-6)
-    assert geometry.box_distance(second, first) == pytest.approx(found, abs=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("second", "gap"),
-    [
-        ((5.0, 0.0, 0.0, 4.0, 2.0), 1.0),  # bumper to bumper
-        ((4.0, 0.0, 0.0, 4.0, 2.0), 0.0),  # touching
-        ((0.1, 0.1, 1.0, 0.5, 0.5), 0.0),  # inside
-        ((0.0, 0.0, math.pi / 2, 9.0, 0.2), 0.0),  # a cross: no corner of one is inside the other
-        ((7.0, 5.0, 0.0, 4.0, 2.0), math.hypot(3, 3)),  # corner to corner
-        ((2.0 + math.sqrt(2), 0.0, math.pi / 4, 2.0, 2.0), 0.0),  # a corner on a side
-    ],
-)
-def test_box_distance_by_hand(second, gap):
-    ego = np.array([[0.0, 0.0, 0.0, 4.0, 2.0]])
-    assert geometry.box_distance(ego, np.array([second]))[0] == pytest.approx(gap, abs=1e-9)

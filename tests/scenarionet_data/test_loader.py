@@ -22,7 +22,8 @@ from scenarionet_data.building import MapBuilder
 from scenarionet_data.errors import NoSuchSnapshot, ScenarioNotFound
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles, sha256
-from scenarionet_data.store.shard_writer import partition, write_table
+from scenarionet_data.store.shard_record import partition
+from scenarionet_data.store.table_file import write_table
 from scenarionet_data.testing import differences
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import make_scenario

@@ -21,7 +21,8 @@ from scenarionet_data.store import commit as commits
 from scenarionet_data.store import shard_writer
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles, sha256
-from scenarionet_data.store.shard_writer import ShardWriter, find_finished
+from scenarionet_data.store.shard_record import find_finished
+from scenarionet_data.store.shard_writer import ShardWriter
 from tests.fixtures.lakes import write_lake, write_shard
 from tests.fixtures.scenarios import make_scenario, renamed
 

@@ -6,13 +6,11 @@ between them, and is to take three milliseconds.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import pairwise
-
 import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.building import METRES, offsets_from, rounded
+from scenarionet_data.converters.waymo.extras import write_extras
 from scenarionet_data.converters.waymo.wire import (
     CROSSWALK,
     DRIVEWAY,
@@ -24,7 +22,7 @@ from scenarionet_data.converters.waymo.wire import (
     WireMap,
 )
 from scenarionet_data.ragged import Ragged
-from scenarionet_data.scenario import Codes, Float64, MapFeatures, Strings, strings
+from scenarionet_data.scenario import Codes, Float64, MapFeatures, strings
 from scenarionet_data.vocabulary import MapFeatureType as Type
 
 Bools = npt.NDArray[np.bool_]
@@ -55,7 +53,7 @@ _TYPES = {
 """By kind, the code of each value of the kind's own enum."""
 
 # A boundary of type unknown is a road edge (map.proto), which is MetaDrive's UNKNOWN.
-_BOUNDARY_CODES = [int(Type.UNKNOWN), *map(int, _TYPES[ROAD_LINE][1:])]
+_BOUNDARY_CODES = np.array([int(Type.UNKNOWN), *map(int, _TYPES[ROAD_LINE][1:])])
 
 
 def map_features(features: WireMap, origin: Float64) -> MapFeatures | None:
@@ -93,7 +91,7 @@ def map_features(features: WireMap, origin: Float64) -> MapFeatures | None:
         right_boundaries=ids(features.right_boundaries, 3),
         controlled_lanes=ids(features.controlled_lanes, 1),
         is_intersection=np.full(count, -1, np.int8),
-        extras=_extras(features),
+        extras=write_extras(features, _BOUNDARY_CODES),
     )
 
 
@@ -112,47 +110,3 @@ def _geometry(points: npt.NDArray[np.float32], num_points: Ints, mask: Bools) ->
 
 def _offsets(lengths: Ints) -> npt.NDArray[np.int32]:
     return np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
-
-
-# --- extras: JSON written out, because a dictionary per boundary would take longer than everything else -----------
-
-
-def _extras(features: WireMap) -> Strings:
-    """JSON text per feature, the same that ``jsontext.to_json`` makes of ``stretches``' rows; None where empty."""
-    left = _neighbors(features.left_neighbors, features.left_neighbor_boundaries)
-    right = _neighbors(features.right_neighbors, features.right_neighbor_boundaries)
-    lists = {
-        "left_boundaries": _grouped(features.left_boundaries, _boundaries(features.left_boundaries)),
-        "left_neighbor": _grouped(features.left_neighbors, left),
-        "right_boundaries": _grouped(features.right_boundaries, _boundaries(features.right_boundaries)),
-        "right_neighbor": _grouped(features.right_neighbors, right),
-    }
-    members = [['"interpolating":true'] if flag else [] for flag in features.is_interpolating.tolist()]
-    for name, texts in lists.items():
-        for row, text in texts.items():
-            members[row].append(f'"{name}":[{text}]')
-    return np.array([f"{{{','.join(parts)}}}" if parts else None for parts in members], dtype=object)
-
-
-def _grouped(links: Ints, texts: list[str]) -> dict[int, str]:
-    """The texts of each owner (column 0 of ``links``, ascending), with commas between."""
-    owners, starts = np.unique(links[:, 0], return_index=True)
-    bounds = pairwise([*starts.tolist(), len(links)])
-    return {owner: ",".join(texts[start:end]) for owner, (start, end) in zip(owners.tolist(), bounds, strict=True)}
-
-
-def _boundaries(links: Ints) -> list[str]:
-    return [f'[{start},{end},"{feature}",{_BOUNDARY_CODES[kind]}]' for _, start, end, feature, kind in _rows(links)]
-
-
-def _neighbors(links: Ints, boundaries: Ints) -> list[str]:
-    inner = _grouped(boundaries, _boundaries(boundaries))
-    return [
-        f'["{feature}",{start},{end},{neighbor_start},{neighbor_end},[{inner.get(row, "")}]]'
-        for row, (_, feature, start, end, neighbor_start, neighbor_end) in enumerate(_rows(links))
-    ]
-
-
-def _rows(table: Ints) -> Iterator[tuple[int, ...]]:
-    """The rows as tuples of int that live only as long as they are looked at."""
-    return zip(*table.T.tolist(), strict=True)

@@ -39,15 +39,16 @@ def test_progress_ratio(driven, recorded, ratio):
     assert progress_ratio(driven, recorded) == ratio
 
 
-def test_each_object_is_hit_once():
+def test_collisions_by_type():
     types = np.array([ObjectType.VEHICLE, ObjectType.VEHICLE, ObjectType.PEDESTRIAN, ObjectType.CYCLIST,
-                      ObjectType.TRAFFIC_CONE, ObjectType.VEHICLE], np.uint8)  # fmt: skip
-    contacts = np.zeros((5, 6), bool)
-    contacts[2:4, 1] = contacts[1, 2] = contacts[3, 3] = contacts[2, 4] = contacts[4, 4] = contacts[4, 5] = True
+                      ObjectType.TRAFFIC_CONE, ObjectType.VEHICLE, ObjectType.VEHICLE], np.uint8)  # fmt: skip
+    contacts = np.zeros((6, 7), bool)
+    contacts[2:4, 1] = contacts[1, 2] = contacts[3, 3] = contacts[5, 5] = True
+    contacts[2, 4] = contacts[4:, 4] = True  # the cone is touched twice
+    contacts[:3, 6] = True  # overlaps in the recording
     found = count_collisions(contacts, types)
-    assert found == Collisions(vehicles=2, humans=2, objects=1, first=1)
-    assert found.cost == 5
-    assert count_collisions(np.zeros((5, 6), bool), types) == Collisions(0, 0, 0, None)
+    assert found == Collisions(vehicles=2, humans=2, objects=1, cost=6, first=1)
+    assert count_collisions(np.zeros((5, 7), bool), types) == Collisions(0, 0, 0, 0, None)
 
 
 def test_what_no_car_can_do():

@@ -1,0 +1,80 @@
+"""The loops that make states canonical, compiled: see ``building``, which is what converters call."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+Array = npt.NDArray[Any]
+
+_PI = np.pi
+_BELOW_PI = np.nextafter(np.float32(np.pi), np.float32(0.0))
+
+
+@njit(cache=True)
+def fill_poses(
+    position: Array, heading: Array, velocity: Array, valid: Array, origin: Array, steps: Array, outs: tuple[Array, ...]
+) -> None:
+    """Positions, headings and velocities in canonical form, at the valid states alone.
+
+    Args:
+        position: (N, T, 3) float64 [m], source frame.
+        heading: (N, T) float64 [rad], any turn.
+        velocity: (N, T, 2) float64 [m/s].
+        valid: (N, T) bool.
+        origin: (3,) float64 [m].
+        steps: (2,) float32 what metres and radians are rounded to, powers of two.
+        outs: The same three as float32, zeros, filled.
+    """
+    metres, radians = steps[0], steps[1]
+    for row in range(valid.shape[0]):
+        for step in range(valid.shape[1]):
+            if not valid[row, step]:
+                continue
+            for axis in range(3):
+                outs[0][row, step, axis] = _rounded(position[row, step, axis] - origin[axis], metres)
+            for axis in range(2):
+                outs[2][row, step, axis] = _rounded(velocity[row, step, axis], metres)
+            turned = _rounded(_wrapped(heading[row, step]), radians)
+            outs[1][row, step] = min(max(turned, -np.float32(_PI)), _BELOW_PI) if turned == turned else turned
+
+
+@njit(cache=True)
+def fill_sizes(size: Array, valid: Array, metres: np.float32, out: Array) -> None:
+    """Sizes at the valid states: as they are for an object that never changes, else rounded.
+
+    Args:
+        size: (N, T, 3) float32 [m].
+        valid: (N, T) bool.
+        metres: What changing ones are rounded to, a power of two.
+        out: (N, T, 3) float32, zeros, filled.
+    """
+    for row in range(valid.shape[0]):
+        first, is_changing = -1, False
+        for step in range(valid.shape[1]):
+            if valid[row, step]:
+                first = step if first < 0 else first
+                for axis in range(3):
+                    is_changing = is_changing or size[row, step, axis] != size[row, first, axis]
+        for step in range(valid.shape[1]):
+            if valid[row, step]:
+                for axis in range(3):
+                    value = size[row, step, axis]
+                    out[row, step, axis] = _rounded(value, metres) if is_changing else value
+
+
+@njit(cache=True)
+def _rounded(value: float, step: np.float32) -> np.float32:
+    """To the nearest multiple of ``step`` (a power of two), as float32, without a negative zero."""
+    return np.float32(np.rint(np.float32(value) * (np.float32(1.0) / step)) * step) + np.float32(0.0)
+
+
+@njit(cache=True)
+def _wrapped(angle: float) -> float:
+    if -_PI <= angle < _PI:
+        return angle
+    turned: float = angle - 2 * _PI * np.floor((angle + _PI) / (2 * _PI))  # NaN of an infinite one
+    return turned

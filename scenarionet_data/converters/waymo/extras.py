@@ -1,0 +1,193 @@
+"""A map feature's extras as JSON text, written by compiled code.
+
+It is what ``jsontext.to_json`` makes of ``stretches``' rows; a dictionary per boundary would take longer than
+everything else in a record.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from scenarionet_data.converters.waymo.wire import WireMap
+from scenarionet_data.scenario import Strings
+
+Array = npt.NDArray[Any]
+
+_LONGEST_ROW = 6 * 21 + 20  # six numbers of 20 characters and a comma, and what stands around them
+_NAMES = tuple(
+    np.frombuffer(name, np.uint8)
+    for name in (
+        b'"interpolating":true',
+        b'"left_boundaries":[',
+        b'"left_neighbor":[',
+        b'"right_boundaries":[',
+        b'"right_neighbor":[',
+    )
+)
+
+
+def write_extras(features: WireMap, boundary_codes: npt.NDArray[np.int64]) -> Strings:
+    """(M,) JSON text per feature, None where there is nothing to say.
+
+    Args:
+        features: A record's map.
+        boundary_codes: Code of ``MapFeatureType`` by the source's boundary type.
+    """
+    tables = (
+        features.left_boundaries,
+        features.left_neighbors,
+        features.left_neighbor_boundaries,
+        features.right_boundaries,
+        features.right_neighbors,
+        features.right_neighbor_boundaries,
+    )
+    count = len(features.is_interpolating)
+    text = np.empty(_LONGEST_ROW * sum(map(len, tables)) + 100 * count + 1, np.uint8)
+    ends = np.zeros(count + 1, np.int64)
+    _write(features.is_interpolating, *tables, boundary_codes, _NAMES, text, ends)
+    whole, bounds = text[: ends[-1]].tobytes().decode("ascii"), ends.tolist()
+    parts = [whole[start:end] or None for start, end in pairwise(bounds)]
+    return np.array(parts, dtype=object)
+
+
+@njit(cache=True)
+def _write(
+    flags: Array,
+    left_boundaries: Array,
+    left_neighbors: Array,
+    left_inner: Array,
+    right_boundaries: Array,
+    right_neighbors: Array,
+    right_inner: Array,
+    codes: Array,
+    names: tuple[Array, ...],
+    text: Array,
+    ends: Array,
+) -> None:
+    """Every feature's text, one after the other; feature ``i`` ends at ``ends[i + 1]``.
+
+    The tables' first column is the feature (of the inner ones: the row of the neighbour), ascending.
+    """
+    at = 0
+    done = np.zeros(6, np.int64)  # rows of each table that are written
+    for row in range(len(flags)):
+        start = at
+        if flags[row]:
+            at = _copy(text, _between(text, at, start), names[0])
+        at, done[0] = _list(text, at, start, names[1], left_boundaries, row, done[0], codes)
+        at, done[1], done[2] = _neighbors(
+            text, at, start, names[2], left_neighbors, left_inner, row, done[1], done[2], codes
+        )
+        at, done[3] = _list(text, at, start, names[3], right_boundaries, row, done[3], codes)
+        at, done[4], done[5] = _neighbors(
+            text, at, start, names[4], right_neighbors, right_inner, row, done[4], done[5], codes
+        )
+        if at > start:
+            at = _put(text, at, 125)  # }
+        ends[row + 1] = at
+
+
+@njit(cache=True)
+def _list(
+    text: Array, at: int, start: int, name: Array, table: Array, row: int, first: int, codes: Array
+) -> tuple[int, int]:
+    """A member with a feature's boundaries, if it has any; where the text and the table go on."""
+    if first >= len(table) or table[first, 0] != row:
+        return at, first
+    at = _copy(text, _between(text, at, start), name)
+    at, first = _boundaries(text, at, table, row, first, codes)
+    return _put(text, at, 93), first  # ]
+
+
+@njit(cache=True)
+def _boundaries(text: Array, at: int, table: Array, row: int, first: int, codes: Array) -> tuple[int, int]:
+    """Rows [first point, last point, "feature", type code] with commas between."""
+    begin = first
+    while first < len(table) and table[first, 0] == row:
+        if first > begin:
+            at = _put(text, at, 44)  # ,
+        at = _number(text, _put(text, at, 91), table[first, 1])  # [
+        at = _number(text, _put(text, at, 44), table[first, 2])
+        at = _quoted(text, _put(text, at, 44), table[first, 3])
+        at = _number(text, _put(text, at, 44), codes[table[first, 4]])
+        at = _put(text, at, 93)
+        first += 1
+    return at, first
+
+
+@njit(cache=True)
+def _neighbors(
+    text: Array,
+    at: int,
+    start: int,
+    name: Array,
+    table: Array,
+    inner: Array,
+    row: int,
+    first: int,
+    inner_first: int,
+    codes: Array,
+) -> tuple[int, int, int]:
+    """A member with a feature's neighbours, each with its own boundaries, if it has any."""
+    if first >= len(table) or table[first, 0] != row:
+        return at, first, inner_first
+    at = _copy(text, _between(text, at, start), name)
+    begin = first
+    while first < len(table) and table[first, 0] == row:
+        if first > begin:
+            at = _put(text, at, 44)
+        at = _quoted(text, _put(text, at, 91), table[first, 1])
+        for column in range(2, 6):
+            at = _number(text, _put(text, at, 44), table[first, column])
+        at = _put(text, _put(text, at, 44), 91)
+        at, inner_first = _boundaries(text, at, inner, first, inner_first, codes)
+        at = _put(text, _put(text, at, 93), 93)
+        first += 1
+    return _put(text, at, 93), first, inner_first
+
+
+@njit(cache=True)
+def _between(text: Array, at: int, start: int) -> int:
+    """The brace before a feature's first member, the comma before the others."""
+    return _put(text, at, 123 if at == start else 44)
+
+
+@njit(cache=True)
+def _put(text: Array, at: int, character: int) -> int:
+    text[at] = character
+    return at + 1
+
+
+@njit(cache=True)
+def _copy(text: Array, at: int, word: Array) -> int:
+    for place in range(len(word)):
+        text[at + place] = word[place]
+    return at + len(word)
+
+
+@njit(cache=True)
+def _quoted(text: Array, at: int, number: int) -> int:
+    return _put(text, _number(text, _put(text, at, 34), number), 34)
+
+
+@njit(cache=True)
+def _number(text: Array, at: int, number: int) -> int:
+    """Decimal digits of an int64."""
+    rest = np.uint64(number)
+    if number < 0:
+        at = _put(text, at, 45)  # -
+        rest = ~rest + np.uint64(1)
+    end = at + 1
+    power = rest // np.uint64(10)
+    while power > 0:
+        end += 1
+        power //= np.uint64(10)
+    for place in range(end - 1, at - 1, -1):
+        text[place] = 48 + rest % np.uint64(10)
+        rest //= np.uint64(10)
+    return end
