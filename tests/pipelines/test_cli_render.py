@@ -5,6 +5,9 @@ from __future__ import annotations
 import pytest
 from PIL import Image
 
+from scenarionet_data import Lake
+from tests.fixtures.drives import make_drive
+from tests.fixtures.lakes import write_lake
 from tests.pipelines.conftest import run
 
 
@@ -23,6 +26,20 @@ def test_a_video(lake, as_json, tmp_path):
     assert as_json("render", lake, "s000001", "-o", tmp_path / "s.gif", *words)["frames"] == 31
     with Image.open(tmp_path / "s.gif") as video:
         assert video.info["duration"] == 50
+
+
+def test_what_happened_in_a_run(tmp_path, ok, as_json):
+    """A car that keeps its speed, drawn where it drove and not where it was recorded."""
+    lake = write_lake(tmp_path / "lake", [make_drive(num_steps=12)]).root
+    ok("filter", lake, "--where", "true", "--to", "all")
+    ok("sim", lake, "all", "--policy", "constant", "--backend", "kinematic", "--to", "straight_on", "--quiet")
+    words = ("--size", "64", "--run", "straight_on", "--quiet")
+    frames = as_json("render", lake, "drive", "-o", tmp_path / "s.gif", *words)["frames"]
+    (steps,) = Lake(lake).sql("SELECT len(x) AS n FROM rollouts")["n"]
+    assert frames == steps
+    missing = run("render", lake, "drive", "-o", tmp_path / "s.png", "--run", "other")
+    assert missing.exit_code == 2
+    assert "runs of this lake: straight_on" in missing.stderr
 
 
 @pytest.mark.parametrize(

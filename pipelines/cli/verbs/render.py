@@ -18,10 +18,12 @@ from scenarionet_data.errors import BadParameter
     "scenarionet render lake pg/v1/3 -o scenario.png",
     "scenarionet render lake pg/v1/3 -o scenario.pdf --at 5 --view all",
     "scenarionet render lake pg/v1/3 -o scenario.mp4 --width 80",
+    "scenarionet render lake pg/v1/3 -o driven.mp4 --run straight_on",
 )
 @lake_argument
 @click.argument("scenario_id", metavar="ID")
 @click.option("-o", "--output", "file", required=True, help="What to write: .png .pdf .svg, or a video: .gif .mp4")
+@click.option("--run", help="Draw what happened in this run of `scenarionet sim`, not what was recorded.")
 @click.option("--at", type=click.FloatRange(0.0), help="A picture's time [s]; the current timestep, if not given.")
 @click.option(
     "--view",
@@ -39,6 +41,7 @@ def command(
     lake: str,
     scenario_id: str,
     file: str,
+    run: str | None,
     at: float | None,
     view: str | None,
     width: float,
@@ -56,7 +59,7 @@ def command(
     Pictures need the extra `plots`, mp4 the extra `video`; no display is needed.
     """
     from scenarionet_data import Lake, ScenarioLoader
-    from scenarionet_sim.render import Drawing, Moment
+    from scenarionet_sim.render import Drawing, Moment, rolled_out
     from scenarionet_sim.world import World
 
     path = Path(file)
@@ -65,8 +68,10 @@ def command(
     opened = Lake(lake, snapshot)
     scenario = ScenarioLoader(opened, [opened.facts(scenario_id)["scenario_id"]])[0]
     world = World.from_scenario(scenario)
-    moments = [Moment.recorded(world, timestep) for timestep in range(world.num_steps)]
-    now = scenario.current_timestep if at is None else min(round(at / world.dt), world.num_steps - 1)
+    recorded = [Moment.recorded(world, timestep) for timestep in range(world.num_steps)]
+    moments = recorded if run is None else rolled_out(opened, run, world)
+    now = scenario.current_timestep if at is None else round(at / world.dt)
+    now = min(max(now - moments[0].timestep, 0), len(moments) - 1)
     with Progress(f"render {path.name}", "frame", is_quiet=quiet) as progress:
         drawing = Drawing(view, width, size, speed)
         frames = drawing.save(path, world, moments, now, lambda done: progress.update(done, len(moments), 0))
