@@ -183,4 +183,3 @@ def configured(kind: type[Any], config: EnvConfig | None, settings: dict[str, An
     if unknown:
         raise BadParameter(f"no setting {unknown[0]!r}; there are {', '.join(known)}")
     return kind(**settings) if config is None else config
-

@@ -1,6 +1,6 @@
 """The shortest loop: an agent that steers and brakes at random.
 
-    python -m scenarionet_sim.examples.random_agent lake busy_train
+python -m scenarionet_sim.examples.random_agent lake busy_train
 """
 
 from __future__ import annotations

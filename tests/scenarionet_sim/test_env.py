@@ -198,6 +198,7 @@ def test_an_environment_pickles_as_its_configuration_and_seed(only):
     assert len(pickle.dumps(env)) < 3_000
 
 
+@pytest.mark.long
 def test_worker_processes(only):
     config = EnvConfig(only("crowd", "wall"), backend=Kinematic())
     envs = AsyncVectorEnv([partial(ScenarioNetEnv, config)] * 2, context="spawn")  # threads do not survive a fork
