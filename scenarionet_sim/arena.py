@@ -109,6 +109,10 @@ class Arena:
         for array in (self.terms, self.status, self.numbers):
             array[self.agents[:, 0] == slot] = 0
 
+    def can_play(self, world: World) -> bool:
+        """Whether a world has the timestep of those that are played."""
+        return abs(world.dt - self.simulation.dt) < 1e-3
+
     def step(self, actions: npt.ArrayLike) -> None:
         """Advance every world by one timestep and judge the agents.
 

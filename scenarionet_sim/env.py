@@ -155,6 +155,9 @@ class ScenarioNetEnv(gymnasium.Env[Any, Array]):
         return world, options.get("timestep")
 
     def _begin(self, world: World, start: int | None) -> None:
+        if self._arena is not None and not self._arena.can_play(world):
+            self._arena.close()
+            self._arena = None
         if self._arena is None:
             self._arena = Arena(self.config, self._observation, [world])
             if len(self._arena.agents) != 1:

@@ -95,6 +95,9 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
         else:
             self._index = self._stream.number(wanted_id)
             world = self._stream.get(self._index)
+        if self._arena is not None and not self._arena.can_play(world):
+            self._arena.close()
+            self._arena = None
         if self._arena is None:
             self._arena = Arena(self.config, self._observation, [world])
         self._arena.begin(0, world, (options or {}).get("timestep"))

@@ -1,4 +1,4 @@
-"""Scenarios that lack something, actions that are none, lakes that are damaged: every environment drives or says why."""
+"""Scenarios that lack something, actions that are none, damaged lakes: every environment drives or says why."""
 
 from __future__ import annotations
 
@@ -118,6 +118,20 @@ def test_an_action_of_another_shape(lake, action):
     env.reset()
     with pytest.raises(BadParameter, match=r"shape \(2,\)"):
         env.step(action)
+
+
+def test_scenarios_of_different_timesteps_follow_each_other(tmp_path):
+    """A world of its own for each; a batch steps together and refuses."""
+    write_lake(tmp_path, [make_drive("a"), make_drive("b", dt=0.05), make_drive("c")])
+    for kind in (ScenarioNetEnv, ScenarioNetParallelEnv):
+        env = kind(scenarios=Scenarios(tmp_path), backend=Kinematic(), seed=0)
+        for dt in (0.1, 0.05, 0.1):
+            env.reset()
+            env.step({"t0": (0.0, 0.0)} if kind is ScenarioNetParallelEnv else (0.0, 0.0))
+            assert env.arena.simulation.state.position[0, 0, 0] == pytest.approx(10.0 * dt, abs=1e-4)
+    with pytest.raises(BadParameter, match="select by dt"):
+        ScenarioNetVectorEnv(2, scenarios=Scenarios(tmp_path)).reset(seed=0)
+    ScenarioNetVectorEnv(2, scenarios=Scenarios(tmp_path, where="dt = 0.1")).reset(seed=0)
 
 
 def test_a_step_before_the_beginning_and_after_the_end(lake):
