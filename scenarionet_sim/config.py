@@ -14,11 +14,7 @@ from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.policies import External, Policy, Replay, vehicles
 from scenarionet_sim.selection import Scenarios
-from scenarionet_sim.sensors.base import Sensor
-from scenarionet_sim.sensors.boundary import BoundaryDetector
-from scenarionet_sim.sensors.lidar import Lidar
-from scenarionet_sim.sensors.navigation import Navigation
-from scenarionet_sim.sensors.state import EgoState
+from scenarionet_sim.sensors import BoundaryDetector, EgoState, Lidar, Navigation, Sensor
 from scenarionet_sim.task import MULTI_AGENT, SINGLE_AGENT, Ending, Reward
 from scenarionet_sim.world import World
 

@@ -63,6 +63,10 @@ class ScenarioNetEnv(gymnasium.Env[Any, Array]):
         self._arena: Arena | None = None
         self._is_running = False
 
+    def __len__(self) -> int:
+        """Number of scenarios that are played."""
+        return len(self._stream.ids)
+
     def __reduce__(self) -> tuple[Callable[..., ScenarioNetEnv], tuple[Any, ...]]:
         return type(self), (self.config, self.render_mode, self._seed)
 
@@ -179,4 +183,3 @@ def configured(kind: type[Any], config: EnvConfig | None, settings: dict[str, An
     if unknown:
         raise BadParameter(f"no setting {unknown[0]!r}; there are {', '.join(known)}")
     return kind(**settings) if config is None else config
-

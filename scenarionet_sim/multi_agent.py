@@ -46,7 +46,7 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
         possible_agents: Those of the scenario that was reset last.
     """
 
-    metadata = METADATA | {"name": "ScenarioNet-MultiAgent-v0", "is_parallelizable": True}  # noqa: RUF012
+    metadata = METADATA | {"name": "ScenarioNet-MultiAgent-v0", "is_parallelizable": True}
 
     def __init__(
         self,

@@ -69,6 +69,23 @@ def test_evaluation_examples_run(tmp_path):
     assert planner["success"].item() > 0.8, "the page's planner follows its route"
 
 
+def test_simulator_examples_run(tmp_path):
+    assert run_blocks("docs/simulator.md", tmp_path) >= 5
+
+
+def test_simulator_page_names_tests_that_exist():
+    """In a row of the table, ``::test_name`` alone is in the file named before it."""
+    page, folder = (ROOT / "docs" / "simulator.md").read_text("utf-8"), ROOT / "tests" / "scenarionet_sim"
+    assert page.count("::test_") > 20
+    for row in page.splitlines():
+        where = ""
+        for file, name in re.findall(r"`([\w/]+\.py)?(?:::(test_\w+))?`", row.rpartition(" | ")[2]):
+            where = file or where
+            assert not name or f"def {name}(" in (folder / where).read_text("utf-8"), f"{where}::{name}"
+        for part in re.findall(r"`([a-z_]+/)`", row.rpartition(" | ")[2]):
+            assert list((folder / part).glob("test_*.py")), part
+
+
 def test_evaluation_page_explains_every_metric():
     page = (ROOT / "docs" / "evaluation.md").read_text("utf-8")
     table = tables.load("results")

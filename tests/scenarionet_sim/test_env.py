@@ -198,6 +198,7 @@ def test_an_environment_pickles_as_its_configuration_and_seed(only):
     assert len(pickle.dumps(env)) < 3_000
 
 
+@pytest.mark.long
 def test_worker_processes(only):
     config = EnvConfig(only("crowd", "wall"), backend=Kinematic())
     envs = AsyncVectorEnv([partial(ScenarioNetEnv, config)] * 2, context="spawn")  # threads do not survive a fork
@@ -259,3 +260,18 @@ def test_a_configuration_or_its_fields(only):
         ScenarioNetEnv(config, keep=2)
     with pytest.raises(BadParameter, match="ego alone"):
         ScenarioNetEnv(scenarios=only("crowd"), policies=(External(who=lambda world: world.object_type == 1),)).reset()
+
+
+def test_pictures(only):
+    env = ScenarioNetEnv(scenarios=only("wall", "cone"), backend=Kinematic(), render_mode="rgb_array")
+    env.reset()
+    first = env.render()
+    env.step(GO)
+    second = env.render()
+    assert first.shape == second.shape == (800, 800, 3) and first.dtype == np.uint8
+    assert (first != second).any()
+    assert len(np.unique(first.reshape(-1, 3), axis=0)) > 5
+    with pytest.warns(UserWarning, match="render_mode"):
+        silent = ScenarioNetEnv(scenarios=only("wall"), backend=Kinematic())
+        silent.reset()
+        assert silent.render() is None

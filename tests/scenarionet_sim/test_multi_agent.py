@@ -26,7 +26,7 @@ def drive(env, action=(0.0, 0.2), seed=0, **options):
     results = [(*env.reset(seed=seed, options=options), {})]
     while env.agents:
         before = set(env.agents)
-        results.append((*env.step({agent: action for agent in env.agents}), before))
+        results.append((*env.step(dict.fromkeys(env.agents, action)), before))
     return results
 
 
@@ -158,10 +158,10 @@ def test_actions_for_all_and_nobody_else(only):
         env.step({})
     env.reset()
     with pytest.raises(BadParameter, match="'t0'"):
-        env.step({agent: (0.0, 0.0) for agent in env.agents[1:]})
+        env.step(dict.fromkeys(env.agents[1:], (0.0, 0.0)))
     with pytest.raises(BadParameter, match="'nobody'"):
-        env.step({agent: (0.0, 0.0) for agent in [*env.agents, "nobody"]})
+        env.step(dict.fromkeys([*env.agents, "nobody"], (0.0, 0.0)))
     with pytest.raises(BadParameter, match="not a number"):
-        env.step({agent: (np.nan, 0.0) for agent in env.agents})
+        env.step(dict.fromkeys(env.agents, (np.nan, 0.0)))
     assert env.reset(options={"scenario_id": "made/v1/crowd", "timestep": 4})[1]["t0"]["timestep"] == 4
     env.close()

@@ -88,7 +88,7 @@ def test_five_hundred_objects_of_which_many_are_agents(lake):
     env.reset(seed=0)
     assert len(env.possible_agents) > 100
     for _ in range(10):
-        seen, *_ = env.step({agent: (0.0, 0.1) for agent in env.agents})
+        seen, *_ = env.step(dict.fromkeys(env.agents, (0.0, 0.1)))
     assert all(values in env.observation_space(agent) for agent, values in seen.items())
 
 

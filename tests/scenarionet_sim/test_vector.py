@@ -35,9 +35,7 @@ def run(envs, steps, seed=0):
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
-@pytest.mark.parametrize(
-    ("backend", "exact"), [(Kinematic(), True), (Bullet(), False)], ids=["kinematic", "bullet"]
-)
+@pytest.mark.parametrize(("backend", "exact"), [(Kinematic(), True), (Bullet(), False)], ids=["kinematic", "bullet"])
 def test_a_batch_is_what_its_worlds_are_one_by_one(only, mode, backend, exact):
     """Each slot of Gymnasium's own vector environment gets the scenario that the batch draws for it."""
     count, steps = 4, 60
@@ -56,7 +54,9 @@ def test_a_batch_is_what_its_worlds_are_one_by_one(only, mode, backend, exact):
         still = running & ~ended if mode is AutoresetMode.SAME_STEP else running
         np.testing.assert_allclose(one[0][still], other[0][still], atol=0 if exact else 1e-4)
         for slot in np.flatnonzero(running & ended) if mode is AutoresetMode.SAME_STEP else ():
-            np.testing.assert_allclose(one[4]["final_obs"][slot], other[4]["final_obs"][slot], atol=0 if exact else 1e-4)
+            np.testing.assert_allclose(
+                one[4]["final_obs"][slot], other[4]["final_obs"][slot], atol=0 if exact else 1e-4
+            )
             assert one[4]["final_info"]["scenario_id"][slot] == other[4]["final_info"]["scenario_id"][slot]
         running &= ~ended
     assert running.sum() < count
@@ -103,7 +103,7 @@ def test_infos_are_arrays_with_masks(only):
         for name in (*NUMBERS, *ENDS, "timestep", "scenario_id"):
             assert info[name].shape == (3,)
             assert info[f"_{name}"].all()
-    last = [info for *_, info in results if "final_info" in info][0]
+    last = next(info for *_, info in results if "final_info" in info)
     ended = last["_final_info"]
     assert last["final_info"]["success"][ended].all()
     assert (last["final_info"]["_success"] == ended).all()
@@ -112,7 +112,9 @@ def test_infos_are_arrays_with_masks(only):
 
 
 def test_gymnasium_makes_it(only):
-    envs = gymnasium.make_vec("ScenarioNet-v0", 3, scenarios=only("wall", "empty"), policies=(Replay(), Idm(), External()))
+    envs = gymnasium.make_vec(
+        "ScenarioNet-v0", 3, scenarios=only("wall", "empty"), policies=(Replay(), Idm(), External())
+    )
     assert isinstance(envs.unwrapped, ScenarioNetVectorEnv)
     assert envs.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
     assert envs.unwrapped.config.backend == Kinematic()
