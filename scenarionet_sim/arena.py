@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from scenarionet_data.errors import BadParameter
 from scenarionet_sim import tally, task
 from scenarionet_sim.config import EnvConfig
 from scenarionet_sim.observation import Observation
@@ -89,7 +90,16 @@ class Arena:
         return arc
 
     def begin(self, slot: int, world: World, start: int | None = None) -> None:
-        """Begin an episode in a slot; see :meth:`Simulation.reset`."""
+        """Begin an episode in a slot; see :meth:`Simulation.reset`.
+
+        Raises:
+            BadParameter: The ego is not there at the timestep ``start``.
+        """
+        if start is not None and not (0 <= start < world.num_steps and world.log_valid[start, world.ego]):
+            (there,) = np.nonzero(world.log_valid[:, world.ego])
+            raise BadParameter(
+                f"{world.scenario_id}: its ego is not there at timestep {start}; there are {there[0]} to {there[-1]}"
+            )
         self.simulation.reset(slot, world, start)
         self._watched.begin(slot)
         self._tally.begin(slot, self.simulation.stage.max_objects)

@@ -16,6 +16,7 @@ from scenarionet_sim.arena import Arena, open_stream
 from scenarionet_sim.config import EnvConfig
 from scenarionet_sim.observation import Observation
 from scenarionet_sim.task import ARRIVED, DRIVING, TIMED_OUT
+from scenarionet_sim.view import METADATA, View
 from scenarionet_sim.world import World
 
 Array = npt.NDArray[Any]
@@ -47,13 +48,13 @@ class ScenarioNetEnv(gymnasium.Env[Any, Array]):
         env = gymnasium.make("ScenarioNet-v0", scenarios=Scenarios("lake", "busy"), backend=Kinematic())
     """
 
-    metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 10}  # noqa: RUF012  # as the base class
+    metadata = METADATA
 
     def __init__(
         self, config: EnvConfig | None = None, render_mode: str | None = None, seed: int | None = None, **settings: Any
     ) -> None:
         self.config = configured(EnvConfig, config, settings)
-        self.render_mode = checked_render_mode(render_mode, self.metadata)
+        self.render_mode, self._view = render_mode, View(render_mode)
         self._observation = Observation(self.config.sensors, self.config.observation)
         self.observation_space = self._observation.space
         self.action_space = action_space()
@@ -61,6 +62,10 @@ class ScenarioNetEnv(gymnasium.Env[Any, Array]):
         self._seed, self._is_fresh = seed, True
         self._arena: Arena | None = None
         self._is_running = False
+
+    def __len__(self) -> int:
+        """Number of scenarios that are played."""
+        return len(self._stream.ids)
 
     def __reduce__(self) -> tuple[Callable[..., ScenarioNetEnv], tuple[Any, ...]]:
         return type(self), (self.config, self.render_mode, self._seed)
@@ -86,7 +91,17 @@ class ScenarioNetEnv(gymnasium.Env[Any, Array]):
         world, start = self._next(options or {})
         self._begin(world, start)
         self._is_running = True
+        self._view.follow(self.arena)
         return self._observe(), self._info()
+
+    def render(self) -> Any:
+        """The moment from above: a picture (H, W, 3) uint8 for ``rgb_array``, a window for ``human``.
+
+        Raises:
+            ResetNeeded: There was no reset yet.
+            MissingDependency: matplotlib is not installed.
+        """
+        return self._view.render(self.arena)
 
     def step(self, action: npt.ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Drive for one timestep.
@@ -100,20 +115,22 @@ class ScenarioNetEnv(gymnasium.Env[Any, Array]):
         """
         if not self._is_running or self._arena is None:
             raise ResetNeeded("step needs an episode that runs; call reset first")
+        if np.shape(action) != (2,):
+            raise BadParameter(f"an action of shape {np.shape(action)}; wanted steering and throttle, shape (2,)")
         self._arena.step(action)
         status = self._arena.status[0]
         if status != DRIVING:
             self._is_running = False
             self._stream.sampler.report(self._index, float(status == ARRIVED))
         is_over, is_late = status not in (DRIVING, TIMED_OUT), status == TIMED_OUT
-        if self.render_mode == "human":
-            self.render()
+        self._view.follow(self._arena)
         return self._observe(), float(self._arena.terms.sum()), bool(is_over), bool(is_late), self._info()
 
     def close(self) -> None:
         """End the thread, the physics and the window; reset starts them again."""
         self._is_running = False
         self._stream.close()
+        self._view.close()
         if self._arena is not None:
             self._arena.close()
             self._arena = None
@@ -167,13 +184,3 @@ def configured(kind: type[Any], config: EnvConfig | None, settings: dict[str, An
         raise BadParameter(f"no setting {unknown[0]!r}; there are {', '.join(known)}")
     return kind(**settings) if config is None else config
 
-
-def checked_render_mode(mode: str | None, metadata: dict[str, Any]) -> str | None:
-    """The mode.
-
-    Raises:
-        BadParameter: There is none of that name.
-    """
-    if mode is not None and mode not in metadata["render_modes"]:
-        raise BadParameter(f"render_mode {mode!r}; there are {', '.join(metadata['render_modes'])}")
-    return mode

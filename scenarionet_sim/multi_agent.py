@@ -15,10 +15,11 @@ from pettingzoo import ParallelEnv
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.arena import Arena, open_stream
 from scenarionet_sim.config import MultiAgentConfig
-from scenarionet_sim.env import action_space, checked_render_mode, configured
+from scenarionet_sim.env import action_space, configured
 from scenarionet_sim.observation import Observation
 from scenarionet_sim.policies import External
 from scenarionet_sim.task import ARRIVED, DRIVING, TIMED_OUT
+from scenarionet_sim.view import METADATA, View
 from scenarionet_sim.world import World
 
 Array = npt.NDArray[Any]
@@ -45,12 +46,7 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
         possible_agents: Those of the scenario that was reset last.
     """
 
-    metadata: dict[str, Any] = {  # noqa: RUF012  # as the base class
-        "name": "ScenarioNet-MultiAgent-v0",
-        "render_modes": ["rgb_array", "human"],
-        "render_fps": 10,
-        "is_parallelizable": True,
-    }
+    metadata = METADATA | {"name": "ScenarioNet-MultiAgent-v0", "is_parallelizable": True}  # noqa: RUF012
 
     def __init__(
         self,
@@ -60,7 +56,7 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
         **settings: Any,
     ) -> None:
         self.config = configured(MultiAgentConfig, config, settings)
-        self.render_mode = checked_render_mode(render_mode, self.metadata)
+        self.render_mode, self._view = render_mode, View(render_mode)
         self._observation, self._action_space = (
             Observation(self.config.sensors, self.config.observation),
             action_space(),
@@ -105,6 +101,7 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
         self.possible_agents = self._find_possible(self._arena, world)
         self._coming, self._num_arrived = set(self.possible_agents), 0
         self._wait(self._arena)
+        self._view.follow(self._arena)
         return self._named(self._seen()), self._named(self._arena.infos())
 
     def step(self, actions: Mapping[str, npt.ArrayLike]) -> tuple[Named, Named, Named, Named, Named]:
@@ -144,12 +141,18 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
             rewards |= dict.fromkeys(late, 0.0)
             terminated |= dict.fromkeys(late, False)
             truncated |= dict.fromkeys(late, False)
+        self._view.follow(arena)
         return observations, rewards, terminated, truncated, infos
+
+    def render(self) -> Any:
+        """As ``ScenarioNetEnv.render``, from above the recording vehicle."""
+        return self._view.render(self.arena)
 
     def close(self) -> None:
         """End the thread, the physics and the window; reset starts them again."""
         self.agents = []
         self._stream.close()
+        self._view.close()
         if self._arena is not None:
             self._arena.close()
             self._arena = None

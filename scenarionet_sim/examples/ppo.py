@@ -1,6 +1,8 @@
 """Proximal policy optimization on the vector environment, in one file and NumPy.
 
-    python -m scenarionet_sim.examples.ppo lake busy_train --steps 100000
+    OPENBLAS_NUM_THREADS=1 python -m scenarionet_sim.examples.ppo lake busy_train --steps 100000
+
+(Its matrices are so small that more threads only wait for each other.)
 
 The algorithm is Schulman et al. (2017) with generalized advantage estimation, in the order of CleanRL's single file.
 """
@@ -11,6 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import click
 import numpy as np
 from gymnasium.spaces import flatdim
 
@@ -172,3 +175,24 @@ class Learner:
         apart = (actions - mean) / np.exp(self.log_std)
         total: Float64 = (-0.5 * apart**2 - self.log_std - 0.5 * _LOG_2PI).sum(axis=-1)
         return total
+
+
+@click.command(help=__doc__)
+@click.argument("lake")
+@click.argument("database", required=False)
+@click.option("--steps", default=100_000, show_default=True, help="Steps of a world to learn for.")
+@click.option("--worlds", default=16, show_default=True, help="Worlds that step together.")
+@click.option("--seed", default=0, show_default=True)
+def main(lake: str, database: str | None, steps: int, worlds: int, seed: int) -> None:
+    """Learn, and print the mean reward of episodes as it rises."""
+    from scenarionet_sim.selection import Scenarios
+    from scenarionet_sim.vector import ScenarioNetVectorEnv
+
+    envs = ScenarioNetVectorEnv(worlds, scenarios=Scenarios(lake, database, order="random"), autoreset_mode="SameStep")
+    for done, reward in Learner(envs, seed=seed).train(steps):
+        click.echo(f"{done:>9,} steps  reward of an episode {reward:8.2f}")
+    envs.close()
+
+
+if __name__ == "__main__":
+    main()
