@@ -10,6 +10,7 @@ import numpy.typing as npt
 from scenarionet_data.procedural.jit import entry
 from scenarionet_data.vocabulary import ObjectType
 from scenarionet_sim.kernels.log import VALID, X, Y
+from scenarionet_sim.kernels.order import larger
 
 Bool = npt.NDArray[np.bool_]
 Codes = npt.NDArray[np.uint8]
@@ -107,7 +108,8 @@ def count(
             total[_LOG_DISTANCE] += apart
             board[a, 6] = apart
         board[a, 0] = begun
-        board[a, 1:4] = crashes[w, n]
+        for kind in range(3):
+            board[a, 1 + kind] = crashes[w, n, kind]
         board[a, 4] = speed
         board[a, 5] = total[_SPEED] / total[_STEPS]
-        board[a, 7] = total[_LOG_DISTANCE] / max(total[_LOG_STEPS], 1.0)
+        board[a, 7] = total[_LOG_DISTANCE] / larger(total[_LOG_STEPS], 1.0)

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from scenarionet_data.procedural.jit import entry
 from scenarionet_data.vocabulary import ObjectType
+from scenarionet_sim.kernels.order import larger, smaller
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
@@ -165,7 +166,7 @@ def judge(
         first, end = path_offsets[w, n], path_offsets[w, n + 1]
         length = path_arc[w, end - 1] if end > first else 0.0
         is_short = length < short_route
-        done = 1.0 if is_short else min(max(arc[w, n] / length, 0.0), 1.0)
+        done = 1.0 if is_short else smaller(larger(arc[w, n] / length, 0.0), 1.0)
         state, terminal = DRIVING, 0.0
         if abs(lateral[w, n]) > max_lateral:
             state, terminal = OFF_ROUTE, r_off_route
@@ -174,7 +175,7 @@ def judge(
         elif timestep[w] >= num_steps[w] + extra_steps:
             state = TIMED_OUT
         speed = np.hypot(velocity[w, n, 0], velocity[w, n, 1])
-        smoothness = min(0.0, 1.0 / speed - abs(steering[a])) if speed >= slow else 0.0
+        smoothness = smaller(0.0, 1.0 / speed - abs(steering[a])) if speed >= slow else 0.0
         collision = 0.0
         if hits[a] & ROAD_USERS:
             collision = p_road_user

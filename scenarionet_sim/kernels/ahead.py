@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.procedural.jit import entry
+from scenarionet_sim.kernels.order import larger, smaller
 from scenarionet_sim.kernels.paths import Path, direction, pose_at, segment_at
 
 Bool = npt.NDArray[np.bool_]
@@ -61,7 +62,7 @@ def points_ahead(
                 continue
             x, y = float(path.points[first, 0]), float(path.points[first, 1])
             if end - first > 1:
-                along = min(max(arc[w, me] + (k + 1) * spacing, 0.0), np.float64(path.arc[end - 1]))
+                along = smaller(larger(arc[w, me] + (k + 1) * spacing, 0.0), np.float64(path.arc[end - 1]))
                 x, y, _, _ = pose_at(path, along)
             dx, dy = x - position[w, me, 0], y - position[w, me, 1]
             out[a, k, 0], out[a, k, 1] = cos * dx + sin * dy, cos * dy - sin * dx
@@ -110,7 +111,7 @@ def observe_self(
             path = Path(path_points[w], path_arc[w], path_heading[w], path_z[w], first, end)
             tx, ty, _ = direction(path, segment_at(path, arc[w, me]))
             out[a, 4] = np.arctan2(sin * tx - cos * ty, cos * tx + sin * ty)
-            out[a, 6] = min(max(arc[w, me] / path_arc[w, end - 1], 0.0), 1.0)
+            out[a, 6] = smaller(larger(arc[w, me] / path_arc[w, end - 1], 0.0), 1.0)
 
 
 @entry
@@ -149,7 +150,7 @@ def observe_others(
             distance = dx * dx + dy * dy
             if distance > reach * reach or (found == most and distance >= apart[found - 1]):
                 continue
-            found = min(found + 1, most)
+            found = smaller(found + 1, most)
             place = found - 1
             while place > 0 and apart[place - 1] > distance:
                 apart[place], rows[place] = apart[place - 1], rows[place - 1]
@@ -203,7 +204,7 @@ def observe_light(
     for a in range(agents.shape[0]):
         w, me = agents[a, 0], agents[a, 1]
         out[a, 0], out[a, 1], out[a, 2], out[a, 3] = 1.0, 0.0, 0.0, 0.0
-        now = min(timestep[w], num_steps[w] - 1)
+        now = smaller(timestep[w], num_steps[w] - 1)
         for stop in range(stop_offsets[w, me], stop_offsets[w, me + 1]):
             apart = stop_arc[w, stop] - arc[w, me]
             if apart >= 0.0:

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.procedural.jit import entry
+from scenarionet_sim.kernels.order import larger, smaller
 
 Float64 = npt.NDArray[np.float64]
 Int32 = npt.NDArray[np.int32]
@@ -43,18 +44,18 @@ def drive_bicycles(
         w, n = agents[a, 0], agents[a, 1]
         angle, vx, vy = heading[w, n], velocity[w, n, 0], velocity[w, n, 1]
         speed = np.copysign(np.hypot(vx, vy), np.cos(angle) * vx + np.sin(angle) * vy)
-        wheelbase = limits[WHEELBASE] * max(size[w, n, 0], 1.0)
+        wheelbase = limits[WHEELBASE] * larger(size[w, n, 0], 1.0)
         slope = np.tan(limits[MAX_STEER] * actions[a, 0])
         slip = np.arctan(slope / 2.0)
         sharpest, throttle, turn = slope * np.cos(slip) / wheelbase, actions[a, 1], 0.0
         for _ in range(substeps):
             if throttle >= 0.0:
-                speed = max(speed, min(speed + limits[ACCELERATION] * throttle * h, limits[MAX_SPEED]))
+                speed = larger(speed, smaller(speed + limits[ACCELERATION] * throttle * h, limits[MAX_SPEED]))
             else:
-                speed = np.copysign(max(abs(speed) + limits[BRAKING] * throttle * h, 0.0), speed)
-            bend = min(abs(sharpest), limits[GRIP] / max(speed * speed, 1e-9))
+                speed = np.copysign(larger(abs(speed) + limits[BRAKING] * throttle * h, 0.0), speed)
+            bend = smaller(abs(sharpest), limits[GRIP] / larger(speed * speed, 1e-9))
             turn = speed * np.copysign(bend, sharpest)
-            slip = np.copysign(np.arcsin(min(bend * wheelbase / 2.0, 1.0)), sharpest)
+            slip = np.copysign(np.arcsin(smaller(bend * wheelbase / 2.0, 1.0)), sharpest)
             course = angle + turn * h / 2.0 + slip
             position[w, n, 0] += speed * np.cos(course) * h
             position[w, n, 1] += speed * np.sin(course) * h

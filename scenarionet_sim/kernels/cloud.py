@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.procedural.jit import entry
+from scenarionet_sim.kernels.order import larger, smaller
 from scenarionet_sim.kernels.rays import box_ahead, ray_through_box
 
 Bool = npt.NDArray[np.bool_]
@@ -54,7 +55,7 @@ def spin(
         for ring in range(slopes.shape[0]):
             ground = 1.0
             if is_seen[9] and slopes[ring] < 0.0:
-                ground = min(-mount / slopes[ring] * np.sqrt(1.0 + slopes[ring] ** 2) / reach, 1.0)
+                ground = smaller(-mount / slopes[ring] * np.sqrt(1.0 + slopes[ring] ** 2) / reach, 1.0)
             for k in range(count):
                 out[a, ring, k] = ground
         for n in range(position.shape[1]):
@@ -74,13 +75,13 @@ def spin(
                 stretch = np.sqrt(1.0 + slope * slope) / reach
                 low, high = 0.0, np.inf  # how far away, over the ground, the ring is as high as the box
                 if slope > 0.0:
-                    low, high = max(bottom / slope, 0.0), top / slope
+                    low, high = larger(bottom / slope, 0.0), top / slope
                 elif slope < 0.0:
-                    low, high = max(top / slope, 0.0), bottom / slope
+                    low, high = larger(top / slope, 0.0), bottom / slope
                 elif bottom > 0.0 or top < 0.0:
                     continue
                 for ray in range(first, last + 1):
-                    along = max(enters[ray - first], low)
+                    along = larger(enters[ray - first], low)
                     k = ray + count if ray < 0 else ray
-                    if along <= min(leaves[ray - first], high) and along * stretch < out[a, ring, k]:
+                    if along <= smaller(leaves[ray - first], high) and along * stretch < out[a, ring, k]:
                         out[a, ring, k] = along * stretch

@@ -15,6 +15,7 @@ from scenarionet_data.procedural.idm import free_acceleration, interaction
 from scenarionet_data.procedural.jit import entry, part
 from scenarionet_sim.kernels.log import HEADING, VALID, X, Y, Z
 from scenarionet_sim.kernels.motion import place_as_recorded
+from scenarionet_sim.kernels.order import larger, smaller
 from scenarionet_sim.kernels.overlap import is_overlapping
 from scenarionet_sim.kernels.paths import Path, direction, nearest, pose_at, segment_at, wrapped
 
@@ -90,7 +91,7 @@ def drive_along_paths(
     stations = np.empty((_STATIONS, 4))
     for w in range(len(timestep)):
         boxes = _boxes(w, position, heading, velocity, z, present, size)
-        t, mine = min(timestep[w], num_steps[w] - 1), -1
+        t, mine = smaller(timestep[w], num_steps[w] - 1), -1
         for n in range(driver.shape[1]):
             mine += present[w, n]
             if driver[w, n] != me:
@@ -109,17 +110,17 @@ def drive_along_paths(
             path = Path(path_points[w], path_arc[w], path_heading[w], path_z[w], first, end)
             s = arc[w, n]
             if np.isnan(s):
-                s = max(nearest(path, position[w, n, 0], position[w, n, 1], -np.inf, np.inf)[0], 0.0)
+                s = larger(nearest(path, position[w, n, 0], position[w, n, 1], -np.inf, np.inf)[0], 0.0)
             speed = np.hypot(velocity[w, n, 0], velocity[w, n, 1])
             count = _look_ahead(path, s, _horizon(speed, law) + size[w, n, 0], stations)
             braking = _braking_for_boxes(boxes, mine, stations, count, speed, law)
             for k in range(stop_offsets[w, n], stop_offsets[w, n + 1]):
                 color = colors[light_state[w, stop_light[w, k], t]]
                 gap = stop_arc[w, k] - s - size[w, n, 0] / 2.0
-                braking = max(braking, _braking_for_light(color, gap, speed, law))
-            desired = min(max(np.float64(top_speed[w, n]), law.slowest), _speed_for_bends(stations, count, law))
+                braking = larger(braking, _braking_for_light(color, gap, speed, law))
+            desired = smaller(larger(np.float64(top_speed[w, n]), law.slowest), _speed_for_bends(stations, count, law))
             wanted = free_acceleration(speed, desired, law.acceleration, law.deceleration) - braking
-            new_speed = max(speed + max(wanted, -law.hardest) * dt, 0.0)
+            new_speed = larger(speed + larger(wanted, -law.hardest) * dt, 0.0)
             s += (speed + new_speed) / 2.0 * dt
             if s >= path.arc[end - 1]:
                 next_arc[w, n] = np.inf
@@ -178,7 +179,7 @@ def _horizon(speed: float, law: Law) -> float:
 @part
 def _look_ahead(path: Path, s: float, horizon: float, stations: Float64) -> int:
     """Writes stations (x, y, arc, heading) from ``s`` to the horizon or the path's end; returns how many."""
-    spacing = max(_SPACING, horizon / (_STATIONS - 2))
+    spacing = larger(_SPACING, horizon / (_STATIONS - 2))
     stations[0, _SX], stations[0, _SY], _, stations[0, _HEADING] = pose_at(path, s)
     stations[0, _ARC] = s
     count, last = 1, s
@@ -198,8 +199,8 @@ def _braking_for_boxes(boxes: Float64, mine: int, stations: Float64, count: int,
     half_width = boxes[_HALF_WIDTH, mine] - law.overlap
     low_x, high_x, low_y, high_y = np.inf, -np.inf, np.inf, -np.inf
     for k in range(count):
-        low_x, high_x = min(low_x, stations[k, _SX]), max(high_x, stations[k, _SX])
-        low_y, high_y = min(low_y, stations[k, _SY]), max(high_y, stations[k, _SY])
+        low_x, high_x = smaller(low_x, stations[k, _SX]), larger(high_x, stations[k, _SX])
+        low_y, high_y = smaller(low_y, stations[k, _SY]), larger(high_y, stations[k, _SY])
     braking = 0.0
     for b in range(boxes.shape[1]):
         x, y, reach = boxes[_BX, b], boxes[_BY, b], boxes[_RADIUS, b] + half_width
@@ -210,7 +211,7 @@ def _braking_for_boxes(boxes: Float64, mine: int, stations: Float64, count: int,
         distance, moves_on = _meet(boxes, b, stations, count, half_width)
         if distance < np.inf:
             gap = distance - boxes[_HALF_LENGTH, mine]
-            braking = max(braking, _braking(speed, gap, speed - moves_on, law))
+            braking = larger(braking, _braking(speed, gap, speed - moves_on, law))
     return braking
 
 
@@ -235,7 +236,7 @@ def _meet(boxes: Float64, b: int, stations: Float64, count: int, half_width: flo
         if abs(left) >= half_width + across or along - reach >= length or along + reach <= 0.0:
             continue
         if k > 0 or along > 0.0:
-            entered = along - reach if k == 0 else max(along - reach, 0.0)
+            entered = along - reach if k == 0 else larger(along - reach, 0.0)
             return stations[k, _ARC] - stations[0, _ARC] + entered, boxes[_VX, b] * tx + boxes[_VY, b] * ty
     return np.inf, 0.0
 
@@ -250,7 +251,7 @@ def _braking_for_light(color: int, gap: float, speed: float, law: Law) -> float:
     """Braking for a red light ahead that can still be stopped for, or a yellow one in comfort [m/s2]."""
     if gap < -0.5 or (color != _RED and color != _YELLOW):
         return 0.0
-    needed = speed * speed / (2.0 * max(gap, 0.1))
+    needed = speed * speed / (2.0 * larger(gap, 0.1))
     if needed > (law.hardest if color == _RED else law.deceleration):
         return 0.0
     return _braking(speed, gap, speed, law)
@@ -264,5 +265,5 @@ def _speed_for_bends(stations: Float64, count: int, law: Law) -> float:
         bend = abs(wrapped(stations[k + 1, _HEADING] - stations[k, _HEADING]))
         length, distance = stations[k + 1, _ARC] - stations[k, _ARC], stations[k, _ARC] - stations[0, _ARC]
         if bend > 1e-3 * length:
-            highest = min(highest, law.lateral * length / bend + law.deceleration * distance)
+            highest = smaller(highest, law.lateral * length / bend + law.deceleration * distance)
     return float(np.sqrt(highest))

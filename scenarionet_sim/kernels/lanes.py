@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.procedural.jit import entry
+from scenarionet_sim.kernels.order import larger, smaller
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
@@ -33,7 +34,7 @@ def find_lanes(places: Float32, headings: Float32, points: Float32, offsets: Int
                 continue
             for q in range(len(places)):
                 dx, dy = np.float64(places[q, 0]) - points[k, 0], np.float64(places[q, 1]) - points[k, 1]
-                along = min(max((tx * dx + ty * dy) / length, 0.0), length)
+                along = smaller(larger((tx * dx + ty * dy) / length, 0.0), length)
                 apart = np.hypot(dx - along * tx / length, dy - along * ty / length)
                 leads = np.cos(headings[q]) * tx + np.sin(headings[q]) * ty > _ACROSS * length
                 if leads and apart < found[q, 2]:

@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from scenarionet_data.procedural.jit import entry, part
 from scenarionet_sim.kernels.log import HEADING, VALID, VX, VY, YAW_RATE, X, Y, Z
+from scenarionet_sim.kernels.order import smaller
 
 Bool = npt.NDArray[np.bool_]
 Codes = npt.NDArray[np.uint8]
@@ -56,7 +57,7 @@ def replay(
         position, heading, velocity, yaw_rate, z, present: The next moment, written.
     """
     for w in range(len(timestep)):
-        t = min(timestep[w] + 1, num_steps[w] - 1)
+        t = smaller(timestep[w] + 1, num_steps[w] - 1)
         is_over = timestep[w] + 1 >= num_steps[w]
         for n in range(driver.shape[1]):
             if driver[w, n] != me:

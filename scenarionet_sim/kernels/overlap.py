@@ -53,8 +53,9 @@ def find_contacts(
     """
     for a in range(len(agents)):
         w, n = agents[a, 0], agents[a, 1]
-        contacts[a, :] = False
         hits[a] = 0
+        for m in range(present.shape[1]):
+            contacts[a, m] = False
         if not present[w, n]:
             continue
         x, y, length, width = position[w, n, 0], position[w, n, 1], size[w, n, 0], size[w, n, 1]

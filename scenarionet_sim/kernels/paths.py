@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.procedural.jit import entry, part
+from scenarionet_sim.kernels.order import larger, smaller
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
@@ -56,7 +57,7 @@ def direction(path: Path, k: int) -> tuple[float, float, float]:
     """Unit vector along segment ``k``, and its length [m]."""
     dx = np.float64(path.points[k + 1, 0]) - path.points[k, 0]
     dy = np.float64(path.points[k + 1, 1]) - path.points[k, 1]
-    length = max(np.sqrt(dx * dx + dy * dy), 1e-9)
+    length = larger(np.sqrt(dx * dx + dy * dy), 1e-9)
     return dx / length, dy / length, length
 
 
@@ -67,7 +68,7 @@ def pose_at(path: Path, s: float) -> tuple[float, float, float, float]:
     share = (s - path.arc[k]) / (np.float64(path.arc[k + 1]) - path.arc[k])
     x = path.points[k, 0] + share * (np.float64(path.points[k + 1, 0]) - path.points[k, 0])
     y = path.points[k, 1] + share * (np.float64(path.points[k + 1, 1]) - path.points[k, 1])
-    z = path.z[k] + min(max(share, 0.0), 1.0) * (np.float64(path.z[k + 1]) - path.z[k])
+    z = path.z[k] + smaller(larger(share, 0.0), 1.0) * (np.float64(path.z[k + 1]) - path.z[k])
     turn = wrapped(np.float64(path.heading[k + 1]) - np.float64(path.heading[k]))
     return x, y, z, wrapped(path.heading[k] + share * turn)
 
@@ -93,7 +94,7 @@ def nearest(path: Path, x: float, y: float, low: float, high: float) -> tuple[fl
         tx, ty, length = direction(path, k)
         dx, dy = x - path.points[k, 0], y - path.points[k, 1]
         along, left = tx * dx + ty * dy, tx * dy - ty * dx
-        inside = min(max(along, 0.0), length)
+        inside = smaller(larger(along, 0.0), length)
         apart = left * left + (along - inside) ** 2
         if apart < best:
             best = apart
@@ -186,7 +187,7 @@ def _arcs(points: Float32, offsets: Int32) -> Float32:
     for m in range(len(offsets) - 1):
         for k in range(offsets[m] + 1, offsets[m + 1]):
             step = np.hypot(points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1])
-            arc[k] = arc[k - 1] + max(step, np.float32(1e-3))  # repeated points have no direction
+            arc[k] = arc[k - 1] + larger(step, np.float32(1e-3))  # repeated points have no direction
     return arc
 
 
@@ -196,7 +197,7 @@ def _bounds(path: Path) -> tuple[float, float, float, float]:
     low_x, high_x, low_y, high_y = np.inf, -np.inf, np.inf, -np.inf
     for k in range(path.first, path.end):
         x, y = np.float64(path.points[k, 0]), np.float64(path.points[k, 1])
-        low_x, high_x, low_y, high_y = min(low_x, x), max(high_x, x), min(low_y, y), max(high_y, y)
+        low_x, high_x, low_y, high_y = smaller(low_x, x), larger(high_x, x), smaller(low_y, y), larger(high_y, y)
     return low_x - _LANE_HALF, high_x + _LANE_HALF, low_y - _LANE_HALF, high_y + _LANE_HALF
 
 
@@ -204,11 +205,11 @@ def _bounds(path: Path) -> tuple[float, float, float, float]:
 def _stop_on(path: Path, way: Path, x: float, y: float) -> float:
     """Arc length of the stop point (x, y) of a lane's light on a path, NaN when the path takes another lane."""
     s, lateral = nearest(path, x, y, -np.inf, np.inf)
-    beyond = min(_BEYOND, path.arc[path.end - 1] - s)
+    beyond = smaller(_BEYOND, path.arc[path.end - 1] - s)
     if abs(lateral) > _LANE_HALF or s < 0.0 or beyond < 1.0:
         return np.nan
     on_lane, _ = nearest(way, x, y, -np.inf, np.inf)
-    there = min(max(on_lane, 0.0) + beyond, np.float64(way.arc[way.end - 1]))
+    there = smaller(larger(on_lane, 0.0) + beyond, np.float64(way.arc[way.end - 1]))
     k = segment_at(way, there)
     tx, ty, _ = direction(way, k)
     x, y = way.points[k, 0] + tx * (there - way.arc[k]), way.points[k, 1] + ty * (there - way.arc[k])

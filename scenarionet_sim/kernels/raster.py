@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.procedural.jit import entry, part
+from scenarionet_sim.kernels.order import larger, smaller
 
 Bool = npt.NDArray[np.bool_]
 Codes = npt.NDArray[np.uint8]
@@ -39,17 +40,17 @@ def fill(outline: Float64, count: int, value: int, picture: Codes, turns: Int16)
     for i in range(count):
         j = i + 1 if i + 1 < count else 0
         x0, y0, y1 = outline[i, 0], outline[i, 1], outline[j, 1]
-        first = int(min(max(np.ceil(min(y0, y1) - 0.5), 0.0), height))
-        end = int(min(max(np.ceil(max(y0, y1) - 0.5), 0.0), height))
+        first = int(smaller(larger(np.ceil(smaller(y0, y1) - 0.5), 0.0), height))
+        end = int(smaller(larger(np.ceil(larger(y0, y1) - 0.5), 0.0), height))
         if first >= end:
             continue
-        top, bottom = min(top, first), max(bottom, end - 1)
+        top, bottom = smaller(top, first), larger(bottom, end - 1)
         slope = (outline[j, 0] - x0) / (y1 - y0)
         for row in range(first, end):
-            column = int(min(max(np.ceil(x0 + (row + 0.5 - y0) * slope - 0.5), 0.0), width))
+            column = int(smaller(larger(np.ceil(x0 + (row + 0.5 - y0) * slope - 0.5), 0.0), width))
             turns[row, column] += 1 if y1 > y0 else -1
-            turns[row, width + 1] = max(turns[row, width + 1], width - column)
-            turns[row, width + 2] = max(turns[row, width + 2], column)
+            turns[row, width + 1] = larger(turns[row, width + 1], width - column)
+            turns[row, width + 2] = larger(turns[row, width + 2], column)
     for row in range(top, bottom + 1):
         inside = 0
         for column in range(width - turns[row, width + 1], turns[row, width + 2] + 1):
@@ -72,7 +73,7 @@ def draw_line(x0: float, y0: float, x1: float, y1: float, value: int, picture: C
         x0, y0, x1, y1, width, height = y0, x0, y1, x1, height, width
     if x0 > x1:
         x0, y0, x1, y1 = x1, y1, x0, y0
-    first, end = max(np.ceil(x0 - 0.5), 0.0), min(np.ceil(x1 - 0.5), width)
+    first, end = larger(np.ceil(x0 - 0.5), 0.0), smaller(np.ceil(x1 - 0.5), width)
     if first >= end:
         return
     slope = (y1 - y0) / (x1 - x0)
@@ -102,10 +103,10 @@ def list_in_window(
         origin, shape, cell_size, cell_start, cell_items: The grid.
         found: (K,) bool, set True there.
     """
-    first_column = int(max(np.floor((window[0] - origin[0]) / cell_size), 0.0))
-    first_row = int(max(np.floor((window[1] - origin[1]) / cell_size), 0.0))
-    last_column = int(min(np.floor((window[2] - origin[0]) / cell_size), shape[0] - 1.0))
-    last_row = int(min(np.floor((window[3] - origin[1]) / cell_size), shape[1] - 1.0))
+    first_column = int(larger(np.floor((window[0] - origin[0]) / cell_size), 0.0))
+    first_row = int(larger(np.floor((window[1] - origin[1]) / cell_size), 0.0))
+    last_column = int(smaller(np.floor((window[2] - origin[0]) / cell_size), shape[0] - 1.0))
+    last_row = int(smaller(np.floor((window[3] - origin[1]) / cell_size), shape[1] - 1.0))
     for row in range(first_row, last_row + 1):
         for column in range(first_column, last_column + 1):
             cell = row * shape[0] + column
@@ -135,7 +136,7 @@ def draw_polygons(
     """
     longest = 0
     for m in range(len(offsets) - 1):
-        longest = max(longest, offsets[m + 1] - offsets[m])
+        longest = larger(longest, offsets[m + 1] - offsets[m])
     pixels = np.empty((longest, 2))
     for m in range(len(offsets) - 1):
         channel = channel_of[types[m]]

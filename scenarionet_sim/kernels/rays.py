@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.procedural.jit import entry, part
+from scenarionet_sim.kernels.order import larger, smaller
 
 Bool = npt.NDArray[np.bool_]
 Codes = npt.NDArray[np.uint8]
@@ -32,7 +33,7 @@ def ray_through_box(x: float, y: float, dx: float, dy: float, half_x: float, hal
     over_x, over_y = _inverse(dx), _inverse(dy)
     x0, x1 = (-half_x - x) * over_x, (half_x - x) * over_x
     y0, y1 = (-half_y - y) * over_y, (half_y - y) * over_y
-    return max(min(x0, x1), min(y0, y1)), min(max(x0, x1), max(y0, y1))
+    return larger(smaller(x0, x1), smaller(y0, y1)), smaller(larger(x0, x1), larger(y0, y1))
 
 
 @part
@@ -45,7 +46,7 @@ def rays_at_circle(x: float, y: float, radius: float, count: int) -> tuple[int, 
     per_radian = count / (2.0 * np.pi)
     first = int(np.ceil((middle - half) * per_radian - 1e-9))
     last = int(np.floor((middle + half) * per_radian + 1e-9))
-    return first, min(last, first + count - 1)
+    return first, smaller(last, first + count - 1)
 
 
 @part
@@ -116,7 +117,7 @@ def cast_at_boxes(
                 forward = cos * directions[k, 0] + sin * directions[k, 1]
                 left = cos * directions[k, 1] - sin * directions[k, 0]
                 enter, leave = ray_through_box(x, y, forward, left, half_x, half_y)
-                share = max(enter, 0.0) / reach
+                share = larger(enter, 0.0) / reach
                 if enter <= leave and leave >= 0.0 and share < out[a, k]:
                     out[a, k] = share
 
@@ -146,11 +147,11 @@ def nearest_segment(
     left, low = np.float64(origin[0]), np.float64(origin[1])
     width, height = shape[0] * cell_size, shape[1] * cell_size
     enter, leave = ray_through_box(x - left - width / 2, y - low - height / 2, dx, dy, width / 2, height / 2)
-    start, best = max(enter, 0.0), reach
+    start, best = larger(enter, 0.0), reach
     if enter > leave or leave < 0.0 or start >= reach:
         return best
-    column = min(max(int((x + start * dx - left) / cell_size), 0), shape[0] - 1)
-    row = min(max(int((y + start * dy - low) / cell_size), 0), shape[1] - 1)
+    column = smaller(larger(int((x + start * dx - left) / cell_size), 0), shape[0] - 1)
+    row = smaller(larger(int((y + start * dy - low) / cell_size), 0), shape[1] - 1)
     step_x, step_y = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
     next_x = (left + (column + (dx > 0)) * cell_size - x) * over_x
     next_y = (low + (row + (dy > 0)) * cell_size - y) * over_y
@@ -160,8 +161,8 @@ def nearest_segment(
         for place in range(cell_start[cell], cell_start[cell + 1]):
             s = cell_items[place]
             if is_seen[segment_type[s]]:
-                best = min(best, _ray_to_segment(x, y, dx, dy, segments, s, best))
-        if best <= min(next_x, next_y):
+                best = smaller(best, _ray_to_segment(x, y, dx, dy, segments, s, best))
+        if best <= smaller(next_x, next_y):
             break
         if next_x < next_y:
             next_x += along_x

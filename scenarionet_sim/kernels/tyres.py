@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.procedural.jit import entry, part
+from scenarionet_sim.kernels.order import larger, smaller
 
 Float64 = npt.NDArray[np.float64]
 Vehicle = tuple[float, float, float, float, float, float]
@@ -41,7 +42,7 @@ def apply_tyres(motion: Float64, size: Float64, actions: Float64, vehicle: Vehic
         wanted = _engine(forward, throttle * acceleration * step, max_speed)
         if throttle < 0.0:
             wanted = _brake(forward, -throttle * braking * step)
-        change = max(-grip, min(grip, wanted))
+        change = larger(-grip, smaller(grip, wanted))
         axle = 0.5 * change, 0.5 * math.sqrt(grip * grip - change * change)
         frame = 0.5 * wheelbase * size[a, 0], (size[a, 0] ** 2 + size[a, 1] ** 2) / 12.0
         forward, left, motion[a, 5] = _roll(forward, left, motion[a, 5], actions[a, 0] * max_steer, frame, axle)
@@ -52,13 +53,13 @@ def apply_tyres(motion: Float64, size: Float64, actions: Float64, vehicle: Vehic
 @part
 def _engine(forward: float, change: float, max_speed: float) -> float:
     """Change of speed by the engine: nothing beyond the fastest."""
-    return min(change, max(0.0, max_speed - forward))
+    return smaller(change, larger(0.0, max_speed - forward))
 
 
 @part
 def _brake(forward: float, change: float) -> float:
     """Change of speed by the brakes: no more than stops."""
-    return -math.copysign(min(change, abs(forward)), forward)
+    return -math.copysign(smaller(change, abs(forward)), forward)
 
 
 @part
@@ -84,10 +85,10 @@ def _roll(
     slip_r = left - arm * yaw_rate
     a, b, d = 1.0 + lever * lever / gyration, cos - lever * arm / gyration, 1.0 + arm * arm / gyration
     f, r = (b * slip_r - d * slip_f) / (a * d - b * b), (b * slip_f - a * slip_r) / (a * d - b * b)
-    if abs(f) > max(grip, abs(r)):
-        f = max(-grip, min(grip, f))
-        r = max(-grip, min(grip, -(slip_r + b * f) / d))
+    if abs(f) > larger(grip, abs(r)):
+        f = larger(-grip, smaller(grip, f))
+        r = larger(-grip, smaller(grip, -(slip_r + b * f) / d))
     elif abs(r) > grip:
-        r = max(-grip, min(grip, r))
-        f = max(-grip, min(grip, -(slip_f + b * r) / a))
+        r = larger(-grip, smaller(grip, r))
+        f = larger(-grip, smaller(grip, -(slip_f + b * r) / a))
     return forward - sin * f, left + cos * f + r, yaw_rate + (lever * f - arm * r) / gyration
