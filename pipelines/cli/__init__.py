@@ -13,7 +13,7 @@ from pipelines.cli.interrupt import stop_cleanly
 
 VERBS = {
     "Bring recordings in": ("convert", "converters"),
-    "Look": ("list", "show", "sql", "files"),
+    "Look": ("list", "show", "sql", "files", "render"),
     "Choose": ("filter", "filters", "split"),
     "Simulate": ("sim", "record"),
     "Hand on": ("export",),

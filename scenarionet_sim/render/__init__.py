@@ -10,9 +10,12 @@ try:
 except ImportError as error:
     raise MissingDependency("pictures need matplotlib; install scenarionet-lake[plots]") from error
 
+from scenarionet_sim.render.drawing import Drawing
 from scenarionet_sim.render.files import write_picture, write_video
+from scenarionet_sim.render.live import Live
 from scenarionet_sim.render.moment import Moment
+from scenarionet_sim.render.rollouts import rolled_out
 from scenarionet_sim.render.topdown import TopDown
 from scenarionet_sim.render.window import Window
 
-__all__ = ["Moment", "TopDown", "Window", "write_picture", "write_video"]
+__all__ = ["Drawing", "Live", "Moment", "TopDown", "Window", "rolled_out", "write_picture", "write_video"]

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from fractions import Fraction
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -24,8 +27,6 @@ PICTURES = (".png", ".pdf", ".svg")
 VIDEOS = (".gif", ".mp4")
 
 _DPI = 100
-TRAIL = 20
-"""Past moments that trails show."""
 
 
 def write_picture(
@@ -61,7 +62,8 @@ def write_picture(
     for artist in (*labels.scale_bar(axes), *labels.time(axes, moments[-1].timestep * world.dt)):
         axes.add_artist(artist)
     labels.legend(axes, world, moments[-1])
-    figure.savefig(path)
+    with _whole(Path(path)) as file:
+        figure.savefig(file)
 
 
 def write_video(
@@ -85,7 +87,8 @@ def write_video(
     writers = {".gif": _write_gif, ".mp4": _write_mp4}
     if Path(path).suffix not in writers:
         raise BadParameter(f"{path}: a video's name ends with one of {', '.join(VIDEOS)}")
-    writers[Path(path).suffix](Path(path), _counted(frames, on_frame or (lambda _: None)), rate)
+    with _whole(Path(path)) as file:
+        writers[Path(path).suffix](file, _counted(frames, on_frame or (lambda _: None)), rate)
 
 
 def _counted(frames: Iterable[Picture], on_frame: Callable[[int], None]) -> Iterator[Picture]:
@@ -108,13 +111,24 @@ def _write_mp4(path: Path, frames: Iterator[Picture], rate: float) -> None:
         import av
     except ImportError as error:
         raise MissingDependency(f"{path}: mp4 needs PyAV; install scenarionet-lake[video], or write a .gif") from error
-    from fractions import Fraction
-
+    first = next(frames)
     with av.open(str(path), "w") as container:
-        stream = container.add_stream("libx264", rate=Fraction(rate).limit_denominator(1000))
-        stream.options = {"crf": "18", "preset": "fast"}
+        stream = container.add_stream("libx264", Fraction(rate).limit_denominator(1000))
+        stream.height, stream.width = first.shape[:2]
         stream.pix_fmt = "yuv420p"
-        for frame in frames:
-            stream.height, stream.width = frame.shape[:2]
+        stream.options = {"crf": "18", "preset": "fast"}
+        for frame in chain([first], frames):
             container.mux(stream.encode(av.VideoFrame.from_ndarray(frame, format="rgb24")))
         container.mux(stream.encode())
+
+
+@contextmanager
+def _whole(path: Path) -> Iterator[Path]:
+    """A name to write to that becomes ``path`` when all is written, and leaves nothing when it fails."""
+    unfinished = path.with_name(f".unfinished.{path.name}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield unfinished
+        unfinished.replace(path)
+    finally:
+        unfinished.unlink(missing_ok=True)

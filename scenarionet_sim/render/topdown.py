@@ -21,6 +21,9 @@ from scenarionet_sim.world import World
 
 Picture = npt.NDArray[np.uint8]
 
+TRAIL = 20
+"""Moments that trails show."""
+
 DPI = 100
 TILE = 512
 """Side of a tile [pixel]."""
