@@ -7,6 +7,7 @@ are the scenario's (:mod:`scenarionet_data.scenario`). N objects, T timesteps, P
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -93,7 +94,7 @@ class World:
         """(T, N) float32 [rad/s]."""
         return self.log[..., YAW_RATE]
 
-    @property
+    @cached_property
     def log_valid(self) -> Bool:
         """(T, N) bool."""
         valid: Bool = self.log[..., VALID] != 0

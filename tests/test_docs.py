@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from scenarionet_data import Lake, dictionary, tables
+from scenarionet_sim import sensors
 from tests.fixtures.argoverse2 import write_forecasting
 from tests.fixtures.scenarionet_pickles import write_vintages
 from tests.fixtures.waymo import scenario_bytes, write_tfrecord
@@ -85,6 +86,16 @@ def test_simulator_page_names_tests_that_exist():
             assert not name or f"def {name}(" in (folder / where).read_text("utf-8"), f"{where}::{name}"
         for part in re.findall(r"`([a-z_]+/)`", row.rpartition(" | ")[2]):
             assert list((folder / part).glob("test_*.py")), part
+
+
+def test_sensor_examples_run(tmp_path):
+    assert run_blocks("docs/sensors.md", tmp_path) == 3
+
+
+def test_sensors_page_lists_every_sensor():
+    page = (ROOT / "docs" / "sensors.md").read_text("utf-8")
+    kinds = [name for name in sensors.__all__ if name not in ("Sensor", "Channel")]
+    assert [name for name in kinds if f"| `{name}` |" not in page] == []
 
 
 def test_evaluation_page_explains_every_metric():

@@ -50,7 +50,7 @@ def legend(axes: Axes, world: World, moment: Moment) -> None:
     """What the colours of what is drawn mean, in the lower right corner."""
     handles: list[Artist] = [
         Patch(color=EGO, label="ego"),
-        Line2D([], [], color=EGO, alpha=0.35, linewidth=5 * ROUTE, label="its route"),
+        Line2D([], [], color=EGO, alpha=0.35, linewidth=5 * ROUTE, solid_capstyle="butt", label="its route"),
     ]
     present = moment.present.copy()
     present[world.ego] = False

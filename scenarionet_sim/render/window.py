@@ -12,10 +12,10 @@ from scenarionet_sim.world import World
 
 Float64 = npt.NDArray[np.float64]
 
-MARGIN = 20.0
+MARGIN = 30.0
 """Around what has to be seen [m]."""
 
-_LEAST = 60.0
+_LEAST = 80.0
 """Shortest side of a window around a route [m]."""
 
 

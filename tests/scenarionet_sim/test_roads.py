@@ -146,3 +146,26 @@ def test_every_box_is_in_every_cell_it_touches(seed, count):
             cell = row * grid.shape[0] + column
             listed = grid.cell_items[grid.cell_start[cell] : grid.cell_start[cell + 1]]
             np.testing.assert_array_equal(listed, np.flatnonzero(touches))
+
+
+@pytest.mark.parametrize(
+    ("dataset", "folder"),
+    [
+        ("waymo", "waymo/training"),
+        ("scenarionet", "scenarionet/nuscenes_0"),
+        ("argoverse2", "argoverse2/motion-forecasting/val"),
+    ],
+)
+def test_recorded_egos_drive_on_roads(recordings, dataset, folder):
+    """Lanes without outlines are buffered (Waymo), widths are not always to be believed (pickles)."""
+    converter = converters.get(dataset)
+    for shard in converter.shards(str(recordings / folder), "val", converter.release, converter.Options()):
+        for record in converter.records(shard):
+            scenario = converter.scenario(shard, record)
+            roads, ego = Roads.from_map(scenario.map), scenario.ego_index
+            driven = scenario.tracks.position[ego, scenario.tracks.valid[ego], :2]
+            assert roads.is_on_road(driven).mean() > 0.95
+            areas = np.array([shapely.Polygon(outline).area for outline in roads.polygons if len(outline) > 2])
+            assert np.isfinite(areas).all()
+            lengths = [shapely.LineString(lane).length if len(lane) > 1 else 0.0 for lane in roads.lanes]
+            assert areas[: roads.num_lanes].sum() < 12.0 * sum(lengths)
