@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from scenarionet_data.geometry import box_corners, box_distance
+from scenarionet_data.gaps import nearest_box
+from scenarionet_data.geometry import box_corners
 from scenarionet_sim.kernels.overlap import find_contacts
 
 
@@ -49,7 +50,10 @@ def test_overlap_is_a_distance_of_nothing():
     )  # fmt: skip
     agents = np.column_stack([np.arange(500), np.zeros(500)]).astype(np.int32)
     contacts, _ = contacts_of(agents, tuple(map(np.ascontiguousarray, state)))
-    np.testing.assert_array_equal(contacts[:, 1], box_distance(first, second) == 0)
+    gap = [
+        nearest_box(np.stack(pair)[:, None], np.ones((2, 1), np.bool_), 0) for pair in zip(first, second, strict=True)
+    ]
+    np.testing.assert_array_equal(contacts[:, 1], np.array(gap) == 0)
 
 
 def test_edges_that_only_meet_are_no_contact():
