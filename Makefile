@@ -8,7 +8,7 @@ LAKE ?= lake
 RAW ?= $(if $(SCENARIONET_RAW),$(SCENARIONET_RAW)/$(DATASET),$(if $(filter nuplan,$(DATASET)),$(NUPLAN_DATA_ROOT)))
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-all test-metadrive test-devkits check bench convert docs build clean
+.PHONY: help install demo test test-all test-metadrive test-devkits check bench bench-sim convert docs build clean
 
 help:  ## List the targets.
 	@sed -nE 's/^([a-z-]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "make %-15s %s\n", $$1, $$2}'
@@ -51,6 +51,9 @@ check: install  ## Lint, format and types.
 
 bench: install  ## Measure against the goals; writes bench.json.
 	$(BIN)/python -m tests.bench $(ARGS)
+
+bench-sim: install  ## Measure the simulator alone.
+	$(BIN)/python -m tests.bench --only sim $(ARGS)
 
 convert: _arguments install  ## DATASET=waymo [RAW=... LAKE=lake SPLIT= WORKERS= ARGS=]: recordings into a lake.
 	$(BIN)/scenarionet convert '$(DATASET)' '$(RAW)' '$(LAKE)' \

@@ -8,7 +8,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
-from typing import Any
+from typing import Any, TypeVar
 
 from scenarionet_data import converters
 from scenarionet_data.catalog.audit import audit, audit_shared_map
@@ -58,6 +58,9 @@ class Outcome:
     was_finished: bool = False
     seconds: float = 0.0
 
+
+Work = TypeVar("Work")
+Done = TypeVar("Done")
 
 Run = Callable[[Iterable[Job]], Iterator[Outcome]]
 """Who does the jobs: outcomes in any order."""
@@ -131,7 +134,7 @@ def _write_scenarios(converter: Converter[Any], shard: Shard, writer: ShardWrite
 
 def runner(workers: int) -> Run:
     """This process for one worker, else a pool of processes."""
-    return run_here if workers <= 1 else lambda jobs: run_pool(jobs, workers)
+    return run_here if workers <= 1 else lambda jobs: run_pool(jobs, workers, convert_shard)
 
 
 def run_here(jobs: Iterable[Job]) -> Iterator[Outcome]:
@@ -150,16 +153,25 @@ def run_limited(jobs: Iterable[Job], limit: int) -> Iterator[Outcome]:
         yield outcome
 
 
-def run_pool(jobs: Iterable[Job], workers: int) -> Iterator[Outcome]:
-    """A pool of processes with two jobs each in flight; outcomes as they come."""
+def run_pool(jobs: Iterable[Work], workers: int, do: Callable[[Work], Done]) -> Iterator[Done]:
+    """A pool of processes with two jobs each in flight; outcomes as they come.
+
+    Args:
+        jobs: What there is to do; picklable.
+        workers: How many processes.
+        do: What does a job, on a worker; a function of a module.
+
+    Raises:
+        WorkerLost: A worker was killed.
+    """
     queue = iter(jobs)
     # spawn: a forked child would share the locks of Arrow's and DuckDB's threads.
     with ProcessPoolExecutor(workers, get_context("spawn"), follow_parent) as pool:
-        running: set[Future[Outcome]] = set()
+        running: set[Future[Done]] = set()
         try:
             while True:
                 for job in queue:
-                    running.add(pool.submit(convert_shard, job))
+                    running.add(pool.submit(do, job))
                     if len(running) >= 2 * workers:
                         break
                 if not running:
@@ -170,7 +182,7 @@ def run_pool(jobs: Iterable[Job], workers: int) -> Iterator[Outcome]:
         except BrokenProcessPool as error:
             raise WorkerLost(
                 "a worker process was killed, most often for memory; run the same command again, with fewer "
-                "--workers: finished shards are kept"
+                "--workers: what is finished is kept"
             ) from error
         finally:
             for future in running:

@@ -19,7 +19,7 @@ from scenarionet_data.errors import SchemaMismatch
 from scenarionet_data.resources import SCHEMAS
 
 CONTENT = ("metadata", "tracks", "lights", "maps", "quarantine")
-TABLES = (*CONTENT, "shards", "members")
+TABLES = (*CONTENT, "shards", "members", "results", "rollouts", "observations")
 
 DESCRIPTION_COLUMNS = (
     "scenario_id",

@@ -1,1 +1,10 @@
-"""The simulator: gymnasium environments over the scenarios of a lake. Nothing here yet but the room."""
+"""The simulator: Gymnasium environments over the scenarios of a lake.
+
+Importing this package registers ``ScenarioNet-v0`` (also as a vector environment) with Gymnasium, if that is
+installed; the parts are in the modules.
+"""
+
+from importlib.util import find_spec
+
+if find_spec("gymnasium"):
+    from scenarionet_sim import registration as registration

@@ -18,8 +18,9 @@ import pytest
 from click.testing import CliRunner
 
 from pipelines.cli import cli
-from scenarionet_data import converters, dictionary, resources
+from scenarionet_data import Lake, converters, dictionary, resources, tables
 from scenarionet_data.catalog import checks
+from scenarionet_sim import sensors
 from tests.fixtures.argoverse2 import write_forecasting
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarionet_pickles import write_vintages
@@ -52,22 +53,77 @@ def test_data_dictionary_is_up_to_date():
     assert readme == dictionary.into_page(readme), "run `make docs`"
 
 
+def run_blocks(page: str, folder: Path) -> int:
+    """Run every bash and python block of a page, in order, in one folder; returns how many there are.
+
+    A python block whose first line names a file is written there instead.
+    """
+    command = folder / "bin" / "scenarionet"
+    command.parent.mkdir()
+    command.write_text(f'#!/bin/sh\nexec {sys.executable} -m pipelines.cli "$@"\n')
+    command.chmod(0o755)
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "PATH": f"{command.parent}:{os.environ['PATH']}"}
+    text = (ROOT / page).read_text("utf-8")
+    found = re.findall(r"^```(bash|python)\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    for language, code in found:
+        name = re.match(r"# (\w+\.py)\n", code)
+        if name:
+            (folder / name.group(1)).write_text(code)
+            continue
+        runner = ["bash", "-euo", "pipefail", "-c"] if language == "bash" else [sys.executable, "-c"]
+        done = subprocess.run([*runner, code], cwd=folder, env=environment, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, code + done.stdout + done.stderr
+    return len(found)
+
+
 def test_readme_examples_run(tmp_path):
-    """Every bash and python block, in order, in one folder with recordings beside it."""
+    """With recordings beside it."""
     write_tfrecord(tmp_path / "recordings/waymo/training/training.tfrecord-00000-of-01000", [scenario_bytes(1)])
     write_forecasting(tmp_path / "recordings/argoverse2/val", num_scenarios=2, seed=0)
     write_vintages(tmp_path / "recordings/pickles")
-    programs = commands(tmp_path, "scenarionet=pipelines.cli")
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "PATH": f"{programs}:{os.environ['PATH']}"}
-    text = (ROOT / "README.md").read_text("utf-8")
-    found = re.findall(r"^```(bash|python)\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
-    assert len(found) >= 9
-    for language, code in found:
-        runner = ["bash", "-euo", "pipefail", "-c"] if language == "bash" else [sys.executable, "-c"]
-        done = subprocess.run(
-            [*runner, code], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
-        )
-        assert done.returncode == 0, code + done.stdout + done.stderr
+    assert run_blocks("README.md", tmp_path) >= 9
+
+
+@pytest.mark.long
+def test_evaluation_examples_run(tmp_path):
+    assert run_blocks("docs/evaluation.md", tmp_path) >= 5
+    runs = Lake(tmp_path / "lake").ask("runs")
+    planner = runs.filter(run="driven-my_planner.Planner-replay-kinematic")
+    assert planner["success"].item() > 0.8, "the page's planner follows its route"
+
+
+def test_simulator_examples_run(tmp_path):
+    assert run_blocks("docs/simulator.md", tmp_path) >= 5
+
+
+def test_simulator_page_names_tests_that_exist():
+    """In a row of the table, ``::test_name`` alone is in the file named before it."""
+    page, folder = (ROOT / "docs" / "simulator.md").read_text("utf-8"), ROOT / "tests" / "scenarionet_sim"
+    assert page.count("::test_") > 20
+    for row in page.splitlines():
+        where = ""
+        for file, name in re.findall(r"`([\w/]+\.py)?(?:::(test_\w+))?`", row.rpartition(" | ")[2]):
+            where = file or where
+            assert not name or f"def {name}(" in (folder / where).read_text("utf-8"), f"{where}::{name}"
+        for part in re.findall(r"`([a-z_]+/)`", row.rpartition(" | ")[2]):
+            assert list((folder / part).glob("test_*.py")), part
+
+
+def test_sensor_examples_run(tmp_path):
+    assert run_blocks("docs/sensors.md", tmp_path) == 3
+
+
+def test_sensors_page_lists_every_sensor():
+    page = (ROOT / "docs" / "sensors.md").read_text("utf-8")
+    kinds = [name for name in sensors.__all__ if name not in ("Sensor", "Channel")]
+    assert [name for name in kinds if f"| `{name}` |" not in page] == []
+
+
+def test_evaluation_page_explains_every_metric():
+    page = (ROOT / "docs" / "evaluation.md").read_text("utf-8")
+    table = tables.load("results")
+    explained = {column.name for column in (*table.columns, *table.derived)} - {"run", "scenario_id", "track_id"}
+    assert [name for name in sorted(explained) if f"`{name}`" not in page] == []
 
 
 def test_examples_of_databases_run(tmp_path, monkeypatch):

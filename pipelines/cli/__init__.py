@@ -13,10 +13,11 @@ from pipelines.cli.interrupt import stop_cleanly
 
 VERBS = {
     "Bring recordings in": ("convert", "converters"),
-    "Look": ("list", "show", "sql", "mine", "stats", "files"),
+    "Look": ("list", "show", "sql", "mine", "stats", "files", "render"),
     "Choose": ("filter", "filters", "split", "sample", "tag"),
     "Combine": ("merge", "intersect", "subtract", "diff", "overlap"),
     "Keep databases": ("lineage", "rebuild", "rebase", "copy", "rename", "drop", "checkout"),
+    "Simulate": ("sim", "record"),
     "Hand on": ("export",),
     "Keep healthy": ("check", "doctor"),
 }

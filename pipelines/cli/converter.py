@@ -5,10 +5,9 @@ from __future__ import annotations
 import types
 from collections.abc import Iterable
 from dataclasses import MISSING, Field, dataclass, fields
-from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
-from pipelines.cli.parameters import pairs
+from pipelines.cli.parameters import look_in_current_folder, pairs
 from scenarionet_data.converters.base import Converter, Options
 from scenarionet_data.errors import BadParameter
 
@@ -43,13 +42,9 @@ def find(name: str) -> Converter[Any]:
     Raises:
         SourceNotFound: There is none.
     """
-    import sys
-
     from scenarionet_data import converters
 
-    here = str(Path.cwd())
-    if ":" in name and here not in sys.path:
-        sys.path.append(here)  # worker processes inherit it
+    look_in_current_folder(name)
     return converters.get(name)
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable
+from pathlib import Path
 
 import click
 
@@ -16,6 +18,13 @@ new_version_option = click.option("--replace", is_flag=True, help="Make a new ve
 allow_empty_option = click.option("--allow-empty", is_flag=True, help="Save a database without members too.")
 to_option = click.option("--to", "name", required=True, metavar="NAME", help="Name of the new database.")
 snapshot_option = click.option("--snapshot", type=click.IntRange(0), help="Look at this snapshot, not the newest.")
+
+
+def look_in_current_folder(name: str) -> None:
+    """Let ``module:Class`` name a module of the current folder, here and in worker processes."""
+    here = str(Path.cwd())
+    if ":" in name and here not in sys.path:
+        sys.path.append(here)
 
 
 def pairs(words: Iterable[str], option: str) -> dict[str, str]:

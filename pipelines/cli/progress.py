@@ -78,7 +78,7 @@ class Progress:
         if not self.done:
             return steps if self.total else f"{self._task}: listing what there is to do"
         left = elapsed / self.done * (self.total - self.done)
-        return f"{steps}, {self._rate}, about {duration(left)} left"
+        return ", ".join(filter(None, (steps, self._rate, f"about {duration(left)} left")))
 
     @property
     def _rate(self) -> str:

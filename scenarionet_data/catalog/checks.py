@@ -12,8 +12,8 @@ What breaks a rule is a scenario; or a shared map or a shard, which has no scena
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 
 import pyarrow as pa
@@ -104,6 +104,18 @@ class Findings:
         """Scenarios that break a hard rule, or with ``is_strict`` any, each once."""
         rows = self.rows if is_strict else self.rows.filter(pc.field("is_hard"))
         return pc.unique(rows["scenario_id"].drop_null())
+
+    def adding(self, name: str, doc: str, broken: Sequence[tuple[str, str]]) -> Findings:
+        """These, and a hard rule that was asked elsewhere.
+
+        Args:
+            name, doc: The rule.
+            broken: Scenario id and detail of what breaks it.
+        """
+        ids, details = (_texts(column) for column in zip(*broken, strict=True)) if broken else (_texts(()), _texts(()))
+        check = Check(name, doc, "hard", f"SELECT unnest({ids}) AS scenario_id, unnest({details}) AS detail")
+        rows = self.holder.arrow(_query(check, "")).cast(_ROWS)
+        return replace(self, checks=(check, *self.checks), rows=pa.concat_tables([rows, self.rows]))
 
     @cached_property
     def results(self) -> list[CheckResult]:
@@ -224,6 +236,11 @@ _ROWS = pa.schema(
         ("detail", pa.string()),
     ]
 )
+
+
+def _texts(values: Sequence[str]) -> str:
+    """SQL for a list of texts."""
+    return "[" + ", ".join("'" + value.replace("'", "''") + "'" for value in values) + "]::VARCHAR[]"
 
 
 def _rank(check: Check) -> tuple[bool, str]:

@@ -21,6 +21,7 @@ import pyarrow.compute as pc
 from scenarionet_data import tables
 from scenarionet_data.errors import LakeError, QueryError, UnsafeSql
 from scenarionet_data.resources import SQL
+from scenarionet_data.store import runs
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
 from scenarionet_data.store.snapshot import Snapshot
@@ -28,15 +29,17 @@ from scenarionet_data.store.snapshot import Snapshot
 if TYPE_CHECKING:
     import polars as pl
 
-FILE_TABLES = ("metadata", "tracks", "lights", "maps", "quarantine", "shards")
+FILE_TABLES = ("metadata", "tracks", "lights", "maps", "quarantine", "shards", *runs.RUN_TABLES)
 _FOLDER_COLUMNS = ("tracks", "lights", "maps")
 _KEYS = {"metadata": "scenario_id", "tracks": "scenario_id", "lights": "scenario_id", "maps": "map_id"}
 
 
 def table_files(files: LakeFiles, snapshot: Snapshot, table: str) -> list[str]:
-    """Absolute paths of the files of one of FILE_TABLES in a snapshot."""
+    """Absolute paths of the files of one of FILE_TABLES in a snapshot; what runs left belongs to every snapshot."""
     if table == "metadata":
         names: Sequence[str] = snapshot.metadata
+    elif table in runs.RUN_TABLES:
+        names = runs.part_files(files, table)
     elif table == "shards":
         names = snapshot.manifests
     else:
@@ -123,7 +126,7 @@ class Engine:
         Raises:
             LakeError: A file is gone or cannot be read.
         """
-        with self._asked(tables):
+        with self._asked(sql, tables):
             query = self._only_select(sql)
             self._make_views(sql)
             return self._connection.sql(query, params=dict(parameters or {})).to_arrow_table()
@@ -134,12 +137,12 @@ class Engine:
         Raises:
             LakeError: A file is gone or cannot be read.
         """
-        with self._asked(tables):
+        with self._asked(sql, tables):
             self._make_views(sql)
             return self._connection.execute(sql).fetchall()
 
     @contextmanager
-    def _asked(self, tables: Mapping[str, pa.Table]) -> Iterator[None]:
+    def _asked(self, sql: str, tables: Mapping[str, pa.Table]) -> Iterator[None]:
         """Holds the connection for one question, which knows ``tables``."""
         with self._lock:  # a connection answers one query at a time
             for name, rows in tables.items():

@@ -13,12 +13,13 @@ from numba import njit
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
+_ENTRY: dict[str, Any] = {"cache": True, "no_cfunc_wrapper": True}
 _WITHOUT_ENTRY: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
 def entry(function: Function) -> Function:
     """Compile a function that Python calls, and keep the machine code on disk."""
-    return cast(Function, njit(cache=True)(function))
+    return cast(Function, njit(**_ENTRY)(function))
 
 
 def part(function: Function) -> Function:

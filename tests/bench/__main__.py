@@ -12,7 +12,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from tests.bench import converting, loading, lyft, mining, nuplan, nuscenes, scale
+from tests.bench import converting, loading, lyft, mining, nuplan, nuscenes, scale, sim
 from tests.bench.measure import Figure
 
 
@@ -27,6 +27,7 @@ def main() -> None:
         "load": lambda: loading.figures(recordings),
         "mine": lambda: mining.figures(recordings),
         "scale": scale.figures,
+        "sim": lambda: sim.figures(recordings),
     }
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", choices=groups, action="append", help="run this group; may be repeated")

@@ -93,7 +93,7 @@ def test_a_killed_worker_ends_the_run_and_keeps_what_was_finished(tmp_path):
         if done == 3:
             multiprocessing.active_children()[0].kill()
 
-    with pytest.raises(WorkerLost, match="run the same command again, with fewer --workers: finished shards are kept"):
+    with pytest.raises(WorkerLost, match="run the same command again, with fewer --workers: what is finished is kept"):
         run(raw, tmp_path / "lake", workers=2, on_progress=kill)
     assert len(Lake(tmp_path / "lake")) >= 6
     report = run(raw, tmp_path / "lake")

@@ -15,7 +15,7 @@ from scenarionet_data.errors import SchemaMismatch
 from scenarionet_data.resources import SCHEMAS
 from tests.fixtures.scenarios import make_scenario
 
-UNITS = ("", "m", "m/s", "s", "rad", "m rad", "1/(100 m)", "byte")
+UNITS = ("", "m", "m/s", "s", "rad", "rad/s", "rad/s2", "m/s2", "m/s3", "m rad", "1/(100 m)", "byte")
 GOLDEN = Path(__file__).parents[1] / "golden"
 
 

@@ -15,9 +15,12 @@ from pipelines.cli.table_file import check_suffix, write_table
 from scenarionet_data.errors import BadParameter
 
 if TYPE_CHECKING:
+    from scenarionet_data import Lake
     from scenarionet_data.catalog.checks import CheckResult, Findings
     from scenarionet_data.catalog.database import Database
     from scenarionet_data.catalog.scorecard import Partition, Scorecard
+
+_REPLAYS = "Every recording replays to its destination."
 
 
 @verb(
@@ -27,6 +30,7 @@ if TYPE_CHECKING:
     "scenarionet check lake --scorecard -o scorecard.csv",
     "scenarionet check lake busy --to good --broken broken.parquet",
     "scenarionet check lake --strict --json",
+    "scenarionet check lake busy --simulate --workers 4",
 )
 @lake_argument
 @click.argument("database", metavar="DB", required=False)
@@ -39,6 +43,8 @@ if TYPE_CHECKING:
 @click.option("--to", "good", metavar="NAME", help="Save what breaks no hard rule (with --strict: none) as a database.")
 @new_version_option
 @click.option("--broken", metavar="FILE", help="Write what breaks a rule to a .parquet, .csv or .json file.")
+@click.option("--simulate", is_flag=True, help="Replay every scenario in the simulator too; names the broken ones.")
+@click.option("--workers", type=click.IntRange(1), help="Processes that simulate; one a core unless given.")
 @snapshot_option
 @json_option
 @quiet_option
@@ -52,6 +58,8 @@ def command(
     good: str | None,
     replace: bool,
     broken: str | None,
+    simulate: bool,
+    workers: int | None,
     snapshot: int | None,
     as_json: bool,
     quiet: bool,
@@ -62,6 +70,8 @@ def command(
     asked while converting, too. Soft ones ask whether recorded motion is plausible. Recordings break them now and
     then: each dataset has its budgets, and a share of its scenarios that may stray; they fail the command with
     --strict only.
+
+    --simulate replays every recording in the simulator: what cannot be replayed to its destination counts as broken.
 
     --scorecard says for each split how many scenarios break which rule and how much of what its owner publishes is
     there. --to saves the good scenarios, --broken writes the others with rule and reason.
@@ -76,6 +86,8 @@ def command(
         findings = find(
             Lake(lake, snapshot), database, only or None, lambda done, total: progress.update(done, total, 0)
         )
+    if simulate:
+        findings = findings.adding("replays", _REPLAYS, _simulate(Lake(lake, snapshot), database, workers, quiet))
     card = make_scorecard(findings) if scorecard else None
     made = save_good(findings, good, is_strict=strict, replace=replace) if good else None
     if broken:
@@ -88,6 +100,14 @@ def command(
     else:
         _print(findings, card, made)
     click.get_current_context().exit(1 if has_failed else 0)
+
+
+def _simulate(lake: Lake, database: str | None, workers: int | None, quiet: bool) -> list[tuple[str, str]]:
+    from pipelines.machine import default_workers
+    from scenarionet_sim.evaluation import find_broken
+
+    with Progress("simulate", "part", is_quiet=quiet) as progress:
+        return find_broken(lake, database, workers=workers or default_workers(), on_progress=progress.update)
 
 
 def _refuse(output: str | None, broken: str | None, scorecard: bool) -> None:

@@ -1,0 +1,1 @@
+"""Small whole programs over the environments, to read, run and copy from."""

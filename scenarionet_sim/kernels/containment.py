@@ -1,0 +1,68 @@
+"""Which polygon a point lies in."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.procedural.jit import entry, part
+
+Int32 = npt.NDArray[np.int32]
+Float32 = npt.NDArray[np.float32]
+Float64 = npt.NDArray[np.float64]
+
+
+@part
+def winding_number(x: float, y: float, outline: Float32, start: int, end: int) -> int:
+    """How often the closed outline ``outline[start:end]`` (P, 2) turns around a point; 0 outside.
+
+    Not 0 inside, also where an outline overlaps itself, as a wide lane's does on the inner side of a tight bend.
+    Source: D. Sunday, "Inclusion of a point in a polygon", 2001.
+    """
+    turns = 0
+    for index in range(start, end):
+        follower = index + 1 if index + 1 < end else start
+        x0, y0, x1, y1 = outline[index, 0], outline[index, 1], outline[follower, 0], outline[follower, 1]
+        if (y0 <= y) != (y1 <= y):
+            side = (x1 - x0) * (y - y0) - (x - x0) * (y1 - y0)
+            if y0 <= y and side > 0:
+                turns += 1
+            elif y0 > y and side < 0:
+                turns -= 1
+    return turns
+
+
+@entry
+def find_polygon(
+    points: Float64,
+    outlines: Float32,
+    offsets: Int32,
+    is_wanted: npt.NDArray[np.bool_],
+    origin: Float32,
+    shape: Int32,
+    cell_size: float,
+    cell_start: Int32,
+    cell_items: Int32,
+    found: Int32,
+) -> None:
+    """The first wanted polygon around each point, through a grid over the polygons.
+
+    Args:
+        points: (Q, 2) [m].
+        outlines, offsets: (P, 2) [m] and (M + 1,): polygon i is ``outlines[offsets[i]:offsets[i + 1]]``, closed.
+        is_wanted: (M,) polygons to look at.
+        origin, shape, cell_size, cell_start, cell_items: The grid, see :class:`scenarionet_sim.grid.Grid`.
+        found: (Q,) int32, written: the polygon's row, or -1.
+    """
+    for query in range(points.shape[0]):
+        x, y = points[query, 0], points[query, 1]
+        found[query] = -1
+        column, row = np.floor((x - origin[0]) / cell_size), np.floor((y - origin[1]) / cell_size)
+        if not (0 <= column < shape[0] and 0 <= row < shape[1]):
+            continue
+        cell = int(row) * shape[0] + int(column)
+        for place in range(cell_start[cell], cell_start[cell + 1]):
+            polygon = cell_items[place]
+            if is_wanted[polygon] and winding_number(x, y, outlines, offsets[polygon], offsets[polygon + 1]) != 0:
+                found[query] = polygon
+                break

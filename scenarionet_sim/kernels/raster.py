@@ -1,0 +1,167 @@
+"""Drawing into pictures of bytes: polygons and lines, one number a pixel.
+
+Pictures are (C, H, W), row 0 at the top; pixel (r, c) is the square from (c, r) to (c + 1, r + 1). What is drawn has
+a type, and ``channel_of`` and ``value_of`` (256,) say into which picture it goes, -1 for none, and as what. A view
+(6,) turns metres into pixels: column = v0 x + v1 y + v2, row = v3 x + v4 y + v5.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.procedural.jit import entry, part
+from scenarionet_sim.kernels.order import larger, smaller
+
+Bool = npt.NDArray[np.bool_]
+Codes = npt.NDArray[np.uint8]
+Int8 = npt.NDArray[np.int8]
+Int16 = npt.NDArray[np.int16]
+Int32 = npt.NDArray[np.int32]
+Float32 = npt.NDArray[np.float32]
+Float64 = npt.NDArray[np.float64]
+
+
+@part
+def fill(outline: Float64, count: int, value: int, picture: Codes, turns: Int16) -> None:
+    """Fill a closed outline: the pixels around whose centre it turns.
+
+    Args:
+        outline: (count or more, 2) columns and rows.
+        count: Number of its points.
+        value: What to write.
+        picture: (H, W).
+        turns: (H, W + 3) scratch memory, 0 before and after. Where the outline crosses a row's middle, the number
+            at the first pixel behind the crossing changes by 1; the last two columns are the row's first and last
+            such pixel, the first as ``W - column``.
+    """
+    height, width = picture.shape
+    top, bottom = height, -1
+    for i in range(count):
+        j = i + 1 if i + 1 < count else 0
+        x0, y0, y1 = outline[i, 0], outline[i, 1], outline[j, 1]
+        first = int(smaller(larger(np.ceil(smaller(y0, y1) - 0.5), 0.0), height))
+        end = int(smaller(larger(np.ceil(larger(y0, y1) - 0.5), 0.0), height))
+        if first >= end:
+            continue
+        top, bottom = smaller(top, first), larger(bottom, end - 1)
+        slope = (outline[j, 0] - x0) / (y1 - y0)
+        for row in range(first, end):
+            column = int(smaller(larger(np.ceil(x0 + (row + 0.5 - y0) * slope - 0.5), 0.0), width))
+            turns[row, column] += 1 if y1 > y0 else -1
+            turns[row, width + 1] = larger(turns[row, width + 1], width - column)
+            turns[row, width + 2] = larger(turns[row, width + 2], column)
+    for row in range(top, bottom + 1):
+        inside = 0
+        for column in range(width - turns[row, width + 1], turns[row, width + 2] + 1):
+            inside += turns[row, column]
+            turns[row, column] = 0
+            if inside != 0:
+                picture[row, column] = value
+        turns[row, width + 1], turns[row, width + 2] = 0, 0
+
+
+@part
+def draw_line(x0: float, y0: float, x1: float, y1: float, value: int, picture: Codes) -> None:
+    """Draw a line one pixel wide: its two ends, and a pixel in every column (or row, if it is steep) between."""
+    height, width = picture.shape
+    for x, y in ((x0, y0), (x1, y1)):
+        if 0.0 <= x < width and 0.0 <= y < height:
+            picture[int(y), int(x)] = value
+    is_steep = abs(y1 - y0) > abs(x1 - x0)
+    if is_steep:
+        x0, y0, x1, y1, width, height = y0, x0, y1, x1, height, width
+    if x0 > x1:
+        x0, y0, x1, y1 = x1, y1, x0, y0
+    first, end = larger(np.ceil(x0 - 0.5), 0.0), smaller(np.ceil(x1 - 0.5), width)
+    if first >= end:
+        return
+    slope = (y1 - y0) / (x1 - x0)
+    for at in range(int(first), int(end)):
+        beside = y0 + (at + 0.5 - x0) * slope
+        if 0.0 <= beside < height:
+            if is_steep:
+                picture[at, int(beside)] = value
+            else:
+                picture[int(beside), at] = value
+
+
+@part
+def to_pixel(view: Float64, x: float, y: float) -> tuple[float, float]:
+    """Column and row of a place."""
+    return view[0] * x + view[1] * y + view[2], view[3] * x + view[4] * y + view[5]
+
+
+@entry
+def list_in_window(
+    window: Float64, origin: Float32, shape: Int32, cell_size: float, cell_start: Int32, cell_items: Int32, found: Bool
+) -> None:
+    """Mark what a grid lists in the cells that a window touches.
+
+    Args:
+        window: (4,) min_x, min_y, max_x, max_y [m].
+        origin, shape, cell_size, cell_start, cell_items: The grid.
+        found: (K,) bool, set True there.
+    """
+    first_column = int(larger(np.floor((window[0] - origin[0]) / cell_size), 0.0))
+    first_row = int(larger(np.floor((window[1] - origin[1]) / cell_size), 0.0))
+    last_column = int(smaller(np.floor((window[2] - origin[0]) / cell_size), shape[0] - 1.0))
+    last_row = int(smaller(np.floor((window[3] - origin[1]) / cell_size), shape[1] - 1.0))
+    for row in range(first_row, last_row + 1):
+        for column in range(first_column, last_column + 1):
+            cell = row * shape[0] + column
+            for place in range(cell_start[cell], cell_start[cell + 1]):
+                found[cell_items[place]] = True
+
+
+@entry
+def draw_polygons(
+    outlines: Float32,
+    offsets: Int32,
+    types: Codes,
+    is_near: Bool,
+    channel_of: Int8,
+    value_of: Codes,
+    view: Float64,
+    pictures: Codes,
+    turns: Int16,
+) -> None:
+    """Fill polygons.
+
+    Args:
+        outlines, offsets, types: (P, 2) [m], (M + 1,), (M,), see ``Roads``.
+        is_near: (M,) polygons to look at.
+        channel_of, value_of, view, pictures: See above.
+        turns: (H, W + 3) int16, zeros.
+    """
+    longest = 0
+    for m in range(len(offsets) - 1):
+        longest = larger(longest, offsets[m + 1] - offsets[m])
+    pixels = np.empty((longest, 2))
+    for m in range(len(offsets) - 1):
+        channel = channel_of[types[m]]
+        if channel < 0 or not is_near[m]:
+            continue
+        for k in range(offsets[m], offsets[m + 1]):
+            place = k - offsets[m]
+            pixels[place, 0], pixels[place, 1] = to_pixel(view, outlines[k, 0], outlines[k, 1])
+        fill(pixels, offsets[m + 1] - offsets[m], value_of[types[m]], pictures[channel], turns)
+
+
+@entry
+def draw_segments(
+    segments: Float32,
+    types: Codes,
+    is_near: Bool,
+    channel_of: Int8,
+    value_of: Codes,
+    view: Float64,
+    pictures: Codes,
+) -> None:
+    """Draw segments (S, 4) [m] of types (S,), one pixel wide; the rest as in :func:`draw_polygons`."""
+    for s in range(len(types)):
+        channel = channel_of[types[s]]
+        if channel >= 0 and is_near[s]:
+            x0, y0 = to_pixel(view, segments[s, 0], segments[s, 1])
+            x1, y1 = to_pixel(view, segments[s, 2], segments[s, 3])
+            draw_line(x0, y0, x1, y1, value_of[types[s]], pictures[channel])

@@ -1,0 +1,94 @@
+"""What engine, brake and tyres do to a vehicle's velocity in one physics step.
+
+The tyres of each axle take away the velocity across the wheels as far as friction allows, as in Bullet's raycast
+vehicle: with grip a vehicle rolls along the arc its front wheels ask for, without it slides. Both axles stand at
+the same distance from the centre of mass and carry half of the load each; all is per unit of mass.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.procedural.jit import entry, part
+from scenarionet_sim.kernels.order import larger, smaller
+
+Float64 = npt.NDArray[np.float64]
+Vehicle = tuple[float, float, float, float, float, float]
+"""Angle of the front wheels at steering 1 [rad]; acceleration by the engine, by the brakes, and the most that
+friction gives [m/s²]; fastest speed that the engine drives at [m/s]; wheelbase as a share of the length."""
+
+
+@entry
+def apply_tyres(motion: Float64, size: Float64, actions: Float64, vehicle: Vehicle, step: float) -> None:
+    """Change velocities by what the wheels do in one step; in place.
+
+    Args:
+        motion: (A, 6) x, y, heading [rad], velocity along x and y [m/s], yaw rate [rad/s]; the last three change.
+        size: (A, 3) [m].
+        actions: (A, 2) steering and throttle in [-1, 1].
+        vehicle: Of every agent.
+        step: [s].
+    """
+    max_steer, acceleration, braking, friction, max_speed, wheelbase = vehicle
+    grip = friction * step
+    for a in range(len(motion)):
+        cos, sin = math.cos(motion[a, 2]), math.sin(motion[a, 2])
+        forward = cos * motion[a, 3] + sin * motion[a, 4]
+        left = cos * motion[a, 4] - sin * motion[a, 3]
+        throttle = actions[a, 1]
+        wanted = _engine(forward, throttle * acceleration * step, max_speed)
+        if throttle < 0.0:
+            wanted = _brake(forward, -throttle * braking * step)
+        change = larger(-grip, smaller(grip, wanted))
+        axle = 0.5 * change, 0.5 * math.sqrt(grip * grip - change * change)
+        frame = 0.5 * wheelbase * size[a, 0], (size[a, 0] ** 2 + size[a, 1] ** 2) / 12.0
+        forward, left, motion[a, 5] = _roll(forward, left, motion[a, 5], actions[a, 0] * max_steer, frame, axle)
+        motion[a, 3] = cos * forward - sin * left
+        motion[a, 4] = sin * forward + cos * left
+
+
+@part
+def _engine(forward: float, change: float, max_speed: float) -> float:
+    """Change of speed by the engine: nothing beyond the fastest."""
+    return smaller(change, larger(0.0, max_speed - forward))
+
+
+@part
+def _brake(forward: float, change: float) -> float:
+    """Change of speed by the brakes: no more than stops."""
+    return -math.copysign(smaller(change, abs(forward)), forward)
+
+
+@part
+def _roll(
+    forward: float, left: float, yaw_rate: float, steer: float, frame: tuple[float, float], axle: tuple[float, float]
+) -> tuple[float, float, float]:
+    """Velocity and yaw rate after the impulses of both axles along and across their wheels.
+
+    The impulses across, f and r, solve [[a, b], [b, d]] (f, r) = -(slip_f, slip_r), which leaves no velocity
+    across either axle; where one of them is more than friction gives, it is cut and the other one found anew.
+
+    Args:
+        forward, left, yaw_rate: In the vehicle's frame.
+        steer: Angle of the front wheels.
+        frame: From the centre to an axle, and radius of gyration squared.
+        axle: Impulse of each axle along its wheels, and the most it has across them, per unit of mass.
+    """
+    (arm, gyration), (along, grip) = frame, axle
+    cos, sin = math.cos(steer), math.sin(steer)
+    lever = arm * cos
+    forward, left, yaw_rate = forward + along * (1.0 + cos), left + along * sin, yaw_rate + arm * along * sin / gyration
+    slip_f = cos * (left + arm * yaw_rate) - sin * forward
+    slip_r = left - arm * yaw_rate
+    a, b, d = 1.0 + lever * lever / gyration, cos - lever * arm / gyration, 1.0 + arm * arm / gyration
+    f, r = (b * slip_r - d * slip_f) / (a * d - b * b), (b * slip_f - a * slip_r) / (a * d - b * b)
+    if abs(f) > larger(grip, abs(r)):
+        f = larger(-grip, smaller(grip, f))
+        r = larger(-grip, smaller(grip, -(slip_r + b * f) / d))
+    elif abs(r) > grip:
+        r = larger(-grip, smaller(grip, r))
+        f = larger(-grip, smaller(grip, -(slip_f + b * r) / a))
+    return forward - sin * f, left + cos * f + r, yaw_rate + (lever * f - arm * r) / gyration

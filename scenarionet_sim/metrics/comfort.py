@@ -1,0 +1,88 @@
+"""Comfort: accelerations, jerks and turning, within the bounds of nuPlan's metric ``ego_is_comfortable``.
+
+Bounds, window lengths and orders are those of nuplan-devkit's closed-loop metrics: accelerations are smoothed
+(window 8, order 2), jerks are derivatives of the smoothed accelerations (window 15, order 2), yaw rate and yaw
+acceleration are derivatives of the unwrapped heading (window 5; order 2 and 3).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenarionet_data.scenario import Float64
+from scenarionet_sim.metrics.smoothing import savitzky_golay
+
+_DECIMALS = 8
+
+
+@dataclass(frozen=True)
+class Comfort:
+    """Extremes over an episode; NaN when it is too short for the filter.
+
+    Attributes:
+        min_lon_acceleration, max_lon_acceleration: Along the heading [m/s²].
+        max_lat_acceleration: Across it, either way [m/s²].
+        max_jerk: Of the acceleration's magnitude, either way [m/s³].
+        max_lon_jerk: Along the heading, either way [m/s³].
+        max_yaw_rate, max_yaw_acceleration: Either way [rad/s, rad/s²].
+    """
+
+    min_lon_acceleration: float
+    max_lon_acceleration: float
+    max_lat_acceleration: float
+    max_jerk: float
+    max_lon_jerk: float
+    max_yaw_rate: float
+    max_yaw_acceleration: float
+
+    @property
+    def is_comfortable(self) -> bool:
+        """Whether every extreme is within its bound."""
+        return (
+            self.min_lon_acceleration >= -4.05
+            and self.max_lon_acceleration <= 2.40
+            and self.max_lat_acceleration <= 4.89
+            and self.max_jerk <= 8.37
+            and self.max_lon_jerk <= 4.13
+            and self.max_yaw_rate <= 0.95
+            and self.max_yaw_acceleration <= 1.93
+        )
+
+
+def measure_comfort(acceleration: Float64, heading: Float64, dt: float) -> Comfort:
+    """The extremes of an episode.
+
+    Args:
+        acceleration: (T, 2) along and across the heading [m/s²], see :func:`body_acceleration`.
+        heading: (T,) [rad], wrapped or not.
+        dt: [s].
+    """
+    lon, lat, size = (_smooth(a, dt) for a in (*acceleration.T, np.hypot(*acceleration.T)))
+    jerk, lon_jerk = (np.round(savitzky_golay(a, 15, 2, dt, derivative=1), _DECIMALS) for a in (size, lon))
+    turn = np.unwrap(heading)
+    yaw_rate = np.round(savitzky_golay(turn, 5, 2, dt, derivative=1), _DECIMALS)
+    yaw_acceleration = np.round(savitzky_golay(turn, 5, 3, dt, derivative=2), _DECIMALS)
+    largest = (float(np.abs(series).max()) for series in (lat, jerk, lon_jerk, yaw_rate, yaw_acceleration))
+    return Comfort(float(lon.min()), float(lon.max()), *largest)
+
+
+def body_acceleration(velocity: Float64, heading: Float64, dt: float) -> Float64:
+    """(T, 2) acceleration along and across the heading, by central differences.
+
+    Args:
+        velocity: (T, 2) along the scenario's axes [m/s].
+        heading: (T,) [rad].
+        dt: [s].
+    """
+    if len(velocity) < 2:
+        return np.zeros((len(velocity), 2))
+    change = np.gradient(velocity.astype(np.float64), dt, axis=0)
+    cos, sin = np.cos(heading), np.sin(heading)
+    return np.column_stack((cos * change[:, 0] + sin * change[:, 1], cos * change[:, 1] - sin * change[:, 0]))
+
+
+def _smooth(series: Float64, dt: float) -> Float64:
+    smooth: Float64 = np.round(savitzky_golay(series, 8, 2, dt), _DECIMALS)
+    return smooth

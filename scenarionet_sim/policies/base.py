@@ -1,0 +1,47 @@
+"""What a policy is: it writes the next moment of the objects it drives, from this moment of all."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+from scenarionet_data.scenario import Bool, Codes
+from scenarionet_sim.policies.who import Who, everyone
+from scenarionet_sim.stage import Stage
+from scenarionet_sim.state import State
+from scenarionet_sim.world import World
+
+
+@dataclass(frozen=True)
+class Policy(ABC):
+    """Drives some objects of every world.
+
+    Attributes:
+        who: Which objects it wants.
+    """
+
+    who: Who = everyone
+
+    def wants(self, world: World) -> Bool:
+        """(N,) the objects it drives, unless a later policy wants them too."""
+        return self.who(world)
+
+    def prepare(self, world: World, driven: Bool) -> World:
+        """The world as this policy needs it; ``driven`` (N,) are the objects it drives there."""
+        del driven
+        return world
+
+    @abstractmethod
+    def advance(self, stage: Stage, now: State, then: State, driver: Codes, me: int, dt: float) -> None:
+        """Write the objects that it drives into the next moment.
+
+        Every policy reads the same moment, so the order of policies and objects changes nothing.
+
+        Args:
+            stage: The worlds.
+            now: This moment.
+            then: The next moment; of its arrays, the rows of objects that others drive are not to be touched.
+            driver: (W, N) uint8 which policy drives each object.
+            me: The number of this one in ``driver``.
+            dt: Seconds between the moments.
+        """

@@ -1,0 +1,30 @@
+"""Objects that somebody else drives: the agents of a simulation, moved by its backend with the actions of ``step``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from scenarionet_data.scenario import Codes
+from scenarionet_sim.kernels.motion import carry_on
+from scenarionet_sim.policies.base import Policy
+from scenarionet_sim.policies.who import Who, ego
+from scenarionet_sim.stage import Stage
+from scenarionet_sim.state import State
+
+
+@dataclass(frozen=True)
+class External(Policy):
+    """The simulation's agents.
+
+    An agent appears as recorded at its first valid timestep and stays, whatever the log says later, until it is
+    retired (:meth:`scenarionet_sim.simulation.Simulation.retire`).
+    """
+
+    who: Who = ego
+
+    def advance(self, stage: Stage, now: State, then: State, driver: Codes, me: int, dt: float) -> None:
+        """Puts the agents where they are, for the backend to move; others of its objects appear."""
+        del dt
+        log = stage.log, stage.num_steps, now.timestep
+        moments = *now.motion, now.arc, now.lateral, *then.motion, then.arc, then.lateral
+        carry_on(*log, driver, me, 0.0, *moments)

@@ -1,0 +1,71 @@
+"""Traffic that reacts, on the paths it was recorded on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from scenarionet_data.errors import BadParameter
+from scenarionet_data.scenario import Bool, Codes
+from scenarionet_data.vocabulary import LIGHT_COLORS
+from scenarionet_sim.kernels.idm import Law, drive_along_paths
+from scenarionet_sim.policies.base import Policy
+from scenarionet_sim.policies.who import Who, other_vehicles
+from scenarionet_sim.stage import Stage
+from scenarionet_sim.state import State
+from scenarionet_sim.world import World
+
+
+@dataclass(frozen=True)
+class Idm(Policy):
+    """The Intelligent Driver Model (Treiber, Hennecke, Helbing 2000) along an object's recorded path.
+
+    It keeps headway to whatever reaches into the strip ahead, the ego too, stops at red lights on the lanes that
+    its path follows, slows down for bends, and leaves at the end of its path. It appears as recorded, as soon as
+    its place is free. Objects that were recorded standing are left to the policy before this one.
+
+    Attributes:
+        who: Which objects; ``Idm(who=ego)`` is a driver for the ego.
+        headway: Time gap to the object ahead [s].
+        acceleration: [m/s2]
+        deceleration: Comfortable braking [m/s2].
+        standstill: Gap at rest [m].
+        slowest: Desired speed of an object that was recorded slower than this; otherwise the highest recorded [m/s].
+        lateral: Sideways acceleration in bends [m/s2].
+        overlap: What reaches less far than this into the strip is passed [m]: recorded boxes are not that exact.
+        hardest: Braking in an emergency [m/s2].
+        shortest: Objects with a shorter path stand [m].
+    """
+
+    who: Who = other_vehicles
+    headway: float = 1.5
+    acceleration: float = 2.0
+    deceleration: float = 3.0
+    standstill: float = 2.0
+    slowest: float = 5.0
+    lateral: float = 3.0
+    overlap: float = 0.3
+    hardest: float = 8.0
+    shortest: float = 2.0
+
+    def __post_init__(self) -> None:
+        for number in ("headway", "acceleration", "deceleration", "standstill", "slowest", "lateral", "hardest"):
+            if not getattr(self, number) > 0.0:
+                raise BadParameter(f"Idm: {number} is {getattr(self, number)}; it must be positive")
+
+    def wants(self, world: World) -> Bool:
+        """Those of its objects that drive at all."""
+        return self.who(world) & (world.paths.length() >= self.shortest)
+
+    def advance(self, stage: Stage, now: State, then: State, driver: Codes, me: int, dt: float) -> None:
+        """One step of the law for each."""
+        law = Law(
+            self.headway, self.acceleration, self.deceleration, self.standstill,
+            self.slowest, self.lateral, self.overlap, self.hardest,
+        )  # fmt: skip
+        paths = stage.path_points, stage.path_arc, stage.path_heading, stage.path_z, stage.path_offsets
+        stops = stage.stop_arc, stage.stop_light, stage.stop_offsets, stage.light_state
+        moments = *now.motion, now.arc, *then.motion, then.arc, then.lateral
+        drive_along_paths(
+            driver, me, dt, law, LIGHT_COLORS, stage.log, stage.num_steps, now.timestep,
+            *paths, stage.top_speed, *stops, now.size, *moments,
+        )  # fmt: skip

@@ -1,0 +1,134 @@
+"""Pictures and videos on disk: the file's name says which."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from fractions import Fraction
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from scenarionet_data.errors import BadParameter, MissingDependency
+from scenarionet_sim.render import labels, object_layer
+from scenarionet_sim.render.map_layer import draw_map
+from scenarionet_sim.render.moment import Moment
+from scenarionet_sim.render.palette import GROUND
+from scenarionet_sim.render.window import Window
+from scenarionet_sim.world import World
+
+Picture = npt.NDArray[np.uint8]
+
+PICTURES = (".png", ".pdf", ".svg")
+VIDEOS = (".gif", ".mp4")
+
+_DPI = 100
+
+
+def write_picture(
+    path: Path | str, world: World, moments: Sequence[Moment], window: Window | None = None, size: int = 1000
+) -> None:
+    """A picture of a world's last moment, for a paper: png, or pdf and svg that can be enlarged.
+
+    Args:
+        path: Ends with .png, .pdf or .svg.
+        world: What is drawn.
+        moments: The moment, after those that trails show.
+        window: What is shown; None for the ego's route.
+        size: Longer side [pixel]; for pdf and svg, 1/100 inch.
+
+    Raises:
+        BadParameter: The name ends otherwise.
+    """
+    if Path(path).suffix not in PICTURES:
+        raise BadParameter(f"{path}: a picture's name ends with one of {', '.join(PICTURES)}")
+    shown = window or Window.on_route(world)
+    scale = size / max(shown.width, shown.height)
+    figure = Figure(figsize=(shown.width * scale / _DPI, shown.height * scale / _DPI), dpi=_DPI, facecolor=GROUND)
+    FigureCanvasAgg(figure)
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.set_axis_off()
+    left, right, bottom, top = shown.corners
+    axes.set_xlim(left, right)
+    axes.set_ylim(bottom, top)
+    points_per_metre = scale * 72.0 / _DPI
+    draw_map(axes, world.roads, points_per_metre)
+    for artist in object_layer.moving(world, moments, points_per_metre):
+        axes.add_artist(artist)
+    for artist in (*labels.scale_bar(axes), *labels.time(axes, moments[-1].timestep * world.dt)):
+        axes.add_artist(artist)
+    labels.legend(axes, world, moments[-1])
+    with _whole(Path(path)) as file:
+        figure.savefig(file)
+
+
+def write_video(
+    path: Path | str,
+    frames: Iterable[Picture],
+    rate: float,
+    on_frame: Callable[[int], None] | None = None,
+) -> None:
+    """Frames as a video.
+
+    Args:
+        path: Ends with .gif or .mp4.
+        frames: (H, W, 3) uint8, all of one size, height and width even.
+        rate: Frames per second.
+        on_frame: Told how many frames are done.
+
+    Raises:
+        BadParameter: The name ends otherwise.
+        MissingDependency: An mp4, without PyAV.
+    """
+    writers = {".gif": _write_gif, ".mp4": _write_mp4}
+    if Path(path).suffix not in writers:
+        raise BadParameter(f"{path}: a video's name ends with one of {', '.join(VIDEOS)}")
+    with _whole(Path(path)) as file:
+        writers[Path(path).suffix](file, _counted(frames, on_frame or (lambda _: None)), rate)
+
+
+def _counted(frames: Iterable[Picture], on_frame: Callable[[int], None]) -> Iterator[Picture]:
+    for number, frame in enumerate(frames):
+        on_frame(number)
+        yield frame
+
+
+def _write_gif(path: Path, frames: Iterator[Picture], rate: float) -> None:
+    """Each frame with the first one's colours: what stands still does not flicker."""
+    from PIL import Image
+
+    first = Image.fromarray(next(frames)).quantize(128, dither=Image.Dither.NONE)
+    rest = (Image.fromarray(frame).quantize(palette=first, dither=Image.Dither.NONE) for frame in frames)
+    first.save(path, save_all=True, append_images=rest, duration=round(1000 / rate), loop=0, optimize=False)
+
+
+def _write_mp4(path: Path, frames: Iterator[Picture], rate: float) -> None:
+    try:
+        import av
+    except ImportError as error:
+        raise MissingDependency(f"{path}: mp4 needs PyAV; install scenarionet-lake[video], or write a .gif") from error
+    first = next(frames)
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("libx264", Fraction(rate).limit_denominator(1000))
+        stream.height, stream.width = first.shape[:2]
+        stream.pix_fmt = "yuv420p"
+        stream.options = {"crf": "18", "preset": "fast"}
+        for frame in chain([first], frames):
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(frame, format="rgb24")))
+        container.mux(stream.encode())
+
+
+@contextmanager
+def _whole(path: Path) -> Iterator[Path]:
+    """A name to write to that becomes ``path`` when all is written, and leaves nothing when it fails."""
+    unfinished = path.with_name(f".unfinished.{path.name}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield unfinished
+        unfinished.replace(path)
+    finally:
+        unfinished.unlink(missing_ok=True)

@@ -1,0 +1,68 @@
+"""Words in a picture: how long a metre is, what time it is, what the colours mean."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.patheffects import AbstractPathEffect, withStroke
+from matplotlib.text import Text
+
+from scenarionet_data.vocabulary import LIGHT_COLORS, LightColor, ObjectType
+from scenarionet_sim.render.moment import Moment
+from scenarionet_sim.render.object_layer import marker
+from scenarionet_sim.render.palette import EGO, INK, LIGHTS, NAMES, OTHER, ROUTE, WHITE, object_color
+from scenarionet_sim.world import World
+
+_HALO: list[AbstractPathEffect] = [withStroke(linewidth=2.5, foreground=WHITE)]
+_BARS = (5, 10, 20, 50, 100, 200, 500, 1000)  # [m]
+
+
+def scale_bar(axes: Axes) -> list[Artist]:
+    """A bar of a round length in the lower left corner, up to a fifth of the picture wide."""
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    length = max((bar for bar in _BARS if bar <= 0.2 * (right - left)), default=_BARS[0])
+    margin = 0.03 * min(right - left, top - bottom)
+    x, y = left + margin, bottom + margin
+    bar = Line2D([x, x + length], [y, y], color=INK, linewidth=2, solid_capstyle="butt", zorder=20)
+    bar.set_path_effects(_HALO)
+    return [bar, _text(x, y + 0.4 * margin, f"{length} m", "bottom", axes)]
+
+
+def time(axes: Axes, seconds: float) -> list[Artist]:
+    """Since the recording's beginning, in the upper left corner."""
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    margin = 0.03 * min(right - left, top - bottom)
+    return [_text(left + margin, top - margin, f"{seconds:.1f} s", "top", axes)]
+
+
+def _text(x: float, y: float, words: str, anchor: Literal["bottom", "top"], axes: Axes) -> Text:
+    return Text(
+        x, y, words, color=INK, fontsize=9, verticalalignment=anchor, zorder=20, path_effects=_HALO,
+        transform=axes.transData,
+    )  # fmt: skip
+
+
+def legend(axes: Axes, world: World, moment: Moment) -> None:
+    """What the colours of what is drawn mean, in the lower right corner."""
+    handles: list[Artist] = [
+        Patch(color=EGO, label="ego"),
+        Line2D([], [], color=EGO, alpha=0.35, linewidth=5 * ROUTE, solid_capstyle="butt", label="its route"),
+    ]
+    present = moment.present.copy()
+    present[world.ego] = False
+    types = {ObjectType(code) for code in world.object_type[present]}
+    handles += [Patch(color=object_color(kind), label=name) for kind, name in NAMES.items() if kind in types]
+    if types - NAMES.keys():
+        handles.append(Patch(color=OTHER, label="object"))
+    shown = LIGHT_COLORS[world.light_state[:, min(moment.timestep, world.num_steps - 1)]]
+    for color in (LightColor.RED, LightColor.YELLOW, LightColor.GREEN):
+        if (shown == color).any():
+            light = marker([], [], *LIGHTS[color], side=6)
+            light.set_label(f"{color.name.lower()} light")
+            handles.append(light)
+    box = axes.legend(handles=handles, loc="lower right", fontsize=8, framealpha=0.9, edgecolor="none", borderpad=0.6)
+    box.set_zorder(20)

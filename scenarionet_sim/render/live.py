@@ -1,0 +1,77 @@
+"""What an environment shows while it runs: pictures with trails, or a window on a screen."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.errors import BadParameter
+from scenarionet_sim.render.moment import Moment
+from scenarionet_sim.render.topdown import TRAIL, TopDown
+from scenarionet_sim.render.window import Window
+from scenarionet_sim.state import State
+from scenarionet_sim.world import World
+
+Picture = npt.NDArray[np.uint8]
+
+
+class Live:
+    """Follows the ego of one slot of a simulation, episode after episode.
+
+    Args:
+        width: What is seen across [m].
+        size: Side of a picture [pixel].
+
+    Example:
+        live = Live()
+        picture = live.picture(world, simulation.state)  # after every step
+    """
+
+    def __init__(self, width: float = 100.0, size: int = 800) -> None:
+        self._window = Window(0.0, 0.0, width, width)
+        self._size = size
+        self._view: TopDown | None = None
+        self._moments: deque[Moment] = deque(maxlen=TRAIL)
+        self._image: Any = None
+
+    def picture(self, world: World, state: State, slot: int = 0) -> Picture:
+        """The moment (H, W, 3) uint8; one that is not later than the one before begins a new episode."""
+        if self._view is None or self._view.world is not world:
+            self._view = TopDown(world, self._window, self._size)
+            self._moments.clear()
+        now = Moment.simulated(world, state, slot)
+        if self._moments and now.timestep <= self._moments[-1].timestep:
+            self._moments.clear()
+        self._moments.append(now)
+        return self._view.frame(self._moments)
+
+    def show(self, picture: Picture) -> None:
+        """Show a picture in a window, which opens the first time.
+
+        Raises:
+            BadParameter: There is no display.
+        """
+        from matplotlib import pyplot
+
+        if pyplot.get_backend().lower() == "agg":
+            raise BadParameter("a window needs a display; take pictures with render_mode='rgb_array' instead")
+        if self._image is None:
+            figure = pyplot.figure("ScenarioNet", figsize=(self._size / 100, self._size / 100))
+            axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+            axes.set_axis_off()
+            self._image = axes.imshow(picture)
+            figure.show()
+        self._image.set_data(picture)
+        self._image.figure.canvas.draw_idle()
+        self._image.figure.canvas.flush_events()
+
+    def close(self) -> None:
+        """Close the window, if one is open."""
+        if self._image is not None:
+            from matplotlib import pyplot
+
+            pyplot.close(self._image.figure)
+            self._image = None

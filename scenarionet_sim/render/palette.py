@@ -1,0 +1,54 @@
+"""Colours and measures of pictures. Colours that mean something are told apart by colour-blind readers too.
+
+Source: M. Okabe, K. Ito, "Color universal design", 2008. Lights also differ in shape.
+"""
+
+from __future__ import annotations
+
+from scenarionet_data.vocabulary import LightColor, ObjectType
+
+GROUND = "#e8eae5"
+ROAD = "#b9bfc7"
+EDGE = "#4d545c"
+WHITE = "#ffffff"
+YELLOW = "#f2b600"
+INK = "#22262a"
+
+EGO = "#d55e00"
+OBJECTS = {
+    ObjectType.VEHICLE: "#0072b2",
+    ObjectType.PEDESTRIAN: "#cc79a7",
+    ObjectType.CYCLIST: "#009e73",
+}
+OTHER = "#8a6d00"
+"""Cones, barriers and whatever else stands in the way."""
+
+NAMES = {ObjectType.VEHICLE: "vehicle", ObjectType.PEDESTRIAN: "pedestrian", ObjectType.CYCLIST: "cyclist"}
+
+LIGHTS = {
+    LightColor.RED: ("#d03020", "s"),
+    LightColor.YELLOW: ("#f0e442", "^"),
+    LightColor.GREEN: ("#00a070", "o"),
+    LightColor.UNKNOWN: ("#999999", "D"),
+}
+"""Colour and shape of a light."""
+
+LINE = 0.15
+"""Width of painted lines [m], and half the distance between the two of a double line."""
+
+STOP_LINE = 0.4
+"""Width of a stop line [m]."""
+
+DASH, GAP = 3.0, 4.5
+"""Of a broken line [m]."""
+
+STRIPE = 0.5
+"""Width of a crosswalk's stripes, and of the gaps between them [m]."""
+
+ROUTE = 1.2
+"""Width of the ego's route [m]."""
+
+
+def object_color(object_type: int) -> str:
+    """Colour of an object that is not the ego."""
+    return OBJECTS.get(ObjectType(object_type), OTHER)

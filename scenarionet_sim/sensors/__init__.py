@@ -1,0 +1,26 @@
+"""What agents observe: each sensor a frozen specification, over the arrays of a stage and a state."""
+
+from scenarionet_sim.sensors.base import Sensor
+from scenarionet_sim.sensors.bird_view import BirdView, Channel
+from scenarionet_sim.sensors.boundary import BoundaryDetector
+from scenarionet_sim.sensors.lane_line import LaneLineDetector
+from scenarionet_sim.sensors.lidar import Lidar
+from scenarionet_sim.sensors.light_ahead import LightAhead
+from scenarionet_sim.sensors.navigation import Navigation
+from scenarionet_sim.sensors.point_cloud import PointCloud
+from scenarionet_sim.sensors.state import EgoState
+from scenarionet_sim.sensors.surrounding import Surrounding
+
+__all__ = [
+    "BirdView",
+    "BoundaryDetector",
+    "Channel",
+    "EgoState",
+    "LaneLineDetector",
+    "Lidar",
+    "LightAhead",
+    "Navigation",
+    "PointCloud",
+    "Sensor",
+    "Surrounding",
+]

@@ -1,0 +1,235 @@
+"""A picture from above, one channel for each kind of thing: what planners and policies that learn are fed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.errors import BadParameter
+from scenarionet_data.geometry import box_corners
+from scenarionet_data.vocabulary import (
+    LIGHT_COLORS,
+    LightColor,
+    MapFeatureType,
+    ObjectType,
+    is_lane,
+    is_road_edge,
+    is_road_line,
+)
+from scenarionet_sim.kernels.raster import draw_polygons, draw_segments, list_in_window
+from scenarionet_sim.past import Past
+from scenarionet_sim.roads import AREAS_TO_DRIVE_ON
+from scenarionet_sim.sensors.base import Agents, Array, Bool, Float64, Sensor, map_types, require
+from scenarionet_sim.stage import Stage
+from scenarionet_sim.state import State
+
+Int8 = npt.NDArray[np.int8]
+
+
+class Channel(IntEnum):
+    """What the channels of a bird's view show."""
+
+    ROAD = 0
+    CROSSWALK = 1
+    ROUTE = 2
+    LANE_LINE = 3
+    ROAD_EDGE = 4
+    LIGHT = 5
+    EGO = 6
+    VEHICLE = 7
+    PEDESTRIAN = 8
+    CYCLIST = 9
+    OBJECT = 10
+
+
+LIGHT_VALUES = {LightColor.UNKNOWN: 64, LightColor.GREEN: 128, LightColor.YELLOW: 192, LightColor.RED: 255}
+"""Values of a light's square in the channel LIGHT."""
+
+_LIGHT_SIDE = 2.0
+"""[m]."""
+
+
+def _channels(chosen: dict[Channel, tuple[IntEnum, ...]], other: int = -1) -> Int8:
+    """(256,) channel by type code."""
+    table = np.full(256, other, np.int8)
+    for channel, types in chosen.items():
+        table[[*types]] = channel
+    return table
+
+
+_LANES = map_types(is_lane)
+_AREAS = _channels({Channel.ROAD: (*_LANES, *AREAS_TO_DRIVE_ON), Channel.CROSSWALK: (MapFeatureType.CROSSWALK,)})
+_LINES = _channels({Channel.LANE_LINE: map_types(is_road_line), Channel.ROAD_EDGE: map_types(is_road_edge)})
+_OBJECTS = _channels(
+    {
+        Channel.VEHICLE: (ObjectType.VEHICLE,),
+        Channel.PEDESTRIAN: (ObjectType.PEDESTRIAN,),
+        Channel.CYCLIST: (ObjectType.CYCLIST,),
+    },
+    other=Channel.OBJECT,
+)
+_FULL = np.full(256, 255, np.uint8)
+_LIGHTS = np.array([LIGHT_VALUES[LightColor(color)] for color in LIGHT_COLORS], np.uint8)
+
+
+@dataclass(frozen=True)
+class BirdView(Sensor):
+    """A picture of everything around the agent.
+
+    Observes (11 + history, size, size) uint8, row 0 at the top: 255 where the channel's kind of thing is, else 0; the
+    light channel has ``LIGHT_VALUES``. Channels are those of :class:`Channel`; the agent is in EGO alone. After
+    them comes one channel for each past moment, the latest first, with every object's box as it was then, seen
+    from where the agent is now. Areas and boxes cover the pixels whose centres they hold; lines are one pixel wide.
+
+    Attributes:
+        size: Pixels along a side.
+        resolution: [m] of a pixel.
+        heading_up: The agent's heading points up; else the scenario's +y does (north, where the source says so).
+        anchor: Column and row of the agent, as shares of ``size``.
+        history: Past moments shown; the simulation has to remember as many.
+    """
+
+    high: ClassVar[float] = 255
+    dtype: ClassVar[type[np.generic]] = np.uint8
+
+    size: int = 512
+    resolution: float = 0.2
+    heading_up: bool = True
+    anchor: tuple[float, float] = (0.5, 0.5)
+    history: int = 0
+
+    def __post_init__(self) -> None:
+        require(self.size > 0, f"a bird's view has at least one pixel, found size={self.size}")
+        require(self.resolution > 0, f"a pixel is larger than 0 m, found resolution={self.resolution}")
+        require(self.history >= 0, f"past moments are at least 0, found history={self.history}")
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(channels, size, size)."""
+        return len(Channel) + self.history, self.size, self.size
+
+    def observe(self, stage: Stage, state: State, agents: Agents, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
+        """See the class.
+
+        Raises:
+            BadParameter: Fewer moments are remembered than the history shows.
+        """
+        remembered = 0 if state.past is None else len(state.past.present)
+        if remembered < self.history:
+            raise BadParameter(
+                f"a bird's view of history={self.history} needs as many past moments, found {remembered}; "
+                f"give Simulation history={self.history}"
+            )
+        turns = np.zeros((self.size, self.size + 3), np.int16)
+        out[...] = 0
+        for (world, row), pictures in zip(agents.tolist(), out, strict=True):  # a picture takes half a millisecond
+            view = self.view(state.position[world, row], float(state.heading[world, row]))
+            self._draw_map(stage, world, view, pictures, turns)
+            self._draw_route(stage, world, row, view, pictures)
+            self._draw_lights(stage, world, int(state.timestep[world]), view, pictures, turns)
+            self._draw_objects(state, world, row, view, pictures, turns)
+        return out
+
+    def view(self, center: Float64, heading: float) -> Float64:
+        """(6,) metres to pixels, as kernels take it: column = v0 x + v1 y + v2, row = v3 x + v4 y + v5."""
+        cos, sin = (np.cos(heading), np.sin(heading)) if self.heading_up else (0.0, 1.0)
+        turn = np.array([[sin, -cos], [-cos, -sin]]) / self.resolution
+        start = np.array(self.anchor) * self.size - turn @ center
+        return np.array([*turn[0], start[0], *turn[1], start[1]])
+
+    def _window(self, view: Float64) -> Float64:
+        """(4,) box around what the picture shows [m]."""
+        turn, start = view.reshape(2, 3)[:, :2], view[[2, 5]]
+        corners = np.array([[0, 0], [self.size, 0], [0, self.size], [self.size, self.size]])
+        places = (corners - start) @ np.linalg.inv(turn).T
+        return np.concatenate([places.min(axis=0), places.max(axis=0)])
+
+    def _draw_map(self, stage: Stage, world: int, view: Float64, pictures: Array, turns: Array) -> None:
+        window = self._window(view)
+        outlines = stage.polygons[world], stage.polygons_offsets[world], stage.polygon_type[world]
+        draw_polygons(*outlines, _near_polygons(stage, world, window), _AREAS, _FULL, view, pictures, turns)
+        lines = stage.segments[world], stage.segment_type[world]
+        draw_segments(*lines, _near_segments(stage, world, window), _LINES, _FULL, view, pictures)
+
+    def _draw_route(self, stage: Stage, world: int, row: int, view: Float64, pictures: Array) -> None:
+        first, end = stage.path_offsets[world, row : row + 2]
+        points = stage.path_points[world, first:end]
+        segments = np.concatenate([points[:-1], points[1:]], axis=1)
+        no_type, everywhere = np.zeros(len(segments), np.uint8), np.ones(len(segments), np.bool_)
+        draw_segments(segments, no_type, everywhere, _channels({}, Channel.ROUTE), _FULL, view, pictures)
+
+    def _draw_lights(
+        self, stage: Stage, world: int, timestep: int, view: Float64, pictures: Array, turns: Array
+    ) -> None:
+        count, now = stage.num_lights[world], min(timestep, stage.num_steps[world] - 1)
+        stop, shown = stage.light_stop[world, :count], stage.light_state[world, :count, now]
+        is_placed = ~np.isnan(stop[:, 0])
+        sides = np.full(count, _LIGHT_SIDE)
+        corners = box_corners(stop, np.zeros(count), sides, sides)
+        _draw_boxes(corners, shown, is_placed, _channels({}, Channel.LIGHT), _LIGHTS, view, pictures, turns)
+
+    def _draw_objects(self, state: State, world: int, row: int, view: Float64, pictures: Array, turns: Array) -> None:
+        types, sizes = state.object_type[world], state.size[world]
+
+        def boxes(position: Float64, heading: Float64) -> Float64:
+            return box_corners(position, heading, sizes[:, 0], sizes[:, 1])
+
+        corners, present = boxes(state.position[world], state.heading[world]), state.present[world]
+        is_me = np.arange(len(types)) == row
+        _draw_boxes(corners, types, present & is_me, _channels({}, Channel.EGO), _FULL, view, pictures, turns)
+        _draw_boxes(corners, types, present & ~is_me, _OBJECTS, _FULL, view, pictures, turns)
+        past = state.past or Past.empty(0, *state.present.shape)
+        for moment in range(self.history):
+            channel = _channels({}, len(Channel) + moment)
+            corners = boxes(past.position[moment, world], past.heading[moment, world])
+            _draw_boxes(corners, types, past.present[moment, world], channel, _FULL, view, pictures, turns)
+
+
+def _near_polygons(stage: Stage, world: int, window: Float64) -> Bool:
+    """(Q,) polygons of a world that may lie in a window."""
+    found = np.zeros(stage.polygon_type.shape[1], np.bool_)
+    list_in_window(
+        window,
+        stage.polygon_grid_origin[world],
+        stage.polygon_grid_shape[world],
+        stage.polygon_grid_cell_size[world],
+        stage.polygon_grid_cell_start[world],
+        stage.polygon_grid_cell_items[world],
+        found,
+    )
+    return found
+
+
+def _near_segments(stage: Stage, world: int, window: Float64) -> Bool:
+    """(S,) segments of a world that may lie in a window."""
+    found = np.zeros(stage.segment_type.shape[1], np.bool_)
+    list_in_window(
+        window,
+        stage.segment_grid_origin[world],
+        stage.segment_grid_shape[world],
+        stage.segment_grid_cell_size[world],
+        stage.segment_grid_cell_start[world],
+        stage.segment_grid_cell_items[world],
+        found,
+    )
+    return found
+
+
+def _draw_boxes(
+    corners: Float64,
+    types: Array,
+    is_drawn: Bool,
+    channel_of: Int8,
+    value_of: Array,
+    view: Float64,
+    pictures: Array,
+    turns: Array,
+) -> None:
+    """Fill boxes given by their corners (N, 4, 2) [m]."""
+    outlines = corners.reshape(-1, 2).astype(np.float32)
+    offsets = np.arange(0, len(outlines) + 1, 4, dtype=np.int32)
+    draw_polygons(outlines, offsets, types, is_drawn, channel_of, value_of, view, pictures, turns)

@@ -1,0 +1,44 @@
+"""The traffic light that the agent comes to next."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenarionet_data.vocabulary import LIGHT_COLORS
+from scenarionet_sim.kernels.ahead import observe_light
+from scenarionet_sim.sensors.base import Agents, Array, Sensor, require, require_arcs
+from scenarionet_sim.stage import Stage
+from scenarionet_sim.state import State
+
+
+@dataclass(frozen=True)
+class LightAhead(Sensor):
+    """The next light on the agent's own path: how far its stop point is, and what it shows now.
+
+    Observes (4,) float32 in [0, 1]: the distance along the path from the agent's centre as a share of ``range``; 1 for
+    green, 1 for yellow, 1 for red. A light whose colour is unknown has three zeros; without a light in reach it is
+    (1, 0, 0, 0). After the recording's end lights show what they showed last.
+
+    Attributes:
+        range: [m] along the path.
+    """
+
+    range: float = 50.0
+
+    def __post_init__(self) -> None:
+        require(self.range > 0, f"the range of a light ahead is above 0 m, found range={self.range}")
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(4,)."""
+        return (4,)
+
+    def observe(self, stage: Stage, state: State, agents: Agents, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
+        """See the class."""
+        require_arcs(state, agents)
+        stops = stage.stop_arc, stage.stop_light, stage.stop_offsets
+        lights = stage.light_state, stage.num_steps, LIGHT_COLORS
+        observe_light(agents, state.arc, state.timestep, *stops, *lights, self.range, out)
+        return out

@@ -1,0 +1,69 @@
+"""The true states of the objects around an agent: what perfect perception would report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from scenarionet_data.vocabulary import ObjectType
+from scenarionet_sim.kernels.ahead import observe_others
+from scenarionet_sim.sensors.base import Agents, Array, Float64, Sensor, require, table
+from scenarionet_sim.stage import Stage
+from scenarionet_sim.state import State
+
+
+@dataclass(frozen=True)
+class Surrounding(Sensor):
+    """The objects nearest to the agent, nearest first, in its frame.
+
+    Observes (objects, 13) float32 in [-1, 1], each clipped there; a row of zeros where there is no object:
+
+    0.       1: there is one
+    1. - 2.  centre, x forward and y left / ``range``
+    3. - 4.  cosine and sine of its heading minus the agent's
+    5. - 6.  velocity minus the agent's, forward and left / ``max_speed``
+    7. - 9.  length, width, height / ``max_size``
+    10. - 12. 1 for a vehicle, a pedestrian, a cyclist; all 0 for another kind
+
+    Attributes:
+        objects: How many at most.
+        range: Between centres [m].
+        types: What is reported; None: everything.
+        max_speed: [m/s].
+        max_size: [m].
+    """
+
+    low: ClassVar[float] = -1.0
+
+    objects: int = 16
+    range: float = 50.0
+    types: tuple[ObjectType, ...] | None = None
+    max_speed: float = 40.0
+    max_size: float = 20.0
+
+    def __post_init__(self) -> None:
+        require(self.objects > 0, f"surrounding objects are at least one, found objects={self.objects}")
+        scales = self.range, self.max_speed, self.max_size
+        require(min(scales) > 0, f"range, max_speed and max_size are above 0, found {scales}")
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(objects, 13)."""
+        return self.objects, 13
+
+    def observe(self, stage: Stage, state: State, agents: Agents, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
+        """See the class."""
+        motion = state.position, state.heading, state.velocity, state.size, state.object_type, state.present
+        observed = np.empty((len(agents), *self.shape))
+        observe_others(agents, *motion, table(self.types), self.range, observed)
+        np.multiply(observed, self._shares, out=out, casting="same_kind")
+        return np.clip(out, -1.0, 1.0, out=out)
+
+    @cached_property
+    def _shares(self) -> Float64:
+        """(13,) what the columns are multiplied with."""
+        full = [1.0, *[self.range] * 2, 1.0, 1.0, *[self.max_speed] * 2, *[self.max_size] * 3, 1.0, 1.0, 1.0]
+        return 1.0 / np.array(full)

@@ -1,0 +1,64 @@
+"""Box overlap against shapely, and against the distance of boxes that the lake's statistics use."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+
+from scenarionet_data.gaps import nearest_box
+from scenarionet_data.geometry import box_corners
+from scenarionet_sim.kernels.overlap import find_contacts
+
+
+def scene(rng, worlds=3, objects=40):
+    shape = worlds, objects
+    return (
+        rng.uniform(-15, 15, (*shape, 2)), rng.uniform(-np.pi, np.pi, shape), rng.choice([0.0, 4.0], shape),
+        rng.uniform(0.3, 6, (*shape, 3)), rng.integers(1, 7, shape).astype(np.uint8), rng.random(shape) < 0.8,
+    )  # fmt: skip
+
+
+def contacts_of(agents, state):
+    contacts = np.ones((len(agents), state[0].shape[1]), np.bool_)
+    hits = np.full(len(agents), 99, np.uint32)
+    find_contacts(agents, *state, contacts, hits)
+    return contacts, hits
+
+
+def test_contacts_are_the_overlapping_rectangles_at_the_same_height():
+    state = scene(np.random.default_rng(0))
+    position, heading, z, size, object_type, present = state
+    agents = np.argwhere(np.ones(present.shape)).astype(np.int32)
+    contacts, hits = contacts_of(agents, state)
+    boxes = shapely.polygons(box_corners(position, heading, size[..., 0], size[..., 1]))
+    assert contacts.sum() > 50
+    for (w, n), row, hit in zip(agents, contacts, hits, strict=True):
+        touch = shapely.intersects(boxes[w, n], boxes[w]) & present[w] & present[w, n]
+        touch &= 2 * np.abs(z[w] - z[w, n]) <= size[w, :, 2] + size[w, n, 2]
+        touch[n] = False
+        np.testing.assert_array_equal(row, touch)
+        assert {k for k in range(12) if hit >> k & 1} == set(object_type[w][touch].tolist())
+
+
+def test_overlap_is_a_distance_of_nothing():
+    rng = np.random.default_rng(1)
+    first, second = rng.uniform([-4, -4, -3, 1, 1], [4, 4, 3, 5, 3], (2, 500, 5))
+    both = np.stack([first, second], axis=1)
+    state = (
+        both[..., :2], both[..., 2], np.zeros((500, 2)), np.insert(both[..., 3:], 2, 1.5, axis=-1),
+        np.ones((500, 2), np.uint8), np.ones((500, 2), np.bool_),
+    )  # fmt: skip
+    agents = np.column_stack([np.arange(500), np.zeros(500)]).astype(np.int32)
+    contacts, _ = contacts_of(agents, tuple(map(np.ascontiguousarray, state)))
+    gap = [
+        nearest_box(np.stack(pair)[:, None], np.ones((2, 1), np.bool_), 0) for pair in zip(first, second, strict=True)
+    ]
+    np.testing.assert_array_equal(contacts[:, 1], np.array(gap) == 0)
+
+
+def test_edges_that_only_meet_are_no_contact():
+    state = (
+        np.array([[[0.0, 0.0], [4.0, 0.0], [0.0, 2.0]]]), np.zeros((1, 3)), np.zeros((1, 3)),
+        np.tile([4.0, 2.0, 1.5], (1, 3, 1)), np.ones((1, 3), np.uint8), np.ones((1, 3), np.bool_),
+    )  # fmt: skip
+    assert not contacts_of(np.array([[0, 0]], np.int32), state)[0].any()

@@ -1,0 +1,64 @@
+"""Progress, collisions and feasibility, by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scenarionet_data.vocabulary import ObjectType
+from scenarionet_sim.metrics.collisions import Collisions, count_collisions
+from scenarionet_sim.metrics.feasibility import is_infeasible
+from scenarionet_sim.metrics.progress import displacement, mean_speed, progress_ratio
+
+
+def test_mean_speed():
+    assert mean_speed(np.array([[3.0, 4.0], [0.0, 1.0]])) == 3.0
+
+
+def test_displacement_over_the_shorter_length():
+    driven = np.array([[0.0, 0.0], [3.0, 0.0], [6.0, 0.0], [9.0, 0.0]])
+    recorded = np.array([[0.0, 0.0], [3.0, 4.0], [6.0, 2.0]])
+    assert displacement(driven, recorded, np.ones(3, bool)) == (2.0, 2.0)
+    assert displacement(driven[:2], recorded, np.ones(3, bool)) == (2.0, 4.0)
+    assert displacement(driven, recorded, np.array([True, False, True])) == (1.0, 2.0)
+    assert np.isnan(displacement(driven, recorded, np.zeros(3, bool))).all()
+
+
+@pytest.mark.parametrize(
+    ("driven", "recorded", "ratio"),
+    [
+        (50.0, 100.0, 0.5),
+        (150.0, 100.0, 1.0),
+        (-2.5, 100.0, 0.0),
+        (-1.0, 100.0, 0.02),
+        (0.0, 0.0, 1.0),
+        (1.0, 4.0, 0.5),
+    ],
+)
+def test_progress_ratio(driven, recorded, ratio):
+    assert progress_ratio(driven, recorded) == ratio
+
+
+def test_collisions_by_type():
+    types = np.array([ObjectType.VEHICLE, ObjectType.VEHICLE, ObjectType.PEDESTRIAN, ObjectType.CYCLIST,
+                      ObjectType.TRAFFIC_CONE, ObjectType.VEHICLE, ObjectType.VEHICLE], np.uint8)  # fmt: skip
+    contacts = np.zeros((6, 7), bool)
+    contacts[2:4, 1] = contacts[1, 2] = contacts[3, 3] = contacts[5, 5] = True
+    contacts[2, 4] = contacts[4:, 4] = True  # the cone is touched twice
+    contacts[:3, 6] = True  # overlaps in the recording
+    found = count_collisions(contacts, types)
+    assert found == Collisions(vehicles=2, humans=2, objects=1, cost=6, first=1)
+    assert count_collisions(np.zeros((5, 7), bool), types) == Collisions(0, 0, 0, 0, None)
+
+
+def test_what_no_car_can_do():
+    heading = np.zeros(4)
+    assert is_infeasible(np.array([10.0, 11.0, 12.0, 13.0]), heading, 0.1).tolist() == [False] * 3
+    assert is_infeasible(np.array([10.0, 11.05, 11.05, 10.0]), heading, 0.1).tolist() == [True, False, True]
+    # 10 m/s for 0.1 s is 1 m: 0.29 rad is a curvature of 0.29, 0.31 rad too much, and so is a wrapped turn
+    steady = np.full(4, 10.0)
+    assert is_infeasible(steady, np.array([0.0, 0.29, 0.60, 0.60]), 0.1).tolist() == [False, True, False]
+    assert is_infeasible(steady, np.array([3.0, 3.29 - 2 * np.pi, 3.29 - 2 * np.pi, 3.0]), 0.1).tolist() == [
+        False, False, False,
+    ]  # fmt: skip
+    assert is_infeasible(np.full(2, 0.5), np.array([0.0, 1.0]), 0.1).tolist() == [False], "too slow to tell"

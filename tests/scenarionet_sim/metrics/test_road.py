@@ -1,0 +1,71 @@
+"""Rules of the road on a straight road of two lanes, one each way."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scenarionet_data.building import MapBuilder
+from scenarionet_data.vocabulary import MapFeatureType
+from scenarionet_sim.metrics.road import ON_LANE, is_off_road, lane_progress, runs_red_light, wrong_way
+from scenarionet_sim.roads import Roads
+
+DT = 0.1
+
+
+@pytest.fixture(scope="module")
+def roads() -> Roads:
+    builder = MapBuilder()
+    for name, points in (("east", [[0, 0], [50, 0], [100, 0]]), ("west", [[100, 3.5], [0, 3.5]])):
+        builder.add(name, MapFeatureType.LANE_SURFACE_STREET, polyline=points, width=[[1.75, 1.75]])
+    return Roads.from_map(builder.build(np.zeros(3)))
+
+
+def box(x: float, y: float) -> list[list[float]]:
+    return [[x + 2, y + 1], [x + 2, y - 1], [x - 2, y - 1], [x - 2, y + 1]]
+
+
+def test_off_road_by_more_than_the_tolerance(roads):
+    """The road reaches from y = -1.75 to 5.25; a corner may be 0.3 m beside it."""
+    corners = np.array([box(50, 0), box(50, 1.75), box(50, -1.0), box(50, -1.1), box(50, 4.5), box(99, 0)])
+    assert is_off_road(corners, roads).tolist() == [False, False, False, True, False, True]
+
+
+def drive(x: np.ndarray, y: float) -> np.ndarray:
+    return np.column_stack((x, np.full(len(x), y))).astype(np.float64)
+
+
+def progress(position, roads) -> np.ndarray:
+    return lane_progress(position, roads.lanes.values, roads.lanes.offsets, ON_LANE)
+
+
+def test_way_along_the_lane(roads):
+    assert progress(drive(np.array([10.0, 11.0, 13.0]), 0.0), roads).tolist() == [0.0, 1.0, 2.0]
+    assert progress(drive(np.array([10.0, 11.0]), 3.5), roads).tolist() == [0.0, -1.0]
+    assert progress(drive(np.array([10.0, 11.0]), 1.75), roads).tolist() == [0.0, 1.0], "on both lanes: the better"
+    assert progress(drive(np.array([10.0, 11.0]), 30.0), roads).tolist() == [0.0, 0.0], "on no lane"
+
+
+@pytest.mark.parametrize(("speed", "seconds", "distance", "mark"), [
+    (10.0, 3.0, 0.0, 1.0), (-1.9, 3.0, 1.9, 1.0), (-2.0, 3.0, 2.0, 0.5), (-5.9, 3.0, 5.9, 0.5), (-6.0, 3.0, 6.0, 0.0),
+    (-9.0, 0.5, 4.5, 0.5),
+])  # fmt: skip
+def test_wrong_way_within_a_second(speed, seconds, distance, mark):
+    progress = np.zeros(100)
+    progress[20 : 20 + round(seconds / DT)] = speed * DT
+    found = wrong_way(progress, DT)
+    assert found == (pytest.approx(distance), mark)
+
+
+def test_red_light():
+    position = drive(np.array([0.0, 4.0, 8.0, 12.0]), 0.5)
+    stop, direction = np.array([[6.0, 0.0]]), np.array([[1.0, 0.0]])
+    red = np.ones((1, 4), bool)
+    assert runs_red_light(position, stop, direction, red).tolist() == [True]
+    assert runs_red_light(position, stop, -direction, red).tolist() == [False], "the light of the other direction"
+    assert runs_red_light(position + np.array([0, 3.0]), stop, direction, red).tolist() == [False], "the lane beside"
+    assert runs_red_light(position[:2], stop, direction, red[:, :2]).tolist() == [False], "stops before it"
+    red[0, 2] = False
+    assert runs_red_light(position, stop, direction, red).tolist() == [False], "green when it passes"
+    none = runs_red_light(position, np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 4), bool))
+    assert none.tolist() == []

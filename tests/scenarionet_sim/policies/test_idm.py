@@ -1,0 +1,138 @@
+"""IDM: headway to whatever is on the path, the ego too; red lights; bends; coming and going."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scenarionet_data.errors import BadParameter
+from scenarionet_data.scenario import ScenarioDescription
+from scenarionet_data.vocabulary import LightState, ObjectType
+from scenarionet_sim.policies import External, Idm, Replay, ego, vehicles
+from scenarionet_sim.simulation import Simulation
+from scenarionet_sim.world import World
+from tests.fixtures.drives import Other, make_drive
+
+BRAKE, COAST = [[0.0, -1.0]], [[0.0, 0.0]]
+
+
+def run(scenario: ScenarioDescription, policies, actions=None, steps=None):
+    """Positions (T, N, 2) and presence (T, N) of a run of one world."""
+    simulation = Simulation([World.from_scenario(scenario)], policies)
+    moments = []
+    for _ in range(steps or scenario.num_timesteps - 1):
+        simulation.step(actions)
+        moments.append((simulation.state.position[0].copy(), simulation.state.present[0].copy()))
+    position, present = map(np.array, zip(*moments, strict=True))
+    return position, present
+
+
+def test_a_follower_keeps_its_headway_to_an_ego_that_brakes():
+    scenario = make_drive(num_steps=101, others=(Other(-25.0, vx=10.0),))
+    position, present = run(scenario, (Replay(), Idm(), External()), BRAKE)
+    gaps = position[:, 0, 0] - position[:, 1, 0] - 4.6
+    assert present.all()
+    assert gaps.min() > 1.0
+    assert gaps[-1] == pytest.approx(2.0, abs=0.7)  # the standstill gap
+    replayed, _ = run(scenario, (Replay(), External()), BRAKE)
+    assert (replayed[:, 0, 0] - replayed[:, 1, 0] - 4.6).min() < 0.0  # the log drives through
+
+
+def test_on_a_free_road_it_drives_at_its_recorded_speed():
+    scenario = make_drive(num_steps=61, others=(Other(40.0, vx=12.0),))
+    position, _ = run(scenario, (Replay(), Idm()), steps=50)
+    recorded = scenario.tracks.position[1, 1:51, 0]
+    np.testing.assert_allclose(position[:, 1, 0], recorded, atol=0.3)
+    np.testing.assert_allclose(position[:, 1, 1], 0.0, atol=1e-6)
+
+
+def test_what_is_on_another_lane_is_not_in_the_way():
+    others = (Other(-25.0, 3.5, vx=10.0),)
+    beside, _ = run(make_drive(others=others), (Replay(), Idm(), External()), BRAKE)
+    alone, _ = run(make_drive(others=others), (Replay(), Idm()))
+    np.testing.assert_array_equal(beside[:, 1], alone[:, 1])
+
+
+@pytest.mark.parametrize("kind", [ObjectType.PEDESTRIAN, ObjectType.TRAFFIC_CONE, ObjectType.CYCLIST])
+def test_anything_in_the_way_stops_it(kind):
+    scenario = make_drive(speed=0.0, num_steps=101, others=(Other(-60.0, 3.5, vx=10.0), Other(10.0, 3.5, type=kind)))
+    position, _ = run(scenario, (Replay(), Idm()))
+    assert 4.0 < position[-1, 1, 0] < 10.0 - 2.3
+
+
+def test_an_object_that_crosses_makes_it_wait_until_it_has_passed():
+    crossing = Other(-20.0, -8.0, vy=1.6, type=ObjectType.PEDESTRIAN)
+    scenario = make_drive(speed=0.0, num_steps=161, others=(Other(-60.0, vx=8.0), crossing))
+    position, _ = run(scenario, (Replay(), Idm()))
+    car, walker = position[:, 1], position[:, 2]
+    on_the_strip = np.abs(walker[:, 1]) < 0.5
+    assert (car[on_the_strip, 0] < -20.0 - 2.3).all()
+    assert car[-1, 0] > -10.0
+
+
+def test_what_passes_above_is_not_in_the_way():
+    scenario = make_drive(speed=0.0, others=(Other(-30.0, 3.5, vx=10.0), Other(-10.0, 3.5)))
+    scenario.tracks.position[2, :, 2] = 6.0
+    position, _ = run(scenario, (Replay(), Idm()))
+    assert position[:, 1, 0].max() > -5.0
+
+
+def test_it_stops_at_a_red_light_of_its_lane_and_goes_on_green():
+    scenario = make_drive(num_steps=121, red=True)  # the ego's path meets it after 60 m
+    state = scenario.lights.state
+    state[:, 100:] = LightState.TRAFFIC_LIGHT_GREEN
+    position, _ = run(scenario, [Idm(who=ego)])
+    front = position[:, 0, 0] + 2.3
+    assert 55.0 < front[95] < 60.0
+    assert front[-1] > front[95] + 1.0
+
+
+def test_yellow_is_passed_when_it_is_too_late_to_stop_in_comfort():
+    scenario = make_drive(num_steps=81, red=True)  # the light is 40 m ahead
+    scenario.lights.state[:] = LightState.TRAFFIC_LIGHT_GREEN
+    scenario.lights.state[:, 30:] = LightState.TRAFFIC_LIGHT_YELLOW  # from 8 m on
+    passing, _ = run(scenario, [Idm(who=ego)])
+    assert passing[-1, 0, 0] > 60.0
+    scenario.lights.state[:] = LightState.TRAFFIC_LIGHT_YELLOW
+    stopping, _ = run(scenario, [Idm(who=ego)])
+    assert stopping[-1, 0, 0] + 2.3 < 40.0
+
+
+def test_it_slows_down_for_a_bend():
+    time = np.arange(201) * 0.1
+    angle = np.clip((10.0 * time - 60.0) / 10.0, 0.0, np.pi / 2)  # 60 m straight, then a bend of 10 m
+    scenario = make_drive(num_steps=201)
+    tracks = scenario.tracks
+    tracks.velocity[0] = 10.0 * np.column_stack([np.cos(angle), np.sin(angle)])
+    tracks.heading[0] = angle
+    tracks.position[0, :, :2] = np.cumsum(tracks.velocity[0], axis=0) * 0.1
+    position, _ = run(scenario, [Idm(who=ego)], steps=120)
+    speed = np.hypot(*np.diff(position[:, 0], axis=0).T) / 0.1
+    turning = (position[1:, 0, 0] > 62.0) & (position[1:, 0, 1] < 8.0)
+    assert speed[turning].max() < 1.2 * np.sqrt(3.0 * 10.0)  # lateral acceleration of 3
+    assert speed[:30].min() > 9.0
+
+
+def test_it_comes_when_its_place_is_free_and_leaves_at_the_end_of_its_path():
+    coming = Other(20.0, vx=10.0, first=10, last=30)
+    scenario = make_drive(num_steps=61, others=(coming,))
+    _, present = run(scenario, (Replay(), Idm()), steps=55)
+    assert present[9, 1] and not present[8, 1]
+    assert not present[-1, 1]
+    slow = replace(coming, x=4.0, vx=6.0)  # the ego is where it should come, and leaves it behind
+    _, present = run(make_drive(num_steps=61, others=(slow,)), (Replay(), Idm()), steps=30)
+    first = int(np.argmax(present[:, 1])) + 1
+    assert 4.6 < 0.4 * first - 4.0 < 6.2  # middle to middle, when it comes
+
+
+def test_objects_recorded_standing_are_replayed():
+    world = World.from_scenario(make_drive(others=(Other(30.0, 3.5), Other(-30.0, 3.5, vx=9.0))))
+    simulation = Simulation([world], (Replay(), Idm(who=vehicles)))
+    assert simulation.driver[0].tolist() == [1, 0, 1]
+
+
+def test_numbers_that_make_no_law_are_refused():
+    with pytest.raises(BadParameter, match="headway is 0"):
+        Idm(headway=0.0)

@@ -1,0 +1,39 @@
+"""Replay: the log, exactly."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scenarionet_sim.policies import Replay
+from scenarionet_sim.simulation import Simulation
+from scenarionet_sim.world import World
+from tests.fixtures.scenarios import make_scenario
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_every_object_is_where_it_was_recorded_while_it_is_valid(seed):
+    scenario = make_scenario(seed)
+    tracks, simulation = scenario.tracks, Simulation([World.from_scenario(scenario)], [Replay()])
+    for t in range(scenario.num_timesteps):
+        state, valid = simulation.state, tracks.valid[:, t]
+        assert state.timestep[0] == t
+        np.testing.assert_array_equal(state.present[0], valid)
+        for ours, recorded in (
+            (state.position, tracks.position[:, t, :2]), (state.z, tracks.position[:, t, 2]),
+            (state.heading, tracks.heading[:, t]), (state.velocity, tracks.velocity[:, t]),
+            (state.yaw_rate, simulation.stage.worlds[0].log_yaw_rate[t]),
+        ):  # fmt: skip
+            np.testing.assert_array_equal(ours[0][valid], recorded[valid])
+        simulation.step()
+
+
+def test_after_the_log_objects_stand_where_they_are():
+    world = World.from_scenario(make_scenario(1))
+    simulation = Simulation([world], [Replay()])
+    for _ in range(world.num_steps + 4):
+        simulation.step()
+    state, there = simulation.state, world.log_valid[-1]
+    np.testing.assert_array_equal(state.present[0], there)
+    np.testing.assert_array_equal(state.position[0, there], world.log_position[-1, there])
+    assert not state.velocity[0, there].any() and not state.yaw_rate[0, there].any()

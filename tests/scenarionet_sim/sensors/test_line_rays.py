@@ -1,0 +1,121 @@
+"""Boundary and lane-line detectors, against shapely."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scenarionet_data.building import MapBuilder
+from scenarionet_data.errors import BadParameter
+from scenarionet_data.vocabulary import MapFeatureType
+from scenarionet_sim.kernels.rays import cast_at_segments
+from scenarionet_sim.roads import Roads
+from scenarionet_sim.sensors import BoundaryDetector, LaneLineDetector
+from scenarionet_sim.sensors.base import directions, table
+from scenarionet_sim.sensors.boundary import BOUNDARIES
+from tests.fixtures.drives import make_drive
+from tests.fixtures.simulations import simulate
+from tests.scenarionet_sim.sensors import oracle
+from tests.scenarionet_sim.sensors.conformance import SensorConformance, simulation  # noqa: F401
+
+EDGE = MapFeatureType.ROAD_EDGE_BOUNDARY
+
+
+class TestBoundaryDetector(SensorConformance):
+    sensor = BoundaryDetector(noise=0.2, dropout=0.1)
+
+    def test_agrees_with_shapely(self, simulation):  # noqa: F811
+        compare(simulation, BoundaryDetector(rays=30, range=60.0), self)
+
+
+class TestLaneLineDetector(SensorConformance):
+    sensor = LaneLineDetector(rays=24, range=40.0)
+
+    def test_agrees_with_shapely(self, simulation):  # noqa: F811
+        compare(simulation, self.sensor, self)
+
+
+def compare(simulation, sensor, suite):  # noqa: F811
+    """What is observed in float32 agrees to its precision; the kernel itself is compared below."""
+    state, stage = simulation.state, simulation.stage
+    agents = simulation.agents[::4]
+    found = suite.observed(simulation, sensor, agents)
+    for (world, row), shares in zip(agents, found, strict=True):
+        is_seen = np.isin(stage.segment_type[world], sensor.types)
+        is_seen[stage.num_segments[world] :] = False
+        shapes = shapely.linestrings(stage.segments[world][is_seen].reshape(-1, 2, 2).astype(float))
+        wanted = [
+            oracle.seen(oracle.ray(state, world, row, 2 * np.pi * k / sensor.rays, sensor.range), shapes, sensor.range)
+            for k in range(sensor.rays)
+        ]
+        np.testing.assert_allclose(shares, wanted, atol=2e-7)
+    assert (found < 1).any()
+
+
+def cast(roads, position, heading, rays, reach):
+    """The kernel, in float64."""
+    grid = roads.segment_grid
+    cells = (
+        grid.origin[None],
+        grid.shape[None],
+        np.array([grid.cell_size]),
+        grid.cell_start[None],
+        grid.cell_items[None],
+    )
+    found = np.empty((1, rays))
+    place = np.array([[0, 0]], np.int32), np.array(position, float).reshape(1, 1, 2), np.array([[heading]], float)
+    lines = roads.segments[None], roads.segment_type[None], table(BOUNDARIES)
+    cast_at_segments(*place, *lines, *cells, directions(rays), reach, found)
+    return found[0]
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 10**6), st.integers(1, 40), st.sampled_from([3.0, 30.0, 300.0]))
+def test_the_walk_through_the_grid_misses_nothing(seed, count, scale):
+    """Random lines, seen from inside and outside of their grid, agree with all lines tried one by one."""
+    rng = np.random.default_rng(seed)
+    builder = MapBuilder()
+    for number in range(count):
+        builder.add(f"{number}", EDGE, polyline=rng.uniform(-scale, scale, (rng.integers(2, 5), 2)))
+    roads = Roads.from_map(builder.build(np.zeros(3)))
+    position, heading = rng.uniform(-1.5 * scale, 1.5 * scale, 2), rng.uniform(-4, 4)
+    found = cast(roads, position, heading, 16, 50.0)
+    for k, angle in enumerate(heading + np.arange(16) * np.pi / 8):
+        forward = np.array([np.cos(angle), np.sin(angle)])
+        assert found[k] == pytest.approx(brute_force(roads.segments.astype(float), position, forward, 50.0), abs=1e-9)
+
+
+def brute_force(segments, position, forward, reach):
+    """Every segment in turn: where its line crosses the ray's, by solving for both parameters."""
+    start, along = segments[:, :2] - position, segments[:, 2:] - segments[:, :2]
+    cross = forward[0] * along[:, 1] - forward[1] * along[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance = (start[:, 0] * along[:, 1] - start[:, 1] * along[:, 0]) / cross
+        share = (start[:, 0] * forward[1] - start[:, 1] * forward[0]) / cross
+    hit = (cross != 0) & (share >= 0) & (share <= 1) & (distance >= 0)
+    return min(1.0, distance[hit].min(initial=reach) / reach)
+
+
+@pytest.mark.parametrize("heading", [0.0, np.pi / 2, -np.pi, -np.pi / 2])
+def test_rays_along_the_cells_borders(heading):
+    """Rays parallel to the axes, from a corner of the grid's cells."""
+    builder = MapBuilder()
+    builder.add("square", EDGE, polygon=[[-30, -30], [30, -30], [30, 30], [-30, 30]])
+    roads = Roads.from_map(builder.build(np.zeros(3)))
+    np.testing.assert_allclose(cast(roads, [0.0, 0.0], heading, 4, 50.0), 0.6, atol=1e-9)
+
+
+def test_between_two_edges():
+    """The road's edges lie 1.75 m to the right and 5.25 m to the left of the ego."""
+    drive = simulate(make_drive(), steps=0)
+    detector = BoundaryDetector(rays=4)
+    shares = detector.observe(drive.stage, drive.state, drive.agents, np.random.default_rng(0), detector.empty(1))
+    np.testing.assert_allclose(shares[0] * 50, [50, 5.25, 50, 1.75], atol=1e-5)
+
+
+def test_nothing_to_see_is_refused():
+    with pytest.raises(BadParameter, match="at least one type"):
+        BoundaryDetector(types=())

@@ -1,0 +1,59 @@
+"""The examples run, and learning helps."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import gymnasium
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import scenarionet_sim
+from scenarionet_data.conversion import convert
+from scenarionet_sim.examples import idm_ego, ppo, random_agent
+from scenarionet_sim.selection import Scenarios
+
+
+@pytest.fixture(scope="module")
+def generated(tmp_path_factory):
+    lake = tmp_path_factory.mktemp("generated") / "lake"
+    convert("pg", "0:12", lake)
+    return str(lake)
+
+
+@pytest.mark.parametrize(
+    ("program", "arguments", "printed"),
+    [
+        (random_agent.main, ["--episodes", "2"], "pg/v1/0"),
+        (idm_ego.main, [], "of 12"),
+        (ppo.main, ["--steps", "128", "--worlds", "2"], "reward of an episode"),
+    ],
+)
+def test_programs(generated, program, arguments, printed):
+    done = CliRunner().invoke(program, [generated, *arguments], catch_exceptions=False)
+    assert done.exit_code == 0 and printed in done.output
+    assert CliRunner().invoke(program, ["--help"]).output
+
+
+def test_a_random_agent_is_the_same_again(generated):
+    env = gymnasium.make("ScenarioNet-v0", scenarios=Scenarios(generated))
+    assert scenarionet_sim and random_agent.play(env, 2, seed=3) == random_agent.play(env, 2, seed=3)
+
+
+def test_an_idm_ego_arrives(generated):
+    ends = idm_ego.evaluate(Scenarios(generated))
+    assert ends["episodes"] == 12 and ends["out_of_road"] == 0
+    assert ends["success"] >= 9
+
+
+def test_ppo_learns_to_drive(generated):
+    """From hardly moving to a multiple of the reward within some thousand steps; a process, for numpy's threads."""
+    command = [sys.executable, "-m", "scenarionet_sim.examples.ppo", generated, "--steps", "10000"]
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    curve = [float(line.split()[-1]) for line in done.stdout.splitlines()]
+    before, after = np.nanmean(curve[:3]), np.nanmean(curve[-3:])
+    assert after > 2.0 * before > 0.0

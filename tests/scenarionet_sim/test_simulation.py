@@ -1,0 +1,182 @@
+"""The loop: order, slots, determinism, coming and going, and what it refuses."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+
+from scenarionet_data.converters.scenarionet import ScenarioNetPickles
+from scenarionet_data.errors import BadParameter
+from scenarionet_data.vocabulary import ObjectType
+from scenarionet_sim.backends.base import Drive
+from scenarionet_sim.backends.kinematic import Kinematic
+from scenarionet_sim.policies import (
+    ConstantVelocity,
+    External,
+    Idm,
+    OfType,
+    Replay,
+    RouteFollower,
+    Tracks,
+    ego,
+    other_vehicles,
+    vehicles,
+)
+from scenarionet_sim.simulation import NOBODY, Simulation
+from scenarionet_sim.world import World
+from tests.fixtures.drives import Other, make_drive
+from tests.fixtures.scenarios import make_scenario
+
+DRIVE = World.from_scenario(make_drive(others=(Other(20.0, vx=6.0), Other(-20.0, vx=9.0), Other(9.0, 3.5)), red=True))
+MADE = [World.from_scenario(make_scenario(seed)) for seed in range(3)]
+LARGE = World.from_scenario(make_scenario(7, num_objects=50, num_steps=80, num_lights=5, num_lanes=12))
+TRAFFIC = (Replay(), Idm(), External())
+
+
+def moments(simulation: Simulation, steps: int, seed: int = 0, slot: int = 0) -> list[np.ndarray]:
+    """A slot's moving arrays after each of some steps; the slot's agent drives by itself, the others as they like."""
+    rng, others, kept = np.random.default_rng(seed), np.random.default_rng(99), []
+    for _ in range(steps):
+        actions = others.uniform(-1, 1, (len(simulation.agents), 2))
+        actions[simulation.agents[:, 0] == slot] = rng.uniform(-1, 1, 2)
+        simulation.step(actions)
+        state, n = simulation.state, simulation.stage.num_objects[slot]
+        arrays = (*state.motion, state.arc, state.lateral)
+        kept.append(np.concatenate([array[slot, :n].ravel().astype(float) for array in arrays]))
+    return kept
+
+
+@pytest.mark.parametrize("policies", [TRAFFIC, (ConstantVelocity(), RouteFollower(), External(who=ego))])
+def test_the_same_again_is_the_same_bits(policies):
+    simulation = Simulation([DRIVE], policies)
+    first = moments(simulation, 30)
+    simulation.reset(0)
+    again = moments(simulation, 30)
+    other = moments(Simulation([DRIVE], policies), 30)
+    np.testing.assert_array_equal(first, again)
+    np.testing.assert_array_equal(first, other)
+
+
+def test_a_world_does_not_notice_its_neighbours():
+    alone = moments(Simulation([DRIVE], TRAFFIC), 25)
+    among = moments(Simulation([*MADE, DRIVE, LARGE], TRAFFIC), 25, slot=3)
+    np.testing.assert_array_equal(alone, among)
+
+
+def test_a_slot_takes_another_world_while_the_others_go_on():
+    simulation = Simulation([MADE[0], DRIVE], TRAFFIC)
+    wanted = moments(Simulation([DRIVE], TRAFFIC), 20)
+    rng = np.random.default_rng(0)
+    for t, world in enumerate([LARGE, MADE[1], None, LARGE] * 5):
+        simulation.reset(0, world)
+        simulation.step(np.array([[0.1, 0.1], rng.uniform(-1, 1, 2)]))
+        state = simulation.state
+        arrays = (*state.motion, state.arc, state.lateral)
+        np.testing.assert_array_equal(wanted[t], np.concatenate([a[1, :4].ravel().astype(float) for a in arrays]))
+    assert simulation.stage.worlds == [LARGE, DRIVE]
+    assert simulation.state.timestep.tolist() == [1, 20]
+
+
+def test_reset_begins_where_it_is_told():
+    simulation = Simulation([LARGE])
+    simulation.reset(0, start=17)
+    assert simulation.state.timestep[0] == 17
+    np.testing.assert_array_equal(simulation.state.position[0, 0], LARGE.log_position[17, 0])
+    hidden = World.from_scenario(make_drive(hidden=slice(0, 6)))
+    assert Simulation([hidden]).state.timestep[0] == 6
+
+
+def test_the_last_policy_that_wants_an_object_drives_it():
+    policies = (Replay(), ConstantVelocity(who=OfType((ObjectType.VEHICLE,))), Idm(who=Tracks(("t2",))), External())
+    simulation = Simulation([DRIVE], policies)
+    assert simulation.driver[0].tolist() == [3, 1, 2, 1]
+    nobody = Simulation([DRIVE], [Replay(who=ego)])
+    assert nobody.driver[0].tolist() == [0, NOBODY, NOBODY, NOBODY]
+    assert nobody.state.present[0].tolist() == [True, False, False, False]
+
+
+def test_an_idm_driver_for_the_ego_is_no_agent():
+    simulation = Simulation([DRIVE], (Replay(), Idm(who=ego)))
+    assert len(simulation.agents) == 0
+    for _ in range(30):
+        simulation.step()
+    assert 5.0 < simulation.state.position[0, 0, 0] < 20.0  # behind t1, before the light
+
+
+def test_contacts_say_what_an_agent_runs_into():
+    cone = Other(12.0, type=ObjectType.TRAFFIC_CONE)
+    world = World.from_scenario(make_drive(others=(cone, Other(4.0, 3.5, vx=10.0))))
+    simulation = Simulation([world])
+    touched = []
+    for _ in range(25):
+        simulation.step([[0.0, 0.0]])
+        touched.append(simulation.contacts[0].tolist())
+        assert simulation.hits[0] == (1 << ObjectType.TRAFFIC_CONE if simulation.contacts[0, 1] else 0)
+    first = touched.index([False, True, False])
+    assert 0.1 * (first + 1) * 10.0 + 2.3 > 12.0 - 0.2 >= 0.1 * first * 10.0 + 2.3
+    assert touched[-1] == [False, False, False]
+
+
+def test_agents_know_where_they_are_on_their_route():
+    simulation = Simulation([DRIVE])
+    for _ in range(20):
+        simulation.step([[0.05, 0.0]])
+    arc, lateral, position = simulation.state.arc[0, 0], simulation.state.lateral[0, 0], simulation.state.position[0, 0]
+    np.testing.assert_allclose([arc, lateral], position, atol=1e-4)
+    assert lateral > 0.5
+    assert simulation.previous.arc[0, 0] < arc
+
+
+def test_actions_are_checked():
+    simulation = Simulation([DRIVE, DRIVE])
+    with pytest.raises(BadParameter, match="1 actions for 2 agents"):
+        simulation.step([[0.0, 0.0]])
+    with pytest.raises(BadParameter, match="not a number"):
+        simulation.step([[0.0, 0.0], [np.nan, 0.0]])
+    simulation.step([[7.0, 3.0], [1.0, 1.0]])
+    np.testing.assert_array_equal(simulation.state.position[0], simulation.state.position[1])
+
+
+def test_worlds_of_one_simulation_have_one_timestep():
+    slow = World.from_scenario(make_scenario(1))
+    object.__setattr__(slow, "dt", 0.5)
+    with pytest.raises(BadParameter, match=r"0\.5 s among worlds of 0\.1 s"):
+        Simulation([DRIVE, slow])
+
+
+def test_a_simulation_without_objects_that_move_still_runs():
+    lonely = World.from_scenario(make_scenario(0, num_objects=1, num_lights=0, has_map=False))
+    simulation = Simulation([lonely], TRAFFIC)
+    simulation.step([[0.0, 0.0]])
+    assert simulation.contacts.shape == (1, 1)
+
+
+def test_specifications_pickle():
+    policies = (
+        Replay(), Idm(headway=2.0), External(who=vehicles), ConstantVelocity(who=OfType((ObjectType.CYCLIST,))),
+        RouteFollower(who=other_vehicles, beyond=50.0), Idm(who=Tracks(("a", "b"))),
+    )  # fmt: skip
+    assert pickle.loads(pickle.dumps(policies)) == policies
+    backend = Kinematic(Drive(max_speed=20.0))
+    assert pickle.loads(pickle.dumps(backend)) == backend
+
+
+def test_recorded_scenarios_replay_exactly_and_run_with_traffic(recordings):
+    converter = ScenarioNetPickles()
+    folders = [str(recordings / "scenarionet" / name) for name in ("nuscenes_0", "waymo_0")]
+    worlds = [
+        World.from_scenario(converter.scenario(shard, record))
+        for folder in folders
+        for shard in converter.shards(folder, "train", converter.release, converter.Options())
+        for record in converter.records(shard)
+    ]
+    replayed, traffic = Simulation(worlds, [Replay()]), Simulation(worlds, (Replay(), RouteFollower(), External()))
+    for t in range(1, 90):
+        replayed.step()
+        traffic.step()
+        for slot, world in enumerate(worlds):
+            valid = np.flatnonzero(world.log_valid[t])
+            np.testing.assert_array_equal(replayed.state.position[slot, valid], world.log_position[t, valid])
+        assert np.isfinite(traffic.state.position).all() and np.isfinite(traffic.state.heading).all()
