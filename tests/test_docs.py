@@ -62,6 +62,7 @@ def test_readme_examples_run(tmp_path):
     assert run_blocks("README.md", tmp_path) >= 9
 
 
+@pytest.mark.long
 def test_evaluation_examples_run(tmp_path):
     assert run_blocks("docs/evaluation.md", tmp_path) >= 5
     runs = Lake(tmp_path / "lake").ask("runs")

@@ -18,7 +18,7 @@ import pyarrow as pa
 from scenarionet_data import tables
 from scenarionet_data.errors import BadParameter, SchemaMismatch
 from scenarionet_data.store.files import LakeFiles
-from scenarionet_data.store.shard_writer import write_table
+from scenarionet_data.store.table_file import write_table
 
 RUN_TABLES = ("results", "rollouts", "observations")
 _FOLDER = "results"

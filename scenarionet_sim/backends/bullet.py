@@ -50,7 +50,7 @@ class Bullet:
     body_friction: float = 0.5
     restitution: float = 0.1
     substeps: int = SUBSTEPS
-    iterations: int = 20
+    iterations: int = 10
     max_asleep: int = 32
 
     def open(self, stage: Stage) -> BulletSession:
@@ -78,6 +78,7 @@ class BulletSession:
         bullet = _import_bullet()
         self._spec = spec
         self._bullet = bullet
+        self._step = 0.0
         self._client: int = bullet.connect(bullet.DIRECT)
         if self._client < 0:
             raise BadParameter("pybullet has 1,024 clients in a process, and all are taken: close environments")
@@ -139,7 +140,9 @@ class BulletSession:
         bullet, client, spec = self._bullet, self._client, self._spec
         car, friction = spec.drive, spec.tyre_friction * _GRAVITY
         vehicle = (car.max_steer, car.acceleration, car.braking, friction, car.max_speed, car.wheelbase)
-        bullet.setTimeStep(step, client)
+        if step != self._step:
+            bullet.setTimeStep(step, client)
+            self._step = step
         for _ in range(spec.substeps):
             apply_tyres(motion, size, actions, vehicle, step)
             for body, (_, _, _, x, y, turn) in zip(bodies, motion.tolist(), strict=True):

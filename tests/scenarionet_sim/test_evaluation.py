@@ -65,9 +65,9 @@ def test_results_and_rollouts_are_in_the_lake(lake):
     assert rows["scenario_id"].to_list() == [scenario.id for scenario in SCENARIOS]
     assert (rows["cost"] == 0).all() and (rows["route_completion"] > 0.5).all()
     assert rows["track_id"].to_list() == ["t0"] * 5
-    ends = lake.sql("SELECT len(x) - 1 AS steps, x[-1] AS x, track_id FROM rollouts WHERE is_judged ORDER BY scenario_id")
+    ends = lake.sql("SELECT *, len(x) - 1 AS steps, x[-1] AS end FROM rollouts WHERE is_judged ORDER BY scenario_id")
     assert ends["steps"].to_list() == rows["steps"].to_list()
-    assert (ends["track_id"] == "t0").all() and (ends["x"] > 15.0).all()
+    assert (ends["track_id"] == "t0").all() and (ends["end"] > 15.0).all()
     assert lake.ask("runs", {"run": "first"})["success"].item() == rows["success"].mean()
 
 

@@ -1,4 +1,4 @@
-"""Scenarios that lack something, actions that are none, lakes that are damaged: every environment drives or says why."""
+"""Scenarios that lack something, actions that are none, damaged lakes: every environment drives or says why."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
-"""Box overlap against shapely, and against the distance of boxes that the lake's statistics use."""
+"""Box overlap against shapely."""
 
 from __future__ import annotations
 
 import numpy as np
 import shapely
 
-from scenarionet_data.geometry import box_corners, box_distance
+from scenarionet_data.geometry import box_corners
 from scenarionet_sim.kernels.overlap import find_contacts
 
 
@@ -37,19 +37,6 @@ def test_contacts_are_the_overlapping_rectangles_at_the_same_height():
         touch[n] = False
         np.testing.assert_array_equal(row, touch)
         assert {k for k in range(12) if hit >> k & 1} == set(object_type[w][touch].tolist())
-
-
-def test_overlap_is_a_distance_of_nothing():
-    rng = np.random.default_rng(1)
-    first, second = rng.uniform([-4, -4, -3, 1, 1], [4, 4, 3, 5, 3], (2, 500, 5))
-    both = np.stack([first, second], axis=1)
-    state = (
-        both[..., :2], both[..., 2], np.zeros((500, 2)), np.insert(both[..., 3:], 2, 1.5, axis=-1),
-        np.ones((500, 2), np.uint8), np.ones((500, 2), np.bool_),
-    )  # fmt: skip
-    agents = np.column_stack([np.arange(500), np.zeros(500)]).astype(np.int32)
-    contacts, _ = contacts_of(agents, tuple(map(np.ascontiguousarray, state)))
-    np.testing.assert_array_equal(contacts[:, 1], box_distance(first, second) == 0)
 
 
 def test_edges_that_only_meet_are_no_contact():
