@@ -8,7 +8,7 @@ import click
 
 from pipelines.cli import output
 from pipelines.cli.group import verb
-from pipelines.cli.parameters import json_option, lake_argument, replace_option, quiet_option, snapshot_option
+from pipelines.cli.parameters import json_option, lake_argument, quiet_option, replace_option, snapshot_option
 from pipelines.cli.progress import Progress
 from scenarionet_data.errors import BadParameter
 
