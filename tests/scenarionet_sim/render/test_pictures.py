@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +18,8 @@ from scenarionet_sim.simulation import Simulation
 from scenarionet_sim.world import World
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.simulations import alone, generated
+
+ROOT = Path(__file__).parents[3]
 
 
 def color(name):
@@ -149,6 +153,12 @@ def test_what_is_missing_is_named(world, tmp_path, monkeypatch):
     with pytest.raises(MissingDependency, match=r"scenarionet-lake\[video\]"):
         Drawing(size=64).save(tmp_path / "s.mp4", world, recorded(world, 2))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_without_matplotlib_the_extra_is_named():
+    code = "import sys; sys.modules['matplotlib'] = None; import scenarionet_sim.render"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert "install scenarionet-lake[plots]" in done.stderr
 
 
 def test_a_video_that_fails_leaves_nothing(tmp_path):

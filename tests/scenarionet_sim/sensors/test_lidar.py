@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import pytest
 import shapely
 
-from scenarionet_data.errors import BadParameter
+from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_data.vocabulary import ObjectType
 from scenarionet_sim.kernels.rays import cast_at_boxes
 from scenarionet_sim.sensors import Lidar
@@ -62,6 +64,12 @@ def test_types_tell_objects_apart():
         lidar = Lidar(rays=8, types=(kind,))
         seen[kind] = lidar.observe(drive.stage, drive.state, ego, np.random.default_rng(0), lidar.empty(1))[0, 0] * 50
     np.testing.assert_allclose(list(seen.values()), [17.7, 9.7, 50.0], atol=1e-5)
+
+
+def test_a_space_without_gymnasium_names_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "gymnasium.spaces", None)
+    with pytest.raises(MissingDependency, match=r"scenarionet-lake\[sim\]"):
+        Lidar().space()
 
 
 @pytest.mark.parametrize("wrong", [{"rays": 0}, {"range": 0.0}, {"noise": -1.0}, {"dropout": 1.5}])
