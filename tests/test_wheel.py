@@ -73,6 +73,7 @@ def test_the_wheel_holds_the_packages_the_contract_and_the_questions(built):
     names = set(zipfile.ZipFile(wheel).namelist())
     expected = {path.relative_to(ROOT).as_posix() for part in PARTS[:3] for path in (ROOT / part).rglob("*.py")}
     expected |= {f"{part}/py.typed" for part in PARTS[:3]}
+    expected |= {p.relative_to(ROOT).as_posix() for p in (ROOT / "scenarionet_data").rglob("*.toml")}
     expected |= {f"scenarionet_data/{p.relative_to(ROOT).as_posix()}" for p in (ROOT / "schemas").glob("*.toml")}
     expected |= {f"scenarionet_data/{p.relative_to(ROOT).as_posix()}" for p in (ROOT / "sql").rglob("*.sql")}
     own = {name for name in names if ".dist-info/" not in name}

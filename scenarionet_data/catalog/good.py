@@ -41,6 +41,7 @@ def save_good(findings: Findings, name: str, *, is_strict: bool = False, **savin
 def _broken_sql(findings: Findings, is_strict: bool) -> str:
     """The rules as parts of a WITH clause, with all that they need: the lineage can run them again."""
     rules = [check.query for check in findings.checks if check.is_hard or is_strict]
+    rules = rules or ["SELECT NULL AS scenario_id WHERE false"]
     union = "\nUNION ALL\n".join(f"SELECT scenario_id::VARCHAR AS scenario_id FROM (\n{rule}\n)" for rule in rules)
     datasets = sorted(set(findings.totals["dataset"].to_pylist()))
     budgets = [{"dataset": dataset, **asdict(converters.budgets(dataset))} for dataset in datasets]

@@ -374,6 +374,12 @@ def test_the_good_ones_become_a_database(is_strict, left, mixed):
     assert save_good(find(mixed), "good", replace=True).version == 2
 
 
+def test_without_a_hard_rule_every_scenario_is_good(mixed):
+    made = save_good(find(mixed, names=["nobody_teleports"]), "good")
+    assert len(made) == 5
+    assert mixed.sql(made.lineage.sql)["scenario_id"].to_list() == made.scenario_ids
+
+
 def test_the_good_ones_of_a_database_keep_its_order(mixed):
     mixed.filter("NOT ends_with(scenario_id, '5')", name="some")
     made = save_good(find(mixed, "some"), "good")
