@@ -73,7 +73,7 @@ def _package(name: str, wanted: str, extra: str | None) -> Finding:
     try:
         version = metadata.version(name)
         if not extra:  # what everything needs must also load
-            importlib.import_module(name)
+            importlib.import_module(name.replace("-", "_"))
     except metadata.PackageNotFoundError:
         return Finding("packages", name, absent, "not installed", remedy)
     except (ImportError, OSError) as error:
