@@ -39,7 +39,7 @@ def figures(recordings: Path | None) -> Iterator[Figure]:
     """Figures over the recorded scenarios under new ids (written ones where there are none)."""
     with tempfile.TemporaryDirectory() as folder:
         lake = _lake(Path(folder), recordings)
-        states = lake.sql("SELECT sum(num_states) FROM metadata").item()
+        states = float(lake.sql("SELECT sum(num_states) FROM metadata").item())
         yield Figure(f"mine: states of {_COUNT} scenarios", states, "")
         yield Figure("mine: mean speed of every ego", _seconds(lambda: lake.sql(_EGO_SPEED)), "s", "<= 0.3")
         yield Figure("mine: pedestrians within 20 m of the ego", _seconds(lambda: lake.sql(_PEDESTRIANS)), "s", "<= 1")
