@@ -53,47 +53,74 @@ def test_data_dictionary_is_up_to_date():
     assert readme == dictionary.into_page(readme), "run `make docs`"
 
 
-def run_blocks(page: str, folder: Path) -> int:
+def run_blocks(page: str, monkeypatch: pytest.MonkeyPatch, folder: Path) -> int:
     """Run every bash and python block of a page, in order, in one folder; returns how many there are.
 
-    A python block whose first line names a file is written there instead.
+    A python block whose first line names a file is written there instead. Commands of ours run in this process,
+    which saves each a second of imports; what is more than one command runs in a shell.
     """
-    command = folder / "bin" / "scenarionet"
-    command.parent.mkdir()
-    command.write_text(f'#!/bin/sh\nexec {sys.executable} -m pipelines.cli "$@"\n')
-    command.chmod(0o755)
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "PATH": f"{command.parent}:{os.environ['PATH']}"}
+    programs = commands(folder, "scenarionet=pipelines.cli")
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "PATH": f"{programs}:{os.environ['PATH']}"}
+    monkeypatch.chdir(folder)
+    monkeypatch.syspath_prepend(folder)
     text = (ROOT / page).read_text("utf-8")
     found = re.findall(r"^```(bash|python)\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
     for language, code in found:
         name = re.match(r"# (\w+\.py)\n", code)
         if name:
             (folder / name.group(1)).write_text(code)
-            continue
-        runner = ["bash", "-euo", "pipefail", "-c"] if language == "bash" else [sys.executable, "-c"]
-        done = subprocess.run([*runner, code], cwd=folder, env=environment, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, code + done.stdout + done.stderr
+        elif language == "python":
+            run([sys.executable, "-c", code], environment)
+        else:
+            for command in split_commands(code):
+                words = shlex.split(command, comments=True)
+                if words[:1] == ["scenarionet"] and not {">", "|", "&&"} & set(words):
+                    result = CliRunner().invoke(cli, words[1:])
+                    assert result.exit_code == 0, command + result.output
+                elif words:
+                    run(["bash", "-euo", "pipefail", "-c", command], environment)
     return len(found)
 
 
-def test_readme_examples_run(tmp_path):
+def run(command: list[str], environment: dict[str, str]) -> None:
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, command[-1] + done.stdout + done.stderr
+
+
+def split_commands(block: str) -> list[str]:
+    """A block's commands; one goes on over line ends while a quote is open."""
+    found, begun = [], ""
+    for line in block.splitlines():
+        begun += line
+        try:
+            shlex.split(begun, comments=True)
+        except ValueError:
+            begun += "\n"
+        else:
+            found.append(begun)
+            begun = ""
+    assert not begun, begun
+    return found
+
+
+def test_readme_examples_run(monkeypatch, tmp_path):
     """With recordings beside it."""
     write_tfrecord(tmp_path / "recordings/waymo/training/training.tfrecord-00000-of-01000", [scenario_bytes(1)])
     write_forecasting(tmp_path / "recordings/argoverse2/val", num_scenarios=2, seed=0)
     write_vintages(tmp_path / "recordings/pickles")
-    assert run_blocks("README.md", tmp_path) >= 9
+    assert run_blocks("README.md", monkeypatch, tmp_path) >= 9
 
 
 @pytest.mark.long
-def test_evaluation_examples_run(tmp_path):
-    assert run_blocks("docs/evaluation.md", tmp_path) >= 5
+def test_evaluation_examples_run(monkeypatch, tmp_path):
+    assert run_blocks("docs/evaluation.md", monkeypatch, tmp_path) >= 5
     runs = Lake(tmp_path / "lake").ask("runs")
     planner = runs.filter(run="driven-my_planner.Planner-replay-kinematic")
     assert planner["success"].item() > 0.8, "the page's planner follows its route"
 
 
-def test_simulator_examples_run(tmp_path):
-    assert run_blocks("docs/simulator.md", tmp_path) >= 5
+def test_simulator_examples_run(monkeypatch, tmp_path):
+    assert run_blocks("docs/simulator.md", monkeypatch, tmp_path) >= 5
 
 
 def test_simulator_page_names_tests_that_exist():
@@ -109,8 +136,8 @@ def test_simulator_page_names_tests_that_exist():
             assert list((folder / part).glob("test_*.py")), part
 
 
-def test_sensor_examples_run(tmp_path):
-    assert run_blocks("docs/sensors.md", tmp_path) == 3
+def test_sensor_examples_run(monkeypatch, tmp_path):
+    assert run_blocks("docs/sensors.md", monkeypatch, tmp_path) == 3
 
 
 def test_sensors_page_lists_every_sensor():

@@ -185,7 +185,9 @@ def test_scorecard(lake, ok, as_json, tmp_path):
     assert run("check", lake, "--scorecard", "--strict").exit_code == 1
 
 
-@pytest.mark.parametrize("suffix", ["parquet", "csv", "json"])
+@pytest.mark.parametrize(
+    "suffix", ["parquet", pytest.param("csv", marks=pytest.mark.long), pytest.param("json", marks=pytest.mark.long)]
+)
 def test_check_parts_the_good_from_the_broken(lake, suffix, ok, tmp_path):
     ok("filter", lake, "--where", "source_scenario_id < 's00001'", "--to", "few")
     text = ok("check", lake, "few", "--to", "good", "--broken", tmp_path / f"broken.{suffix}")

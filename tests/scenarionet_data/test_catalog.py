@@ -717,6 +717,7 @@ def test_scenarios_of_one_log_stay_together(many):
     assert min(without) > 0
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore:this split leaks")
 def test_every_column_can_be_split_by(many):
     columns = many.sql("SELECT * FROM metadata LIMIT 0").columns
