@@ -17,6 +17,7 @@ Array = npt.NDArray[Any]
 UNKNOWN = -1
 """A header that is not what our writer makes."""
 
+_BEYOND = 1 << 40
 _STOP, _BINARY, _STRUCT = 0, 8, 12
 _VARINTS = (4, 5, 6)
 _DATA_PAGE_HEADER = 5
@@ -53,12 +54,12 @@ def read_header(data: Array, at: int) -> tuple[int, int, int, int, int, int]:
             field, at = _zigzag(data, at)
         if kind in _VARINTS:
             value, at = _zigzag(data, at)
-            if depth == 0 and field <= 3:
+            if depth == 0 and 1 <= field <= 3:
                 sizes[field - 1] = value
-            elif depth == 1 and parent == _DATA_PAGE_HEADER and field <= 2:
+            elif depth == 1 and parent == _DATA_PAGE_HEADER and 1 <= field <= 2:
                 inner[field - 1] = value
         elif kind == _BINARY:
-            length, at = _varint(data, at)
+            length, at = _count(data, at)
             at += length
         elif kind == _STRUCT and depth < 7:
             fields[depth] = field
@@ -116,7 +117,7 @@ def _count_levels(page: Array, at: int, end: int, num_levels: int, lengths: Arra
     """Levels of each list, from repetition levels: 0 where a list begins, else 1; returns the number of lists."""
     done, rows = 0, 0
     while done < num_levels and at < end:
-        header, at = _varint(page, at)
+        header, at = _count(page, at)
         is_packed = header & 1
         stop = min(done + (header >> 1) * (8 if is_packed else 1), num_levels)
         if at + ((stop - done + 7) // 8 if is_packed else 1) > end:
@@ -147,7 +148,7 @@ def _mark_empty(page: Array, at: int, end: int, num_levels: int, deepest: int, l
     width, mask = deepest, (1 << deepest) - 1
     done, empty, row, next_begin = 0, 0, -1, 0
     while done < num_levels and at < end:
-        header, at = _varint(page, at)
+        header, at = _count(page, at)
         is_packed = header & 1
         stop = min(done + (header >> 1) * (8 if is_packed else 1), num_levels)
         if at + (((stop - done) * width + 7) // 8 if is_packed else 1) > end:
@@ -177,6 +178,13 @@ def _varint(data: Array, at: int) -> tuple[int, int]:
         if byte < 128:
             break
     return value, at
+
+
+@njit(cache=True)
+def _count(data: Array, at: int) -> tuple[int, int]:
+    """A number of bytes or values; what no file can hold, or is negative, becomes a number beyond every end."""
+    value, at = _varint(data, at)
+    return value if 0 <= value < _BEYOND else _BEYOND, at
 
 
 @njit(cache=True)
@@ -230,15 +238,15 @@ def struct_end(data: Array, at: int) -> int:
         elif kind == 7:
             at += 8
         elif kind == _BINARY:
-            length, at = _varint(data, at)
+            length, at = _count(data, at)
             at += length
-        elif kind == 9 and depth < 15:
+        elif kind == 9 and depth < 15 and at < len(data):
             head = data[at]
             at += 1
             depth += 1
             kinds[depth], left[depth] = head & 15, head >> 4
             if head >> 4 == 15:
-                left[depth], at = _varint(data, at)
+                left[depth], at = _count(data, at)
         elif kind == _STRUCT and depth < 15:
             depth += 1
             left[depth] = -1

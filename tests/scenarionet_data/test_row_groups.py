@@ -141,3 +141,14 @@ def test_no_page_whatever_reads_out_of_bounds(page, levels, is_nullable):
 def test_no_header_whatever_is_taken_for_a_page_it_is_not(header):
     start = row_groups.kernels.read_header(np.frombuffer(header, np.uint8), 0)[0]
     assert start <= len(header)
+
+
+@pytest.mark.parametrize("first", [b"\x15", b"\x06", b"\x18", b"\x1c\x08", b"\x19\xfc"])
+@pytest.mark.parametrize("rest", [b"\xff" * 9 + b"\x01", b"\xff" * 20, b"\x80" * 9 + b"\x01\x15\x02"])
+def test_numbers_of_64_bits_stay_within_the_file(first, rest):
+    data = np.frombuffer(first + rest + b"\x00", np.uint8)
+    assert row_groups.kernels.read_header(data, 0)[0] <= len(data)
+    assert row_groups.kernels.struct_end(data, 0) <= len(data)
+    lengths, values = np.zeros(8, np.int32), np.zeros(8, np.float32)
+    page = np.frombuffer(len(rest).to_bytes(4, "little") + rest + b"\x02\0\0\0\x10\x01", np.uint8)
+    assert row_groups.kernels.read_lists(page, 8, False, lengths, values)[0] <= 8
