@@ -76,7 +76,8 @@ def convert_map(job: Job) -> Outcome:
     """
     converter, shard, files = converters.get(job.converter), job.shard, LakeFiles(job.lake)
     try:
-        features = converter.map_features(shard)
+        with _without_collections():
+            features = converter.map_features(shard)
     except SourceError as error:
         return Outcome(shard.name, None, error=str(error))
     record = write_shared_map(files, shard, features, converter.version, converter.licence)
@@ -137,9 +138,9 @@ def _write_scenarios(converter: Converter[Any], shard: Shard, writer: ShardWrite
 
 @contextmanager
 def _without_collections() -> Iterator[None]:
-    """No search for cycles meanwhile: a raw scenario may be 100,000 small objects, walked again and again for nothing.
+    """No search for cycles meanwhile: a raw record may be 100,000 small objects, walked again and again for nothing.
 
-    What one leaves behind is freed by its reference counts; cycles, if any, are found between scenarios.
+    What one leaves behind is freed by its reference counts; cycles, if any, are found between records.
     """
     was_enabled = gc.isenabled()
     gc.disable()
