@@ -30,7 +30,8 @@ def lanes_cross_near(features: MapFeatures, path: Array, distance: float, angle:
     if len(rows) < 2:
         return False
     lanes, entries = features.polyline.take(rows), features.entry_lanes.take(rows)
-    _, entry = np.unique(entries.values.astype(np.str_), return_inverse=True)
+    numbers: dict[str, int] = {}
+    entry = np.array([numbers.setdefault(lane, len(numbers)) for lane in entries.values], np.int64)
     points = np.ascontiguousarray(lanes.values[:, :2], dtype=np.float64)
     low, high = np.minimum.reduceat(points, lanes.offsets[:-1]), np.maximum.reduceat(points, lanes.offsets[:-1])
     return bool(_any_crossing(points, lanes.offsets, low, high, entry, entries.offsets, path, distance, np.sin(angle)))

@@ -6,7 +6,10 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-_ENCODER = json.JSONEncoder(sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+# Without a search for circles, a quarter of the time: what goes round in one ends at the limit of recursion.
+_ENCODER = json.JSONEncoder(
+    sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False, check_circular=False
+)
 
 
 def to_json(extras: Mapping[str, Any] | None) -> str | None:

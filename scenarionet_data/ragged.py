@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Any
 
 import numpy as np
@@ -89,8 +89,8 @@ class Ragged:
     @classmethod
     def from_ids(cls, lists: Sequence[Sequence[str]]) -> Ragged:
         """Lists of ids, as an object array of str."""
-        flat = [str(identifier) for ids in lists for identifier in ids]
-        return cls(_offsets([len(ids) for ids in lists]), np.array(flat, dtype=object))
+        flat = list(map(str, chain.from_iterable(lists)))
+        return cls(_offsets(list(map(len, lists))), np.array(flat, dtype=object))
 
     @classmethod
     def empty(cls, size: int, width: int | None = None) -> Ragged:
@@ -100,4 +100,6 @@ class Ragged:
 
 
 def _offsets(lengths: Sequence[int] | npt.NDArray[Any]) -> npt.NDArray[np.int32]:
-    return np.concatenate([[0], np.cumsum(lengths, dtype=np.int64)]).astype(np.int32)
+    offsets = np.zeros(len(lengths) + 1, np.int32)
+    np.cumsum(lengths, dtype=np.int32, out=offsets[1:])
+    return offsets

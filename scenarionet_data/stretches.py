@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
+from operator import itemgetter
 from typing import Any
 
 from scenarionet_data.vocabulary import MapFeatureType
@@ -21,6 +22,7 @@ NEIGHBORS = ("left_neighbor", "right_neighbor")
 _BOUNDARY_KEYS = ("lane_start_index", "lane_end_index", "boundary_feature_id", "boundary_type")
 _CODES = {name: int(code) for name, code in MapFeatureType.__members__.items()}
 _NEIGHBOR_KEYS = ("feature_id", "self_start_index", "self_end_index", "neighbor_start_index", "neighbor_end_index")
+_boundary_values, _neighbor_values = itemgetter(*_BOUNDARY_KEYS), itemgetter(*_NEIGHBOR_KEYS)
 
 
 def to_rows(extras: Mapping[str, Any]) -> dict[str, Any]:
@@ -31,8 +33,8 @@ def to_rows(extras: Mapping[str, Any]) -> dict[str, Any]:
     for names, to_row in ((BOUNDARIES, _boundary_row), (NEIGHBORS, _neighbor_row)):
         for name in names:
             if rows.get(name):
-                with suppress(_OtherForm):
-                    rows[name] = [to_row(record) for record in rows[name]]
+                with suppress(_OtherForm, KeyError):
+                    rows[name] = list(map(to_row, rows[name]))
     return rows
 
 
@@ -52,15 +54,6 @@ class _OtherForm(Exception):
     """What should be a record has other keys, or indices that are no whole numbers."""
 
 
-def _values(record: Any, keys: tuple[str, ...]) -> list[Any]:
-    if not isinstance(record, dict) or len(record) != len(keys):
-        raise _OtherForm
-    try:
-        return [record[key] for key in keys]
-    except KeyError as error:
-        raise _OtherForm from error
-
-
 def _index(value: Any) -> int:
     text = value if type(value) is str else str(value)
     if not text.isdecimal():
@@ -69,9 +62,9 @@ def _index(value: Any) -> int:
 
 
 def _boundary_row(record: Any) -> list[Any]:
-    first, last, feature_id, name = _values(record, _BOUNDARY_KEYS)
-    if name not in _CODES:
+    if not isinstance(record, dict) or len(record) != len(_BOUNDARY_KEYS):
         raise _OtherForm
+    first, last, feature_id, name = _boundary_values(record)
     return [_index(first), _index(last), str(feature_id), _CODES[name]]
 
 
@@ -83,8 +76,11 @@ def _boundary_record(row: Any) -> Any:
 
 
 def _neighbor_row(record: Any) -> list[Any]:
-    feature_id, *indices, boundaries = _values(record, (*_NEIGHBOR_KEYS, "boundaries"))
-    return [str(feature_id), *map(_index, indices), [_boundary_row(boundary) for boundary in boundaries or ()]]
+    if not isinstance(record, dict) or len(record) != len(_NEIGHBOR_KEYS) + 1:
+        raise _OtherForm
+    feature_id, *indices = _neighbor_values(record)
+    boundaries = record["boundaries"] or ()
+    return [str(feature_id), *map(_index, indices), list(map(_boundary_row, boundaries))]
 
 
 def _neighbor_record(row: Any) -> Any:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 from scenarionet_data import vocabulary
 from scenarionet_data.gaps import nearest_box
@@ -68,11 +69,30 @@ def ego_speeds(scenario: ScenarioDescription) -> dict[str, float]:
 
 def travelled(tracks: Tracks) -> Array:
     """(N,) float64 [m] sum of each object's xy steps between consecutive valid timesteps, gaps bridged."""
-    rows, _ = np.nonzero(tracks.valid)
-    steps = np.diff(tracks.position[tracks.valid][:, :2].astype(np.float64), axis=0)
-    length = np.hypot(steps[:, 0], steps[:, 1])
-    length[rows[1:] != rows[:-1]] = 0.0
-    return np.bincount(rows[1:], weights=length, minlength=len(tracks))
+    distance = np.zeros(len(tracks))
+    _add_steps(tracks.position, tracks.valid, distance)
+    return distance
+
+
+@njit(cache=True)
+def _add_steps(position: Array, valid: Array, distance: Array) -> None:
+    """Adds up the steps of each row.
+
+    Args:
+        position: (N, T, 3) float32 [m].
+        valid: (N, T) bool.
+        distance: (N,) float64 [m], added to.
+    """
+    for row in range(valid.shape[0]):
+        before = -1
+        for step in range(valid.shape[1]):
+            if not valid[row, step]:
+                continue
+            if before >= 0:
+                x = np.float64(position[row, step, 0]) - np.float64(position[row, before, 0])
+                y = np.float64(position[row, step, 1]) - np.float64(position[row, before, 1])
+                distance[row] += np.hypot(x, y)
+            before = step
 
 
 _COUNTED = {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,7 @@ _ID_LISTS = {
     "lane": "controlled_lanes",
 }
 _LISTS = (list, tuple, np.ndarray)
+_ID_KEYS = ("feature_id", "boundary_feature_id", "id")
 
 Features = Mapping[Any, Mapping[str, Any]]
 
@@ -48,22 +49,24 @@ def make_map(features: Features, frame: Frame) -> tuple[MapFeatures | None, dict
     builder = MapBuilder()
     unknown: Counter[str] = Counter()
     # nuScenes' lanes are (x, y, heading); its map has no heights.
-    is_flat, ground = frame.quirks == "nuscenes", frame.ground
+    quirks, ground = frame.quirks, frame.ground
+    is_flat = quirks == "nuscenes"
     for feature_id, feature in features.items():
         word = str(feature["type"])
         if word not in _FEATURE_TYPES:
             unknown[word] += 1
             continue
+        links = {key: _listed(feature[key]) for key in _ID_LISTS if key in feature}
         builder.add(
             str(feature_id),
             _FEATURE_TYPES[word],
             polyline=_line(feature, frame, ground, is_flat),
             polygon=_polygon(feature, ground, is_flat) if "polygon" in feature else None,
-            speed_limit=_speed_limit(feature, frame.quirks) if word.startswith("LANE_") else np.nan,
+            speed_limit=_speed_limit(feature, quirks) if word.startswith("LANE_") else np.nan,
             width=_width(feature),
             is_intersection=feature.get("is_intersection"),
-            extras=to_rows(feature.get("extras") or {} if frame.is_ours else _details(feature)),
-            **{_ID_LISTS[key]: _ids(feature[key]) for key in _ID_LISTS.keys() & feature.keys()},
+            extras=to_rows(feature.get("extras") or {} if frame.is_ours else _details(feature, links)),
+            **{_ID_LISTS[key]: _ids(items) for key, items in links.items() if items},
         )
     return (builder.build(frame.local_origin, frame.has_z) if len(builder) else None), dict(sorted(unknown.items()))
 
@@ -105,21 +108,28 @@ def _width(feature: Mapping[str, Any]) -> Any:
     return width if width.any() else None
 
 
-def _ids(items: Any) -> list[str]:
-    """Ids out of a list of ids (int or str) or of Waymo's records, or out of a single id."""
-    found = items if isinstance(items, _LISTS) else () if items is None else (items,)
-    return [str(_id(item) if isinstance(item, dict) else item) for item in found]
+def _listed(items: Any) -> Sequence[Any]:
+    """A list of ids (int or str) or of Waymo's records, or a single id, as a list."""
+    if type(items) is list:
+        return items
+    return () if items is None else list(items) if isinstance(items, _LISTS) else [items]
+
+
+def _ids(items: Sequence[Any]) -> list[str]:
+    return [str(_id(item) if isinstance(item, dict) else item) for item in items]
 
 
 def _id(record: Mapping[str, Any]) -> Any:
-    return next(record[key] for key in ("feature_id", "boundary_feature_id", "id") if key in record)
+    for key in _ID_KEYS:
+        if key in record:
+            return record[key]
+    raise KeyError(_ID_KEYS[0])
 
 
-def _details(feature: Mapping[str, Any]) -> dict[str, Any]:
+def _details(feature: Mapping[str, Any], links: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
     """What Waymo's records say of neighbours and boundaries beyond ids: from which point to which."""
     # The items of a list are of one kind.
-    lists = {name: feature[name] for name in _ID_LISTS.keys() & feature.keys() if feature[name]}
-    details = {name: items for name, items in lists.items() if isinstance(items[0], dict)}
+    details: dict[str, Any] = {key: items for key, items in links.items() if items and isinstance(items[0], dict)}
     return details | {"interpolating": True} if feature.get("interpolating") is True else details
 
 

@@ -101,25 +101,33 @@ class _Stack:
 
     def scalars(self, name: str, is_optional: bool = False) -> Array:
         """(N, T) from (T,) or (T, 1); 0 where an optional one is missing."""
-        rows = [self._values(track_id, name, (1,), is_optional) for track_id in self.tracks]
-        return np.stack([row.reshape(self.length) for row in rows])
+        rows = self._rows(name, (1,), is_optional)
+        return np.concatenate(rows, axis=None).reshape(len(rows), self.length)
 
     def points(self, name: str, width: int) -> Array:
         """(N, T, width) from (T, 2) or (T, 3): a missing third coordinate is 0, one too many is dropped."""
-        rows = [self._values(track_id, name, (2, 3)) for track_id in self.tracks]
-        padded = [row if row.shape[1] >= width else np.pad(row, ((0, 0), (0, 1))) for row in rows]
-        return np.stack([row[:, :width] for row in padded])
+        rows = self._rows(name, (2, 3))
+        points = np.zeros((len(rows), self.length, width), np.result_type(*{row.dtype for row in rows}))
+        for number, row in enumerate(rows):
+            kept = row[:, :width]
+            points[number, :, : kept.shape[1]] = kept
+        return points
 
-    def _values(self, track_id: Any, name: str, widths: tuple[int, ...], is_optional: bool = False) -> Array:
-        state = self.tracks[track_id]["state"]
-        if name not in state:
-            if is_optional:
-                return np.zeros(self.length)
-            raise self._wrong(track_id, name, "is missing")
-        values = np.asarray(state[name])
-        if len(values) != self.length or values.size not in [self.length * width for width in widths]:
-            raise self._wrong(track_id, name, f"wanted {self.length} timesteps, found an array {values.shape}")
-        return values
+    def _rows(self, name: str, widths: tuple[int, ...], is_optional: bool = False) -> list[Array]:
+        """One state of each track; each has T timesteps, of one of these widths."""
+        rows, sizes = [], {self.length * width for width in widths}
+        for track_id, track in self.tracks.items():
+            state = track["state"]
+            if is_optional and name not in state:
+                rows.append(np.zeros(self.length))
+                continue
+            if name not in state:
+                raise self._wrong(track_id, name, "is missing")
+            values = np.asarray(state[name])
+            if len(values) != self.length or values.size not in sizes:
+                raise self._wrong(track_id, name, f"wanted {self.length} timesteps, found an array {values.shape}")
+            rows.append(values)
+        return rows
 
     def _wrong(self, track_id: Any, name: str, reason: str) -> InvalidScenario:
         return InvalidScenario(self.where, f"tracks[{str(track_id)!r}].state.{name}", reason)

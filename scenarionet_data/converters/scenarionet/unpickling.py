@@ -35,6 +35,9 @@ class _DType:
         self.numpy = self.numpy.newbyteorder(state[1])
 
 
+_fill = np.ndarray.__setstate__
+
+
 class _Array(np.ndarray[Any, Any]):
     """``numpy.ndarray`` that only its state fills."""
 
@@ -44,7 +47,7 @@ class _Array(np.ndarray[Any, Any]):
     def __setstate__(self, state: tuple[Any, ...]) -> None:
         """Numpy's own state: version, shape, dtype, order, data; numpy checks that data fit the shape."""
         version, shape, dtype, is_fortran, data = state
-        super().__setstate__((version, shape, dtype.numpy, is_fortran, data))
+        _fill(self, (version, shape, dtype.numpy, is_fortran, data))
 
 
 def _scalar(dtype: _DType, data: bytes) -> Any:
