@@ -18,7 +18,7 @@ VERBS = {
     "Combine": ("merge", "intersect", "subtract", "diff", "overlap"),
     "Keep databases": ("lineage", "rebuild", "rebase", "copy", "rename", "drop", "checkout"),
     "Simulate": ("sim", "record"),
-    "Hand on": ("export",),
+    "Hand on": ("export", "pack"),
     "Keep healthy": ("check", "doctor"),
 }
 """The verbs by what a person wants to do; ``<verb>`` is ``verbs/<verb>.py``."""

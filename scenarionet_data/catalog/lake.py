@@ -29,6 +29,7 @@ from scenarionet_data.catalog.operations import (
     sampling,
     splitting,
 )
+from scenarionet_data.catalog.packs import packing
 from scenarionet_data.errors import BadParameter, NoSuchSnapshot, ScenarioNotFound
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
@@ -222,6 +223,7 @@ class Lake:
     rebase = repeating.rebase
     diff = comparing.diff
     overlap = overlapping.overlap
+    pack = packing.pack
 
     def resolve_database(self, database: Database | str) -> Database:
         """The database, or the one of that name."""

@@ -10,7 +10,7 @@ import difflib
 import json
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +24,7 @@ from scenarionet_data.catalog import events
 from scenarionet_data.catalog.engine import check_expression, words
 from scenarionet_data.errors import BadParameter, LayerExists, ScenarioNotFound
 from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.files import LakeFiles, reading
+from scenarionet_data.store.files import LakeFiles, reading, writing
 
 if TYPE_CHECKING:
     import polars as pl
@@ -131,13 +131,7 @@ def tag(
             created_at=snapshots.now(),
             created_with=software.name_and_version(),
         )
-        temporary = lake.files.temporary()
-        pq.write_table(
-            values.replace_schema_metadata({"scenarionet.layer": json.dumps(asdict(layer))}),
-            temporary,
-            compression="zstd",
-        )
-        if lake.files.publish_new(_path(name, version), temporary):
+        if lake.files.publish_new(_path(name, version), _write(lake.files, values, layer)):
             return layer
 
 
@@ -191,6 +185,16 @@ def tag_from_file(
     return tag(lake, name, rows, source=Path(path).name, replace=replace)
 
 
+def copy_rows(source: LakeFiles, target: LakeFiles, name: str, version: int, scenario_ids: pa.Array) -> str:
+    """Copy a version of a layer to another lake, with the values of some scenarios; returns its file's name."""
+    path = _path(name, version)
+    rows = source.read(path)
+    rows = rows.filter(pc.is_in(rows["scenario_id"], value_set=scenario_ids))
+    layer = replace(read(source, name, version), count=rows.num_rows - rows[name].null_count)
+    target.publish(_write(target, rows, layer), path)
+    return path
+
+
 def check_name(name: str) -> None:
     """Refuse a name that is no plain word, or that a column has.
 
@@ -206,6 +210,15 @@ def check_name(name: str) -> None:
         check_expression(name)
     except ValueError as error:
         raise BadParameter(f"{name!r} is a word of SQL; choose another name") from error
+
+
+def _write(files: LakeFiles, values: pa.Table, layer: Layer) -> Path:
+    """A temporary file with a layer's values."""
+    temporary = files.temporary()
+    footer = {"scenarionet.layer": json.dumps(asdict(layer))}
+    with writing(temporary, temporary):
+        pq.write_table(values.replace_schema_metadata(footer), temporary, compression="zstd")
+    return temporary
 
 
 def _as_layer(name: str, rows: pa.Table | pl.DataFrame | Mapping[str, Any]) -> pa.Table:

@@ -1,4 +1,4 @@
-"""Parquet pages of float lists, decoded by compiled code.
+"""Parquet pages of float lists, decoded by compiled code; and the end of a Thrift struct, found by it.
 
 Format: https://parquet.apache.org/docs/file-format/ (data page version 1; levels in the RLE/bit-packed hybrid;
 values in BYTE_STREAM_SPLIT) and Thrift's compact protocol for the page header.
@@ -188,3 +188,60 @@ def _zigzag(data: Array, at: int) -> tuple[int, int]:
 @njit(cache=True)
 def _uint32(data: Array, at: int) -> int:
     return int(data[at]) | int(data[at + 1]) << 8 | int(data[at + 2]) << 16 | int(data[at + 3]) << 24
+
+
+@njit(cache=True)
+def struct_end(data: Array, at: int) -> int:
+    """Where a struct of Thrift's compact protocol ends: nothing in it is kept.
+
+    Args:
+        data: (n,) uint8.
+        at: Where it begins.
+
+    Returns:
+        UNKNOWN when it goes on after the data, holds maps, or is nested deeper than Parquet's footers are.
+    """
+    kinds = np.zeros(16, np.int64)  # of the elements of the list at each depth
+    left = np.zeros(16, np.int64)  # elements to come of the list at each depth; -1 for a struct
+    left[0] = -1
+    depth = 0
+    while depth >= 0 and at < len(data):
+        if left[depth] == 0:
+            depth -= 1
+            continue
+        if left[depth] > 0:
+            left[depth] -= 1
+            kind = kinds[depth]
+            if kind <= 2:  # a truth value: a byte in a list, part of the head in a struct
+                kind = 3
+        else:
+            head = data[at]
+            at += 1
+            kind = np.int64(head & 15)
+            if kind == _STOP:
+                depth -= 1
+                continue
+            if head >> 4 == 0:
+                _, at = _varint(data, at)
+        if kind == 3:
+            at += 1
+        elif kind in _VARINTS:
+            _, at = _varint(data, at)
+        elif kind == 7:
+            at += 8
+        elif kind == _BINARY:
+            length, at = _varint(data, at)
+            at += length
+        elif kind == 9 and depth < 15:
+            head = data[at]
+            at += 1
+            depth += 1
+            kinds[depth], left[depth] = head & 15, head >> 4
+            if head >> 4 == 15:
+                left[depth], at = _varint(data, at)
+        elif kind == _STRUCT and depth < 15:
+            depth += 1
+            left[depth] = -1
+        elif kind > 2:
+            return UNKNOWN
+    return at if depth < 0 else UNKNOWN

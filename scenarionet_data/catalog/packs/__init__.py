@@ -1,0 +1,1 @@
+"""Packs: databases with everything that belongs to their members, to carry elsewhere."""
