@@ -169,7 +169,7 @@ def _mark_empty(page: Array, at: int, end: int, num_levels: int, deepest: int, l
 @njit(cache=True)
 def _varint(data: Array, at: int) -> tuple[int, int]:
     value, shift = 0, 0
-    while at < len(data) and shift < 63:
+    while at < len(data) and shift < 70:  # ten bytes hold 64 bits
         byte = int(data[at])
         at += 1
         value |= (byte & 127) << shift

@@ -47,6 +47,8 @@ class RowGroupSource:
         with _reading_footer(path):
             self.footer = thrift.decode(self.content[-8 - size : -8], unopened=[_ROW_GROUPS])
             self._groups: list[bytes] = self.footer[_ROW_GROUPS][1][1]
+            pairs: list[Struct] = self.footer[_WORDS][1][1] if _WORDS in self.footer else []
+            self.words = {pair[1][1]: pair[2][1] if 2 in pair else b"" for pair in pairs}
 
     def __len__(self) -> int:
         return len(self._groups)
@@ -75,6 +77,7 @@ class RowGroupWriter:
         self._file: BinaryIO = path.open("wb")
         self._file.write(_MAGIC)
         self._footer: Struct = {}
+        self._words: dict[bytes, bytes] = {}
         self._groups: list[bytes] = []
         self._num_rows = 0
 
@@ -85,17 +88,17 @@ class RowGroupWriter:
             LakeError: The source is damaged, or of another schema than those before.
         """
         if not self._footer:
-            self._footer = source.footer
+            self._footer, self._words = source.footer, source.words
         if any(self._footer.get(field) != source.footer.get(field) for field in (_SCHEMA, _ORDERS)):
             raise LakeError(f"{source.path}: of another schema than its siblings; convert its recordings again")
         group = source.row_group(number)
-        self._num_rows += group[_GROUP_ROWS][1]
         _set(group, _GROUP_OFFSET, self._file.tell())
         _set(group, _ORDINAL, len(self._groups))
         with _reading_footer(source.path):
+            self._num_rows += group[_GROUP_ROWS][1]
             for column in group[_COLUMNS][1][1]:
                 self._copy(source, column)
-        self._groups.append(thrift.encode(group))
+            self._groups.append(thrift.encode(group))
         return len(self._groups) - 1
 
     def _copy(self, source: RowGroupSource, column: Struct) -> None:
@@ -103,7 +106,10 @@ class RowGroupWriter:
         metadata: Struct = column[_CHUNK_METADATA][1]
         offsets = [field for field in (_DATA_PAGE, _INDEX_PAGE, _DICTIONARY_PAGE) if metadata.get(field, (0, 0))[1]]
         start = min(metadata[field][1] for field in offsets)
-        pages = source.content[start : start + metadata[_COMPRESSED_SIZE][1]]
+        size = metadata[_COMPRESSED_SIZE][1]
+        pages = source.content[start : start + size]
+        if start < 0 or len(pages) != size:
+            raise thrift.BadThrift("pages lie outside the file")
         shift = self._file.tell() - start
         for field in offsets:
             _set(metadata, field, metadata[field][1] + shift)
@@ -117,12 +123,10 @@ class RowGroupWriter:
 
     def close(self, words: Mapping[str, str | None]) -> None:
         """Write the footer: that of the first source, with these words added, changed or (None) taken out."""
-        kept = {entry[1][1]: entry.get(2, (0, b""))[1] for entry in self._footer.get(_WORDS, (0, (0, [])))[1][1]}
-        kept |= {key.encode(): value.encode() for key, value in words.items() if value is not None}
+        kept = self._words | {key.encode(): value.encode() for key, value in words.items() if value is not None}
+        gone = {key.encode() for key, value in words.items() if value is None}
         pairs: list[Struct] = [
-            {1: (thrift.BINARY, key), 2: (thrift.BINARY, value)}
-            for key, value in kept.items()
-            if words.get(key.decode(), "") is not None
+            {1: (thrift.BINARY, key), 2: (thrift.BINARY, value)} for key, value in kept.items() if key not in gone
         ]
         changed: Struct = {
             _NUM_ROWS: (thrift.I64, self._num_rows),
@@ -155,9 +159,10 @@ def _set(content: Struct, field: int, value: int) -> None:
 
 @contextmanager
 def _reading_footer(path: Path) -> Iterator[None]:
+    """Turns what a footer with other bytes than were written provokes into a LakeError."""
     try:
         yield
-    except (thrift.BadThrift, KeyError) as error:
+    except (ValueError, KeyError, IndexError, TypeError, OverflowError, RecursionError) as error:
         raise _damaged(path, "its footer cannot be understood") from error
 
 

@@ -45,9 +45,9 @@ def command(words: tuple[str, ...], tar: bool, pack: str | None, as_json: bool, 
 def _pack(lake: str, database: str, out: str, *, tar: bool, as_json: bool, quiet: bool) -> None:
     from scenarionet_data import Lake
 
-    with Progress(f"pack {database}", is_quiet=quiet) as progress:
+    with Progress(f"pack {database}", "step", is_quiet=quiet) as progress:
         done = Lake(lake).pack(
-            database, out, tar=tar, on_progress=lambda done, total: progress.update(done, total, done)
+            database, out, tar=tar, on_progress=lambda done, of: progress.update(done, of, done // 2)
         )
     if as_json:
         print_json(asdict(done))

@@ -38,7 +38,7 @@ _BOX = ("min_x", "min_y", "max_x", "max_y")
 _ROWS_PER_GROUP = 65_536
 
 Progress = Callable[[int, int], None]
-"""Called with scenarios packed and scenarios to pack."""
+"""Called with steps done and steps to do: each scenario is copied, and read back."""
 
 
 class Contents:
@@ -84,7 +84,7 @@ class Contents:
         """Note progress."""
         self._num_done += num_scenarios
         if self._on_progress:
-            self._on_progress(self._num_done, len(self._database))
+            self._on_progress(self._num_done, 2 * len(self._database))
 
     def _publish(self, temporary: Path, name: str, digest: str | None = None) -> None:
         self.sums[name] = digest or sha256(temporary)

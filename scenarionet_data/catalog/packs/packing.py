@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING
 
 from scenarionet_data.catalog.database import Database
 from scenarionet_data.catalog.packs.contents import Contents, Progress
-from scenarionet_data.errors import BadParameter
+from scenarionet_data.content_hash import content_hash
+from scenarionet_data.errors import BadParameter, LakeError
 from scenarionet_data.store.files import LakeFiles, writing
 
 if TYPE_CHECKING:
@@ -55,12 +56,13 @@ def pack(
         database: Or its name.
         out: Folder (or tar) to write, which must not exist; it appears whole or not at all.
         tar: Write a tar, with the folder in it.
-        on_progress: Told after every 64 scenarios.
+        on_progress: Told after every 64 scenarios copied, and after each that was read back.
 
     Raises:
         BadParameter: There is something at ``out``, or the database has no members.
         ScenarioNotFound: A member is not in the lake.
-        LakeError: A file that is needed is gone or damaged, or ``out`` cannot be written.
+        LakeError: A file that is needed is gone or damaged, or ``out`` cannot be written. Every scenario is read
+            back from the pack and has to be what was converted, so that no damage is packed under good checksums.
     """
     out = Path(out)
     if out.exists() or out.is_symlink():
@@ -71,11 +73,28 @@ def pack(
     with _draft(out) as draft:
         contents = Contents(lake.resolve(wanted)[0], wanted, LakeFiles(draft), on_progress)
         contents.write()
+        _read_back(draft, wanted, on_progress)
         num_bytes = sum(draft.joinpath(name).stat().st_size for name in contents.sums)
         finished = _as_tar(draft, out) if tar else draft
         with writing(out):
             finished.rename(out)
     return Packed(out, wanted.reference, len(wanted), len(contents.sums), num_bytes)
+
+
+def _read_back(draft: Path, wanted: Database, on_progress: Progress | None) -> None:
+    """Compare the content of every scenario of a pack with what it was when it was converted."""
+    from scenarionet_data.catalog.lake import Lake  # here: both import this module
+    from scenarionet_data.loader import ScenarioLoader
+
+    hashes = wanted.members["content_hash"].to_pylist()
+    for done, (scenario, wanted_hash) in enumerate(zip(ScenarioLoader(Lake(draft), wanted), hashes, strict=True), 1):
+        if content_hash(scenario) != wanted_hash:
+            raise LakeError(
+                f"{scenario.id} is damaged in the lake: not what was converted; restore its files from a copy of the "
+                "lake, or convert its recordings again"
+            )
+        if on_progress:
+            on_progress(len(wanted) + done, 2 * len(wanted))
 
 
 @contextmanager
