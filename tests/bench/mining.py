@@ -38,7 +38,7 @@ _WANTED = {"cut_in": "<= 5"}
 def figures(recordings: Path | None) -> Iterator[Figure]:
     """Figures over the recorded scenarios under new ids (written ones where there are none)."""
     with tempfile.TemporaryDirectory() as folder:
-        lake = _lake(Path(folder), recordings)
+        lake = recorded_lake(Path(folder), recordings)
         states = float(lake.sql("SELECT sum(num_states) FROM metadata").item())
         yield Figure(f"mine: states of {_COUNT} scenarios", states, "")
         yield Figure("mine: mean speed of every ego", _seconds(lambda: lake.sql(_EGO_SPEED)), "s", "<= 0.3")
@@ -48,7 +48,8 @@ def figures(recordings: Path | None) -> Iterator[Figure]:
             yield Figure(f"mine: {name}", took, "s", _WANTED.get(name, ""))
 
 
-def _lake(root: Path, recordings: Path | None) -> Lake:
+def recorded_lake(root: Path, recordings: Path | None) -> Lake:
+    """1,000 scenarios of real size."""
     sources = {name: recordings / folder for name, folder in _SOURCES.items()} if recordings else {}
     for name, raw in (sources or {"waymo": waymo_raw(root / "raw", None, 16)}).items():
         convert(name, str(raw), root / "recorded")

@@ -101,7 +101,11 @@ def _damages(files: LakeFiles, sums: dict[str, str], on_progress: Progress | Non
         if on_progress:
             on_progress(done, len(sums))
     if are_lists_whole:  # else nobody can say what belongs together
-        yield from verify(files, snapshots.read(files), digest)
+        snapshot = snapshots.read(files)
+        unlisted = sorted({*snapshot.manifests, *snapshot.metadata} - set(sums))
+        if unlisted or not _references(sums):
+            yield Damage(SUMS, f"does not list {unlisted[0] if unlisted else 'the database'}")
+        yield from verify(files, snapshot, digest)
         yield from _lost_members(files, _references(sums))
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from scenarionet_data import Lake, ScenarioLoader, convert
 from scenarionet_data.catalog.checks import run_checks
+from scenarionet_data.catalog.operations.pool import StaleDatabaseWarning
 from scenarionet_data.catalog.packs.verifying import verify_pack
 from scenarionet_data.content_hash import content_hash
 from scenarionet_data.errors import BadParameter, LakeError, NoSuchSnapshot
@@ -126,7 +127,7 @@ def test_a_pack_of_a_pack_is_the_same(lake, tmp_path):
     assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
 
 
-def test_tar_unpacks_to_the_pack_and_is_the_same_every_time(lake, tmp_path):
+def test_tar_unpacks_to_the_pack(lake, tmp_path):
     lake.filter("hash(scenario_id) % 2 = 0", name="half")
     lake.pack("half", tmp_path / "half.tar", tar=True)
     lake.pack("half", tmp_path / "folder")
@@ -140,6 +141,22 @@ def test_tar_unpacks_to_the_pack_and_is_the_same_every_time(lake, tmp_path):
     )
     assert one == other
     assert sorted(p.name for p in tmp_path.iterdir()) == ["folder", "half.tar", "lake", "there"]
+
+
+def test_members_that_have_changed_since_are_packed_as_they_were(tmp_path):
+    raw, root = write_raw(tmp_path / "raw", {"a": [1, 2], "b": [3]}), tmp_path / "lake"
+    convert(made.NAME, str(raw), root, options=made.MadeOptions(num_objects=2))
+    then = Lake(root)
+    then.filter("true", name="old")
+    wanted = hashes(then, "old")
+    (raw / "a.made").write_text("1")
+    convert(made.NAME, str(raw), root, options=made.MadeOptions(num_objects=3), replace_old=True)
+    with pytest.warns(StaleDatabaseWarning):
+        Lake(root).pack("old", tmp_path / "pack")
+    opened = Lake(tmp_path / "pack")
+    assert hashes(opened, "old") == wanted
+    assert opened.snapshot.number == then.snapshot.number
+    assert verify_pack(tmp_path / "pack").is_whole
 
 
 # --- shared maps ------------------------------------------------------------------------------------------------

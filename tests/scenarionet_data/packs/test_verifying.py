@@ -92,6 +92,13 @@ def test_sums_that_are_gone_or_empty(pack):
     assert damaged(pack) == {"SHA256SUMS": "gone"}
 
 
+@pytest.mark.parametrize("kind", ["metadata", "snapshots/manifest", "databases"])
+def test_sums_that_lost_a_line(kind, pack):
+    lines = (pack / "SHA256SUMS").read_text().splitlines(keepends=True)
+    (pack / "SHA256SUMS").write_text("".join(line for line in lines if f"  {kind}" not in line))
+    assert "does not list" in damaged(pack)["SHA256SUMS"]
+
+
 def test_sums_do_not_lead_out_of_the_pack(pack, tmp_path):
     (tmp_path / "secret").write_text("x")
     with (pack / "SHA256SUMS").open("a") as file:
