@@ -36,7 +36,9 @@ def scene(tmp_path):
     return lambda *others, **options: Scenarios(write_lake(tmp_path, [make_drive("a", others=others, **options)]).root)
 
 
-@pytest.mark.parametrize("backend", BACKENDS, ids=["kinematic", "bullet"])
+@pytest.mark.parametrize(
+    "backend", [BACKENDS[0], pytest.param(BACKENDS[1], marks=pytest.mark.long)], ids=["kinematic", "bullet"]
+)
 @pytest.mark.parametrize("observation", ["flat", "dict"])
 def test_pettingzoo_is_content(drives, backend, observation):
     where = "source_scenario_id IN ('crowd', 'wall')"
