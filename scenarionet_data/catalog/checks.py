@@ -254,7 +254,8 @@ def _query(check: Check, scope: str) -> str:
             '{check.name}' AS "check", {check.is_hard} AS is_hard, b.scenario_id::VARCHAR AS scenario_id,
             any_value(m.dataset) AS dataset, any_value(m.version) AS version, any_value(m.split) AS split,
             min(b.detail) AS detail
-        FROM (FROM ({check.query}) {scope}) AS b LEFT JOIN metadata_rows AS m ON m.scenario_id = b.scenario_id
+        FROM (FROM (SELECT scenario_id::VARCHAR AS scenario_id, detail FROM ({check.query})) {scope}) AS b
+        LEFT JOIN metadata_rows AS m ON m.scenario_id = b.scenario_id
         GROUP BY b.scenario_id, if(b.scenario_id IS NULL, b.detail, NULL)
         ORDER BY scenario_id, detail"""
 
