@@ -70,7 +70,7 @@ def test_an_unknown_type_of_object_is_named(logs):
 @pytest.mark.parametrize(
     ("where", "says"),
     [
-        ("ego_distance >> > 10", r'at or near ">" \(character 17\)'),
+        ("ego_distance > > 10", r'at or near ">" \(character 16\)'),
         ("ego_distance > 10 AN num_objects > 2", r'at or near "num_objects" \(character 22\)'),
         ("städte = 1 AND AND", r'at or near "AND" \(character 16\)'),
         ("'open", r"unterminated .* \(character 1\)"),
