@@ -56,8 +56,8 @@ def test_data_dictionary_is_up_to_date():
 def run_blocks(page: str, monkeypatch: pytest.MonkeyPatch, folder: Path) -> int:
     """Run every bash and python block of a page, in order, in one folder; returns how many there are.
 
-    A python block whose first line names a file is written there instead. Commands of ours run in this process,
-    which saves each a second of imports; what is more than one command runs in a shell.
+    A python block whose first line names a file is written there instead. Python and commands of ours run in this
+    process, which saves each some seconds of imports; what is more than one command runs in a shell.
     """
     programs = commands(folder, "scenarionet=pipelines.cli")
     environment = os.environ | {"PYTHONPATH": str(ROOT), "PATH": f"{programs}:{os.environ['PATH']}"}
@@ -70,7 +70,7 @@ def run_blocks(page: str, monkeypatch: pytest.MonkeyPatch, folder: Path) -> int:
         if name:
             (folder / name.group(1)).write_text(code)
         elif language == "python":
-            run([sys.executable, "-c", code], environment)
+            exec(compile(code, page, "exec"), {"__name__": "__main__"})
         else:
             for command in split_commands(code):
                 words = shlex.split(command, comments=True)
