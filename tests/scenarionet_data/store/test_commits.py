@@ -1,29 +1,22 @@
-"""Files, shards, snapshots and commits: what is in a lake, whoever else writes to it."""
+"""Commits add up, whoever else commits meanwhile, and metadata is consolidated."""
 
 from __future__ import annotations
 
-import json
-import os
 import random
 import subprocess
 import sys
 import threading
 import time
-from dataclasses import replace
 
 import pyarrow.parquet as pq
 import pytest
 
 from scenarionet_data import Lake
-from scenarionet_data.converters.base import Options, RawItem, Shard
-from scenarionet_data.errors import InvalidScenario, LakeError, NoSuchSnapshot, SnapshotConflict
+from scenarionet_data.errors import SnapshotConflict
 from scenarionet_data.store import commit as commits
-from scenarionet_data.store import shard_writer
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles, sha256
-from scenarionet_data.store.shard_record import find_finished
-from scenarionet_data.store.shard_writer import ShardWriter
-from tests.fixtures.lakes import write_lake, write_shard
+from tests.fixtures.lakes import write_shard
 from tests.fixtures.scenarios import make_scenario, renamed
 
 SMALL = {"num_objects": 2, "num_steps": 5, "num_lanes": 1, "num_lights": 1}
@@ -51,112 +44,6 @@ def ids(files):
 
 def names_of(files):
     return [record.name for record in snapshots.shards(files, snapshots.read(files))]
-
-
-# --- one shard ----------------------------------------------------------------------------------------
-
-
-def shard_of(name="a", items=("x",)):
-    return Shard("made", "v1", "train", name, "/raw", tuple(RawItem(i, "f") for i in items), Options())
-
-
-def test_a_shard_has_a_row_group_a_scenario_and_few_scenarios_a_file(files, template, monkeypatch):
-    monkeypatch.setattr(shard_writer, "SCENARIOS_PER_FILE", 3)
-    record = write_shard(files.root, [renamed(template, f"s{k}") for k in range(7)])
-    assert record.num_scenarios == 7
-    tracks = [name for name in record.files if name.startswith("tracks/")]
-    groups = [pq.read_metadata(files.path(name)).num_row_groups for name in tracks]
-    assert groups == [3, 3, 1]
-    rows = pq.ParquetFile(files.path(record.metadata_file)).read().to_pylist()
-    assert [(row["tracks_file"], row["tracks_row_group"]) for row in rows] == [
-        (tracks[k // 3], k % 3) for k in range(7)
-    ]
-    assert {row["tracks_first_row"] for row in rows} == {0}
-    assert {row["tracks_num_rows"] for row in rows} == {2}
-
-
-def test_a_record_names_every_file_with_size_and_checksum(files, template):
-    record = write_shard(files.root, [template])
-    found = {str(p.relative_to(files.root)) for p in files.root.rglob("*.parquet")}
-    assert found == {*record.files, record.metadata_file}
-    for name, size, checksum in zip(record.files, record.sizes, record.checksums, strict=True):
-        path = files.path(name)
-        assert (path.stat().st_size, sha256(path)) == (size, checksum)
-        footer = pq.read_metadata(path).metadata
-        assert footer[b"scenarionet.schema"].decode() == name.split("/")[0] + "/1"
-        assert footer[b"scenarionet.licence"] == b"CC0"
-    assert not list((files.root / ".tmp").iterdir())
-
-
-def test_the_same_shard_gives_the_same_files(tmp_path):
-    records = [write_shard(tmp_path / name, [small(k) for k in range(3)]) for name in ("first", "second")]
-    assert records[0] == records[1]
-
-
-def test_a_shard_without_scenarios_is_finished_all_the_same(files):
-    writer = ShardWriter(files, shard_of(), "1", "CC0")
-    writer.reject(4, InvalidScenario("made/v1/x", "dt", "wanted more"))
-    writer.reject(5, ValueError("odd"))
-    record = writer.finish()
-    assert (record.num_scenarios, record.num_quarantined) == (0, 2)
-    commits.commit(files, [record], "test")
-    lake = Lake(files.root)
-    assert len(lake) == 0
-    rows = lake.sql("SELECT position, scenario_id, error, field, message FROM quarantine ORDER BY position").rows()
-    assert rows == [
-        (4, "made/v1/x", "InvalidScenario", "dt", "wanted more"),
-        (5, None, "ValueError", None, "odd"),
-    ]
-
-
-def test_an_id_found_twice_in_a_shard_is_refused(files, template):
-    writer = ShardWriter(files, shard_of(), "1", "CC0")
-    writer.add(template)
-    with pytest.raises(InvalidScenario, match="found it twice"):
-        writer.add(template)
-    assert writer.finish().num_scenarios == 1
-
-
-@pytest.mark.parametrize("field", ["dataset", "version", "split"])
-def test_a_scenario_of_another_partition_is_refused(files, field):
-    writer = ShardWriter(files, shard_of(), "1", "CC0")
-    with pytest.raises(InvalidScenario, match=f"{field}: wanted .*, found 'other'"):
-        writer.add(small(1, **{field: "other"}))
-
-
-def test_an_abandoned_shard_leaves_nothing(files, template):
-    writer = ShardWriter(files, shard_of(), "1", "CC0")
-    writer.add(template)
-    writer.abandon()
-    assert [path for path in files.root.rglob("*") if path.is_file()] == []
-
-
-# --- adoption -------------------------------------------------------------------------------------------
-
-
-def test_a_finished_shard_is_found_until_a_file_of_it_is_gone_or_cut(files, template):
-    record = write_shard(files.root, [template])
-    shard = replace(shard_of("a", ["a.raw"]))
-    assert find_finished(files, shard, "1") == record
-    assert find_finished(files, shard, "2") is None
-    assert find_finished(files, shard_of("a", ["b.raw"]), "1") is None
-    for name in (*record.files, record.metadata_file):
-        whole = files.path(name).read_bytes()
-        files.path(name).write_bytes(whole[:-1])
-        assert find_finished(files, shard, "1") is None, name
-        files.path(name).unlink()
-        assert find_finished(files, shard, "1") is None, name
-        files.path(name).write_bytes(whole)
-    assert find_finished(files, shard, "1") == record
-
-
-def test_a_finished_shard_of_another_contract_is_not_adopted(files, template, monkeypatch):
-    write_shard(files.root, [template])
-    monkeypatch.setattr("scenarionet_data.tables.content_tag", lambda: "tracks/2")
-    assert find_finished(files, shard_of("a", ["a.raw"]), "1") is None
-
-
-# --- commits --------------------------------------------------------------------------------------------
 
 
 def test_commits_add_up_and_old_snapshots_stay(files, template):
@@ -291,9 +178,6 @@ def test_endless_rivals_are_a_conflict_with_the_remedy(files, template, monkeypa
         commits.commit(files, [record], "test")
 
 
-# --- consolidation --------------------------------------------------------------------------------------
-
-
 @pytest.fixture
 def few(monkeypatch):
     """Limits small enough to be met by a few shards."""
@@ -372,86 +256,3 @@ def test_files_of_different_contracts_are_not_merged(few):
     assert len(commits._metadata_files(own)) <= 4
     mixed = own | {"metadata/dataset=d/version=v/split=s/9.parquet": "tracks/2"}
     assert list(commits._metadata_files(mixed)) == sorted(mixed)
-
-
-# --- snapshots and files --------------------------------------------------------------------------------
-
-
-def test_a_folder_that_is_no_lake(tmp_path):
-    with pytest.raises(NoSuchSnapshot, match="no lake there; make one with"):
-        Lake(tmp_path)
-    (tmp_path / "file").write_text("x")
-    with pytest.raises(NoSuchSnapshot, match="no lake there"):
-        Lake(tmp_path / "file")
-
-
-def test_a_snapshot_that_is_not_there_is_named_with_those_that_are(tmp_path, template):
-    write_lake(tmp_path, [template])
-    with pytest.raises(NoSuchSnapshot, match=r"no snapshot 7; there are 1 \.\.\. 1"):
-        Lake(tmp_path, snapshot=7)
-
-
-@pytest.mark.parametrize(
-    "garbage", [b"", b"{", b"[]", b"7", b'{"format": 1}', b'{"format": 1, "colour": 3}', bytes(range(256))]
-)
-def test_a_damaged_snapshot_is_named_with_the_remedy(tmp_path, template, garbage):
-    lake = write_lake(tmp_path, [template])
-    path = tmp_path / "snapshots" / "00000002.json"
-    path.write_bytes(garbage)
-    with pytest.raises(LakeError, match=r"00000002\.json: damaged.*remove it to go back"):
-        Lake(tmp_path)
-    assert len(Lake(tmp_path, snapshot=1)) == 1
-    path.unlink()
-    assert Lake(tmp_path).snapshot == lake.snapshot
-
-
-def test_a_snapshot_of_a_newer_format_asks_for_an_update(tmp_path, template):
-    write_lake(tmp_path, [template])
-    path = tmp_path / "snapshots" / "00000001.json"
-    path.write_text(json.dumps({**json.loads(path.read_text()), "format": 2}))
-    with pytest.raises(NoSuchSnapshot, match="newer version of this software; update it"):
-        Lake(tmp_path)
-
-
-def test_other_files_among_the_snapshots_are_ignored(tmp_path, template):
-    write_lake(tmp_path, [template])
-    (tmp_path / "snapshots" / "notes.json").write_text("{}")
-    (tmp_path / "snapshots" / "00000001.json~").write_text("{")
-    assert Lake(tmp_path).snapshot.number == 1
-
-
-def test_only_one_publishes_a_new_name(files):
-    winners = []
-
-    def publish(k):
-        if files.publish_new("snapshots/x", str(k).encode()):
-            winners.append(k)
-
-    threads = [threading.Thread(target=publish, args=(k,)) for k in range(8)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert len(winners) == 1
-    assert files.path("snapshots/x").read_text() == str(winners[0])
-    assert not list((files.root / ".tmp").iterdir())
-
-
-def test_sweeping_removes_old_temporary_files_only(files):
-    old, new = files.temporary(), files.temporary()
-    for path in (old, new):
-        path.write_bytes(b"x")
-    os.utime(old, (0, time.time() - 25 * 3600))
-    files.sweep()
-    assert not old.exists()
-    assert new.exists()
-
-
-def test_a_refused_write_leaves_no_temporary_file(files):
-    (files.root / "tracks").mkdir(parents=True)
-    (files.root / "tracks" / "taken").mkdir()
-    temporary = files.temporary()
-    temporary.write_bytes(b"x")
-    with pytest.raises(LakeError, match=r"cannot write .*taken: Is a directory"):
-        files.publish(temporary, "tracks/taken")
-    assert not temporary.exists()

@@ -11,7 +11,7 @@ from scenarionet_data import ScenarioLoader
 from scenarionet_data.catalog import database as databases
 from scenarionet_data.catalog.operations.pool import StaleDatabaseWarning
 from scenarionet_data.errors import BadParameter, DatabaseNotFound, NoSuchSnapshot
-from tests.scenarionet_data.operations.conftest import COUNT
+from tests.scenarionet_data.catalog.operations.conftest import COUNT
 
 ONE, TWO, THREE, FOUR = (f"made/v1/s00000{k}" for k in (1, 2, 3, 4))
 

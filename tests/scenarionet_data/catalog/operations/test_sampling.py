@@ -8,7 +8,7 @@ from collections import Counter
 import pytest
 
 from scenarionet_data.errors import BadParameter, DatabaseExists, QueryError, UnsafeSql
-from tests.scenarionet_data.operations.conftest import COUNT
+from tests.scenarionet_data.catalog.operations.conftest import COUNT
 
 
 def column(lake, name, database):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scenarionet_data.catalog.operations import splitting
 from scenarionet_data.catalog.operations.splitting import LeakWarning
 from scenarionet_data.errors import BadParameter, DatabaseExists, EmptyResult, LeakingSplit
-from tests.scenarionet_data.operations.conftest import COUNT
+from tests.scenarionet_data.catalog.operations.conftest import COUNT
 
 pytestmark = pytest.mark.filterwarnings("ignore:this split leaks")
 

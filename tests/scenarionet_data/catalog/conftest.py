@@ -1,0 +1,21 @@
+"""A lake to ask, and lakes to save databases in."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.fixtures.lakes import write_lake
+from tests.fixtures.scenarios import NUM_VARIED, make_scenario, varied
+
+
+@pytest.fixture(scope="module")
+def lake(tmp_path_factory):
+    """For reading only: tests that save databases make a lake of their own."""
+    return write_lake(tmp_path_factory.mktemp("catalog"), varied())
+
+
+@pytest.fixture
+def own(tmp_path):
+    """A lake to save databases in."""
+    made = [make_scenario(k, num_objects=2 + k % 4, num_steps=6, num_lanes=1) for k in range(NUM_VARIED)]
+    return write_lake(tmp_path / "lake", made)
