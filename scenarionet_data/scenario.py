@@ -134,6 +134,18 @@ class Lights:
         )
 
 
+ID_LISTS = (
+    "entry_lanes",
+    "exit_lanes",
+    "left_neighbors",
+    "right_neighbors",
+    "left_boundaries",
+    "right_boundaries",
+    "controlled_lanes",
+)
+"""The fields of :class:`MapFeatures` that are lists of ids."""
+
+
 @dataclass(frozen=True, eq=False)
 class MapFeatures:
     """Lanes, lines, edges and areas.

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.ragged import Ragged
 from scenarionet_data.scenario import (
+    ID_LISTS,
     Lights,
     MapFeatures,
     ScenarioDescription,
@@ -170,7 +171,7 @@ def _validate_map(check: _Check, features: MapFeatures) -> None:
     widths, points = features.width.lengths, features.polyline.lengths
     fits = (widths == 0) | (widths == 1) | (widths == points)
     check.that(fits.all(), "map.width", "wanted none, one, or one per point of the polyline")
-    for name in _ID_LISTS:
+    for name in ID_LISTS:
         ragged = getattr(features, name)
         _validate_ragged(check, ragged, f"map.{name}", count)
         check.array(ragged.values, f"map.{name}", (len(ragged.values),), object)
@@ -181,17 +182,6 @@ def _validate_map(check: _Check, features: MapFeatures) -> None:
     check.array(features.is_intersection, "map.is_intersection", (count,), np.int8)
     check.that(np.isin(features.is_intersection, (-1, 0, 1)).all(), "map.is_intersection", "wanted 1, 0 or -1")
     check.array(features.extras, "map.extras", (count,), object)
-
-
-_ID_LISTS = (
-    "entry_lanes",
-    "exit_lanes",
-    "left_neighbors",
-    "right_neighbors",
-    "left_boundaries",
-    "right_boundaries",
-    "controlled_lanes",
-)
 
 
 def _validate_ragged(check: _Check, ragged: Ragged, field: str, count: int) -> None:

@@ -16,13 +16,13 @@ import pyarrow as pa
 
 from scenarionet_data import tables
 from scenarionet_data.codec.arrow import LoadedRows, Rows
+from scenarionet_data.codec.content_hash import content_hash
 from scenarionet_data.codec.lights import decode_lights, encode_lights
 from scenarionet_data.codec.maps import decode_map, encode_map
 from scenarionet_data.codec.tracks import decode_tracks, encode_tracks
-from scenarionet_data.content_hash import content_hash
 from scenarionet_data.jsontext import from_json, to_json
 from scenarionet_data.scenario import MapFeatures, ScenarioDescription, Source
-from scenarionet_data.summary import summarise
+from scenarionet_data.statistics import summarise
 
 __all__ = [
     "Encoded",

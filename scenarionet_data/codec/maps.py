@@ -22,20 +22,10 @@ from scenarionet_data.codec.arrow import (
 )
 from scenarionet_data.codec.kernels import find_bounds
 from scenarionet_data.ragged import Ragged
-from scenarionet_data.scenario import MapFeatures
+from scenarionet_data.scenario import ID_LISTS, MapFeatures
 from scenarionet_data.vocabulary import MapFeatureType
 
 Array = npt.NDArray[Any]
-
-ID_LISTS = (
-    "entry_lanes",
-    "exit_lanes",
-    "left_neighbors",
-    "right_neighbors",
-    "left_boundaries",
-    "right_boundaries",
-    "controlled_lanes",
-)
 
 
 def encode_map(

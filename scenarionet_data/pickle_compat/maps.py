@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from scenarionet_data.converters.stretches import to_records
 from scenarionet_data.jsontext import from_json
 from scenarionet_data.ragged import Ragged
 from scenarionet_data.scenario import Bool, Codes, MapFeatures, ScenarioDescription
-from scenarionet_data.stretches import to_records
 from scenarionet_data.vocabulary import (
     LIGHT_COLORS,
     LightState,

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 from scenarionet_data.catalog.database import Database
 from scenarionet_data.catalog.packs.contents import Contents, Progress
-from scenarionet_data.content_hash import content_hash
+from scenarionet_data.codec.content_hash import content_hash
 from scenarionet_data.errors import BadParameter, LakeError
 from scenarionet_data.store.files import LakeFiles, writing
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.scenarionet.frame import Frame
+from scenarionet_data.converters.stretches import to_rows
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.scenario import Float64, Lights, MapFeatures, strings
-from scenarionet_data.stretches import to_rows
 from scenarionet_data.vocabulary import LightState, MapFeatureType, Provenance
 
 # Limits that ScenarioNet and MetaDrive write where the source has none [km/h].

@@ -15,9 +15,9 @@ from scenarionet_data import converters
 from scenarionet_data.converters.base import Options
 from scenarionet_data.converters.scenarionet import ScenarioNetPickles
 from scenarionet_data.converters.scenarionet.unpickling import load
+from scenarionet_data.converters.stretches import to_records
 from scenarionet_data.errors import CorruptSource, InvalidScenario, SourceNotFound
 from scenarionet_data.scenario import ScenarioDescription
-from scenarionet_data.stretches import to_records
 from scenarionet_data.testing import ConverterConformance, differences
 from scenarionet_data.vocabulary import LightState, MapFeatureType, ObjectType
 from tests.fixtures import scenarionet_pickles as made

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from scenarionet_data.converters.stretches import to_records
 from scenarionet_data.converters.waymo import Waymo
 from scenarionet_data.errors import CorruptSource, InvalidScenario, SourceNotFound
 from scenarionet_data.jsontext import from_json, to_json
 from scenarionet_data.scenario import ScenarioDescription
-from scenarionet_data.stretches import to_records
 from scenarionet_data.testing import ConverterConformance
 from scenarionet_data.vocabulary import LightState, MapFeatureType, ObjectType
 from tests.fixtures import waymo as fixture

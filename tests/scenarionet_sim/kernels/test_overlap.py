@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from scenarionet_data.gaps import nearest_box
 from scenarionet_data.geometry import box_corners
+from scenarionet_data.statistics.gaps import nearest_box
 from scenarionet_sim.kernels.overlap import find_contacts
 
 

@@ -13,7 +13,7 @@ from scenarionet_data import Lake, ScenarioLoader, convert
 from scenarionet_data.catalog.checks import run_checks
 from scenarionet_data.catalog.operations.pool import StaleDatabaseWarning
 from scenarionet_data.catalog.packs.verifying import verify_pack
-from scenarionet_data.content_hash import content_hash
+from scenarionet_data.codec.content_hash import content_hash
 from scenarionet_data.errors import BadParameter, LakeError, NoSuchSnapshot
 from tests.fixtures import made, made_city
 from tests.fixtures.made import write_raw

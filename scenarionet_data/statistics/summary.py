@@ -13,10 +13,10 @@ import numpy.typing as npt
 from numba import njit
 
 from scenarionet_data import vocabulary
-from scenarionet_data.gaps import nearest_box
 from scenarionet_data.geometry import wrap_angle
-from scenarionet_data.intersections import lanes_cross_near
 from scenarionet_data.scenario import MapFeatures, ScenarioDescription, Tracks
+from scenarionet_data.statistics.gaps import nearest_box
+from scenarionet_data.statistics.intersections import lanes_cross_near
 from scenarionet_data.vocabulary import ObjectType
 
 Array = npt.NDArray[Any]

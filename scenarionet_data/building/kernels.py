@@ -1,4 +1,4 @@
-"""The loops that make states canonical, compiled: see ``building``, which is what converters call."""
+"""The loops that make states canonical, compiled: see ``tracks``, which calls them."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarionet_data.stretches import to_records, to_rows
+from scenarionet_data.converters.stretches import to_records, to_rows
 
 index = st.integers(0, 999).map(str)
 boundary = st.fixed_dictionaries(

@@ -1,0 +1,22 @@
+"""Makes the canonical arrays of a scenario from what a source holds: converters call these, nothing else does.
+
+Canonical means: float32 offsets from the origin, headings wrapped, zeros where not valid, ids as str.
+"""
+
+from __future__ import annotations
+
+from scenarionet_data.building.map_builder import MapBuilder, meets
+from scenarionet_data.building.precision import METRES, make_origin, offsets_from, rounded
+from scenarionet_data.building.tracks import TrackFacts, make_tracks, make_tracks_of_rows
+
+__all__ = [
+    "METRES",
+    "MapBuilder",
+    "TrackFacts",
+    "make_origin",
+    "make_tracks",
+    "make_tracks_of_rows",
+    "meets",
+    "offsets_from",
+    "rounded",
+]

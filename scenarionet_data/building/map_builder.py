@@ -1,0 +1,171 @@
+"""Map features in canonical form, collected one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.building.precision import METRES, WIDTHS, rounded
+from scenarionet_data.jsontext import to_json
+from scenarionet_data.ragged import Ragged
+from scenarionet_data.scenario import ID_LISTS, Bool, Float64, MapFeatures, strings
+from scenarionet_data.vocabulary import MapFeatureType
+
+_NO_POINTS, _NO_WIDTHS = np.zeros((0, 3)), np.zeros((0, 2))
+
+
+class MapBuilder:
+    """Collects map features one by one, in the source frame, and makes :class:`MapFeatures` of them.
+
+    Example:
+        >>> builder = MapBuilder()
+        >>> builder.add("7", MapFeatureType.LANE_SURFACE_STREET, polyline=[[5.0, 0.0], [9.0, 0.0]])
+        >>> builder.build(np.array([5.0, 0.0, 0.0])).polyline[0].tolist()
+        [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0]]
+    """
+
+    def __init__(self) -> None:
+        self._rows: list[dict[str, Any]] = []
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def add(
+        self,
+        feature_id: str,
+        feature_type: MapFeatureType,
+        *,
+        polyline: npt.ArrayLike | None = None,
+        polygon: npt.ArrayLike | None = None,
+        speed_limit: float = np.nan,
+        width: npt.ArrayLike | None = None,
+        entry_lanes: Sequence[str] = (),
+        exit_lanes: Sequence[str] = (),
+        left_neighbors: Sequence[str] = (),
+        right_neighbors: Sequence[str] = (),
+        left_boundaries: Sequence[str] = (),
+        right_boundaries: Sequence[str] = (),
+        controlled_lanes: Sequence[str] = (),
+        is_intersection: bool | None = None,
+        extras: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Add one feature.
+
+        Args:
+            feature_id: Unique in the map.
+            feature_type: What it is.
+            polyline, polygon: (n, 2) or (n, 3) [m], source frame.
+            speed_limit: [m/s].
+            width: (2,) or (n, 2) [m] from the centreline to the left and right side.
+            entry_lanes, exit_lanes, left_neighbors, right_neighbors: Ids of lanes.
+            left_boundaries, right_boundaries: Ids of lines and edges.
+            controlled_lanes: Ids of lanes a stop sign, stop line or crosswalk applies to.
+            is_intersection: None when the source does not say.
+            extras: JSON-able.
+        """
+        self._rows.append(
+            {
+                "id": str(feature_id),
+                "type": int(feature_type),
+                "polyline": _points(polyline),
+                "polygon": _points(polygon),
+                "speed_limit": speed_limit,
+                "width": _NO_WIDTHS if width is None else np.asarray(width, np.float64).reshape(-1, 2),
+                "entry_lanes": entry_lanes,
+                "exit_lanes": exit_lanes,
+                "left_neighbors": left_neighbors,
+                "right_neighbors": right_neighbors,
+                "left_boundaries": left_boundaries,
+                "right_boundaries": right_boundaries,
+                "controlled_lanes": controlled_lanes,
+                "is_intersection": -1 if is_intersection is None else int(is_intersection),
+                "extras": to_json(extras),
+            }
+        )
+
+    @property
+    def bounds(self) -> Float64:
+        """(M, 4) min_x, min_y, max_x, max_y [m] of each feature in the source frame; NaN without geometry."""
+        boxes = np.full((len(self._rows), 4), np.nan)
+        for row, feature in enumerate(self._rows):
+            points = np.concatenate([feature["polyline"], feature["polygon"]])[:, :2]
+            if len(points):
+                boxes[row] = *points.min(axis=0), *points.max(axis=0)
+        return boxes
+
+    @property
+    def has_heights(self) -> bool:
+        """Whether any point has a z other than 0."""
+        return any(f["polyline"][:, 2].any() or f["polygon"][:, 2].any() for f in self._rows)
+
+    def crop(self, window: tuple[float, float, float, float], bounds: Float64 | None = None) -> MapBuilder:
+        """The features, whole, whose bounding box meets a window.
+
+        Args:
+            window: min_x, min_y, max_x, max_y [m] in the source frame.
+            bounds: :attr:`bounds`, when it is at hand: a city is cropped many times.
+        """
+        boxes = self.bounds if bounds is None else bounds
+        return self.take(np.flatnonzero(meets(boxes, window)))
+
+    def take(self, rows: npt.NDArray[Any]) -> MapBuilder:
+        """The features at ``rows``, in that order."""
+        chosen = MapBuilder()
+        chosen._rows = [self._rows[row] for row in rows]
+        return chosen
+
+    def build(self, origin: Float64, has_z: bool = True) -> MapFeatures:
+        """The features as float32 offsets from ``origin``; z is 0 without ``has_z``."""
+        rows = self._rows
+
+        def column(name: str) -> list[Any]:
+            return [row[name] for row in rows]
+
+        def geometry(name: str) -> Ragged:
+            lists = column(name)
+            values = np.concatenate([_NO_POINTS, *lists]) - origin
+            if not has_z:
+                values[:, 2] = 0.0
+            return Ragged.from_flat([len(points) for points in lists], rounded(values, METRES))
+
+        def widths() -> Ragged:
+            lists = column("width")
+            lengths = np.array([len(pairs) for pairs in lists], np.int64)
+            exact = np.concatenate([_NO_WIDTHS, *lists])
+            is_one_for_all = np.repeat(lengths == 1, lengths)[:, None]
+            return Ragged.from_flat(lengths, np.where(is_one_for_all, exact.astype(np.float32), rounded(exact, WIDTHS)))
+
+        return MapFeatures(
+            ids=strings(column("id")),
+            types=np.array(column("type"), dtype=np.uint8),
+            polyline=geometry("polyline"),
+            polygon=geometry("polygon"),
+            speed_limit=np.array(column("speed_limit"), dtype=np.float32),
+            width=widths(),
+            **{name: Ragged.from_ids(column(name)) for name in ID_LISTS},
+            is_intersection=np.array(column("is_intersection"), dtype=np.int8),
+            extras=np.array(column("extras"), dtype=object),
+        )
+
+
+def meets(boxes: Float64, window: tuple[float, float, float, float]) -> Bool:
+    """(M,) which boxes (M, 4) touch or overlap a window, both as min_x, min_y, max_x, max_y; never for NaN."""
+    min_x, min_y, max_x, max_y = window
+    return (boxes[:, 0] <= max_x) & (boxes[:, 2] >= min_x) & (boxes[:, 1] <= max_y) & (boxes[:, 3] >= min_y)
+
+
+def _points(points: npt.ArrayLike | None) -> Float64:
+    """(n, 3) float64, z = 0 for points in the plane."""
+    if points is None:
+        return _NO_POINTS
+    array = np.asarray(points, dtype=np.float64)
+    if not array.size:
+        return _NO_POINTS
+    if array.ndim == 2 and array.shape[1] == 3:
+        return array
+    if array.shape[-1] == 2:
+        array = np.concatenate([array, np.zeros((len(array), 1))], axis=1)
+    return array.reshape(-1, 3)
