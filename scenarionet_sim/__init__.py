@@ -7,4 +7,4 @@ installed; the parts are in the modules.
 from importlib.util import find_spec
 
 if find_spec("gymnasium"):
-    from scenarionet_sim import registration as registration
+    from scenarionet_sim.environments import registration as registration

@@ -13,11 +13,11 @@ from scenarionet_sim.backends.base import Backend, checked_actions
 from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.kernels.overlap import find_contacts
 from scenarionet_sim.kernels.paths import follow_paths
-from scenarionet_sim.past import Past
 from scenarionet_sim.policies import External, Policy, Replay
-from scenarionet_sim.stage import Int32, Stage
-from scenarionet_sim.state import State
-from scenarionet_sim.world import World
+from scenarionet_sim.worlds.past import Past
+from scenarionet_sim.worlds.stage import Int32, Stage
+from scenarionet_sim.worlds.state import State
+from scenarionet_sim.worlds.world import World
 
 NOBODY = 255
 """In ``Simulation.driver``: a row that no policy drives, and that is never present."""

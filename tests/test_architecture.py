@@ -84,6 +84,8 @@ def test_the_page_names_every_room():
     rooms = {path.relative_to(ROOT / "scenarionet_data").parts[0] for path in modules("scenarionet_data")}
     missing = [room for room in sorted(rooms) if not room.startswith("__") and room not in page]
     assert missing == []
+    simulator = {path.relative_to(ROOT / "scenarionet_sim").parts[0] for path in modules("scenarionet_sim")}
+    assert [room for room in sorted(simulator) if not room.startswith("__") and room not in page] == []
     questions = {path.name for path in (ROOT / "sql").iterdir() if path.is_dir()}
     assert [name for name in questions if f"{name}/" not in page] == []
 

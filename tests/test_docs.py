@@ -46,6 +46,17 @@ def commands(folder: Path, *modules: str) -> Path:
     return folder / "bin"
 
 
+def test_the_tests_that_the_simulator_s_page_names_are_there():
+    page, folder = (ROOT / "docs" / "simulator.md").read_text("utf-8"), ROOT / "tests" / "scenarionet_sim"
+    named = re.findall(r"`([\w/]*test_\w+\.py)?(?:::(test_\w+))?`", page)
+    at = ""
+    for file, test in named:
+        at = file or at
+        if file or test:
+            assert f"def {test}" in (folder / at).read_text("utf-8"), (at, test)
+    assert sum(bool(test) for _, test in named) > 15
+
+
 def test_data_dictionary_is_up_to_date():
     written = (ROOT / "docs" / "data_dictionary.md").read_text("utf-8")
     assert written == dictionary.markdown(), "run `make docs`"

@@ -17,8 +17,8 @@ import numpy.typing as npt
 from scenarionet_data.errors import BadParameter
 
 if TYPE_CHECKING:
-    from scenarionet_sim.stage import Stage
-    from scenarionet_sim.state import State
+    from scenarionet_sim.worlds.stage import Stage
+    from scenarionet_sim.worlds.state import State
 
 Agents = npt.NDArray[np.int32]
 Actions = npt.NDArray[np.float64]

@@ -25,8 +25,8 @@ from scenarionet_sim.kernels.bodies import find_bodies, read_motion, write_motio
 from scenarionet_sim.kernels.tyres import apply_tyres
 
 if TYPE_CHECKING:
-    from scenarionet_sim.stage import Stage
-    from scenarionet_sim.state import State
+    from scenarionet_sim.worlds.stage import Stage
+    from scenarionet_sim.worlds.state import State
 
 _GRAVITY = 9.81  # [m/s²]
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from scenarionet_sim.backends.base import SUBSTEPS, Actions, Agents, Drive
 from scenarionet_sim.kernels.bicycle import drive_bicycles
-from scenarionet_sim.stage import Stage
-from scenarionet_sim.state import State
+from scenarionet_sim.worlds.stage import Stage
+from scenarionet_sim.worlds.state import State
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,11 @@ from collections import Counter
 
 import click
 
-from scenarionet_sim.arena import ENDS
-from scenarionet_sim.config import EnvConfig
-from scenarionet_sim.env import ScenarioNetEnv
+from scenarionet_sim.environments.arena import ENDS
+from scenarionet_sim.environments.config import EnvConfig
+from scenarionet_sim.environments.single_agent import ScenarioNetEnv
 from scenarionet_sim.policies import Idm, Replay, ego, vehicles
-from scenarionet_sim.selection import Scenarios
+from scenarionet_sim.scenarios import Scenarios
 
 
 def evaluate(scenarios: Scenarios) -> Counter[str]:

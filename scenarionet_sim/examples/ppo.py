@@ -185,8 +185,8 @@ class Learner:
 @click.option("--seed", default=0, show_default=True)
 def main(lake: str, database: str | None, steps: int, worlds: int, seed: int) -> None:
     """Learn, and print the mean reward of episodes as it rises."""
-    from scenarionet_sim.selection import Scenarios
-    from scenarionet_sim.vector import ScenarioNetVectorEnv
+    from scenarionet_sim.environments.vector import ScenarioNetVectorEnv
+    from scenarionet_sim.scenarios import Scenarios
 
     envs = ScenarioNetVectorEnv(worlds, scenarios=Scenarios(lake, database, order="random"), autoreset_mode="SameStep")
     for done, reward in Learner(envs, seed=seed).train(steps):

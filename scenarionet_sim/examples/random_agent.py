@@ -9,7 +9,7 @@ import click
 import gymnasium
 
 import scenarionet_sim
-from scenarionet_sim.selection import Scenarios
+from scenarionet_sim.scenarios import Scenarios
 
 
 def play(env: gymnasium.Env[object, object], episodes: int, seed: int) -> list[tuple[str, float]]:

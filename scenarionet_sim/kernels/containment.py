@@ -51,7 +51,7 @@ def find_polygon(
         points: (Q, 2) [m].
         outlines, offsets: (P, 2) [m] and (M + 1,): polygon i is ``outlines[offsets[i]:offsets[i + 1]]``, closed.
         is_wanted: (M,) polygons to look at.
-        origin, shape, cell_size, cell_start, cell_items: The grid, see :class:`scenarionet_sim.grid.Grid`.
+        origin, shape, cell_size, cell_start, cell_items: The grid, see :class:`scenarionet_sim.roads.grid.Grid`.
         found: (Q,) int32, written: the polygon's row, or -1.
     """
     for query in range(points.shape[0]):

@@ -11,14 +11,14 @@ import numpy as np
 from scenarionet_data.scenario import Bool, Float64
 from scenarionet_data.vocabulary import LIGHT_COLORS, LightColor, MapFeatureType
 from scenarionet_sim.backends.base import Drive
+from scenarionet_sim.evaluation.rollout import Rollout
 from scenarionet_sim.metrics.collisions import count_collisions
 from scenarionet_sim.metrics.comfort import body_acceleration, measure_comfort
 from scenarionet_sim.metrics.feasibility import is_infeasible
 from scenarionet_sim.metrics.progress import displacement, mean_speed, progress_ratio
 from scenarionet_sim.metrics.road import ON_LANE, is_off_road, lane_progress, runs_red_light, wrong_way
 from scenarionet_sim.metrics.time_to_collision import time_to_collision
-from scenarionet_sim.rollout import Rollout
-from scenarionet_sim.world import World
+from scenarionet_sim.worlds.world import World
 
 _CORNERS = np.array([[0.5, 0.5], [0.5, -0.5], [-0.5, -0.5], [-0.5, 0.5]])
 

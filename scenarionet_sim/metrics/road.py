@@ -7,8 +7,8 @@ import shapely
 
 from scenarionet_data.procedural.jit import entry
 from scenarionet_data.scenario import Bool, Float32, Float64
-from scenarionet_sim.roads import Roads
-from scenarionet_sim.stage import Int32
+from scenarionet_sim.roads.roads import Roads
+from scenarionet_sim.worlds.stage import Int32
 
 OFF_ROAD_TOLERANCE = 0.3
 """[m] A corner this far from everything to drive on is off the road (nuPlan's ``drivable_area_compliance``)."""

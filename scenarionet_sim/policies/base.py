@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from scenarionet_data.scenario import Bool, Codes
 from scenarionet_sim.policies.who import Who, everyone
-from scenarionet_sim.stage import Stage
-from scenarionet_sim.state import State
-from scenarionet_sim.world import World
+from scenarionet_sim.worlds.stage import Stage
+from scenarionet_sim.worlds.state import State
+from scenarionet_sim.worlds.world import World
 
 
 @dataclass(frozen=True)

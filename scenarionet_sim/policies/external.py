@@ -8,8 +8,8 @@ from scenarionet_data.scenario import Codes
 from scenarionet_sim.kernels.motion import carry_on
 from scenarionet_sim.policies.base import Policy
 from scenarionet_sim.policies.who import Who, ego
-from scenarionet_sim.stage import Stage
-from scenarionet_sim.state import State
+from scenarionet_sim.worlds.stage import Stage
+from scenarionet_sim.worlds.state import State
 
 
 @dataclass(frozen=True)

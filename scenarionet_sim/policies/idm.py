@@ -10,9 +10,9 @@ from scenarionet_data.vocabulary import LIGHT_COLORS
 from scenarionet_sim.kernels.idm import Law, drive_along_paths
 from scenarionet_sim.policies.base import Policy
 from scenarionet_sim.policies.who import Who, other_vehicles
-from scenarionet_sim.stage import Stage
-from scenarionet_sim.state import State
-from scenarionet_sim.world import World
+from scenarionet_sim.worlds.stage import Stage
+from scenarionet_sim.worlds.state import State
+from scenarionet_sim.worlds.world import World
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from scenarionet_data.scenario import Bool
 from scenarionet_sim.policies.idm import Idm
-from scenarionet_sim.routes import continued
-from scenarionet_sim.world import World
+from scenarionet_sim.worlds.routes import continued
+from scenarionet_sim.worlds.world import World
 
 
 @dataclass(frozen=True)

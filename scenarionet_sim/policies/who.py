@@ -9,7 +9,7 @@ import numpy as np
 
 from scenarionet_data.scenario import Bool
 from scenarionet_data.vocabulary import ObjectType
-from scenarionet_sim.world import World
+from scenarionet_sim.worlds.world import World
 
 Who = Callable[[World], Bool]
 

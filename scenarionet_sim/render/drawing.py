@@ -11,7 +11,7 @@ from scenarionet_sim.render.files import PICTURES, VIDEOS, write_picture, write_
 from scenarionet_sim.render.moment import Moment
 from scenarionet_sim.render.topdown import TRAIL, TopDown
 from scenarionet_sim.render.window import Window
-from scenarionet_sim.world import World
+from scenarionet_sim.worlds.world import World
 
 VIEWS = ("route", "ego", "all")
 

@@ -19,7 +19,7 @@ from scenarionet_sim.render.map_layer import draw_map
 from scenarionet_sim.render.moment import Moment
 from scenarionet_sim.render.palette import GROUND
 from scenarionet_sim.render.window import Window
-from scenarionet_sim.world import World
+from scenarionet_sim.worlds.world import World
 
 Picture = npt.NDArray[np.uint8]
 

@@ -15,7 +15,7 @@ from scenarionet_data.vocabulary import LIGHT_COLORS, LightColor, ObjectType
 from scenarionet_sim.render.moment import Moment
 from scenarionet_sim.render.object_layer import marker
 from scenarionet_sim.render.palette import EGO, INK, LIGHTS, NAMES, OTHER, ROUTE, WHITE, object_color
-from scenarionet_sim.world import World
+from scenarionet_sim.worlds.world import World
 
 _HALO: list[AbstractPathEffect] = [withStroke(linewidth=2.5, foreground=WHITE)]
 _BARS = (5, 10, 20, 50, 100, 200, 500, 1000)  # [m]

@@ -12,8 +12,8 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_sim.render.moment import Moment
 from scenarionet_sim.render.topdown import TRAIL, TopDown
 from scenarionet_sim.render.window import Window
-from scenarionet_sim.state import State
-from scenarionet_sim.world import World
+from scenarionet_sim.worlds.state import State
+from scenarionet_sim.worlds.world import World
 
 Picture = npt.NDArray[np.uint8]
 

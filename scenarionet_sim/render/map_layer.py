@@ -13,7 +13,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 
 from scenarionet_data.vocabulary import MapFeatureType, is_road_edge
 from scenarionet_sim.render.palette import DASH, EDGE, GAP, LINE, ROAD, STOP_LINE, STRIPE, WHITE, YELLOW
-from scenarionet_sim.roads import Roads
+from scenarionet_sim.roads.roads import Roads
 
 Points = npt.NDArray[np.float64]
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from scenarionet_sim.state import State
-from scenarionet_sim.world import World
+from scenarionet_sim.worlds.state import State
+from scenarionet_sim.worlds.world import World
 
 Bool = npt.NDArray[np.bool_]
 Float64 = npt.NDArray[np.float64]

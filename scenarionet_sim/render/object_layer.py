@@ -15,7 +15,7 @@ from scenarionet_data.geometry import box_corners
 from scenarionet_data.vocabulary import LIGHT_COLORS, LightColor
 from scenarionet_sim.render.moment import Moment
 from scenarionet_sim.render.palette import EGO, INK, LIGHTS, ROUTE, WHITE, object_color
-from scenarionet_sim.world import World
+from scenarionet_sim.worlds.world import World
 
 Points = npt.NDArray[np.float64]
 

@@ -7,7 +7,7 @@ import numpy as np
 from scenarionet_data import Lake
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.render.moment import Moment
-from scenarionet_sim.world import World
+from scenarionet_sim.worlds.world import World
 
 _ROWS = """
     SELECT track_id, start, x, y, heading, valid FROM rollouts WHERE run = $run AND scenario_id = $scenario_id

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.world import World
+from scenarionet_sim.worlds.world import World
 
 Float64 = npt.NDArray[np.float64]
 

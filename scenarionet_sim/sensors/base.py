@@ -19,8 +19,8 @@ import numpy.typing as npt
 from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_data.vocabulary import MapFeatureType
 from scenarionet_sim.kernels.ahead import find_lost
-from scenarionet_sim.stage import Stage
-from scenarionet_sim.state import State
+from scenarionet_sim.worlds.stage import Stage
+from scenarionet_sim.worlds.state import State
 
 if TYPE_CHECKING:
     from gymnasium.spaces import Box

@@ -21,11 +21,11 @@ from scenarionet_data.vocabulary import (
     is_road_line,
 )
 from scenarionet_sim.kernels.raster import draw_polygons, draw_segments, list_in_window
-from scenarionet_sim.past import Past
-from scenarionet_sim.roads import AREAS_TO_DRIVE_ON
+from scenarionet_sim.roads.roads import AREAS_TO_DRIVE_ON
 from scenarionet_sim.sensors.base import Agents, Array, Bool, Float64, Sensor, map_types, require
-from scenarionet_sim.stage import Stage
-from scenarionet_sim.state import State
+from scenarionet_sim.worlds.past import Past
+from scenarionet_sim.worlds.stage import Stage
+from scenarionet_sim.worlds.state import State
 
 Int8 = npt.NDArray[np.int8]
 

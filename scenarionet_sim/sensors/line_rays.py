@@ -10,8 +10,8 @@ from scenarionet_data.vocabulary import MapFeatureType
 from scenarionet_sim.kernels.rays import cast_at_segments
 from scenarionet_sim.sensors.base import Agents, Array, Sensor, directions, require, table
 from scenarionet_sim.sensors.noise import add_noise
-from scenarionet_sim.stage import Stage
-from scenarionet_sim.state import State
+from scenarionet_sim.worlds.stage import Stage
+from scenarionet_sim.worlds.state import State
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ import numpy as np
 
 from scenarionet_sim.kernels.ahead import points_ahead
 from scenarionet_sim.sensors.base import Agents, Array, Sensor, require, require_arcs
-from scenarionet_sim.stage import Stage
-from scenarionet_sim.state import State
+from scenarionet_sim.worlds.stage import Stage
+from scenarionet_sim.worlds.state import State
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from scenarionet_data.vocabulary import ObjectType
 from scenarionet_sim.kernels.cloud import spin
 from scenarionet_sim.sensors.base import Agents, Array, Float64, Sensor, directions, require, table
 from scenarionet_sim.sensors.noise import add_noise
-from scenarionet_sim.stage import Stage
-from scenarionet_sim.state import State
+from scenarionet_sim.worlds.stage import Stage
+from scenarionet_sim.worlds.state import State
 
 
 @dataclass(frozen=True)

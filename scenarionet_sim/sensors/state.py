@@ -10,8 +10,8 @@ import numpy as np
 
 from scenarionet_sim.kernels.ahead import observe_self
 from scenarionet_sim.sensors.base import Agents, Array, Float64, Sensor, require, require_arcs
-from scenarionet_sim.stage import Stage
-from scenarionet_sim.state import State
+from scenarionet_sim.worlds.stage import Stage
+from scenarionet_sim.worlds.state import State
 
 WHEELBASE = 0.6
 """Between the axles, as a share of the length: what a steering angle is derived with."""

@@ -11,8 +11,8 @@ import numpy as np
 from scenarionet_data.vocabulary import ObjectType
 from scenarionet_sim.kernels.ahead import observe_others
 from scenarionet_sim.sensors.base import Agents, Array, Float64, Sensor, require, table
-from scenarionet_sim.stage import Stage
-from scenarionet_sim.state import State
+from scenarionet_sim.worlds.stage import Stage
+from scenarionet_sim.worlds.state import State
 
 
 @dataclass(frozen=True)

@@ -21,16 +21,16 @@ from scenarionet_data.conversion import convert
 from scenarionet_sim.backends.base import Backend
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
-from scenarionet_sim.config import PAPER_OBSERVATION
-from scenarionet_sim.env import ScenarioNetEnv
-from scenarionet_sim.multi_agent import ScenarioNetParallelEnv
+from scenarionet_sim.environments.config import PAPER_OBSERVATION
+from scenarionet_sim.environments.multi_agent import ScenarioNetParallelEnv
+from scenarionet_sim.environments.single_agent import ScenarioNetEnv
+from scenarionet_sim.environments.vector import ScenarioNetVectorEnv
+from scenarionet_sim.judging.task import Ending
 from scenarionet_sim.policies import External, Idm, Policy, Replay
-from scenarionet_sim.selection import Scenarios
+from scenarionet_sim.scenarios import Scenarios
 from scenarionet_sim.sensors import BirdView, BoundaryDetector, EgoState, Lidar, Navigation
 from scenarionet_sim.simulation import Simulation
-from scenarionet_sim.task import Ending
-from scenarionet_sim.vector import ScenarioNetVectorEnv
-from scenarionet_sim.world import World
+from scenarionet_sim.worlds.world import World
 from tests.bench.measure import Figure, in_fresh_process
 
 FULL = (Lidar(rays=240), BoundaryDetector(rays=12), EgoState(), Navigation())
@@ -48,12 +48,12 @@ _REFERENCE = "MetaDrive 78-113 on scene 0061"
 _FIRST_USE = """
 import json, sys, time
 import numpy
-from scenarionet_sim.multi_agent import ScenarioNetParallelEnv
-from scenarionet_sim.env import ScenarioNetEnv
+from scenarionet_sim.environments.multi_agent import ScenarioNetParallelEnv
+from scenarionet_sim.environments.single_agent import ScenarioNetEnv
 from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.policies import External, Idm, Policy, Replay
-from scenarionet_sim.selection import Scenarios
-from scenarionet_sim.config import BOUNDARY, PAPER_OBSERVATION
+from scenarionet_sim.scenarios import Scenarios
+from scenarionet_sim.environments.config import BOUNDARY, PAPER_OBSERVATION
 started = time.process_time()
 env = ScenarioNetEnv(
     scenarios=Scenarios(sys.argv[1]), backend=Kinematic(), policies=(Replay(), Idm(), External()),
@@ -69,8 +69,8 @@ import json, os, sys
 from pathlib import Path
 import numpy as np
 from scenarionet_sim.backends.kinematic import Kinematic
-from scenarionet_sim.env import ScenarioNetEnv
-from scenarionet_sim.selection import Scenarios
+from scenarionet_sim.environments.single_agent import ScenarioNetEnv
+from scenarionet_sim.scenarios import Scenarios
 from scenarionet_sim.sensors import EgoState
 scenarios = Scenarios(sys.argv[1], order="random")
 env = ScenarioNetEnv(scenarios=scenarios, backend=Kinematic(), sensors=(EgoState(),), keep=4)

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 import scenarionet_sim
 from scenarionet_data.conversion import convert
 from scenarionet_sim.examples import idm_ego, ppo, random_agent
-from scenarionet_sim.selection import Scenarios
+from scenarionet_sim.scenarios import Scenarios
 
 
 @pytest.fixture(scope="module")

@@ -8,10 +8,10 @@ import pytest
 from scenarionet_data.conversion import convert
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
-from scenarionet_sim.env import ScenarioNetEnv
-from scenarionet_sim.multi_agent import ScenarioNetParallelEnv
+from scenarionet_sim.environments.multi_agent import ScenarioNetParallelEnv
+from scenarionet_sim.environments.single_agent import ScenarioNetEnv
 from scenarionet_sim.policies import Replay
-from scenarionet_sim.selection import Scenarios
+from scenarionet_sim.scenarios import Scenarios
 
 
 @pytest.fixture(scope="module")

@@ -25,7 +25,7 @@ from scenarionet_sim.policies import (
     vehicles,
 )
 from scenarionet_sim.simulation import NOBODY, Simulation
-from scenarionet_sim.world import World
+from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.scenarios import make_scenario
 

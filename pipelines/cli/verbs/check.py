@@ -104,7 +104,7 @@ def command(
 
 def _simulate(lake: Lake, database: str | None, workers: int | None, quiet: bool) -> list[tuple[str, str]]:
     from pipelines.machine import default_workers
-    from scenarionet_sim.evaluation import find_broken
+    from scenarionet_sim.evaluation.evaluation import find_broken
 
     with Progress("simulate", "part", is_quiet=quiet) as progress:
         return find_broken(lake, database, workers=workers or default_workers(), on_progress=progress.update)

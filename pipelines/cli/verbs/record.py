@@ -41,7 +41,7 @@ def command(
     """
     from pipelines.machine import default_workers
     from scenarionet_data import Lake
-    from scenarionet_sim.recording import prepare, record
+    from scenarionet_sim.evaluation.recording import prepare, record
 
     recording = prepare(Lake(lake), database, agents, seed)
     run = name or f"{database or 'all'}-{agents}-observed".replace("@", ".")

@@ -60,7 +60,7 @@ def command(
     """
     from scenarionet_data import Lake, ScenarioLoader
     from scenarionet_sim.render import Drawing, Moment, rolled_out
-    from scenarionet_sim.world import World
+    from scenarionet_sim.worlds.world import World
 
     path = Path(file)
     if path.exists() and not replace:

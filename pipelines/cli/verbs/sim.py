@@ -13,7 +13,7 @@ from pipelines.cli.parameters import json_option, lake_argument, look_in_current
 from pipelines.cli.progress import Progress
 
 if TYPE_CHECKING:
-    from scenarionet_sim.evaluation import Report
+    from scenarionet_sim.evaluation.evaluation import Report
 
 _NUM_EXAMPLES = 5
 
@@ -63,7 +63,7 @@ def command(
     """
     from pipelines.machine import default_workers
     from scenarionet_data import Lake
-    from scenarionet_sim.evaluation import evaluate, prepare
+    from scenarionet_sim.evaluation.evaluation import evaluate, prepare
 
     look_in_current_folder(policy)
     evaluation = prepare(Lake(lake), database, policy, traffic=traffic, backend=backend, seed=seed)

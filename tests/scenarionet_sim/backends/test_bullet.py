@@ -11,7 +11,7 @@ import pytest
 from scenarionet_data.errors import MissingDependency
 from scenarionet_sim.backends.base import CONTROL_STEP
 from scenarionet_sim.backends.bullet import Bullet
-from scenarionet_sim.state import State
+from scenarionet_sim.worlds.state import State
 from tests.scenarionet_sim.backends.conformance import (
     BRAKE,
     COAST,

@@ -11,11 +11,11 @@ from scenarionet_data import tables
 from scenarionet_data.scenario import ScenarioDescription
 from scenarionet_data.vocabulary import ObjectType
 from scenarionet_sim.backends.kinematic import Kinematic
-from scenarionet_sim.drivers import cast
+from scenarionet_sim.evaluation.drivers import cast
+from scenarionet_sim.evaluation.rollout import Rollout, roll_out
+from scenarionet_sim.evaluation.theatre import Theatre
 from scenarionet_sim.metrics.measure import measure
-from scenarionet_sim.rollout import Rollout, roll_out
-from scenarionet_sim.theatre import Theatre
-from scenarionet_sim.world import World
+from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from scenarionet_sim.policies import ConstantVelocity, External, Replay, vehicles
 from scenarionet_sim.simulation import Simulation
-from scenarionet_sim.world import World
+from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive
 
 WORLD = World.from_scenario(

@@ -12,7 +12,7 @@ from scenarionet_data.scenario import ScenarioDescription
 from scenarionet_data.vocabulary import LightState, ObjectType
 from scenarionet_sim.policies import External, Idm, Replay, ego, vehicles
 from scenarionet_sim.simulation import Simulation
-from scenarionet_sim.world import World
+from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive
 
 BRAKE, COAST = [[0.0, -1.0]], [[0.0, 0.0]]

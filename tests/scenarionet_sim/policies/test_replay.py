@@ -7,7 +7,7 @@ import pytest
 
 from scenarionet_sim.policies import Replay
 from scenarionet_sim.simulation import Simulation
-from scenarionet_sim.world import World
+from scenarionet_sim.worlds.world import World
 from tests.fixtures.scenarios import make_scenario
 
 

@@ -8,10 +8,10 @@ import pytest
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.vocabulary import MapFeatureType
 from scenarionet_sim.policies import Idm, Replay, RouteFollower, ego
-from scenarionet_sim.roads import Roads
-from scenarionet_sim.routes import continued
+from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.simulation import Simulation
-from scenarionet_sim.world import World
+from scenarionet_sim.worlds.routes import continued
+from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive
 
 DRIVE = make_drive(others=(Other(0.0, 4.5, vx=8.0, last=20), Other(0.0, 30.0, vx=5.0)), red=True)

@@ -14,8 +14,8 @@ from scenarionet_data.vocabulary import MapFeatureType, is_road_edge, is_road_li
 from scenarionet_sim.render import Moment, object_layer
 from scenarionet_sim.render.map_layer import beside, dashes, lines_of, paint, zebra
 from scenarionet_sim.render.palette import DASH, EGO, GAP, LIGHTS, LINE
-from scenarionet_sim.roads import Roads
-from scenarionet_sim.world import World
+from scenarionet_sim.roads.roads import Roads
+from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.scenarios import make_scenario
 from tests.fixtures.simulations import generated

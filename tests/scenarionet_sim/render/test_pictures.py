@@ -15,7 +15,7 @@ from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_sim.render import Drawing, Live, Moment, TopDown, Window, write_picture, write_video
 from scenarionet_sim.render.palette import EGO, GROUND, OBJECTS, ROAD, object_color
 from scenarionet_sim.simulation import Simulation
-from scenarionet_sim.world import World
+from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.simulations import alone, generated
 

@@ -12,7 +12,7 @@ from scenarionet_data.vocabulary import ObjectType
 from scenarionet_sim.policies import Replay
 from scenarionet_sim.sensors import EgoState, LightAhead, Navigation, Surrounding
 from scenarionet_sim.simulation import Simulation
-from scenarionet_sim.world import World
+from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.simulations import simulate
 from tests.scenarionet_sim.sensors import oracle

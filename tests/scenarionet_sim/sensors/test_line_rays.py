@@ -12,7 +12,7 @@ from scenarionet_data.building import MapBuilder
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.vocabulary import MapFeatureType
 from scenarionet_sim.kernels.rays import cast_at_segments
-from scenarionet_sim.roads import Roads
+from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.sensors import BoundaryDetector, LaneLineDetector
 from scenarionet_sim.sensors.base import directions, table
 from scenarionet_sim.sensors.boundary import BOUNDARIES

@@ -1,0 +1,200 @@
+"""``ScenarioNet-MultiAgent-v0``: every vehicle of a scenario is an agent, as a PettingZoo parallel environment."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium import spaces
+from gymnasium.error import ResetNeeded
+from gymnasium.utils import seeding
+from pettingzoo import ParallelEnv
+
+from scenarionet_data.errors import BadParameter
+from scenarionet_sim.environments.arena import Arena, open_stream
+from scenarionet_sim.environments.config import MultiAgentConfig
+from scenarionet_sim.environments.observation import Observation
+from scenarionet_sim.environments.single_agent import action_space, configured
+from scenarionet_sim.environments.view import METADATA, View
+from scenarionet_sim.judging.task import ARRIVED, DRIVING, TIMED_OUT
+from scenarionet_sim.policies import External
+from scenarionet_sim.worlds.world import World
+
+Array = npt.NDArray[Any]
+Named = dict[str, Any]
+
+
+class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc]  # PettingZoo is not typed
+    """One recorded scenario an episode, whose vehicles come as they were recorded and go when they have arrived.
+
+    An agent is named by its track. It appears at its first recorded timestep, is in the returned dictionaries from
+    then on, and is taken out of the scenario when it has reached the end of its recorded route, or is too far from
+    it. It stays when it crashes. Timesteps at which no agent is there, but one is to come, pass by themselves.
+
+    Every agent has the same spaces. Actions, ``reset`` and pickling are as in ``ScenarioNetEnv``.
+
+    Args:
+        config: What it is made of.
+        render_mode: ``rgb_array``, ``human`` or None.
+        seed: Of the first series, when ``reset`` is called without one; None for a random one.
+        settings: Fields of ``MultiAgentConfig`` instead of ``config``.
+
+    Attributes:
+        agents: Those that act in the next step.
+        possible_agents: Those of the scenario that was reset last.
+    """
+
+    metadata = METADATA | {"name": "ScenarioNet-MultiAgent-v0", "is_parallelizable": True}
+
+    def __init__(
+        self,
+        config: MultiAgentConfig | None = None,
+        render_mode: str | None = None,
+        seed: int | None = None,
+        **settings: Any,
+    ) -> None:
+        self.config = configured(MultiAgentConfig, config, settings)
+        self.render_mode, self._view = render_mode, View(render_mode)
+        self._observation, self._action_space = (
+            Observation(self.config.sensors, self.config.observation),
+            action_space(),
+        )
+        self._stream = open_stream(self.config, self.config.ahead)
+        self._seed, self._is_fresh = seed, True
+        self._arena: Arena | None = None
+        self.agents: list[str] = []
+        self.possible_agents: list[str] = []
+
+    def __reduce__(self) -> tuple[Callable[..., ScenarioNetParallelEnv], tuple[Any, ...]]:
+        return type(self), (self.config, self.render_mode, self._seed)
+
+    def observation_space(self, agent: str) -> spaces.Space[Any]:  # noqa: ARG002
+        """What an agent observes; the same for all."""
+        return self._observation.space
+
+    def action_space(self, agent: str) -> spaces.Box:  # noqa: ARG002
+        """Steering and throttle; the same for all."""
+        return self._action_space
+
+    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Named, Named]:
+        """Begin an episode; see ``ScenarioNetEnv.reset``.
+
+        Returns:
+            Observations and infos by agent; empty for a scenario without a vehicle that drives.
+        """
+        if seed is not None or self._is_fresh:
+            wanted = seed if seed is not None else self._seed
+            self._rng, self._seed = seeding.np_random(wanted)
+            self._stream.restart(self._seed)
+            self._is_fresh = False
+        wanted_id = (options or {}).get("scenario_id")
+        if wanted_id is None:
+            self._index, world = self._stream.next()
+        else:
+            self._index = self._stream.number(wanted_id)
+            world = self._stream.get(self._index)
+        if self._arena is not None and not self._arena.can_play(world):
+            self._arena.close()
+            self._arena = None
+        if self._arena is None:
+            self._arena = Arena(self.config, self._observation, [world])
+        self._arena.begin(0, world, (options or {}).get("timestep"))
+        self.possible_agents = self._find_possible(self._arena, world)
+        self._coming, self._num_arrived = set(self.possible_agents), 0
+        self._wait(self._arena)
+        self._view.follow(self._arena)
+        return self._named(self._seen()), self._named(self._arena.infos())
+
+    def step(self, actions: Mapping[str, npt.ArrayLike]) -> tuple[Named, Named, Named, Named, Named]:
+        """Drive for one timestep.
+
+        Args:
+            actions: (2,) steering and throttle for every agent in ``agents``.
+
+        Returns:
+            Observations, rewards, terminations, truncations and infos, of the agents that acted and of those that
+            have appeared.
+
+        Raises:
+            ResetNeeded: No agent is left, or no episode has begun.
+            BadParameter: An agent has no action, there is an action for somebody else, or one is not a number.
+        """
+        if self._arena is None or not self.agents:
+            raise ResetNeeded("step needs an agent; call reset first")
+        if actions.keys() != set(self.agents):
+            wrong = sorted(actions.keys() ^ set(self.agents))
+            raise BadParameter(f"actions: wanted one for each of agents; of {wrong[0]!r} there is one too many or few")
+        arena = self._arena
+        arena.step(np.array([actions[agent] for agent in self.agents], np.float64))
+        self._name_agents(arena)
+        status = arena.status.copy()
+        is_late = status == TIMED_OUT
+        is_over = (status != DRIVING) & ~is_late
+        values = self._seen(), arena.terms.sum(axis=1).tolist(), is_over.tolist(), is_late.tolist(), arena.infos()
+        observations, rewards, terminated, truncated, infos = map(self._named, values)
+        self._num_arrived += int((status == ARRIVED).sum())
+        if status.any():
+            arena.retire(np.flatnonzero(status))
+            self._wait(arena)
+            late = set(self.agents) - observations.keys()  # they appeared while nobody acted
+            observations |= {agent: seen for agent, seen in self._named(self._seen()).items() if agent in late}
+            infos |= {agent: info for agent, info in self._named(arena.infos()).items() if agent in late}
+            rewards |= dict.fromkeys(late, 0.0)
+            terminated |= dict.fromkeys(late, False)
+            truncated |= dict.fromkeys(late, False)
+        self._view.follow(arena)
+        return observations, rewards, terminated, truncated, infos
+
+    def render(self) -> Any:
+        """As ``ScenarioNetEnv.render``, from above the recording vehicle."""
+        return self._view.render(self.arena)
+
+    def close(self) -> None:
+        """End the thread, the physics and the window; reset starts them again."""
+        self.agents = []
+        self._stream.close()
+        self._view.close()
+        if self._arena is not None:
+            self._arena.close()
+            self._arena = None
+
+    @property
+    def arena(self) -> Arena:
+        """The world inside, for who wants to look deeper.
+
+        Raises:
+            ResetNeeded: There was no reset yet.
+        """
+        if self._arena is None:
+            raise ResetNeeded("there is no world yet; call reset first")
+        return self._arena
+
+    def _find_possible(self, arena: Arena, world: World) -> list[str]:
+        """Agents that are there when the episode begins, or come later."""
+        driver, simulation = arena.simulation.driver[0, : world.num_objects], arena.simulation
+        numbers = [number for number, policy in enumerate(simulation.policies) if isinstance(policy, External)]
+        start = int(simulation.state.timestep[0])
+        comes = world.log_valid[start:].any(axis=0)
+        return list(map(str, world.track_ids[np.isin(driver, numbers) & comes]))
+
+    def _wait(self, arena: Arena) -> None:
+        """Let time pass until an agent is there, if one is to come; then the episode is over."""
+        self._name_agents(arena)
+        while not self.agents and self._coming:
+            arena.step(np.zeros((0, 2)))
+            self._name_agents(arena)
+        if not self.agents and self.possible_agents:
+            self._stream.sampler.report(self._index, self._num_arrived / len(self.possible_agents))
+
+    def _name_agents(self, arena: Arena) -> None:
+        (world,) = arena.simulation.stage.worlds
+        self.agents = list(map(str, world.track_ids[arena.agents[:, 1]]))
+        self._coming.difference_update(self.agents)
+
+    def _seen(self) -> list[Any]:
+        return self._observation.split(self.arena.observe(self._rng))
+
+    def _named(self, values: list[Any]) -> Named:
+        return dict(zip(self.agents, values, strict=True))

@@ -1,0 +1,97 @@
+"""What agents observe through several sensors at once: one vector, or an array by name."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium import spaces
+
+from scenarionet_sim.sensors.base import Agents, Array, Sensor
+from scenarionet_sim.worlds.stage import Stage
+from scenarionet_sim.worlds.state import State
+
+
+class Observation:
+    """Sensors in their order.
+
+    Args:
+        sensors: What an agent observes.
+        form: ``flat`` or ``dict``.
+
+    Attributes:
+        names: Of the sensors: their classes', as ``ego_state``; the second of a class is ``ego_state_2``.
+        space: Of one agent.
+    """
+
+    def __init__(self, sensors: Sequence[Sensor], form: Literal["flat", "dict"]) -> None:
+        self._sensors = tuple(sensors)
+        self._sizes = [int(np.prod(sensor.shape)) for sensor in self._sensors]
+        self._is_flat = form == "flat"
+        self.names = _names(self._sensors)
+        parts: dict[str, spaces.Space[Any]] = {
+            name: sensor.space() for name, sensor in zip(self.names, self._sensors, strict=True)
+        }
+        self.space: spaces.Space[Any] = (
+            _joined([sensor.space() for sensor in self._sensors]) if self._is_flat else spaces.Dict(parts)
+        )
+
+    def of(self, stage: Stage, state: State, agents: Agents, rng: np.random.Generator) -> Any:
+        """What agents observe now, in arrays of their own: (A, D) float32, or (A, ...) by name."""
+        count = len(agents)
+        seen = [sensor.observe(stage, state, agents, rng, sensor.empty(count)) for sensor in self._sensors]
+        if self._is_flat:
+            return np.concatenate(
+                [part.reshape(count, size) for part, size in zip(seen, self._sizes, strict=True)],
+                axis=1,
+                dtype=np.float32,
+            )
+        return dict(zip(self.names, seen, strict=True))
+
+    def split(self, observed: Any) -> list[Any]:
+        """What each of the agents observes."""
+        if self._is_flat:
+            return list(observed)
+        agents = range(len(observed[self.names[0]]))
+        return [{name: values[agent] for name, values in observed.items()} for agent in agents]
+
+    def take(self, observed: Any, rows: npt.NDArray[Any]) -> Any:
+        """What some of the agents observe, in arrays of their own."""
+        return observed[rows] if self._is_flat else {name: values[rows] for name, values in observed.items()}
+
+    def put(self, observed: Any, rows: npt.NDArray[Any], others: Any) -> None:
+        """Overwrite what some of the agents observe."""
+        if self._is_flat:
+            observed[rows] = others
+        else:
+            for name, values in observed.items():
+                values[rows] = others[name]
+
+    def parts(self, observed: Array) -> dict[str, Array]:
+        """The arrays (..., *shape) by sensor in flat observations (..., D)."""
+        ends = np.cumsum(self._sizes)
+        return {
+            name: observed[..., end - size : end].reshape(*observed.shape[:-1], *sensor.shape)
+            for name, sensor, size, end in zip(self.names, self._sensors, self._sizes, ends, strict=True)
+        }
+
+
+def _joined(parts: list[spaces.Box]) -> spaces.Box:
+    low, high = (np.concatenate([end.ravel() for end in ends]) for ends in zip(*map(_bounds, parts), strict=True))
+    return spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
+
+
+def _bounds(box: spaces.Box) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+    return box.low, box.high
+
+
+def _names(sensors: Sequence[Sensor]) -> list[str]:
+    names: list[str] = []
+    for sensor in sensors:
+        name = re.sub(r"(?<!^)(?=[A-Z])", "_", type(sensor).__name__).lower()
+        count = sum(other == name or other.startswith(f"{name}_") for other in names)
+        names.append(f"{name}_{count + 1}" if count else name)
+    return names

@@ -1,0 +1,1 @@
+"""Reward and termination, running counts, and who of the agents is judged."""

@@ -1,0 +1,165 @@
+"""The map as the simulator wants it: segments, polygons and lanes as flat arrays with a grid over each.
+
+Heights are left out: sensors and rules look at the plane.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.building import MapBuilder
+from scenarionet_data.ragged import Ragged
+from scenarionet_data.scenario import Bool, Codes, Float32, MapFeatures, Strings
+from scenarionet_data.vocabulary import MapFeatureType, is_lane, is_road_edge, is_road_line
+from scenarionet_sim.kernels.containment import find_polygon
+from scenarionet_sim.roads.grid import Grid, Int32
+from scenarionet_sim.roads.outlines import lane_outlines
+
+AREAS_TO_DRIVE_ON = (
+    MapFeatureType.DRIVABLE_AREA,
+    MapFeatureType.INTERSECTION,
+    MapFeatureType.ROADBLOCK,
+    MapFeatureType.CARPARK_AREA,
+    MapFeatureType.DRIVEWAY,
+    MapFeatureType.SPEED_BUMP,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Roads:
+    """A map in the plane; all coordinates in metres, scenario frame.
+
+    Attributes:
+        segments: (S, 4) float32 x0, y0, x1, y1 of what is drawn as a line: road lines, road edges and stop lines
+            (an edge given as an area: its outline), feature by feature, along each feature.
+        segment_type: (S,) uint8 codes of ``MapFeatureType``.
+        segment_feature: (S,) int32 row of the segment's feature in the scenario's map.
+        segment_grid: Grid over the segments.
+        lane_ids: (M,) str.
+        lane_type: (M,) uint8 codes of ``MapFeatureType``.
+        lanes: M x (n, 2) float32 centrelines in driving direction.
+        successors: M x rows of the lanes that follow, int32; those outside the map are left out.
+        speed_limit: (M,) float32 [m/s], NaN when unknown.
+        polygons: Q x (n, 2) float32 outlines, implicitly closed: first the lanes', row by row (a lane without one
+            gets its buffered centreline), then those of every other feature that has one.
+        polygon_type: (Q,) uint8 codes of ``MapFeatureType``.
+        polygon_grid: Grid over the polygons.
+    """
+
+    segments: Float32
+    segment_type: Codes
+    segment_feature: Int32
+    segment_grid: Grid
+    lane_ids: Strings
+    lane_type: Codes
+    lanes: Ragged
+    successors: Ragged
+    speed_limit: Float32
+    polygons: Ragged
+    polygon_type: Codes
+    polygon_grid: Grid
+    is_road: Bool = field(init=False, repr=False)
+    """(Q,) polygons that may be driven on."""
+
+    def __post_init__(self) -> None:
+        is_road = is_lane(self.polygon_type) | np.isin(self.polygon_type, AREAS_TO_DRIVE_ON)
+        object.__setattr__(self, "is_road", is_road)
+
+    @property
+    def num_lanes(self) -> int:
+        """M."""
+        return len(self.lane_ids)
+
+    @classmethod
+    def from_map(cls, features: MapFeatures | None) -> Roads:
+        """The roads of a scenario's map; empty for None."""
+        if features is None:
+            return cls.from_map(MapBuilder().build(np.zeros(3)))
+        segments, feature = _segments(features)
+        lane_rows = np.flatnonzero(is_lane(features.types))
+        other_rows = np.flatnonzero(~is_lane(features.types) & (features.polygon.lengths > 0))
+        polygons = _joined(lane_outlines(features, lane_rows), _in_plane(features.polygon.take(other_rows)))
+        start, end = segments[:, :2], segments[:, 2:]
+        return cls(
+            segments=segments,
+            segment_type=features.types[feature],
+            segment_feature=feature,
+            segment_grid=Grid.over(np.minimum(start, end), np.maximum(start, end)),
+            lane_ids=features.ids[lane_rows],
+            lane_type=features.types[lane_rows],
+            lanes=_in_plane(features.polyline.take(lane_rows)),
+            successors=_successors(features, lane_rows),
+            speed_limit=features.speed_limit[lane_rows],
+            polygons=polygons,
+            polygon_type=features.types[np.concatenate([lane_rows, other_rows])],
+            polygon_grid=Grid.over(*polygons.bounds()),
+        )
+
+    def is_on_road(self, points: npt.ArrayLike) -> Bool:
+        """Whether points (..., 2) [m] lie on a lane or another area to drive on."""
+        return self.is_in(points, self.is_road)
+
+    def is_in(self, points: npt.ArrayLike, is_wanted: Bool) -> Bool:
+        """Whether points (..., 2) [m] lie in any of the polygons chosen by a mask (Q,)."""
+        return self._find(points, is_wanted) >= 0
+
+    def lane_at(self, points: npt.ArrayLike) -> Int32:
+        """Row of a lane around each point (..., 2) [m]; the first where lanes overlap, -1 beside all."""
+        return self._find(points, is_lane(self.polygon_type))
+
+    def _find(self, points: npt.ArrayLike, is_wanted: Bool) -> Int32:
+        where = np.asarray(points, dtype=np.float64)
+        flat = np.ascontiguousarray(where.reshape(-1, 2))
+        found = np.empty(len(flat), np.int32)
+        grid, outlines = self.polygon_grid, self.polygons
+        cells = grid.origin, grid.shape, grid.cell_size, grid.cell_start, grid.cell_items
+        find_polygon(flat, outlines.values, outlines.offsets, is_wanted, *cells, found)
+        return found.reshape(where.shape[:-1])
+
+
+def _segments(features: MapFeatures) -> tuple[Float32, Int32]:
+    """Segments (S, 4) of everything that is a line, and each one's feature (S,)."""
+    types = features.types
+    is_line = is_road_line(types) | is_road_edge(types) | (types == MapFeatureType.STOP_LINE)
+    has_line = features.polyline.lengths > 1
+    open_rows, closed_rows = np.flatnonzero(is_line & has_line), np.flatnonzero(is_line & ~has_line)
+    lines, outlines = features.polyline.take(open_rows), features.polygon.take(closed_rows)
+    segments = np.concatenate([_between(lines, is_closed=False), _between(outlines, is_closed=True)])
+    feature = np.concatenate(
+        [np.repeat(open_rows, lines.lengths - 1), np.repeat(closed_rows, outlines.lengths)]
+    ).astype(np.int32)
+    order = np.argsort(feature, kind="stable")
+    return np.ascontiguousarray(segments[order]), feature[order]
+
+
+def _between(lines: Ragged, *, is_closed: bool) -> Float32:
+    """(S, 4) from each point to the next of its list, and from the last to the first of a closed one."""
+    start = lines.values[:, :2]
+    end = np.roll(start, -1, axis=0)
+    is_last = np.zeros(len(start), np.bool_)
+    is_last[lines.offsets[1:][lines.lengths > 0] - 1] = True
+    if not is_closed:
+        return np.concatenate([start, end], axis=1)[~is_last]
+    end[is_last] = start[lines.offsets[:-1][lines.lengths > 0]]
+    return np.concatenate([start, end], axis=1)
+
+
+def _successors(features: MapFeatures, lane_rows: npt.NDArray[np.intp]) -> Ragged:
+    """M x rows of lanes, int32."""
+    row_of = {lane: row for row, lane in enumerate(features.ids[lane_rows])}
+    named = features.exit_lanes.take(lane_rows)
+    rows = np.array([row_of.get(lane, -1) for lane in named.values], np.int32)
+    owner = np.repeat(np.arange(len(named)), named.lengths)[rows >= 0]
+    return Ragged.from_flat(np.bincount(owner, minlength=len(named)), rows[rows >= 0])
+
+
+def _in_plane(points: Ragged) -> Ragged:
+    return Ragged(points.offsets, np.ascontiguousarray(points.values[:, :2]))
+
+
+def _joined(first: Ragged, second: Ragged) -> Ragged:
+    lengths = np.concatenate([first.lengths, second.lengths])
+    return Ragged.from_flat(lengths, np.concatenate([first.values, second.values]))

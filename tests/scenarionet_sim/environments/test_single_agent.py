@@ -1,0 +1,277 @@
+"""The single-agent environment: the paper's task end to end, and what Gymnasium asks of it."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+from functools import partial
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AsyncVectorEnv
+
+from scenarionet_data.errors import BadParameter
+from scenarionet_sim.backends.bullet import Bullet
+from scenarionet_sim.backends.kinematic import Kinematic
+from scenarionet_sim.environments.arena import ENDS, NUMBERS
+from scenarionet_sim.environments.config import BOUNDARY, PAPER_OBSERVATION, EnvConfig
+from scenarionet_sim.environments.single_agent import ScenarioNetEnv
+from scenarionet_sim.judging.task import TERMS, Ending
+from scenarionet_sim.policies import External, Idm, Replay, ego
+from scenarionet_sim.scenarios import Scenarios
+from scenarionet_sim.sensors.lidar import Lidar
+
+GO, COAST, LEFT = (0.0, 0.6), (0.0, 0.0), (1.0, 0.3)
+BACKENDS = [Kinematic(), Bullet()]
+
+
+def rollout(env, action=GO, seed=None, steps=1000, **options):
+    """Every step of an episode."""
+    observation, info = env.reset(seed=seed, options=options)
+    results = [(observation, 0.0, False, False, info)]
+    while not (results[-1][2] or results[-1][3]) and len(results) <= steps:
+        results.append(env.step(action(len(results)) if callable(action) else action))
+    return results
+
+
+def wander(step):
+    return 0.05 * np.sin(step / 3), 0.3 * np.cos(step / 7)
+
+
+def assert_same(first, second):
+    """Bit for bit."""
+    assert len(first) == len(second)
+    for (one, *rest), (other, *others) in zip(first, second, strict=True):
+        np.testing.assert_array_equal(one, other)
+        assert rest == others
+
+
+@pytest.mark.parametrize("backend", BACKENDS, ids=repr)
+@pytest.mark.parametrize("observation", ["flat", "dict"])
+def test_gymnasium_is_content(only, backend, observation):
+    env = gymnasium.make("ScenarioNet-v0", scenarios=only("crowd", "wall"), backend=backend, observation=observation)
+    check_env(env.unwrapped, skip_render_check=True)
+    assert env.spec.id == "ScenarioNet-v0"
+
+
+def test_the_default_is_the_paper_s(only):
+    env = ScenarioNetEnv(scenarios=only("wall"))
+    assert isinstance(env.config.backend, Bullet)
+    assert env.action_space.shape == (2,)
+    assert env.observation_space.shape == (120 + 7 + 10 * 2,)
+    with_boundary = ScenarioNetEnv(scenarios=only("wall"), sensors=PAPER_OBSERVATION + BOUNDARY)
+    assert with_boundary.observation_space.shape == (120 + 7 + 10 * 2 + 12,)
+
+
+def test_what_is_observed_is_what_the_sensors_say(only):
+    flat = ScenarioNetEnv(scenarios=only("wall"), backend=Kinematic())
+    named = ScenarioNetEnv(scenarios=only("wall"), backend=Kinematic(), observation="dict")
+    for (one, *_), (other, *_) in zip(rollout(flat), rollout(named), strict=True):
+        parts = flat._observation.parts(one)
+        assert list(parts) == list(other) == ["lidar", "ego_state", "navigation"]
+        for name, values in other.items():
+            np.testing.assert_array_equal(parts[name], values)
+            assert values in named.observation_space[name]
+    lidar = rollout(named, steps=0)[0][0]["lidar"]
+    assert lidar[0] == pytest.approx((25.0 - 2.3) / 50.0, abs=1e-6)  # the rear of the car ahead
+
+
+@pytest.mark.parametrize("backend", BACKENDS, ids=repr)
+def test_the_reward_of_every_step(only, backend):
+    """On a straight road along x, progress is the difference of x."""
+    env = ScenarioNetEnv(scenarios=only("empty"), backend=backend)
+    env.reset()
+    x = 0.0
+    for step in range(1000):
+        steering = 0.02 * (-1) ** step
+        _, reward, terminated, truncated, info = env.step((steering, 0.5))
+        state = env.arena.simulation.state
+        assert reward == pytest.approx(sum(info[name] for name in TERMS), abs=1e-12)
+        progress, x = state.position[0, 0, 0] - x, state.position[0, 0, 0]
+        speed = np.hypot(*state.velocity[0, 0])
+        assert info["smoothness"] == pytest.approx(min(0.0, 1.0 / speed - abs(steering)), abs=1e-9)
+        if terminated:
+            break
+        assert info["displacement"] == pytest.approx(2.0 * progress, abs=1e-5)
+        assert info["terminal"] == info["collision"] == 0.0
+        assert info["route_completion"] == pytest.approx(x / 40.0, abs=1e-6)
+    assert (info["terminal"], info["displacement"], truncated) == (10.0, 0.0, False)
+    assert info["success"] and not info["out_of_road"] and not info["timeout"]
+    assert x > 0.95 * 40.0
+
+
+@pytest.mark.parametrize("backend", BACKENDS, ids=repr)
+def test_leaving_the_route(only, backend):
+    env = ScenarioNetEnv(scenarios=only("empty"), backend=backend)
+    *before, (_, reward, terminated, truncated, info) = rollout(env, LEFT)
+    assert (terminated, truncated, info["out_of_road"], info["success"]) == (True, False, True, False)
+    assert (info["terminal"], info["displacement"]) == (-5.0, 0.0)
+    assert reward == -5.0 + info["smoothness"]
+    assert info["lateral"] > 2.5 >= before[-1][4]["lateral"]
+
+
+def test_running_out_of_time(only):
+    """The recording has 41 timesteps; 50 more are allowed."""
+    env = ScenarioNetEnv(scenarios=only("empty"), backend=Kinematic())
+    results = rollout(env, (0.0, -1.0))
+    _, reward, terminated, truncated, info = results[-1]
+    assert (len(results) - 1, terminated, truncated, info["timeout"], reward) == (41 + 50, False, True, True, 0.0)
+    shorter = ScenarioNetEnv(scenarios=only("empty"), backend=Kinematic(), ending=Ending(extra_steps=0))
+    assert len(rollout(shorter, (0.0, -1.0))) - 1 == 41
+
+
+@pytest.mark.parametrize(
+    ("name", "penalty", "kind"),
+    [("wall", -2.0, "vehicle"), ("walker", -2.0, "human"), ("cone", -0.5, "object")],
+)
+def test_collisions_cost_while_they_last_and_do_not_end(only, name, penalty, kind):
+    env = ScenarioNetEnv(scenarios=only(name), backend=Kinematic())
+    results = rollout(env, COAST if name == "walker" else GO)
+    touching = [info["collision"] != 0.0 for *_, info in results]
+    assert {info["collision"] for *_, info in results} == {0.0, penalty}
+    assert sum(touching) > 1
+    assert sum(info.get("cost", 0.0) for *_, info in results) == 1.0  # one crash, however long it lasts
+    assert results[-1][4][f"{kind}_crashes"] == 1.0
+    assert not any(terminated for _, _, terminated, *_ in results[: touching.index(True) + 1])
+
+
+@pytest.mark.parametrize("backend", BACKENDS, ids=repr)
+@pytest.mark.parametrize("policies", [(Replay(),), (Replay(), Idm(who=ego))], ids=["replay", "idm"])
+def test_an_ego_that_a_policy_drives_arrives(only, backend, policies):
+    env = ScenarioNetEnv(scenarios=only("crowd", "empty"), backend=backend, policies=policies)
+    for _ in range(2):
+        *_, (_, reward, terminated, _, info) = rollout(env, LEFT)  # nobody listens
+        assert terminated and info["success"]
+        assert reward == 10.0
+    assert info["distance_to_log"] == pytest.approx(0.0, abs=1e-5 if len(policies) == 1 else 2.0)
+
+
+def test_an_idm_ego_stops_where_the_road_is_blocked(only):
+    env = ScenarioNetEnv(scenarios=only("wall"), policies=(Replay(), Idm(who=ego)))
+    *_, (_, _, _, truncated, info) = rollout(env)
+    assert truncated and info["vehicle_crashes"] == 0.0
+    assert env.arena.simulation.state.position[0, 0, 0] < 25.0 - 4.6
+
+
+def test_an_ego_that_is_watched_observes_as_one_that_drives(only):
+    watched = ScenarioNetEnv(scenarios=only("crowd"), policies=(Replay(),))
+    driving = ScenarioNetEnv(scenarios=only("crowd"), backend=Kinematic())
+    np.testing.assert_array_equal(watched.reset()[0], driving.reset()[0])
+    # the ego keeps its recorded 10 m/s without throttle
+    for one, other in zip(rollout(watched, COAST), rollout(driving, COAST), strict=True):
+        np.testing.assert_allclose(one[0], other[0], atol=1e-5)
+        assert one[1] == pytest.approx(other[1], abs=1e-5)
+
+
+@pytest.mark.parametrize("backend", BACKENDS, ids=repr)
+def test_the_same_seed_and_actions_give_the_same_bits(only, backend):
+    noisy = (Lidar(rays=30, noise=0.5, dropout=0.1), *PAPER_OBSERVATION[1:])
+    config = EnvConfig(only("crowd", "wall", "walker", "cone", order="random"), backend=backend, sensors=noisy)
+    first, other = ScenarioNetEnv(config), ScenarioNetEnv(config)
+    for seed in (3, None, None, 3):
+        assert_same(rollout(first, wander, seed), rollout(other, wander, seed))
+    again = rollout(first, wander, 3)
+    assert_same(again, rollout(other, wander, 3))
+    different = rollout(other, wander, 4)
+    assert not np.array_equal(different[0][0], again[0][0])
+
+
+def test_environments_of_one_process_do_not_meet(only):
+    alone = rollout(ScenarioNetEnv(scenarios=only("crowd")), wander, seed=0)
+    pair = [ScenarioNetEnv(scenarios=only("crowd")) for _ in range(2)]
+    for env in pair:
+        env.reset(seed=0)
+    together = [[env.step(wander(step)) for env in pair] for step in range(1, len(alone))]
+    for one, (first, second) in zip(alone[1:], together, strict=True):
+        assert_same([one, one], [first, second])
+
+
+def test_an_environment_pickles_as_its_configuration_and_seed(only):
+    env = ScenarioNetEnv(scenarios=only("wall", "crowd", "cone", order="random"), backend=Kinematic(), seed=11)
+    first = [rollout(env, wander) for _ in range(3)]
+    copy = pickle.loads(pickle.dumps(env))
+    assert copy.config == env.config
+    for episode in first:
+        assert_same(rollout(copy, wander), episode)
+    assert len(pickle.dumps(env)) < 3_000
+
+
+@pytest.mark.long
+def test_worker_processes(only):
+    config = EnvConfig(only("crowd", "wall"), backend=Kinematic())
+    envs = AsyncVectorEnv([partial(ScenarioNetEnv, config)] * 2, context="spawn")  # threads do not survive a fork
+    observed, _ = envs.reset(seed=[5, 5])
+    np.testing.assert_array_equal(observed[0], ScenarioNetEnv(config).reset(seed=5)[0])
+    for _ in range(5):
+        observed, rewards, *_ = envs.step(np.tile(np.array(GO, np.float32), (2, 1)))
+    assert rewards[0] == rewards[1] != 0.0
+    envs.close()
+
+
+def test_scenarios_in_their_order_and_by_id(only):
+    env = ScenarioNetEnv(scenarios=only("wall", "cone", "empty"), backend=Kinematic(), seed=0)
+    played = [env.reset()[1]["scenario_id"].rpartition("/")[2] for _ in range(4)]
+    assert played == ["wall", "cone", "empty", "wall"]
+    assert env.reset(seed=0)[1]["scenario_id"] == "made/v1/wall"
+    assert env.reset(options={"scenario_id": "made/v1/empty", "timestep": 7})[1]["timestep"] == 7
+    assert env.arena.simulation.state.position[0, 0, 0] == pytest.approx(7.0, abs=1e-4)
+    assert env.reset()[1]["scenario_id"] == "made/v1/cone"
+
+
+def test_a_closed_environment_starts_again(only):
+    env = ScenarioNetEnv(scenarios=only("crowd"))
+    first = rollout(env, wander, seed=1)
+    env.close()
+    env.close()
+    assert_same(rollout(env, wander, seed=1), first)
+
+
+def test_info_names_everything(only):
+    info = rollout(ScenarioNetEnv(scenarios=only("wall"), backend=Kinematic()))[-1][4]
+    assert set(info) == {*NUMBERS, *ENDS, "timestep", "scenario_id"}
+    assert all(type(info[name]) is float for name in NUMBERS)
+    assert all(type(info[name]) is bool for name in ENDS)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({}, "needs scenarios"),
+        ({"scenario": 1}, "needs scenarios"),
+        ({"scenarios": "lake"}, "wanted Scenarios"),
+        ({"scenarios": Scenarios("lake"), "backends": 1}, "no setting 'backends'"),
+        ({"scenarios": Scenarios("lake"), "observation": "list"}, "flat or dict"),
+        ({"scenarios": Scenarios("lake"), "sensors": ()}, "at least one"),
+        ({"scenarios": Scenarios("lake"), "render_mode": "ansi"}, "rgb_array"),
+    ],
+)
+def test_settings_that_are_none(settings, message):
+    with pytest.raises(BadParameter, match=message):
+        ScenarioNetEnv(**settings)
+
+
+def test_a_configuration_or_its_fields(only):
+    config = EnvConfig(only("wall"), backend=Kinematic())
+    assert ScenarioNetEnv(config).config == config
+    assert replace(config, keep=2) != config
+    with pytest.raises(BadParameter, match="not both"):
+        ScenarioNetEnv(config, keep=2)
+    with pytest.raises(BadParameter, match="ego alone"):
+        ScenarioNetEnv(scenarios=only("crowd"), policies=(External(who=lambda world: world.object_type == 1),)).reset()
+
+
+def test_pictures(only):
+    env = ScenarioNetEnv(scenarios=only("wall", "cone"), backend=Kinematic(), render_mode="rgb_array")
+    env.reset()
+    first = env.render()
+    env.step(GO)
+    second = env.render()
+    assert first.shape == second.shape == (800, 800, 3) and first.dtype == np.uint8
+    assert (first != second).any()
+    assert len(np.unique(first.reshape(-1, 3), axis=0)) > 5
+    with pytest.warns(UserWarning, match="render_mode"):
+        silent = ScenarioNetEnv(scenarios=only("wall"), backend=Kinematic())
+        silent.reset()
+        assert silent.render() is None

@@ -1,0 +1,158 @@
+"""Worlds that step as one batch: the same as one by one, and what Gymnasium asks of a vector environment."""
+
+from __future__ import annotations
+
+import pickle
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.error import ResetNeeded
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+
+from scenarionet_data.errors import BadParameter
+from scenarionet_sim.backends.bullet import Bullet
+from scenarionet_sim.backends.kinematic import Kinematic
+from scenarionet_sim.environments.arena import ENDS, NUMBERS
+from scenarionet_sim.environments.config import VectorConfig
+from scenarionet_sim.environments.single_agent import ScenarioNetEnv
+from scenarionet_sim.environments.vector import ScenarioNetVectorEnv
+from scenarionet_sim.policies import External, Idm, Replay
+from scenarionet_sim.scenarios import Curriculum, Scenarios
+
+NAMES = ("wall", "crowd", "empty", "walker")
+
+
+def actions(step, count):
+    slots = np.arange(count)
+    return np.stack([0.05 * np.sin(step / 3 + slots), 0.4 + 0.3 * np.cos(slots)], axis=1).astype(np.float32)
+
+
+def run(envs, steps, seed=0):
+    results = [envs.reset(seed=seed)]
+    return results + [envs.step(actions(step, envs.num_envs)) for step in range(steps)]
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+@pytest.mark.parametrize(("backend", "exact"), [(Kinematic(), True), (Bullet(), False)], ids=["kinematic", "bullet"])
+def test_a_batch_is_what_its_worlds_are_one_by_one(only, mode, backend, exact):
+    """Each slot of Gymnasium's own vector environment gets the scenario that the batch draws for it."""
+    count, steps = 4, 60
+    batch = ScenarioNetVectorEnv(count, scenarios=only(*NAMES), backend=backend, autoreset_mode=mode)
+    single = SyncVectorEnv(
+        [lambda name=name: ScenarioNetEnv(scenarios=only(name), backend=backend) for name in NAMES], autoreset_mode=mode
+    )
+    (seen, _), (expected, _) = batch.reset(seed=0), single.reset(seed=0)
+    np.testing.assert_allclose(seen, expected, atol=0 if exact else 1e-5)
+    running = np.ones(count, np.bool_)  # from its second episode on, a slot of the batch has another scenario
+    for step in range(steps):
+        one, other = batch.step(actions(step, count)), single.step(actions(step, count))
+        ended = other[2] | other[3]
+        for mine, theirs in zip(one[1:4], other[1:4], strict=True):
+            np.testing.assert_allclose(mine[running], theirs[running], atol=1e-12 if exact else 1e-4)
+        still = running & ~ended if mode is AutoresetMode.SAME_STEP else running
+        np.testing.assert_allclose(one[0][still], other[0][still], atol=0 if exact else 1e-4)
+        for slot in np.flatnonzero(running & ended) if mode is AutoresetMode.SAME_STEP else ():
+            np.testing.assert_allclose(
+                one[4]["final_obs"][slot], other[4]["final_obs"][slot], atol=0 if exact else 1e-4
+            )
+            assert one[4]["final_info"]["scenario_id"][slot] == other[4]["final_info"]["scenario_id"][slot]
+        running &= ~ended
+    assert running.sum() < count
+
+
+@pytest.mark.parametrize("backend", [Kinematic(), Bullet()], ids=["kinematic", "bullet"])
+@pytest.mark.parametrize("observation", ["flat", "dict"])
+def test_the_same_seed_and_actions_give_the_same_bits(drives, backend, observation):
+    made = [
+        ScenarioNetVectorEnv(5, scenarios=Scenarios(drives, order="random"), backend=backend, observation=observation)
+        for _ in range(2)
+    ]
+    for one, other in zip(*(run(envs, 70, seed=4) for envs in made), strict=True):
+        np.testing.assert_equal(one, other)
+
+
+def test_different_scenarios_in_a_slot_after_another(only):
+    envs = ScenarioNetVectorEnv(2, scenarios=only("wall", "crowd", "empty"))
+    results = run(envs, 120)
+    ids = np.array([result[-1]["scenario_id"] for result in results]).T
+    assert ids[:, 0].tolist() == ["made/v1/wall", "made/v1/crowd"]
+    for slot in ids:
+        assert len(set(slot)) > 1
+    assert set(ids.ravel()) == {"made/v1/wall", "made/v1/crowd", "made/v1/empty"}
+
+
+def test_the_step_after_an_end_begins_the_next_episode(only):
+    envs = ScenarioNetVectorEnv(3, scenarios=only("empty", "crowd"))
+    results = run(envs, 100)
+    ended = np.zeros(3, np.bool_)
+    for _, rewards, terminated, truncated, info in results[1:]:
+        assert (rewards[ended] == 0.0).all()
+        assert not (terminated | truncated)[ended].any()
+        assert (info["timestep"][ended] == 0).all()
+        assert (info["timestep"][~ended] > 0).all()
+        ended = terminated | truncated
+    assert any((result[2] | result[3]).any() for result in results[1:])
+
+
+def test_infos_are_arrays_with_masks(only):
+    envs = ScenarioNetVectorEnv(3, scenarios=only("empty"), autoreset_mode="SameStep")
+    results = run(envs, 60)
+    for _, *_, info in results:
+        for name in (*NUMBERS, *ENDS, "timestep", "scenario_id"):
+            assert info[name].shape == (3,)
+            assert info[f"_{name}"].all()
+    last = next(info for *_, info in results if "final_info" in info)
+    ended = last["_final_info"]
+    assert last["final_info"]["success"][ended].all()
+    assert (last["final_info"]["_success"] == ended).all()
+    assert all(seen in envs.single_observation_space for seen in last["final_obs"][ended])
+    assert all(seen is None for seen in last["final_obs"][~ended])
+
+
+def test_gymnasium_makes_it(only):
+    envs = gymnasium.make_vec(
+        "ScenarioNet-v0", 3, scenarios=only("wall", "empty"), policies=(Replay(), Idm(), External())
+    )
+    assert isinstance(envs.unwrapped, ScenarioNetVectorEnv)
+    assert envs.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
+    assert envs.unwrapped.config.backend == Kinematic()
+    recorded = gymnasium.wrappers.vector.RecordEpisodeStatistics(envs)
+    recorded.reset(seed=1)
+    for step in range(50):
+        seen, *_, info = recorded.step(actions(step, 3))
+        assert seen in envs.observation_space
+    assert "episode" in info or recorded.episode_count > 0
+
+
+def test_it_pickles(only):
+    envs = ScenarioNetVectorEnv(2, VectorConfig(only("wall", "empty", "crowd", order="random")), seed=9)
+    results = run(envs, 30, seed=None)
+    copy = pickle.loads(pickle.dumps(envs))
+    for one, other in zip(results, run(copy, 30, seed=None), strict=True):
+        np.testing.assert_equal(one, other)
+
+
+def test_a_curriculum_rises_with_all_worlds(only):
+    course = Curriculum(levels=2, episodes=4, by="scenario_id = 'made/v1/empty'")
+    envs = ScenarioNetVectorEnv(4, scenarios=only("crowd", "empty", curriculum=course), policies=(Replay(),))
+    results = run(envs, 150)
+    ids = [set(result[-1]["scenario_id"]) for result in results]
+    assert ids[0] == {"made/v1/crowd"}
+    assert ids[-1] == {"made/v1/empty"}
+
+
+def test_what_is_refused(only):
+    with pytest.raises(BadParameter, match="num_envs=0"):
+        ScenarioNetVectorEnv(0, scenarios=only("wall"))
+    with pytest.raises(BadParameter, match="NEXT_STEP or SAME_STEP"):
+        ScenarioNetVectorEnv(1, scenarios=only("wall"), autoreset_mode=AutoresetMode.DISABLED)
+    envs = ScenarioNetVectorEnv(2, scenarios=only("wall"))
+    with pytest.raises(ResetNeeded):
+        envs.step(np.zeros((2, 2)))
+    envs.reset()
+    with pytest.raises(BadParameter, match="not a number"):
+        envs.step(np.array([[0.0, 0.0], [np.nan, 0.0]]))
+    with pytest.raises(BadParameter, match="1 actions for 2 agents"):
+        envs.step(np.zeros((1, 2)))
+    envs.close()

@@ -1,0 +1,186 @@
+"""Closed-loop evaluation: into the lake, in parts, resumable, the same whoever does it."""
+
+from __future__ import annotations
+
+import numpy as np
+import polars as pl
+import pytest
+
+from scenarionet_data import Lake, converters
+from scenarionet_data.conversion import convert
+from scenarionet_data.errors import BadParameter
+from scenarionet_sim.evaluation import evaluation as evaluations
+from scenarionet_sim.evaluation.evaluation import evaluate, find_broken, prepare
+from scenarionet_sim.policies import ConstantVelocity
+from tests.fixtures.drives import Other, make_drive
+from tests.fixtures.lakes import write_lake
+
+SCENARIOS = [make_drive(f"d{k}", speed=8.0 + k, others=(Other(15.0 + 5 * k, vx=4.0),)) for k in range(5)]
+
+
+class GoAhead:
+    """A driver that was named on the command line: straight on, full throttle."""
+
+    def __init__(self) -> None:
+        self.episodes = 0
+
+    def reset(self) -> None:
+        self.episodes += 1
+
+    def act(self, observation: np.ndarray) -> list[float]:
+        assert observation.ndim == 1 and observation.dtype == np.float32
+        return [0.0, 1.0]
+
+
+class Confused(GoAhead):
+    def act(self, observation: np.ndarray) -> list[float]:
+        return [np.nan, 0.0] if self.episodes == 2 else [0.0, 0.0]
+
+
+class Glide(ConstantVelocity):
+    """A policy of one's own."""
+
+
+class NoDriver:
+    pass
+
+
+@pytest.fixture
+def lake(tmp_path, monkeypatch) -> Lake:
+    monkeypatch.setattr(evaluations, "PART", 2)
+    evaluations._scenarios.cache_clear()
+    return write_lake(tmp_path / "lake", SCENARIOS)
+
+
+def own(name: str) -> str:
+    return f"{__name__}:{name}"
+
+
+def test_results_and_rollouts_are_in_the_lake(lake):
+    told = []
+    report = evaluate(prepare(lake, None, "idm"), "first", on_progress=lambda *numbers: told.append(numbers))
+    assert (report.scenarios, report.skipped, report.broken) == (5, 0, [])
+    assert told == [(1, 3, 2), (2, 3, 4), (3, 3, 5)]
+    rows = lake.sql("SELECT * FROM results JOIN metadata USING (scenario_id) ORDER BY scenario_id")
+    assert rows["scenario_id"].to_list() == [scenario.id for scenario in SCENARIOS]
+    assert (rows["cost"] == 0).all() and (rows["route_completion"] > 0.5).all()
+    assert rows["track_id"].to_list() == ["t0"] * 5
+    ends = lake.sql("SELECT *, len(x) - 1 AS steps, x[-1] AS end FROM rollouts WHERE is_judged ORDER BY scenario_id")
+    assert ends["steps"].to_list() == rows["steps"].to_list()
+    assert (ends["track_id"] == "t0").all() and (ends["end"] > 15.0).all()
+    assert lake.ask("runs", {"run": "first"})["success"].item() == rows["success"].mean()
+
+
+def test_a_killed_run_goes_on_where_it_was(lake):
+    evaluation = prepare(lake, None, "replay")
+    whole = evaluate(evaluation, "whole")
+    evaluate(evaluation, "killed")
+    lake.files.path("results/killed/results/000001.parquet").unlink()
+    again = evaluate(evaluation, "killed")
+    assert (whole.skipped, again.skipped) == (0, 3)
+    one, two = (lake.sql("SELECT * EXCLUDE run FROM results WHERE run = $run ORDER BY scenario_id", {"run": run})
+                for run in ("whole", "killed"))  # fmt: skip
+    assert one.equals(two)
+    with pytest.raises(BadParameter, match="there with policy 'replay', not 'idm'"):
+        evaluate(prepare(lake, None, "idm"), "killed")
+
+
+@pytest.mark.long
+def test_two_processes_do_the_same_as_one(lake):
+    evaluation = prepare(lake, None, "idm", traffic="idm")
+    for run, workers in (("one", 1), ("two", 2)):
+        evaluate(evaluation, run, workers=workers)
+    for table in ("results", "rollouts"):
+        one, two = (
+            lake.sql(f"SELECT * EXCLUDE run FROM {table} WHERE run = '{run}' ORDER BY scenario_id, track_id")
+            for run in ("one", "two")
+        )
+        assert one.equals(two)
+
+
+@pytest.mark.parametrize("backend", ["kinematic", "bullet"])
+def test_a_driver_of_ones_own(lake, backend):
+    if backend == "bullet":
+        pytest.importorskip("pybullet")
+    report = evaluate(prepare(lake, None, own("GoAhead"), backend=backend), backend)
+    assert report.broken == []
+    rows = lake.sql("SELECT * FROM results")
+    assert (rows["cost"] == 1).all(), "it runs into the slower car"
+    assert (rows["max_lon_acceleration"] > 2.0).all()
+
+
+def test_a_policy_of_ones_own_drives_the_ego(lake):
+    for policy in (own("Glide"), "constant"):
+        evaluate(prepare(lake, None, policy), policy.rpartition(":")[2])
+    rows = "SELECT scenario_id, steps, mean_speed, cost FROM results WHERE run = $run ORDER BY ALL"
+    glide, constant = (lake.sql(rows, {"run": run}) for run in ("Glide", "constant"))
+    assert glide.equals(constant)
+
+
+def test_one_scenario_that_fails_ends_nothing(lake):
+    report = evaluate(prepare(lake, None, own("Confused"), backend="kinematic"), "confused")
+    failed = lake.sql("SELECT scenario_id, error FROM results WHERE error IS NOT NULL ORDER BY ALL")
+    assert failed["scenario_id"].to_list() == [scenario.id for scenario in SCENARIOS[1::2]], "each part's second"
+    assert failed["error"][0].startswith("BadParameter: an action is not a number")
+    assert sorted(report.broken) == failed.rows()
+    assert lake.ask("runs").select("scenarios", "not_simulated").rows() == [(5, 2)]
+
+
+def test_a_database_in_its_order(lake):
+    lake.filter("ego_mean_speed > 9.5", name="fast")
+    evaluate(prepare(lake, "fast", "replay"), "fast", with_rollouts=False)
+    assert lake.sql("SELECT scenario_id FROM results ORDER BY ALL")["scenario_id"].to_list() == [
+        s.id for s in SCENARIOS[2:]
+    ]
+    assert lake.sql("SELECT * FROM rollouts").is_empty()
+
+
+@pytest.mark.parametrize(
+    ("policy", "options", "message"),
+    [
+        ("idn", {}, "no policy 'idn'; there are replay, idm, constant, or module:Class"),
+        ("idm", {"traffic": "none"}, "no traffic 'none'; there are replay, idm"),
+        ("idm", {"backend": "cuda"}, "no backend 'cuda'; there are kinematic, bullet"),
+        ("nowhere:Planner", {}, "policy nowhere:Planner: No module named 'nowhere'; is its folder on PYTHONPATH"),
+        (own("Missing"), {}, "has no attribute 'Missing'"),
+        (own("NoDriver"), {}, "is no driver: wanted a subclass of Policy, or a class with a method act"),
+    ],
+)
+def test_unknown_names(lake, policy, options, message):
+    with pytest.raises(BadParameter, match=message):
+        prepare(lake, None, policy, **options)
+
+
+def test_recordings_that_do_not_replay_are_named(tmp_path):
+    gone = make_drive("gone", hidden=slice(20, None))
+    lake = write_lake(tmp_path / "lake", [*SCENARIOS[:2], gone])
+    assert find_broken(lake) == []
+    path = next(p for p in (tmp_path / "lake" / "tracks").rglob("*.parquet"))
+    data = bytearray(path.read_bytes())
+    data[200:400] = bytes(200)
+    path.write_bytes(bytes(data))
+    (broken,) = {reason.split(":")[0] for _, reason in find_broken(Lake(lake.root))} or {None}
+    assert broken == "LakeError"
+
+
+@pytest.mark.long
+def test_real_recordings_replay(recordings, tmp_path):
+    sources = [
+        ("scenarionet", "scenarionet", {}),
+        ("waymo", "waymo/training", {}),
+        ("argoverse2", "argoverse2/motion-forecasting/val", {}),
+        ("argoverse2", "argoverse2/sensor/val", {}),
+        ("argoverse1", "argoverse1/forecasting/train", {"has_map": False}),
+        ("lyft", "lyft", {"map": "none"}),
+    ]
+    for name, folder, options in sources:
+        chosen = converters.get(name).Options(**options)
+        convert(name, str(recordings / folder), tmp_path / "lake", split="train", options=chosen)
+    lake = Lake(tmp_path / "lake")
+    assert len(lake) >= 50
+    assert find_broken(lake) == []
+    evaluate(prepare(lake, None, "replay"), "replay", with_rollouts=False)
+    rows = lake.sql("SELECT * FROM results")
+    assert rows["success"].all()
+    assert rows["average_displacement"].max() < 1e-5
+    assert rows.select(pl.col("red_light_violations").sum(), pl.col("wrong_way_distance").max()).row(0) < (1, 2.0)

@@ -1,0 +1,235 @@
+"""Which scenarios an environment plays, and how they reach it."""
+
+from __future__ import annotations
+
+import pickle
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scenarionet_data.errors import (
+    BadParameter,
+    DatabaseNotFound,
+    LakeError,
+    NoSuchSnapshot,
+    QueryError,
+    ScenarioNotFound,
+    UnsafeSql,
+)
+from scenarionet_sim.scenarios import Scenarios
+from scenarionet_sim.scenarios.sampling import Curriculum, Rising, Sequential
+from scenarionet_sim.scenarios.stream import Stream
+from tests.fixtures.lakes import write_lake
+from tests.fixtures.scenarios import make_scenario
+
+
+@pytest.fixture(scope="module")
+def lake(tmp_path_factory):
+    scenarios = [make_scenario(seed, num_objects=1 + seed) for seed in range(9)]
+    made = write_lake(tmp_path_factory.mktemp("lake"), scenarios)
+    made.filter("num_objects >= 4", name="many")
+    return made
+
+
+def scenarios(lake, *args, **options):
+    return Scenarios(str(lake.root), *args, **options)
+
+
+def series(selection, count):
+    loader, sampler = selection.open()
+    sampler.restart(0)
+    return [loader.scenario_ids[sampler.draw()] for _ in range(count)]
+
+
+def ids(*seeds):
+    return [f"made/v1/s{seed:06d}" for seed in seeds]
+
+
+def test_a_lake_a_database_a_list_and_a_condition(lake):
+    assert series(scenarios(lake), 10) == ids(*range(9), 0)
+    database = lake.database("many").scenario_ids
+    assert series(scenarios(lake, "many"), len(database)) == database
+    assert series(scenarios(lake, ids(5, 2)), 3) == ids(5, 2, 5)
+    where = "source_scenario_id >= 's000006' -- the last"
+    assert series(scenarios(lake, where=where), 3) == ids(6, 7, 8)
+    both = series(scenarios(lake, "many", where=where), 3)
+    assert set(both) == set(database) & set(ids(6, 7, 8))
+
+
+def test_random_draws_all(lake):
+    drawn = series(scenarios(lake, order="random"), 18)
+    assert sorted(drawn[:9]) == sorted(drawn[9:]) == ids(*range(9))
+    assert drawn[:9] != ids(*range(9))
+
+
+def test_weights_are_of_the_database_or_an_expression(lake):
+    assert set(series(scenarios(lake, "many", order="weighted"), 100)) == set(lake.database("many").scenario_ids)
+    only = scenarios(lake, order="weighted", weight="CASE WHEN source_scenario_id = 's000003' THEN 1 ELSE 0 END")
+    assert set(series(only, 20)) == set(ids(3))
+
+
+def test_a_curriculum_sorts_by_difficulty(lake):
+    loader, course = scenarios(lake, curriculum=Curriculum(levels=3)).open()
+    assert isinstance(course, Rising)
+    facts = lake.sql("SELECT scenario_id, difficulty FROM metadata").rows()
+    difficulty = [dict(facts)[scenario_id] for scenario_id in loader.scenario_ids]
+    assert difficulty == sorted(difficulty)
+    loader, _ = scenarios(lake, curriculum=Curriculum(levels=2, by="-num_objects")).open()
+    rising = dict(lake.sql("SELECT scenario_id, num_objects FROM metadata").rows())
+    assert [rising[i] for i in loader.scenario_ids] == sorted(rising.values(), reverse=True)
+
+
+@pytest.mark.parametrize("curriculum", [None, Curriculum(levels=2)])
+def test_workers_share_without_overlap(lake, curriculum):
+    parts = []
+    for worker in range(3):
+        loader, _ = scenarios(lake, curriculum=curriculum, worker=worker, num_workers=3).open()
+        parts.append(loader.scenario_ids)
+    assert sorted(name for part in parts for name in part) == ids(*range(9))
+    assert [len(part) for part in parts] == [3, 3, 3]
+
+
+def test_a_specification_pickles_and_takes_paths_and_lists(lake):
+    selection = Scenarios(lake.root, ids(1, 2), order="random")
+    assert pickle.loads(pickle.dumps(selection)) == selection
+    assert hash(selection) == hash(Scenarios(str(lake.root), tuple(ids(1, 2)), order="random"))
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"scenarios": "nothing"}, DatabaseNotFound, "many"),
+        ({"scenarios": ("made/v1/x",)}, ScenarioNotFound, "made/v1/x"),
+        ({"scenarios": ()}, BadParameter, "is empty"),
+        ({"where": "num_objects > 1000"}, BadParameter, "none of 9 .* satisfies 'num_objects > 1000'"),
+        ({"where": "num_object > 1"}, QueryError, "num_object"),
+        ({"where": "true) UNION SELECT (1"}, UnsafeSql, "one condition"),
+        ({"order": "weighted", "weight": "-1"}, BadParameter, "weights"),
+        ({"worker": 9, "num_workers": 10}, BadParameter, "fewer workers"),
+        ({"curriculum": Curriculum(levels=10)}, BadParameter, "10 levels of 9 scenarios"),
+    ],
+)
+def test_what_cannot_be_played(lake, options, error, message):
+    with pytest.raises(error, match=message):
+        Scenarios(str(lake.root), **options).open()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"order": "alphabetic"},
+        {"worker": 2, "num_workers": 2},
+        {"worker": -1},
+        {"weight": "num_objects"},
+        {"curriculum": Curriculum(), "order": "random"},
+    ],
+)
+def test_words_that_contradict(options):
+    with pytest.raises(BadParameter):
+        Scenarios("lake", **options)
+
+
+def test_no_lake(tmp_path):
+    with pytest.raises(NoSuchSnapshot, match="scenarionet convert"):
+        Scenarios(str(tmp_path)).open()
+
+
+# --- streams ----------------------------------------------------------------------------------------------
+
+
+class Source:
+    """Ten scenarios whose loading is counted, and fails where told."""
+
+    def __init__(self, broken=()):
+        self.loaded, self.broken, self.threads = [], set(broken), set()
+
+    def load(self, index):
+        self.loaded.append(index)
+        self.threads.add(threading.current_thread())
+        if index in self.broken:
+            raise LakeError(f"scenario {index} is damaged")
+        return index
+
+    def stream(self, **options):
+        return Stream(
+            [f"s{i}" for i in range(10)], self.load, lambda scenario: scenario * 10, Sequential(10), **options
+        )
+
+
+@pytest.mark.parametrize("ahead", [0, 1, 3])
+def test_the_series_does_not_depend_on_loading_ahead(ahead):
+    stream = Source().stream(ahead=ahead)
+    assert [stream.next() for _ in range(12)] == [(i % 10, i % 10 * 10) for i in range(12)]
+    stream.restart(0)
+    assert stream.next() == (0, 0)
+    stream.close()
+
+
+def test_the_next_is_loaded_beside():
+    source = Source()
+    stream = source.stream(ahead=1)
+    stream.next()
+    stream.get(1)
+    assert source.loaded == [0, 1]
+    assert threading.main_thread() not in source.threads
+    stream.close()
+    here = Source()
+    here.stream(ahead=0).next()
+    assert here.threads == {threading.main_thread()}
+
+
+def test_the_last_ones_are_kept_and_no_more():
+    source = Source()
+    stream = source.stream(ahead=0, keep=3)
+    for index in (0, 1, 2, 0, 1, 2):
+        stream.get(index)
+    assert source.loaded == [0, 1, 2]
+    stream.get(3)  # 0 goes
+    stream.get(1)
+    stream.get(0)
+    assert source.loaded == [0, 1, 2, 3, 0]
+
+
+@pytest.mark.parametrize("ahead", [0, 1])
+def test_a_damaged_scenario_is_an_error_of_its_own(ahead):
+    source = Source(broken=[1])
+    stream = source.stream(ahead=ahead)
+    assert stream.next() == (0, 0)
+    with pytest.raises(LakeError, match="scenario 1 is damaged"):
+        stream.next()
+    assert stream.next() == (2, 20)
+    source.broken.clear()
+    assert stream.get(1) == 10
+    stream.close()
+
+
+def test_a_closed_stream_has_no_thread_and_can_go_on():
+    stream = Source().stream(ahead=2)
+    stream.next()
+    before = threading.active_count()
+    stream.close()
+    assert threading.active_count() == before - 1
+    stream.close()
+    stream.restart(0)
+    assert stream.next() == (0, 0)
+    stream.close()
+
+
+def test_numbers_of_scenarios():
+    stream = Source().stream()
+    assert stream.number("s4") == 4
+    with pytest.raises(ScenarioNotFound, match="none of the 10"):
+        stream.number("x")
+    with pytest.raises(BadParameter, match="keep=0"):
+        Source().stream(keep=0)
+
+
+def test_streams_of_scenarios(lake):
+    loader, sampler = replace(scenarios(lake, "many"), order="random").open()
+    stream = Stream(loader.scenario_ids, loader.__getitem__, lambda scenario: scenario.id, sampler, ahead=2, keep=4)
+    drawn = [stream.next() for _ in range(20)]
+    assert [loader.scenario_ids[index] for index, _ in drawn] == [name for _, name in drawn]
+    assert len(np.unique([index for index, _ in drawn])) == len(loader)
+    stream.close()

@@ -1,0 +1,101 @@
+"""A scenario as arrays: the log bit for bit, paths, sizes, lights, and what scenarios may lack."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scenarionet_data.converters.scenarionet import ScenarioNetPickles
+from scenarionet_data.geometry import wrap_angle
+from scenarionet_sim.worlds.paths import SPACING
+from scenarionet_sim.worlds.world import World
+from tests.fixtures.drives import Other, make_drive
+from tests.fixtures.scenarios import make_scenario
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_log_is_the_tracks(seed):
+    scenario = make_scenario(seed)
+    world, tracks = World.from_scenario(scenario), scenario.tracks
+    np.testing.assert_array_equal(world.log_position, tracks.position[..., :2].swapaxes(0, 1))
+    np.testing.assert_array_equal(world.log_z, tracks.position[..., 2].T)
+    np.testing.assert_array_equal(world.log_heading, tracks.heading.T)
+    np.testing.assert_array_equal(world.log_velocity, tracks.velocity.swapaxes(0, 1))
+    np.testing.assert_array_equal(world.log_valid, tracks.valid.T)
+    assert (world.scenario_id, world.dt, world.ego) == (scenario.id, 0.1, scenario.ego_index)
+    assert (world.num_steps, world.num_objects) == (scenario.num_timesteps, len(tracks))
+
+
+def test_yaw_rate_is_the_central_difference_of_the_heading():
+    scenario = make_scenario(3)
+    heading = wrap_angle(np.arange(31) * 0.4 + 2.0)  # several turns
+    scenario.tracks.heading[:] = np.where(scenario.tracks.valid, heading, 0.0)
+    world, valid, time = World.from_scenario(scenario), scenario.tracks.valid, scenario.timestamps
+    for n in range(len(valid)):
+        for t in np.flatnonzero(valid[n]):
+            first = t - 1 if t > 0 and valid[n, t - 1] else t
+            last = t + 1 if t + 1 < len(time) and valid[n, t + 1] else t
+            wanted = (last - first) * 0.4 / (time[last] - time[first]) if last > first else 0.0
+            assert world.log_yaw_rate[t, n] == pytest.approx(wanted, rel=1e-4)
+
+
+def test_sizes_are_medians_over_the_valid_steps():
+    scenario = make_scenario(1)
+    tracks, world = scenario.tracks, World.from_scenario(scenario)
+    for n in range(len(tracks)):
+        seen = tracks.size[n, tracks.valid[n]]
+        wanted = np.median(seen, axis=0) if len(seen) else np.zeros(3)
+        np.testing.assert_allclose(world.size[n], wanted, rtol=1e-6)
+
+
+def test_paths_leave_out_what_is_closer_than_their_spacing():
+    scenario = make_scenario(2)
+    scenario.tracks.position[1] = np.cumsum(np.full((31, 3), 0.03), axis=0) * scenario.tracks.valid[1, :, None]
+    world = World.from_scenario(scenario)
+    paths = world.paths
+    for n in range(world.num_objects):
+        kept: list[np.ndarray] = []
+        for point in world.log_position[world.log_valid[:, n], n]:
+            if not kept or np.hypot(*(point - kept[-1])) >= SPACING:
+                kept.append(point)
+        here = slice(paths.path_offsets[n], paths.path_offsets[n + 1])
+        np.testing.assert_array_equal(paths.path_points[here], np.array(kept).reshape(-1, 2))
+        steps = np.hypot(*np.diff(np.array(kept, float).reshape(-1, 2), axis=0).T)
+        wanted = np.append(0.0, np.cumsum(steps))[: len(kept)]
+        np.testing.assert_allclose(paths.path_arc[here], wanted, atol=1e-3)
+        assert paths.length()[n] == pytest.approx(wanted[-1] if len(wanted) else 0.0, abs=1e-3)
+
+
+def test_lights_stop_at_their_lanes_start_where_the_source_says_nothing():
+    scenario = make_scenario(0, num_lights=3, num_lanes=2)
+    world = World.from_scenario(scenario)
+    assert world.light_lane.tolist() == [0, 1, -1]
+    np.testing.assert_array_equal(world.light_stop[0], scenario.lights.stop_point[0, :2])
+    np.testing.assert_array_equal(world.light_stop[1], world.roads.lanes[1][0])
+    assert np.isnan(world.light_stop[2]).all()
+
+
+def test_a_light_stops_the_paths_that_take_its_lane():
+    beside, across = Other(-20.0, 3.5, vx=12.0), Other(20.0, -10.0, vy=10.0)
+    world = World.from_scenario(make_drive(others=(beside, across), red=True))
+    assert world.stops.stop_light.tolist() == [0]
+    assert world.stops.stop_offsets.tolist() == [0, 1, 1, 1]
+    assert world.stops.stop_arc[0] == pytest.approx(20.0, abs=1e-3)
+
+
+def test_a_world_may_lack_map_lights_and_others():
+    world = World.from_scenario(make_scenario(0, num_objects=1, num_lights=0, has_map=False))
+    assert (world.num_objects, world.roads.num_lanes, len(world.light_lane)) == (1, 0, 0)
+    assert world.extents[0] < world.extents[2]
+
+
+def test_recorded_scenarios_become_worlds(recordings):
+    converter = ScenarioNetPickles()
+    folder = str(recordings / "scenarionet" / "waymo_0")
+    (shard, *_) = converter.shards(folder, "train", converter.release, converter.Options())
+    scenario = converter.scenario(shard, next(iter(converter.records(shard))))
+    world = World.from_scenario(scenario)
+    assert world.roads.num_lanes > 50
+    np.testing.assert_array_equal(world.log_valid, scenario.tracks.valid.T)
+    assert np.isfinite(world.log).all()
+    assert (np.diff(world.paths.path_arc) > 0).sum() == np.maximum(np.diff(world.paths.path_offsets) - 1, 0).sum()
