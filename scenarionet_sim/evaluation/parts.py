@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from scenarionet_data.jobs import run_pool
+from scenarionet_data.conversion import runner
 
 Work = TypeVar("Work")
 Done = TypeVar("Done", bound=Sequence[object])
@@ -51,9 +51,8 @@ def do_parts(
     Raises:
         WorkerLost: A worker was killed.
     """
-    processes, scenarios = min(workers, len(jobs)), 0
-    outcomes = run_pool(jobs, processes, do) if processes > 1 else map(do, jobs)
-    for number, outcome in enumerate(outcomes, start=1):
+    scenarios = 0
+    for number, outcome in enumerate(runner(min(workers, len(jobs)))(jobs, do), start=1):
         scenarios += len(outcome)
         if on_progress:
             on_progress(number, len(jobs), scenarios)

@@ -14,8 +14,7 @@ from pipelines.cli.parameters import json_option, lake_argument, pairs, quiet_op
 from pipelines.cli.progress import Progress
 
 if TYPE_CHECKING:
-    from scenarionet_data.conversion import Report
-    from scenarionet_data.plan import Plan
+    from scenarionet_data.conversion import Plan, Report
 
 _REASONS = 5
 
@@ -80,8 +79,7 @@ def command(
     """
     from pipelines.cli import converter
     from pipelines.machine import default_workers
-    from scenarionet_data.conversion import convert, plan_conversion
-    from scenarionet_data.selection import Selection, parse_slice
+    from scenarionet_data.conversion import Selection, convert, parse_slice, plan_conversion
 
     chosen = converter.parse_options(converter.find(dataset), options)
     common: dict[str, Any] = {
@@ -120,7 +118,7 @@ def _kept(progress: Progress, lake: str) -> str:
 
 
 def _print_plan(dataset: str, plan: Plan, workers: int, as_json: bool) -> None:
-    from scenarionet_data.pace import measure_pace
+    from scenarionet_data.conversion import measure_pace
 
     num_inputs = sum(len(shard.items) for shard in plan.shards)
     pace = measure_pace(dataset, plan.shards)

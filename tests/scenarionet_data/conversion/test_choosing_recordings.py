@@ -10,9 +10,7 @@ from typing import Any
 import pytest
 
 from scenarionet_data import converters
-from scenarionet_data.conversion import plan_conversion
-from scenarionet_data.pace import measure_pace
-from scenarionet_data.selection import Selection
+from scenarionet_data.conversion import Selection, measure_pace, plan_conversion
 from tests.fixtures import argoverse1, argoverse2, lyft, nuplan, nuplan_drive, nuscenes, scenarionet_pickles, waymo
 
 

@@ -8,11 +8,9 @@ from dataclasses import replace
 import pytest
 
 from scenarionet_data import Lake, convert
-from scenarionet_data.conversion import plan_conversion
+from scenarionet_data.conversion import Pace, Selection, measure_pace, parse_slice, plan_conversion
 from scenarionet_data.converters.base import Options, RawItem, Shard
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.pace import Pace, measure_pace
-from scenarionet_data.selection import Selection, parse_slice
 from tests.fixtures.made import BUCKETED, NAME, MadeOptions, write_raw
 
 FEW = MadeOptions(num_objects=2)

@@ -8,9 +8,8 @@ from dataclasses import replace
 import pytest
 
 from scenarionet_data import Lake, ScenarioLoader, convert
-from scenarionet_data.conversion import plan_conversion
+from scenarionet_data.conversion import Job, convert_shard, plan_conversion
 from scenarionet_data.errors import BadParameter, DuplicateScenario, LakeError, SourceNotFound
-from scenarionet_data.jobs import Job, convert_shard
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles, sha256
 from scenarionet_data.testing import differences
@@ -356,7 +355,7 @@ def test_workers_and_interruptions_change_nothing(raw, tmp_path):
             yield convert_shard(job)
 
     with pytest.raises(KeyboardInterrupt):
-        run(raw, tmp_path / "three", run=lambda jobs: until(jobs, 3))
+        run(raw, tmp_path / "three", run=lambda jobs, do: until(jobs, 3))
     assert len(ids(tmp_path / "three")) >= 7
     report = run(raw, tmp_path / "three")
     assert report.skipped == 3
@@ -388,7 +387,7 @@ def test_many_shards_give_few_metadata_files_whatever_the_order(raw, tmp_path, m
 
 
 def test_long_jobs_commit_now_and_then(raw, root, monkeypatch):
-    monkeypatch.setattr("scenarionet_data.conversion._COMMIT_EVERY", 0.0)
+    monkeypatch.setattr("scenarionet_data.conversion.basket._COMMIT_EVERY", 0.0)
     write_raw(raw, {"a": [1], "b": [2], "c": [3]})
     seen = []
     run(raw, root, on_progress=lambda done, *_: done and seen.append(len(Lake(root))))

@@ -1,7 +1,7 @@
 """Raw recordings to a lake: plan what is left to do, run the shards, commit what is finished, report.
 
 What runs on a worker is ``jobs.convert_shard``; who runs it (this process, a pool, a cluster) is the caller's
-choice of ``run``.
+choice of ``run``, see ``runners``.
 """
 
 from __future__ import annotations
@@ -9,61 +9,23 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from scenarionet_data import converters
+from scenarionet_data.conversion.basket import Basket
+from scenarionet_data.conversion.jobs import Job, convert_map, convert_shard, run_limited
+from scenarionet_data.conversion.plan import Plan, make_plan
+from scenarionet_data.conversion.report import Report
+from scenarionet_data.conversion.runners import Run, runner
+from scenarionet_data.conversion.selection import Selection
 from scenarionet_data.converters.base import Converter, Options, guess_split
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.jobs import Job, Outcome, Run, convert_map, run_limited, runner
-from scenarionet_data.plan import Plan, make_plan
-from scenarionet_data.selection import Selection
 from scenarionet_data.store import commit as commits
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
-from scenarionet_data.store.shard_record import ShardRecord
 
-_COMMIT_EVERY = 30.0
 _WORD = re.compile(r"[A-Za-z0-9._-]+")
-
-
-@dataclass
-class Report:
-    """What a conversion did.
-
-    Attributes:
-        converted: Scenarios written.
-        quarantined: Scenarios rejected.
-        shards: Shards converted.
-        adopted: Shards that an earlier, interrupted job had finished.
-        skipped: Shards that were in the lake already.
-        replaced: Shards whose scenarios were taken out for newer ones.
-        stale: Shards in the lake that another converter version wrote, and that stay.
-        partitions: Where the scenarios went: dataset, version, split.
-        failed: Shard name and reason.
-        seconds: Time it took.
-        snapshot: The lake's newest snapshot.
-        size: Bytes written.
-    """
-
-    converted: int = 0
-    quarantined: int = 0
-    shards: int = 0
-    adopted: int = 0
-    skipped: int = 0
-    replaced: int = 0
-    stale: int = 0
-    partitions: set[tuple[str, str, str]] = field(default_factory=set)
-    failed: list[tuple[str, str]] = field(default_factory=list)
-    seconds: float = 0.0
-    snapshot: int = 0
-    size: int = 0
-
-    @property
-    def is_clean(self) -> bool:
-        """Whether nothing failed and nothing was quarantined."""
-        return not self.failed and not self.quarantined
 
 
 Progress = Callable[[int, int, int], None]
@@ -122,8 +84,9 @@ def convert(
     map_jobs = [Job(dataset, shard, str(files.root), is_checked=is_checked) for shard in maps.shards]
     _convert_maps(files, map_jobs, maps, report)
     jobs = [Job(dataset, shard, str(files.root), limit, is_checked) for shard in plan.shards]
-    outcomes = run_limited(jobs, limit) if limit is not None else (run or runner(min(workers, len(jobs))))(jobs)
-    basket = _Basket(files, plan, f"convert {dataset}", report)
+    run = run or runner(min(workers, len(jobs)))
+    outcomes = run_limited(jobs, limit) if limit is not None else run(jobs, convert_shard)
+    basket = Basket(files, plan, f"convert {dataset}", report)
     if on_progress:
         on_progress(0, len(jobs), 0)
     try:
@@ -192,79 +155,7 @@ def _prepare(
 
 def _convert_maps(files: LakeFiles, jobs: list[Job], plan: Plan, report: Report) -> None:
     """Shared maps come first: a scenario in the lake always finds its map."""
-    basket = _Basket(files, plan, "convert maps", report)
+    basket = Basket(files, plan, "convert maps", report)
     for job in jobs:
         basket.add(convert_map(job))
     basket.commit()
-
-
-# --- commit and count -------------------------------------------------------------------------------------
-
-
-class _Basket:
-    """Finished shards on their way into the lake, and the report on them."""
-
-    def __init__(self, files: LakeFiles, plan: Plan, operation: str, report: Report) -> None:
-        self._files = files
-        self._plan = plan
-        self._operation = operation
-        self._report = report
-        self._finished: list[ShardRecord] = []
-        self._committed_at = time.monotonic()
-
-    def add(self, outcome: Outcome) -> None:
-        """Count an outcome; commit now and then, so that a killed job loses little."""
-        report, record = self._report, outcome.record
-        if record is None:
-            report.failed.append((outcome.shard, outcome.error or "unknown"))
-            return
-        report.converted += record.num_scenarios
-        report.quarantined += record.num_quarantined
-        report.size += sum(record.sizes)
-        report.shards += 1
-        report.adopted += outcome.was_finished
-        if record.num_scenarios or record.num_quarantined:  # a shared map has no split
-            report.partitions.add((record.dataset, record.version, record.split))
-        self._finished.append(record)
-        if time.monotonic() - self._committed_at > _COMMIT_EVERY and not self._plan.replaced:
-            self.commit()
-
-    def commit(self) -> None:
-        """Commit what is finished and may be, and report what may not."""
-        finished = self._finished
-        while True:
-            ready, gone = self._plan.settle(finished)
-            refused = commits.commit(self._files, ready, self._operation, gone).refused
-            for record, scenario_id in refused:
-                self._leave_out(record, _duplicate_message(scenario_id))
-            if not (refused and gone):
-                break
-            # Nothing was committed: without what was refused, others may have to wait.
-            keys = {record.key for record, _ in refused}
-            finished = [record for record in finished if record.key not in keys]
-        settled = {record.key for record in ready}
-        for record in finished:
-            if record.key not in settled:
-                self._leave_out(record, _WAITS)
-        self._report.replaced += len(gone)
-        self._finished = []
-        self._committed_at = time.monotonic()
-
-    def _leave_out(self, record: ShardRecord, reason: str) -> None:
-        self._report.failed.append((record.name, reason))
-        self._report.converted -= record.num_scenarios
-        self._report.shards -= 1
-
-
-_WAITS = (
-    "it would replace scenarios together with shards that failed; mend those and run the same command again: "
-    "it is finished and will be adopted"
-)
-
-
-def _duplicate_message(scenario_id: str) -> str:
-    """What to do about a scenario that is in the lake already."""
-    return (
-        f"scenario {scenario_id} is in the lake already, from another source or split; "
-        "give these recordings a --version of their own, or --replace the old ones"
-    )

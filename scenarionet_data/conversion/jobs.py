@@ -1,26 +1,22 @@
-"""One shard of work: what it is, how a worker does it, and who the workers are."""
+"""One shard of work: what it is, and how a worker does it."""
 
 from __future__ import annotations
 
 import gc
 import time
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
-from typing import Any, TypeVar
+from typing import Any
 
 from scenarionet_data import converters
 from scenarionet_data.catalog.audit import audit, audit_shared_map
 from scenarionet_data.converters.base import Converter, Shard
-from scenarionet_data.errors import LakeError, SourceError, WorkerLost
+from scenarionet_data.errors import LakeError, SourceError
 from scenarionet_data.store.files import LakeFiles
 from scenarionet_data.store.shard_record import ShardRecord, find_finished
 from scenarionet_data.store.shard_writer import ShardWriter
 from scenarionet_data.store.shared_map import write_shared_map
-from scenarionet_data.worker import follow_parent
 
 
 @dataclass(frozen=True)
@@ -59,13 +55,6 @@ class Outcome:
     error: str | None = None
     was_finished: bool = False
     seconds: float = 0.0
-
-
-Work = TypeVar("Work")
-Done = TypeVar("Done")
-
-Run = Callable[[Iterable[Job]], Iterator[Outcome]]
-"""Who does the jobs: outcomes in any order."""
 
 
 def convert_map(job: Job) -> Outcome:
@@ -151,16 +140,6 @@ def _without_collections() -> Iterator[None]:
             gc.enable()
 
 
-def runner(workers: int) -> Run:
-    """This process for one worker, else a pool of processes."""
-    return run_here if workers <= 1 else lambda jobs: run_pool(jobs, workers, convert_shard)
-
-
-def run_here(jobs: Iterable[Job]) -> Iterator[Outcome]:
-    """One job after the other, in this process."""
-    return (convert_shard(job) for job in jobs)
-
-
 def run_limited(jobs: Iterable[Job], limit: int) -> Iterator[Outcome]:
     """One shard after the other until ``limit`` scenarios are converted."""
     left = limit
@@ -170,39 +149,3 @@ def run_limited(jobs: Iterable[Job], limit: int) -> Iterator[Outcome]:
         outcome = convert_shard(replace(job, max_scenarios=left))
         left -= outcome.record.num_scenarios if outcome.record else 0
         yield outcome
-
-
-def run_pool(jobs: Iterable[Work], workers: int, do: Callable[[Work], Done]) -> Iterator[Done]:
-    """A pool of processes with two jobs each in flight; outcomes as they come.
-
-    Args:
-        jobs: What there is to do; picklable.
-        workers: How many processes.
-        do: What does a job, on a worker; a function of a module.
-
-    Raises:
-        WorkerLost: A worker was killed.
-    """
-    queue = iter(jobs)
-    # spawn: a forked child would share the locks of Arrow's and DuckDB's threads.
-    with ProcessPoolExecutor(workers, get_context("spawn"), follow_parent) as pool:
-        running: set[Future[Done]] = set()
-        try:
-            while True:
-                for job in queue:
-                    running.add(pool.submit(do, job))
-                    if len(running) >= 2 * workers:
-                        break
-                if not running:
-                    return
-                finished, running = wait(running, return_when=FIRST_COMPLETED)
-                for future in finished:
-                    yield future.result()
-        except BrokenProcessPool as error:
-            raise WorkerLost(
-                "a worker process was killed, most often for memory; run the same command again, with fewer "
-                "--workers: what is finished is kept"
-            ) from error
-        finally:
-            for future in running:
-                future.cancel()
