@@ -21,8 +21,8 @@ from tests.fixtures.made import Made, write_raw
 from tests.fixtures.made_city import MadeCity
 
 LANE = MapFeatureType.LANE_SURFACE_STREET
-NAME = "tests.scenarionet_data.test_audit:OneWay"
-CITY = "tests.scenarionet_data.test_audit:OneWayCity"
+NAME = "tests.scenarionet_data.catalog.test_audit:OneWay"
+CITY = "tests.scenarionet_data.catalog.test_audit:OneWayCity"
 
 
 def one_way() -> MapBuilder:

@@ -11,7 +11,7 @@ import pytest
 from scenarionet_data import Lake, convert
 from scenarionet_data.conversion import Report
 from scenarionet_data.errors import SourceError
-from tests.scenarionet_data.test_choosing_recordings import SPLIT, WRITE
+from tests.scenarionet_data.conversion.test_choosing_recordings import SPLIT, WRITE
 
 RECORDING = {
     "argoverse1": "train/PIT/1.csv",
