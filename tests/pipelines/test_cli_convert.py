@@ -187,7 +187,7 @@ def test_a_bar_on_a_terminal(tmp_path):
 
 def test_a_broken_contract_is_quarantined_unless_told_otherwise(tmp_path):
     raw = write_raw(tmp_path / "raw", {"a": ["1", "2 oneway", "3"]})
-    name = "tests.scenarionet_data.test_audit:OneWay"
+    name = "tests.scenarionet_data.catalog.test_audit:OneWay"
     result = run("convert", name, raw, tmp_path / "lake", "--quiet")
     assert result.exit_code == 1
     assert "1 x InvalidScenario" in result.stdout
