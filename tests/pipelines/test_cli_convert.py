@@ -121,7 +121,7 @@ def start(*words: str | Path, **options) -> subprocess.Popen:
 
 
 def wait_for_shards(lake: Path, number: int) -> None:
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + 60
     while len(list(lake.glob("metadata/*/*/*/*.parquet"))) < number and time.monotonic() < deadline:
         time.sleep(0.02)
 
@@ -137,7 +137,7 @@ def test_an_interrupted_run_says_what_it_kept_and_is_continued(number, tmp_path,
         os.killpg(running.pid, number)
     else:
         running.send_signal(number)
-    output, errors = running.communicate(timeout=10)
+    output, errors = running.communicate(timeout=60)
     assert running.returncode == 130
     assert output == ""
     (line,) = errors.splitlines()
@@ -159,7 +159,7 @@ def test_workers_end_with_a_killed_command_and_the_next_adopts_what_they_finishe
     running.kill()
     running.communicate()
     assert workers
-    assert psutil.wait_procs(workers, timeout=10)[1] == []
+    assert psutil.wait_procs(workers, timeout=60)[1] == []
     report = as_json("convert", NAME, raw, lake, "--workers", 1, "--quiet")
     assert report["adopted"] >= 3
     assert report["shards"] == 10
