@@ -7,8 +7,7 @@ files lazily in whichever process or thread uses it, and so works in torch ``Dat
 from __future__ import annotations
 
 import threading
-from collections import OrderedDict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,17 +19,19 @@ from scenarionet_data.catalog.lake import Lake
 from scenarionet_data.codec import LoadedRows
 from scenarionet_data.scenario import MapFeatures, ScenarioDescription, Tracks
 from scenarionet_data.shared_maps import SharedMaps
-from scenarionet_data.store.files import LakeFiles, reading
-from scenarionet_data.store.row_groups import RowGroups
+from scenarionet_data.store.files import reading
+from scenarionet_data.store.row_group_readers import Address, RowGroupReader, open_reader
 
-_OPEN_FILES = 32
+_TABLES = ("tracks", "lights", "maps")
+_FETCHED_TOGETHER = 64
+"""Scenarios whose row groups are asked of an object store at once, so that only the first waits for it."""
 
 
 class ScenarioLoader(Sequence[ScenarioDescription]):
     """The scenarios of a database (or of a list of ids, or of the whole lake) as a sequence.
 
     Args:
-        lake: The lake, or its folder.
+        lake: The lake, its folder or its URL.
         scenarios: A database or its name, or scenario ids; everything, ordered by id, for None.
 
     Raises:
@@ -45,9 +46,9 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
     def __init__(self, lake: Lake | str | Path, scenarios: Database | str | Iterable[str] | None = None) -> None:
         opened = lake if isinstance(lake, Lake) else Lake(lake)
         holder, rows = opened.resolve(scenarios)
-        self._files = LakeFiles(opened.root)
+        self._files = opened.files
         self._rows = rows.combine_chunks()
-        self._shared_maps = SharedMaps(holder.shared_maps())
+        self._shared_maps = SharedMaps(self._files, holder.shared_maps())
         self.scenario_ids: list[str] = self._rows["scenario_id"].to_pylist()
         self._local = threading.local()
 
@@ -63,36 +64,45 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
         return len(self.scenario_ids)
 
     def __iter__(self) -> Iterator[ScenarioDescription]:
-        return (self[index] for index in range(len(self)))
+        return self._loaded(range(len(self)), _TABLES, self.__getitem__)
 
     def __getitem__(self, index: Any) -> Any:
         """Scenario ``index``; a list of scenarios for a slice."""
         if isinstance(index, slice):
             return self.batch(range(len(self))[index])
         row = self._row(index)
+        self._reader.fetch(_addresses(row, _TABLES))
         rows = codec.Encoded(row, self._read("tracks", row), self._read("lights", row), self._read("maps", row))
         return codec.decode(rows, self._crop(row))
 
     def tracks(self, index: int) -> Tracks:
         """The objects of scenario ``index`` alone: the quickest way to trajectories."""
         row = self._row(index)
+        self._reader.fetch(_addresses(row, ("tracks",)))
         return codec.decode_tracks(self._read("tracks", row), row["num_timesteps"])
 
     def batch(self, indices: Sequence[int]) -> list[ScenarioDescription]:
         """Scenarios at ``indices``, read in the order they lie on disk and returned in the order asked for."""
-        return self._in_disk_order(indices, self.__getitem__)
+        return self._in_disk_order(indices, _TABLES, self.__getitem__)
 
     def batch_tracks(self, indices: Sequence[int]) -> list[Tracks]:
         """Like :meth:`batch`, the objects alone."""
-        return self._in_disk_order(indices, self.tracks)
+        return self._in_disk_order(indices, ("tracks",), self.tracks)
 
-    def _in_disk_order(self, indices: Sequence[int], load: Any) -> list[Any]:
+    def _in_disk_order(self, indices: Sequence[int], wanted: Sequence[str], load: Callable[[int], Any]) -> list[Any]:
         rows = [self._row(index) for index in indices]
         order = sorted(range(len(rows)), key=lambda k: (rows[k]["tracks_file"], rows[k]["tracks_row_group"]))
         loaded: list[Any] = [None] * len(rows)
-        for place in order:
-            loaded[place] = load(indices[place])
+        for place, found in zip(order, self._loaded([indices[k] for k in order], wanted, load), strict=True):
+            loaded[place] = found
         return loaded
+
+    def _loaded(self, indices: Sequence[int], wanted: Sequence[str], load: Callable[[int], Any]) -> Iterator[Any]:
+        """What ``load`` makes of each, with the row groups of the next ones fetched together."""
+        for start in range(0, len(indices), _FETCHED_TOGETHER):
+            chosen = indices[start : start + _FETCHED_TOGETHER]
+            self._reader.fetch(address for index in chosen for address in _addresses(self._row(index), wanted))
+            yield from map(load, chosen)
 
     def _row(self, index: int) -> dict[str, Any]:
         if not -len(self) <= index < len(self):
@@ -105,8 +115,8 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
         name = row[f"{table}_file"]
         if name is None:
             return None
-        with reading(self._files.path(name)):
-            group = self._open(table, name).read(row[f"{table}_row_group"])
+        with reading(self._files.url(name)):
+            group = self._reader.read((table, name, row[f"{table}_row_group"]))
         if group.num_rows != row[f"{table}_num_rows"]:
             group = group.slice(row[f"{table}_first_row"], row[f"{table}_num_rows"])
         return group
@@ -118,17 +128,18 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
         shared = self._shared_maps.get(row["dataset"], row["version"], row["map_id"])
         return shared.crop(tuple(row["map_crop"]), np.array([row["origin_x"], row["origin_y"], row["origin_z"]]))
 
-    def _open(self, table: str, name: str) -> RowGroups:
-        """An open file of this thread's, the least recently used of many closed."""
-        if not hasattr(self._local, "files"):
-            self._local.files = OrderedDict()
-        cache: OrderedDict[str, RowGroups] = self._local.files
-        if name not in cache:
-            cache[name] = RowGroups(self._files.path(name), tables.load(table), _NEEDED[table])
-            if len(cache) > _OPEN_FILES:
-                cache.popitem(last=False)[1].close()
-        cache.move_to_end(name)
-        return cache[name]
+    @property
+    def _reader(self) -> RowGroupReader:
+        """This thread's."""
+        if not hasattr(self._local, "reader"):
+            self._local.reader = open_reader(self._files, _NEEDED)
+        reader: RowGroupReader = self._local.reader
+        return reader
+
+
+def _addresses(row: Mapping[str, Any], wanted: Sequence[str]) -> Iterator[Address]:
+    """Where a scenario's rows of some tables are."""
+    return ((table, row[f"{table}_file"], row[f"{table}_row_group"]) for table in wanted if row[f"{table}_file"])
 
 
 _UNUSED = {"scenario_id", "map_id", "track_index", "feature_index", "tile"} | {

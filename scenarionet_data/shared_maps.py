@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from scenarionet_data.building import meets
 from scenarionet_data.errors import ScenarioNotFound
 from scenarionet_data.ragged import Ragged
 from scenarionet_data.scenario import MapFeatures
+from scenarionet_data.store.files import LakeFiles
 
 Float64 = npt.NDArray[np.float64]
 _KEPT_MAPS = 4
@@ -53,19 +55,21 @@ class SharedMaps:
     """The shared maps of a lake, the most recently used kept in memory.
 
     Args:
-        paths: File of each map, by dataset, version and map id.
+        files: The lake's files.
+        names: File of each map, by dataset, version and map id.
     """
 
-    def __init__(self, paths: dict[tuple[str, str, str], str]) -> None:
-        self._paths = paths
+    def __init__(self, files: LakeFiles, names: dict[tuple[str, str, str], str]) -> None:
+        self._files = files
+        self._names = names
         self._kept: OrderedDict[tuple[str, str, str], SharedMap] = OrderedDict()
         self._lock = threading.Lock()
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"paths": self._paths}
+        return {"files": self._files, "names": self._names}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__init__(state["paths"])  # type: ignore[misc]  # what is kept in memory does not travel
+        self.__init__(**state)  # type: ignore[misc]  # what is kept in memory does not travel
 
     def get(self, dataset: str, version: str, map_id: str) -> SharedMap:
         """A map.
@@ -74,21 +78,21 @@ class SharedMaps:
             ScenarioNotFound: The lake has no such map.
         """
         key = (dataset, version, map_id)
-        if key not in self._paths:
+        if key not in self._names:
             raise ScenarioNotFound(f"no map {map_id!r} of {dataset} {version} in the lake; convert it with its maps")
         with self._lock:
             if key not in self._kept:
-                self._kept[key] = read(self._paths[key])
+                self._kept[key] = read(self._files.path(self._names[key]))
                 if len(self._kept) > _KEPT_MAPS:
                     self._kept.popitem(last=False)
             self._kept.move_to_end(key)
             return self._kept[key]
 
 
-def read(path: str) -> SharedMap:
+def read(path: Path) -> SharedMap:
     """A shared map from its file."""
     file = pq.ParquetFile(path)
-    tables.load("maps").check_version(file.metadata.metadata, path)
+    tables.load("maps").check_version(file.metadata.metadata, str(path))
     (rows,) = file.read(use_threads=False).sort_by("feature_index").combine_chunks().to_batches()
     origins = np.column_stack([rows.column(f"origin_{axis}").to_numpy() for axis in "xyz"])
     boxes = [rows.column(name).to_numpy(zero_copy_only=False) for name in ("min_x", "min_y", "max_x", "max_y")]

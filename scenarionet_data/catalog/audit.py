@@ -19,7 +19,7 @@ from scenarionet_data.codec import Encoded
 from scenarionet_data.errors import BrokenContract, InvalidScenario
 from scenarionet_data.resources import SQL
 from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.files import LakeFiles
+from scenarionet_data.store.files import LakeFiles, open_files
 from scenarionet_data.store.shard_record import ShardRecord
 
 _GIVEN = ("metadata_rows", "tracks", "lights", "maps")
@@ -81,7 +81,7 @@ def _query() -> str:
 @cache
 def _engine(root: str) -> Engine:
     """One for each process and lake: opening it takes as long as a question. Workers are processes, so one thread."""
-    return Engine(LakeFiles(root), snapshots.EMPTY, given=_GIVEN, threads=1)
+    return Engine(open_files(root), snapshots.EMPTY, given=_GIVEN, threads=1)
 
 
 def _table(name: str, batches: Sequence[Any]) -> pa.Table:

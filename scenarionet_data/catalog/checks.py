@@ -265,7 +265,7 @@ def _broken_files(files: LakeFiles, snapshot: Snapshot) -> pa.Table:
     needed = [name for name in (*snapshot.metadata, *snapshot.manifests) if not files.has(name)]
     if needed:
         raise LakeError(
-            f"{files.path(needed[0])}: gone, and {len(needed) - 1} more that list the lake's scenarios; "
+            f"{files.url(needed[0])}: gone, and {len(needed) - 1} more that list the lake's scenarios; "
             "restore them from a copy of the lake, or open an older snapshot"
         )
     shards = snapshots.shard_table(files, snapshot)

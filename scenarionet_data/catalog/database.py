@@ -88,12 +88,14 @@ class Stored:
     Attributes:
         name, version: Which.
         lineage: How it was made.
-        path: Its file.
+        file: Its file's name in the lake.
+        path: That file, on this machine.
     """
 
     name: str
     version: int
     lineage: Lineage
+    file: str
     path: Path
 
     def __len__(self) -> int:
@@ -163,7 +165,8 @@ def stored(files: LakeFiles, which: Database | str) -> Stored:
     reference = which if isinstance(which, str) else which.reference
     name, version = parse_reference(reference)
     number, file = _open(files, name, version)
-    return Stored(name, number, _lineage(file), files.path(_path(name, number)))
+    place = _path(name, number)
+    return Stored(name, number, _lineage(file), place, files.path(place))
 
 
 def lineage(files: LakeFiles, name: str, version: int | None = None) -> tuple[str, Lineage]:

@@ -35,17 +35,15 @@ _KEYS = {"metadata": "scenario_id", "tracks": "scenario_id", "lights": "scenario
 
 
 def table_files(files: LakeFiles, snapshot: Snapshot, table: str) -> list[str]:
-    """Absolute paths of the files of one of FILE_TABLES in a snapshot; what runs left belongs to every snapshot."""
+    """Files of one of FILE_TABLES in a snapshot; what runs left belongs to every snapshot."""
     if table == "metadata":
-        names: Sequence[str] = snapshot.metadata
-    elif table in runs.RUN_TABLES:
-        names = runs.part_files(files, table)
-    elif table == "shards":
-        names = snapshot.manifests
-    else:
-        listed = pc.list_flatten(snapshots.column(files, snapshot, "files"))
-        names = sorted(listed.filter(pc.starts_with(listed, f"{table}/")).to_pylist())
-    return [str(files.path(name)) for name in names]
+        return list(snapshot.metadata)
+    if table in runs.RUN_TABLES:
+        return runs.part_files(files, table)
+    if table == "shards":
+        return list(snapshot.manifests)
+    listed = pc.list_flatten(snapshots.column(files, snapshot, "files"))
+    return sorted(listed.filter(pc.starts_with(listed, f"{table}/")).to_pylist())
 
 
 class Engine:
@@ -79,7 +77,7 @@ class Engine:
         snapshots.check_schemas(files, snapshot)
         self._files = files
         self._snapshot = snapshot
-        self._without = {str(files.path(name)) for name in without}
+        self._without = set(without)
         self._layers = dict(layers or {})
         self._only = only
         self._connection = duckdb.connect(config={"autoinstall_known_extensions": False})
@@ -93,7 +91,8 @@ class Engine:
         # Large queries spill to disk: not into the working directory, and apart from other processes.
         spill = Path(tempfile.gettempdir()) / f"scenarionet-{uuid.uuid4().hex}"
         self._connection.execute(f"SET temp_directory = {_quoted(str(spill))}")
-        self._connection.execute(f"SET allowed_directories = [{_quoted(str(files.root) + '/')}]")
+        folders = ", ".join(map(_quoted, files.scanned_folders))
+        self._connection.execute(f"SET allowed_directories = [{folders}]")
         self._connection.execute("SET enable_external_access = false")
         self._connection.execute("SET lock_configuration = true")
 
@@ -214,12 +213,12 @@ class Engine:
     def _relation(self, table: str) -> str:
         """SQL for a table's files: a scan, or no rows of the right types when there are none."""
         listed = self._chosen_files(table)
-        paths = [path for path in listed if path not in self._without]
-        if not paths:
+        names = [name for name in listed if name not in self._without]
+        if not names:
             columns = [f"NULL::{_sql_type(c)} AS {c.name}" for c in tables.load(table).columns]
             folders = ["NULL::VARCHAR AS " + name for name in _hive_columns(table)]
             return f"(SELECT {', '.join(columns + folders)} WHERE false)"
-        self._connection.execute(f"SET VARIABLE {table}_files = $paths", {"paths": paths})
+        self._connection.execute(f"SET VARIABLE {table}_files = $paths", {"paths": self._files.scans(names)})
         hive = str(table in _FOLDER_COLUMNS).lower()
         scan = f"read_parquet(getvariable('{table}_files'), hive_partitioning = {hive}" + (
             ", hive_types_autocast = false)" if table in _FOLDER_COLUMNS else ")"
@@ -233,8 +232,8 @@ class Engine:
         listed = table_files(self._files, self._snapshot, table)
         if self._only is None or table not in ("tracks", "lights"):  # maps may be shared: their files have no address
             return listed
-        wanted = {str(self._files.path(name)) for name in pc.unique(self._only[f"{table}_file"]).to_pylist() if name}
-        return [path for path in listed if path in wanted]
+        wanted = set(pc.unique(self._only[f"{table}_file"]).to_pylist())
+        return [name for name in listed if name in wanted]
 
     def _layer_joins(self) -> str:
         """SQL that joins the layers to metadata."""

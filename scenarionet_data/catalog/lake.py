@@ -32,7 +32,7 @@ from scenarionet_data.catalog.operations import (
 from scenarionet_data.catalog.packs import packing
 from scenarionet_data.errors import BadParameter, NoSuchSnapshot, ScenarioNotFound
 from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.files import LakeFiles
+from scenarionet_data.store.files import open_files
 from scenarionet_data.store.snapshot import Snapshot
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ class Lake:
     """One snapshot of a lake, open for questions.
 
     Args:
-        root: The lake's folder.
+        root: The lake's folder or URL.
         snapshot: Its number; the newest unless given.
         layers: Versions of layers to show, by name; the newest of each other.
 
@@ -58,7 +58,7 @@ class Lake:
     """
 
     def __init__(self, root: str | Path, snapshot: int | None = None, layers: Mapping[str, int] | None = None) -> None:
-        self.files = LakeFiles(root)
+        self.files = open_files(root)
         if "snapshots" not in self.files.folders("."):
             raise NoSuchSnapshot(f"{root}: no lake there; make one with `scenarionet convert DATASET RAW {root}`")
         self.snapshot: Snapshot = snapshots.read(self.files, snapshot)
@@ -69,8 +69,8 @@ class Lake:
         return f"Lake({str(self.files.root)!r}, snapshot={self.snapshot.number})"
 
     @property
-    def root(self) -> Path:
-        """Absolute path of the lake."""
+    def root(self) -> Path | str:
+        """Absolute path of the lake, or its URL."""
         return self.files.root
 
     def refresh(self) -> Lake:
@@ -176,10 +176,10 @@ class Lake:
         return [snapshots.read(self.files, number) for number in there[-last:]]
 
     def paths(self, table: str) -> list[str]:
-        """Absolute paths of a table's files in this snapshot: what any Parquet engine may read."""
+        """Absolute paths (or URLs) of a table's files in this snapshot: what any Parquet engine may read."""
         if table not in FILE_TABLES:
             raise BadParameter(f"no table {table!r}; there are {', '.join(FILE_TABLES)}")
-        return table_files(self.files, self.snapshot, table)
+        return [self.files.url(name) for name in table_files(self.files, self.snapshot, table)]
 
     def __len__(self) -> int:
         return int(self.sql("SELECT count(*) AS n FROM metadata")["n"][0])
@@ -267,9 +267,9 @@ class Lake:
         return self, self.locate(list(scenarios))
 
     def shared_maps(self) -> dict[tuple[str, str, str], str]:
-        """Absolute path of each map that scenarios share, by dataset, version and map id."""
+        """File of each map that scenarios share, by dataset, version and map id."""
         listed = snapshots.shard_table(self.files, self.snapshot).filter(pc.field("split") == "").to_pylist()
-        return {(row["dataset"], row["version"], row["name"]): str(self.files.path(row["files"][0])) for row in listed}
+        return {(row["dataset"], row["version"], row["name"]): row["files"][0] for row in listed}
 
     def _holding(self, database: Database) -> tuple[Lake, pa.Table]:
         """The lake at a snapshot that holds every member unchanged, and where they lie in it."""

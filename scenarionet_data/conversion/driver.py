@@ -23,7 +23,7 @@ from scenarionet_data.converters.base import Converter, Options, guess_split
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.store import commit as commits
 from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.files import LakeFiles
+from scenarionet_data.store.files import LakeFiles, open_files
 
 _WORD = re.compile(r"[A-Za-z0-9._-]+")
 
@@ -143,7 +143,7 @@ def _prepare(
     for name, value in (("split", split), ("version", version)):
         if not _WORD.fullmatch(value):
             raise BadParameter(f"--{name} {value!r}: use letters, digits, '.', '_' and '-'")
-    files, chosen = LakeFiles(lake), options or converter.Options()
+    files, chosen = open_files(lake), options or converter.Options()
     held = snapshots.shards(files, snapshots.read(files))
     chosen_shards = selection.of(converter.shards(raw, split, version, chosen))
     maps, scenarios = (

@@ -13,7 +13,7 @@ from scenarionet_data import converters
 from scenarionet_data.catalog.audit import audit, audit_shared_map
 from scenarionet_data.converters.base import Converter, Shard
 from scenarionet_data.errors import LakeError, SourceError
-from scenarionet_data.store.files import LakeFiles
+from scenarionet_data.store.files import open_files
 from scenarionet_data.store.shard_record import ShardRecord, find_finished
 from scenarionet_data.store.shard_writer import ShardWriter
 from scenarionet_data.store.shared_map import write_shared_map
@@ -63,7 +63,7 @@ def convert_map(job: Job) -> Outcome:
     Raises:
         BrokenContract: It breaks a hard rule; no scenario can be trusted that needs it.
     """
-    converter, shard, files = converters.get(job.converter), job.shard, LakeFiles(job.lake)
+    converter, shard, files = converters.get(job.converter), job.shard, open_files(job.lake)
     try:
         with _without_collections():
             features = converter.map_features(shard)
@@ -85,7 +85,7 @@ def convert_shard(job: Job) -> Outcome:
         LakeError: The lake cannot be written; no other shard could be either.
     """
     started = time.monotonic()
-    converter, files, shard = converters.get(job.converter), LakeFiles(job.lake), job.shard
+    converter, files, shard = converters.get(job.converter), open_files(job.lake), job.shard
     if job.max_scenarios is None:
         finished = find_finished(files, shard, converter.version)
         if finished:

@@ -12,9 +12,11 @@ import os
 import shutil
 import time
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, urlsplit
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -25,19 +27,61 @@ _TEMPORARY = ".tmp"
 _ABANDONED_AFTER = 24 * 3600.0
 
 
+def open_files(root: str | Path) -> LakeFiles:
+    """The files of a lake by its folder or URL: ``lake``, ``file:///data/lake``.
+
+    Raises:
+        LakeError: The URL is of a kind that is not known.
+    """
+    if not is_url(root):
+        return LakeFiles(root)
+    parts = urlsplit(str(root))
+    if parts.scheme == "file" and parts.netloc in ("", "localhost"):
+        return LakeFiles(unquote(parts.path))
+    raise LakeError(f"{root}: wanted a folder or file:///FOLDER")
+
+
+def is_url(place: str | Path) -> bool:
+    """Whether a place is given as a URL, not as a path."""
+    return isinstance(place, str) and "://" in place
+
+
 class LakeFiles:
-    """Files below a lake's root folder.
+    """Files below a lake's root folder; :func:`open_files` opens a folder or an object store alike.
 
     Attributes:
-        root: Absolute path of the lake.
+        root: Absolute path of the lake, or its URL.
     """
 
+    root: Path | str
+
     def __init__(self, root: str | Path) -> None:
-        self.root = Path(root).resolve()
+        self.root = self._folder = Path(root).resolve()
 
     def path(self, name: str) -> Path:
-        """Where a file lies."""
-        return self.root / name
+        """A file on this machine: the lake's own, or a copy of it."""
+        return self._folder / name
+
+    def paths(self, names: Sequence[str]) -> list[Path]:
+        """Like :meth:`path`, of many at once."""
+        return [self.path(name) for name in names]
+
+    def url(self, name: str) -> str:
+        """Where a file lies, for other programs: an absolute path, or a URL."""
+        return f"{self.root}/{name}"
+
+    def scans(self, names: Sequence[str]) -> list[str]:
+        """Paths or URLs under which SQL scans files; all lie below :attr:`scanned_folders`."""
+        return [str(path) for path in self.paths(names)]
+
+    @property
+    def scanned_folders(self) -> list[str]:
+        """Folders, each with a slash at the end, below which everything lies that SQL may read."""
+        return [f"{self._folder}/"]
+
+    def filesystem(self) -> Any:
+        """What DuckDB reads the URLs of :meth:`scans` with, an fsspec file system; None when they are paths."""
+        return None
 
     def names(self, folder: str, suffix: str = "") -> list[str]:
         """Files directly in ``folder``, sorted; empty when there is no such folder."""
@@ -49,7 +93,7 @@ class LakeFiles:
         return sorted(entry.name for entry in self._entries(folder) if entry.is_dir())
 
     def _entries(self, folder: str) -> list[os.DirEntry[str]]:
-        path = self.root / folder
+        path = self._folder / folder
         with reading(path):
             try:
                 return list(os.scandir(path))
@@ -58,11 +102,15 @@ class LakeFiles:
 
     def has(self, name: str, size: int | None = None) -> bool:
         """Whether a file is there (with that size)."""
+        found = self.size(name)
+        return found is not None and size in (None, found)
+
+    def size(self, name: str) -> int | None:
+        """Bytes of a file; None when it is not there."""
         try:
-            found = self.path(name).stat().st_size
+            return self.path(name).stat().st_size
         except OSError:
-            return False
-        return size is None or found == size
+            return None
 
     def read(self, name: str, columns: list[str] | None = None) -> pa.Table:
         """Rows of a Parquet file."""
@@ -72,7 +120,7 @@ class LakeFiles:
 
     def temporary(self) -> Path:
         """A new path to write to before :meth:`publish`."""
-        folder = self.root / _TEMPORARY
+        folder = self._folder / _TEMPORARY
         with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
         return folder / f"{os.getpid()}-{uuid.uuid4().hex}"
@@ -167,7 +215,7 @@ def writing(path: Path, temporary: Path | None = None) -> Iterator[None]:
 
 
 @contextmanager
-def reading(path: Path) -> Iterator[None]:
+def reading(path: Path | str) -> Iterator[None]:
     """Turns a file that is gone, unreadable or damaged into a LakeError with the remedy."""
     try:
         yield

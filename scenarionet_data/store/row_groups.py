@@ -32,25 +32,33 @@ class RowGroups:
     """One open file; for one thread at a time.
 
     Args:
-        path: The file.
+        file: The file.
+        content: Its bytes; those of row groups that are not read may be missing.
         table: Table of the contract it belongs to.
         columns: Names of the columns to read.
-
-    Raises:
-        SchemaMismatch: It is of another version of the table.
     """
 
-    def __init__(self, path: Path, table: Table, columns: Sequence[str]) -> None:
-        self._path = path
-        # pre_buffer would share its cache between threads; a memory map needs no copy.
-        self._file = pq.ParquetFile(path, memory_map=True, pre_buffer=False)
-        table.check_version(self._file.metadata.metadata, str(path))
+    def __init__(self, file: pq.ParquetFile, content: memoryview, table: Table, columns: Sequence[str]) -> None:
+        self._file = file
         self._columns = columns
-        self._lists = _list_columns(self._file.metadata, table, columns)
-        with path.open("rb") as file:
-            self._content = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
-        self._bytes = np.frombuffer(self._content, np.uint8)
+        self._lists = _list_columns(file.metadata, table, columns)
+        self._content = content
+        self._bytes = np.frombuffer(content, np.uint8)
         self._zstd = zstandard.ZstdDecompressor()
+
+    @classmethod
+    def open(cls, path: Path, table: Table, columns: Sequence[str]) -> RowGroups:
+        """Those of a file on this machine.
+
+        Raises:
+            SchemaMismatch: It is of another version of the table.
+        """
+        # pre_buffer would share its cache between threads; a memory map needs no copy.
+        opened = pq.ParquetFile(path, memory_map=True, pre_buffer=False)
+        table.check_version(opened.metadata.metadata, str(path))
+        with path.open("rb") as file:
+            content = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
+        return cls(opened, content, table, columns)
 
     def close(self) -> None:
         """Close the file."""

@@ -87,9 +87,9 @@ def _unreadable(files: LakeFiles, name: str) -> Iterator[Damage]:
 
 def _changed(files: LakeFiles, name: str, size: int, checksum: str, digest: Callable[[str], str]) -> Damage | None:
     """What is wrong with the bytes of a file."""
-    if not files.has(name):
+    found = files.size(name)
+    if found is None:
         return Damage(name, "gone")
-    found = files.path(name).stat().st_size
     if found != size:
         return Damage(name, f"{found:,} bytes long, was written with {size:,}")
     if digest(name) != checksum:

@@ -17,7 +17,7 @@ import pyarrow as pa
 from scenarionet_data import Lake, ScenarioLoader, software
 from scenarionet_data.errors import MissingDependency
 from scenarionet_data.store import runs
-from scenarionet_data.store.files import LakeFiles
+from scenarionet_data.store.files import open_files
 from scenarionet_sim.evaluation.drivers import Cast, cast, find_backend
 from scenarionet_sim.evaluation.parts import Part, Progress, do_parts, parts_of
 from scenarionet_sim.evaluation.rollout import roll_out
@@ -132,7 +132,7 @@ def evaluate(
     """
     started = time.monotonic()
     written = ("rollouts", "results") if with_rollouts else ("results",)
-    run = runs.claim(LakeFiles(evaluation.lake), name, written, evaluation.description)
+    run = runs.claim(open_files(evaluation.lake), name, written, evaluation.description)
     total, done = len(_scenarios(evaluation)), run.done()
     jobs = [_Job(evaluation, part, run) for part in parts_of(total, PART) if part.number not in done]
     report = Report(name, total, total - sum(len(job.part) for job in jobs))

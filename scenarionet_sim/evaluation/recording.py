@@ -17,7 +17,7 @@ from scenarionet_data import Lake, ScenarioLoader, software, tables
 from scenarionet_data.codec.arrow import list_array, offsets_of, string_array
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.store import runs
-from scenarionet_data.store.files import LakeFiles
+from scenarionet_data.store.files import open_files
 from scenarionet_sim.environments.config import PAPER_OBSERVATION
 from scenarionet_sim.environments.observation import Observation
 from scenarionet_sim.evaluation.parts import Part, Progress, do_parts, parts_of
@@ -96,7 +96,7 @@ def record(recording: Recording, name: str, *, workers: int = 1, on_progress: Pr
         LakeError: A scenario cannot be read.
         WorkerLost: A worker was killed; finished parts are kept.
     """
-    run = runs.claim(LakeFiles(recording.lake), name, ("observations",), recording.description)
+    run = runs.claim(open_files(recording.lake), name, ("observations",), recording.description)
     parts, done = parts_of(len(_scenarios(recording)), PART), run.done()
     jobs = [_Job(recording, part, run) for part in parts if part.number not in done]
     for _ in do_parts(jobs, record_part, workers, on_progress):

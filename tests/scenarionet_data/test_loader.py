@@ -17,9 +17,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from scenarionet_data import Lake, ScenarioLoader, codec, loader, tables
+from scenarionet_data import Lake, ScenarioLoader, codec, tables
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.errors import NoSuchSnapshot, ScenarioNotFound
+from scenarionet_data.store import row_group_readers
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles, sha256
 from scenarionet_data.store.shard_record import partition
@@ -211,14 +212,14 @@ def test_worker_processes_load(lake, method):
 
 
 def test_few_files_stay_open(tmp_path, monkeypatch):
-    monkeypatch.setattr(loader, "_OPEN_FILES", 2)
+    monkeypatch.setattr(row_group_readers, "_OPEN_FILES", 2)
     for seed in range(4):
         lake = write_lake(tmp_path, [made(seed)], name=f"s{seed}")
     loaded = ScenarioLoader(lake)
     for _ in range(2):
         for seed in random.Random(2).sample(range(4), 4):
             scenario = loaded[seed]
-            assert len(loaded._local.files) <= 2
+            assert len(loaded._reader._open) <= 2
             assert differences(scenario, made(seed)) == []
     kept = [loaded[seed] for seed in range(4)]  # what was loaded outlives its file
     del loaded

@@ -151,7 +151,7 @@ def _changed_columns(lake: Lake, before: _Side, after: _Side) -> tuple[ColumnCha
 
 def _relation(lake: Lake, names: Sequence[str]) -> str:
     """SQL for the rows of metadata files, those of a lake without any too."""
-    paths = ", ".join("'" + str(lake.files.path(name)).replace("'", "''") + "'" for name in names)
+    paths = ", ".join("'" + str(path).replace("'", "''") + "'" for path in lake.files.paths(names))
     return f"read_parquet([{paths}], hive_partitioning = false)" if names else "(FROM metadata_rows LIMIT 0)"
 
 

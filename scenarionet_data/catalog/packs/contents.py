@@ -75,9 +75,9 @@ class Contents:
         records += self._write_shared_maps(rows)
         self._write_layers(rows["scenario_id"].combine_chunks())
         self._write_lists(records)
-        shutil.rmtree(self._target.root / ".tmp")
+        shutil.rmtree(self._target.path(".tmp"))
         lines = "".join(f"{digest}  {name}\n" for name, digest in sorted(self.sums.items()))
-        with writing(self._target.root):
+        with writing(self._target.path(SUMS)):
             self._target.path(SUMS).write_text(lines, "utf-8")
 
     def _tell(self, num_scenarios: int) -> None:
@@ -197,9 +197,9 @@ class Contents:
             (x, y), (min_x, min_y, max_x, max_y) = (row["origin_x"], row["origin_y"]), row["map_crop"]
             window = (x + min_x, y + min_y, x + max_x, y + max_y)
             windows.setdefault((row["dataset"], row["version"], row["map_id"]), []).append(window)
-        paths = self._holder.shared_maps()
+        names = self._holder.shared_maps()
         for (dataset, version, map_id), listed in sorted(windows.items()):
-            source = Path(paths[dataset, version, map_id]).relative_to(self._holder.root).as_posix()
+            source = names[dataset, version, map_id]
             record = self._shards[source]
             temporary = self._target.temporary()
             with _row_groups(temporary) as writer:
@@ -229,7 +229,7 @@ class Contents:
         temporary = self._target.temporary()
         with writing(temporary, temporary):
             shutil.copyfile(stored.path, temporary)
-        self._publish(temporary, stored.path.relative_to(self._holder.root).as_posix())
+        self._publish(temporary, stored.file)
         following = Snapshot(
             number=self._holder.snapshot.number,
             created_at=snapshots.now(),

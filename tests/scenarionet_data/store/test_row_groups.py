@@ -50,7 +50,7 @@ def written(path, batches, **options):
 
 
 def opened(path, columns=("track_id", *ZSTD)):
-    return RowGroups(path, tables.load("tracks"), columns)
+    return RowGroups.open(path, tables.load("tracks"), columns)
 
 
 def arrow_lists(path, number):
