@@ -23,7 +23,7 @@ from scenarionet_data.errors import LakeError, QueryError, UnsafeSql
 from scenarionet_data.resources import SQL
 from scenarionet_data.store import runs
 from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.files import LakeFiles
+from scenarionet_data.store.files import LakeFiles, is_url
 from scenarionet_data.store.snapshot import Snapshot
 
 if TYPE_CHECKING:
@@ -82,6 +82,7 @@ class Engine:
         self._only = only
         self._connection = duckdb.connect(config={"autoinstall_known_extensions": False})
         self._views = set(given)
+        self._reaches_urls = False
         self._lock = threading.Lock()
         self._connection.execute("SET enable_progress_bar = false")
         if threads:
@@ -218,7 +219,9 @@ class Engine:
             columns = [f"NULL::{_sql_type(c)} AS {c.name}" for c in tables.load(table).columns]
             folders = ["NULL::VARCHAR AS " + name for name in _hive_columns(table)]
             return f"(SELECT {', '.join(columns + folders)} WHERE false)"
-        self._connection.execute(f"SET VARIABLE {table}_files = $paths", {"paths": self._files.scans(names)})
+        paths = self._files.scans(names)
+        self._reach(paths)
+        self._connection.execute(f"SET VARIABLE {table}_files = $paths", {"paths": paths})
         hive = str(table in _FOLDER_COLUMNS).lower()
         scan = f"read_parquet(getvariable('{table}_files'), hive_partitioning = {hive}" + (
             ", hive_types_autocast = false)" if table in _FOLDER_COLUMNS else ")"
@@ -226,6 +229,12 @@ class Engine:
         if self._only is None or table not in _KEYS:
             return scan
         return f"(SELECT * FROM {scan} SEMI JOIN chosen USING ({_KEYS[table]}))"
+
+    def _reach(self, paths: Sequence[str]) -> None:
+        """Let DuckDB read those that are URLs; it still reads nothing outside the allowed folders."""
+        if not self._reaches_urls and any(map(is_url, paths)):
+            self._connection.register_filesystem(self._files.filesystem())
+            self._reaches_urls = True
 
     def _chosen_files(self, table: str) -> list[str]:
         """A table's files; of chosen scenarios, those that hold a part of one."""

@@ -1,4 +1,4 @@
-"""The files of a lake: the only module that writes, renames and lists them.
+"""The files of a lake: the only module that writes, renames and lists them, with ``remote_files`` for object stores.
 
 Every file is written under a temporary name and published whole; a published file never changes. Names are
 relative to the lake and use forward slashes.
@@ -28,17 +28,20 @@ _ABANDONED_AFTER = 24 * 3600.0
 
 
 def open_files(root: str | Path) -> LakeFiles:
-    """The files of a lake by its folder or URL: ``lake``, ``file:///data/lake``.
+    """The files of a lake by its folder or URL: ``lake``, ``file:///data/lake``, ``s3://bucket/lake``, ``gs://...``.
 
     Raises:
         LakeError: The URL is of a kind that is not known.
+        MissingDependency: What object stores need is not installed.
     """
     if not is_url(root):
         return LakeFiles(root)
     parts = urlsplit(str(root))
     if parts.scheme == "file" and parts.netloc in ("", "localhost"):
         return LakeFiles(unquote(parts.path))
-    raise LakeError(f"{root}: wanted a folder or file:///FOLDER")
+    from scenarionet_data.store.remote_files import RemoteLakeFiles  # here: a lake in a folder needs none of it
+
+    return RemoteLakeFiles(str(root))
 
 
 def is_url(place: str | Path) -> bool:

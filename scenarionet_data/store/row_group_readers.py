@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import mmap
 from collections import OrderedDict
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Protocol
 
+import pyarrow as pa
+import pyarrow.parquet as pq
+
 from scenarionet_data import tables
 from scenarionet_data.codec import LoadedRows
 from scenarionet_data.store.files import LakeFiles
+from scenarionet_data.store.remote_files import FOOTER, RemoteLakeFiles
 from scenarionet_data.store.row_groups import RowGroups
 
 _OPEN_FILES = 32
+_KEPT_FOOTERS = 512
+_GAP = 2**17
+"""Bytes between two row groups that are rather read than left out: they cost less than a request."""
 
 Address = tuple[str, str, int]
 """Table, file and number of a row group."""
@@ -39,7 +47,7 @@ def open_reader(files: LakeFiles, columns: Mapping[str, Sequence[str]]) -> RowGr
         files: The lake.
         columns: Names of the columns to read, by table.
     """
-    return FileReader(files, columns)
+    return RangeReader(files, columns) if isinstance(files, RemoteLakeFiles) else FileReader(files, columns)
 
 
 class FileReader:
@@ -64,3 +72,81 @@ class FileReader:
                 self._open.popitem(last=False)[1].close()
         self._open.move_to_end(name)
         return opened.read(number)
+
+
+class RangeReader:
+    """Reads row groups by byte ranges: one request for each, fewer where they lie side by side.
+
+    Footers are kept, in memory and as copies on this machine.
+    """
+
+    def __init__(self, files: RemoteLakeFiles, columns: Mapping[str, Sequence[str]]) -> None:
+        self._files = files
+        self._columns = columns
+        self._footers: OrderedDict[str, tuple[int, pq.FileMetaData]] = OrderedDict()
+        self._fetched: dict[Address, bytes] = {}
+
+    def fetch(self, addresses: Iterable[Address]) -> None:
+        """Ask for row groups, all at once."""
+        missing = sorted({address for address in addresses if address not in self._fetched})
+        self._learn(missing)
+        runs = _runs([(*self._span(address), address) for address in missing])
+        content = self._files.side_by_side(lambda run: self._files.range(run[0][2][1], run[0][0], run[-1][1]), runs)
+        for run, found in zip(runs, content, strict=True):
+            first = run[0][0]
+            for start, end, address in run:
+                self._fetched[address] = found[start - first : end - first]
+
+    def read(self, address: Address) -> LoadedRows:
+        """One row group."""
+        table, name, number = address
+        if address not in self._fetched:
+            self.fetch([address])
+        size, footer = self._footers[name]
+        # As much address space as the file is long, of which only what is written takes memory.
+        space = mmap.mmap(-1, size)
+        start, end = self._span(address)
+        space[start:end] = self._fetched.pop(address)
+        file = pq.ParquetFile(pa.BufferReader(pa.py_buffer(space)), metadata=footer, pre_buffer=False)
+        return RowGroups(file, memoryview(space), tables.load(table), self._columns[table]).read(number)
+
+    def _span(self, address: Address) -> tuple[int, int]:
+        """Where a row group's bytes begin and end in its file."""
+        _, name, number = address
+        group = self._footers[name][1].row_group(number)
+        columns = [group.column(index) for index in range(group.num_columns)]
+        starts = [min(c.data_page_offset, c.dictionary_page_offset or c.data_page_offset) for c in columns]
+        return min(starts), max(s + c.total_compressed_size for s, c in zip(starts, columns, strict=True))
+
+    def _learn(self, addresses: Sequence[Address]) -> None:
+        """Read the footers of files that are not known yet."""
+        unknown = sorted({(table, name) for table, name, _ in addresses if name not in self._footers})
+        for (table, name), (size, end) in zip(unknown, self._files.side_by_side(self._end, unknown), strict=True):
+            footer = pq.read_metadata(pa.BufferReader(end))
+            tables.load(table).check_version(footer.metadata, self._files.url(name))
+            self._footers[name] = size, footer
+        for _, name, _ in addresses:
+            self._footers.move_to_end(name)
+        while len(self._footers) > max(_KEPT_FOOTERS, len(addresses)):
+            self._footers.popitem(last=False)
+
+    def _end(self, file: tuple[str, str]) -> tuple[int, bytes]:
+        """Size and end of a file, with the whole footer."""
+        size, end = self._files.end(file[1], FOOTER)
+        needed = int.from_bytes(end[-8:-4], "little") + 8
+        return (size, end) if needed <= len(end) or len(end) == size else self._files.end(file[1], needed)
+
+
+Span = tuple[int, int, Address]
+
+
+def _runs(spans: Iterable[Span]) -> list[list[Span]]:
+    """Row groups of the same file that lie side by side, or nearly."""
+    runs: list[list[Span]] = []
+    for span in sorted(spans, key=lambda span: (span[2][1], span[0])):
+        last = runs[-1][-1] if runs else None
+        if last and last[2][1] == span[2][1] and span[0] - last[1] <= _GAP:
+            runs[-1].append(span)
+        else:
+            runs.append([span])
+    return runs
