@@ -82,7 +82,7 @@ class Engine:
         self._only = only
         self._connection = duckdb.connect(config={"autoinstall_known_extensions": False})
         self._views = set(given)
-        self._reaches_urls = False
+        self._filesystem: Any = None
         self._lock = threading.Lock()
         self._connection.execute("SET enable_progress_bar = false")
         if threads:
@@ -157,7 +157,8 @@ class Engine:
                 message, _, excerpt = str(error).partition("\n")
                 raise QueryError(f"{message}{_place_of_mistake(sql)}\n{excerpt}") from error
             except duckdb.Error as error:
-                raise QueryError(str(error)) from error
+                failure = self._filesystem and self._filesystem.pop_failure()
+                raise failure or QueryError(str(error)) from error
             finally:
                 for name in tables:
                     self._connection.unregister(name)
@@ -232,9 +233,9 @@ class Engine:
 
     def _reach(self, paths: Sequence[str]) -> None:
         """Let DuckDB read those that are URLs; it still reads nothing outside the allowed folders."""
-        if not self._reaches_urls and any(map(is_url, paths)):
-            self._connection.register_filesystem(self._files.filesystem())
-            self._reaches_urls = True
+        if self._filesystem is None and any(map(is_url, paths)):
+            self._filesystem = self._files.filesystem()
+            self._connection.register_filesystem(self._filesystem)
 
     def _chosen_files(self, table: str) -> list[str]:
         """A table's files; of chosen scenarios, those that hold a part of one."""

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from typing import Any
 
 from fsspec import AbstractFileSystem
 from fsspec.spec import AbstractBufferedFile
 
+from scenarionet_data.errors import LakeError
 from scenarionet_data.store.remote_files import FOOTER, RemoteLakeFiles
 
 _READ_AHEAD = 2**20
@@ -26,6 +29,7 @@ class RemoteFilesystem(AbstractFileSystem):  # type: ignore[misc]  # fsspec has 
     def __init__(self, files: RemoteLakeFiles) -> None:
         super().__init__()
         self._files = files
+        self._failure: LakeError | None = None
         self.protocol = str(files.root).partition("://")[0]
 
     @classmethod
@@ -58,10 +62,27 @@ class RemoteFilesystem(AbstractFileSystem):  # type: ignore[misc]  # fsspec has 
         """Bytes of a file; footers are read again and again, and fetched once."""
         size, last = self._end(path)
         first = size - len(last)
-        return last[start - first : end - first] if start >= first else self._files.range(self._name(path), start, end)
+        if start >= first:
+            return last[start - first : end - first]
+        with self._noting_failure():
+            return self._files.range(self._name(path), start, end)
+
+    def pop_failure(self) -> LakeError | None:
+        """Why the store did not give what DuckDB asked for last; DuckDB itself tells it as a traceback."""
+        failure, self._failure = self._failure, None
+        return failure
 
     def _end(self, path: str) -> tuple[int, bytes]:
-        return self._files.end(self._name(path), FOOTER)
+        with self._noting_failure():
+            return self._files.end(self._name(path), FOOTER)
+
+    @contextmanager
+    def _noting_failure(self) -> Iterator[None]:
+        try:
+            yield
+        except LakeError as error:
+            self._failure = LakeError(*error.args)
+            raise
 
 
 class RemoteFile(AbstractBufferedFile):  # type: ignore[misc]

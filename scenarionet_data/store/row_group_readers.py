@@ -5,6 +5,7 @@ from __future__ import annotations
 import mmap
 from collections import OrderedDict
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 import pyarrow as pa
@@ -74,6 +75,16 @@ class FileReader:
         return opened.read(number)
 
 
+@dataclass(frozen=True)
+class _Fetched:
+    """A row group's bytes, the size and footer of its file, and where they lie in it."""
+
+    size: int
+    footer: pq.FileMetaData
+    start: int
+    content: bytes
+
+
 class RangeReader:
     """Reads row groups by byte ranges: one request for each, fewer where they lie side by side.
 
@@ -84,30 +95,31 @@ class RangeReader:
         self._files = files
         self._columns = columns
         self._footers: OrderedDict[str, tuple[int, pq.FileMetaData]] = OrderedDict()
-        self._fetched: dict[Address, bytes] = {}
+        self._fetched: dict[Address, _Fetched] = {}
 
     def fetch(self, addresses: Iterable[Address]) -> None:
         """Ask for row groups, all at once."""
         missing = sorted({address for address in addresses if address not in self._fetched})
+        if not missing:
+            return
         self._learn(missing)
         runs = _runs([(*self._span(address), address) for address in missing])
         content = self._files.side_by_side(lambda run: self._files.range(run[0][2][1], run[0][0], run[-1][1]), runs)
         for run, found in zip(runs, content, strict=True):
             first = run[0][0]
             for start, end, address in run:
-                self._fetched[address] = found[start - first : end - first]
+                self._fetched[address] = _Fetched(*self._footers[address[1]], start, found[start - first : end - first])
 
     def read(self, address: Address) -> LoadedRows:
         """One row group."""
-        table, name, number = address
+        table, _, number = address
         if address not in self._fetched:
             self.fetch([address])
-        size, footer = self._footers[name]
+        fetched = self._fetched.pop(address)
         # As much address space as the file is long, of which only what is written takes memory.
-        space = mmap.mmap(-1, size)
-        start, end = self._span(address)
-        space[start:end] = self._fetched.pop(address)
-        file = pq.ParquetFile(pa.BufferReader(pa.py_buffer(space)), metadata=footer, pre_buffer=False)
+        space = mmap.mmap(-1, fetched.size)
+        space[fetched.start : fetched.start + len(fetched.content)] = fetched.content
+        file = pq.ParquetFile(pa.BufferReader(pa.py_buffer(space)), metadata=fetched.footer, pre_buffer=False)
         return RowGroups(file, memoryview(space), tables.load(table), self._columns[table]).read(number)
 
     def _span(self, address: Address) -> tuple[int, int]:

@@ -1,0 +1,165 @@
+"""Lakes in an object store: what a lake in a folder can do, with few requests."""
+
+from __future__ import annotations
+
+import pickle
+
+import pytest
+
+from scenarionet_data import Lake, ScenarioLoader
+from scenarionet_data.errors import DatabaseExists, LakeError, NoSuchSnapshot, QueryError
+from scenarionet_data.store import row_group_readers
+from scenarionet_data.store.files import LakeFiles, open_files
+from scenarionet_data.testing import differences
+from tests.fixtures.lakes import write_lake
+from tests.fixtures.scenarios import make_scenario
+
+MADE = [make_scenario(seed, num_objects=4, num_steps=11) for seed in range(6)]
+ASKED = "SELECT scenario_id, count(*) AS n, sum(len(x)) AS states FROM tracks GROUP BY ALL ORDER BY ALL"
+
+
+def test_a_lake_in_a_bucket(url, store, tmp_path):
+    """Written, asked, filtered and loaded as one in a folder; a scenario takes at most three requests."""
+    lake, local = write_lake(url, MADE), write_lake(tmp_path / "lake", MADE)
+    assert [path.removeprefix(f"{url}/") for path in lake.paths("tracks")] == [
+        path.removeprefix(f"{local.root}/") for path in local.paths("tracks")
+    ]
+    assert lake.sql(ASKED).equals(local.sql(ASKED))
+    database = lake.filter("source_scenario_id <> 's000002'", name="most")
+    loaded = ScenarioLoader(Lake(url), "most")
+    assert loaded.scenario_ids == database.scenario_ids == [s.id for s in MADE if not s.id.endswith("2")]
+    assert differences(loaded[0], MADE[0]) == []  # the footers are known now
+    store.set()
+    assert differences(loaded[3], MADE[4]) == []
+    assert [method for method, _, _ in store.requests()] == ["GET"] * 3
+    store.set()
+    assert [differences(loaded[k], MADE[m]) for k, m in ((4, 5), (1, 1))] == [[], []]
+    assert all(
+        differences(a, b) == [] for a, b in zip(loaded.batch([4, 0, 4]), (MADE[5], MADE[0], MADE[5]), strict=True)
+    )
+
+
+@pytest.fixture
+def lake(url):
+    return write_lake(url, MADE)
+
+
+@pytest.mark.long
+def test_a_batch_is_fetched_together(lake, store):
+    loaded = ScenarioLoader(lake)
+    scenarios = list(loaded)
+    assert [differences(a, b) for a, b in zip(scenarios, MADE, strict=True)] == [[]] * 6
+    store.set()
+    assert len(loaded.batch(range(6))) == 6
+    assert len(store.requests()) == 3  # one run of row groups a table
+    store.set()
+    assert len(loaded.batch_tracks(range(6))) == 6
+    assert len(store.requests()) == 1
+
+
+@pytest.mark.long
+def test_batches_load_while_footers_make_way(url, monkeypatch):
+    monkeypatch.setattr(row_group_readers, "_KEPT_FOOTERS", 2)
+    for k, scenario in enumerate(MADE):
+        lake = write_lake(url, [scenario], name=f"shard{k}")
+    loaded = ScenarioLoader(lake)
+    for _ in range(2):
+        assert [differences(a, b) for a, b in zip(loaded.batch(range(6)), MADE, strict=True)] == [[]] * 6
+        assert [differences(a, b) for a, b in zip(loaded, MADE, strict=True)] == [[]] * 6
+    assert len(loaded._reader._footers) <= 18
+
+
+@pytest.mark.long
+def test_long_footers_are_read_whole(lake, monkeypatch):
+    monkeypatch.setattr(row_group_readers, "FOOTER", 64)
+    assert differences(ScenarioLoader(lake)[2], MADE[2]) == []
+
+
+@pytest.mark.long
+def test_a_loader_travels(lake):
+    loaded = pickle.loads(pickle.dumps(ScenarioLoader(lake)))
+    assert differences(loaded[1], MADE[1]) == []
+
+
+@pytest.mark.long
+def test_opening_again_asks_little(lake, store):
+    store.set()
+    assert len(Lake(lake.root)) == 6
+    assert [method for method, _, _ in store.requests()].count("GET") <= 4  # listings: files are here already
+
+
+@pytest.mark.long
+def test_databases_and_layers(lake, url):
+    lake.filter("num_objects > 0", name="all")
+    train, val = lake.split("all", {"train": 0.5, "val": 0.5}, seed=0).values()
+    assert {*train.scenario_ids, *val.scenario_ids} == {scenario.id for scenario in MADE}
+    lake.tag_where("odd", "source_scenario_id LIKE '%1'")
+    assert Lake(url).sql("SELECT sum(odd::INT) AS n FROM metadata")["n"][0] == 1
+    lake.drop(val.name)
+    lake.rename(train.name, "learning")
+    assert Lake(url).databases == ["all", "learning"]
+    assert lake.database("learning").scenario_ids == train.scenario_ids
+    with pytest.raises(DatabaseExists):
+        lake.rename("learning", "all")
+
+
+@pytest.mark.long
+def test_a_database_dropped_and_made_again_is_the_new_one(lake, url):
+    reader = Lake(url)
+    lake.filter("source_scenario_id = 's000001'", name="few")
+    assert reader.database("few").scenario_ids == [MADE[1].id]
+    lake.drop("few")
+    lake.filter("source_scenario_id = 's000002'", name="few")
+    assert reader.database("few").scenario_ids == Lake(url).database("few").scenario_ids == [MADE[2].id]
+
+
+@pytest.mark.long
+def test_a_pack_of_a_remote_lake(lake, tmp_path):
+    lake.filter("source_scenario_id = 's000003'", name="one")
+    packed = lake.pack("one", tmp_path / "pack")
+    assert packed.num_scenarios == 1
+    assert differences(ScenarioLoader(tmp_path / "pack", "one")[0], MADE[3]) == []
+
+
+@pytest.mark.long
+def test_sql_reads_the_lake_alone(lake):
+    for query in (
+        "SELECT * FROM read_parquet('s3://bucket/elsewhere.parquet')",
+        "SELECT * FROM read_text('/etc/hostname')",
+        f"COPY (SELECT 1) TO '{lake.root}/x.parquet'",
+    ):
+        with pytest.raises(QueryError):
+            lake.sql(query)
+    lake.sql(ASKED)  # DuckDB reads URLs now
+    for query in ("SELECT * FROM read_text('s3://bucket/x')", "SELECT * FROM read_text('/etc/hostname')"):
+        with pytest.raises(QueryError):
+            lake.sql(query)
+
+
+@pytest.mark.long
+def test_a_file_that_is_gone(lake):
+    (name,) = lake.files.names(lake.paths("tracks")[0].removeprefix(f"{lake.root}/").rpartition("/")[0])
+    lake.files.remove(name)
+    with pytest.raises(LakeError, match="gone; `scenarionet check`"):
+        ScenarioLoader(Lake(lake.root))[0]
+    with pytest.raises(LakeError, match="gone"):
+        Lake(lake.root).sql(ASKED)
+
+
+@pytest.mark.long
+def test_places_that_are_no_lake(url, store):
+    with pytest.raises(NoSuchSnapshot, match="no lake there"):
+        Lake(url)
+    with pytest.raises(LakeError, match="no such bucket"):
+        Lake("s3://nobody-has-this/lake")
+    with pytest.raises(LakeError, match="no such bucket"):
+        open_files("s3://nobody-has-this/lake").publish_new("x", b"x")
+    for odd in ("ftp://host/lake", "s3://", "file://elsewhere/lake"):
+        with pytest.raises(LakeError, match="wanted a folder, s3://"):
+            open_files(odd)
+
+
+def test_a_url_of_a_folder(tmp_path):
+    files = open_files(f"file://{tmp_path}/my%20lake")
+    assert type(files) is LakeFiles
+    assert files.root == tmp_path / "my lake"
