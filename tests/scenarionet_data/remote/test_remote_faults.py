@@ -1,0 +1,161 @@
+"""What the world does to a lake in an object store: errors, lost answers, killed clients, two clients at once.
+
+Whatever happens, the lake stays as it was or becomes what an undisturbed run would have made.
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from scenarionet_data import Lake, ScenarioLoader, convert
+from scenarionet_data.errors import LakeError
+from scenarionet_data.store import snapshot as snapshots
+from scenarionet_data.store.files import open_files, sha256
+from tests.fixtures.lakes import write_shard
+from tests.fixtures.made import NAME, MadeOptions, write_raw
+from tests.fixtures.scenarios import make_scenario
+
+pytestmark = pytest.mark.long
+
+CONVERT = """
+import sys
+from scenarionet_data import convert
+from tests.fixtures.made import NAME, MadeOptions
+if __name__ == "__main__":
+    convert(NAME, sys.argv[1], sys.argv[2], options=MadeOptions(num_objects=2))
+"""
+
+COMMIT_MANY = """
+import sys
+from scenarionet_data.store import commit as commits
+from scenarionet_data.store.files import open_files
+from tests.fixtures.lakes import write_shard
+from tests.fixtures.scenarios import make_scenario, renamed
+url, who = sys.argv[1:]
+template = make_scenario(1, num_objects=2, num_steps=5, num_lanes=1, num_lights=1)
+records = [write_shard(url, [renamed(template, f"{who}{k}")], name=f"{who}{k}") for k in range(8)]
+print("ready", flush=True)
+sys.stdin.readline()
+for record in records:
+    commits.commit(open_files(url), [record], who)
+"""
+
+
+def run(raw, root):
+    return convert(NAME, str(raw), root, options=MadeOptions(num_objects=2))
+
+
+def content(root):
+    """Table and content of every file that the newest snapshot names."""
+    lake = Lake(root)
+    listed = [
+        path.removeprefix(f"{lake.root}/") for t in ("metadata", "tracks", "lights", "maps") for path in lake.paths(t)
+    ]
+    return sorted((name, sha256(lake.files.path(name))) for name in listed)
+
+
+@pytest.fixture
+def raw(tmp_path):
+    return write_raw(tmp_path / "raw", {f"s{k}": [f"{k * 10 + i} slow" for i in range(4)] for k in range(5)})
+
+
+@pytest.fixture
+def undisturbed(raw, tmp_path):
+    """What the lake becomes when nothing happens."""
+    run(raw, tmp_path / "undisturbed")
+    return content(tmp_path / "undisturbed")
+
+
+@pytest.mark.parametrize("status", [500, 503])
+def test_errors_for_a_while_are_waited_out(url, store, raw, undisturbed, status):
+    store.set(failures=6, status=status)
+    report = run(raw, url)
+    assert (report.converted, report.failed) == (20, [])
+    assert content(url) == undisturbed
+    store.set(failures=4, status=status)
+    assert len(list(ScenarioLoader(url))) == 20
+
+
+def test_errors_that_stay_end_the_run_and_show_nothing_half(url, store, raw, undisturbed, monkeypatch):
+    monkeypatch.setenv("SCENARIONET_PATIENCE", "1")
+    store.set(failures=10_000, status=503, method="PUT", part="/metadata/")
+    with pytest.raises(LakeError, match="503 .* asked for up to 1 s .* run the same command again"):
+        run(raw, url)
+    store.set()
+    assert open_files(url).names("snapshots") == []
+    report = run(raw, url)
+    assert report.converted == 20
+    assert content(url) == undisturbed
+
+
+def test_a_commit_whose_answer_is_lost_is_one_commit(url, store, raw, undisturbed):
+    """The store is asked again and says that the snapshot is there already: it is this client's."""
+    store.set(failures=1, status=500, method="PUT", part="/snapshots/0", is_lost=True)
+    assert run(raw, url).failed == []
+    assert snapshots.numbers(open_files(url)) == [1]
+    store.set(failures=1, status=500, method="PUT", part="/databases/", is_lost=True)
+    assert Lake(url).filter("num_objects > 0", name="all").version == 1
+    assert content(url) == undisturbed
+
+
+def test_only_one_of_several_makes_a_file(url, store):
+    files = [open_files(url) for _ in range(8)]
+    won = files[0].side_by_side(lambda one: one.publish_new("snapshots/x", b"the same"), files)
+    assert sorted(won) == [False] * 7 + [True]
+
+
+def test_a_client_killed_while_it_uploads(url, store, raw, undisturbed):
+    store.set(latency=0.15)
+    job = subprocess.Popen([sys.executable, "-c", CONVERT, str(raw), url])
+    files, folder = open_files(url), "metadata/dataset=made/version=v1/split=train"
+    deadline = time.monotonic() + 60
+    while len(files.names(folder)) < 2 and time.monotonic() < deadline:
+        time.sleep(0.01)
+    job.send_signal(signal.SIGKILL)
+    assert job.wait() == -signal.SIGKILL
+    store.set()
+    finished = len(files.names(folder))
+    assert 2 <= finished <= 5
+    assert files.names("snapshots") == []  # nobody has seen anything
+    report = run(raw, url)
+    assert (report.adopted, report.converted) == (finished, 20)
+    assert content(url) == undisturbed
+
+
+def test_two_clients_commit_at_once(url, store):
+    commands = [[sys.executable, "-c", COMMIT_MANY, url, who] for who in ("a", "b")]
+    pipe = subprocess.PIPE
+    jobs = [subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) for command in commands]
+    assert [job.stdout.readline() for job in jobs] == ["ready\n"] * 2
+    for job in jobs:
+        job.stdin.write("go\n")
+        job.stdin.flush()
+    for job in jobs:
+        job.communicate(timeout=120)
+        assert job.returncode == 0
+    lake = Lake(url)
+    ids = lake.sql("SELECT scenario_id FROM metadata ORDER BY ALL")["scenario_id"].to_list()
+    assert ids == sorted(f"made/v1/{who}{k}" for who in "ab" for k in range(8))
+    assert lake.snapshot.number == 16
+
+
+def test_a_damaged_upload_is_found(url, store):
+    """What is put over a file later, by whomever, is no longer what was written: checks say so."""
+    import obstore
+
+    from scenarionet_data.store import commit as commits
+    from scenarionet_data.store.verifying import verify
+
+    files = open_files(url)
+    record = write_shard(url, [make_scenario(1)])
+    commits.commit(files, [record], "test")
+    obstore.put(files._store, record.files[0], b"something else")
+    found = [damage.file for damage in verify(files, Lake(url).snapshot)]
+    assert found[0] == record.files[0]
+    assert json.loads(snapshots.read(files).to_bytes())["number"] == 1
