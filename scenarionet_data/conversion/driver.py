@@ -16,6 +16,7 @@ from scenarionet_data import converters
 from scenarionet_data.conversion.basket import Basket
 from scenarionet_data.conversion.jobs import Job, convert_map, convert_shard, run_limited
 from scenarionet_data.conversion.plan import Plan, make_plan
+from scenarionet_data.conversion.raw_store import listing
 from scenarionet_data.conversion.report import Report
 from scenarionet_data.conversion.runners import Run, runner
 from scenarionet_data.conversion.selection import Selection
@@ -53,8 +54,8 @@ def convert(
 
     Args:
         dataset: Name of a converter.
-        raw: The raw recordings: a folder, or what the converter says.
-        lake: The lake's folder; made when it is not there.
+        raw: The raw recordings: a folder, its URL in an object store, or what the converter says.
+        lake: The lake's folder or URL; made when it is not there.
         split: The owner's split; guessed from the folder's name unless given.
         version: The dataset's release; the converter's default unless given.
         options: The converter's options.
@@ -139,17 +140,18 @@ def _prepare(
     stale: bool,
 ) -> tuple[LakeFiles, Plan, Plan]:
     """The lake's files, what to do about shared maps, and what to do about scenarios."""
-    split, version = split or guess_split(raw), version or converter.release
-    for name, value in (("split", split), ("version", version)):
-        if not _WORD.fullmatch(value):
-            raise BadParameter(f"--{name} {value!r}: use letters, digits, '.', '_' and '-'")
-    files, chosen = open_files(lake), options or converter.Options()
+    files, chosen, version = open_files(lake), options or converter.Options(), version or converter.release
     held = snapshots.shards(files, snapshots.read(files))
-    chosen_shards = selection.of(converter.shards(raw, split, version, chosen))
-    maps, scenarios = (
-        make_plan(wanted, held, converter.version, replace_old=replace_old, stale=stale)
-        for wanted in (converter.maps(raw, version, chosen), chosen_shards)
-    )
+    with listing(converter, raw) as place:
+        split = split or guess_split(place.folder)
+        for name, value in (("split", split), ("version", version)):
+            if not _WORD.fullmatch(value):
+                raise BadParameter(f"--{name} {value!r}: use letters, digits, '.', '_' and '-'")
+        chosen_shards = selection.of(converter.shards(place.folder, split, version, chosen))
+        maps, scenarios = (
+            make_plan(map(place.place, wanted), held, converter.version, replace_old=replace_old, stale=stale)
+            for wanted in (converter.maps(place.folder, version, chosen), chosen_shards)
+        )
     return files, maps, scenarios
 
 

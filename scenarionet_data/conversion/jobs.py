@@ -11,6 +11,7 @@ from typing import Any
 
 from scenarionet_data import converters
 from scenarionet_data.catalog.audit import audit, audit_shared_map
+from scenarionet_data.conversion.raw_store import at_hand
 from scenarionet_data.converters.base import Converter, Shard
 from scenarionet_data.errors import LakeError, SourceError
 from scenarionet_data.store.files import open_files
@@ -65,8 +66,8 @@ def convert_map(job: Job) -> Outcome:
     """
     converter, shard, files = converters.get(job.converter), job.shard, open_files(job.lake)
     try:
-        with _without_collections():
-            features = converter.map_features(shard)
+        with at_hand(converter, shard) as here, _without_collections():
+            features = converter.map_features(here)
     except SourceError as error:
         return Outcome(shard.name, None, error=str(error))
     record = write_shared_map(files, shard, features, converter.version, converter.licence)
@@ -94,7 +95,8 @@ def convert_shard(job: Job) -> Outcome:
         shard = replace(shard, name=f"{shard.name}-first{job.max_scenarios}")
     writer = ShardWriter(files, shard, converter.version, converter.licence, audit if job.is_checked else None)
     try:
-        num_records = _write_scenarios(converter, shard, writer, job.max_scenarios)
+        with at_hand(converter, shard) as here:
+            num_records = _write_scenarios(converter, here, writer, job.max_scenarios)
         record = writer.finish(job.max_scenarios, num_records)
     except (LakeError, MemoryError):
         raise

@@ -13,7 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path, PurePath
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Literal, TypeVar
 
 from scenarionet_data.errors import BadParameter, SourceNotFound
 from scenarionet_data.scenario import ScenarioDescription
@@ -153,6 +153,8 @@ class Converter(ABC, Generic[Record]):
         Options: Dataclass of what the converter can be told.
         facts: Keys of what is known of its recordings before they are read, beyond ``file`` and ``name``.
         budgets: How far real recordings stray from plausible motion.
+        downloads: What a worker needs of RAW in an object store: a shard's ``files``, or all of the ``folders`` they
+            stand in. Empty for a converter whose ``shards`` looks into files: it reads folders alone.
     """
 
     name: ClassVar[str]
@@ -163,6 +165,7 @@ class Converter(ABC, Generic[Record]):
     Options: ClassVar[type[Options]] = Options
     facts: ClassVar[tuple[str, ...]] = ()
     budgets: ClassVar[Budgets] = Budgets()
+    downloads: ClassVar[Literal["", "files", "folders"]] = ""
 
     @abstractmethod
     def shards(self, raw: str, split: str, version: str, options: Any) -> Iterable[Shard]:

@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import timedelta
+from pathlib import Path
 from typing import Any
 
 from scenarionet_data.errors import LakeError, MissingDependency
@@ -102,6 +103,13 @@ def asking(url: str) -> Iterator[None]:
             f"{patience():.0f} s ($SCENARIONET_PATIENCE). What is committed is kept: run the same command again when "
             "the store is well"
         ) from error
+
+
+def save(got: Any, path: Path) -> None:
+    """Write what obstore got to a file, piece by piece."""
+    with path.open("wb") as file:
+        for piece in got.stream():
+            file.write(piece)
 
 
 def no_bucket(url: str) -> LakeError:

@@ -169,9 +169,8 @@ class RemoteLakeFiles(LakeFiles):
         temporary = self.temporary()
         with self._reading(name):
             got = obstore.get(self._store, name)
-            with writing(temporary, temporary), temporary.open("wb") as file:
-                for chunk in got.stream():
-                    file.write(chunk)
+            with writing(temporary, temporary):
+                object_store.save(got, temporary)
         mark = "" if name.startswith(_BY_CONTENT) else str(got.meta["e_tag"])
         return self._copies.add(temporary, name, mark)
 

@@ -68,6 +68,7 @@ class Argoverse2(Converter[RawItem | Window]):
     Options = Argoverse2Options
     facts = ("kind", "log", "location")
     budgets = Budgets(velocity_median=0.5, velocity_p99=5.0, heading_p99=1.0)
+    downloads = "folders"
 
     def shards(self, raw: str, split: str, version: str, options: Argoverse2Options) -> Iterator[Shard]:
         """Buckets of forecasting scenarios, then sensor logs, see :meth:`Converter.shards`."""

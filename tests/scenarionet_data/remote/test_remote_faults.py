@@ -85,7 +85,7 @@ def test_errors_for_a_while_are_waited_out(url, store, raw, undisturbed, status)
 def test_errors_that_stay_end_the_run_and_show_nothing_half(url, store, raw, undisturbed, monkeypatch):
     monkeypatch.setenv("SCENARIONET_PATIENCE", "1")
     store.set(failures=10_000, status=503, method="PUT", part="/metadata/")
-    with pytest.raises(LakeError, match="503 .* asked for up to 1 s .* run the same command again"):
+    with pytest.raises(LakeError, match=r"503 .* asked for up to 1 s .* run the same command again"):
         run(raw, url)
     store.set()
     assert open_files(url).names("snapshots") == []

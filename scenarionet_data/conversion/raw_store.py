@@ -1,0 +1,137 @@
+"""Raw recordings in an object store: listed without reading them, and on a worker's disk while a shard is converted."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+from scenarionet_data.converters.base import Converter, Shard
+from scenarionet_data.errors import BadParameter, SourceNotFound
+from scenarionet_data.store import object_store
+from scenarionet_data.store.files import is_url, writing
+from scenarionet_data.store.object_store import asking
+
+_AT_ONCE = 16
+"""Downloads in flight."""
+
+
+class RawPlace:
+    """Where raw recordings are listed: their folder, or one that looks like theirs in the object store.
+
+    Args:
+        raw: The raw recordings, as the user gave them.
+        folder: What converters list.
+    """
+
+    def __init__(self, raw: str, folder: str) -> None:
+        self._url = raw if is_url(raw) else None
+        self._folder = Path(folder)
+        self.folder = folder
+
+    def place(self, shard: Shard) -> Shard:
+        """The shard, whose root is where the recordings really are."""
+        if self._url is None:
+            return shard
+        base = self._url.removesuffix(f"/{self._folder.name}") if self._folder.is_file() else self._url
+        top = self._folder.parent if self._folder.is_file() else self._folder
+        below = Path(shard.root).relative_to(top).as_posix()
+        return replace(shard, root=base if below == "." else f"{base}/{below}")
+
+
+@contextmanager
+def listing(converter: Converter[Any], raw: str) -> Iterator[RawPlace]:
+    """Where a converter lists its recordings.
+
+    Files in an object store are listed once. Each becomes a file without content, of the same name and size, that
+    begins with the store's mark of its content, so that fingerprints change when it does.
+
+    Raises:
+        BadParameter: The converter reads files to list them.
+        SourceNotFound: There is nothing.
+        LakeError: The store does not answer.
+    """
+    if not is_url(raw):
+        yield RawPlace(raw, raw)
+        return
+    if urlsplit(raw).scheme == "file":
+        path = urlsplit(raw).path
+        yield RawPlace(path, path)
+        return
+    raw = raw.rstrip("/")
+    if not converter.downloads:
+        raise BadParameter(f"{raw}: {converter.name} looks into its files to list them; copy them to a folder first")
+    with tempfile.TemporaryDirectory(prefix="scenarionet-") as temporary:
+        folder = Path(temporary, *urlsplit(raw).path.strip("/").split("/"))
+        for name, size, mark in _objects(raw):
+            file = folder / name if name else folder
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_bytes(hashlib.blake2b(mark.encode(), digest_size=16).digest()[:size])
+            os.truncate(file, size)
+        yield RawPlace(raw, str(folder))
+
+
+@contextmanager
+def at_hand(converter: Converter[Any], shard: Shard) -> Iterator[Shard]:
+    """The shard with its files on this machine; what was downloaded for it goes afterwards."""
+    if not is_url(shard.root):
+        yield shard
+        return
+    with tempfile.TemporaryDirectory(prefix="scenarionet-") as folder, ThreadPoolExecutor(_AT_ONCE) as pool:
+        store = object_store.open_store(shard.root)
+        names = sorted({name for item in shard.items for name in _needed(store, shard, item.name, converter.downloads)})
+        for _ in pool.map(lambda name: _fetch(store, shard, name, Path(folder, name)), names):
+            pass
+        yield replace(shard, root=folder)
+
+
+def _objects(url: str) -> Iterator[tuple[str, int, str]]:
+    """Name below the URL, size and mark of every file; of the one file it names, with an empty name."""
+    import obstore
+
+    store = object_store.open_store(url)
+    found = False
+    with asking(url):
+        for page in obstore.list(store):
+            for each in page:
+                found = True
+                yield str(each["path"]), int(each["size"]), str(each["e_tag"])
+    if not found:
+        parent, _, name = url.rpartition("/")
+        try:
+            with asking(url):
+                each = obstore.head(object_store.open_store(parent), name)
+        except FileNotFoundError as error:
+            raise SourceNotFound(f"{url}: nothing there; list the bucket to see its folders") from error
+        yield "", int(each["size"]), str(each["e_tag"])
+
+
+def _needed(store: Any, shard: Shard, item: str, downloads: str) -> list[str]:
+    """Names of the files that an item needs."""
+    import obstore
+
+    folder = item.rpartition("/")[0]
+    if downloads == "files" or not folder:
+        return [item]
+    with asking(f"{shard.root}/{folder}"):
+        return [str(each["path"]) for page in obstore.list(store, folder) for each in page]
+
+
+def _fetch(store: Any, shard: Shard, name: str, path: Path) -> None:
+    import obstore
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        with asking(f"{shard.root}/{name}"):
+            got = obstore.get(store, name)
+            with writing(path, path):
+                object_store.save(got, path)
+    except FileNotFoundError as error:
+        raise SourceNotFound(f"{shard.root}/{name}: gone since it was listed; run the same command again") from error
