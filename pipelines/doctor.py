@@ -43,7 +43,15 @@ class Finding:
 
 def examine(lake: str | None = None) -> list[Finding]:
     """Look at Python, packages, converters, the machine, and a lake when one is given."""
-    return [*_python(), *_packages(), *_converters(), *_machine(lake or "."), *(_lake(lake) if lake else ())]
+    from scenarionet_data.store.files import is_url
+    from scenarionet_data.store.local_copies import folder_of
+
+    found = [*_python(), *_packages(), *_converters()]
+    if lake is None or not is_url(lake):
+        return [*found, *_machine(lake or "."), *(_lake(lake) if lake else ())]
+    from pipelines.remote_doctor import examine_store
+
+    return [*found, *_machine(str(folder_of(lake))), *examine_store(lake)]
 
 
 def _python() -> Iterator[Finding]:

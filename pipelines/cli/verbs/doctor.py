@@ -13,7 +13,7 @@ from pipelines.cli.parameters import json_option
 _MARKS = {"ok": "ok", "missing": "--", "bad": "BAD"}
 
 
-@verb("doctor", "scenarionet doctor", "scenarionet doctor lake --json")
+@verb("doctor", "scenarionet doctor", "scenarionet doctor lake --json", "scenarionet doctor s3://bucket/lake")
 @click.argument("lake", required=False)
 @json_option
 def command(lake: str | None, as_json: bool) -> None:
