@@ -83,9 +83,11 @@ def convert(
     report = Report(skipped=plan.num_skipped, stale=plan.num_stale)
     map_jobs = [Job(dataset, shard, str(files.root), is_checked=is_checked) for shard in maps.shards]
     _convert_maps(files, map_jobs, maps, report)
-    jobs = [Job(dataset, shard, str(files.root), limit, is_checked) for shard in plan.shards]
-    run = run or runner(min(workers, len(jobs)))
-    outcomes = run_limited(jobs, limit) if limit is not None else run(jobs, convert_shard)
+    chosen = plan.shards if limit is not None else largest_first(plan.shards)
+    jobs = [Job(dataset, shard, str(files.root), limit, is_checked) for shard in chosen]
+    tally = Tally(lambda outcome: outcome.counts)
+    run = partial(run_limited, limit=limit) if limit is not None else run or runner(min(workers, len(jobs)))
+    outcomes = tally(run, jobs, convert_shard, lost_shard)
     basket = Basket(files, plan, f"convert {dataset}", report)
     if on_progress:
         on_progress(0, len(jobs), 0)
@@ -96,6 +98,7 @@ def convert(
                 on_progress(done, len(jobs), report.converted)
     finally:
         basket.commit()
+    report.workers = tally.shares
     report.snapshot = commits.consolidate(files).number
     report.seconds = time.monotonic() - started
     return report
