@@ -50,7 +50,7 @@ class Crew:
     @property
     def address(self) -> str:
         """Of the scheduler."""
-        return str(self._client.scheduler.address)
+        return str(self._client.scheduler_info(n_workers=0)["address"])
 
     @property
     def dashboard(self) -> str:
@@ -105,8 +105,8 @@ class Crew:
     ) -> Iterator[tuple[Work, Done | _Lost]]:
         """Hand jobs to the scheduler, as many at a time as there is room for; each with its result, as they come."""
         queue = iter(jobs)
-        flying: dict[str, tuple[Work, Future]] = {}
-        landed: SimpleQueue[Future] = SimpleQueue()
+        flying: dict[Any, tuple[Work, Future[Any]]] = {}
+        landed: SimpleQueue[Future[Any]] = SimpleQueue()
         while True:
             for job, future in self._submit([*islice(queue, max(0, room() - len(flying)))], do):
                 flying[future.key] = job, future
@@ -118,7 +118,7 @@ class Crew:
             for future, result in zip(futures, self._results(futures), strict=True):
                 yield flying.pop(future.key)[0], result
 
-    def _submit(self, jobs: list[Work], do: Callable[[Work], Done]) -> Iterator[tuple[Work, Future]]:
+    def _submit(self, jobs: list[Work], do: Callable[[Work], Done]) -> Iterator[tuple[Work, Future[Any]]]:
         if not jobs:
             return
         name = getattr(do, "__name__", type(do).__name__)
@@ -127,7 +127,7 @@ class Crew:
         futures = self._client.map(_OneAtATime(do), payloads, key=keys, pure=False)
         yield from zip(jobs, futures, strict=True)
 
-    def _wait(self, landed: SimpleQueue[Future]) -> list[Future]:
+    def _wait(self, landed: SimpleQueue[Future[Any]]) -> list[Future[Any]]:
         """Those that have landed, at least one."""
         while True:
             try:
@@ -139,14 +139,14 @@ class Crew:
             futures.append(landed.get())
         return futures
 
-    def _results(self, futures: list[Future]) -> list[Any]:
+    def _results(self, futures: list[Future[Any]]) -> list[Any]:
         """What each returned, or why there is nothing; raises what a job raised."""
         if all(future.status == "finished" for future in futures):
             with suppress(Exception):  # of which future, the next line finds out
                 return list(self._client.gather(futures))
         return [self._result(future) for future in futures]
 
-    def _result(self, future: Future) -> Any:
+    def _result(self, future: Future[Any]) -> Any:
         while not future.cancelled():
             try:
                 return future.result(timeout=_ANSWER_WITHIN)

@@ -72,7 +72,9 @@ def _load() -> tuple[Any, type[Crew]]:
 
 
 def _missing(extra: str) -> MissingDependency:
-    return MissingDependency(f"this cluster needs packages that are not installed: pip install 'scenarionet-lake[{extra}]'")
+    return MissingDependency(
+        f"this cluster needs packages that are not installed: pip install 'scenarionet-lake[{extra}]'"
+    )
 
 
 def _start(profile: Profile) -> Any:

@@ -86,5 +86,5 @@ def parse(text: str, where: str) -> Profile:
     if content.get("kind") not in KINDS:
         raise BadParameter(f"{where}: wanted a kind out of {', '.join(KINDS)}, found {content.get('kind')!r}")
     if content["kind"] == "scheduler" and not content.get("address"):
-        raise BadParameter(f"{where}: wanted the scheduler's address, for example \"tcp://10.0.0.5:8786\"")
+        raise BadParameter(f'{where}: wanted the scheduler\'s address, for example "tcp://10.0.0.5:8786"')
     return Profile(**content)

@@ -142,8 +142,9 @@ def _check_nothing_is_lost(shards: Iterable[Shard], replaced: Iterable[ShardReco
 
 
 def largest_first(shards: Iterable[Shard]) -> list[Shard]:
-    """Shards by the size of their files, then by the number of their inputs: a large one at the end keeps one worker
-    busy while the others have nothing left to do.
+    """Shards by the size of their files, then by the number of their inputs.
+
+    A large one at the end would keep one worker busy while the others have nothing left to do.
     """
     return sorted(shards, key=lambda shard: (-sum(map(_size, shard.paths)), -len(shard.items), shard.name))
 
