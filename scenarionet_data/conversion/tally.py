@@ -45,6 +45,10 @@ class _Measured(Generic[Work, Done]):
 
     do: Callable[[Work], Done]
 
+    @property
+    def __name__(self) -> str:
+        return self.do.__name__
+
     def __call__(self, job: Work) -> _Result[Done]:
         started = time.monotonic()
         value = self.do(job)

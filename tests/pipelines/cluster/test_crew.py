@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
@@ -44,7 +43,7 @@ def half(number: int) -> int:
 
 def test_what_each_job_returned(crew):
     assert crew.workers == 2
-    assert sorted(crew(range(0, 12), half)) == sorted(map(half, range(12)))
+    assert sorted(crew(range(12), half)) == sorted(map(half, range(12)))
     assert list(crew([], half)) == []
 
 

@@ -50,7 +50,9 @@ def test_mistakes_are_named(text, message):
 
 
 def test_an_unknown_name_is_told_what_there_is():
-    with pytest.raises(BadParameter, match=r"no cluster 'locall'; did you mean local\? there are existing, .*tcp://HOST"):
+    with pytest.raises(
+        BadParameter, match=r"no cluster 'locall'; did you mean local\? there are existing, .*tcp://HOST"
+    ):
         profiles.find("locall")
 
 
@@ -75,7 +77,9 @@ def test_who_has_workers_is_not_given_others():
 def test_nobody_answers(monkeypatch):
     monkeypatch.setattr("pipelines.cluster.opening._CONNECT_WITHIN", 0.3)
     with (
-        pytest.raises(ClusterLost, match=r"tcp://127.0.0.1:1: no scheduler answers there; start one with `dask scheduler`"),
+        pytest.raises(
+            ClusterLost, match=r"tcp://127.0.0.1:1: no scheduler answers there; start one with `dask scheduler`"
+        ),
         open_cluster("tcp://127.0.0.1:1"),
     ):
         pass
