@@ -6,7 +6,7 @@
       LakeError          the lake: SchemaMismatch, SnapshotConflict, NoSuchSnapshot,
                          ScenarioNotFound, DuplicateScenario, BrokenContract, DatabaseNotFound,
                          DatabaseExists, DatabaseInUse, LeakingSplit, LayerExists
-      WorkerLost         a worker process died; what it had finished is kept
+      WorkerLost         a worker process died; what it had finished is kept: ClusterLost
       QueryError         the user's words: UnknownFilter, UnknownQuery, UnknownEvent,
                          BadParameter, UnsafeSql, EmptyResult
 
@@ -111,6 +111,10 @@ class BrokenContract(LakeError):
 
 class WorkerLost(ScenarioNetError):
     """A worker process was killed; what had been finished is kept, and the next run goes on from there."""
+
+
+class ClusterLost(WorkerLost):
+    """A cluster's scheduler or its last worker is gone, or they cannot be used; what had been finished is kept."""
 
 
 class QueryError(ScenarioNetError, ValueError):

@@ -17,6 +17,9 @@ replace_option = click.option("--replace", is_flag=True, help="Replace what is t
 new_version_option = click.option("--replace", is_flag=True, help="Make a new version of an existing database.")
 allow_empty_option = click.option("--allow-empty", is_flag=True, help="Save a database without members too.")
 to_option = click.option("--to", "name", required=True, metavar="NAME", help="Name of the new database.")
+cluster_option = click.option(
+    "--cluster", metavar="NAME", help="Let a Dask cluster do it: local, a profile, FILE.toml, or tcp://HOST:8786."
+)
 snapshot_option = click.option("--snapshot", type=click.IntRange(0), help="Look at this snapshot, not the newest.")
 
 

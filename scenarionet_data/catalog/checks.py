@@ -14,7 +14,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
+from itertools import islice
 
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -24,6 +25,7 @@ from scenarionet_data.catalog import named_sql
 from scenarionet_data.catalog.database import Database
 from scenarionet_data.catalog.engine import Engine
 from scenarionet_data.catalog.lake import Lake
+from scenarionet_data.conversion.runners import Run
 from scenarionet_data.converters.base import Budgets
 from scenarionet_data.errors import LakeError, QueryError, UnknownQuery
 from scenarionet_data.store import snapshot as snapshots
@@ -182,6 +184,7 @@ def find(
     database: Database | str | None = None,
     names: Iterable[str] | None = None,
     on_progress: Progress | None = None,
+    run: Run | None = None,
 ) -> Findings:
     """Everything that breaks a rule in a lake, or among the members of a database.
 
@@ -190,6 +193,7 @@ def find(
         database: Look only at its members; shards and shared maps are not looked at then.
         names: Which checks; all of them for None.
         on_progress: Told before the first check and after each.
+        run: Asks the rules elsewhere, for example on a cluster, a job each; here, one after the other, unless given.
 
     Raises:
         UnknownQuery: There is no check of such a name.
@@ -198,25 +202,73 @@ def find(
     chosen = sorted((load(name) for name in (named_sql.names(_FOLDER) if names is None else names)), key=_rank)
     members = lake.database(database) if isinstance(database, str) else database
     holder = lake if members is None else lake.resolve(members)[0]
-    tables = {"broken_files": _broken_files(holder.files, holder.snapshot), "budgets": budget_table(holder)}
-    engine = Engine(holder.files, holder.snapshot, without=tables["broken_files"]["file"].to_pylist())
-    scope = ""
-    if members is not None:
-        tables["members"], scope = members.members, "SEMI JOIN members USING (scenario_id)"
-    found = []
-    for number, check in enumerate(chosen):
+    inquest = _Inquest(holder, members)
+    reference = None if members is None else members.reference
+    jobs = [_Rule(str(holder.root), holder.snapshot.number, reference, check) for check in chosen]
+    answers = ((rule.check.name, inquest.rows(rule.check)) for rule in jobs) if run is None else run(jobs, _ask)
+    found: dict[str, pa.Table] = {}
+    for number in range(len(jobs) + 1):
         if on_progress:
-            on_progress(number, len(chosen))
-        found.append(engine.arrow(_query(check, scope), **tables))
-    if on_progress:
-        on_progress(len(chosen), len(chosen))
-    totals = engine.arrow(
-        f"SELECT dataset, version, split, count(*) AS scenarios FROM metadata_rows {scope} GROUP BY ALL ORDER BY ALL",
-        **tables,
-    )
-    engine.close()
-    rows = pa.concat_tables(found) if found else _ROWS.empty_table()
-    return Findings(tuple(chosen), rows.cast(_ROWS), totals, tables["broken_files"], holder, members)
+            on_progress(number, len(jobs))
+        found.update(islice(answers, 1))
+    totals = inquest.totals()
+    inquest.close()
+    rows = pa.concat_tables([_ROWS.empty_table(), *(found[check.name].cast(_ROWS) for check in chosen)])
+    return Findings(tuple(chosen), rows, totals, inquest.broken_files, holder, members)
+
+
+class _Inquest:
+    """A lake, or the members of a database of it, open for the questions of rules.
+
+    Attributes:
+        broken_files: Files that are gone or of another size: file and reason.
+    """
+
+    def __init__(self, holder: Lake, members: Database | None) -> None:
+        self.broken_files = _broken_files(holder.files, holder.snapshot)
+        self._tables = {"broken_files": self.broken_files, "budgets": budget_table(holder)}
+        self._scope = ""
+        if members is not None:
+            self._tables["members"], self._scope = members.members, "SEMI JOIN members USING (scenario_id)"
+        self._engine = Engine(holder.files, holder.snapshot, without=self.broken_files["file"].to_pylist())
+
+    def rows(self, check: Check) -> pa.Table:
+        """What breaks a rule."""
+        return self._engine.arrow(_query(check, self._scope), **self._tables)
+
+    def totals(self) -> pa.Table:
+        """Scenarios looked at, by partition."""
+        return self._engine.arrow(
+            "SELECT dataset, version, split, count(*) AS scenarios "
+            f"FROM metadata_rows {self._scope} GROUP BY ALL ORDER BY ALL",
+            **self._tables,
+        )
+
+    def close(self) -> None:
+        """Give back what the questions took."""
+        self._engine.close()
+
+
+@dataclass(frozen=True)
+class _Rule:
+    """A rule to ask elsewhere: of which snapshot of a lake, and of which database's members."""
+
+    root: str
+    snapshot: int
+    database: str | None
+    check: Check
+
+
+def _ask(rule: _Rule) -> tuple[str, pa.Table]:
+    """A rule's name and what breaks it, on a worker."""
+    return rule.check.name, _inquest(rule.root, rule.snapshot, rule.database).rows(rule.check)
+
+
+@lru_cache(maxsize=1)
+def _inquest(root: str, snapshot: int, database: str | None) -> _Inquest:
+    """Opened once a process: looking for broken files takes longer than most questions."""
+    holder = Lake(root, snapshot)
+    return _Inquest(holder, None if database is None else holder.database(database))
 
 
 def budget_table(lake: Lake) -> pa.Table:

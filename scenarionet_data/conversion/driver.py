@@ -14,12 +14,13 @@ from typing import Any
 
 from scenarionet_data import converters
 from scenarionet_data.conversion.basket import Basket
-from scenarionet_data.conversion.jobs import Job, convert_map, convert_shard, run_limited
-from scenarionet_data.conversion.plan import Plan, make_plan
+from scenarionet_data.conversion.jobs import Job, Outcome, convert_map, convert_shard, lost_shard, run_limited
+from scenarionet_data.conversion.plan import Plan, largest_first, make_plan
 from scenarionet_data.conversion.raw_store import listing
 from scenarionet_data.conversion.report import Report
 from scenarionet_data.conversion.runners import Run, runner
 from scenarionet_data.conversion.selection import Selection
+from scenarionet_data.conversion.tally import Tally
 from scenarionet_data.converters.base import Converter, Options, guess_split
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.store import commit as commits
@@ -84,9 +85,10 @@ def convert(
     report = Report(skipped=plan.num_skipped, stale=plan.num_stale)
     map_jobs = [Job(dataset, shard, str(files.root), is_checked=is_checked) for shard in maps.shards]
     _convert_maps(files, map_jobs, maps, report)
-    jobs = [Job(dataset, shard, str(files.root), limit, is_checked) for shard in plan.shards]
-    run = run or runner(min(workers, len(jobs)))
-    outcomes = run_limited(jobs, limit) if limit is not None else run(jobs, convert_shard)
+    chosen = plan.shards if limit is not None else largest_first(plan.shards)
+    jobs = [Job(dataset, shard, str(files.root), limit, is_checked) for shard in chosen]
+    tally, run = Tally(_counts), run or runner(min(workers, len(jobs)))
+    outcomes = tally(run, jobs, convert_shard, lost_shard) if limit is None else run_limited(jobs, limit)
     basket = Basket(files, plan, f"convert {dataset}", report)
     if on_progress:
         on_progress(0, len(jobs), 0)
@@ -97,6 +99,7 @@ def convert(
                 on_progress(done, len(jobs), report.converted)
     finally:
         basket.commit()
+    report.workers = tally.shares
     report.snapshot = commits.consolidate(files).number
     report.seconds = time.monotonic() - started
     return report
@@ -161,3 +164,10 @@ def _convert_maps(files: LakeFiles, jobs: list[Job], plan: Plan, report: Report)
     for job in jobs:
         basket.add(convert_map(job))
     basket.commit()
+
+
+def _counts(outcome: Outcome) -> dict[str, int]:
+    """What a worker's share of a conversion is measured by."""
+    if outcome.record is None:
+        return {"failed": 1}
+    return {"scenarios": outcome.record.num_scenarios, "bytes": sum(outcome.record.sizes)}

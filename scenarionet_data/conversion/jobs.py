@@ -58,6 +58,11 @@ class Outcome:
     seconds: float = 0.0
 
 
+def lost_shard(job: Job, reason: str) -> Outcome:
+    """The outcome of a shard that no worker survived."""
+    return Outcome(job.shard.name, None, error=reason)
+
+
 def convert_map(job: Job) -> Outcome:
     """Convert one shared map.
 

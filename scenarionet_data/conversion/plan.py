@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from scenarionet_data import tables
 from scenarionet_data.converters.base import RawItem, Shard
@@ -138,3 +139,18 @@ def _check_nothing_is_lost(shards: Iterable[Shard], replaced: Iterable[ShardReco
                 f"replacing shard {record.name} would drop {lost[0]}, which is not among the recordings given; "
                 "give the whole raw folder"
             )
+
+
+def largest_first(shards: Iterable[Shard]) -> list[Shard]:
+    """Shards by the size of their files, then by the number of their inputs.
+
+    A large one at the end would keep one worker busy while the others have nothing left to do.
+    """
+    return sorted(shards, key=lambda shard: (-sum(map(_size, shard.paths)), -len(shard.items), shard.name))
+
+
+def _size(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except OSError:  # a seed, or something inside of a file; who cannot read a file says so when it is converted
+        return 0

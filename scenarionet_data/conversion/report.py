@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from scenarionet_data.conversion.tally import Share
+
 
 @dataclass
 class Report:
@@ -22,6 +24,7 @@ class Report:
         seconds: Time it took.
         snapshot: The lake's newest snapshot.
         size: Bytes written.
+        workers: What each worker did, with counts of scenarios and bytes.
     """
 
     converted: int = 0
@@ -36,6 +39,7 @@ class Report:
     seconds: float = 0.0
     snapshot: int = 0
     size: int = 0
+    workers: dict[str, Share] = field(default_factory=dict)
 
     @property
     def is_clean(self) -> bool:

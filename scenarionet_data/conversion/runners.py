@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing import get_context
 from typing import Protocol, TypeVar
 
@@ -41,13 +42,20 @@ class Run(Protocol):
         ...
 
 
-def run_here(
-    jobs: Iterable[Work],
-    do: Callable[[Work], Done],
-    lost: Lost[Work, Done] | None = None,  # noqa: ARG001  # it would take this process along
-) -> Iterator[Done]:
+def run_here(jobs: Iterable[Work], do: Callable[[Work], Done], lost: Lost[Work, Done] | None = None) -> Iterator[Done]:
     """One job after the other, in this process. A :class:`Run`."""
-    return map(do, jobs)
+    return (_settled(job, partial(do, job), lost) for job in jobs)
+
+
+def _settled(job: Work, result: Callable[[], Done], lost: Lost[Work, Done] | None) -> Done:
+    """A job's result, or what stands in for it when it needs more memory than there is."""
+    try:
+        return result()
+    except MemoryError as error:
+        reason = "it needs more memory than there is; give it more, or fewer --workers"
+        if lost is None:
+            raise WorkerLost(reason) from error
+        return lost(job, reason)
 
 
 def runner(workers: int) -> Run:
@@ -66,27 +74,23 @@ class Pool:
     workers: int
 
     def __call__(
-        self,
-        jobs: Iterable[Work],
-        do: Callable[[Work], Done],
-        lost: Lost[Work, Done] | None = None,  # noqa: ARG002  # a broken pool does not tell which job it was
+        self, jobs: Iterable[Work], do: Callable[[Work], Done], lost: Lost[Work, Done] | None = None
     ) -> Iterator[Done]:
-        """Do every job; see :class:`Run`."""
+        """Do every job; see :class:`Run`. A worker that is killed ends the run: nobody can tell for which job."""
         queue = iter(jobs)
         # spawn: a forked child would share the locks of Arrow's and DuckDB's threads.
         with ProcessPoolExecutor(self.workers, get_context("spawn"), follow_parent) as pool:
-            running: set[Future[Done]] = set()
+            running: dict[Future[Done], Work] = {}
             try:
                 while True:
                     for job in queue:
-                        running.add(pool.submit(do, job))
+                        running[pool.submit(do, job)] = job
                         if len(running) >= 2 * self.workers:
                             break
                     if not running:
                         return
-                    finished, running = wait(running, return_when=FIRST_COMPLETED)
-                    for future in finished:
-                        yield future.result()
+                    for future in wait(running, return_when=FIRST_COMPLETED).done:
+                        yield _settled(running.pop(future), future.result, lost)
             except BrokenProcessPool as error:
                 raise WorkerLost(
                     "a worker process was killed, most often for memory; run the same command again, with fewer "

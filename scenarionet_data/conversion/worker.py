@@ -1,12 +1,16 @@
-"""How a worker process behaves towards the process that started it. Light, so that it takes effect at once."""
+"""How a worker process behaves towards the process that started it, and what is known of it. Light: it acts at once."""
 
 from __future__ import annotations
 
 import os
+import platform
+import resource
 import signal
+import sys
 import threading
 from multiprocessing import parent_process
 from multiprocessing.process import BaseProcess
+from pathlib import Path
 
 
 def follow_parent() -> None:
@@ -23,3 +27,17 @@ def follow_parent() -> None:
 def _end_with(parent: BaseProcess) -> None:
     parent.join()
     os._exit(1)
+
+
+def worker_name() -> str:
+    """What this process is called in reports: machine and process."""
+    return f"{platform.node()}-{os.getpid()}"
+
+
+def peak_memory() -> int:
+    """The most resident memory this process ever had [bytes]."""
+    try:  # ru_maxrss would count what its parent had before it became this process
+        status = Path("/proc/self/status").read_text()
+        return 1024 * int(status.split("VmHWM:")[1].split()[0])
+    except (OSError, IndexError):
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)

@@ -5,6 +5,7 @@ pickles, of every vintage, is a conversion like any other: ``scenarionet_data.co
 
     describe   one scenario as their dictionary        summary    the statistics their filters read
     maps       its map features and lights             sanity     the check every written dictionary passes
+    pickling   scenarios to files                      parts      many of them, by several workers
     write      a database of pickles on disk
 """
 

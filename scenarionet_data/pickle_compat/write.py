@@ -6,8 +6,6 @@ through; only the summary, which MetaDrive wants as one pickle, grows with their
 
 from __future__ import annotations
 
-import copyreg
-import pickle
 import secrets
 import shutil
 from collections.abc import Callable, Iterable, Iterator
@@ -18,9 +16,10 @@ from typing import Any
 
 import numpy as np
 
+from scenarionet_data.conversion.runners import Run
 from scenarionet_data.errors import BadParameter, DatabaseExists, InvalidScenario
-from scenarionet_data.pickle_compat.describe import identify, to_pickle_dict
-from scenarionet_data.pickle_compat.sanity import sanity_check
+from scenarionet_data.pickle_compat.parts import write_parts
+from scenarionet_data.pickle_compat.pickling import Written, dump, twice, write_scenarios
 from scenarionet_data.scenario import ScenarioDescription
 
 SUMMARY_FILE = "dataset_summary.pkl"
@@ -48,6 +47,7 @@ def export(
     directory: Path,
     *,
     replace: bool = False,
+    run: Run | None = None,
     on_progress: Callable[[int], None] | None = None,
 ) -> ExportReport:
     """Write a ScenarioNet database.
@@ -56,6 +56,7 @@ def export(
         scenarios: In the order of MetaDrive's scenario index.
         directory: The database; new or empty, unless ``replace``.
         replace: Replace a database of pickles that is there.
+        run: Writes parts of it, for example on a cluster; ``scenarios`` is a sequence that can be pickled then.
         on_progress: Called with the number of scenarios done.
 
     Raises:
@@ -69,9 +70,10 @@ def export(
     refused: list[InvalidScenario] = []
     num_bytes = 0
     with _new_directory(directory) as draft:
-        for done, scenario in enumerate(scenarios, start=1):
+        entries = write_scenarios(scenarios, draft) if run is None else write_parts(scenarios, draft, run)
+        for done, entry in enumerate(entries, start=1):
             try:
-                num_bytes += _write_scenario(scenario, draft, summary)
+                num_bytes += _take(entry, draft, summary)
             except InvalidScenario as error:
                 refused.append(error)
             if on_progress:
@@ -83,30 +85,16 @@ def export(
     return ExportReport(directory, len(summary), num_bytes, tuple(refused))
 
 
-def _write_scenario(scenario: ScenarioDescription, folder: Path, summary: dict[str, Any]) -> int:
-    name = identify(scenario).file_name
+def _take(entry: Written | InvalidScenario, draft: Path, summary: dict[str, Any]) -> int:
+    """Take a pickled scenario into the database; returns its size."""
+    if isinstance(entry, InvalidScenario):
+        raise entry
+    name = entry.path.name
     if name in summary:
-        raise InvalidScenario(scenario.id, "id", f"wanted a file name of its own, found {name} a second time")
-    description = to_pickle_dict(scenario)
-    sanity_check(description)
-    dump(description, folder / name)
-    summary[name] = description["metadata"]
-    return (folder / name).stat().st_size
-
-
-def dump(value: Any, path: Path) -> None:
-    """Pickle so that numpy 1.26 and 2.x load it, and arrays come back writable (protocol 4)."""
-    with path.open("wb") as file:
-        pickler = pickle.Pickler(file, protocol=4)
-        pickler.dispatch_table = copyreg.dispatch_table.copy()
-        pickler.dispatch_table[np.ndarray] = _reduce_array
-        pickler.dump(value)
-
-
-def _reduce_array(array: np.ndarray[Any, Any]) -> tuple[Any, ...]:
-    """State as numpy pickles it, but rebuilt by ``numpy.ndarray``: numpy 2 renamed its private module."""
-    state = array.__reduce__()[2]
-    return np.ndarray, ((0,), np.dtype(np.int8)), state
+        raise twice(entry.scenario_id, name)
+    entry.path.replace(draft / name)
+    summary[name] = entry.metadata
+    return entry.num_bytes
 
 
 def _without_arrays(value: Any) -> Any:

@@ -15,6 +15,7 @@ import numpy as np
 import pyarrow as pa
 
 from scenarionet_data import Lake, ScenarioLoader, software
+from scenarionet_data.conversion.runners import Run
 from scenarionet_data.errors import MissingDependency
 from scenarionet_data.store import runs
 from scenarionet_data.store.files import open_files
@@ -113,6 +114,7 @@ def evaluate(
     name: str,
     *,
     workers: int = 1,
+    run_jobs: Run | None = None,
     with_rollouts: bool = True,
     on_progress: Progress | None = None,
 ) -> Report:
@@ -122,6 +124,7 @@ def evaluate(
         evaluation: What.
         name: Of the run.
         workers: Processes.
+        run_jobs: Does the parts in place of the processes, for example a cluster.
         with_rollouts: Write what everybody did, not the metrics alone.
         on_progress: Told about every finished part.
 
@@ -136,24 +139,35 @@ def evaluate(
     total, done = len(_scenarios(evaluation)), run.done()
     jobs = [_Job(evaluation, part, run) for part in parts_of(total, PART) if part.number not in done]
     report = Report(name, total, total - sum(len(job.part) for job in jobs))
-    for ends in do_parts(jobs, simulate_part, workers, on_progress):
+    for ends in do_parts(jobs, simulate_part, workers, on_progress, run_jobs, _lost_part):
         report.broken += [(scenario_id, error) for scenario_id, _, error in ends if error]
     report.seconds = time.monotonic() - started
     return report
 
 
 def find_broken(
-    lake: Lake, database: str | None = None, *, workers: int = 1, on_progress: Progress | None = None
+    lake: Lake,
+    database: str | None = None,
+    *,
+    workers: int = 1,
+    run_jobs: Run | None = None,
+    on_progress: Progress | None = None,
 ) -> list[tuple[str, str]]:
     """Scenarios whose recording cannot be replayed to its destination, with the reason; nothing is written."""
     evaluation = prepare(lake, database, "replay")
     jobs = [_Job(evaluation, part, None) for part in parts_of(len(_scenarios(evaluation)), PART)]
     broken = []
-    for ends in do_parts(jobs, simulate_part, workers, on_progress):
+    for ends in do_parts(jobs, simulate_part, workers, on_progress, run_jobs, _lost_part):
         for scenario_id, end, error in ends:
             if end != "success":
                 broken.append((scenario_id, error or f"the replayed recording ends with {end}"))
     return sorted(broken)
+
+
+def _lost_part(job: _Job, reason: str) -> list[End]:
+    """How a part's scenarios ended when no worker survived them; they have no rows, so the next command tries again."""
+    ids = _scenarios(job.evaluation).scenario_ids[job.part.first : job.part.end]
+    return [(scenario_id, None, reason) for scenario_id in ids]
 
 
 @cache

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from scenarionet_data.conversion import runner
+from scenarionet_data.conversion.runners import Lost, Run, runner
 
 Work = TypeVar("Work")
 Done = TypeVar("Done", bound=Sequence[object])
@@ -38,7 +38,12 @@ def parts_of(total: int, size: int) -> list[Part]:
 
 
 def do_parts(
-    jobs: Sequence[Work], do: Callable[[Work], Done], workers: int, on_progress: Progress | None
+    jobs: Sequence[Work],
+    do: Callable[[Work], Done],
+    workers: int,
+    on_progress: Progress | None,
+    run: Run | None = None,
+    lost: Lost[Work, Done] | None = None,
 ) -> Iterator[Done]:
     """What became of each job, in any order.
 
@@ -47,12 +52,15 @@ def do_parts(
         do: Does one: a function of a module; what it returns has an entry for each scenario.
         workers: Processes.
         on_progress: Told about every finished part.
+        run: Does them in place of the processes, for example a cluster.
+        lost: Stands in for a part that no worker survives.
 
     Raises:
         WorkerLost: A worker was killed.
     """
     scenarios = 0
-    for number, outcome in enumerate(runner(min(workers, len(jobs)))(jobs, do), start=1):
+    run = run or runner(min(workers, len(jobs)))
+    for number, outcome in enumerate(run(jobs, do, lost), start=1):
         scenarios += len(outcome)
         if on_progress:
             on_progress(number, len(jobs), scenarios)

@@ -15,6 +15,7 @@ import pyarrow as pa
 
 from scenarionet_data import Lake, ScenarioLoader, software, tables
 from scenarionet_data.codec.arrow import list_array, offsets_of, string_array
+from scenarionet_data.conversion.runners import Run
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.store import runs
 from scenarionet_data.store.files import open_files
@@ -79,13 +80,21 @@ def prepare(lake: Lake, database: str | None, agents: str = "vehicles", seed: in
     return Recording(str(lake.root), reference, lake.snapshot.number, agents, seed)
 
 
-def record(recording: Recording, name: str, *, workers: int = 1, on_progress: Progress | None = None) -> int:
+def record(
+    recording: Recording,
+    name: str,
+    *,
+    workers: int = 1,
+    run_jobs: Run | None = None,
+    on_progress: Progress | None = None,
+) -> int:
     """Write the observations that are not there yet into the lake.
 
     Args:
         recording: What.
         name: Of the run.
         workers: Processes.
+        run_jobs: Does the parts in place of the processes, for example a cluster.
         on_progress: Told about every finished part.
 
     Returns:
@@ -99,7 +108,7 @@ def record(recording: Recording, name: str, *, workers: int = 1, on_progress: Pr
     run = runs.claim(open_files(recording.lake), name, ("observations",), recording.description)
     parts, done = parts_of(len(_scenarios(recording)), PART), run.done()
     jobs = [_Job(recording, part, run) for part in parts if part.number not in done]
-    for _ in do_parts(jobs, record_part, workers, on_progress):
+    for _ in do_parts(jobs, record_part, workers, on_progress, run_jobs):
         pass
     return sum(len(part) for part in parts if part.number in done)
 

@@ -7,9 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from pipelines.cli.crew import crew
 from pipelines.cli.group import one_line, verb
 from pipelines.cli.output import count, print_json, print_table
-from pipelines.cli.parameters import json_option, lake_argument, new_version_option, quiet_option, snapshot_option
+from pipelines.cli.parameters import (
+    cluster_option,
+    json_option,
+    lake_argument,
+    new_version_option,
+    quiet_option,
+    snapshot_option,
+)
 from pipelines.cli.progress import Progress
 from pipelines.cli.table_file import check_suffix, write_table
 from scenarionet_data.errors import BadParameter
@@ -19,6 +27,7 @@ if TYPE_CHECKING:
     from scenarionet_data.catalog.checks import CheckResult, Findings
     from scenarionet_data.catalog.database import Database
     from scenarionet_data.catalog.scorecard import Partition, Scorecard
+    from scenarionet_data.conversion.runners import Run
 
 _REPLAYS = "Every recording replays to its destination."
 
@@ -31,6 +40,7 @@ _REPLAYS = "Every recording replays to its destination."
     "scenarionet check lake busy --to good --broken broken.parquet",
     "scenarionet check lake --strict --json",
     "scenarionet check lake busy --simulate --workers 4",
+    "scenarionet check lake --scorecard --cluster local",
 )
 @lake_argument
 @click.argument("database", metavar="DB", required=False)
@@ -45,6 +55,7 @@ _REPLAYS = "Every recording replays to its destination."
 @click.option("--broken", metavar="FILE", help="Write what breaks a rule to a .parquet, .csv or .json file.")
 @click.option("--simulate", is_flag=True, help="Replay every scenario in the simulator too; names the broken ones.")
 @click.option("--workers", type=click.IntRange(1), help="Processes that simulate; one a core unless given.")
+@cluster_option
 @snapshot_option
 @json_option
 @quiet_option
@@ -60,6 +71,7 @@ def command(
     broken: str | None,
     simulate: bool,
     workers: int | None,
+    cluster: str | None,
     snapshot: int | None,
     as_json: bool,
     quiet: bool,
@@ -82,12 +94,12 @@ def command(
     from scenarionet_data.catalog.scorecard import make_scorecard
 
     _refuse(output, broken, scorecard)
-    with Progress(f"check {lake}", "check", is_quiet=quiet) as progress:
-        findings = find(
-            Lake(lake, snapshot), database, only or None, lambda done, total: progress.update(done, total, 0)
-        )
-    if simulate:
-        findings = findings.adding("replays", _REPLAYS, _simulate(Lake(lake, snapshot), database, workers, quiet))
+    opened = Lake(lake, snapshot)
+    with crew(cluster, workers, quiet=quiet) as run:
+        with Progress(f"check {lake}", "check", is_quiet=quiet) as progress:
+            findings = find(opened, database, only or None, lambda done, total: progress.update(done, total, 0), run)
+        if simulate:
+            findings = findings.adding("replays", _REPLAYS, _simulate(opened, database, workers, run, quiet))
     card = make_scorecard(findings) if scorecard else None
     made = save_good(findings, good, is_strict=strict, replace=replace) if good else None
     if broken:
@@ -102,12 +114,15 @@ def command(
     click.get_current_context().exit(1 if has_failed else 0)
 
 
-def _simulate(lake: Lake, database: str | None, workers: int | None, quiet: bool) -> list[tuple[str, str]]:
+def _simulate(
+    lake: Lake, database: str | None, workers: int | None, run: Run | None, quiet: bool
+) -> list[tuple[str, str]]:
     from pipelines.machine import default_workers
     from scenarionet_sim.evaluation.evaluation import find_broken
 
     with Progress("simulate", "part", is_quiet=quiet) as progress:
-        return find_broken(lake, database, workers=workers or default_workers(), on_progress=progress.update)
+        processes = workers or default_workers()
+        return find_broken(lake, database, workers=processes, run_jobs=run, on_progress=progress.update)
 
 
 def _refuse(output: str | None, broken: str | None, scorecard: bool) -> None:

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from pipelines.cli.crew import crew, share_rows
 from pipelines.cli.group import one_line, verb
 from pipelines.cli.interrupt import Interrupted
 from pipelines.cli.output import count, duration, print_json, print_table, size
-from pipelines.cli.parameters import json_option, lake_argument, pairs, quiet_option
+from pipelines.cli.parameters import cluster_option, json_option, lake_argument, pairs, quiet_option
 from pipelines.cli.progress import Progress
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ _REASONS = 5
     "scenarionet convert waymo raw/waymo/validation lake --limit 10",
     "scenarionet convert scenarionet pickles/nuscenes lake --dry-run",
     "scenarionet convert nuplan raw/nuplan lake --where 'location=us-nv-*' --files 0:10",
+    "scenarionet convert waymo raw/waymo/training lake --cluster tcp://10.0.0.5:8786",
 )
 @click.argument("dataset")
 @click.argument("raw")
@@ -33,6 +35,7 @@ _REASONS = 5
 @click.option("--split", help="The owner's split: train, val, ... [default: guessed from the folder's name]")
 @click.option("--version", help="The dataset's release. [default: the converter's]")
 @click.option("--workers", type=click.IntRange(1), help="Processes. [default: one a core, 2 GB of memory each]")
+@cluster_option
 @click.option("--limit", type=click.IntRange(1), help="Stop after that many scenarios, for a quick look.")
 @click.option("--files", metavar="START:END", help="Only these of the raw inputs, counted from 0: 0:10, or 10:.")
 @click.option("--where", multiple=True, metavar="KEY=PATTERN", help="Only what is known to be so: file, name, log, ...")
@@ -50,6 +53,7 @@ def command(
     split: str | None,
     version: str | None,
     workers: int | None,
+    cluster: str | None,
     limit: int | None,
     files: str | None,
     where: tuple[str, ...],
@@ -76,6 +80,9 @@ def command(
     name of its shard, and what the dataset tells, for example the location, log, date and tags of nuPlan's logs
     (`scenarionet converters nuplan` lists them). --dry-run converts a few inputs into a folder that it throws away,
     to say how long the rest will take.
+
+    --cluster lets a Dask cluster convert: `local` starts one on this machine, an address is that of a scheduler that
+    runs already, other names and files are profiles (docs/cluster.md).
     """
     from pipelines.cli import converter
     from pipelines.machine import default_workers
@@ -93,12 +100,16 @@ def command(
     if dry_run:
         _print_plan(dataset, plan_conversion(dataset, raw, lake, **common), workers or default_workers(), as_json)
         return
-    with Progress(f"convert {dataset}", "shard", is_quiet=quiet) as progress:
+    with (
+        crew(cluster, workers, quiet=quiet) as run,
+        Progress(f"convert {dataset}", "shard", is_quiet=quiet) as progress,
+    ):
         try:
             report = convert(
                 dataset,
                 raw,
                 lake,
+                run=run,
                 workers=workers or default_workers(),
                 limit=limit,
                 is_checked=not no_check,
@@ -176,6 +187,7 @@ def _rows(report: Report, reasons: list[dict[str, Any]], rate: float) -> list[tu
     rows += _stale_row(report.stale)
     rows += [("failed", count(len(report.failed), "shard"))] if report.failed else []
     rows += [("", f"{name}: {one_line(reason)}") for name, reason in report.failed[:_REASONS]]
+    rows += share_rows(report.workers) if len(report.workers) > 1 else []
     return [*rows, ("took", f"{duration(report.seconds)}, {rate:,.1f} scenarios/s")]
 
 

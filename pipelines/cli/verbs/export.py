@@ -6,37 +6,57 @@ from pathlib import Path
 
 import click
 
+from pipelines.cli.crew import crew
 from pipelines.cli.group import one_line, verb
 from pipelines.cli.output import count, print_json, size
-from pipelines.cli.parameters import json_option, lake_argument, quiet_option, replace_option
+from pipelines.cli.parameters import cluster_option, json_option, lake_argument, quiet_option, replace_option
 from pipelines.cli.progress import Progress
 
 _FORMATS = ("scenarionet",)
 
 
-@verb("export", "scenarionet export lake busy_val exported/busy_val --format scenarionet")
+@verb(
+    "export",
+    "scenarionet export lake busy_val exported/busy_val --format scenarionet",
+    "scenarionet export lake busy_val exported/busy_val --workers 4",
+    "scenarionet export lake busy_val exported/busy_val --cluster local",
+)
 @lake_argument
 @click.argument("database", metavar="DB")
 @click.argument("directory", metavar="DIR")
 @click.option("--format", "to", type=click.Choice(_FORMATS), default=_FORMATS[0], help="Whose pickles to write.")
+@click.option("--workers", type=click.IntRange(1), help="Processes; one unless given.")
+@cluster_option
 @replace_option
 @json_option
 @quiet_option
-def command(lake: str, database: str, directory: str, to: str, replace: bool, as_json: bool, quiet: bool) -> None:
+def command(
+    lake: str,
+    database: str,
+    directory: str,
+    to: str,
+    workers: int | None,
+    cluster: str | None,
+    replace: bool,
+    as_json: bool,
+    quiet: bool,
+) -> None:
     """Write a database's scenarios to DIR.
 
     `scenarionet` writes the pickles that ScenarioNet and MetaDrive load unchanged; `scenarionet convert
     scenarionet DIR LAKE` reads such pickles.
     """
     from scenarionet_data import ScenarioLoader
+    from scenarionet_data.conversion import Pool
     from scenarionet_data.pickle_compat import export
 
     scenarios = ScenarioLoader(lake, database)
-    with Progress(f"export {database}", is_quiet=quiet) as progress:
+    with crew(cluster, workers, quiet=quiet) as run, Progress(f"export {database}", is_quiet=quiet) as progress:
         report = export(
             scenarios,
-            Path(directory),
+            Path(directory).resolve(),
             replace=replace,
+            run=run or (Pool(workers) if workers else None),
             on_progress=lambda done: progress.update(done, len(scenarios), done),
         )
     if as_json:

@@ -6,10 +6,11 @@ import time
 
 import click
 
+from pipelines.cli.crew import crew
 from pipelines.cli.group import verb
 from pipelines.cli.interrupt import Interrupted
 from pipelines.cli.output import count, duration, print_json
-from pipelines.cli.parameters import json_option, lake_argument, quiet_option
+from pipelines.cli.parameters import cluster_option, json_option, lake_argument, quiet_option
 from pipelines.cli.progress import Progress
 
 
@@ -19,6 +20,7 @@ from pipelines.cli.progress import Progress
 @click.option("--agents", default="vehicles", metavar="NAME", help="Who observes: vehicles (default), or ego.")
 @click.option("--to", "name", metavar="RUN", help="Name of the run; DB-AGENTS-observed unless given.")
 @click.option("--workers", type=click.IntRange(1), help="Processes; one a core unless given.")
+@cluster_option
 @click.option("--seed", type=int, default=0, help="Of the sensors' noise.")
 @json_option
 @quiet_option
@@ -28,6 +30,7 @@ def command(
     agents: str,
     name: str | None,
     workers: int | None,
+    cluster: str | None,
     seed: int,
     as_json: bool,
     quiet: bool,
@@ -46,9 +49,11 @@ def command(
     recording = prepare(Lake(lake), database, agents, seed)
     run = name or f"{database or 'all'}-{agents}-observed".replace("@", ".")
     started = time.monotonic()
-    with Progress(f"record {run}", "part", is_quiet=quiet) as progress:
+    with crew(cluster, workers, quiet=quiet) as who, Progress(f"record {run}", "part", is_quiet=quiet) as progress:
         try:
-            skipped = record(recording, run, workers=workers or default_workers(), on_progress=progress.update)
+            skipped = record(
+                recording, run, workers=workers or default_workers(), run_jobs=who, on_progress=progress.update
+            )
         except KeyboardInterrupt as error:
             raise Interrupted(f"what is finished is kept in run {run}; the same command goes on from there") from error
     query = "SELECT count(*), count(DISTINCT scenario_id) FROM observations WHERE run = $run"

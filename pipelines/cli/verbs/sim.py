@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from pipelines.cli.crew import crew
 from pipelines.cli.group import one_line, verb
 from pipelines.cli.interrupt import Interrupted
 from pipelines.cli.output import count, duration, print_json, print_table
-from pipelines.cli.parameters import json_option, lake_argument, look_in_current_folder, quiet_option
+from pipelines.cli.parameters import cluster_option, json_option, lake_argument, look_in_current_folder, quiet_option
 from pipelines.cli.progress import Progress
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ _NUM_EXAMPLES = 5
     "scenarionet sim lake busy_val --policy idm",
     "scenarionet sim lake busy_val --policy my_planner:Planner --backend kinematic --traffic idm --workers 4",
     "scenarionet sim lake busy_val --policy idm --to idm_twice --json",
+    "scenarionet sim lake busy_val --policy idm --cluster tcp://10.0.0.5:8786",
 )
 @lake_argument
 @click.argument("database", metavar="DB", required=False)
@@ -33,6 +35,7 @@ _NUM_EXAMPLES = 5
 @click.option("--backend", default="bullet", metavar="NAME", help="Physics: bullet (default) or kinematic.")
 @click.option("--to", "name", metavar="RUN", help="Name of the run; DB-POLICY-TRAFFIC-BACKEND unless given.")
 @click.option("--workers", type=click.IntRange(1), help="Processes; one a core unless given.")
+@cluster_option
 @click.option("--seed", type=int, default=0, help="Of the sensors' noise.")
 @click.option("--metrics-only", is_flag=True, help="Do not write what everybody did.")
 @json_option
@@ -45,6 +48,7 @@ def command(
     backend: str,
     name: str | None,
     workers: int | None,
+    cluster: str | None,
     seed: int,
     metrics_only: bool,
     as_json: bool,
@@ -68,12 +72,13 @@ def command(
     look_in_current_folder(policy)
     evaluation = prepare(Lake(lake), database, policy, traffic=traffic, backend=backend, seed=seed)
     run = name or "-".join([database or "all", policy, traffic, evaluation.backend]).replace("@", ".").replace(":", ".")
-    with Progress(f"sim {run}", "part", is_quiet=quiet) as progress:
+    with crew(cluster, workers, quiet=quiet) as who, Progress(f"sim {run}", "part", is_quiet=quiet) as progress:
         try:
             report = evaluate(
                 evaluation,
                 run,
                 workers=workers or default_workers(),
+                run_jobs=who,
                 with_rollouts=not metrics_only,
                 on_progress=progress.update,
             )

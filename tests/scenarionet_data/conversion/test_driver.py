@@ -11,8 +11,9 @@ from scenarionet_data import Lake, ScenarioLoader, convert
 from scenarionet_data.conversion import Job, convert_shard, plan_conversion
 from scenarionet_data.errors import BadParameter, DuplicateScenario, LakeError, SourceNotFound
 from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.files import LakeFiles, sha256
+from scenarionet_data.store.files import LakeFiles
 from scenarionet_data.testing import differences
+from tests.fixtures.lakes import content
 from tests.fixtures.made import BUCKETED, NAME, NEWER, Made, MadeOptions, write_raw
 from tests.fixtures.scenarios import make_scenario
 
@@ -39,15 +40,6 @@ def ids(root):
 
 def wanted(*seeds):
     return [f"made/v1/s{seed:06d}" for seed in sorted(seeds)]
-
-
-def content(root):
-    """Table and content of every file that the newest snapshot names: what a lake is."""
-    lake = Lake(root)
-    paths = [
-        (table, path) for table in ("metadata", "tracks", "lights", "maps", "quarantine") for path in lake.paths(table)
-    ]
-    return sorted((table, sha256(LakeFiles(root).path(path))) for table, path in paths)
 
 
 # --- one run ------------------------------------------------------------------------------------------

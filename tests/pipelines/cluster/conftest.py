@@ -1,0 +1,100 @@
+"""Real schedulers and workers, each a process of its own on loopback, started for a test and ended with it."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[3]
+STARTS_WITHIN = 90.0
+
+
+def environment() -> dict[str, str]:
+    """Of processes that find this checkout and the tests' converters."""
+    return {**os.environ, "PYTHONPATH": str(ROOT), "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1"}
+
+
+def until(is_so: Callable[[], object], what: str, seconds: float = STARTS_WITHIN) -> None:
+    """Wait until something is so."""
+    end = time.monotonic() + seconds
+    while not is_so():
+        if time.monotonic() > end:
+            raise AssertionError(f"{what}: not within {seconds:.0f} s")
+        time.sleep(0.05)
+
+
+class Processes:
+    """Processes that a test started, each with its output in a file."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._running: list[subprocess.Popen[bytes]] = []
+
+    def start(self, *words: str, **how: object) -> tuple[subprocess.Popen[bytes], Path]:
+        """Start Python with a module; the process and the file with what it says."""
+        log = self._folder / f"process-{len(self._running)}.log"
+        with log.open("wb") as output:
+            process = subprocess.Popen(
+                [sys.executable, "-m", *words],
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                env=environment(),
+                cwd=self._folder,
+                start_new_session=True,
+                **how,
+            )
+        self._running.append(process)
+        return process, log
+
+    def end(self) -> None:
+        for process in reversed(self._running):
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+
+
+class Dask(Processes):
+    """A scheduler, and workers."""
+
+    def start_scheduler(self, port: int = 0) -> str:
+        """Start one; its address."""
+        self.scheduler, log = self.start(
+            "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard"
+        )
+        found: list[str] = []
+        until(lambda: found or found.extend(re.findall(r"tcp://127.0.0.1:\d+", log.read_text())), "scheduler")
+        self.address = found[0]
+        return self.address
+
+    def start_worker(self, *words: str, **how: object) -> subprocess.Popen[bytes]:
+        """Start one of one thread, and wait until it is known."""
+        process, log = self.start(
+            "distributed.cli.dask_worker", self.address, "--nthreads", "1", "--no-dashboard", "--host", "127.0.0.1",
+            "--local-directory", str(self._folder / "scratch"), *words, **how,
+        )  # fmt: skip
+        until(lambda: "Registered to" in log.read_text(), "worker")
+        return process
+
+
+@pytest.fixture
+def processes(tmp_path: Path) -> Iterator[Processes]:
+    started = Processes(tmp_path)
+    yield started
+    started.end()
+
+
+@pytest.fixture
+def dask(tmp_path: Path) -> Iterator[Dask]:
+    """A running scheduler without workers."""
+    started = Dask(tmp_path)
+    started.start_scheduler()
+    yield started
+    started.end()
