@@ -104,7 +104,10 @@ class Pool:
         return self.lake.batches(self._over_members(query), parameters)
 
     def _over_members(self, query: str) -> str:
-        return f"WITH members AS ({self.members}) SELECT * FROM (\n{query}\n)" if self.parents else query
+        """The query with ``members`` to ask: read again where it is named twice, and not kept in memory."""
+        return (
+            f"WITH members AS NOT MATERIALIZED ({self.members}) SELECT * FROM (\n{query}\n)" if self.parents else query
+        )
 
     def make(self, operation: str, name: str, query: str, parameters: Mapping[str, Any], saving: Saving) -> Database:
         """Run a query that selects scenario_id, weight and content_hash, and save its rows as a database."""
