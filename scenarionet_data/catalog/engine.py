@@ -9,7 +9,7 @@ import re
 import tempfile
 import threading
 import uuid
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -138,12 +138,13 @@ class Engine:
             self._make_views(sql)
             return self._connection.sql(query, params=given).to_arrow_table()
 
-    def batches(self, sql: str, parameters: Mapping[str, Any] | None = None) -> Iterator[pa.RecordBatch]:
-        """Like :meth:`arrow`, some rows at a time; until the last has come, every other question waits."""
+    def batches(self, sql: str, parameters: Mapping[str, Any] | None = None) -> Generator[pa.RecordBatch, None, None]:
+        """Like :meth:`arrow`, some rows at a time; every other question waits until it is closed, or at its end."""
         with self._asked(sql, {}):
-            query = self._only_select(sql)
+            given = dict(parameters or {})
+            query = self._only_select(sql, given)
             self._make_views(sql)
-            rows = self._connection.sql(query, params=dict(parameters or {})).to_arrow_reader(_ROWS_PER_BATCH)
+            rows = self._connection.sql(query, params=given).to_arrow_reader(_ROWS_PER_BATCH)
             try:
                 yield from rows
             except OSError as error:  # what goes wrong between two batches passes through Arrow

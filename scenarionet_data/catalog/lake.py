@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -123,8 +123,8 @@ class Lake:
         """Like :meth:`sql`, as an Arrow table; ``tables`` are known to this query by their names."""
         return self._engine.arrow(query, parameters, **tables)
 
-    def batches(self, query: str, parameters: Mapping[str, Any] | None = None) -> Iterator[pa.RecordBatch]:
-        """Like :meth:`arrow`, some rows at a time; until the last has come, every other question waits."""
+    def batches(self, query: str, parameters: Mapping[str, Any] | None = None) -> Generator[pa.RecordBatch, None, None]:
+        """Like :meth:`arrow`, some rows at a time; every other question waits until it is closed, or at its end."""
         return self._engine.batches(query, parameters)
 
     # Explained where they are done.

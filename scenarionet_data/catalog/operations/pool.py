@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypedDict
 
@@ -99,8 +100,8 @@ class Pool:
         """Rows of a query over the snapshot's views and ``members``."""
         return self.lake.arrow(self._over_members(query), parameters)
 
-    def batches(self, query: str, parameters: Mapping[str, Any]) -> Iterator[pa.RecordBatch]:
-        """Like :meth:`run`, some rows at a time."""
+    def batches(self, query: str, parameters: Mapping[str, Any]) -> Generator[pa.RecordBatch, None, None]:
+        """Like :meth:`run`, some rows at a time, see :meth:`Engine.batches`."""
         return self.lake.batches(self._over_members(query), parameters)
 
     def _over_members(self, query: str) -> str:
@@ -115,14 +116,19 @@ class Pool:
         return self.save(self.lineage(operation, query, recorded), name, self.batches(query, recorded), saving)
 
     def save(
-        self, lineage: Lineage, name: str, members: Iterable[pa.RecordBatch], saving: Saving, at_least: int = 0
+        self,
+        lineage: Lineage,
+        name: str,
+        members: Generator[pa.RecordBatch, None, None],
+        saving: Saving,
+        at_least: int = 0,
     ) -> Database:
         """Save members that a query selects.
 
         Args:
             lineage: The query, see :meth:`lineage`.
             name: Name of the database.
-            members: scenario_id, weight and content_hash, in order.
+            members: scenario_id, weight and content_hash, in order; closed in the end.
             saving: See :class:`Saving`.
             at_least: How many there have to be.
 
@@ -133,7 +139,7 @@ class Pool:
         """
         replace = saving.get("replace", False)
         databases.check_free(self.lake.files, name, replace=replace)
-        with drafts.drafts(self.lake.files, [name]) as made:
+        with closing(members), drafts.drafts(self.lake.files, [name]) as made:
             draft = made[name]
             for rows in members:
                 draft.add(rows)

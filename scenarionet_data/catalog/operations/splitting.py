@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Mapping
+from contextlib import closing
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import accumulate
@@ -101,9 +102,10 @@ def split(
     for name in plan.names.values():
         databases.check_free(lake.files, name, replace=saving.get("replace", False))
     with drafts.drafts(lake.files, plan.names) as made:
-        for rows in pool.batches(plan.query, plan.parameters):
-            for part, draft in made.items():
-                draft.add(drafts.only(rows, "part", part))
+        with closing(pool.batches(plan.query, plan.parameters)) as batches:
+            for rows in batches:
+                for part, draft in made.items():
+                    draft.add(drafts.only(rows, "part", part))
         _check_parts(pool, {part: draft.count for part, draft in made.items()}, saving)
         for part, draft in made.items():
             draft.finish(_lineage(pool, plan, part))

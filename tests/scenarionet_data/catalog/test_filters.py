@@ -10,8 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from scenarionet_data.catalog import drafts
-from scenarionet_data.catalog import filters
+from scenarionet_data.catalog import drafts, filters
 from scenarionet_data.errors import (
     BadParameter,
     QueryError,
