@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import asdict, dataclass, field
-from pathlib import Path
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scenarionet_data import tables
 from scenarionet_data.errors import BadParameter, DatabaseExists, DatabaseNotFound
 from scenarionet_data.store.files import LakeFiles, reading
-from scenarionet_data.store.table_file import write_table
 
 _FOLDER = "databases"
-_ROWS_PER_GROUP = 65_536  # DuckDB's threads take a group each
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]*")
 
 
@@ -57,17 +54,31 @@ class Database:
     Attributes:
         name: Its name.
         version: From 1; replacing makes a new one.
-        members: Rows of ``schemas/members.toml``, in order.
         lineage: How it was made.
+        files: The lake it lies in.
     """
 
     name: str
     version: int
-    members: pa.Table
     lineage: Lineage
+    files: LakeFiles = field(repr=False, compare=False)
 
     def __len__(self) -> int:
-        return int(self.members.num_rows)
+        return self.lineage.count
+
+    @cached_property
+    def members(self) -> pa.Table:
+        """Rows of ``schemas/members.toml``, in order; read when they are asked for.
+
+        Raises:
+            LakeError: The file is gone or damaged.
+        """
+        return self.files.read(self.file)
+
+    @property
+    def file(self) -> str:
+        """Its file in the lake."""
+        return path(self.name, self.version)
 
     @property
     def scenario_ids(self) -> list[str]:
@@ -80,37 +91,11 @@ class Database:
         """``name@version``."""
         return f"{self.name}@{self.version}"
 
-
-@dataclass(frozen=True)
-class Stored:
-    """A version of a database as SQL reads it: its members stay where they are.
-
-    Attributes:
-        name, version: Which.
-        lineage: How it was made.
-        file: Its file's name in the lake.
-        path: That file, on this machine.
-    """
-
-    name: str
-    version: int
-    lineage: Lineage
-    file: str
-    path: Path
-
-    def __len__(self) -> int:
-        return self.lineage.count
-
-    @property
-    def reference(self) -> str:
-        """``name@version``."""
-        return f"{self.name}@{self.version}"
-
     @property
     def relation(self) -> str:
-        """SQL for its members."""
-        path = str(self.path).replace("'", "''")
-        return f"read_parquet('{path}')"
+        """SQL for its members, which stay where they are."""
+        quoted = str(self.files.path(self.file)).replace("'", "''")
+        return f"read_parquet('{quoted}')"
 
 
 def check_name(name: str) -> None:
@@ -152,42 +137,6 @@ def read(files: LakeFiles, name: str, version: int | None = None) -> Database:
     Raises:
         DatabaseNotFound: The message lists those that are there.
     """
-    number, file = _open(files, name, version)
-    return Database(name, number, file.read(), _lineage(file))
-
-
-def stored(files: LakeFiles, which: Database | str) -> Stored:
-    """A database for SQL, by ``name``, ``name@version``, or in Python.
-
-    Raises:
-        DatabaseNotFound: The message lists those that are there.
-    """
-    reference = which if isinstance(which, str) else which.reference
-    name, version = parse_reference(reference)
-    number, file = _open(files, name, version)
-    place = _path(name, number)
-    return Stored(name, number, _lineage(file), place, files.path(place))
-
-
-def lineage(files: LakeFiles, name: str, version: int | None = None) -> tuple[str, Lineage]:
-    """``name@version`` (the newest unless one is asked for) and how it was made; its members are not read.
-
-    Raises:
-        DatabaseNotFound: The message lists those that are there.
-    """
-    number, file = _open(files, name, version)
-    return f"{name}@{number}", _lineage(file)
-
-
-def children(files: LakeFiles, name: str, version: int | None = None) -> list[str]:
-    """``name@version`` of what other databases were made from a database, or from one version of it."""
-    wanted = {f"{name}@{number}" for number in ([version] if version else versions(files, name))}
-    others = [(other, number) for other in names(files) if other != name for number in versions(files, other)]
-    made = [lineage(files, other, number) for other, number in others]
-    return [reference for reference, how in made if wanted.intersection(how.parents)]
-
-
-def _open(files: LakeFiles, name: str, version: int | None) -> tuple[int, pq.ParquetFile]:
     check_name(name)
     there = versions(files, name)
     if not there or (version is not None and version not in there):
@@ -195,15 +144,32 @@ def _open(files: LakeFiles, name: str, version: int | None) -> tuple[int, pq.Par
         wanted = name if version is None else f"{name}@{version}"
         raise DatabaseNotFound(f"{files.root}: no database {wanted!r}; {have}")
     number = version or there[-1]
-    path = _path(name, number)
-    with reading(files.path(path)):
-        file = pq.ParquetFile(files.path(path))
-    tables.load("members").check_version(file.metadata.metadata, path)
-    return number, file
+    return Database(name, number, _lineage(files, path(name, number)), files)
 
 
-def _lineage(file: pq.ParquetFile) -> Lineage:
-    return Lineage(**json.loads(file.metadata.metadata[b"scenarionet.lineage"]))
+def resolve(files: LakeFiles, which: Database | str) -> Database:
+    """The database of that ``name`` or ``name@version``, or one of Python's as this lake has it.
+
+    Raises:
+        DatabaseNotFound: The message lists those that are there.
+    """
+    return read(files, *parse_reference(which if isinstance(which, str) else which.reference))
+
+
+def children(files: LakeFiles, name: str, version: int | None = None) -> list[str]:
+    """``name@version`` of what other databases were made from a database, or from one version of it."""
+    wanted = {f"{name}@{number}" for number in ([version] if version else versions(files, name))}
+    others = [(other, number) for other in names(files) if other != name for number in versions(files, other)]
+    made = [read(files, other, number) for other, number in others]
+    return [database.reference for database in made if wanted.intersection(database.lineage.parents)]
+
+
+def _lineage(files: LakeFiles, file: str) -> Lineage:
+    """What the footer of a database's file says."""
+    with reading(files.path(file)):
+        footer = pq.read_metadata(files.path(file)).metadata
+    tables.load("members").check_version(footer, file)
+    return Lineage(**json.loads(footer[b"scenarionet.lineage"]))
 
 
 def check_free(files: LakeFiles, name: str, *, replace: bool) -> None:
@@ -216,36 +182,6 @@ def check_free(files: LakeFiles, name: str, *, replace: bool) -> None:
     check_name(name)
     if not replace and versions(files, name):
         raise DatabaseExists(f"database {name!r} exists; give another name, or --replace for a new version of it")
-
-
-def save(files: LakeFiles, name: str, members: pa.Table, lineage: Lineage, *, replace: bool) -> Database:
-    """Publish a database; of two that publish the same version at once, one takes the next.
-
-    Args:
-        files: The lake.
-        name: Its name.
-        members: scenario_id, weight and content_hash, in order.
-        lineage: How it was made.
-        replace: Make a further version when there is one already.
-
-    Raises:
-        DatabaseExists: There is one and ``replace`` is False.
-    """
-    schema = tables.load("members").schema
-    columns = {
-        "scenario_id": members["scenario_id"],
-        "position": pa.array(np.arange(members.num_rows, dtype=np.int32)),
-        "weight": members["weight"],
-        "content_hash": members["content_hash"],
-    }
-    content = pa.table([columns[name].cast(schema.field(name).type) for name in schema.names], schema=schema)
-    footer = {"scenarionet.lineage": json.dumps(asdict(lineage))}
-    while True:
-        check_free(files, name, replace=replace)
-        version = (versions(files, name) or [0])[-1] + 1
-        written = write_table(files, "members", content, footer, row_group_size=_ROWS_PER_GROUP)
-        if files.publish_new(_path(name, version), written):
-            return Database(name, version, content, lineage)
 
 
 def rename(files: LakeFiles, name: str, new_name: str) -> None:
@@ -264,8 +200,9 @@ def drop(files: LakeFiles, name: str, version: int | None = None) -> None:
     if version is None or versions(files, name) == [version]:
         files.remove(f"{_FOLDER}/{name}")
     else:
-        files.remove(_path(name, version))
+        files.remove(path(name, version))
 
 
-def _path(name: str, version: int) -> str:
+def path(name: str, version: int) -> str:
+    """File of a version of a database."""
     return f"{_FOLDER}/{name}/{version}.parquet"

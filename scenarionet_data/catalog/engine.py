@@ -9,10 +9,10 @@ import re
 import tempfile
 import threading
 import uuid
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import duckdb
 import pyarrow as pa
@@ -29,9 +29,13 @@ from scenarionet_data.store.snapshot import Snapshot
 if TYPE_CHECKING:
     import polars as pl
 
+_ROWS_PER_BATCH = 65_536
 FILE_TABLES = ("metadata", "tracks", "lights", "maps", "quarantine", "shards", *runs.RUN_TABLES)
 _FOLDER_COLUMNS = ("tracks", "lights", "maps")
 _KEYS = {"metadata": "scenario_id", "tracks": "scenario_id", "lights": "scenario_id", "maps": "map_id"}
+
+Rows: TypeAlias = pa.Table | pa.RecordBatchReader
+"""What a question may bring along; a reader's rows are read once."""
 
 
 def table_files(files: LakeFiles, snapshot: Snapshot, table: str) -> list[str]:
@@ -85,6 +89,8 @@ class Engine:
         self._filesystem: Any = None
         self._lock = threading.Lock()
         self._connection.execute("SET enable_progress_bar = false")
+        # Where the engine has an allocator of its own: memory that a query has used goes back to the system.
+        self._connection.execute("SET allocator_background_threads = true")
         if threads:
             self._connection.execute(f"SET threads = {threads}")
         if only is not None:
@@ -120,7 +126,7 @@ class Engine:
         except polars.exceptions.PolarsError as error:
             raise QueryError(f"{error}; name columns apart with AS, cast odd types to VARCHAR") from error
 
-    def arrow(self, sql: str, parameters: Mapping[str, Any] | None = None, **tables: pa.Table) -> pa.Table:
+    def arrow(self, sql: str, parameters: Mapping[str, Any] | None = None, **tables: Rows) -> pa.Table:
         """Like :meth:`select`, as an Arrow table; ``tables`` are known to this query by their names.
 
         Raises:
@@ -132,7 +138,20 @@ class Engine:
             self._make_views(sql)
             return self._connection.sql(query, params=given).to_arrow_table()
 
-    def fetch(self, sql: str, **tables: pa.Table) -> list[tuple[Any, ...]]:
+    def batches(self, sql: str, parameters: Mapping[str, Any] | None = None) -> Generator[pa.RecordBatch, None, None]:
+        """Like :meth:`arrow`, some rows at a time; every other question waits until it is closed, or at its end."""
+        with self._asked(sql, {}):
+            given = dict(parameters or {})
+            query = self._only_select(sql, given)
+            self._make_views(sql)
+            rows = self._connection.sql(query, params=given).to_arrow_reader(_ROWS_PER_BATCH)
+            try:
+                yield from rows
+            except OSError as error:  # what goes wrong between two batches passes through Arrow
+                kind = duckdb.IOException if "IO Error" in str(error) else duckdb.Error
+                raise kind(str(error)) from error
+
+    def fetch(self, sql: str, **tables: Rows) -> list[tuple[Any, ...]]:
         """Rows of a query of our own, which is known to only read; half the time of :meth:`arrow` on few rows.
 
         Raises:
@@ -143,7 +162,7 @@ class Engine:
             return self._connection.execute(sql).fetchall()
 
     @contextmanager
-    def _asked(self, sql: str, tables: Mapping[str, pa.Table]) -> Iterator[None]:
+    def _asked(self, sql: str, tables: Mapping[str, Rows]) -> Iterator[None]:
         """Holds the connection for one question, which knows ``tables``."""
         with self._lock:  # a connection answers one query at a time
             for name, rows in tables.items():

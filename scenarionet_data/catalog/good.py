@@ -9,7 +9,6 @@ from typing import Unpack
 import pyarrow.compute as pc
 
 from scenarionet_data import converters
-from scenarionet_data.catalog import database as databases
 from scenarionet_data.catalog.checks import Findings
 from scenarionet_data.catalog.database import Database
 from scenarionet_data.catalog.operations import pool as pools
@@ -30,12 +29,14 @@ def save_good(findings: Findings, name: str, *, is_strict: bool = False, **savin
         DatabaseExists, EmptyResult: See :class:`Saving`.
     """
     pool = pools.of(findings.holder, findings.database)
-    databases.check_free(pool.lake.files, name, replace=saving.get("replace", False))
-    everyone = pool.run(pool.query("operations/keep"), {})
-    good = everyone.filter(pc.invert(pc.is_in(everyone["scenario_id"], findings.broken_ids(is_strict=is_strict))))
     query = pool.query("operations/good", rules=_broken_sql(findings, is_strict))
     parameters = {"checks": [check.name for check in findings.checks], "is_strict": is_strict}
-    return pool.save("check", name, query, parameters, good, saving)
+    broken = findings.broken_ids(is_strict=is_strict)
+    rows = (
+        batch.filter(pc.invert(pc.is_in(batch["scenario_id"], broken)))
+        for batch in pool.batches(pool.query("operations/keep"), {})
+    )
+    return pool.save(pool.lineage("check", query, parameters), name, rows, saving)
 
 
 def _broken_sql(findings: Findings, is_strict: bool) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,8 +13,8 @@ import pyarrow.compute as pc
 from scenarionet_data.catalog import comparison, events, queries
 from scenarionet_data.catalog import database as databases
 from scenarionet_data.catalog import layers as layer_files
-from scenarionet_data.catalog.database import Database, Lineage
-from scenarionet_data.catalog.engine import FILE_TABLES, Engine, table_files
+from scenarionet_data.catalog.database import Database
+from scenarionet_data.catalog.engine import FILE_TABLES, Engine, Rows, table_files
 from scenarionet_data.catalog.members import ADDRESS_COLUMNS, locate
 from scenarionet_data.catalog.operations import (
     ancestry as ancestors,
@@ -119,9 +119,13 @@ class Lake:
         """
         return self._engine.select(query, parameters)
 
-    def arrow(self, query: str, parameters: Mapping[str, Any] | None = None, **tables: pa.Table) -> pa.Table:
+    def arrow(self, query: str, parameters: Mapping[str, Any] | None = None, **tables: Rows) -> pa.Table:
         """Like :meth:`sql`, as an Arrow table; ``tables`` are known to this query by their names."""
         return self._engine.arrow(query, parameters, **tables)
+
+    def batches(self, query: str, parameters: Mapping[str, Any] | None = None) -> Generator[pa.RecordBatch, None, None]:
+        """Like :meth:`arrow`, some rows at a time; every other question waits until it is closed, or at its end."""
+        return self._engine.batches(query, parameters)
 
     # Explained where they are done.
     mine = events.mine
@@ -191,21 +195,13 @@ class Lake:
         """Names of the lake's databases."""
         return databases.names(self.files)
 
-    def database(self, name: str) -> Database:
-        """A database by ``name`` or ``name@version``.
+    def database(self, which: Database | str) -> Database:
+        """A database by ``name`` or ``name@version``: how it was made, and its members when they are asked for.
 
         Raises:
             DatabaseNotFound: The message lists those that are there.
         """
-        return databases.read(self.files, *databases.parse_reference(name))
-
-    def lineage(self, name: str) -> tuple[str, Lineage]:
-        """``name@version`` of a database and how it was made, without reading its members.
-
-        Raises:
-            DatabaseNotFound: The message lists those that are there.
-        """
-        return databases.lineage(self.files, *databases.parse_reference(name))
+        return databases.resolve(self.files, which)
 
     # What is done with databases is explained where it is done.
     filter = filtering.keep
@@ -225,10 +221,6 @@ class Lake:
     overlap = overlapping.overlap
     pack = packing.pack
 
-    def resolve_database(self, database: Database | str) -> Database:
-        """The database, or the one of that name."""
-        return self.database(database) if isinstance(database, str) else database
-
     # --- scenarios ------------------------------------------------------------------------------------
 
     def members(self, database: Database | str) -> pa.Table:
@@ -240,7 +232,7 @@ class Lake:
         Raises:
             ScenarioNotFound: They are in neither.
         """
-        return self._holding(self.resolve_database(database))[1]
+        return self._holding(self.database(database))[1]
 
     def locate(self, scenario_ids: Sequence[str]) -> pa.Table:
         """Address and description columns of scenarios, in the given order.
@@ -263,7 +255,7 @@ class Lake:
         if scenarios is None:
             scenarios = self._engine.arrow("SELECT scenario_id FROM metadata ORDER BY scenario_id")[0].to_pylist()
         if isinstance(scenarios, (Database, str)):
-            return self._holding(self.resolve_database(scenarios))
+            return self._holding(self.database(scenarios))
         return self, self.locate(list(scenarios))
 
     def shared_maps(self) -> dict[tuple[str, str, str], str]:
@@ -273,7 +265,7 @@ class Lake:
 
     def _holding(self, database: Database) -> tuple[Lake, pa.Table]:
         """The lake at a snapshot that holds every member unchanged, and where they lie in it."""
-        lake = pool.holding(self, [databases.stored(self.files, database)])
+        lake = pool.holding(self, [database])
         return lake, lake._complete(locate(lake._engine, database.members.select(["scenario_id", "content_hash"])))
 
     def _complete(self, found: pa.Table) -> pa.Table:

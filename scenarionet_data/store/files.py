@@ -139,6 +139,8 @@ class LakeFiles:
     def publish_new(self, name: str, data: bytes | Path) -> bool:
         """Publish ``data`` (bytes, or a temporary file) unless a file of that name exists.
 
+        A temporary file that is not published stays: it may get another name.
+
         Returns:
             Whether this call made the file; exactly one of several concurrent callers does.
         """
@@ -152,9 +154,10 @@ class LakeFiles:
             try:
                 os.link(temporary, target)
             except FileExistsError:
+                if isinstance(data, bytes):
+                    temporary.unlink()
                 return False
-            finally:
-                temporary.unlink()
+            temporary.unlink()
         return True
 
     def move(self, folder: str, name: str) -> bool:

@@ -66,4 +66,4 @@ def command(
         replace=replace,
         allow_empty=allow_empty,
     )
-    print_made(made, as_json, opened.lineage(parent)[1].count if parent else len(opened))
+    print_made(made, as_json, len(opened.database(parent)) if parent else len(opened))

@@ -45,8 +45,8 @@ def _describe(lake: Lake) -> dict[str, Any]:
 
 
 def _database(lake: Lake, name: str) -> dict[str, Any]:
-    reference, lineage = lake.lineage(name)
-    return {"name": name, "reference": reference} | asdict(lineage)
+    found = lake.database(name)
+    return {"name": name, "reference": found.reference} | asdict(found.lineage)
 
 
 def _print(found: dict[str, Any]) -> None:

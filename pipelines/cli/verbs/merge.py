@@ -29,7 +29,7 @@ def command(lake: str, databases: tuple[str, ...], name: str, replace: bool, all
 
     opened = Lake(lake)
     made = opened.merge(databases, name=name, replace=replace, allow_empty=allow_empty)
-    shared = sum(opened.lineage(parent)[1].count for parent in made.lineage.parents) - len(made)
+    shared = sum(len(opened.database(parent)) for parent in made.lineage.parents) - len(made)
     if as_json:
         print_json({"name": made.name, "reference": made.reference, "repeated": shared} | asdict(made.lineage))
         return

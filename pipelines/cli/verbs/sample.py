@@ -57,4 +57,4 @@ def command(
         balance=balance,
         replace=replace,
     )
-    print_made(made, as_json, opened.lineage(database)[1].count if database else len(opened))
+    print_made(made, as_json, len(opened.database(database)) if database else len(opened))

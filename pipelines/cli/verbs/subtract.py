@@ -22,4 +22,4 @@ def command(lake: str, databases: tuple[str, ...], name: str, replace: bool, all
 
     opened = Lake(lake)
     made = opened.subtract(databases, name=name, replace=replace, allow_empty=allow_empty)
-    print_made(made, as_json, opened.lineage(databases[0])[1].count)
+    print_made(made, as_json, len(opened.database(databases[0])))

@@ -42,12 +42,11 @@ def ancestry(lake: Lake, reference: str) -> Ancestry:
     Raises:
         DatabaseNotFound: The message lists those that are there.
     """
-    name, version = databases.parse_reference(reference)
-    found, lineage = databases.lineage(lake.files, name, version)
-    parents = tuple(_parent(lake, parent) for parent in lineage.parents)
-    number = databases.parse_reference(found)[1]
-    children = databases.children(lake.files, name, number)
-    return Ancestry(found, tuple(databases.versions(lake.files, name)), lineage, parents, tuple(children))
+    found = lake.database(reference)
+    parents = tuple(_parent(lake, parent) for parent in found.lineage.parents)
+    versions = tuple(databases.versions(lake.files, found.name))
+    children = tuple(databases.children(lake.files, found.name, found.version))
+    return Ancestry(found.reference, versions, found.lineage, parents, children)
 
 
 def _parent(lake: Lake, reference: str) -> Ancestry:

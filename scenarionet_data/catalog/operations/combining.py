@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Unpack
 
 from scenarionet_data.catalog import database as databases
+from scenarionet_data.catalog import drafts
 from scenarionet_data.catalog.database import Database
 from scenarionet_data.catalog.operations import pool as pools
 from scenarionet_data.catalog.operations.pool import Saving
@@ -63,7 +64,7 @@ def checkout(lake: Lake, reference: str) -> Database:
     if version is None:
         raise BadParameter(f"wanted an old version, for example {name}@1; `scenarionet lineage` lists them")
     old = lake.database(reference)
-    return databases.save(lake.files, name, old.members, old.lineage, replace=True)
+    return drafts.save(lake.files, name, old.members, old.lineage, replace=True)
 
 
 def rename(lake: Lake, name: str, new_name: str) -> None:

@@ -11,7 +11,6 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scenarionet_data import tables
-from scenarionet_data.catalog import database as databases
 from scenarionet_data.catalog.database import Database
 from scenarionet_data.catalog.members import ADDRESS_COLUMNS
 from scenarionet_data.catalog.operations.pool import Pool, StaleDatabaseWarning
@@ -120,7 +119,7 @@ def _side(lake: Lake, which: Database | str) -> _Side:
             raise BadParameter(f"{which!r}: wanted a snapshot such as @7, or a database")
         there = lake.at(int(which[1:]))
         return _Side(which, len(there), _relation(lake, there.snapshot.metadata), there.snapshot.number)
-    database = databases.stored(lake.files, which)
+    database = lake.database(which)
     return _Side(database.reference, len(database), database.relation, database.lineage.snapshot)
 
 

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING
 
-from scenarionet_data.catalog import database as databases
 from scenarionet_data.catalog import named_sql
-from scenarionet_data.catalog.database import Database, Stored
+from scenarionet_data.catalog.database import Database
 from scenarionet_data.catalog.operations.pool import Pool, StaleDatabaseWarning
 from scenarionet_data.errors import BadParameter, UnknownQuery
 
@@ -65,13 +64,13 @@ def overlap(lake: Lake, *which: Database | str, only: Sequence[str] | None = Non
     if len(which) < 2:
         raise BadParameter(f"overlap: wanted two databases or more, found {len(which)}")
     rules = [named_sql.load(_FOLDER, kind, UnknownQuery) for kind in (only or kinds())]
-    found = [databases.stored(lake.files, each) for each in which]
+    found = [lake.database(each) for each in which]
     for database in found:
         _warn_of_gone(lake, database)
     return [_apply(lake, pair, rule) for pair in combinations(found, 2) for rule in rules]
 
 
-def _warn_of_gone(lake: Lake, database: Stored) -> None:
+def _warn_of_gone(lake: Lake, database: Database) -> None:
     gone = int(lake.arrow(_GONE.format(members=database.relation))["n"][0].as_py())
     if gone:
         warnings.warn(
@@ -82,7 +81,7 @@ def _warn_of_gone(lake: Lake, database: Stored) -> None:
         )
 
 
-def _apply(lake: Lake, pair: tuple[Stored, Stored], rule: named_sql.NamedSql) -> Overlap:
+def _apply(lake: Lake, pair: tuple[Database, Database], rule: named_sql.NamedSql) -> Overlap:
     pool = Pool(lake, pair)
     keyed = rule.text.replace("{scenarios}", _SCENARIOS)
     (row,) = pool.run(pool.query("operations/overlap", keyed=keyed), {}).to_pylist()

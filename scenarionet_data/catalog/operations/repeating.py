@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from scenarionet_data.catalog import database as databases
-from scenarionet_data.catalog.database import Stored
+from scenarionet_data.catalog.database import Database
 from scenarionet_data.catalog.operations import comparing
 from scenarionet_data.catalog.operations.comparing import Diff
 from scenarionet_data.catalog.operations.pool import Pool, Saving
@@ -42,11 +42,11 @@ def rebuild(lake: Lake, reference: str) -> Rebuilt:
         NoSuchSnapshot: The snapshot is gone.
         DatabaseNotFound: A parent is gone.
     """
-    database = databases.stored(lake.files, reference)
+    database = lake.database(reference)
     lineage = database.lineage
     try:
         there = lake.at(lineage.snapshot, lineage.layers)
-        pool = Pool(there, tuple(databases.stored(lake.files, parent) for parent in lineage.parents))
+        pool = Pool(there, tuple(lake.database(parent) for parent in lineage.parents))
     except (NoSuchSnapshot, DatabaseNotFound) as error:
         raise type(error)(
             f"{database.reference} cannot be made again as it was: {error}; it can still be read where its scenarios "
@@ -80,27 +80,27 @@ def rebase(lake: Lake, name: str, *, keep_members: bool = False) -> list[Diff]:
     newest = lake.refresh()
     plain, _ = databases.parse_reference(name)
     if keep_members:
-        return [_move(newest, databases.stored(lake.files, plain), keep_members=True)]
+        return [_move(newest, lake.database(plain), keep_members=True)]
     return _rebase(newest, plain, ())
 
 
 def _rebase(lake: Lake, name: str, waiting: tuple[str, ...]) -> list[Diff]:
     """Parents first; a version of a database that waits for this very move is a parent as it is."""
-    database = databases.stored(lake.files, name)
+    database = lake.database(name)
     parents = [databases.parse_reference(parent)[0] for parent in database.lineage.parents]
     moved = [d for parent in parents if parent not in (*waiting, name) for d in _rebase(lake, parent, (*waiting, name))]
     is_behind = database.lineage.snapshot < lake.snapshot.number
     return [*moved, _move(lake, database)] if is_behind or moved else []
 
 
-def _move(lake: Lake, database: Stored, *, keep_members: bool = False) -> Diff:
+def _move(lake: Lake, database: Database, *, keep_members: bool = False) -> Diff:
     lineage = database.lineage
     if keep_members:
         pool = Pool(lake, (database,))
         lineage = replace(lineage, operation="rebase", sql=pool.query("operations/keep"), parameters={})
     else:
         parents = [_newest(parent, database.name) for parent in lineage.parents]
-        pool = Pool(lake, tuple(databases.stored(lake.files, parent) for parent in parents))
+        pool = Pool(lake, tuple(lake.database(parent) for parent in parents))
     saving: Saving = {"replace": True, "allow_empty": True}
     saved = pool.make(lineage.operation, database.name, lineage.sql, lineage.parameters, saving)
     return comparing.diff(lake, database.reference, saved)

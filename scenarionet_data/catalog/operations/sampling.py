@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Unpack
 
-from scenarionet_data.catalog import database as databases
 from scenarionet_data.catalog import mistakes
 from scenarionet_data.catalog.database import Database
 from scenarionet_data.catalog.engine import check_expression
@@ -48,19 +47,16 @@ def sample(
         BadParameter: There are too few to draw from, or the arguments exclude each other.
         DatabaseExists, EmptyResult: See :class:`Saving`.
     """
-    databases.check_free(lake.files, name, replace=saving.get("replace", False))
     _check_size(n, fraction)
     check_expression(weights)
     pool = pools.of(lake, parent)
     query = pool.query("operations/sample", turns=_turns(pool, weights, stratify, balance))
     parameters = {"seed": seed, "n": n, "fraction": fraction}
     try:
-        members = pool.run(query, parameters)
+        drawn = pool.batches(query, parameters)
+        return pool.save(pool.lineage("sample", query, parameters), name, drawn, saving, at_least=n or 0)
     except QueryError as error:
         raise mistakes.in_condition(error, weights) from error
-    if n is not None and members.num_rows < n:
-        raise BadParameter(f"wanted {n:,} scenarios of {len(pool):,}, but only {members.num_rows:,} can be drawn")
-    return pool.save("sample", name, query, parameters, members, saving)
 
 
 def _check_size(n: int | None, fraction: float | None) -> None:

@@ -5,16 +5,20 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Mapping
+from contextlib import closing
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any, Unpack
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
 from scenarionet_data.catalog import database as databases
-from scenarionet_data.catalog.database import Database
+from scenarionet_data.catalog import drafts
+from scenarionet_data.catalog.database import Database, Lineage
+from scenarionet_data.catalog.drafts import Draft
 from scenarionet_data.catalog.operations import pool as pools
 from scenarionet_data.catalog.operations.pool import Pool, Saving
 from scenarionet_data.errors import BadParameter, EmptyResult, LakeError, LeakingSplit
@@ -97,11 +101,18 @@ def split(
         plan = _by_share(pool, fractions or {}, seed, by, stratify, along, "levels" if levels else "along", stem)
     for name in plan.names.values():
         databases.check_free(lake.files, name, replace=saving.get("replace", False))
-    drawn = pool.run(plan.query, plan.parameters)
-    _check_parts(pool, drawn, plan, saving)
-    if levels is None and each is None and by != "source_log":
-        _check_leaks(pool, drawn, strict)
-    return {part: _save(pool, drawn, plan, part, saving) for part in plan.names}
+    with drafts.drafts(lake.files, plan.names) as made:
+        with closing(pool.batches(plan.query, plan.parameters)) as batches:
+            for rows in batches:
+                for part, draft in made.items():
+                    draft.add(drafts.only(rows, "part", part))
+        _check_parts(pool, {part: draft.count for part, draft in made.items()}, saving)
+        for part, draft in made.items():
+            draft.finish(_lineage(pool, plan, part))
+        if levels is None and each is None and by != "source_log":
+            _check_leaks(pool, made, strict)
+        replace = saving.get("replace", False)
+        return {part: draft.publish(plan.names[part], replace=replace) for part, draft in made.items()}
 
 
 def _check_ways(
@@ -197,14 +208,12 @@ def _check_known(pool: Pool, along: str) -> None:
         )
 
 
-def _check_parts(pool: Pool, drawn: pa.Table, plan: Plan, saving: Saving) -> None:
+def _check_parts(pool: Pool, counts: Mapping[str, int], saving: Saving) -> None:
     """Make sure that every scenario is in one part, and no part is empty."""
-    counts = {row["values"]: row["counts"] for row in pc.value_counts(drawn["part"]).to_pylist()}
-    if sum(counts.get(part, 0) for part in plan.names) != len(pool):
-        raise LakeError(
-            f"{sum(counts.values()):,} of {len(pool):,} scenarios fell into a part: run `scenarionet check`"
-        )
-    empty = [part for part in plan.names if part not in counts]
+    total = sum(counts.values())
+    if total != len(pool):
+        raise LakeError(f"{total:,} of {len(pool):,} scenarios fell into a part: run `scenarionet check`")
+    empty = [part for part, count in counts.items() if not count]
     if empty and not saving.get("allow_empty", False):
         raise EmptyResult(
             f"no scenario of {len(pool):,} falls into {', '.join(empty)}; "
@@ -212,9 +221,16 @@ def _check_parts(pool: Pool, drawn: pa.Table, plan: Plan, saving: Saving) -> Non
         )
 
 
-def _check_leaks(pool: Pool, drawn: pa.Table, strict: bool) -> None:
+def _check_leaks(pool: Pool, parts: Mapping[str, Draft], strict: bool) -> None:
     """Report source logs with scenarios in several parts: a model would be tested on what it has seen."""
-    found = pool.lake.arrow(pool.query("splits/leaks"), drawn=drawn.select(["scenario_id", "part"]))
+    schema = pa.schema({"scenario_id": pa.string(), "part": pa.int32()})
+    drawn = (
+        pa.record_batch([ids, np.full(len(ids), number, np.int32)], schema=schema)
+        for number, draft in enumerate(parts.values())
+        for ids in draft.ids()
+    )
+    reader = pa.RecordBatchReader.from_batches(schema, drawn)
+    found = pool.lake.arrow(pool.query("splits/leaks"), drawn=reader)
     if not found.num_rows:
         return
     scenarios = pc.sum(found["num_scenarios"]).as_py()
@@ -227,7 +243,6 @@ def _check_leaks(pool: Pool, drawn: pa.Table, strict: bool) -> None:
     warnings.warn(text, LeakWarning, stacklevel=3)
 
 
-def _save(pool: Pool, drawn: pa.Table, plan: Plan, part: str, saving: Saving) -> Database:
+def _lineage(pool: Pool, plan: Plan, part: str) -> Lineage:
     query = pool.query("operations/part", split=plan.query)
-    members = pools.only(drawn, "part", part)
-    return pool.save("split", plan.names[part], query, plan.parameters | {"part": part}, members, saving)
+    return pool.lineage("split", query, plan.parameters | {"part": part})

@@ -18,7 +18,6 @@ import pyarrow.compute as pc
 
 from scenarionet_data import tables
 from scenarionet_data.building import meets
-from scenarionet_data.catalog import database as databases
 from scenarionet_data.catalog import layers
 from scenarionet_data.catalog.database import Database
 from scenarionet_data.store import snapshot as snapshots
@@ -225,15 +224,14 @@ class Contents:
 
     def _write_lists(self, records: list[ShardRecord]) -> None:
         """The database, the manifest, and the snapshot under the number that the database's lineage may know."""
-        stored = databases.stored(self._holder.files, self._database)
         temporary = self._target.temporary()
         with writing(temporary, temporary):
-            shutil.copyfile(stored.path, temporary)
-        self._publish(temporary, stored.file)
+            shutil.copyfile(self._holder.files.path(self._database.file), temporary)
+        self._publish(temporary, self._database.file)
         following = Snapshot(
             number=self._holder.snapshot.number,
             created_at=snapshots.now(),
-            operation=f"pack {stored.reference}",
+            operation=f"pack {self._database.reference}",
             metadata=tuple(record.metadata_file for record in records if record.metadata_file is not None),
             manifests=snapshots.write_manifests(self._target, snapshots.EMPTY, records, frozenset()),
         )

@@ -18,13 +18,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenarionet_data.catalog.database import Database
-from scenarionet_data.catalog.packs.contents import Contents, Progress
-from scenarionet_data.codec.content_hash import content_hash
 from scenarionet_data.errors import BadParameter, LakeError
 from scenarionet_data.store.files import LakeFiles, writing
 
 if TYPE_CHECKING:
     from scenarionet_data.catalog.lake import Lake
+    from scenarionet_data.catalog.packs.contents import Progress
 
 
 @dataclass(frozen=True)
@@ -64,10 +63,14 @@ def pack(
         LakeError: A file that is needed is gone or damaged, or ``out`` cannot be written. Every scenario is read
             back from the pack and has to be what was converted, so that no damage is packed under good checksums.
     """
+    from scenarionet_data.catalog.packs.contents import (
+        Contents,  # here: its imports take 80 MB, and every lake has this
+    )
+
     out = Path(out)
     if out.exists() or out.is_symlink():
         raise BadParameter(f"{out}: exists; give another name, or remove it first")
-    wanted = lake.resolve_database(database)
+    wanted = lake.database(database)
     if not len(wanted):
         raise BadParameter(f"{wanted.reference} has no members: there is nothing to pack")
     with _draft(out) as draft:
@@ -84,6 +87,7 @@ def pack(
 def _read_back(draft: Path, wanted: Database, on_progress: Progress | None) -> None:
     """Compare the content of every scenario of a pack with what it was when it was converted."""
     from scenarionet_data.catalog.lake import Lake  # here: both import this module
+    from scenarionet_data.codec.content_hash import content_hash
     from scenarionet_data.loader import ScenarioLoader
 
     hashes = wanted.members["content_hash"].to_pylist()

@@ -10,8 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from scenarionet_data.catalog import database as databases
-from scenarionet_data.catalog import filters
+from scenarionet_data.catalog import drafts, filters
 from scenarionet_data.errors import (
     BadParameter,
     QueryError,
@@ -43,7 +42,7 @@ def test_lineage_says_how_a_database_was_made(own):
     assert "ego_distance > $far" in lineage.sql
     assert lineage.count == len(made)
     assert lineage.created_with
-    assert own.lineage("few") == ("few@1", lineage)
+    assert own.database("few").lineage == lineage
 
 
 def test_lineage_takes_parameters_that_can_be_run_again(own):
@@ -65,7 +64,7 @@ def test_a_filter_of_a_database_keeps_its_order_and_weights(own):
         }
     )
     lineage = replace(own.filter("true", name="any").lineage, operation="by hand")
-    databases.save(own.files, "backwards", members, lineage, replace=False)
+    drafts.save(own.files, "backwards", members, lineage, replace=False)
     kept = own.filter("num_objects > 2", name="kept", parent="backwards")
     large = set(own.filter("num_objects > 2", name="all").scenario_ids)
     wanted = [i for i in ids if i in large]

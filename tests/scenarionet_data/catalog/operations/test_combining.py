@@ -9,6 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from scenarionet_data.catalog import database as databases
+from scenarionet_data.catalog import drafts
 from scenarionet_data.catalog.operations.pool import StaleDatabaseWarning
 from scenarionet_data.errors import (
     BadParameter,
@@ -74,7 +75,7 @@ def test_databases_of_several_snapshots_are_merged_where_one_snapshot_holds_them
 def test_members_that_the_lake_never_had_are_named(logs):
     made = make(logs, "a", [1, 2])
     foreign = made.members.set_column(0, "scenario_id", [["made/v1/s001", "made/v1/elsewhere"]])
-    databases.save(logs.files, "foreign", foreign, made.lineage, replace=False)
+    drafts.save(logs.files, "foreign", foreign, made.lineage, replace=False)
     says = "members of foreign@1 as they were: 1 of 2 of foreign@1 are not in snapshot 1, for example made/v1/elsewhere"
     for use in (
         lambda: logs.filter("true", name="x", parent="foreign"),
@@ -152,7 +153,7 @@ def test_an_old_version_comes_back_with_its_lineage(logs):
     back = logs.checkout("a@1")
     assert back.reference == "a@3"
     assert back.members.equals(first.members)
-    assert logs.lineage("a@3")[1] == logs.lineage("a@1")[1]
+    assert logs.database("a@3").lineage == logs.database("a@1").lineage
     assert logs.database("a@2").members.equals(second.members)
     assert logs.rebuild("a").is_same
     with pytest.raises(BadParameter, match="wanted an old version, for example a@1"):
@@ -162,11 +163,11 @@ def test_an_old_version_comes_back_with_its_lineage(logs):
 
 
 def test_of_two_that_save_the_same_name_one_is_told_and_with_replace_both_are_kept(logs):
-    members, lineage = make(logs, "a", [1, 2]).members, logs.lineage("a")[1]
+    made = make(logs, "a", [1, 2])
 
     def save(name, replace):
         try:
-            return databases.save(logs.files, name, members, lineage, replace=replace).version
+            return drafts.save(logs.files, name, made.members, made.lineage, replace=replace).version
         except DatabaseExists:
             return None
 

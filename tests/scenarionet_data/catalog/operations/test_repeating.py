@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from scenarionet_data import ScenarioLoader
-from scenarionet_data.catalog import database as databases
+from scenarionet_data.catalog import drafts
 from scenarionet_data.catalog.operations.pool import StaleDatabaseWarning
 from scenarionet_data.errors import BadParameter, DatabaseNotFound, NoSuchSnapshot
 from tests.scenarionet_data.catalog.operations.conftest import COUNT
@@ -43,12 +43,12 @@ def test_a_lineage_that_is_not_true_is_found(logs):
     made = logs.filter("num_objects > 1", name="a")
     for number, wrong in enumerate(("num_objects > 2", "num_objects > 0")):
         lineage = replace(made.lineage, sql=made.lineage.sql.replace("num_objects > 1", wrong))
-        databases.save(logs.files, f"b{number}", made.members, lineage, replace=False)
+        drafts.save(logs.files, f"b{number}", made.members, lineage, replace=False)
         rebuilt = logs.rebuild(f"b{number}")
         assert not rebuilt.is_same
         assert not rebuilt.diff.is_same
     backwards = made.members.take(list(range(len(made)))[::-1])
-    databases.save(logs.files, "c", backwards, made.lineage, replace=False)
+    drafts.save(logs.files, "c", backwards, made.lineage, replace=False)
     rebuilt = logs.rebuild("c")
     assert rebuilt.diff.is_same
     assert not rebuilt.is_same

@@ -173,14 +173,14 @@ def test_scenarios_that_are_too_few(lake):
 
 def test_members_that_are_not_in_the_pack(pack):
     """A database that was made of other scenarios, and sums that agree."""
-    from scenarionet_data.catalog import database as databases
+    from scenarionet_data.catalog import drafts
     from scenarionet_data.catalog.packs import verifying
 
     opened = Lake(pack)
     found = opened.database("all")
     strange = pa.array(["nobody", *found.scenario_ids[1:]])
     members = found.members.set_column(0, found.members.schema.field(0), strange)
-    databases.save(opened.files, "strange", members, found.lineage, replace=False)
+    drafts.save(opened.files, "strange", members, found.lineage, replace=False)
     (damage,) = verifying._lost_members(opened.files, ["strange@1", "all@1"])
     assert (damage.file, damage.reason) == (
         "databases/strange/1.parquet",
