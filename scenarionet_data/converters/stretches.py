@@ -33,7 +33,7 @@ def to_rows(extras: Mapping[str, Any]) -> dict[str, Any]:
     for names, to_row in ((BOUNDARIES, _boundary_row), (NEIGHBORS, _neighbor_row)):
         for name in names:
             if rows.get(name):
-                with suppress(_OtherForm, KeyError):
+                with suppress(_OtherForm, KeyError, ValueError):
                     rows[name] = list(map(to_row, rows[name]))
     return rows
 
@@ -54,18 +54,18 @@ class _OtherForm(Exception):
     """What should be a record has other keys, or indices that are no whole numbers."""
 
 
-def _index(value: Any) -> int:
-    text = value if type(value) is str else str(value)
-    if not text.isdecimal():
+def _numbers(*texts: Any) -> list[int]:
+    """Indices from str or int; what is anything else is left as it is by the caller."""
+    if not "".join(map(str, texts)).isdecimal():
         raise _OtherForm
-    return int(text)
+    return list(map(int, texts))  # ValueError for an empty one
 
 
 def _boundary_row(record: Any) -> list[Any]:
     if not isinstance(record, dict) or len(record) != len(_BOUNDARY_KEYS):
         raise _OtherForm
     first, last, feature_id, name = _boundary_values(record)
-    return [_index(first), _index(last), str(feature_id), _CODES[name]]
+    return [*_numbers(first, last), str(feature_id), _CODES[name]]
 
 
 def _boundary_record(row: Any) -> Any:
@@ -80,7 +80,7 @@ def _neighbor_row(record: Any) -> list[Any]:
         raise _OtherForm
     feature_id, *indices = _neighbor_values(record)
     boundaries = record["boundaries"] or ()
-    return [str(feature_id), *map(_index, indices), list(map(_boundary_row, boundaries))]
+    return [str(feature_id), *_numbers(*indices), list(map(_boundary_row, boundaries))]
 
 
 def _neighbor_record(row: Any) -> Any:
