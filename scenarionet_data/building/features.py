@@ -94,9 +94,12 @@ def flat_points(lines: Sequence[Any], height: float = 0.0) -> Ragged:
             raise ValueError(f"wanted points of 2 or 3 coordinates, found {width}")
         chosen = [lines[row] for row in rows]
         values = np.concatenate(chosen) if is_array else _stacked(chosen, width)
-        is_of_form = np.zeros(len(lines), np.bool_)
-        is_of_form[rows] = True
-        points[np.repeat(is_of_form, lengths), :width] = values
+        if len(forms) == 1:
+            points[:, :width] = values
+        else:
+            is_of_form = np.zeros(len(lines), np.bool_)
+            is_of_form[rows] = True
+            points[np.repeat(is_of_form, lengths), :width] = values
     return Ragged.from_flat(lengths, points)
 
 

@@ -90,7 +90,7 @@ def _polygons(features: Sequence[Feature], frame: Frame) -> Ragged:
 
 def _points(lines: Sequence[Any], frame: Frame) -> Ragged:
     """M lists of points (P, 3) float64 [m] from lists or arrays of them, or from single points."""
-    points = flat_points([[line] if _is_point(line) else line for line in lines], frame.ground)
+    points = flat_points([np.reshape(line, (1, -1)) if _is_point(line) else line for line in lines], frame.ground)
     if frame.quirks == "nuscenes":  # its lanes are (x, y, heading); its map has no heights
         points.values[:, 2] = frame.ground
     return points
@@ -104,10 +104,12 @@ def _is_point(line: Any) -> bool:
 
 def _widths(features: Sequence[Feature]) -> Ragged:
     """Widths as they are; none where all are 0 as in Argoverse 2 pickles, for no lane is that wide."""
-    widths = [np.reshape(feature["width"], (-1, 2)) if "width" in feature else _NO_WIDTHS for feature in features]
+    told = [feature.get("width", _NO_WIDTHS) for feature in features]
+    widths = [width if np.ndim(width) == 2 else np.reshape(width, (-1, 2)) for width in told]
     pairs = Ragged.from_flat(list(map(len, widths)), np.concatenate(widths, dtype=np.float64))
     wide = np.zeros(len(features), np.bool_)
-    wide[np.repeat(np.arange(len(features)), pairs.lengths)[pairs.values.any(axis=1)]] = True
+    is_set = (pairs.values[:, 0] != 0) | (pairs.values[:, 1] != 0)
+    wide[np.repeat(np.arange(len(features)), pairs.lengths)[is_set]] = True
     return Ragged.from_flat(np.where(wide, pairs.lengths, 0), pairs.values[np.repeat(wide, pairs.lengths)])
 
 
