@@ -5,6 +5,7 @@ Canonical means: float32 offsets from the origin, headings wrapped, zeros where 
 
 from __future__ import annotations
 
+from scenarionet_data.building.features import flat_points, make_features
 from scenarionet_data.building.map_builder import MapBuilder, meets
 from scenarionet_data.building.precision import METRES, make_origin, offsets_from, rounded
 from scenarionet_data.building.tracks import TrackFacts, make_tracks, make_tracks_of_rows
@@ -13,6 +14,8 @@ __all__ = [
     "METRES",
     "MapBuilder",
     "TrackFacts",
+    "flat_points",
+    "make_features",
     "make_origin",
     "make_tracks",
     "make_tracks_of_rows",

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scenarionet_data.building.precision import METRES, WIDTHS, rounded
+from scenarionet_data.building.features import make_features
 from scenarionet_data.jsontext import to_json
 from scenarionet_data.ragged import Ragged
-from scenarionet_data.scenario import ID_LISTS, Bool, Float64, MapFeatures, strings
+from scenarionet_data.scenario import ID_LISTS, Bool, Float64, MapFeatures
 from scenarionet_data.vocabulary import MapFeatureType
 
 _NO_POINTS, _NO_WIDTHS = np.zeros((0, 3)), np.zeros((0, 2))
@@ -124,30 +124,22 @@ class MapBuilder:
         def column(name: str) -> list[Any]:
             return [row[name] for row in rows]
 
-        def geometry(name: str) -> Ragged:
-            lists = column(name)
-            values = np.concatenate([_NO_POINTS, *lists]) - origin
-            if not has_z:
-                values[:, 2] = 0.0
-            return Ragged.from_flat([len(points) for points in lists], rounded(values, METRES))
+        def lists(name: str, none: Float64) -> Ragged:
+            found = column(name)
+            return Ragged.from_flat([len(each) for each in found], np.concatenate([none, *found]))
 
-        def widths() -> Ragged:
-            lists = column("width")
-            lengths = np.array([len(pairs) for pairs in lists], np.int64)
-            exact = np.concatenate([_NO_WIDTHS, *lists])
-            is_one_for_all = np.repeat(lengths == 1, lengths)[:, None]
-            return Ragged.from_flat(lengths, np.where(is_one_for_all, exact.astype(np.float32), rounded(exact, WIDTHS)))
-
-        return MapFeatures(
-            ids=strings(column("id")),
-            types=np.array(column("type"), dtype=np.uint8),
-            polyline=geometry("polyline"),
-            polygon=geometry("polygon"),
-            speed_limit=np.array(column("speed_limit"), dtype=np.float32),
-            width=widths(),
-            **{name: Ragged.from_ids(column(name)) for name in ID_LISTS},
-            is_intersection=np.array(column("is_intersection"), dtype=np.int8),
-            extras=np.array(column("extras"), dtype=object),
+        return make_features(
+            column("id"),
+            column("type"),
+            polyline=lists("polyline", _NO_POINTS),
+            polygon=lists("polygon", _NO_POINTS),
+            width=lists("width", _NO_WIDTHS),
+            speed_limit=column("speed_limit"),
+            links={name: Ragged.from_ids(column(name)) for name in ID_LISTS},
+            is_intersection=column("is_intersection"),
+            extras=column("extras"),
+            origin=origin,
+            has_z=has_z,
         )
 
 

@@ -22,7 +22,7 @@ NEIGHBORS = ("left_neighbor", "right_neighbor")
 _BOUNDARY_KEYS = ("lane_start_index", "lane_end_index", "boundary_feature_id", "boundary_type")
 _CODES = {name: int(code) for name, code in MapFeatureType.__members__.items()}
 _NEIGHBOR_KEYS = ("feature_id", "self_start_index", "self_end_index", "neighbor_start_index", "neighbor_end_index")
-_boundary_values, _neighbor_values = itemgetter(*_BOUNDARY_KEYS), itemgetter(*_NEIGHBOR_KEYS)
+_boundary_values, _neighbor_values = itemgetter(*_BOUNDARY_KEYS), itemgetter(*_NEIGHBOR_KEYS, "boundaries")
 
 
 def to_rows(extras: Mapping[str, Any]) -> dict[str, Any]:
@@ -33,7 +33,7 @@ def to_rows(extras: Mapping[str, Any]) -> dict[str, Any]:
     for names, to_row in ((BOUNDARIES, _boundary_row), (NEIGHBORS, _neighbor_row)):
         for name in names:
             if rows.get(name):
-                with suppress(_OtherForm, KeyError):
+                with suppress(*_OTHER_FORM):
                     rows[name] = list(map(to_row, rows[name]))
     return rows
 
@@ -50,22 +50,23 @@ def to_records(extras: Mapping[str, Any]) -> dict[str, Any]:
     return records
 
 
-class _OtherForm(Exception):
-    """What should be a record has other keys, or indices that are no whole numbers."""
-
-
-def _index(value: Any) -> int:
-    text = value if type(value) is str else str(value)
-    if not text.isdecimal():
-        raise _OtherForm
-    return int(text)
+_OTHER_FORM = (KeyError, TypeError, ValueError)
+"""What a record raises that has other keys, or indices that are no whole numbers."""
 
 
 def _boundary_row(record: Any) -> list[Any]:
-    if not isinstance(record, dict) or len(record) != len(_BOUNDARY_KEYS):
-        raise _OtherForm
     first, last, feature_id, name = _boundary_values(record)
-    return [_index(first), _index(last), str(feature_id), _CODES[name]]
+    if len(record) != len(_BOUNDARY_KEYS) or not f"{first}{last}".isdecimal():
+        raise ValueError(record)
+    return [int(first), int(last), str(feature_id), _CODES[name]]
+
+
+def _neighbor_row(record: Any) -> list[Any]:
+    feature_id, first, last, other_first, other_last, boundaries = _neighbor_values(record)
+    if len(record) != len(_NEIGHBOR_KEYS) + 1 or not f"{first}{last}{other_first}{other_last}".isdecimal():
+        raise ValueError(record)
+    indices = int(first), int(last), int(other_first), int(other_last)
+    return [str(feature_id), *indices, [_boundary_row(boundary) for boundary in boundaries or ()]]
 
 
 def _boundary_record(row: Any) -> Any:
@@ -73,14 +74,6 @@ def _boundary_record(row: Any) -> Any:
         return row
     first, last, feature_id, code = row
     return dict(zip(_BOUNDARY_KEYS, (str(first), str(last), feature_id, MapFeatureType(code).name), strict=True))
-
-
-def _neighbor_row(record: Any) -> list[Any]:
-    if not isinstance(record, dict) or len(record) != len(_NEIGHBOR_KEYS) + 1:
-        raise _OtherForm
-    feature_id, *indices = _neighbor_values(record)
-    boundaries = record["boundaries"] or ()
-    return [str(feature_id), *map(_index, indices), list(map(_boundary_row, boundaries))]
 
 
 def _neighbor_record(row: Any) -> Any:

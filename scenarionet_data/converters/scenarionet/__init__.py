@@ -30,7 +30,8 @@ from scenarionet_data.converters.base import (
     fingerprint,
 )
 from scenarionet_data.converters.scenarionet.frame import Frame, find_frame
-from scenarionet_data.converters.scenarionet.map_features import make_lights, make_map
+from scenarionet_data.converters.scenarionet.lights import make_lights
+from scenarionet_data.converters.scenarionet.map_features import make_map
 from scenarionet_data.converters.scenarionet.summary import SUMMARISED, facts_of
 from scenarionet_data.converters.scenarionet.tracks import (
     States,

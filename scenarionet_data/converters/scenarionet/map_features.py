@@ -1,23 +1,24 @@
-"""Map features and traffic lights out of ScenarioNet pickles of every vintage."""
+"""Map features out of ScenarioNet pickles of every vintage, one column of all features after the other."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
 
-from scenarionet_data.building import MapBuilder
+from scenarionet_data.building import flat_points, make_features
 from scenarionet_data.converters.scenarionet.frame import Frame
 from scenarionet_data.converters.stretches import to_rows
-from scenarionet_data.errors import InvalidScenario
-from scenarionet_data.scenario import Float64, Lights, MapFeatures, strings
-from scenarionet_data.vocabulary import LightState, MapFeatureType, Provenance
+from scenarionet_data.jsontext import to_json
+from scenarionet_data.ragged import Ragged
+from scenarionet_data.scenario import Float64, MapFeatures, strings
+from scenarionet_data.vocabulary import MapFeatureType
 
 # Limits that ScenarioNet and MetaDrive write where the source has none [km/h].
 _INVENTED_LIMITS = {"nuscenes": (100.0,), "av2": (85.0 * 1.609344,), "metadrive": (1000.0, 100.0)}
-_LIGHT_STATES: dict[str | None, int] = {None: LightState.ABSENT, **{s.name: s for s in LightState if s}}
 _FEATURE_TYPES = dict(MapFeatureType.__members__)
 # Their lists of ids, and ours; neighbours and boundaries are records in Waymo's pickles.
 _ID_LISTS = {
@@ -32,10 +33,10 @@ _ID_LISTS = {
 _LISTS = (list, tuple, np.ndarray)
 _ID_KEYS = ("feature_id", "boundary_feature_id", "id")
 
-Features = Mapping[Any, Mapping[str, Any]]
+Feature = Mapping[str, Any]
 
 
-def make_map(features: Features, frame: Frame) -> tuple[MapFeatures | None, dict[str, int]]:
+def make_map(features: Mapping[Any, Feature], frame: Frame) -> tuple[MapFeatures | None, dict[str, int]]:
     """Map features in canonical form.
 
     Args:
@@ -46,66 +47,73 @@ def make_map(features: Features, frame: Frame) -> tuple[MapFeatures | None, dict
         The map, None when there is none; and the types that this project does not know, with how often they
         were dropped.
     """
-    builder = MapBuilder()
-    unknown: Counter[str] = Counter()
-    # nuScenes' lanes are (x, y, heading); its map has no heights.
-    quirks, ground = frame.quirks, frame.ground
-    is_flat = quirks == "nuscenes"
-    for feature_id, feature in features.items():
-        word = str(feature["type"])
-        if word not in _FEATURE_TYPES:
-            unknown[word] += 1
-            continue
-        links = {key: _listed(feature[key]) for key in _ID_LISTS if key in feature}
-        builder.add(
-            str(feature_id),
-            _FEATURE_TYPES[word],
-            polyline=_line(feature, frame, ground, is_flat),
-            polygon=_polygon(feature, ground, is_flat) if "polygon" in feature else None,
-            speed_limit=_speed_limit(feature, quirks) if word.startswith("LANE_") else np.nan,
-            width=_width(feature),
-            is_intersection=feature.get("is_intersection"),
-            extras=to_rows(feature.get("extras") or {} if frame.is_ours else _details(feature, links)),
-            **{_ID_LISTS[key]: _ids(items) for key, items in links.items() if items},
-        )
-    return (builder.build(frame.local_origin, frame.has_z) if len(builder) else None), dict(sorted(unknown.items()))
+    words = [str(feature["type"]) for feature in features.values()]
+    unknown = Counter(word for word in words if word not in _FEATURE_TYPES)
+    ids = [feature_id for feature_id, word in zip(features, words, strict=True) if word in _FEATURE_TYPES]
+    if not ids:
+        return None, dict(sorted(unknown.items()))
+    known = [features[feature_id] for feature_id in ids]
+    links = {key: [_listed(feature.get(key)) for feature in known] for key in _ID_LISTS}
+    made = make_features(
+        ids,
+        [_FEATURE_TYPES[word] for word in words if word in _FEATURE_TYPES],
+        polyline=_lines(known, frame),
+        polygon=_polygons(known, frame),
+        width=_widths(known),
+        speed_limit=_speed_limits(known, frame.quirks),
+        links={_ID_LISTS[key]: _ids(lists) for key, lists in links.items()},
+        is_intersection=[-1 if (told := feature.get("is_intersection")) is None else int(told) for feature in known],
+        extras=[to_json(to_rows(extras)) for extras in _extras(known, links, frame.is_ours)],
+        origin=frame.local_origin,
+        has_z=frame.has_z,
+    )
+    return made, dict(sorted(unknown.items()))
 
 
-def _line(feature: Mapping[str, Any], frame: Frame, ground: float, is_flat: bool) -> Float64 | None:
-    """(n, 3) polyline, or the one point of a stop sign."""
-    if "position" not in feature:
-        return _points(feature.get("polyline"), ground, is_flat)
-    position = _points(feature["position"], ground, is_flat)
-    return None if position is None else position + frame.moved
+def _lines(features: Sequence[Feature], frame: Frame) -> Ragged:
+    """Polylines, or the one point of a stop sign, in the frame of the pickle's tracks."""
+    lines = _points([feature.get("position", feature.get("polyline")) for feature in features], frame)
+    if frame.moved.any():
+        is_sign = np.array(["position" in feature for feature in features])
+        lines.values[np.repeat(is_sign, lines.lengths)] += frame.moved
+    return lines
 
 
-def _polygon(feature: Mapping[str, Any], ground: float, is_flat: bool) -> Float64 | None:
-    """(n, 3) outline; our own export keeps a lane's heights beside it."""
-    points = _points(feature["polygon"], ground, is_flat)
-    if points is not None and "polygon_z" in feature:
-        points[:, 2] = feature["polygon_z"]
+def _polygons(features: Sequence[Feature], frame: Frame) -> Ragged:
+    """Outlines; our own export keeps a lane's heights beside it."""
+    outlines = _points([feature.get("polygon") for feature in features], frame)
+    for row, feature in enumerate(features):
+        if "polygon_z" in feature:
+            outlines[row][:, 2] = feature["polygon_z"]
+    return outlines
+
+
+def _points(lines: Sequence[Any], frame: Frame) -> Ragged:
+    """M lists of points (P, 3) float64 [m] from lists or arrays of them, or from single points."""
+    points = flat_points([np.reshape(line, (1, -1)) if _is_point(line) else line for line in lines], frame.ground)
+    if frame.quirks == "nuscenes":  # its lanes are (x, y, heading); its map has no heights
+        points.values[:, 2] = frame.ground
     return points
 
 
-def _points(points: Any, ground: float, is_flat: bool) -> Float64 | None:
-    """(n, 3) from (n, 2) or (n, 3) lists or arrays, or from a single point."""
-    if points is None or not len(points):
-        return None
-    array = np.asarray(points, dtype=np.float64)
-    array = array[None] if array.ndim == 1 else array
-    if array.shape[1] == 3 and not is_flat:
-        return array
-    spatial = np.empty((len(array), 3))
-    spatial[:, :2], spatial[:, 2] = array[:, :2], ground
-    return spatial
+def _is_point(line: Any) -> bool:
+    if isinstance(line, np.ndarray):
+        return line.ndim == 1 and line.size > 0
+    return line is not None and len(line) > 0 and isinstance(line[0], (int, float, np.number))
 
 
-def _width(feature: Mapping[str, Any]) -> Any:
-    """Width as it is; None where it is all 0 as in Argoverse 2 pickles, for no lane is that wide."""
-    if "width" not in feature:
-        return None
-    width = np.asarray(feature["width"])
-    return width if width.any() else None
+def _widths(features: Sequence[Feature]) -> Ragged:
+    """Widths as they are; none where all are 0 as in Argoverse 2 pickles, for no lane is that wide."""
+    told = [feature.get("width", _NO_WIDTHS) for feature in features]
+    widths = [width if np.ndim(width) == 2 else np.reshape(width, (-1, 2)) for width in told]
+    pairs = Ragged.from_flat(list(map(len, widths)), np.concatenate(widths, dtype=np.float64))
+    wide = np.zeros(len(features), np.bool_)
+    is_set = (pairs.values[:, 0] != 0) | (pairs.values[:, 1] != 0)
+    wide[np.repeat(np.arange(len(features)), pairs.lengths)[is_set]] = True
+    return Ragged.from_flat(np.where(wide, pairs.lengths, 0), pairs.values[np.repeat(wide, pairs.lengths)])
+
+
+_NO_WIDTHS = np.zeros((0, 2))
 
 
 def _listed(items: Any) -> Sequence[Any]:
@@ -115,8 +123,10 @@ def _listed(items: Any) -> Sequence[Any]:
     return () if items is None else list(items) if isinstance(items, _LISTS) else [items]
 
 
-def _ids(items: Sequence[Any]) -> list[str]:
-    return [str(_id(item) if isinstance(item, dict) else item) for item in items]
+def _ids(lists: Sequence[Sequence[Any]]) -> Ragged:
+    """The ids in all features' lists."""
+    flat = [_id(item) if isinstance(item, dict) else item for item in chain.from_iterable(lists)]
+    return Ragged.from_flat(list(map(len, lists)), strings(flat))
 
 
 def _id(record: Mapping[str, Any]) -> Any:
@@ -126,74 +136,38 @@ def _id(record: Mapping[str, Any]) -> Any:
     raise KeyError(_ID_KEYS[0])
 
 
-def _details(feature: Mapping[str, Any], links: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
-    """What Waymo's records say of neighbours and boundaries beyond ids: from which point to which."""
-    # The items of a list are of one kind.
-    details: dict[str, Any] = {key: items for key, items in links.items() if items and isinstance(items[0], dict)}
-    return details | {"interpolating": True} if feature.get("interpolating") is True else details
+def _extras(
+    features: Sequence[Feature], links: Mapping[str, Sequence[Sequence[Any]]], is_ours: bool
+) -> list[dict[str, Any]]:
+    """What our own export says besides; of other pickles, what Waymo's records say beyond ids.
+
+    Those tell from which point to which a neighbour or boundary lies.
+    """
+    if is_ours:
+        return [feature.get("extras") or {} for feature in features]
+    extras: list[dict[str, Any]] = [
+        {"interpolating": True} if feature.get("interpolating") is True else {} for feature in features
+    ]
+    for key, lists in links.items():
+        for found, items in zip(extras, lists, strict=True):
+            if items and isinstance(items[0], dict):  # the items of a list are of one kind
+                found[key] = items
+    return extras
 
 
-def _speed_limit(feature: Mapping[str, Any], dataset: str) -> float:
-    """Limit [m/s]; NaN when the source has none."""
-    if feature.get("speed_limit_mps"):
-        return float(feature["speed_limit_mps"])
+def _speed_limits(features: Sequence[Feature], dataset: str) -> Float64:
+    """(M,) limits of lanes [m/s]; NaN when the source has none."""
+    is_lane = np.array([str(feature["type"]).startswith("LANE_") for feature in features])
+    exact = np.array([feature.get("speed_limit_mps") or np.nan for feature in features], np.float64)
+    kmh = np.array([_kmh(feature) or np.nan for feature in features], np.float64)
+    for invented in _INVENTED_LIMITS.get(dataset, ()):
+        kmh[np.abs(kmh - invented) < 1e-3] = np.nan
+    limits: Float64 = np.where(is_lane, np.where(np.isnan(exact), kmh / 3.6, exact), np.nan)
+    return limits
+
+
+def _kmh(feature: Feature) -> float | None:
     kmh = feature.get("speed_limit_kmh")
     if kmh is None and feature.get("speed_limit_mph"):
-        kmh = feature["speed_limit_mph"] * 1.609344
-    if not kmh or any(abs(kmh - invented) < 1e-3 for invented in _INVENTED_LIMITS.get(dataset, ())):
-        return np.nan
-    return float(kmh) / 3.6
-
-
-def make_lights(description: Mapping[str, Any], frame: Frame, where: str) -> Lights:
-    """Traffic lights in canonical form.
-
-    Args:
-        description: The pickle; its lights have the ids of their lanes.
-        frame: Its frame.
-        where: Names the pickle in errors.
-
-    Raises:
-        InvalidScenario: A light has not T states, or states that ScenarioNet does not know.
-    """
-    length, states = description["length"], description["dynamic_map_states"]
-    if not states:
-        return Lights.empty(length)
-    lanes = [str(lane_id) for lane_id in states]
-    in_map = {str(feature_id) for feature_id in description["map_features"]}
-    metadata = [light.get("metadata", {}) for light in states.values()]
-    ids = [described.get("light_ids", []) for described in metadata]
-    codes = [_codes(light, lane, length, where) for lane, light in zip(lanes, states.values(), strict=True)]
-    points = np.array([_stop_point(light, frame.ground) for light in states.values()], dtype=np.float64)
-    provenance = [Provenance[described.get("provenance", "OBSERVED")] for described in metadata]
-    return Lights(
-        ids=strings(own[0] if len(own) == 1 else lane for own, lane in zip(ids, lanes, strict=True)),
-        lane_ids=strings(lanes),
-        stop_point=(points - frame.local_origin).astype(np.float32),
-        state=np.array(codes, dtype=np.uint8),
-        is_lane_in_map=np.array([lane in in_map for lane in lanes], dtype=np.bool_),
-        provenance=np.array(provenance, dtype=np.uint8),
-    )
-
-
-def _codes(light: Mapping[str, Any], lane: str, length: int, where: str) -> list[int]:
-    words = list(light["state"]["object_state"])
-    path = f"dynamic_map_states[{lane!r}].state.object_state"
-    if len(words) != length:
-        raise InvalidScenario(where, path, f"wanted {length} states, found {len(words)}")
-    unknown = set(words) - set(_LIGHT_STATES)
-    if unknown:
-        raise InvalidScenario(where, path, f"wanted names of LightState or None, found {sorted(unknown)[0]!r}")
-    return [_LIGHT_STATES[word] for word in words]
-
-
-def _stop_point(light: Mapping[str, Any], ground: float) -> Float64:
-    """(3,) where traffic stops; NaN where the pickle does not say."""
-    if light.get("metadata", {}).get("is_stop_point_assumed"):
-        return np.full(3, np.nan)
-    if "stop_point" in light["state"]:  # oldest form: one row per timestep, set where the lane is
-        used = np.flatnonzero(np.asarray(light["state"]["lane"]).astype(bool))
-        points = _points(light["state"]["stop_point"], ground, is_flat=False)
-        return np.full(3, np.nan) if points is None or not len(used) else points[used[0]]
-    points = _points(light.get("stop_point"), ground, is_flat=False)
-    return np.full(3, np.nan) if points is None else points[0]
+        return float(feature["speed_limit_mph"] * 1.609344)
+    return kmh

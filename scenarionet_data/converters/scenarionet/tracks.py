@@ -102,7 +102,8 @@ class _Stack:
     def scalars(self, name: str, is_optional: bool = False) -> Array:
         """(N, T) from (T,) or (T, 1); 0 where an optional one is missing."""
         rows = self._rows(name, (1,), is_optional)
-        return np.concatenate(rows, axis=None).reshape(len(rows), self.length)
+        stacked = np.asarray(np.concatenate(rows, axis=None))
+        return stacked.reshape(len(rows), self.length)
 
     def points(self, name: str, width: int) -> Array:
         """(N, T, width) from (T, 2) or (T, 3): a missing third coordinate is 0, one too many is dropped."""
@@ -123,7 +124,7 @@ class _Stack:
                 continue
             if name not in state:
                 raise self._wrong(track_id, name, "is missing")
-            values = np.asarray(state[name])
+            values = state[name] if isinstance(state[name], np.ndarray) else np.asarray(state[name])
             if len(values) != self.length or values.size not in sizes:
                 raise self._wrong(track_id, name, f"wanted {self.length} timesteps, found an array {values.shape}")
             rows.append(values)

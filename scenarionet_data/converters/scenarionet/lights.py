@@ -1,0 +1,75 @@
+"""Traffic lights out of ScenarioNet pickles of every vintage."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.converters.scenarionet.frame import Frame
+from scenarionet_data.errors import InvalidScenario
+from scenarionet_data.scenario import Float64, Lights, strings
+from scenarionet_data.vocabulary import LightState, Provenance
+
+_LIGHT_STATES: dict[str | None, int] = {None: LightState.ABSENT, **{s.name: s for s in LightState if s}}
+
+
+def make_lights(description: Mapping[str, Any], frame: Frame, where: str) -> Lights:
+    """Traffic lights in canonical form.
+
+    Args:
+        description: The pickle; its lights have the ids of their lanes.
+        frame: Its frame.
+        where: Names the pickle in errors.
+
+    Raises:
+        InvalidScenario: A light has not T states, or states that ScenarioNet does not know.
+    """
+    length, states = description["length"], description["dynamic_map_states"]
+    if not states:
+        return Lights.empty(length)
+    lanes = [str(lane_id) for lane_id in states]
+    in_map = {str(feature_id) for feature_id in description["map_features"]}
+    metadata = [light.get("metadata", {}) for light in states.values()]
+    ids = [described.get("light_ids", []) for described in metadata]
+    codes = [_codes(light, lane, length, where) for lane, light in zip(lanes, states.values(), strict=True)]
+    points = np.array([_stop_point(light, frame.ground) for light in states.values()], dtype=np.float64)
+    provenance = [Provenance[described.get("provenance", "OBSERVED")] for described in metadata]
+    return Lights(
+        ids=strings(own[0] if len(own) == 1 else lane for own, lane in zip(ids, lanes, strict=True)),
+        lane_ids=strings(lanes),
+        stop_point=(points - frame.local_origin).astype(np.float32),
+        state=np.array(codes, dtype=np.uint8),
+        is_lane_in_map=np.array([lane in in_map for lane in lanes], dtype=np.bool_),
+        provenance=np.array(provenance, dtype=np.uint8),
+    )
+
+
+def _codes(light: Mapping[str, Any], lane: str, length: int, where: str) -> list[int]:
+    words = list(light["state"]["object_state"])
+    path = f"dynamic_map_states[{lane!r}].state.object_state"
+    if len(words) != length:
+        raise InvalidScenario(where, path, f"wanted {length} states, found {len(words)}")
+    unknown = set(words) - set(_LIGHT_STATES)
+    if unknown:
+        raise InvalidScenario(where, path, f"wanted names of LightState or None, found {sorted(unknown)[0]!r}")
+    return [_LIGHT_STATES[word] for word in words]
+
+
+def _stop_point(light: Mapping[str, Any], ground: float) -> Float64:
+    """(3,) where traffic stops; NaN where the pickle does not say."""
+    if light.get("metadata", {}).get("is_stop_point_assumed"):
+        return np.full(3, np.nan)
+    if "stop_point" in light["state"]:  # oldest form: one row per timestep, set where the lane is
+        used = np.flatnonzero(np.asarray(light["state"]["lane"]).astype(bool))
+        return _point(light["state"]["stop_point"][used[0]] if len(used) else None, ground)
+    return _point(light.get("stop_point"), ground)
+
+
+def _point(point: npt.ArrayLike | None, ground: float) -> Float64:
+    """(3,) of a point in the plane or in space; NaN without one."""
+    if point is None or not np.size(point):
+        return np.full(3, np.nan)
+    return np.append(np.asarray(point, dtype=np.float64).reshape(-1)[:3], ground)[:3]
