@@ -43,7 +43,7 @@ def table_files(files: LakeFiles, snapshot: Snapshot, table: str) -> list[str]:
     elif table == "shards":
         names = snapshot.manifests
     else:
-        listed = pc.list_flatten(snapshots.column(files, snapshot, "files"))
+        listed = pc.unique(pc.list_flatten(snapshots.column(files, snapshot, "files")))  # shards may share files
         names = sorted(listed.filter(pc.starts_with(listed, f"{table}/")).to_pylist())
     return [str(files.path(name)) for name in names]
 

@@ -66,7 +66,8 @@ def read(files: LakeFiles, number: int | None = None) -> Snapshot:
         number = there[-1]
     if number not in there:
         found = f"there are {there[0]} ... {there[-1]}" if there else "there are none"
-        raise NoSuchSnapshot(f"{files.root}: no snapshot {number}; {found}")
+        expired = ", those before have expired" if there and number < there[-1] else ""
+        raise NoSuchSnapshot(f"{files.root}: no snapshot {number}; {found}{expired}")
     return _parse(files.path(_name(number)))
 
 
@@ -86,11 +87,37 @@ def _parse(path: Path) -> Snapshot:
 
 def publish(files: LakeFiles, snapshot: Snapshot) -> bool:
     """Publish a snapshot unless another job took its number; returns whether it did."""
-    return files.publish_new(_name(snapshot.number), snapshot.to_bytes())
+    if not files.publish_new(_name(snapshot.number), snapshot.to_bytes()):
+        return False
+    if files.has(_mark(snapshot.number)):  # that number was taken and has expired since: others have moved on
+        files.remove(_name(snapshot.number))
+        return False
+    return True
+
+
+def expire(files: LakeFiles, number: int) -> None:
+    """Take a snapshot away. Its number stays taken: a mark says so to whoever was about to publish it."""
+    files.publish_new(_mark(number), b"")
+    files.remove(_name(number))
+
+
+def restore(files: LakeFiles, snapshot: Snapshot) -> None:
+    """Undo :func:`expire`."""
+    files.publish_new(_name(snapshot.number), snapshot.to_bytes())
+    files.remove(_mark(snapshot.number))
+
+
+def has(files: LakeFiles, snapshot: Snapshot) -> bool:
+    """Whether a snapshot that was read is still there."""
+    return snapshot.number == 0 or files.has(_name(snapshot.number))
 
 
 def _name(number: int) -> str:
     return f"{_FOLDER}/{number:08d}.json"
+
+
+def _mark(number: int) -> str:
+    return f"{_FOLDER}/{number:08d}.expired"
 
 
 def now() -> str:
@@ -159,7 +186,8 @@ def write_manifests(
 
 def _write_manifest(files: LakeFiles, rows: list[dict[str, object]]) -> str:
     ordered = sorted(rows, key=lambda row: str(row["key"]))
-    keys = "\n".join(str(row["key"]) for row in ordered)
-    name = f"{_FOLDER}/manifest-{hashlib.blake2b(keys.encode(), digest_size=8).hexdigest()}.parquet"
+    # The same shard may lie in other files since it was converted: its metadata file's name tells.
+    told = "\n".join(f"{row['key']} {row['metadata_file']}" for row in ordered)
+    name = f"{_FOLDER}/manifest-{hashlib.blake2b(told.encode(), digest_size=8).hexdigest()}.parquet"
     files.publish(write_table(files, "shards", ordered, {}), name)
     return name
