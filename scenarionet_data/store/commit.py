@@ -156,9 +156,7 @@ def consolidate(files: LakeFiles) -> Snapshot:
     return _publish(files, change)[0]
 
 
-def _publish(
-    files: LakeFiles, change: Callable[[Snapshot], tuple[Snapshot | None, Told]]
-) -> tuple[Snapshot, Told]:
+def _publish(files: LakeFiles, change: Callable[[Snapshot], tuple[Snapshot | None, Told]]) -> tuple[Snapshot, Told]:
     """Publish what a change makes of the newest snapshot, again for as long as others publish first.
 
     Args:

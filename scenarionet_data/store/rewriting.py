@@ -23,11 +23,9 @@ from scenarionet_data import tables
 from scenarionet_data.errors import LakeError
 from scenarionet_data.store.files import LakeFiles, reading, sha256, writing
 from scenarionet_data.store.profiles import Profile, new_unit, rewritten_name
+from scenarionet_data.store.scenario_rows import Address, ScenarioRows
 from scenarionet_data.store.shard_record import ShardRecord, find_record, partition
 from scenarionet_data.store.table_file import write_table
-
-Address = tuple[str, int, int, int]
-"""File, row group, first row and number of rows of a scenario in a table."""
 
 TABLES = ("tracks", "lights", "maps")
 _OWN_WORDS = (b"scenarionet.source", b"scenarionet.converter", b"scenarionet.licence", b"scenarionet.frame")
@@ -109,7 +107,7 @@ class _Parts:
         self._place = (example.dataset, example.version, example.split)
         self._profile = profile
         self._unit = unit
-        self._sources = {table: _Source(files, table) for table in TABLES}
+        self._sources = {table: ScenarioRows(files, table) for table in TABLES}
         self._words = _words(files, str(example.metadata_file)) | {
             "scenarionet.source": " ".join((*self._place, f"{profile.name}-{unit}")),
             "scenarionet.profile": profile.name,
@@ -178,29 +176,6 @@ def _moved(rows: pa.Table, table: str, name: str, new: Mapping[int, tuple[int, i
     for part, column in values.items():
         rows = rows.set_column(rows.column_names.index(f"{table}_{part}"), f"{table}_{part}", column)
     return rows
-
-
-class _Source:
-    """Reads scenarios of one table; those that follow each other in a row group cost one reading."""
-
-    def __init__(self, files: LakeFiles, table: str) -> None:
-        self._files = files
-        self._table = tables.load(table)
-        self._name = ""
-        self._number = -1
-        self._group = pa.table({})
-
-    def read(self, name: str, number: int, first: int, num_rows: int) -> pa.Table:
-        """Rows of a scenario by its address."""
-        path = self._files.path(name)
-        with reading(path):
-            if name != self._name:
-                self._file = pq.ParquetFile(path)
-                self._table.check_version(self._file.metadata.metadata, str(path))
-            if (name, number) != (self._name, self._number):
-                self._group = self._file.read_row_group(number, use_threads=False).replace_schema_metadata(None)
-            self._name, self._number = name, number
-        return self._group.slice(first, num_rows)
 
 
 def _check(path: Path, table: str, written: list[tuple[str, int, int]]) -> None:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from scenarionet_data import tables
 from scenarionet_data.errors import LakeError, NoSuchSnapshot, SchemaMismatch
@@ -68,7 +71,20 @@ def read(files: LakeFiles, number: int | None = None) -> Snapshot:
         found = f"there are {there[0]} ... {there[-1]}" if there else "there are none"
         expired = ", those before have expired" if there and number < there[-1] else ""
         raise NoSuchSnapshot(f"{files.root}: no snapshot {number}; {found}{expired}")
-    return _parse(files.path(_name(number)))
+    return _parse(files.path(file_name(number)))
+
+
+def newest(files: LakeFiles) -> Snapshot:
+    """The newest snapshot.
+
+    Raises:
+        NoSuchSnapshot: There is no lake.
+    """
+    if "snapshots" not in files.folders("."):
+        raise NoSuchSnapshot(
+            f"{files.root}: no lake there; make one with `scenarionet convert DATASET RAW {files.root}`"
+        )
+    return read(files)
 
 
 def _parse(path: Path) -> Snapshot:
@@ -87,10 +103,10 @@ def _parse(path: Path) -> Snapshot:
 
 def publish(files: LakeFiles, snapshot: Snapshot) -> bool:
     """Publish a snapshot unless another job took its number; returns whether it did."""
-    if not files.publish_new(_name(snapshot.number), snapshot.to_bytes()):
+    if not files.publish_new(file_name(snapshot.number), snapshot.to_bytes()):
         return False
     if files.has(_mark(snapshot.number)):  # that number was taken and has expired since: others have moved on
-        files.remove(_name(snapshot.number))
+        files.remove(file_name(snapshot.number))
         return False
     return True
 
@@ -98,21 +114,40 @@ def publish(files: LakeFiles, snapshot: Snapshot) -> bool:
 def expire(files: LakeFiles, number: int) -> None:
     """Take a snapshot away. Its number stays taken: a mark says so to whoever was about to publish it."""
     files.publish_new(_mark(number), b"")
-    files.remove(_name(number))
+    files.remove(file_name(number))
 
 
 def restore(files: LakeFiles, snapshot: Snapshot) -> None:
     """Undo :func:`expire`."""
-    files.publish_new(_name(snapshot.number), snapshot.to_bytes())
+    files.publish_new(file_name(snapshot.number), snapshot.to_bytes())
     files.remove(_mark(snapshot.number))
 
 
 def has(files: LakeFiles, snapshot: Snapshot) -> bool:
     """Whether a snapshot that was read is still there."""
-    return snapshot.number == 0 or files.has(_name(snapshot.number))
+    return snapshot.number == 0 or files.has(file_name(snapshot.number))
 
 
-def _name(number: int) -> str:
+@contextmanager
+def reading_from(files: LakeFiles, snapshot: Snapshot) -> Iterator[None]:
+    """Says of a file that is gone that its snapshot has expired, where that is so.
+
+    Raises:
+        NoSuchSnapshot: With the remedy.
+    """
+    try:
+        yield
+    except LakeError as error:
+        if isinstance(error, NoSuchSnapshot) or has(files, snapshot):
+            raise
+        raise NoSuchSnapshot(
+            f"{files.root}: snapshot {snapshot.number} has expired while it was read (`scenarionet vacuum`); open the "
+            "lake again: its newest snapshot holds what has been compacted or replaced since"
+        ) from error
+
+
+def file_name(number: int) -> str:
+    """Name of a snapshot's file."""
     return f"{_FOLDER}/{number:08d}.json"
 
 
@@ -191,3 +226,32 @@ def _write_manifest(files: LakeFiles, rows: list[dict[str, object]]) -> str:
     name = f"{_FOLDER}/manifest-{hashlib.blake2b(told.encode(), digest_size=8).hexdigest()}.parquet"
     files.publish(write_table(files, "shards", ordered, {}), name)
     return name
+
+
+class NamedFiles:
+    """Which files snapshots name; each manifest is read once.
+
+    Args:
+        files: The lake.
+    """
+
+    def __init__(self, files: LakeFiles) -> None:
+        self._files = files
+        self._listed = cache(self._read)
+
+    def of(self, number: int) -> set[str]:
+        """Every file that a snapshot needs: what is read, and what its next consolidation falls back to.
+
+        Empty when it has expired meanwhile.
+        """
+        try:
+            snapshot = read(self._files, number)
+        except NoSuchSnapshot:
+            return set()
+        return set().union(snapshot.metadata, snapshot.manifests, *map(self._listed, snapshot.manifests))
+
+    def _read(self, manifest: str) -> frozenset[str]:
+        """Files of the shards that a manifest lists."""
+        rows = _read_manifest(self._files, manifest, ["metadata_file", "files"])
+        names = rows["metadata_file"].drop_null().to_pylist()
+        return frozenset(names).union(pc.unique(pc.list_flatten(rows["files"])).to_pylist())
