@@ -3,6 +3,17 @@
 from __future__ import annotations
 
 from scenarionet_data.maintenance.compaction import Compaction, compact, plan_compaction
+from scenarionet_data.maintenance.fsck import Fsck, fsck, repair
 from scenarionet_data.maintenance.vacuuming import Vacuum, plan_vacuum, vacuum
 
-__all__ = ["Compaction", "Vacuum", "compact", "plan_compaction", "plan_vacuum", "vacuum"]
+__all__ = [
+    "Compaction",
+    "Fsck",
+    "Vacuum",
+    "compact",
+    "fsck",
+    "plan_compaction",
+    "plan_vacuum",
+    "repair",
+    "vacuum",
+]

@@ -22,7 +22,6 @@ UNCOMMITTED_FOR = 24 * 3600.0
 """How long a file that no snapshot names is left alone [s]: a job at work may be about to commit it."""
 
 _FOLDERS = ("snapshots", "metadata", "tracks", "lights", "maps", "quarantine")
-_SUFFIXES = (".parquet", ".expired")
 
 Progress = Callable[[int, int], None]
 """Called with files deleted and files to delete."""
@@ -83,16 +82,16 @@ def plan_vacuum(lake: str | Path, *, keep_last: int | None = None, older_than: f
     files = LakeFiles(lake)
     snapshots.newest(files)
     # Listed before the snapshots are read: whatever a job commits meanwhile is named by one of them, or not listed.
-    listed = _listing(files)
-    ages = {name.name: time.time() - name.modified for name in listed if name.name.endswith(".json")}
+    listed, published = list_files(files), snapshots.published(files)
     numbers = snapshots.numbers(files)
-    young = {n for n in numbers if older_than is not None and ages.get(snapshots.file_name(n), 0.0) <= older_than}
+    now = time.time()
+    young = {n for n in numbers if older_than is not None and now - published.get(n, now) <= older_than}
     recent = set(numbers[-(keep_last or 1) :])
-    made_on = _made_on(files)
+    bases = made_on(files)
     going = set(numbers) - young - recent
-    needed = {number: tuple(made_on[number]) for number in sorted(going & set(made_on))}
+    needed = {number: tuple(bases[number]) for number in sorted(going & set(bases))}
     expired = going - set(needed)
-    named, held_until = _named(files, listed, numbers, expired)
+    named, held_until = _named(files, numbers, {number: published.get(number, 0.0) for number in expired})
     doomed, waiting = _unnamed(listed, named, held_until)
     return Vacuum(tuple(sorted(expired)), tuple(sorted(set(numbers) - expired)), needed, doomed, waiting)
 
@@ -123,11 +122,12 @@ def vacuum(
     files = LakeFiles(lake)
     plan = plan_vacuum(lake, keep_last=keep_last, older_than=older_than)
     files.sweep()
+    snapshots.sweep_marks(files, UNCOMMITTED_FOR)
     gone = {number: snapshots.read(files, number) for number in plan.expired}
     for number in plan.expired:
         snapshots.expire(files, number)
     # A database may have been made on one meanwhile: that snapshot comes back. A commit may name listed files again.
-    for number in sorted(set(gone) & set(_made_on(files))):
+    for number in sorted(set(gone) & set(made_on(files))):
         snapshots.restore(files, gone.pop(number))
     names = snapshots.NamedFiles(files)
     named = set().union(*(names.of(number) for number in set(snapshots.numbers(files)) - set(plan.kept)))
@@ -142,12 +142,13 @@ def vacuum(
     return Vacuum(expired, kept, plan.needed, tuple(deleted), plan.young, is_done=True)
 
 
-def _listing(files: LakeFiles) -> list[Listed]:
-    """Files of the lake that could go, and the snapshots."""
-    return [listed for folder in _FOLDERS for listed in files.listing(folder)]
+def list_files(files: LakeFiles) -> list[Listed]:
+    """Files that belong to the lake as long as a snapshot names them."""
+    found = (listed for folder in _FOLDERS for listed in files.listing(folder))
+    return [listed for listed in found if listed.name.endswith(".parquet")]
 
 
-def _made_on(files: LakeFiles) -> dict[int, list[str]]:
+def made_on(files: LakeFiles) -> dict[int, list[str]]:
     """``name@version`` of the databases that were made on each snapshot."""
     found: dict[int, list[str]] = defaultdict(list)
     for name in databases.names(files):
@@ -157,25 +158,21 @@ def _made_on(files: LakeFiles) -> dict[int, list[str]]:
     return found
 
 
-def _named(
-    files: LakeFiles, listed: Iterable[Listed], numbers: Iterable[int], expired: set[int]
-) -> tuple[set[str], dict[str, float]]:
+def _named(files: LakeFiles, numbers: Iterable[int], expired: Mapping[int, float]) -> tuple[set[str], dict[str, float]]:
     """Files that the snapshots which stay name, and until when the others name each of theirs.
 
     That is when the last snapshot that names it was published: a file that was published or renewed later may be
     about to be committed again.
     """
-    published = {each.name: each.modified for each in listed if each.name.endswith(".json")}
     named: set[str] = set()
     held_until: dict[str, float] = {}
     names = snapshots.NamedFiles(files)
     for number in numbers:
         found = names.of(number)
-        if number not in expired:
+        if number in expired:
+            held_until |= {name: max(expired[number], held_until.get(name, 0.0)) for name in found}
+        else:
             named |= found
-            continue
-        until = published.get(snapshots.file_name(number), 0.0)
-        held_until |= {name: max(until, held_until.get(name, 0.0)) for name in found}
     return named, held_until
 
 
@@ -184,8 +181,7 @@ def _unnamed(
 ) -> tuple[tuple[Listed, ...], tuple[Listed, ...]]:
     """Files that go, and those that nothing names but that are too young to go."""
     youngest = time.time() - UNCOMMITTED_FOR
-    free = sorted((x for x in listed if x.name.endswith(_SUFFIXES) and x.name not in named), key=lambda x: x.name)
-    goes = [x.modified < youngest or x.modified <= held_until.get(x.name, -1.0) for x in free]
-    going = tuple(x for x, is_going in zip(free, goes, strict=True) if is_going)
-    young = (x for x, is_going in zip(free, goes, strict=True) if not is_going)
-    return going, tuple(x for x in young if not x.name.endswith(".expired"))
+    free = sorted((each for each in listed if each.name not in named), key=lambda each: each.name)
+    goes = [each.modified < youngest or each.modified <= held_until.get(each.name, -1.0) for each in free]
+    going = tuple(each for each, is_going in zip(free, goes, strict=True) if is_going)
+    return going, tuple(each for each, is_going in zip(free, goes, strict=True) if not is_going)

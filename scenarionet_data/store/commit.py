@@ -156,6 +156,15 @@ def consolidate(files: LakeFiles) -> Snapshot:
     return _publish(files, change)[0]
 
 
+def merge_again(files: LakeFiles, names: Iterable[str]) -> None:
+    """Publish merged metadata files of the newest snapshot once more, as they were, for example damaged ones."""
+    base = snapshots.read(files)
+    wanted = _metadata_files(_own_files(files, base))
+    for name in set(names) & set(wanted) & set(base.metadata):
+        if wanted[name] != [name]:
+            _merge(files, name, wanted[name])
+
+
 def _publish(files: LakeFiles, change: Callable[[Snapshot], tuple[Snapshot | None, Told]]) -> tuple[Snapshot, Told]:
     """Publish what a change makes of the newest snapshot, again for as long as others publish first.
 

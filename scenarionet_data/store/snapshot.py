@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -62,7 +63,7 @@ def read(files: LakeFiles, number: int | None = None) -> Snapshot:
     Raises:
         NoSuchSnapshot: That number is not there; the message lists what is.
     """
-    there = numbers(files)
+    there, wanted = numbers(files), number
     if number is None:
         if not there:
             return EMPTY
@@ -71,7 +72,10 @@ def read(files: LakeFiles, number: int | None = None) -> Snapshot:
         found = f"there are {there[0]} ... {there[-1]}" if there else "there are none"
         expired = ", those before have expired" if there and number < there[-1] else ""
         raise NoSuchSnapshot(f"{files.root}: no snapshot {number}; {found}{expired}")
-    return _parse(files.path(file_name(number)))
+    try:
+        return _parse(files.path(file_name(number)))
+    except FileNotFoundError:  # it has expired since it was listed
+        return read(files, wanted)
 
 
 def newest(files: LakeFiles) -> Snapshot:
@@ -80,11 +84,19 @@ def newest(files: LakeFiles) -> Snapshot:
     Raises:
         NoSuchSnapshot: There is no lake.
     """
-    if "snapshots" not in files.folders("."):
-        raise NoSuchSnapshot(
-            f"{files.root}: no lake there; make one with `scenarionet convert DATASET RAW {files.root}`"
-        )
+    check_is_lake(files)
     return read(files)
+
+
+def check_is_lake(files: LakeFiles) -> None:
+    """Refuse a folder that is none.
+
+    Raises:
+        NoSuchSnapshot: With the remedy.
+    """
+    if _FOLDER not in files.folders("."):
+        remedy = f"make one with `scenarionet convert DATASET RAW {files.root}`"
+        raise NoSuchSnapshot(f"{files.root}: no lake there; {remedy}")
 
 
 def _parse(path: Path) -> Snapshot:
@@ -121,6 +133,19 @@ def restore(files: LakeFiles, snapshot: Snapshot) -> None:
     """Undo :func:`expire`."""
     files.publish_new(file_name(snapshot.number), snapshot.to_bytes())
     files.remove(_mark(snapshot.number))
+
+
+def sweep_marks(files: LakeFiles, older_than: float) -> None:
+    """Let numbers of snapshots that expired more than some seconds ago go: nobody is about to publish them."""
+    for listed in files.listing(_FOLDER):
+        if listed.name.endswith(".expired") and time.time() - listed.modified > older_than:
+            files.remove_unchanged(listed)
+
+
+def published(files: LakeFiles) -> dict[int, float]:
+    """When each snapshot was published [s since 1970, on the clock of the lake's disk], by number."""
+    there = {file_name(number): number for number in numbers(files)}
+    return {there[listed.name]: listed.modified for listed in files.listing(_FOLDER) if listed.name in there}
 
 
 def has(files: LakeFiles, snapshot: Snapshot) -> bool:
@@ -166,14 +191,14 @@ def now() -> str:
 def shard_table(files: LakeFiles, snapshot: Snapshot) -> pa.Table:
     """Every shard of a snapshot as rows of ``schemas/shards.toml``, in order of partition and name."""
     schema = tables.load("shards").schema
-    parts = [_read_manifest(files, name) for name in snapshot.manifests]
+    parts = [read_manifest(files, name) for name in snapshot.manifests]
     together = pa.concat_tables([schema.empty_table(), *(part.cast(schema) for part in parts)])
     return together.sort_by([(name, "ascending") for name in ("dataset", "version", "split", "name", "key")])
 
 
 def column(files: LakeFiles, snapshot: Snapshot, name: str) -> pa.ChunkedArray:
     """One column of :func:`shard_table`, in any order."""
-    parts = [_read_manifest(files, manifest, [name])[name] for manifest in snapshot.manifests]
+    parts = [read_manifest(files, manifest, [name])[name] for manifest in snapshot.manifests]
     return pa.chunked_array(
         [chunk for part in parts for chunk in part.chunks], tables.load("shards").schema.field(name).type
     )
@@ -184,7 +209,12 @@ def shards(files: LakeFiles, snapshot: Snapshot) -> list[ShardRecord]:
     return [ShardRecord(**row) for row in shard_table(files, snapshot).to_pylist()]
 
 
-def _read_manifest(files: LakeFiles, name: str, columns: list[str] | None = None) -> pa.Table:
+def read_manifest(files: LakeFiles, name: str, columns: list[str] | None = None) -> pa.Table:
+    """The shards that a manifest lists.
+
+    Raises:
+        LakeError: It is gone or damaged, or of another version of the contract.
+    """
     table = files.read(name, columns)
     tables.load("shards").check_version(table.schema.metadata, name)
     return table
@@ -252,6 +282,6 @@ class NamedFiles:
 
     def _read(self, manifest: str) -> frozenset[str]:
         """Files of the shards that a manifest lists."""
-        rows = _read_manifest(self._files, manifest, ["metadata_file", "files"])
+        rows = read_manifest(self._files, manifest, ["metadata_file", "files"])
         names = rows["metadata_file"].drop_null().to_pylist()
         return frozenset(names).union(pc.unique(pc.list_flatten(rows["files"])).to_pylist())

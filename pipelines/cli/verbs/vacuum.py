@@ -16,6 +16,7 @@ from scenarionet_data.errors import BadParameter
 if TYPE_CHECKING:
     from scenarionet_data.maintenance import Vacuum
 
+_SHOWN = 8
 _UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 24 * 3600.0, "w": 7 * 24 * 3600.0}
 
 
@@ -95,8 +96,12 @@ def _print(done: Vacuum, as_json: bool) -> None:
         print_json(content | {"young": {"files": len(done.young), "bytes": young}})
         return
     verb_ = "expired" if done.is_done else "would expire"
-    rows = [(verb_, f"{count(len(done.expired), 'snapshot')}{_range(done.expired)}; {len(done.kept):,} stay")]
-    rows += [("needed", f"snapshot {n} by {', '.join(names)}; drop or rebase it") for n, names in done.needed.items()]
+    rows = [(verb_, f"{count(len(done.expired), 'snapshot')}{_listed(done.expired)}")]
+    rows += [("stay", f"{count(len(done.kept), 'snapshot')}{_listed(done.kept)}")]
+    rows += [
+        ("needed", f"snapshot {n} by {', '.join(names)}; rebase it and drop this version")
+        for n, names in done.needed.items()
+    ]
     rows += [
         ("deleted" if done.is_done else "would delete", f"{count(number, 'file')} of {name}, {size(held)}")
         for name, (number, held) in done.tables.items()
@@ -112,7 +117,7 @@ def _print(done: Vacuum, as_json: bool) -> None:
         click.echo("nothing to do")
 
 
-def _range(numbers: tuple[int, ...]) -> str:
-    if not numbers:
-        return ""
-    return f", {numbers[0]}" if len(numbers) == 1 else f", {numbers[0]} ... {numbers[-1]}"
+def _listed(numbers: tuple[int, ...]) -> str:
+    """The numbers behind a colon; nothing when there are none."""
+    shown = ", ".join(map(str, numbers[:_SHOWN])) + (", ..." if len(numbers) > _SHOWN else "")
+    return f": {shown}" if numbers else ""
