@@ -19,6 +19,7 @@ from scenarionet_data.catalog.lake import Lake
 from scenarionet_data.codec import LoadedRows
 from scenarionet_data.scenario import MapFeatures, ScenarioDescription, Tracks
 from scenarionet_data.shared_maps import SharedMaps
+from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import reading
 from scenarionet_data.store.row_group_readers import Address, RowGroupReader, open_reader
 
@@ -47,16 +48,18 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
         opened = lake if isinstance(lake, Lake) else Lake(lake)
         holder, rows = opened.resolve(scenarios)
         self._files = opened.files
+        self._snapshot = holder.snapshot
         self._rows = rows.combine_chunks()
         self._shared_maps = SharedMaps(self._files, holder.shared_maps())
         self.scenario_ids: list[str] = self._rows["scenario_id"].to_pylist()
         self._local = threading.local()
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"files": self._files, "rows": self._rows, "maps": self._shared_maps}
+        return {"files": self._files, "snapshot": self._snapshot, "rows": self._rows, "maps": self._shared_maps}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self._files, self._rows, self._shared_maps = state["files"], state["rows"], state["maps"]
+        self._files, self._snapshot = state["files"], state["snapshot"]
+        self._rows, self._shared_maps = state["rows"], state["maps"]
         self.scenario_ids = self._rows["scenario_id"].to_pylist()
         self._local = threading.local()
 
@@ -115,7 +118,7 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
         name = row[f"{table}_file"]
         if name is None:
             return None
-        with reading(self._files.url(name)):
+        with snapshots.reading_from(self._files, self._snapshot), reading(self._files.url(name)):
             group = self._reader.read((table, name, row[f"{table}_row_group"]))
         if group.num_rows != row[f"{table}_num_rows"]:
             group = group.slice(row[f"{table}_first_row"], row[f"{table}_num_rows"])
@@ -125,7 +128,8 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
         """A scenario's window on a shared map; None where it has a map of its own, or none."""
         if row["map_crop"] is None:
             return None
-        shared = self._shared_maps.get(row["dataset"], row["version"], row["map_id"])
+        with snapshots.reading_from(self._files, self._snapshot):
+            shared = self._shared_maps.get(row["dataset"], row["version"], row["map_id"])
         return shared.crop(tuple(row["map_crop"]), np.array([row["origin_x"], row["origin_y"], row["origin_z"]]))
 
     @property

@@ -19,7 +19,7 @@ VERBS = {
     "Keep databases": ("lineage", "rebuild", "rebase", "copy", "rename", "drop", "checkout"),
     "Simulate": ("sim", "record"),
     "Hand on": ("export", "pack"),
-    "Keep healthy": ("check", "doctor"),
+    "Keep healthy": ("check", "fsck", "compact", "vacuum", "doctor"),
 }
 """The verbs by what a person wants to do; ``<verb>`` is ``verbs/<verb>.py``."""
 

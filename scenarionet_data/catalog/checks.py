@@ -324,7 +324,7 @@ def _broken_files(files: LakeFiles, snapshot: Snapshot) -> pa.Table:
     names, sizes = (pc.list_flatten(shards[column]).to_pylist() for column in ("files", "sizes"))
     broken = [
         {"file": name, "reason": f"not {size} bytes long" if files.has(name) else "gone"}
-        for name, size in zip(names, sizes, strict=True)
+        for name, size in dict(zip(names, sizes, strict=True)).items()  # shards may share files
         if not files.has(name, size)
     ]
     return pa.Table.from_pylist(broken, schema=pa.schema({"file": pa.string(), "reason": pa.string()}))

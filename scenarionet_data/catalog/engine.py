@@ -46,7 +46,7 @@ def table_files(files: LakeFiles, snapshot: Snapshot, table: str) -> list[str]:
         return runs.part_files(files, table)
     if table == "shards":
         return list(snapshot.manifests)
-    listed = pc.list_flatten(snapshots.column(files, snapshot, "files"))
+    listed = pc.unique(pc.list_flatten(snapshots.column(files, snapshot, "files")))  # shards may share files
     return sorted(listed.filter(pc.starts_with(listed, f"{table}/")).to_pylist())
 
 
@@ -164,7 +164,10 @@ class Engine:
     @contextmanager
     def _asked(self, sql: str, tables: Mapping[str, Rows]) -> Iterator[None]:
         """Holds the connection for one question, which knows ``tables``."""
-        with self._lock:  # a connection answers one query at a time
+        with (
+            snapshots.reading_from(self._files, self._snapshot),
+            self._lock,
+        ):  # a connection answers one query at a time
             for name, rows in tables.items():
                 self._connection.register(name, rows)
             try:

@@ -30,7 +30,7 @@ from scenarionet_data.catalog.operations import (
     splitting,
 )
 from scenarionet_data.catalog.packs import packing
-from scenarionet_data.errors import BadParameter, NoSuchSnapshot, ScenarioNotFound
+from scenarionet_data.errors import BadParameter, ScenarioNotFound
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import open_files
 from scenarionet_data.store.snapshot import Snapshot
@@ -59,8 +59,7 @@ class Lake:
 
     def __init__(self, root: str | Path, snapshot: int | None = None, layers: Mapping[str, int] | None = None) -> None:
         self.files = open_files(root)
-        if "snapshots" not in self.files.folders("."):
-            raise NoSuchSnapshot(f"{root}: no lake there; make one with `scenarionet convert DATASET RAW {root}`")
+        snapshots.check_is_lake(self.files)
         self.snapshot: Snapshot = snapshots.read(self.files, snapshot)
         self.layers: dict[str, int] = layer_files.newest(self.files) | dict(layers or {})
         self._chosen: pa.Table | None = None

@@ -6,16 +6,19 @@ import hashlib
 import random
 import time
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePosixPath
+from typing import TypeVar
 
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from scenarionet_data.errors import SnapshotConflict
+from scenarionet_data.errors import LakeError, SnapshotConflict
+from scenarionet_data.store import rewriting
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
+from scenarionet_data.store.profiles import profile_of, unit_of
 from scenarionet_data.store.shard_record import ShardRecord
 from scenarionet_data.store.snapshot import Snapshot
 from scenarionet_data.store.table_file import write_table
@@ -29,6 +32,8 @@ MERGED_FILES = 16
 _ROWS_PER_GROUP = 65_536
 _ATTEMPTS = 50
 
+Told = TypeVar("Told")
+
 
 @dataclass(frozen=True)
 class Committed:
@@ -41,6 +46,19 @@ class Committed:
 
     snapshot: Snapshot
     refused: tuple[tuple[ShardRecord, str], ...] = ()
+
+
+@dataclass(frozen=True)
+class Rewritten:
+    """Shards that were written together, in other files than before.
+
+    Attributes:
+        old: Their records as they were.
+        new: Their records now, in the same order.
+    """
+
+    old: tuple[ShardRecord, ...]
+    new: tuple[ShardRecord, ...]
 
 
 def commit(
@@ -57,30 +75,62 @@ def commit(
 
     Raises:
         SnapshotConflict: Other jobs published a snapshot before this one, every time.
+        LakeError: Files of ``added`` are gone.
     """
     wanted = list(added)
-    for attempt in range(_ATTEMPTS):
-        base = snapshots.read(files)
+
+    def change(base: Snapshot) -> tuple[Snapshot | None, tuple[tuple[ShardRecord, str], ...]]:
         present = set(snapshots.column(files, base, "key").to_pylist())
         gone = frozenset(removed & present)
         fresh = [record for record in wanted if record.key not in present - gone]
-        kept_metadata = _without(files, base, gone) if gone else base.metadata
-        fresh, refused = _refuse_duplicates(files, kept_metadata, fresh)
+        held = snapshots.shards(files, base) if gone else []
+        fresh, refused = _refuse_duplicates(files, _live(base, held, gone), fresh)
         if (refused and gone) or not (fresh or gone):
-            return Committed(base, refused)
+            return None, refused
+        moved = _separate(files, held, gone)
+        _keep(files, fresh)
         following = Snapshot(
             number=base.number + 1,
             created_at=snapshots.now(),
             operation=operation,
-            metadata=(*kept_metadata, *_own_metadata(fresh)),
-            manifests=snapshots.write_manifests(files, base, fresh, gone),
+            metadata=(*_live(base, held, gone, moved), *_own_metadata(fresh)),
+            manifests=snapshots.write_manifests(files, base, [*fresh, *moved], gone | {one.key for one in moved}),
         )
-        if snapshots.publish(files, following):
-            return Committed(following, refused)
-        time.sleep(random.uniform(0, 0.02 * (attempt + 1)))  # noqa: S311  # spreads rivals, hides nothing
-    raise SnapshotConflict(
-        f"{files.root}: {_ATTEMPTS} times another job committed first; run the same command again, nothing is lost"
-    )
+        return following, refused
+
+    return Committed(*_publish(files, change))
+
+
+def swap(files: LakeFiles, rewritten: Sequence[Rewritten], operation: str) -> tuple[Snapshot, list[Rewritten]]:
+    """Let shards lie in other files, as one new snapshot with few metadata files.
+
+    Returns:
+        The snapshot, and what was left out: another job has replaced or rewritten one of its shards meanwhile.
+
+    Raises:
+        SnapshotConflict: Other jobs published a snapshot before this one, every time.
+    """
+
+    def change(base: Snapshot) -> tuple[Snapshot | None, list[Rewritten]]:
+        held = snapshots.shards(files, base)
+        there = {record.key: record.metadata_file for record in held}
+        ready = [each for each in rewritten if all(there.get(old.key) == old.metadata_file for old in each.old)]
+        moved = {record.key: record for each in ready for record in each.new}
+        late = [each for each in rewritten if each not in ready]
+        if not moved:
+            return None, late
+        _keep(files, moved.values())
+        own = {record.key: moved.get(record.key, record) for record in held}
+        following = Snapshot(
+            number=base.number + 1,
+            created_at=snapshots.now(),
+            operation=operation,
+            metadata=_merged(files, {r.metadata_file: r.schemas for r in own.values() if r.metadata_file is not None}),
+            manifests=snapshots.write_manifests(files, base, moved.values(), frozenset(moved)),
+        )
+        return following, late
+
+    return _publish(files, change)
 
 
 def consolidate(files: LakeFiles) -> Snapshot:
@@ -89,24 +139,81 @@ def consolidate(files: LakeFiles) -> Snapshot:
     The result is a function of the shards alone, whatever the order of the commits: up to MAX_METADATA_FILES
     shards keep their own files; of more, each stands in the one of MERGED_FILES that its name's hash chooses.
     """
-    for _ in range(_ATTEMPTS):
-        base = snapshots.read(files)
-        wanted = _metadata_files(_own_files(files, base))
-        if set(wanted) == set(base.metadata):
-            return base
-        for name, sources in wanted.items():
-            if sources != [name] and not files.has(name):
-                _merge(files, name, sources)
+
+    def change(base: Snapshot) -> tuple[Snapshot | None, None]:
+        own = _own_files(files, base)
+        if set(_metadata_files(own)) == set(base.metadata):
+            return None, None
         following = replace(
             base,
             number=base.number + 1,
             created_at=snapshots.now(),
             operation="consolidate metadata",
-            metadata=tuple(wanted),
+            metadata=_merged(files, own),
         )
+        return following, None
+
+    return _publish(files, change)[0]
+
+
+def merge_again(files: LakeFiles, names: Iterable[str]) -> None:
+    """Publish merged metadata files of the newest snapshot once more, as they were, for example damaged ones."""
+    base = snapshots.read(files)
+    wanted = _metadata_files(_own_files(files, base))
+    for name in set(names) & set(wanted) & set(base.metadata):
+        if wanted[name] != [name]:
+            _merge(files, name, wanted[name])
+
+
+def _publish(files: LakeFiles, change: Callable[[Snapshot], tuple[Snapshot | None, Told]]) -> tuple[Snapshot, Told]:
+    """Publish what a change makes of the newest snapshot, again for as long as others publish first.
+
+    Args:
+        files: The lake.
+        change: The following snapshot, or None when there is nothing to change; and what to tell.
+    """
+    for attempt in range(_ATTEMPTS):
+        base = snapshots.read(files)
+        try:
+            following, told = change(base)
+        except LakeError:
+            if snapshots.read(files).number == base.number:
+                raise
+            continue  # others have moved on and a vacuum has taken files of the base
+        if following is None:
+            return base, told
         if snapshots.publish(files, following):
-            return following
-    raise SnapshotConflict(f"{files.root}: another job committed first, {_ATTEMPTS} times; run the command again")
+            return following, told
+        time.sleep(random.uniform(0, 0.02 * (attempt + 1)))  # noqa: S311  # spreads rivals, hides nothing
+    raise SnapshotConflict(
+        f"{files.root}: {_ATTEMPTS} times another job committed first; run the same command again, nothing is lost"
+    )
+
+
+def _separate(files: LakeFiles, held: Sequence[ShardRecord], gone: frozenset[str]) -> list[ShardRecord]:
+    """Shards that share files with those that go, written anew: a file of the lake holds no row that is superseded."""
+    units = {unit_of(record): profile_of(record) for record in held if record.key in gone}
+    left = [record for record in held if record.key not in gone and unit_of(record) in units]
+    moved: list[ShardRecord] = []
+    for unit, profile in units.items():
+        together = [record for record in left if unit_of(record) == unit]
+        moved += rewriting.rewrite(files, together, profile) if together else []
+    return moved
+
+
+def _keep(files: LakeFiles, records: Iterable[ShardRecord]) -> None:
+    """Renew the files of shards that are about to be committed, so that no ``vacuum`` takes them.
+
+    Raises:
+        LakeError: One has taken them already.
+    """
+    for record in records:
+        gone = files.renew([*_own_metadata([record]), *record.files])
+        if gone:
+            raise LakeError(
+                f"{files.path(gone[0])}: gone, although shard {record.name} was finished; `scenarionet vacuum` takes "
+                "what is not committed after a day: run the same command again, it makes what is missing"
+            )
 
 
 def _own_files(files: LakeFiles, base: Snapshot) -> dict[str, str]:
@@ -143,13 +250,28 @@ def _merge(files: LakeFiles, name: str, sources: list[str]) -> None:
     files.publish(write_table(files, "metadata", together, {}, row_group_size=_ROWS_PER_GROUP), name)
 
 
-def _without(files: LakeFiles, base: Snapshot, gone: frozenset[str]) -> tuple[str, ...]:
-    """Live metadata files without the rows of some shards; their partitions fall back to the shards' own files."""
-    records = snapshots.shards(files, base)
-    touched = {_folder(name) for name in _own_metadata(record for record in records if record.key in gone)}
+def _merged(files: LakeFiles, own: Mapping[str, str]) -> tuple[str, ...]:
+    """The metadata files that a lake of these shards has, those published that are not there yet."""
+    wanted = _metadata_files(own)
+    for name, sources in wanted.items():
+        if sources != [name] and files.renew([name]):
+            _merge(files, name, sources)
+    return tuple(wanted)
+
+
+def _live(
+    base: Snapshot, held: Sequence[ShardRecord], gone: frozenset[str], moved: Sequence[ShardRecord] = ()
+) -> tuple[str, ...]:
+    """Live metadata files without the rows of shards that go, and with others' rows as they were rewritten.
+
+    The partitions of both fall back to the shards' own files.
+    """
+    if not gone:
+        return base.metadata
+    now = {record.key: record for record in held if record.key not in gone} | {record.key: record for record in moved}
+    touched = {_folder(name) for name in _own_metadata(record for record in held if record.key in gone)}
     kept = [name for name in base.metadata if _folder(name) not in touched]
-    own = _own_metadata(record for record in records if record.key not in gone)
-    return (*kept, *(name for name in own if _folder(name) in touched))
+    return (*kept, *(name for name in _own_metadata(now.values()) if _folder(name) in touched))
 
 
 def _refuse_duplicates(

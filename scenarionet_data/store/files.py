@@ -12,8 +12,9 @@ import os
 import shutil
 import time
 import uuid
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
@@ -25,6 +26,21 @@ from scenarionet_data.errors import LakeError
 
 _TEMPORARY = ".tmp"
 _ABANDONED_AFTER = 24 * 3600.0
+
+
+@dataclass(frozen=True)
+class Listed:
+    """A file of a lake.
+
+    Attributes:
+        name: Relative to the lake.
+        size: Bytes.
+        modified: When it was published or renewed [s since 1970].
+    """
+
+    name: str
+    size: int
+    modified: float
 
 
 def open_files(root: str | Path) -> LakeFiles:
@@ -178,6 +194,51 @@ class LakeFiles:
         with writing(self.path(name)):
             self.path(name).rename(gone)
             _delete(gone)
+
+    def listing(self, folder: str) -> list[Listed]:
+        """Every file below a folder, at any depth, in any order."""
+        found = []
+        for entry in self._entries(folder):
+            name = f"{folder}/{entry.name}"
+            if entry.is_dir(follow_symlinks=False):
+                found += self.listing(name)
+                continue
+            with suppress(FileNotFoundError):  # it has been removed since
+                state = entry.stat()
+                found.append(Listed(name, state.st_size, state.st_mtime))
+        return found
+
+    def renew(self, names: Iterable[str]) -> list[str]:
+        """Make published files as young as if they were published now, so that no ``vacuum`` takes them.
+
+        Returns:
+            Those that are gone.
+        """
+        gone = []
+        for name in names:
+            path = self.path(name)
+            try:
+                with writing(path):
+                    os.utime(path)
+            except LakeError as error:
+                if not isinstance(error.__cause__, FileNotFoundError):
+                    raise
+                gone.append(name)
+        return gone
+
+    def remove_unchanged(self, listed: Listed) -> bool:
+        """Remove a file unless it has been published or renewed since it was listed; returns whether it did."""
+        path, gone = self.path(listed.name), self.temporary()
+        with writing(path):
+            try:
+                path.rename(gone)  # first, so that from here on nobody can renew it
+            except FileNotFoundError:
+                return False
+            if gone.stat().st_mtime != listed.modified:
+                gone.rename(path)
+                return False
+            gone.unlink()
+        return True
 
     def sweep(self) -> None:
         """Remove what a killed job left below the temporary folder more than a day ago."""

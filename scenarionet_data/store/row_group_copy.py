@@ -64,6 +64,15 @@ class RowGroupSource:
         with _reading_footer(self.path):
             return thrift.decode(self._groups[number])
 
+    def num_rows(self, number: int) -> int:
+        """Rows of a row group.
+
+        Raises:
+            LakeError: There is none of that number, or it is damaged.
+        """
+        with _reading_footer(self.path):
+            return int(self.row_group(number)[_GROUP_ROWS][1])
+
 
 class RowGroupWriter:
     """A new Parquet file of copied row groups, all of one schema.

@@ -54,7 +54,14 @@ def metadata_name(shard: Shard, key: str) -> str:
 
 def find_finished(files: LakeFiles, shard: Shard, converter_version: str) -> ShardRecord | None:
     """The record of a shard that an earlier job finished, whether it was committed or not."""
-    name = metadata_name(shard, shard_key(shard, converter_version))
+    return find_record(files, metadata_name(shard, shard_key(shard, converter_version)))
+
+
+def find_record(files: LakeFiles, name: str) -> ShardRecord | None:
+    """The record in a shard's own metadata file; None unless that and every file of the shard is there.
+
+    They are renewed, so that no ``vacuum`` takes them before they are committed.
+    """
     if not files.has(name):
         return None
     try:
@@ -63,4 +70,4 @@ def find_finished(files: LakeFiles, shard: Shard, converter_version: str) -> Sha
         return None
     record = ShardRecord(**json.loads(footer[b"scenarionet.shard"]))
     is_whole = all(files.has(file, size) for file, size in zip(record.files, record.sizes, strict=True))
-    return record if is_whole else None
+    return record if is_whole and not files.renew([name, *record.files]) else None

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from scenarionet_data import tables
 from scenarionet_data.errors import LakeError, NoSuchSnapshot, SchemaMismatch
@@ -59,15 +63,40 @@ def read(files: LakeFiles, number: int | None = None) -> Snapshot:
     Raises:
         NoSuchSnapshot: That number is not there; the message lists what is.
     """
-    there = numbers(files)
+    there, wanted = numbers(files), number
     if number is None:
         if not there:
             return EMPTY
         number = there[-1]
     if number not in there:
         found = f"there are {there[0]} ... {there[-1]}" if there else "there are none"
-        raise NoSuchSnapshot(f"{files.root}: no snapshot {number}; {found}")
-    return _parse(files.path(_name(number)))
+        expired = ", those before have expired" if there and number < there[-1] else ""
+        raise NoSuchSnapshot(f"{files.root}: no snapshot {number}; {found}{expired}")
+    try:
+        return _parse(files.path(file_name(number)))
+    except FileNotFoundError:  # it has expired since it was listed
+        return read(files, wanted)
+
+
+def newest(files: LakeFiles) -> Snapshot:
+    """The newest snapshot.
+
+    Raises:
+        NoSuchSnapshot: There is no lake.
+    """
+    check_is_lake(files)
+    return read(files)
+
+
+def check_is_lake(files: LakeFiles) -> None:
+    """Refuse a folder that is none.
+
+    Raises:
+        NoSuchSnapshot: With the remedy.
+    """
+    if _FOLDER not in files.folders("."):
+        remedy = f"make one with `scenarionet convert DATASET RAW {files.root}`"
+        raise NoSuchSnapshot(f"{files.root}: no lake there; {remedy}")
 
 
 def _parse(path: Path) -> Snapshot:
@@ -86,11 +115,69 @@ def _parse(path: Path) -> Snapshot:
 
 def publish(files: LakeFiles, snapshot: Snapshot) -> bool:
     """Publish a snapshot unless another job took its number; returns whether it did."""
-    return files.publish_new(_name(snapshot.number), snapshot.to_bytes())
+    if not files.publish_new(file_name(snapshot.number), snapshot.to_bytes()):
+        return False
+    if files.has(_mark(snapshot.number)):  # that number was taken and has expired since: others have moved on
+        files.remove(file_name(snapshot.number))
+        return False
+    return True
 
 
-def _name(number: int) -> str:
+def expire(files: LakeFiles, number: int) -> None:
+    """Take a snapshot away. Its number stays taken: a mark says so to whoever was about to publish it."""
+    files.publish_new(_mark(number), b"")
+    files.remove(file_name(number))
+
+
+def restore(files: LakeFiles, snapshot: Snapshot) -> None:
+    """Undo :func:`expire`."""
+    files.publish_new(file_name(snapshot.number), snapshot.to_bytes())
+    files.remove(_mark(snapshot.number))
+
+
+def sweep_marks(files: LakeFiles, older_than: float) -> None:
+    """Let numbers of snapshots that expired more than some seconds ago go: nobody is about to publish them."""
+    for listed in files.listing(_FOLDER):
+        if listed.name.endswith(".expired") and time.time() - listed.modified > older_than:
+            files.remove_unchanged(listed)
+
+
+def published(files: LakeFiles) -> dict[int, float]:
+    """When each snapshot was published [s since 1970, on the clock of the lake's disk], by number."""
+    there = {file_name(number): number for number in numbers(files)}
+    return {there[listed.name]: listed.modified for listed in files.listing(_FOLDER) if listed.name in there}
+
+
+def has(files: LakeFiles, snapshot: Snapshot) -> bool:
+    """Whether a snapshot that was read is still there."""
+    return snapshot.number == 0 or files.has(file_name(snapshot.number))
+
+
+@contextmanager
+def reading_from(files: LakeFiles, snapshot: Snapshot) -> Iterator[None]:
+    """Says of a file that is gone that its snapshot has expired, where that is so.
+
+    Raises:
+        NoSuchSnapshot: With the remedy.
+    """
+    try:
+        yield
+    except LakeError as error:
+        if isinstance(error, NoSuchSnapshot) or has(files, snapshot):
+            raise
+        raise NoSuchSnapshot(
+            f"{files.root}: snapshot {snapshot.number} has expired while it was read (`scenarionet vacuum`); open the "
+            "lake again: its newest snapshot holds what has been compacted or replaced since"
+        ) from error
+
+
+def file_name(number: int) -> str:
+    """Name of a snapshot's file."""
     return f"{_FOLDER}/{number:08d}.json"
+
+
+def _mark(number: int) -> str:
+    return f"{_FOLDER}/{number:08d}.expired"
 
 
 def now() -> str:
@@ -104,14 +191,14 @@ def now() -> str:
 def shard_table(files: LakeFiles, snapshot: Snapshot) -> pa.Table:
     """Every shard of a snapshot as rows of ``schemas/shards.toml``, in order of partition and name."""
     schema = tables.load("shards").schema
-    parts = [_read_manifest(files, name) for name in snapshot.manifests]
+    parts = [read_manifest(files, name) for name in snapshot.manifests]
     together = pa.concat_tables([schema.empty_table(), *(part.cast(schema) for part in parts)])
     return together.sort_by([(name, "ascending") for name in ("dataset", "version", "split", "name", "key")])
 
 
 def column(files: LakeFiles, snapshot: Snapshot, name: str) -> pa.ChunkedArray:
     """One column of :func:`shard_table`, in any order."""
-    parts = [_read_manifest(files, manifest, [name])[name] for manifest in snapshot.manifests]
+    parts = [read_manifest(files, manifest, [name])[name] for manifest in snapshot.manifests]
     return pa.chunked_array(
         [chunk for part in parts for chunk in part.chunks], tables.load("shards").schema.field(name).type
     )
@@ -122,7 +209,12 @@ def shards(files: LakeFiles, snapshot: Snapshot) -> list[ShardRecord]:
     return [ShardRecord(**row) for row in shard_table(files, snapshot).to_pylist()]
 
 
-def _read_manifest(files: LakeFiles, name: str, columns: list[str] | None = None) -> pa.Table:
+def read_manifest(files: LakeFiles, name: str, columns: list[str] | None = None) -> pa.Table:
+    """The shards that a manifest lists.
+
+    Raises:
+        LakeError: It is gone or damaged, or of another version of the contract.
+    """
     table = files.read(name, columns)
     tables.load("shards").check_version(table.schema.metadata, name)
     return table
@@ -159,7 +251,37 @@ def write_manifests(
 
 def _write_manifest(files: LakeFiles, rows: list[dict[str, object]]) -> str:
     ordered = sorted(rows, key=lambda row: str(row["key"]))
-    keys = "\n".join(str(row["key"]) for row in ordered)
-    name = f"{_FOLDER}/manifest-{hashlib.blake2b(keys.encode(), digest_size=8).hexdigest()}.parquet"
+    # The same shard may lie in other files since it was converted: its metadata file's name tells.
+    told = "\n".join(f"{row['key']} {row['metadata_file']}" for row in ordered)
+    name = f"{_FOLDER}/manifest-{hashlib.blake2b(told.encode(), digest_size=8).hexdigest()}.parquet"
     files.publish(write_table(files, "shards", ordered, {}), name)
     return name
+
+
+class NamedFiles:
+    """Which files snapshots name; each manifest is read once.
+
+    Args:
+        files: The lake.
+    """
+
+    def __init__(self, files: LakeFiles) -> None:
+        self._files = files
+        self._listed = cache(self._read)
+
+    def of(self, number: int) -> set[str]:
+        """Every file that a snapshot needs: what is read, and what its next consolidation falls back to.
+
+        Empty when it has expired meanwhile.
+        """
+        try:
+            snapshot = read(self._files, number)
+        except NoSuchSnapshot:
+            return set()
+        return set().union(snapshot.metadata, snapshot.manifests, *map(self._listed, snapshot.manifests))
+
+    def _read(self, manifest: str) -> frozenset[str]:
+        """Files of the shards that a manifest lists."""
+        rows = read_manifest(self._files, manifest, ["metadata_file", "files"])
+        names = rows["metadata_file"].drop_null().to_pylist()
+        return frozenset(names).union(pc.unique(pc.list_flatten(rows["files"])).to_pylist())

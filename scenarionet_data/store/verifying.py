@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,8 +21,20 @@ from scenarionet_data.store.snapshot import Snapshot
 _ADDRESSED = ("tracks", "lights", "maps")
 _PARTITION = ["dataset", "version", "split"]
 
-Groups = Mapping[str, npt.NDArray[np.int64]]
-"""Rows of each row group of a file, by its name."""
+Ints = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Written:
+    """What is known about a file since it was written; None where nothing is.
+
+    Attributes:
+        size: Bytes.
+        checksum: SHA-256, hexadecimal.
+    """
+
+    size: int | None = None
+    checksum: str | None = None
 
 
 @dataclass(frozen=True)
@@ -52,52 +65,165 @@ def verify(
         on_progress: Called with files read and files to read.
     """
     lists = [*snapshot.manifests, *snapshot.metadata]
-    broken = [damage for name in lists for damage in _unreadable(files, name)]
+    broken = [damage for name in lists for damage in unreadable(files, name)]
     yield from broken
     if {damage.file for damage in broken} & set(snapshot.manifests):
         return  # nobody can say what belongs to the snapshot
+    verifier = Verifier(files, digest=digest)
     shards = snapshots.shard_table(files, snapshot)
-    groups: dict[str, npt.NDArray[np.int64]] = {}
-    listed = list(zip(*(pc.list_flatten(shards[n]).to_pylist() for n in ("files", "sizes", "checksums")), strict=True))
-    for done, (name, size, checksum) in enumerate(listed, start=1):
-        damage = _changed(files, name, size, checksum, digest or (lambda name: sha256(files.path(name))))
-        if damage is None:
-            try:
-                groups[name] = _row_groups(files, name)
-            except LakeError as error:
-                damage = Damage(name, str(error))
-        if damage:
-            yield damage
-        if on_progress:
-            on_progress(done, len(listed))
+    yield from verifier.files(listed(shards), on_progress)
     if not broken:
-        names = {name for name, _, _ in listed}
-        rows = pa.concat_tables([files.read(name, _columns()) for name in snapshot.metadata] or [_no_rows()])
-        yield from _wrong_addresses(rows, groups, names)
+        yield from verifier.references(snapshot, shards)
+
+
+def listed(shards: pa.Table) -> dict[str, Written]:
+    """What is known about each file of some shards, by its name; shards may share files."""
+    columns = (pc.list_flatten(shards[name]).to_pylist() for name in ("files", "sizes", "checksums"))
+    return {name: Written(size, checksum) for name, size, checksum in zip(*columns, strict=True)}
+
+
+class Verifier:
+    """Checks files of a lake, and then whether what refers to them is true.
+
+    Args:
+        files: The lake.
+        is_deep: Whether every byte is read, and who lies in every row.
+        workers: Threads that read files.
+        digest: SHA-256 of a file by its name; computed unless given.
+    """
+
+    def __init__(
+        self,
+        files: LakeFiles,
+        *,
+        is_deep: bool = True,
+        workers: int = 1,
+        digest: Callable[[str], str] | None = None,
+    ) -> None:
+        self._files = files
+        self._is_deep = is_deep
+        self._workers = workers
+        self._digest = digest or (lambda name: sha256(files.path(name)))
+        self._groups: dict[str, Ints] = {}
+
+    def files(
+        self, written: Mapping[str, Written], on_progress: Callable[[int, int], None] | None = None
+    ) -> Iterator[Damage]:
+        """What is wrong with files of tables.
+
+        Args:
+            written: What is known about each by its name.
+            on_progress: Called with files read and files to read.
+        """
+        with ThreadPoolExecutor(self._workers) as pool:
+            found = pool.map(self._file, written, written.values())
+            for done, (name, result) in enumerate(zip(written, found, strict=True), start=1):
+                if isinstance(result, Damage):
+                    yield result
+                else:
+                    self._groups[name] = result
+                if on_progress:
+                    on_progress(done, len(written))
+
+    def _file(self, name: str, written: Written) -> Damage | Ints:
+        """Rows of each row group of a file, or what is wrong with it."""
+        digest = self._digest if self._is_deep else None
+        damage = _changed(self._files, name, written, digest)
+        if damage:
+            return damage
+        try:
+            return _row_groups(self._files, name)
+        except LakeError as error:
+            return Damage(name, str(error))
+
+    def references(self, snapshot: Snapshot, shards: pa.Table) -> Iterator[Damage]:
+        """What a snapshot says that is not so, after its files have been checked.
+
+        Args:
+            snapshot: Which version of the lake.
+            shards: Its shards.
+        """
+        rows = pa.concat_tables([self._files.read(name, _columns()) for name in snapshot.metadata] or [_no_rows()])
+        # Nobody has the rows of a shared map as an address.
+        shared = set(listed(shards.filter(pc.equal(shards["split"], ""))))
+        yield from self._wrong_addresses(rows, set(listed(shards)), shared)
         yield from _missing_maps(rows, shards)
         yield from _wrong_counts(rows, shards)
 
+    def _wrong_addresses(self, rows: pa.Table, known: set[str], shared: set[str]) -> Iterator[Damage]:
+        """Scenarios whose rows are not where their metadata say, one of each file; and rows of nobody."""
+        for table in _ADDRESSED:
+            addressed = rows.filter(pc.greater(rows[f"{table}_num_rows"], 0))
+            names = addressed[f"{table}_file"].cast(pa.string()).combine_chunks().dictionary_encode()
+            ids = addressed["scenario_id"].to_numpy(zero_copy_only=False)
+            parts = (addressed[f"{table}_{part}"].fill_null(-1) for part in ("row_group", "first_row", "num_rows"))
+            places = np.column_stack([part.to_numpy() for part in parts]).reshape(-1, 3)
+            codes = names.indices.fill_null(-1).to_numpy()
+            for row in np.flatnonzero(codes < 0)[:1]:
+                yield Damage(f"{table}/", f"{ids[row]} has rows, but no file that holds them")
+            for code, name in enumerate(names.dictionary.to_pylist()):
+                chosen = np.flatnonzero(codes == code)
+                if name not in known:
+                    yield Damage(name, f"holds {ids[chosen[0]]}, but no shard of the snapshot lists it")
+                if name in self._groups:  # else it is told already
+                    yield from self._wrong_file(name, ids[chosen], places[chosen])
+            left = sorted((known - shared - set(names.dictionary.to_pylist())) & set(self._groups))
+            yield from (Damage(name, "no scenario has its rows here") for name in left if name.startswith(f"{table}/"))
 
-def _unreadable(files: LakeFiles, name: str) -> Iterator[Damage]:
+    def _wrong_file(self, name: str, ids: npt.NDArray[np.object_], places: Ints) -> Iterator[Damage]:
+        """Scenarios that a file does not hold where they should be, one of them.
+
+        Args:
+            name: The file.
+            ids: (n,) of the scenarios.
+            places: (n, 3) row group, first row, number of rows of each.
+        """
+        number, first, count = places.T
+        held = self._groups[name]
+        there = np.append(held, 0)  # the last for numbers that there are none of
+        wrong = (first < 0) | (first + count > there[np.where((number >= 0) & (number < len(held)), number, -1)])
+        for row in np.flatnonzero(wrong)[:1]:
+            yield Damage(name, f"row group {number[row]} does not hold the {count[row]} rows of {ids[row]}")
+        if wrong.any():
+            return
+        if count.sum() != held.sum():
+            yield Damage(name, f"{held.sum():,} rows, but its scenarios have {count.sum():,} of them")
+        elif self._is_deep:
+            start = np.append(0, np.cumsum(held))[number] + first
+            yield from self._strangers(name, ids, start, count)
+
+    def _strangers(self, name: str, ids: npt.NDArray[np.object_], start: Ints, count: Ints) -> Iterator[Damage]:
+        """Rows that belong to another scenario than the one that has its rows there, one of them."""
+        key = "map_id" if name.startswith("maps/") else "scenario_id"
+        found = self._files.read(name, [key])[key].to_numpy()
+        offsets = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        differs = found[np.repeat(start, count) + offsets] != np.repeat(ids, count)
+        for row in np.flatnonzero(differs)[:1]:
+            wanted = np.repeat(ids, count)[row]
+            yield Damage(name, f"rows of another scenario where {wanted} should be")
+
+
+def unreadable(files: LakeFiles, name: str) -> Iterator[Damage]:
+    """What is wrong with a file that is read whole."""
     try:
         files.read(name)
     except LakeError as error:
         yield Damage(name, str(error))
 
 
-def _changed(files: LakeFiles, name: str, size: int, checksum: str, digest: Callable[[str], str]) -> Damage | None:
+def _changed(files: LakeFiles, name: str, written: Written, digest: Callable[[str], str] | None) -> Damage | None:
     """What is wrong with the bytes of a file."""
     found = files.size(name)
     if found is None:
         return Damage(name, "gone")
-    if found != size:
-        return Damage(name, f"{found:,} bytes long, was written with {size:,}")
-    if digest(name) != checksum:
+    if written.size is not None and found != written.size:
+        return Damage(name, f"{found:,} bytes long, was written with {written.size:,}")
+    if digest and written.checksum is not None and digest(name) != written.checksum:
         return Damage(name, "its bytes are not those that were written: another checksum")
     return None
 
 
-def _row_groups(files: LakeFiles, name: str) -> npt.NDArray[np.int64]:
+def _row_groups(files: LakeFiles, name: str) -> Ints:
     """Rows of each row group.
 
     Raises:
@@ -120,32 +246,6 @@ def _columns() -> list[str]:
 
 def _no_rows() -> pa.Table:
     return tables.load("metadata").schema.empty_table().select(_columns())
-
-
-def _wrong_addresses(rows: pa.Table, groups: Groups, listed: Iterable[str]) -> Iterator[Damage]:
-    """Scenarios whose rows are not where their metadata say, one of each file."""
-    known = set(listed)
-    for table in _ADDRESSED:
-        addressed = rows.filter(pc.greater(rows[f"{table}_num_rows"], 0))
-        names = addressed[f"{table}_file"].cast(pa.string()).combine_chunks().dictionary_encode()
-        ids = addressed["scenario_id"]
-        number, first, count = (
-            addressed[f"{table}_{part}"].fill_null(-1).to_numpy() for part in ("row_group", "first_row", "num_rows")
-        )
-        codes = names.indices.fill_null(-1).to_numpy()
-        for row in np.flatnonzero(codes < 0)[:1]:
-            yield Damage(f"{table}/", f"{ids[int(row)]} has rows, but no file that holds them")
-        for code, name in enumerate(names.dictionary.to_pylist()):
-            chosen = np.flatnonzero(codes == code)
-            if name not in known:
-                yield Damage(name, f"holds {ids[int(chosen[0])]}, but no shard of the snapshot lists it")
-            if name not in groups:
-                continue  # told already
-            there = np.append(groups[name], 0)  # the last for numbers that there are none of
-            held = there[np.where((number >= 0) & (number < len(there) - 1), number, -1)[chosen]]
-            wrong = chosen[(first[chosen] < 0) | (first[chosen] + count[chosen] > held)]
-            for row in wrong[:1]:
-                yield Damage(name, f"row group {number[row]} does not hold the {count[row]} rows of {ids[int(row)]}")
 
 
 def _missing_maps(rows: pa.Table, shards: pa.Table) -> Iterator[Damage]:

@@ -1,15 +1,26 @@
 -- lake: Each shard has as many scenarios as it says, and as many records in quarantine: what was read is one or the other.
 WITH listed AS (
-    SELECT *, concat_ws('/', 'shard ' || dataset, version, split, name) AS shard FROM shards WHERE split <> ''
+    SELECT
+        *,
+        concat_ws('/', 'shard ' || dataset, version, split, name) AS shard,
+        -- Shards that were compacted together share files and cannot be told apart.
+        coalesce(nullif(regexp_extract(metadata_file, '-(training|analytics)-([0-9a-f]{16}).parquet$', 2), ''), key) AS unit
+    FROM shards
+    WHERE split <> ''
 ),
 held AS (
     SELECT file, count(*) AS num_scenarios FROM (SELECT tracks_file AS file FROM metadata_rows) GROUP BY file
 ),
 converted AS (
-    SELECT any_value(shard) AS shard, any_value(l.num_scenarios) AS said, coalesce(sum(h.num_scenarios), 0) AS found
-    FROM (SELECT *, unnest(files) AS file FROM listed) AS l
-    LEFT JOIN held AS h USING (file)
-    GROUP BY key
+    SELECT min(shard) || if(count(*) = 1, '', ' and those with it') AS shard, sum(num_scenarios) AS said, found
+    FROM listed
+    JOIN (
+        SELECT unit, coalesce(sum(num_scenarios), 0) AS found
+        FROM (SELECT DISTINCT unit, unnest(files) AS file FROM listed)
+        LEFT JOIN held USING (file)
+        GROUP BY unit
+    ) USING (unit)
+    GROUP BY unit, found
 ),
 rejected AS (
     -- Shards of one name, converted one after the other, cannot be told apart in quarantine.

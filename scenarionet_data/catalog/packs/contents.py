@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -23,6 +24,7 @@ from scenarionet_data.catalog.database import Database
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles, sha256, writing
 from scenarionet_data.store.row_group_copy import RowGroupSource, RowGroupWriter
+from scenarionet_data.store.scenario_rows import Address, ScenarioRows
 from scenarionet_data.store.shard_record import ShardRecord, partition
 from scenarionet_data.store.shard_writer import SCENARIOS_PER_FILE
 from scenarionet_data.store.snapshot import Snapshot
@@ -62,7 +64,8 @@ class Contents:
         self._holder = holder
         self._database = database
         self._target = target
-        self._shards = _shard_of_file(holder)
+        self._shards = _shards_of_file(holder)
+        self._rows = {table: ScenarioRows(holder.files, table) for table in ("tracks", "lights", "maps")}
         self._open = lru_cache(maxsize=32)(lambda name: RowGroupSource(holder.files.path(name)))
 
     def write(self) -> None:
@@ -93,7 +96,7 @@ class Contents:
 
     def _by_shard(self, rows: pa.Table) -> Iterator[pa.Table]:
         """The rows of each new shard, in the order they lie in the lake."""
-        options = [self._shards[name]["options"] for name in rows["tracks_file"].to_pylist()]
+        options = [self._shards[name][0]["options"] for name in rows["tracks_file"].to_pylist()]
         listed = rows.append_column("options", pa.array(options, pa.string()))
         keys = [(name, "ascending") for name in (*_SHARD, "tracks_file", "tracks_row_group")]
         # Sorted as text: Arrow sorts dictionaries by their codes.
@@ -108,7 +111,7 @@ class Contents:
     def _write_shard(self, name: str, rows: pa.Table) -> ShardRecord:
         """One shard of rows that were converted alike."""
         first = {column: rows[column][0].as_py() for column in _SHARD}
-        sources = {str(self._shards[file]["key"]): self._shards[file] for file in rows["tracks_file"].to_pylist()}
+        sources = {str(row["key"]): row for file in rows["tracks_file"].to_pylist() for row in self._shards[file]}
         inputs = {i: f for s in sources.values() for i, f in zip(s["items"], s["fingerprints"], strict=True)}
         folder = (first["dataset"], first["version"], first["split"])
         words = {
@@ -146,18 +149,13 @@ class Contents:
 
     def _copy(self, table: str, rows: pa.Table, stem: str, words: dict[str, str | None]) -> tuple[pa.Table, list[str]]:
         """Copy the row groups of some scenarios into one file; returns their rows with the new addresses."""
-        numbers: dict[tuple[str, int], int] = {}
         found: list[int | None] = []
         temporary = self._target.temporary()
+        columns = (rows[f"{table}_{part}"].to_pylist() for part in ("file", "row_group", "first_row", "num_rows"))
         with _row_groups(temporary) as writer:
-            for file, number in zip(
-                rows[f"{table}_file"].to_pylist(), rows[f"{table}_row_group"].to_pylist(), strict=True
-            ):
-                address = (file, number)
-                if file is not None and address not in numbers:
-                    numbers[address] = writer.append(self._open(file), number)
-                found.append(numbers.get(address))
-            if not numbers:
+            for address in zip(*columns, strict=True):
+                found.append(self._append(writer, table, address) if address[3] else None)
+            if not any(number is not None for number in found):
                 writer.discard()
                 return rows, []
             writer.close(words | {"scenarionet.num_scenarios": str(rows.num_rows)})
@@ -166,7 +164,22 @@ class Contents:
         self._publish(temporary, name, digest)
         names = pa.array([None if number is None else name for number in found], pa.string())
         rows = _with(rows, f"{table}_file", names)
-        return _with(rows, f"{table}_row_group", pa.array(found, pa.int32())), [name]
+        rows = _with(rows, f"{table}_row_group", pa.array(found, pa.int32()))
+        firsts = pa.array([None if number is None else 0 for number in found], pa.int32())
+        return _with(rows, f"{table}_first_row", firsts), [name]
+
+    def _append(self, writer: RowGroupWriter, table: str, address: Address) -> int:
+        """Copy a scenario's row group; only its own rows where a compacted file has others beside them."""
+        name, number, _, num_rows = address
+        source = self._open(name)
+        if source.num_rows(number) == num_rows:
+            return writer.append(source, number)
+        temporary = self._target.temporary()
+        with writing(temporary, temporary):
+            self._rows[table].write_alone(address, temporary)
+            copied = writer.append(RowGroupSource(temporary), 0)
+            temporary.unlink()
+        return copied
 
     def _record(self, *, files: list[str], metadata_folder: str | None, **fields: Any) -> ShardRecord:
         """The record of a packed shard: a part of what was converted has a key of its own."""
@@ -199,7 +212,7 @@ class Contents:
         names = self._holder.shared_maps()
         for (dataset, version, map_id), listed in sorted(windows.items()):
             source = names[dataset, version, map_id]
-            record = self._shards[source]
+            record = self._shards[source][0]
             temporary = self._target.temporary()
             with _row_groups(temporary) as writer:
                 for number in _tiles(self._holder.files, source, listed):
@@ -252,10 +265,13 @@ def _row_groups(temporary: Path) -> Iterator[RowGroupWriter]:
             raise
 
 
-def _shard_of_file(lake: Lake) -> dict[str, dict[str, Any]]:
-    """The row of ``shards`` that each file of a snapshot belongs to."""
-    listed = snapshots.shard_table(lake.files, lake.snapshot).to_pylist()
-    return {name: row for row in listed for name in row["files"]}
+def _shards_of_file(lake: Lake) -> dict[str, list[dict[str, Any]]]:
+    """The rows of ``shards`` that each file of a snapshot belongs to: several, converted alike, when compacted."""
+    found: dict[str, list[dict[str, Any]]] = defaultdict(list)
+    for row in snapshots.shard_table(lake.files, lake.snapshot).to_pylist():
+        for name in row["files"]:
+            found[name].append(row)
+    return found
 
 
 def _tiles(files: LakeFiles, name: str, windows: list[tuple[float, float, float, float]]) -> list[int]:

@@ -1,0 +1,19 @@
+"""Care for a lake that is in use: files of another size (compact), room (vacuum), and whether all is whole (fsck)."""
+
+from __future__ import annotations
+
+from scenarionet_data.maintenance.compaction import Compaction, compact, plan_compaction
+from scenarionet_data.maintenance.fsck import Fsck, fsck, repair
+from scenarionet_data.maintenance.vacuuming import Vacuum, plan_vacuum, vacuum
+
+__all__ = [
+    "Compaction",
+    "Fsck",
+    "Vacuum",
+    "compact",
+    "fsck",
+    "plan_compaction",
+    "plan_vacuum",
+    "repair",
+    "vacuum",
+]

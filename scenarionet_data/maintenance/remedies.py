@@ -1,0 +1,61 @@
+"""What to do about a damaged file of a lake, by what it is."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable
+
+import pyarrow as pa
+
+_SHOWN = 3
+_OF_FOLDER = {
+    "databases": "restore it from a copy of the lake, or drop this version and make it again "
+    "(`scenarionet rebase` does, where its members have changed)",
+    "layers": "restore it from a copy of the lake, or tag again with --replace",
+    "results": "remove the run's folder and simulate again",
+}
+_MERGED = "`scenarionet fsck LAKE --repair` merges it again"
+_SNAPSHOT = "restore it from a copy of the lake, or remove it: the snapshot before it holds all but what came with it"
+_OLDER = (
+    "the newest snapshot does not need it: `scenarionet rebase` the databases that were made on older ones, then "
+    "`scenarionet vacuum LAKE --keep-last 1 --yes`; or restore it from a copy of the lake"
+)
+_MANIFEST = "restore it from a copy of the lake; without it nobody knows which shards its snapshots have"
+
+
+class Inputs:
+    """Which recordings the files of a snapshot come from.
+
+    Args:
+        manifests: Its shards, as rows of ``schemas/shards.toml``.
+    """
+
+    def __init__(self, manifests: Iterable[pa.Table]) -> None:
+        self._names: dict[str, dict[str, None]] = defaultdict(dict)
+        columns = ["dataset", "version", "split", "items", "files", "metadata_file"]
+        for shards in manifests:
+            for row in shards.select(columns).to_pylist():
+                place = " ".join(filter(None, (row["dataset"], row["version"], row["split"])))
+                for file in filter(None, (*row["files"], row["metadata_file"])):
+                    self._names[file] |= dict.fromkeys(f"{place}: {item}" for item in row["items"])
+
+    def of(self, file: str) -> list[str]:
+        """Raw inputs of a file, each with its dataset, version and split."""
+        return list(self._names.get(file, ()))
+
+
+def remedy(file: str, newest: Inputs) -> str:
+    """What to do about a damaged file, by what the newest snapshot needs."""
+    folder, _, rest = file.partition("/")
+    if folder == "snapshots":
+        return _MANIFEST if rest.startswith("manifest-") else _SNAPSHOT
+    if "/merged-" in file and folder == "metadata":
+        return _MERGED
+    listed = newest.of(file)
+    if listed:
+        more = f" and {len(listed) - _SHOWN:,} more" if len(listed) > _SHOWN else ""
+        return (
+            "restore it from a copy of the lake, or `scenarionet fsck LAKE --repair` and convert again "
+            f"{', '.join(listed[:_SHOWN])}{more}"
+        )
+    return _OF_FOLDER.get(folder, _OLDER)
