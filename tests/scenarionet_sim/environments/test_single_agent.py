@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import replace
-from functools import partial
 
 import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from gymnasium.vector import AsyncVectorEnv
 
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.backends.bullet import Bullet
@@ -196,18 +194,6 @@ def test_an_environment_pickles_as_its_configuration_and_seed(only):
     for episode in first:
         assert_same(rollout(copy, wander), episode)
     assert len(pickle.dumps(env)) < 3_000
-
-
-@pytest.mark.long
-def test_worker_processes(only):
-    config = EnvConfig(only("crowd", "wall"), backend=Kinematic())
-    envs = AsyncVectorEnv([partial(ScenarioNetEnv, config)] * 2, context="spawn")  # threads do not survive a fork
-    observed, _ = envs.reset(seed=[5, 5])
-    np.testing.assert_array_equal(observed[0], ScenarioNetEnv(config).reset(seed=5)[0])
-    for _ in range(5):
-        observed, rewards, *_ = envs.step(np.tile(np.array(GO, np.float32), (2, 1)))
-    assert rewards[0] == rewards[1] != 0.0
-    envs.close()
 
 
 def test_scenarios_in_their_order_and_by_id(only):
