@@ -15,6 +15,7 @@ from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.environments.arena import ENDS, NUMBERS
 from scenarionet_sim.environments.config import BOUNDARY, PAPER_OBSERVATION, EnvConfig
+from scenarionet_sim.environments.observation import Observation
 from scenarionet_sim.environments.single_agent import ScenarioNetEnv
 from scenarionet_sim.judging.task import TERMS, Ending
 from scenarionet_sim.policies import External, Idm, Replay, ego
@@ -67,7 +68,7 @@ def test_what_is_observed_is_what_the_sensors_say(only):
     flat = ScenarioNetEnv(scenarios=only("wall"), backend=Kinematic())
     named = ScenarioNetEnv(scenarios=only("wall"), backend=Kinematic(), observation="dict")
     for (one, *_), (other, *_) in zip(rollout(flat), rollout(named), strict=True):
-        parts = flat._observation.parts(one)
+        parts = Observation(flat.config.sensors, "flat").parts(one)
         assert list(parts) == list(other) == ["lidar", "ego_state", "navigation"]
         for name, values in other.items():
             np.testing.assert_array_equal(parts[name], values)
