@@ -9,6 +9,7 @@ import numpy.typing as npt
 import shapely
 from shapely import Polygon
 
+from scenarionet_data.errors import BadParameter
 from scenarionet_data.procedural import blocks
 from scenarionet_data.procedural.intersection import intersection, t_intersection
 from scenarionet_data.procedural.options import GeneratorOptions
@@ -28,6 +29,7 @@ _PLAIN: dict[str, Callable[[Block, Socket, np.random.Generator], None]] = {
 }
 _CROSSING = {"intersection": intersection, "t_intersection": t_intersection}
 _ATTEMPTS = 30
+_MAPS = 200
 _MAX_RING_LANES = 2
 
 
@@ -35,11 +37,18 @@ def make_map(options: GeneratorOptions, rng: np.random.Generator) -> RoadMap:
     """A straight road and ``num_blocks`` drawn blocks; drawn again where they would overlap.
 
     Starts anew in the rare case that no block fits the last one's end.
+
+    Raises:
+        BadParameter: No block that the options allow ever fits.
     """
-    while True:
+    for _ in range(_MAPS):
         road_map = _try_map(options, rng)
         if road_map is not None:
             return road_map
+    raise BadParameter(
+        f"{options.num_blocks} of blocks={options.blocks!r} on roads of {options.min_lanes} to {options.max_lanes} "
+        f"lanes never fit together (a roundabout has at most {_MAX_RING_LANES} lanes); allow other blocks, or fewer"
+    )
 
 
 def _try_map(options: GeneratorOptions, rng: np.random.Generator) -> RoadMap | None:

@@ -118,7 +118,7 @@ def _add_ring(block: Block, ring: Ring, arms: list[Pose]) -> None:
 
 
 def _add_edges(block: Block, ring: Ring, arms: list[Pose], distance: float) -> None:
-    """The island, the circles between ring lanes, the outer edges and the splitter islands."""
+    """The island, the circles between ring lanes, the outer edges, and the surface between them."""
     half, outermost = ring.lane_width / 2.0, len(ring.radii) - 1
     start = ring.pose(0, 0.0)
     circle = Path(start, (bend(2.0 * math.pi, ring.radii[0]),))
@@ -134,22 +134,43 @@ def _add_edges(block: Block, ring: Ring, arms: list[Pose], distance: float) -> N
         edge = _entry(ring, arm, outermost, distance).then(around, *out.pieces).offset(-half)
         outline.append(edge.sample(LINE_SPACING)[0])
         block.add_line(f"edge{number}", EDGE, outline[-1])
-        block.add_line(f"splitter{number}", MapFeatureType.ROAD_EDGE_MEDIAN, _splitter(ring, arm, distance))
     _bound_lanes(block, circles, outermost)
-    shape = np.concatenate(outline)
-    block.add_area("box", MapFeatureType.INTERSECTION, shape)
-    block.footprint.append(Polygon(shape))
+    block.footprint.append(Polygon(np.concatenate(outline)))
+    _add_surface(block, ring, arms, distance, outline)
 
 
-def _splitter(ring: Ring, arm: Pose, distance: float) -> Float64:
-    """The outline between an arm's entry and exit, as far as the ring."""
+def _add_surface(block: Block, ring: Ring, arms: list[Pose], distance: float, outline: list[Float64]) -> None:
+    """The splitter islands, and what may be driven on: a quarter from each arm's middle to the next one's.
+
+    Quarters, because an area has one outline and no holes.
+    """
+    splitters = [_splitter(ring, arm, distance) for arm in arms]
+    for number, arm in enumerate(arms):
+        entry_side, following = splitters[number][0], (number + 1) % 4
+        island = Path(ring.pose(0, arm.heading), (bend(math.pi / 2.0, ring.radii[0]),)).offset(ring.lane_width / 2.0)
+        inner, before, after = island.sample(1.0)[0], _mouth(ring, arm), _mouth(ring, arms[following])
+        exit_side = splitters[following][1]
+        shape = np.concatenate([outline[number], exit_side[::-1], after, inner[::-1], before, entry_side[::-1]])
+        block.add_area(f"quarter{number}", MapFeatureType.INTERSECTION, shape)
+        around = np.concatenate([*splitters[number], entry_side[:1]])
+        block.add_line(f"splitter{number}", MapFeatureType.ROAD_EDGE_MEDIAN, around)
+
+
+def _mouth(ring: Ring, arm: Pose) -> Float64:
+    """(1, 2) the point of the ring's outer edge in the middle of an arm."""
+    reach = ring.radii[-1] + ring.lane_width / 2.0
+    return np.array([[ring.x + reach * math.cos(arm.heading), ring.y + reach * math.sin(arm.heading)]])
+
+
+def _splitter(ring: Ring, arm: Pose, distance: float) -> tuple[Float64, Float64]:
+    """The sides of the island between an arm's entry and exit: along the entry to the ring, and along the exit back."""
     half = ring.lane_width / 2.0
     sides = []
     for path in (_entry(ring, arm, 0, distance), _exit(ring, arm, 0, distance)):
         points = path.offset(half).sample(1.0)[0]
         outside = np.hypot(points[:, 0] - ring.x, points[:, 1] - ring.y) > ring.radii[-1] + half + 0.1
         sides.append(points[outside])
-    return np.concatenate([*sides, sides[0][:1]])
+    return sides[0], sides[1]
 
 
 def _bound_lanes(block: Block, circles: list[str], outermost: int) -> None:

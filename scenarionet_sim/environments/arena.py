@@ -14,7 +14,6 @@ from scenarionet_sim.environments.observation import Observation
 from scenarionet_sim.judging import tally, task
 from scenarionet_sim.judging.watched import Agents, Egos
 from scenarionet_sim.policies import External
-from scenarionet_sim.scenarios.stream import Stream
 from scenarionet_sim.simulation import Simulation
 from scenarionet_sim.worlds.world import World
 
@@ -28,13 +27,6 @@ NUMBERS = (*task.TERMS, "route_completion", "lateral", *tally.COLUMNS)
 
 ENDS = {"success": task.ARRIVED, "out_of_road": task.OFF_ROUTE, "timeout": task.TIMED_OUT}
 """How an episode ended, in the words of the paper's metrics."""
-
-
-def open_stream(config: EnvConfig, ahead: int) -> Stream[World]:
-    """The worlds that a configuration asks for."""
-    loader, sampler = config.scenarios.open()
-    ids = loader.scenario_ids
-    return Stream(ids, loader.__getitem__, World.from_scenario, sampler, ahead=ahead, keep=config.keep)
 
 
 class Arena:
@@ -77,6 +69,21 @@ class Arena:
     def status(self) -> Codes:
         """(A,)."""
         return self._verdict.status
+
+    @property
+    def rewards(self) -> Float64:
+        """(A,) the terms' sums."""
+        return np.asarray(self.terms.sum(axis=1))
+
+    @property
+    def terminated(self) -> npt.NDArray[np.bool_]:
+        """(A,) whose episode came to an end of its own."""
+        return np.asarray((self.status != task.DRIVING) & (self.status != task.TIMED_OUT))
+
+    @property
+    def truncated(self) -> npt.NDArray[np.bool_]:
+        """(A,) whose time is over."""
+        return np.asarray(self.status == task.TIMED_OUT)
 
     @property
     def contacts(self) -> npt.NDArray[np.bool_]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -81,3 +81,20 @@ class MultiAgentConfig(EnvConfig):
     backend: Backend = field(default_factory=Kinematic)
     reward: Reward = MULTI_AGENT[0]
     ending: Ending = MULTI_AGENT[1]
+
+
+def configured(kind: type[Any], config: EnvConfig | None, settings: dict[str, Any]) -> Any:
+    """A configuration given whole or by its fields.
+
+    Raises:
+        BadParameter: Both or neither are given, or a field is unknown.
+    """
+    if config is not None and settings:
+        raise BadParameter(f"give config or its fields, not both; found {', '.join(settings)} beside config")
+    if config is None and "scenarios" not in settings:
+        raise BadParameter("an environment needs scenarios=Scenarios('lake', 'database')")
+    known = kind.__dataclass_fields__
+    unknown = [name for name in settings if name not in known]
+    if unknown:
+        raise BadParameter(f"no setting {unknown[0]!r}; there are {', '.join(known)}")
+    return kind(**settings) if config is None else config

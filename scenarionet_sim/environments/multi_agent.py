@@ -9,16 +9,14 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 from gymnasium.error import ResetNeeded
-from gymnasium.utils import seeding
 from pettingzoo import ParallelEnv
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.environments.arena import Arena, open_stream
-from scenarionet_sim.environments.config import MultiAgentConfig
-from scenarionet_sim.environments.observation import Observation
-from scenarionet_sim.environments.single_agent import action_space, configured
+from scenarionet_sim.environments.arena import Arena
+from scenarionet_sim.environments.config import MultiAgentConfig, configured
+from scenarionet_sim.environments.episodes import Episodes, action_space
 from scenarionet_sim.environments.view import METADATA, View
-from scenarionet_sim.judging.task import ARRIVED, DRIVING, TIMED_OUT
+from scenarionet_sim.judging.task import ARRIVED
 from scenarionet_sim.policies import External
 from scenarionet_sim.worlds.world import World
 
@@ -57,22 +55,17 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
     ) -> None:
         self.config = configured(MultiAgentConfig, config, settings)
         self.render_mode, self._view = render_mode, View(render_mode)
-        self._observation, self._action_space = (
-            Observation(self.config.sensors, self.config.observation),
-            action_space(),
-        )
-        self._stream = open_stream(self.config, self.config.ahead)
-        self._seed, self._is_fresh = seed, True
-        self._arena: Arena | None = None
+        self._episodes = Episodes(self.config, seed)
+        self._action_space = action_space()
         self.agents: list[str] = []
         self.possible_agents: list[str] = []
 
     def __reduce__(self) -> tuple[Callable[..., ScenarioNetParallelEnv], tuple[Any, ...]]:
-        return type(self), (self.config, self.render_mode, self._seed)
+        return type(self), (self.config, self.render_mode, self._episodes.seed)
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:  # noqa: ARG002
         """What an agent observes; the same for all."""
-        return self._observation.space
+        return self._episodes.observation.space
 
     def action_space(self, agent: str) -> spaces.Box:  # noqa: ARG002
         """Steering and throttle; the same for all."""
@@ -84,28 +77,16 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
         Returns:
             Observations and infos by agent; empty for a scenario without a vehicle that drives.
         """
-        if seed is not None or self._is_fresh:
-            wanted = seed if seed is not None else self._seed
-            self._rng, self._seed = seeding.np_random(wanted)
-            self._stream.restart(self._seed)
-            self._is_fresh = False
-        wanted_id = (options or {}).get("scenario_id")
-        if wanted_id is None:
-            self._index, world = self._stream.next()
-        else:
-            self._index = self._stream.number(wanted_id)
-            world = self._stream.get(self._index)
-        if self._arena is not None and not self._arena.can_play(world):
-            self._arena.close()
-            self._arena = None
-        if self._arena is None:
-            self._arena = Arena(self.config, self._observation, [world])
-        self._arena.begin(0, world, (options or {}).get("timestep"))
-        self.possible_agents = self._find_possible(self._arena, world)
+        self._episodes.restart(seed)
+        options = options or {}
+        world = self._episodes.draw(scenario_id=options.get("scenario_id"))
+        arena = self._episodes.prepare([world])
+        arena.begin(0, world, options.get("timestep"))
+        self.possible_agents = self._find_possible(arena, world)
         self._coming, self._num_arrived = set(self.possible_agents), 0
-        self._wait(self._arena)
-        self._view.follow(self._arena)
-        return self._named(self._seen()), self._named(self._arena.infos())
+        self._wait(arena)
+        self._view.follow(arena)
+        return self._named(self._seen()), self._named(arena.infos())
 
     def step(self, actions: Mapping[str, npt.ArrayLike]) -> tuple[Named, Named, Named, Named, Named]:
         """Drive for one timestep.
@@ -121,18 +102,17 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
             ResetNeeded: No agent is left, or no episode has begun.
             BadParameter: An agent has no action, there is an action for somebody else, or one is not a number.
         """
-        if self._arena is None or not self.agents:
+        if not self.agents:
             raise ResetNeeded("step needs an agent; call reset first")
         if actions.keys() != set(self.agents):
             wrong = sorted(actions.keys() ^ set(self.agents))
             raise BadParameter(f"actions: wanted one for each of agents; of {wrong[0]!r} there is one too many or few")
-        arena = self._arena
+        arena = self.arena
         arena.step(np.array([actions[agent] for agent in self.agents], np.float64))
         self._name_agents(arena)
         status = arena.status.copy()
-        is_late = status == TIMED_OUT
-        is_over = (status != DRIVING) & ~is_late
-        values = self._seen(), arena.terms.sum(axis=1).tolist(), is_over.tolist(), is_late.tolist(), arena.infos()
+        ends = arena.terminated.tolist(), arena.truncated.tolist()
+        values = self._seen(), arena.rewards.tolist(), *ends, arena.infos()
         observations, rewards, terminated, truncated, infos = map(self._named, values)
         self._num_arrived += int((status == ARRIVED).sum())
         if status.any():
@@ -154,11 +134,8 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
     def close(self) -> None:
         """End the thread, the physics and the window; reset starts them again."""
         self.agents = []
-        self._stream.close()
+        self._episodes.close()
         self._view.close()
-        if self._arena is not None:
-            self._arena.close()
-            self._arena = None
 
     @property
     def arena(self) -> Arena:
@@ -167,9 +144,7 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
         Raises:
             ResetNeeded: There was no reset yet.
         """
-        if self._arena is None:
-            raise ResetNeeded("there is no world yet; call reset first")
-        return self._arena
+        return self._episodes.arena
 
     def _find_possible(self, arena: Arena, world: World) -> list[str]:
         """Agents that are there when the episode begins, or come later."""
@@ -186,7 +161,7 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
             arena.step(np.zeros((0, 2)))
             self._name_agents(arena)
         if not self.agents and self.possible_agents:
-            self._stream.sampler.report(self._index, self._num_arrived / len(self.possible_agents))
+            self._episodes.report(0, self._num_arrived / len(self.possible_agents))
 
     def _name_agents(self, arena: Arena) -> None:
         (world,) = arena.simulation.stage.worlds
@@ -194,7 +169,7 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
         self._coming.difference_update(self.agents)
 
     def _seen(self) -> list[Any]:
-        return self._observation.split(self.arena.observe(self._rng))
+        return self._episodes.observation.split(self._episodes.observe())
 
     def _named(self, values: list[Any]) -> Named:
         return dict(zip(self.agents, values, strict=True))

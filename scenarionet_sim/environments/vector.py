@@ -7,18 +7,14 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from gymnasium.error import ResetNeeded
-from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.environments.arena import ENDS, NUMBERS, Arena, open_stream
-from scenarionet_sim.environments.config import VectorConfig
-from scenarionet_sim.environments.observation import Observation
-from scenarionet_sim.environments.single_agent import action_space, configured
-from scenarionet_sim.judging.task import ARRIVED, DRIVING, TIMED_OUT
-from scenarionet_sim.worlds.world import World
+from scenarionet_sim.environments.arena import ENDS, NUMBERS, Arena
+from scenarionet_sim.environments.config import VectorConfig, configured
+from scenarionet_sim.environments.episodes import Episodes, action_space
+from scenarionet_sim.judging.task import ARRIVED
 
 Array = npt.NDArray[Any]
 Bool = npt.NDArray[np.bool_]
@@ -64,18 +60,15 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
             raise BadParameter("autoreset_mode: wanted NEXT_STEP or SAME_STEP; worlds step together and reset alone")
         self.metadata = self.metadata | {"autoreset_mode": self._mode}
         self.num_envs = num_envs
-        self._observation = Observation(self.config.sensors, self.config.observation)
-        self.single_observation_space, self.single_action_space = self._observation.space, action_space()
+        ahead = min(self.config.ahead * num_envs, _LOADED_AHEAD)
+        self._episodes = Episodes(self.config, seed, num_envs, ahead)
+        self.single_observation_space, self.single_action_space = self._episodes.observation.space, action_space()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._stream = open_stream(self.config, min(self.config.ahead * num_envs, _LOADED_AHEAD))
-        self._seed, self._is_fresh = seed, True
-        self._arena: Arena | None = None
-        self._scenario = np.zeros(num_envs, np.int64)
         self._has_ended = np.zeros(num_envs, np.bool_)
 
     def __reduce__(self) -> tuple[Callable[..., ScenarioNetVectorEnv], tuple[Any, ...]]:
-        return type(self), (self.num_envs, self.config, self._mode, self._seed)
+        return type(self), (self.num_envs, self.config, self._mode, self._episodes.seed)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -91,17 +84,16 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         """
         del options
         first = next(iter(seed), None) if isinstance(seed, Sequence) else seed
-        if first is not None or self._is_fresh:
-            self._restart(first)
-        worlds = [self._next(slot) for slot in range(self.num_envs)]
-        if self._arena is None:
-            self._arena = Arena(self.config, self._observation, worlds)
-            if len(self._arena.agents) != self.num_envs:
-                raise BadParameter("one agent a world was expected; External(who=ego) drives the egos alone")
+        if self._episodes.restart(first):
+            self._np_random, self._np_random_seed = self._episodes.rng, self._episodes.seed
+        worlds = [self._episodes.draw(slot) for slot in range(self.num_envs)]
+        arena = self._episodes.prepare(worlds)
+        if len(arena.agents) != self.num_envs:
+            raise BadParameter("one agent a world was expected; External(who=ego) drives the egos alone")
         for slot, world in enumerate(worlds):
-            self._arena.begin(slot, world)
+            arena.begin(slot, world)
         self._has_ended[:] = False
-        return self._arena.observe(self.np_random), self._infos()
+        return self._episodes.observe(), self._infos()
 
     def step(self, actions: npt.ArrayLike) -> tuple[Any, Float64, Bool, Bool, dict[str, Any]]:
         """Drive every world for one timestep.
@@ -114,17 +106,14 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
             BadParameter: An action is not a number.
             LakeError: The next scenario cannot be read.
         """
-        if self._arena is None:
-            raise ResetNeeded("step needs episodes that run; call reset first")
-        self._arena.step(actions)
-        for slot in np.flatnonzero(self._has_ended):
-            self._arena.begin(int(slot), self._next(int(slot)))
-        rewards, status = self._arena.terms.sum(axis=1), self._arena.status
-        terminated, truncated = (status != DRIVING) & (status != TIMED_OUT), status == TIMED_OUT
+        arena = self.arena
+        arena.step(actions)
+        self._begin(np.flatnonzero(self._has_ended))
+        rewards, terminated, truncated = arena.rewards, arena.terminated, arena.truncated
         ended = terminated | truncated
         for slot in np.flatnonzero(ended):
-            self._stream.sampler.report(int(self._scenario[slot]), float(status[slot] == ARRIVED))
-        observed, infos = self._arena.observe(self.np_random), self._infos()
+            self._episodes.report(int(slot), float(arena.status[slot] == ARRIVED))
+        observed, infos = self._episodes.observe(), self._infos()
         if self._mode is AutoresetMode.NEXT_STEP:
             self._has_ended = ended
         elif ended.any():
@@ -134,10 +123,7 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
     def close_extras(self, **kwargs: Any) -> None:
         """End the thread and the physics."""
         del kwargs
-        self._stream.close()
-        if self._arena is not None:
-            self._arena.close()
-            self._arena = None
+        self._episodes.close()
 
     @property
     def arena(self) -> Arena:
@@ -146,32 +132,21 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         Raises:
             ResetNeeded: There was no reset yet.
         """
-        if self._arena is None:
-            raise ResetNeeded("there is no world yet; call reset first")
-        return self._arena
+        return self._episodes.arena
 
-    def _restart(self, seed: int | None) -> None:
-        """Begin the series again."""
-        wanted = seed if seed is not None else self._seed
-        self._np_random, found = seeding.np_random(None if wanted is None else int(wanted))
-        self._np_random_seed = self._seed = int(found)
-        self._stream.restart(self._seed)
-        self._is_fresh = False
-
-    def _next(self, slot: int) -> World:
-        number, world = self._stream.next()
-        self._scenario[slot] = number
-        return world
+    def _begin(self, slots: Array) -> None:
+        """Put other scenarios in these slots."""
+        for slot in slots:
+            self.arena.begin(int(slot), self._episodes.draw(int(slot)))
 
     def _begin_others(self, ended: Bool, observed: Any, infos: dict[str, Any]) -> dict[str, Any]:
         """Put other scenarios in the slots whose episodes ended; changes what was observed there."""
-        slots = np.flatnonzero(ended)
+        slots, observation = np.flatnonzero(ended), self._episodes.observation
         last = np.full(self.num_envs, None, dtype=object)
-        for slot, seen in zip(slots, self._observation.split(self._observation.take(observed, slots)), strict=True):
+        for slot, seen in zip(slots, observation.split(observation.take(observed, slots)), strict=True):
             last[slot] = seen
-        for slot in slots:
-            self.arena.begin(int(slot), self._next(int(slot)))
-        self._observation.put(observed, slots, self.arena.observe(self.np_random, slots))
+        self._begin(slots)
+        observation.put(observed, slots, self._episodes.observe(slots))
         final = {name: ended.copy() if name.startswith("_") else values for name, values in infos.items()}
         return self._infos() | {
             "final_obs": last, "_final_obs": ended.copy(), "final_info": final, "_final_info": ended.copy(),

@@ -49,21 +49,22 @@ class Live:
         return self._view.frame(self._moments)
 
     def show(self, picture: Picture) -> None:
-        """Show a picture in a window, which opens the first time.
+        """Show a picture in a window, which opens the first time; one that somebody closed stays closed.
 
         Raises:
             BadParameter: There is no display.
         """
         from matplotlib import pyplot
 
-        if pyplot.get_backend().lower() == "agg":
-            raise BadParameter("a window needs a display; take pictures with render_mode='rgb_array' instead")
         if self._image is None:
+            _require_display()
             figure = pyplot.figure("ScenarioNet", figsize=(self._size / 100, self._size / 100))
             axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
             axes.set_axis_off()
             self._image = axes.imshow(picture)
             figure.show()
+        if not pyplot.fignum_exists(self._image.figure.number):
+            return
         self._image.set_data(picture)
         self._image.figure.canvas.draw_idle()
         self._image.figure.canvas.flush_events()
@@ -75,3 +76,18 @@ class Live:
 
             pyplot.close(self._image.figure)
             self._image = None
+
+
+def _require_display() -> None:
+    """Raises BadParameter unless matplotlib can open windows here."""
+    from matplotlib import pyplot
+
+    try:
+        can_open = pyplot.get_backend().lower() != "agg"
+    except ImportError:  # a backend with windows was asked for where there is no display
+        can_open = False
+    if not can_open:
+        raise BadParameter(
+            "a window needs a display and a toolkit that matplotlib knows, such as tkinter; "
+            "without, take pictures with render_mode='rgb_array'"
+        )

@@ -1,6 +1,7 @@
 """Which scenarios of a lake an environment plays, and in which order: a specification that pickles.
 
-Choosing is DuckDB's, done once when an environment is made; drawing is ``sampling``'s; loading is ``stream``'s.
+Choosing is DuckDB's, done once when an environment is made; drawing is ``sampling``'s; loading is ``stream``'s. Nothing
+here may touch polars: its threads do not survive the fork by which vector environments make their processes.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
-import polars as pl
+import pyarrow as pa
 
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.catalog.engine import check_expression
@@ -74,14 +75,14 @@ class Scenarios:
             BadParameter: Nothing is left to play.
         """
         lake, rows = Lake(self.lake).resolve(self.scenarios)
-        chosen = self._chosen(lake, rows["scenario_id"].to_pylist())
-        share = chosen[self.worker :: self.num_workers]
-        if share.is_empty():
+        chosen = self._chosen(lake, rows["scenario_id"])
+        share = chosen.take(np.arange(self.worker, len(chosen), self.num_workers))
+        if not len(share):
             raise BadParameter(f"no scenario to play: {self._told(len(rows), len(chosen))}")
-        return ScenarioLoader(lake, share["scenario_id"].to_list()), self._sampler(share)
+        return ScenarioLoader(lake, share["scenario_id"].to_pylist()), self._sampler(share)
 
-    def _chosen(self, lake: Lake, ids: list[str]) -> pl.DataFrame:
-        """Columns scenario_id, weight and difficulty of those that satisfy the condition, in their order."""
+    def _chosen(self, lake: Lake, ids: pa.ChunkedArray) -> pa.Table:
+        """Columns scenario_id and weight of those that satisfy the condition, in their order."""
         expressions = {
             "wanted": self.where or "true",
             "weight": self.weight or "1.0",
@@ -90,19 +91,25 @@ class Scenarios:
         for expression in expressions.values():
             check_expression(expression)
         columns = ", ".join(f"({text}\n) AS {name}" for name, text in expressions.items())
-        facts = lake.sql(f"SELECT scenario_id, {columns} FROM metadata")
-        listed = pl.DataFrame({"scenario_id": ids}, schema={"scenario_id": pl.String})
-        if not self.weight and isinstance(self.scenarios, str):
-            facts = facts.drop("weight")
-            listed = listed.with_columns(weight=lake.database(self.scenarios).members["weight"].to_numpy())
-        chosen = listed.join(facts, on="scenario_id", maintain_order="left").filter(pl.col("wanted"))
-        return chosen.sort("difficulty", maintain_order=True) if self.curriculum else chosen
+        listed = pa.table({"scenario_id": ids, "place": np.arange(len(ids)), "weight": self._weights(lake, len(ids))})
+        return lake.arrow(
+            f"""SELECT scenario_id, coalesce(listed.weight, CAST(facts.weight AS DOUBLE)) AS weight
+            FROM listed JOIN (SELECT scenario_id, {columns} FROM metadata) AS facts USING (scenario_id)
+            WHERE facts.wanted ORDER BY facts.difficulty NULLS FIRST, listed.place""",
+            listed=listed,
+        )
 
-    def _sampler(self, share: pl.DataFrame) -> Sampler:
+    def _weights(self, lake: Lake, count: int) -> pa.Array:
+        """The database's weights; missing where there is no database, or an expression instead."""
+        if self.weight or not isinstance(self.scenarios, str):
+            return pa.nulls(count, pa.float64())
+        return lake.database(self.scenarios).members["weight"].combine_chunks()
+
+    def _sampler(self, share: pa.Table) -> Sampler:
         if self.curriculum is not None:
             return Rising(len(share), self.curriculum)
         if self.order == "weighted":
-            return Weighted(share["weight"].cast(pl.Float64).fill_null(np.nan).to_numpy())
+            return Weighted(share["weight"].fill_null(np.nan).to_numpy())
         return Shuffled(len(share)) if self.order == "random" else Sequential(len(share))
 
     def _told(self, there: int, satisfying: int) -> str:

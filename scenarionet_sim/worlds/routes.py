@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from scenarionet_data.geometry import wrap_angle
-from scenarionet_data.scenario import Bool, Float32, Float64
-from scenarionet_sim.kernels.lanes import find_lanes
+from scenarionet_data.scenario import Bool, Float64
+from scenarionet_sim.kernels.lanes import find_lanes, follow_lanes
 from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.worlds.paths import Paths, Stops
 from scenarionet_sim.worlds.world import World
+
+Rows = npt.NDArray[np.intp]
 
 _BESIDE = 2.5  # [m] from a centreline an object is still on the lane
 _STEP = 2.0  # [m] between points
@@ -28,72 +30,62 @@ def continued(world: World, rows: Bool, beyond: float) -> World:
         beyond: How far [m].
     """
     paths = world.paths
-    ends = paths.path_offsets[1:][rows] - 1
-    found = np.tile([-1.0, 0.0, _BESIDE], (len(ends), 1))
-    lanes = world.roads.lanes
-    find_lanes(paths.path_points[ends], paths.path_heading[ends], lanes.values, lanes.offsets, found)
-    tails = {
-        int(row): _tail(world.roads, int(lane), paths.path_points[end], float(along), beyond)
-        for row, end, (lane, along, _) in zip(np.flatnonzero(rows), ends, found, strict=True)
-        if lane >= 0
-    }
-    longer = _lengthened(paths, tails)
+    owners = np.flatnonzero(rows & (np.diff(paths.path_offsets) > 0))
+    way, count = _ways(world.roads, paths, owners, beyond)
+    longer = _lengthened(paths, owners, way, count)
     return replace(world, paths=longer, stops=Stops.on(longer, world.light_lane, world.light_stop, world.roads))
 
 
-def _tail(roads: Roads, lane: int, end: Float32, along: float, beyond: float) -> Float64:
-    """(K, 2) points every ``_STEP`` from ``along`` a lane on, from beside it back to its middle."""
-    lines = [roads.lanes[lane].astype(np.float64)]
-    length = _arc(lines[0])[-1] - along
-    while length < beyond and len(roads.successors[lane]):
-        lane = _straightest(roads, lane)
-        lines.append(roads.lanes[lane].astype(np.float64))
-        length += _arc(lines[-1])[-1]
-    line = np.concatenate(lines)
-    arc, ahead = _arc(line) - along, np.arange(0.0, min(length, beyond) + 1e-6, _STEP)
-    points = np.column_stack([np.interp(ahead, arc, line[:, axis]) for axis in range(2)])
-    points += (end - points[0]) * np.maximum(1.0 - ahead / _BACK_TO_THE_MIDDLE, 0.0)[:, None]
-    return points[1:]
+def _ways(roads: Roads, paths: Paths, owners: Rows, beyond: float) -> tuple[Float64, npt.NDArray[np.int32]]:
+    """(Q, K, 2) points every ``_STEP`` behind the ends of these objects' paths, and how many of them there are.
 
-
-def _straightest(roads: Roads, lane: int) -> int:
-    """The successor of a lane that turns least."""
-    following = roads.successors[lane]
-    turns = [abs(_turn(roads.lanes[successor])) for successor in following]
-    return int(following[int(np.argmin(turns))])
-
-
-def _turn(line: Float32) -> float:
-    """Change of direction from a line's start to its end [rad]."""
-    if len(line) < 3:
-        return 0.0
-    first, last = line[1] - line[0], line[-1] - line[-2]
-    return float(wrap_angle(np.arctan2(last[1], last[0]) - np.arctan2(first[1], first[0])))
-
-
-def _arc(line: Float64) -> Float64:
-    return np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
-
-
-def _lengthened(paths: Paths, tails: dict[int, Float64]) -> Paths:
-    """The paths with tails."""
-    parts: list[tuple[Any, ...]] = []
-    for row, (first, end) in enumerate(zip(paths.path_offsets[:-1], paths.path_offsets[1:], strict=True)):
-        here = slice(first, end)
-        own = paths.path_points[here], paths.path_arc[here], paths.path_heading[here], paths.path_z[here]
-        parts.append(_appended(own, tails[row]) if row in tails else own)
-    points, arc, heading, z = (np.concatenate(column).astype(np.float32) for column in zip(*parts, strict=True))
-    offsets = np.append(0, np.cumsum([len(part[1]) for part in parts])).astype(np.int32)
-    return Paths(points, arc, heading, z, offsets)
-
-
-def _appended(own: tuple[Float32, ...], tail: Float64) -> tuple[Float64, ...]:
-    points, arc, heading, z = own
-    line = np.concatenate([points[-1:], tail])
-    steps = np.diff(line, axis=0)
-    return (
-        np.concatenate([points, tail]),
-        np.concatenate([arc, arc[-1] + _arc(line)[1:]]),
-        np.concatenate([heading, np.arctan2(steps[:, 1], steps[:, 0])]),
-        np.concatenate([z, np.full(len(tail), z[-1])]),
+    A way that begins beside its lane comes back to the lane's middle.
+    """
+    ends = paths.path_offsets[1:][owners] - 1
+    found = np.tile([-1.0, 0.0, _BESIDE], (len(ends), 1))
+    lanes, last = roads.lanes, paths.path_points[ends]
+    find_lanes(last, paths.path_heading[ends], lanes.values, lanes.offsets, found)
+    ahead = np.arange(0.0, beyond + 1e-6, _STEP)
+    way, count = np.zeros((len(ends), len(ahead), 2)), np.zeros(len(ends), np.int32)
+    following = roads.successors
+    follow_lanes(
+        found, lanes.values, lanes.offsets, following.values, following.offsets, _turns(roads), _STEP, way, count
     )
+    way += (last - way[:, 0])[:, None] * np.maximum(1.0 - ahead / _BACK_TO_THE_MIDDLE, 0.0)[:, None]
+    return way[:, 1:], np.maximum(count - 1, 0)  # the first is where the path ends
+
+
+def _turns(roads: Roads) -> Float64:
+    """(M,) change of direction from each lane's start to its end [rad]."""
+    points, turns = roads.lanes.values.astype(np.float64), np.zeros(roads.num_lanes)
+    bent = np.flatnonzero(roads.lanes.lengths > 2)
+    first, end = roads.lanes.offsets[:-1][bent], roads.lanes.offsets[1:][bent]
+    start, stop = points[first + 1] - points[first], points[end - 1] - points[end - 2]
+    turns[bent] = wrap_angle(np.arctan2(stop[:, 1], stop[:, 0]) - np.arctan2(start[:, 1], start[:, 0]))
+    return turns
+
+
+def _lengthened(paths: Paths, owners: Rows, way: Float64, count: npt.NDArray[np.int32]) -> Paths:
+    """The paths with ``count`` points of each owner's way behind its own."""
+    own = np.diff(paths.path_offsets)
+    added = np.zeros_like(own)
+    added[owners] = count
+    offsets = np.append(0, np.cumsum(own + added)).astype(np.int32)
+    place = np.arange(len(paths.path_arc)) + np.repeat(offsets[:-1] - paths.path_offsets[:-1], own)
+    is_tail = np.ones(offsets[-1], np.bool_)
+    is_tail[place] = False
+    end = np.repeat(paths.path_offsets[1:] - 1, added)  # of the path in front of each added point
+    tail = way[np.arange(way.shape[1]) < count[:, None]]
+    step = np.diff(tail, axis=0, prepend=0.0)
+    is_first = np.diff(np.repeat(np.arange(len(own)), added), prepend=-1) > 0
+    step[is_first] = tail[is_first] - paths.path_points[end[is_first]]
+    hops = np.cumsum(np.hypot(step[:, 0], step[:, 1]))
+    until = (hops - np.hypot(step[:, 0], step[:, 1]))[is_first]
+    arc = hops - np.repeat(until, count[count > 0]) + paths.path_arc[end]
+    columns = tail, arc, np.arctan2(step[:, 1], step[:, 0]), paths.path_z[end]
+    recorded = paths.path_points, paths.path_arc, paths.path_heading, paths.path_z
+    joined = [np.empty((len(is_tail), *values.shape[1:]), np.float32) for values in recorded]
+    for values, before, behind in zip(joined, recorded, columns, strict=True):
+        values[place], values[is_tail] = before, behind
+    points, arcs, headings, z = joined
+    return Paths(points, arcs, headings, z, offsets)

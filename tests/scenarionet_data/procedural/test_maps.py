@@ -105,10 +105,34 @@ def test_crosswalks_span_the_road_outside_the_corners():
             assert surface.contains(shapely.Polygon(area.outline))
 
 
+@pytest.mark.parametrize(("lanes", "seed"), [(1, 0), (2, 1)])
+def test_the_islands_of_a_roundabout_are_no_road(lanes, seed):
+    block = draw(seed, num_blocks=1, blocks="roundabout=1", min_lanes=lanes, max_lanes=lanes).blocks[1]
+    areas = [shapely.Polygon(area.outline) for area in block.areas if area.type == MapFeatureType.INTERSECTION]
+    surface = shapely.unary_union(areas)
+    assert all(area.is_valid for area in areas)
+    assert sum(area.area for area in areas) == pytest.approx(surface.area, rel=2e-3), "they overlap"
+    circles = [shapely.Polygon(line.points) for line in block.lines if line.id.endswith("circle0")]
+    splitters = [shapely.make_valid(shapely.Polygon(line.points)) for line in block.lines if "splitter" in line.id]
+    assert len(circles) == 1 and len(splitters) == 4
+    for island in (*circles, *splitters):
+        assert island.intersection(surface).area < 0.01 * island.area
+        assert island.intersection(shapely.convex_hull(surface)).area > 0.9 * island.area
+    for lane in block.lanes:
+        if lane.is_intersection:
+            points, _ = lane.path.offset(0.0).sample(1.0)
+            assert shapely.contains_xy(surface.buffer(0.05), *points.T).all(), lane.id
+
+
 def test_a_fork_adds_a_lane_and_a_merge_removes_one():
     assert len(draw(0, num_blocks=1, blocks="fork=1", max_lanes=2, min_lanes=1).goal) == 2
     merged = draw(0, num_blocks=1, blocks="merge=1 straight=0.0001", min_lanes=1, max_lanes=2)
     assert merged.blocks[1].name in ("merge", "straight")
+
+
+def test_blocks_that_never_fit_are_an_error():
+    with pytest.raises(BadParameter, match="never fit together"):
+        draw(0, blocks="roundabout=1", min_lanes=3, max_lanes=3)
 
 
 @pytest.mark.parametrize(

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import replace
-from functools import partial
 
 import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from gymnasium.vector import AsyncVectorEnv
 
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.environments.arena import ENDS, NUMBERS
 from scenarionet_sim.environments.config import BOUNDARY, PAPER_OBSERVATION, EnvConfig
+from scenarionet_sim.environments.observation import Observation
 from scenarionet_sim.environments.single_agent import ScenarioNetEnv
 from scenarionet_sim.judging.task import TERMS, Ending
 from scenarionet_sim.policies import External, Idm, Replay, ego
@@ -69,7 +68,7 @@ def test_what_is_observed_is_what_the_sensors_say(only):
     flat = ScenarioNetEnv(scenarios=only("wall"), backend=Kinematic())
     named = ScenarioNetEnv(scenarios=only("wall"), backend=Kinematic(), observation="dict")
     for (one, *_), (other, *_) in zip(rollout(flat), rollout(named), strict=True):
-        parts = flat._observation.parts(one)
+        parts = Observation(flat.config.sensors, "flat").parts(one)
         assert list(parts) == list(other) == ["lidar", "ego_state", "navigation"]
         for name, values in other.items():
             np.testing.assert_array_equal(parts[name], values)
@@ -196,18 +195,6 @@ def test_an_environment_pickles_as_its_configuration_and_seed(only):
     for episode in first:
         assert_same(rollout(copy, wander), episode)
     assert len(pickle.dumps(env)) < 3_000
-
-
-@pytest.mark.long
-def test_worker_processes(only):
-    config = EnvConfig(only("crowd", "wall"), backend=Kinematic())
-    envs = AsyncVectorEnv([partial(ScenarioNetEnv, config)] * 2, context="spawn")  # threads do not survive a fork
-    observed, _ = envs.reset(seed=[5, 5])
-    np.testing.assert_array_equal(observed[0], ScenarioNetEnv(config).reset(seed=5)[0])
-    for _ in range(5):
-        observed, rewards, *_ = envs.step(np.tile(np.array(GO, np.float32), (2, 1)))
-    assert rewards[0] == rewards[1] != 0.0
-    envs.close()
 
 
 def test_scenarios_in_their_order_and_by_id(only):

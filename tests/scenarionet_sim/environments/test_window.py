@@ -1,0 +1,84 @@
+"""The window of ``render_mode="human"``: on a virtual display what is driven is seen; without a display it says so."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+PROGRAM = """
+import sys
+from pathlib import Path
+from matplotlib import pyplot
+from scenarionet_sim.backends.kinematic import Kinematic
+from scenarionet_sim.environments.{module} import {kind}
+from scenarionet_sim.scenarios import Scenarios
+
+env = {kind}(scenarios=Scenarios(sys.argv[1], ["made/v1/crowd"]), backend=Kinematic(), render_mode="human")
+screens = []
+for step in range(12):
+    if step == 0:
+        env.reset(seed=0)
+    else:
+        env.step((0.0, 0.5) if "{kind}" == "ScenarioNetEnv" else dict.fromkeys(env.agents, (0.0, 0.5)))
+    if step in (1, 11):
+        Path(sys.argv[2], str(step)).write_bytes(Path(sys.argv[2], "Xvfb_screen0").read_bytes())
+(number,) = pyplot.get_fignums()
+pyplot.close(number)  # as its user may do
+env.step((0.0, 0.5) if "{kind}" == "ScenarioNetEnv" else dict.fromkeys(env.agents, (0.0, 0.5)))
+env.close()
+print(pyplot.get_fignums())
+"""
+FACES = [("single_agent", "ScenarioNetEnv"), ("multi_agent", "ScenarioNetParallelEnv")]
+
+
+@pytest.fixture
+def display(tmp_path):
+    """A virtual display, whose screen is a file of ``tmp_path``."""
+    program = shutil.which("Xvfb")
+    if program is None:
+        pytest.skip("no virtual display: install Xvfb")
+    screen = ["-screen", "0", "900x900x24", "-nolisten", "tcp", "-fbdir", str(tmp_path)]
+    read, write = os.pipe()
+    server = subprocess.Popen([program, "-displayfd", str(write), *screen], pass_fds=[write], stderr=subprocess.DEVNULL)
+    os.close(write)
+    with os.fdopen(read) as answer:
+        yield f":{answer.readline().strip()}"
+    server.terminate()
+    server.wait(timeout=20)
+
+
+def pixels(dump: bytes) -> np.ndarray:
+    """The colours on a screen (n,) of an X window dump: its header says how long the header and the colour map are."""
+    header, colours = np.frombuffer(dump, ">u4", 1)[0], np.frombuffer(dump, ">u4", 20)[19]
+    return np.frombuffer(dump[header + 12 * colours :], np.uint32)
+
+
+def drive(lake, folder, module, kind, **environment):
+    program = PROGRAM.format(module=module, kind=kind)
+    command = [sys.executable, "-c", program, str(lake), str(folder)]
+    return subprocess.run(
+        command, capture_output=True, text=True, check=False, timeout=100, env=os.environ | environment
+    )
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("module", "kind"), FACES)
+def test_what_is_driven_is_on_the_screen(module, kind, drives, display, tmp_path):
+    done = drive(drives, tmp_path, module, kind, DISPLAY=display, MPLBACKEND="")
+    assert (done.returncode, done.stdout) == (0, "[]\n"), done.stderr
+    first, last = (pixels((tmp_path / step).read_bytes()) for step in ("1", "11"))
+    assert len(np.unique(last)) > 20
+    assert 0.001 < (first != last).mean() < 0.9
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("backend", ["", "tkagg"])
+def test_without_a_display_a_window_is_an_error(backend, drives, tmp_path):
+    done = drive(drives, tmp_path, *FACES[0], DISPLAY="", WAYLAND_DISPLAY="", MPLBACKEND=backend)
+    assert "BadParameter: a window needs a display" in done.stderr
+    assert "render_mode='rgb_array'" in done.stderr

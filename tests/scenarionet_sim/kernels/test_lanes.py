@@ -1,0 +1,78 @@
+"""The lane that an object is on against shapely, and the ways that lanes lead."""
+
+from __future__ import annotations
+
+from itertools import chain, pairwise
+
+import numpy as np
+import pytest
+import shapely
+
+from scenarionet_sim.kernels.lanes import find_lanes, follow_lanes
+
+BESIDE = 2.5
+
+
+def random_lanes(rng, count=12):
+    """Lanes of four points, each wandering in its own direction."""
+    heading = rng.uniform(-np.pi, np.pi, (count, 1)) + np.cumsum(rng.normal(0.0, 0.3, (count, 3)), axis=1)
+    steps = rng.uniform(3.0, 12.0, (count, 3, 1)) * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+    start = rng.uniform(-15.0, 15.0, (count, 1, 2))
+    return np.concatenate([start, start + np.cumsum(steps, axis=1)], axis=1).astype(np.float32)
+
+
+def nearest_lane(lanes, place, heading):
+    """Distance to the nearest piece of a lane that leads along ``heading``, and how far along its lane that is."""
+    best = BESIDE, -1.0, 0.0
+    for row, lane in enumerate(lanes.astype(np.float64)):
+        for k, (one, other) in enumerate(pairwise(lane)):
+            line, (dx, dy) = shapely.LineString([one, other]), other - one
+            if np.cos(heading - np.arctan2(dy, dx)) > np.cos(np.pi / 4) and line.distance(place) < best[0]:
+                along = shapely.LineString(lane[: k + 1]).length if k else 0.0
+                best = line.distance(place), row, along + line.project(place)
+    return best
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_nearest_lane_that_leads_the_way(seed):
+    rng = np.random.default_rng(seed)
+    lanes = random_lanes(rng)
+    places, headings = rng.uniform(-20.0, 20.0, (150, 2)).astype(np.float32), rng.uniform(-4.0, 4.0, 150)
+    found = np.tile([-1.0, 0.0, BESIDE], (150, 1))
+    offsets = np.arange(0, 4 * len(lanes) + 1, 4, dtype=np.int32)
+    find_lanes(places, headings.astype(np.float32), lanes.reshape(-1, 2), offsets, found)
+    wanted = [nearest_lane(lanes, shapely.Point(*map(float, p)), float(np.float32(h)))
+              for p, h in zip(places, headings, strict=True)]  # fmt: skip
+    assert (found[:, 0] >= 0).sum() > 3
+    np.testing.assert_allclose(found[:, [2, 0, 1]], wanted, atol=1e-5)
+
+
+def follow(lines, successors, turn, lane, along, count=8):
+    """Points every 2 m from ``along`` a lane on."""
+    way, number = np.zeros((1, count, 2)), np.zeros(1, np.int32)
+    follow_lanes(
+        np.array([[lane, along, 0.0]]), np.concatenate(lines).astype(np.float32),
+        np.cumsum([0, *map(len, lines)]).astype(np.int32), np.array([*chain(*successors)], np.int32),
+        np.cumsum([0, *map(len, successors)]).astype(np.int32), np.array(turn), 2.0, way, number,
+    )  # fmt: skip
+    return way[0, : number[0]]
+
+
+EAST = [(0.0, 0.0), (4.0, 0.0)]
+
+
+def test_a_way_takes_the_straightest_lane_and_ends_with_the_last():
+    north, onward = [(4.0, 0.0), (4.0, 10.0)], [(4.0, 0.0), (9.0, 0.0)]
+    way = follow([EAST, north, onward], [[1, 2], [], []], [0.0, 1.5, 0.1], lane=0, along=1.0)
+    np.testing.assert_allclose(way, [(1.0, 0.0), (3.0, 0.0), (5.0, 0.0), (7.0, 0.0), (9.0, 0.0)])
+
+
+def test_a_way_goes_round_and_round():
+    back = [(4.0, 0.0), (0.0, 0.0)]
+    way = follow([EAST, back], [[1], [0]], [0.0, 0.0], lane=0, along=0.0)
+    np.testing.assert_allclose(way[:, 0], [0, 2, 4, 2, 0, 2, 4, 2])
+
+
+def test_lanes_without_length_lead_nowhere_and_beside_all_lanes_there_is_no_way():
+    assert len(follow([EAST, [(4.0, 0.0)]], [[1], [1]], [0.0, 0.0], lane=0, along=0.0)) == 3
+    assert len(follow([EAST], [[]], [0.0], lane=-1, along=0.0)) == 0
