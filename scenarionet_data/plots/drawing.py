@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +14,7 @@ from matplotlib.figure import Figure
 
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.plots import labels, object_layer
+from scenarionet_data.plots.artists import Pieces
 from scenarionet_data.plots.files import PICTURES, VIDEOS, write_figure, write_video
 from scenarionet_data.plots.map_layer import map_artists
 from scenarionet_data.plots.moment import Moment
@@ -78,7 +80,7 @@ def draw_scenario(
 
 
 def scenario_figure(
-    scenario: ScenarioDescription | Scene, timestep: int | None = None, *, size: int = 800, **options: object
+    scenario: ScenarioDescription | Scene, timestep: int | None = None, *, size: int = 800, **options: Any
 ) -> Figure:
     """A scenario as a figure of its own, which notebooks show and ``savefig`` writes.
 
@@ -90,7 +92,7 @@ def scenario_figure(
     """
     figure = new_figure(1.0, 1.0, dpi=DPI, facecolor=GROUND)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    draw_scenario(axes, scenario, timestep, **options)  # type: ignore[arg-type]
+    draw_scenario(axes, scenario, timestep, **options)
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     scale = size / max(right - left, top - bottom) / DPI
     figure.set_size_inches((right - left) * scale, (top - bottom) * scale)
@@ -161,8 +163,10 @@ class Drawing:
         shown = scene.moments() if moments is None else moments
         if kind in PICTURES:
             past, view = until(shown, range(len(shown))[now]), self.view or "route"
-            options = {"view": view, "width": self.width, "moments": past, "color_by": self.color_by}
-            write_figure(path, scenario_figure(scene, size=self.size, **options))
+            figure = scenario_figure(
+                scene, size=self.size, view=view, width=self.width, moments=past, color_by=self.color_by
+            )
+            write_figure(path, figure)
             return 1
         view = self.view or "ego"
         camera = TopDown(scene, window(view, scene, shown[0], self.width), self.size, follows=view == "ego")
@@ -183,7 +187,7 @@ def _past(scene: Scene, timestep: int | None) -> list[Moment]:
     return [scene.moment(k) for k in range(max(now - TRAIL, 0), now + 1)]
 
 
-def _trajectories(axes: Axes, scene: Scene, color_by: str) -> object_layer.Pieces:
+def _trajectories(axes: Axes, scene: Scene, color_by: str) -> Pieces:
     if color_by not in COLORS:
         raise BadParameter(f"no colours by {color_by!r}; there are {', '.join(COLORS)}")
     seconds = np.arange(scene.num_steps) * scene.dt

@@ -59,7 +59,7 @@ def color_bar(axes: Axes, mappable: ScalarMappable, words: str) -> None:
     place = axes.inset_axes((0.70, 0.93, 0.27, 0.02), zorder=20)
     bar = axes.figure.colorbar(mappable, cax=place, orientation="horizontal")
     bar.set_label(words, fontsize=8, labelpad=1, path_effects=_HALO)
-    bar.outline.set_visible(False)  # type: ignore[operator]
+    bar.outline.set_visible(False)
     place.tick_params(labelsize=7, length=2, pad=1)
     place.grid(visible=False)
     for label in place.get_xticklabels():
@@ -70,8 +70,9 @@ def legend(axes: Axes, scene: Scene, moment: Moment, *, has_route: bool = True) 
     """What the colours of what is drawn mean, in the lower right corner."""
     handles: list[Artist] = [Patch(color=EGO, label="ego")]
     if has_route:
-        band = {"color": EGO, "alpha": 0.35, "linewidth": 5 * ROUTE}
-        handles.append(Line2D([], [], solid_capstyle="butt", label="its route", **band))
+        handles.append(
+            Line2D([], [], color=EGO, alpha=0.35, linewidth=5 * ROUTE, solid_capstyle="butt", label="its route")
+        )
     present = moment.present.copy()
     present[scene.ego] = False
     types = {ObjectType(code) for code in scene.object_type[present]}

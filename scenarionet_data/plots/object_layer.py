@@ -19,6 +19,7 @@ from scenarionet_data.ragged import Ragged
 from scenarionet_data.vocabulary import LIGHT_COLORS, LightColor
 
 Points = npt.NDArray[np.float64]
+Rows = npt.NDArray[np.intp]
 
 LEAST_SIDE = 0.8
 """Shortest side of a drawn box [m]: pedestrians and cones would hardly be seen."""
@@ -117,7 +118,7 @@ def _arrows(corners: Points) -> Points:
     return np.stack([tip - 0.08 * ahead, middle + 0.34 * side, middle - 0.34 * side], axis=1)
 
 
-def _pieces(position: npt.NDArray[np.floating], present: npt.NDArray[np.bool_]) -> tuple[Points, Points, Points]:
+def _pieces(position: npt.NDArray[np.floating], present: npt.NDArray[np.bool_]) -> tuple[Rows, Rows, Points]:
     """Steps, rows and pieces (K, 2, 2) of the ways (T, N, 2) of what moves, where it is present on both ends."""
     is_piece = present[1:] & present[:-1] & (np.hypot(*np.moveaxis(np.diff(position, axis=0), -1, 0)) > 0.01)
     step, row = np.nonzero(is_piece)

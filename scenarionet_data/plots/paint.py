@@ -1,4 +1,4 @@
-"""What is painted on roads, as lines and outlines in metres: dashes, double lines, zebra stripes, arrows. No colours."""
+"""What is painted on roads, in metres: dashes, double lines, zebra stripes, arrows. Their colours are elsewhere."""
 
 from __future__ import annotations
 
@@ -111,8 +111,9 @@ def arrows(lanes: Ragged) -> Ragged:
 
 
 def _arcs(points: Points, lines: Ragged) -> tuple[Points, Points, Points]:
-    """Distance of each point (P,) from its line's start, lengths of the lines (K,), and (P,) where each line starts
-    when all are laid one after the other, 1 m apart [m].
+    """Distance of each point (P,) from its line's start, lengths of the lines (K,), and (P,) where its line starts.
+
+    The last when all are laid one after the other, 1 m apart; all in metres.
     """
     step = np.hypot(*np.diff(points, axis=0, prepend=points[:1]).T)
     step[lines.offsets[1:-1]] = 1.0

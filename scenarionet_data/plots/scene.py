@@ -88,7 +88,8 @@ class Scene:
     @cached_property
     def route(self) -> Float32:
         """(n, 2) [m] where the ego is recorded, in order."""
-        return self.position[self.present[:, self.ego], self.ego]
+        route: Float32 = self.position[self.present[:, self.ego], self.ego]
+        return route
 
     def moment(self, timestep: int) -> Moment:
         """As recorded at a timestep."""
@@ -101,4 +102,5 @@ class Scene:
 
     def lights_at(self, timestep: int) -> Codes:
         """(L,) codes of ``LightState``; past the recording's end what they showed last."""
-        return self.light_state[:, min(timestep, self.num_steps - 1)]
+        states: Codes = self.light_state[:, min(timestep, self.num_steps - 1)]
+        return states

@@ -35,7 +35,7 @@ def command(lake: str, databases: tuple[str, ...], output: str | None, snapshot:
 
     found = Lake(lake, snapshot).compare(databases)
     if output:
-        from scenarionet_data.catalog.picture import draw
+        from scenarionet_data.plots.comparison import draw
 
         draw(found, output)
         click.echo(f"drawn in {output}", err=True)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from scenarionet_data import Lake
-from scenarionet_data.catalog.picture import draw
 from scenarionet_data.errors import BadParameter, DatabaseNotFound, MissingDependency
+from scenarionet_data.plots.comparison import draw
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import make_scenario
 
