@@ -59,12 +59,19 @@ class Database:
         version: From 1; replacing makes a new one.
         members: Rows of ``schemas/members.toml``, in order.
         lineage: How it was made.
+        root: The lake that holds it.
     """
 
     name: str
     version: int
     members: pa.Table
     lineage: Lineage
+    root: Path | None = field(default=None, compare=False, repr=False)
+
+    def _repr_html_(self) -> str:
+        from scenarionet_data.plots.cards import database_card
+
+        return database_card(self)
 
     def __len__(self) -> int:
         return int(self.members.num_rows)
@@ -151,7 +158,7 @@ def read(files: LakeFiles, name: str, version: int | None = None) -> Database:
         DatabaseNotFound: The message lists those that are there.
     """
     number, file = _open(files, name, version)
-    return Database(name, number, file.read(), _lineage(file))
+    return Database(name, number, file.read(), _lineage(file), files.root)
 
 
 def stored(files: LakeFiles, which: Database | str) -> Stored:
@@ -242,7 +249,7 @@ def save(files: LakeFiles, name: str, members: pa.Table, lineage: Lineage, *, re
         version = (versions(files, name) or [0])[-1] + 1
         written = write_table(files, "members", content, footer, row_group_size=_ROWS_PER_GROUP)
         if files.publish_new(_path(name, version), written):
-            return Database(name, version, content, lineage)
+            return Database(name, version, content, lineage, files.root)
 
 
 def rename(files: LakeFiles, name: str, new_name: str) -> None:

@@ -20,7 +20,7 @@ def map_artists(shapes: MapShapes) -> list[Artist]:
     is_road = is_lane(shapes.area_type) | np.isin(shapes.area_type, AREAS_TO_DRIVE_ON)
     stripes = [zebra(outline) for outline in _of(shapes.areas, shapes.area_type == MapFeatureType.CROSSWALK)]
     is_edge, is_stop = is_road_edge(shapes.line_type), shapes.line_type == MapFeatureType.STOP_LINE
-    white, yellow = _paint(shapes, ~(is_edge | is_stop))
+    white, yellow = painted(shapes)
     return [
         areas(_of(shapes.areas, is_road), ROAD, linewidth=0.6, zorder=1),
         areas(arrows(shapes.lanes), ARROW, zorder=1.5),
@@ -32,8 +32,9 @@ def map_artists(shapes: MapShapes) -> list[Artist]:
     ]
 
 
-def _paint(shapes: MapShapes, is_painted: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> tuple[Ragged, Ragged]:
-    """Strokes of white and of yellow paint."""
+def painted(shapes: MapShapes) -> tuple[Ragged, Ragged]:
+    """Strokes of white and of yellow paint, stop lines left out."""
+    is_painted = ~is_road_edge(shapes.line_type) & (shapes.line_type != MapFeatureType.STOP_LINE)
     found: tuple[list[Ragged], list[Ragged]] = [], []
     for code in np.unique(shapes.line_type[is_painted]):
         kind = MapFeatureType(code)

@@ -53,3 +53,10 @@ def new_figure(width: float, height: float, *, dpi: float = 100.0, **style: Any)
     figure = Figure(figsize=(width, height), dpi=dpi, **style)
     FigureCanvasAgg(figure)
     return figure
+
+
+def plain(words: str, longest: int) -> str:
+    """Words that a figure shows as they are: no mathematics, no line breaks, the middle left out when too long."""
+    line = " ".join(words.split()).replace("$", r"\$")
+    half = (longest - 1) // 2
+    return line if len(line) <= longest else f"{line[:half]}…{line[-half:]}"
