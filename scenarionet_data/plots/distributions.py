@@ -81,7 +81,7 @@ def distributions(
     limits = [part.sql(_LIMITS.format(column=column)).row(0) for _, part in parts]
     fewest = min(known for _, _, known in limits)
     edges = _edges(limits, _is_whole(column), bins or int(np.clip(2 * np.cbrt(fewest), 5, 60)))
-    bound = {"bins": len(edges) - 1, "lower": float(edges[0]), "step": float(np.ptp(edges)) / (len(edges) - 1)}
+    bound = {"bins": len(edges) - 1, "lower": float(edges[0]), "step": (edges.max() - edges.min()) / (len(edges) - 1)}
     found = []
     for reference, part in parts:
         group = "$reference" if reference else f"coalesce(\"{by}\"::VARCHAR, 'none')"
@@ -91,7 +91,7 @@ def distributions(
             mine = rows.filter(rows["name"] == name)
             counts, known = np.zeros(len(edges) - 1), mine.drop_nulls("bin")
             counts[known["bin"].to_numpy()] = known["n"].to_numpy()
-            found.append(Distribution(name, edges, counts, int(mine["n"].sum() - known["n"].sum())))
+            found.append(Distribution(name, edges, counts, int(mine.filter(mine["bin"].is_null())["n"].sum())))
     return found
 
 
@@ -111,8 +111,7 @@ def _edges(limits: Sequence[tuple[float | None, float | None, int]], is_whole: b
     if is_whole:
         first, last = math.floor(lower), math.ceil(upper)
         step = math.ceil((last - first + 1) / bins)
-        edges: Float64 = np.arange(first, last + 1 + step, step) - 0.5
-        return edges
+        return np.arange(first, last + 1 + step, step, dtype=np.float64) - 0.5
     upper = upper if upper > lower else lower + 1.0
     return np.linspace(float(lower), float(upper), bins + 1)
 
