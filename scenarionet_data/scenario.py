@@ -271,6 +271,11 @@ class ScenarioDescription:
         """Row of the ego in ``tracks``."""
         return self.tracks.index(self.ego_id)
 
+    def _repr_html_(self) -> str:
+        from scenarionet_data.plots.cards import scenario_card
+
+        return scenario_card(self)
+
     def validate(self) -> None:
         """Check the contract of every part.
 

@@ -63,6 +63,11 @@ class Database:
     lineage: Lineage
     files: LakeFiles = field(repr=False, compare=False)
 
+    def _repr_html_(self) -> str:
+        from scenarionet_data.plots.cards import database_card
+
+        return database_card(self)
+
     def __len__(self) -> int:
         return self.lineage.count
 

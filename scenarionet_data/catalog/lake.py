@@ -67,6 +67,11 @@ class Lake:
     def __repr__(self) -> str:
         return f"Lake({str(self.files.root)!r}, snapshot={self.snapshot.number})"
 
+    def _repr_html_(self) -> str:
+        from scenarionet_data.plots.cards import lake_card
+
+        return lake_card(self)
+
     @property
     def root(self) -> Path | str:
         """Absolute path of the lake, or its URL."""

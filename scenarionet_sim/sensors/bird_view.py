@@ -12,6 +12,7 @@ import numpy.typing as npt
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.geometry import box_corners
 from scenarionet_data.vocabulary import (
+    AREAS_TO_DRIVE_ON,
     LIGHT_COLORS,
     LightColor,
     MapFeatureType,
@@ -21,7 +22,6 @@ from scenarionet_data.vocabulary import (
     is_road_line,
 )
 from scenarionet_sim.kernels.raster import draw_polygons, draw_segments, list_in_window
-from scenarionet_sim.roads.roads import AREAS_TO_DRIVE_ON
 from scenarionet_sim.sensors.base import Agents, Array, Bool, Float64, Sensor, map_types, require
 from scenarionet_sim.worlds.past import Past
 from scenarionet_sim.worlds.stage import Stage

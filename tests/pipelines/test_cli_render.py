@@ -56,3 +56,19 @@ def test_what_goes_wrong_is_said(lake, tmp_path, monkeypatch, words, code, messa
     result = run("render", lake, *words)
     assert result.exit_code == code
     assert message in result.stderr
+
+
+def test_ways_coloured_by_speed(lake, ok, tmp_path):
+    ok("render", lake, "s000001", "-o", tmp_path / "plain.png", "--size", "200", "--quiet")
+    ok("render", lake, "s000001", "-o", tmp_path / "speed.png", "--size", "200", "--color-by", "speed", "--quiet")
+    assert (tmp_path / "plain.png").read_bytes() != (tmp_path / "speed.png").read_bytes()
+
+
+def test_show_draws_beside_the_facts(lake, as_json, tmp_path):
+    facts = as_json("show", lake, "s000001", "--picture", tmp_path / "s.svg")
+    assert facts["scenario_id"] == "made/v1/s000001"
+    assert (tmp_path / "s.svg").read_bytes().startswith(b"<?xml")
+    again = run("show", lake, "s000001", "--picture", tmp_path / "s.svg")
+    assert again.exit_code == 2
+    assert "--replace" in again.stderr
+    assert run("show", lake, "s000001", "--picture", tmp_path / "s.mp4").exit_code == 2

@@ -35,9 +35,9 @@ def command(lake: str, databases: tuple[str, ...], output: str | None, snapshot:
 
     found = Lake(lake, snapshot).compare(databases)
     if output:
-        from scenarionet_data.catalog.picture import draw
+        from scenarionet_data.plots import write_comparison
 
-        draw(found, output)
+        write_comparison(found, output)
         click.echo(f"drawn in {output}", err=True)
     if as_json:
         print_json({"databases": [asdict(each) for each in found]})

@@ -10,34 +10,41 @@ from hypothesis import strategies as st
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
 
-from scenarionet_data.vocabulary import MapFeatureType, is_road_edge, is_road_line
-from scenarionet_sim.render import Moment, object_layer
-from scenarionet_sim.render.map_layer import beside, dashes, lines_of, paint, zebra
-from scenarionet_sim.render.palette import DASH, EGO, GAP, LIGHTS, LINE
-from scenarionet_sim.roads.roads import Roads
-from scenarionet_sim.worlds.world import World
+from scenarionet_data.plots import Scene, object_layer
+from scenarionet_data.plots.paint import arrows, beside, dashes, paint, zebra
+from scenarionet_data.plots.palette import DASH, EGO, GAP, LIGHTS, LINE
+from scenarionet_data.ragged import Ragged
+from scenarionet_data.vocabulary import MapFeatureType
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.scenarios import make_scenario
-from tests.fixtures.simulations import generated
+
+
+def lists(points):
+    return Ragged.from_flat([len(each) for each in points], np.concatenate(points))
 
 
 @settings(max_examples=40)
 @given(st.integers(0, 10**6), st.integers(2, 30))
 def test_dashes_lie_on_the_line_at_their_places(seed, count):
+    """Of two lines beside an empty one and a lone point."""
     line = np.cumsum(np.random.default_rng(seed).uniform(0.1, 6.0, (count, 2)), axis=0)
-    whole = shapely.LineString(line)
-    pieces = [shapely.LineString(piece) for piece in dashes(line)]
-    assert len(pieces) == np.ceil(whole.length / (DASH + GAP))
-    for number, piece in enumerate(pieces):
-        first = number * (DASH + GAP)
-        assert piece.length == pytest.approx(min(DASH, whole.length - first), abs=1e-9)
-        assert whole.project(shapely.Point(piece.coords[0])) == pytest.approx(first, abs=1e-6)
-        assert whole.buffer(1e-6).covers(piece)
+    found = list(dashes(lists([line, np.zeros((0, 2)), line[:1], line + 100.0])))
+    for whole in (shapely.LineString(line), shapely.LineString(line + 100.0)):
+        number_of_dashes = int(np.ceil(whole.length / (DASH + GAP)))
+        pieces, found = [shapely.LineString(piece) for piece in found[:number_of_dashes]], found[number_of_dashes:]
+        for number, piece in enumerate(pieces):
+            first = number * (DASH + GAP)
+            assert piece.length == pytest.approx(min(DASH, whole.length - first), abs=1e-9)
+            assert whole.project(shapely.Point(piece.coords[0])) == pytest.approx(first, abs=1e-6)
+            assert whole.buffer(1e-6).covers(piece)
+    assert found == []
 
 
 def test_a_line_moved_to_its_left():
     line = np.array([[0.0, 0.0], [10.0, 0.0], [20.0, 0.0]])
-    np.testing.assert_allclose(beside(line, 0.5), line + np.array([0, 0.5]))
+    both = beside(lists([line, -line]), 0.5)
+    np.testing.assert_allclose(both[0], line + np.array([0, 0.5]))
+    np.testing.assert_allclose(both[1], -line - np.array([0, 0.5]))
 
 
 @pytest.mark.parametrize(
@@ -52,7 +59,8 @@ def test_a_line_moved_to_its_left():
 )
 def test_every_kind_of_line_is_painted_as_it_is(kind, lefts, num_pieces):
     """15 m hold two dashes."""
-    painted = paint(MapFeatureType[f"ROAD_LINE_{kind}"], np.array([[0.0, 0.0], [15.0, 0.0]]))
+    strokes = paint(MapFeatureType[f"ROAD_LINE_{kind}"], lists([np.array([[0.0, 0.0], [15.0, 0.0]])]))
+    painted = [piece for stroke in strokes for piece in stroke]
     assert len(painted) == num_pieces
     assert sorted({float(piece[0, 1]) for piece in painted}) == lefts
 
@@ -70,35 +78,34 @@ def test_zebra_stripes_cover_half_of_a_crosswalk_and_nothing_else():
         assert (stripe.area, stripe.length) == (pytest.approx(0.5 * 4), pytest.approx(2 * (0.5 + 4)))
 
 
-def test_lines_are_put_together_again_from_segments():
-    features = generated(3).map
-    rows = [
-        r
-        for r, t in enumerate(features.types)
-        if (is_road_line(t) or is_road_edge(t)) and len(features.polyline[r]) > 1
-    ]
-    found = list(lines_of(Roads.from_map(features)))
-    assert [int(kind) for kind, _ in found] == features.types[rows].tolist()
-    for (_, line), row in zip(found, rows, strict=True):
-        np.testing.assert_array_equal(line, features.polyline[row][:, :2])
+def test_arrows_point_along_lanes_that_do_not_turn():
+    """30 m apart on a long lane, one on a short one, none on the shortest, on a turn and on a lone point."""
+    angle = np.linspace(0, np.pi / 2, 20)
+    turn = 15 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    lanes = [[[0, 0], [95, 0]], [[0, 9], [0, -9]], [[0, 0], [8, 0]], turn, [[5, 5]]]
+    found = np.array(list(arrows(lists([np.array(lane, float) for lane in lanes]))))
+    np.testing.assert_allclose(found.mean(axis=1)[:3, 0], np.array([1, 3, 5]) * 95 / 6, atol=0.5)
+    along = found[:, 0] - found[:, 1:].mean(axis=1)
+    np.testing.assert_allclose(along / np.hypot(*along.T)[:, None], [[1, 0]] * 3 + [[0, -1]], atol=1e-9)
+    assert arrows(Ragged.empty(2, 2)).lengths.tolist() == []
 
 
 def test_trails_fade_and_skip_what_was_not_there():
     """The other car is seen from timestep 3 on; what stands still has no trail."""
-    world = World.from_scenario(make_drive(others=(Other(20.0, 3.5, vx=5.0, first=3), Other(50.0))))
-    moments = [Moment.recorded(world, timestep) for timestep in range(6)]
-    (trail,) = object_layer.trails(world, moments, 1.0)
+    scene = Scene.of(make_drive(others=(Other(20.0, 3.5, vx=5.0, first=3), Other(50.0))))
+    moments = [scene.moment(timestep) for timestep in range(6)]
+    (trail,) = object_layer.trails(scene, moments)
     assert isinstance(trail, LineCollection)
     assert len(trail.get_segments()) == 5 + 2
     alphas = [color[3] for color in trail.get_colors() if np.allclose(color[:3], to_rgba(EGO)[:3])]
     assert len(alphas) == 5
     assert np.all(np.diff(alphas) > 0)
-    assert object_layer.trails(world, moments[:1], 1.0) == []
+    assert object_layer.trails(scene, moments[:1]) == []
 
 
 def test_boxes_are_there_for_who_is_present_with_the_ego_on_top():
-    world = World.from_scenario(make_drive(others=(Other(20.0), Other(30.0, first=5))))
-    others, _, ego, _ = object_layer.boxes(world, Moment.recorded(world, 0), 1.0)
+    scene = Scene.of(make_drive(others=(Other(20.0), Other(30.0, first=5))))
+    others, _, ego, _ = object_layer.boxes(scene, scene.moment(0))
     assert len(others.get_paths()) == 1
     assert len(ego.get_paths()) == 1
     assert ego.get_zorder() > others.get_zorder()
@@ -108,8 +115,8 @@ def test_boxes_are_there_for_who_is_present_with_the_ego_on_top():
 
 def test_lights_differ_in_colour_and_shape():
     assert len({shape for _, shape in LIGHTS.values()}) == len({fill for fill, _ in LIGHTS.values()}) == 4
-    world = World.from_scenario(make_drive(red=True))
-    drawn = [artist for artist in object_layer.lights(world, 0, 1.0) if len(artist.get_xdata())]
+    scene = Scene.of(make_drive(red=True))
+    drawn = [artist for artist in object_layer.lights(scene, 0) if len(artist.get_xdata())]
     assert [(artist.get_marker(), *artist.get_xydata()[0]) for artist in drawn] == [("s", 20.0, 0.0)]
-    dark = World.from_scenario(make_scenario(0, num_lights=0))
-    assert object_layer.lights(dark, 0, 1.0) == []
+    dark = Scene.of(make_scenario(0, num_lights=0))
+    assert object_layer.lights(dark, 0) == []

@@ -1,0 +1,72 @@
+"""Statistics of databases side by side: a panel a measure, a bar a database, with the standard deviation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from scenarionet_data.catalog.comparison import Statistics
+from scenarionet_data.errors import BadParameter
+from scenarionet_data.plots.files import PICTURES, write_figure
+from scenarionet_data.plots.palette import SERIES
+from scenarionet_data.plots.style import new_figure, plain, styled
+
+_COLUMNS = 4
+
+
+def write_comparison(statistics: Sequence[Statistics], path: str | Path) -> None:
+    """Write the picture.
+
+    Args:
+        statistics: Of at least one database with scenarios, see ``Lake.compare``.
+        path: A file that ends in .png, .pdf or .svg.
+
+    Raises:
+        BadParameter: Another ending, or there are no scenarios.
+    """
+    if Path(path).suffix not in PICTURES:
+        raise BadParameter(f"{path}: wanted a file name that ends in {', '.join(PICTURES)}")
+    write_figure(path, draw_comparison(statistics))
+
+
+def draw_comparison(statistics: Sequence[Statistics]) -> Figure:
+    """Databases beside each other; measures that no scenario has are left out.
+
+    Args:
+        statistics: Of at least one database with scenarios, see ``Lake.compare``.
+
+    Raises:
+        BadParameter: There are no scenarios.
+    """
+    shown = [each for each in statistics if each.measures]
+    if not shown:
+        raise BadParameter("no scenarios to draw; name a database that has some")
+    num_rows = -(-len(shown[0].measures) // _COLUMNS)
+    names = [f"{plain(each.name, 24)} ({each.count:,})" for each in shown]
+    colors = [SERIES[number % len(SERIES)] for number in range(len(shown))]
+    with styled():
+        figure = new_figure(3.2 * _COLUMNS, 0.9 + (0.9 + 0.25 * len(shown)) * num_rows, dpi=150.0, layout="constrained")
+        panels = figure.subplots(num_rows, _COLUMNS, squeeze=False).flat
+        for place, panel in enumerate(panels):
+            if place >= len(shown[0].measures):
+                panel.set_visible(False)
+                continue
+            measures = [each.measures[place] for each in shown]
+            unit = measures[0].unit
+            panel.barh(
+                names,
+                [measure.mean or 0.0 for measure in measures],
+                xerr=None if unit == "ratio" else [measure.std or 0.0 for measure in measures],
+                color=colors,
+                ecolor="0.3",
+                capsize=2,
+            )
+            panel.set_title(f"{measures[0].measure} [{unit}]" if unit not in ("", "ratio") else measures[0].measure)
+            panel.set_xlim(left=0, right=1 if unit == "ratio" or not any(measure.max for measure in measures) else None)
+            panel.invert_yaxis()
+            panel.grid(visible=False, axis="y")
+            if place % _COLUMNS:
+                panel.set_yticklabels([])
+    return figure

@@ -1,0 +1,173 @@
+"""Distributions of what is known about scenarios, database beside database: counted in SQL, drawn as lines."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from scenarionet_data import tables
+from scenarionet_data.errors import BadParameter
+from scenarionet_data.plots.palette import SERIES
+from scenarionet_data.plots.style import new_figure, plain, styled
+from scenarionet_data.scenario import Float64
+
+if TYPE_CHECKING:
+    from scenarionet_data.catalog.database import Database
+    from scenarionet_data.catalog.lake import Lake
+
+MEASURES = ("ego_distance", "ego_mean_speed", "ego_cumulative_curvature", "num_objects", "num_map_features", "duration")
+"""What is drawn unless something else is asked for."""
+
+_MOST_GROUPS = len(SERIES)
+
+_LIMITS = """
+SELECT quantile_cont(value, 0.005) AS lower, quantile_cont(value, 0.995) AS upper, count(*) AS known
+FROM (SELECT "{column}"::DOUBLE AS value FROM metadata) WHERE isfinite(value)
+"""
+
+_COUNTS = """
+SELECT name, bin, count(*) AS n
+FROM (
+    SELECT {group} AS name,
+        CASE WHEN isfinite(value)
+            THEN greatest(0, least($bins - 1, floor((value - $lower) / $step)))::INTEGER
+        END AS bin
+    FROM (SELECT *, "{column}"::DOUBLE AS value FROM metadata)
+)
+GROUP BY ALL ORDER BY ALL
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Distribution:
+    """One number over the scenarios of one group.
+
+    Attributes:
+        name: The group's.
+        edges: (bins + 1,) of its bins; the first and the last hold what lies beyond, 0.5 % of all on either side.
+        counts: (bins,) scenarios in each.
+        missing: Scenarios that lack it: null or NaN.
+    """
+
+    name: str
+    edges: Float64
+    counts: Float64
+    missing: int
+
+
+def distributions(
+    lake: Lake, column: str, by: str = "dataset", databases: Sequence[Database | str] = (), bins: int | None = None
+) -> list[Distribution]:
+    """Distributions of a column of ``metadata``, a group after another, in bins that all share.
+
+    Args:
+        lake: The lake.
+        column: A number, a boolean among them.
+        by: Column whose values make the groups.
+        databases: These databases are the groups instead.
+        bins: How many at most, more for more scenarios unless given; whole numbers get bins of whole numbers.
+
+    Raises:
+        BadParameter: There is no such column, or it holds no numbers.
+    """
+    _check(lake, column, by)
+    chosen = [lake.resolve_database(each) for each in databases]
+    parts = [(each.reference, lake.only(each)) for each in chosen] or [("", lake)]
+    limits = [part.sql(_LIMITS.format(column=column)).row(0) for _, part in parts]
+    fewest = min(known for _, _, known in limits)
+    edges = _edges(limits, _is_whole(column), bins or int(np.clip(2 * np.cbrt(fewest), 5, 60)))
+    bound = {"bins": len(edges) - 1, "lower": float(edges[0]), "step": (edges.max() - edges.min()) / (len(edges) - 1)}
+    found = []
+    for reference, part in parts:
+        group = "$reference" if reference else f"coalesce(\"{by}\"::VARCHAR, 'none')"
+        words = bound | ({"reference": reference} if reference else {})
+        rows = part.sql(_COUNTS.format(column=column, group=group), words)
+        for name in dict.fromkeys(rows["name"]):
+            mine = rows.filter(rows["name"] == name)
+            counts, known = np.zeros(len(edges) - 1), mine.drop_nulls("bin")
+            counts[known["bin"].to_numpy()] = known["n"].to_numpy()
+            found.append(Distribution(name, edges, counts, int(mine.filter(mine["bin"].is_null())["n"].sum())))
+    return found
+
+
+def _check(lake: Lake, column: str, by: str) -> None:
+    there = dict(lake.sql("SELECT column_name, column_type FROM (DESCRIBE metadata)").rows())
+    for name in (column, by):
+        if name not in there:
+            raise BadParameter(f"no column {name!r} in metadata; docs/data_dictionary.md lists them")
+    if there[column].startswith(("VARCHAR", "JSON")) or there[column].endswith("]"):
+        raise BadParameter(f"{column} holds no numbers; name a column of docs/data_dictionary.md that does")
+
+
+def _edges(limits: Sequence[tuple[float | None, float | None, int]], is_whole: bool, bins: int) -> Float64:
+    """Edges of bins between the limits of all groups."""
+    lower = min((low for low, _, _ in limits if low is not None), default=0.0)
+    upper = max((high for _, high, _ in limits if high is not None), default=1.0)
+    if is_whole:
+        first, last = math.floor(lower), math.ceil(upper)
+        step = math.ceil((last - first + 1) / bins)
+        return np.arange(first, last + 1 + step, step, dtype=np.float64) - 0.5
+    upper = upper if upper > lower else lower + 1.0
+    return np.linspace(float(lower), float(upper), bins + 1)
+
+
+def draw_distributions(
+    lake: Lake,
+    columns: Sequence[str] = MEASURES,
+    *,
+    by: str = "dataset",
+    databases: Sequence[Database | str] = (),
+    bins: int | None = None,
+) -> Figure:
+    """Distributions of columns of ``metadata``, a panel a column, a line a group.
+
+    Args:
+        lake: The lake.
+        columns: Numbers; see :data:`MEASURES`.
+        by: Column whose values make the groups.
+        databases: Draw these databases as the groups instead.
+        bins: How many at most, more for more scenarios unless given.
+
+    Raises:
+        BadParameter: There are no scenarios, too many groups, or no such column.
+    """
+    if not len(lake):
+        raise BadParameter(f"{lake.root}: no scenarios to draw; `scenarionet convert` puts some there")
+    width, num_rows = min(3, len(columns)), -(-len(columns) // 3)
+    with styled():
+        figure = new_figure(3.2 * width, 2.4 * num_rows + 0.4, layout="constrained")
+        panels = list(figure.subplots(num_rows, width, squeeze=False).flat)
+        for panel in panels[len(columns) :]:
+            panel.set_visible(False)
+        for panel, column in zip(panels, columns, strict=False):
+            groups = distributions(lake, column, by, databases, bins)
+            if len(groups) > _MOST_GROUPS:
+                raise BadParameter(f"{by} has {len(groups)} values, more than lines can be told apart: {_MOST_GROUPS}")
+            for group, color in zip(groups, SERIES, strict=False):
+                share = group.counts / max(group.counts.sum(), 1.0) * 100
+                panel.stairs(share, group.edges, color=color, linewidth=1.5, label=plain(group.name, 24))
+                panel.stairs(share, group.edges, color=color, fill=True, alpha=0.10)
+            missing = sum(group.missing for group in groups)
+            panel.set_title(f"{missing:,} missing" if missing else "", fontsize=8, fontweight="normal", loc="right")
+            panel.set(xlabel=_words(column), ylabel="scenarios [%]", ylim=(0, None))
+        handles, names = panels[0].get_legend_handles_labels()
+        figure.legend(handles, names, loc="outside lower center", ncols=min(len(names), 4))
+    return figure
+
+
+def _is_whole(column: str) -> bool:
+    table = tables.load("metadata")
+    types = {each.name: each.type for each in (*table.columns, *table.derived)}
+    return types.get(column, "").startswith(("int", "uint", "bool"))
+
+
+def _words(column: str) -> str:
+    table = tables.load("metadata")
+    units = {each.name: each.unit for each in (*table.columns, *table.derived)}
+    unit = units.get(column, "")
+    return f"{column} [{unit}]" if unit else column

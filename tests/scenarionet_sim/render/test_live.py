@@ -1,0 +1,51 @@
+"""What a simulation gives to the drawing, and what it shows while it runs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scenarionet_data.errors import BadParameter
+from scenarionet_data.plots import Scene
+from scenarionet_sim.render import Live, scene_of
+from scenarionet_sim.simulation import Simulation
+from scenarionet_sim.worlds.world import World
+from tests.fixtures.drives import make_drive
+from tests.fixtures.scenarios import make_scenario
+from tests.fixtures.simulations import alone, generated
+
+
+@pytest.mark.parametrize("scenario", [generated(3), make_scenario(1), alone(has_map=False)], ids=["pg", "made", "bare"])
+def test_a_world_looks_like_its_scenario(scenario):
+    found, wanted = scene_of(World.from_scenario(scenario)), Scene.of(scenario)
+    for name in ("object_type", "size", "present", "light_stop", "light_state"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name), err_msg=name)
+    np.testing.assert_array_equal(found.position[found.present], wanted.position[wanted.present])
+    np.testing.assert_array_equal(found.route, wanted.route)
+    for name in ("areas", "lanes"):
+        assert getattr(found.map, name).is_equal(getattr(wanted.map, name)), name
+    by_line = lambda shapes: sorted((int(k), p.tobytes()) for k, p in zip(shapes.line_type, shapes.lines, strict=True))  # noqa: E731
+    assert by_line(found.map) == by_line(wanted.map)
+
+
+def test_live_pictures_have_trails_until_the_next_episode():
+    simulation = Simulation([World.from_scenario(make_drive())])
+    live = Live(width=40, size=200)
+    first = live.picture(simulation.stage.worlds[0], simulation.state)
+    for _ in range(5):
+        simulation.step([[0.0, 0.5]])
+        later = live.picture(simulation.stage.worlds[0], simulation.state)
+    assert not np.array_equal(first, later)
+    simulation.reset(0)
+    np.testing.assert_array_equal(live.picture(simulation.stage.worlds[0], simulation.state), first)
+    simulation.reset(0, World.from_scenario(alone(has_map=False)))
+    assert not np.array_equal(live.picture(simulation.stage.worlds[0], simulation.state), first)
+
+
+def test_a_window_needs_a_display(monkeypatch):
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    import matplotlib
+
+    matplotlib.use("agg")
+    with pytest.raises(BadParameter, match="rgb_array"):
+        Live().show(np.zeros((8, 8, 3), np.uint8))
