@@ -59,6 +59,20 @@ def box_corners(
     return corners
 
 
+def median_sizes(size: npt.NDArray[Any], valid: npt.NDArray[np.bool_]) -> npt.NDArray[np.float32]:
+    """(N, k) float32 medians of sizes (N, T, k) over the valid steps (N, T); 0 for what is never valid.
+
+    A sensor's noise then makes no box grow.
+    """
+    ordered = np.sort(np.where(valid[..., None], size, np.inf), axis=1)
+    count = valid.sum(axis=1)
+    middle = np.stack([(count - 1) // 2, count // 2], axis=1).clip(0)
+    sizes = np.take_along_axis(ordered, middle[..., None], axis=1).mean(axis=1)
+    sizes[count == 0] = 0.0
+    medians: npt.NDArray[np.float32] = sizes.astype(np.float32)
+    return medians
+
+
 def estimate_velocity(
     position: npt.NDArray[Any], valid: npt.NDArray[np.bool_], timestamps: npt.NDArray[Any]
 ) -> Float64:

@@ -68,6 +68,17 @@ class MapFeatureType(IntEnum):
     TRAFFIC_LIGHT = 69  # where one stands; what it shows is in lights
 
 
+AREAS_TO_DRIVE_ON = (
+    MapFeatureType.DRIVABLE_AREA,
+    MapFeatureType.INTERSECTION,
+    MapFeatureType.ROADBLOCK,
+    MapFeatureType.CARPARK_AREA,
+    MapFeatureType.DRIVEWAY,
+    MapFeatureType.SPEED_BUMP,
+)
+"""Areas that are road, beside lanes."""
+
+
 class LightState(IntEnum):
     """What a traffic light shows for one lane at one timestep; ``ABSENT`` = not reported then."""
 

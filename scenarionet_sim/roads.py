@@ -11,21 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.building import MapBuilder
+from scenarionet_data.outlines import lane_outlines
 from scenarionet_data.ragged import Ragged
 from scenarionet_data.scenario import Bool, Codes, Float32, MapFeatures, Strings
-from scenarionet_data.vocabulary import MapFeatureType, is_lane, is_road_edge, is_road_line
+from scenarionet_data.vocabulary import AREAS_TO_DRIVE_ON, MapFeatureType, is_lane, is_road_edge, is_road_line
 from scenarionet_sim.grid import Grid, Int32
 from scenarionet_sim.kernels.containment import find_polygon
-from scenarionet_sim.outlines import lane_outlines
-
-AREAS_TO_DRIVE_ON = (
-    MapFeatureType.DRIVABLE_AREA,
-    MapFeatureType.INTERSECTION,
-    MapFeatureType.ROADBLOCK,
-    MapFeatureType.CARPARK_AREA,
-    MapFeatureType.DRIVEWAY,
-    MapFeatureType.SPEED_BUMP,
-)
 
 
 @dataclass(frozen=True, eq=False)

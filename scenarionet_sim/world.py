@@ -12,7 +12,9 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from scenarionet_data.scenario import Bool, Codes, Float32, Lights, ScenarioDescription, Strings, Tracks
+from scenarionet_data.geometry import median_sizes
+from scenarionet_data.light_places import light_places
+from scenarionet_data.scenario import Bool, Codes, Float32, ScenarioDescription, Strings, Tracks
 from scenarionet_sim.kernels.log import HEADING, VALID, VX, YAW_RATE, Z, pack_log
 from scenarionet_sim.paths import Paths, Stops
 from scenarionet_sim.roads import Roads
@@ -106,14 +108,14 @@ class World:
         tracks = scenario.tracks
         log = _log(tracks, scenario.timestamps)
         roads, paths = Roads.from_map(scenario.map), Paths.from_log(log)
-        lane, stop = _light_places(scenario.lights, roads)
+        lane, stop = light_places(scenario.lights, roads.lane_ids, roads.lanes)
         return cls(
             scenario_id=scenario.id,
             dt=scenario.dt,
             ego=scenario.ego_index,
             track_ids=tracks.ids,
             object_type=tracks.object_type,
-            size=_median_sizes(tracks),
+            size=median_sizes(tracks.size, tracks.valid),
             log=log,
             top_speed=np.hypot(log[..., VX], log[..., VX + 1]).max(axis=0),
             paths=paths,
@@ -130,28 +132,6 @@ def _log(tracks: Tracks, timestamps: npt.NDArray[np.float64]) -> Float32:
     log = np.zeros((len(timestamps), len(tracks), 8), np.float32)
     pack_log(tracks.position, tracks.heading, tracks.velocity, tracks.valid, timestamps, log)
     return log
-
-
-def _median_sizes(tracks: Tracks) -> Float32:
-    """(N, 3) over the valid steps, so that a sensor's noise makes no box grow; 0 for what is never valid."""
-    ordered = np.sort(np.where(tracks.valid[..., None], tracks.size, np.inf), axis=1)
-    count = tracks.valid.sum(axis=1)
-    middle = np.stack([(count - 1) // 2, count // 2], axis=1).clip(0)
-    sizes = np.take_along_axis(ordered, middle[..., None], axis=1).mean(axis=1)
-    sizes[count == 0] = 0.0
-    medians: Float32 = sizes.astype(np.float32)
-    return medians
-
-
-def _light_places(lights: Lights, roads: Roads) -> tuple[Int32, Float32]:
-    """(L,) rows of the lights' lanes and (L, 2) where to stop for them."""
-    row_of = {lane: row for row, lane in enumerate(roads.lane_ids)}
-    lane = np.array([row_of.get(name, -1) for name in lights.lane_ids], np.int32)
-    stop = np.ascontiguousarray(lights.stop_point[:, :2])
-    assumed = np.isnan(stop).any(axis=1) & (lane >= 0)
-    assumed[assumed] = roads.lanes.lengths[lane[assumed]] > 0
-    stop[assumed] = roads.lanes.values[roads.lanes.offsets[lane[assumed]]]
-    return lane, stop
 
 
 def _extents(log: Float32) -> Float32:

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.render.moment import Moment
-from scenarionet_sim.render.topdown import TRAIL, TopDown
-from scenarionet_sim.render.window import Window
+from scenarionet_data.plots import Moment, TopDown, Window
+from scenarionet_data.plots.topdown import TRAIL
+from scenarionet_sim.render.scenes import moment_of, scene_of
 from scenarionet_sim.state import State
 from scenarionet_sim.world import World
 
@@ -34,15 +34,16 @@ class Live:
         self._window = Window(0.0, 0.0, width, width)
         self._size = size
         self._view: TopDown | None = None
+        self._world: World | None = None
         self._moments: deque[Moment] = deque(maxlen=TRAIL)
         self._image: Any = None
 
     def picture(self, world: World, state: State, slot: int = 0) -> Picture:
         """The moment (H, W, 3) uint8; one that is not later than the one before begins a new episode."""
-        if self._view is None or self._view.world is not world:
-            self._view = TopDown(world, self._window, self._size)
+        if self._view is None or self._world is not world:
+            self._view, self._world = TopDown(scene_of(world), self._window, self._size), world
             self._moments.clear()
-        now = Moment.simulated(world, state, slot)
+        now = moment_of(world, state, slot)
         if self._moments and now.timestep <= self._moments[-1].timestep:
             self._moments.clear()
         self._moments.append(now)

@@ -6,30 +6,29 @@ import numpy as np
 
 from scenarionet_data import Lake
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.render.moment import Moment
-from scenarionet_sim.world import World
+from scenarionet_data.plots import Moment, Scene
 
 _ROWS = """
     SELECT track_id, start, x, y, heading, valid FROM rollouts WHERE run = $run AND scenario_id = $scenario_id
 """
 
 
-def rolled_out(lake: Lake, run: str, world: World) -> list[Moment]:
-    """The moments of a world in a run, from its first to its last.
+def rolled_out(lake: Lake, run: str, scene: Scene) -> list[Moment]:
+    """The moments of a scene in a run, from its first to its last.
 
     Raises:
         BadParameter: The run did not play this scenario.
     """
-    rows = lake.sql(_ROWS, {"run": run, "scenario_id": world.scenario_id})
+    rows = lake.sql(_ROWS, {"run": run, "scenario_id": scene.scenario_id})
     if rows.is_empty():
         runs = ", ".join(lake.sql("SELECT DISTINCT run FROM rollouts ORDER BY run")["run"]) or "none"
-        raise BadParameter(f"run {run!r} holds no {world.scenario_id}; runs of this lake: {runs}")
-    row_of = {track: row for row, track in enumerate(world.track_ids)}
+        raise BadParameter(f"run {run!r} holds no {scene.scenario_id}; runs of this lake: {runs}")
+    row_of = {track: row for row, track in enumerate(scene.track_ids)}
     objects = [row_of[track] for track in rows["track_id"]]
     num_moments, start = len(rows["x"][0]), int(rows["start"][0])
-    position = np.zeros((num_moments, world.num_objects, 2))
-    heading = np.zeros((num_moments, world.num_objects))
-    present = np.zeros((num_moments, world.num_objects), np.bool_)
+    position = np.zeros((num_moments, scene.num_objects, 2))
+    heading = np.zeros((num_moments, scene.num_objects))
+    present = np.zeros((num_moments, scene.num_objects), np.bool_)
     for row, x, y, turned, valid in zip(
         objects, rows["x"], rows["y"], rows["heading"], rows["valid"].to_list(), strict=True
     ):

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.geometry import box_corners
 from scenarionet_data.vocabulary import (
+    AREAS_TO_DRIVE_ON,
     LIGHT_COLORS,
     LightColor,
     MapFeatureType,
@@ -22,7 +23,6 @@ from scenarionet_data.vocabulary import (
 )
 from scenarionet_sim.kernels.raster import draw_polygons, draw_segments, list_in_window
 from scenarionet_sim.past import Past
-from scenarionet_sim.roads import AREAS_TO_DRIVE_ON
 from scenarionet_sim.sensors.base import Agents, Array, Bool, Float64, Sensor, map_types, require
 from scenarionet_sim.stage import Stage
 from scenarionet_sim.state import State

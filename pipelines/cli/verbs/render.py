@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -12,11 +13,16 @@ from pipelines.cli.parameters import json_option, lake_argument, quiet_option, r
 from pipelines.cli.progress import Progress
 from scenarionet_data.errors import BadParameter
 
+if TYPE_CHECKING:
+    from scenarionet_data import Lake
+    from scenarionet_data.plots import Moment, Scene
+
 
 @verb(
     "render",
     "scenarionet render lake pg/v1/3 -o scenario.png",
     "scenarionet render lake pg/v1/3 -o scenario.pdf --at 5 --view all",
+    "scenarionet render lake pg/v1/3 -o speeds.png --color-by speed",
     "scenarionet render lake pg/v1/3 -o scenario.mp4 --width 80",
     "scenarionet render lake pg/v1/3 -o driven.mp4 --run straight_on",
 )
@@ -33,6 +39,7 @@ from scenarionet_data.errors import BadParameter
 @click.option("--width", type=click.FloatRange(1.0), default=100.0, show_default=True, help="Of the view `ego` [m].")
 @click.option("--size", type=click.IntRange(64, 8192), default=1000, show_default=True, help="Longer side [pixel].")
 @click.option("--speed", type=click.FloatRange(0.01), default=1.0, show_default=True, help="A video's; 2 is twice.")
+@click.option("--color-by", type=click.Choice(["time", "speed"]), help="A picture's: whole ways in these colours.")
 @snapshot_option
 @replace_option
 @json_option
@@ -47,6 +54,7 @@ def command(
     width: float,
     size: int,
     speed: float,
+    color_by: str | None,
     snapshot: int | None,
     replace: bool,
     as_json: bool,
@@ -59,24 +67,28 @@ def command(
     Pictures need the extra `plots`, mp4 the extra `video`; no display is needed.
     """
     from scenarionet_data import Lake, ScenarioLoader
-    from scenarionet_sim.render import Drawing, Moment, rolled_out
-    from scenarionet_sim.world import World
+    from scenarionet_data.plots import Drawing, Scene
 
     path = Path(file)
     if path.exists() and not replace:
         raise BadParameter(f"{file} is there already; give another name, or --replace")
     opened = Lake(lake, snapshot)
     scenario = ScenarioLoader(opened, [opened.facts(scenario_id)["scenario_id"]])[0]
-    world = World.from_scenario(scenario)
-    recorded = [Moment.recorded(world, timestep) for timestep in range(world.num_steps)]
-    moments = recorded if run is None else rolled_out(opened, run, world)
-    now = scenario.current_timestep if at is None else round(at / world.dt)
+    scene = Scene.of(scenario)
+    moments = scene.moments() if run is None else _rolled_out(opened, run, scene)
+    now = scenario.current_timestep if at is None else round(at / scene.dt)
     now = min(max(now - moments[0].timestep, 0), len(moments) - 1)
     with Progress(f"render {path.name}", "frame", is_quiet=quiet) as progress:
-        drawing = Drawing(view, width, size, speed)
-        frames = drawing.save(path, world, moments, now, lambda done: progress.update(done, len(moments), 0))
+        drawing = Drawing(view, width, size, speed, color_by)
+        frames = drawing.save(path, scene, moments, now, lambda done: progress.update(done, len(moments), 0))
     num_bytes = path.stat().st_size
     if as_json:
         output.print_json({"scenario_id": scenario.id, "file": file, "frames": frames, "bytes": num_bytes})
     else:
         click.echo(f"{file}: {scenario.id}, {output.count(frames, 'frame')}, {output.size(num_bytes)}")
+
+
+def _rolled_out(lake: Lake, run: str, scene: Scene) -> list[Moment]:
+    from scenarionet_sim.render import rolled_out
+
+    return rolled_out(lake, run, scene)

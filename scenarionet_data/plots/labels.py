@@ -4,20 +4,28 @@ from __future__ import annotations
 
 from typing import Literal
 
+import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import AbstractPathEffect, withStroke
 from matplotlib.text import Text
 
+from scenarionet_data.plots.artists import Marks
+from scenarionet_data.plots.moment import Moment
+from scenarionet_data.plots.palette import EGO, INK, LIGHTS, NAMES, OTHER, ROUTE, WHITE, object_color
+from scenarionet_data.plots.scene import Scene
 from scenarionet_data.vocabulary import LIGHT_COLORS, LightColor, ObjectType
-from scenarionet_sim.render.moment import Moment
-from scenarionet_sim.render.object_layer import marker
-from scenarionet_sim.render.palette import EGO, INK, LIGHTS, NAMES, OTHER, ROUTE, WHITE, object_color
-from scenarionet_sim.world import World
 
 _HALO: list[AbstractPathEffect] = [withStroke(linewidth=2.5, foreground=WHITE)]
+_LIGHT_NAMES = {
+    LightColor.RED: "red light",
+    LightColor.YELLOW: "yellow light",
+    LightColor.GREEN: "green light",
+    LightColor.UNKNOWN: "light, state unknown",
+}
 _BARS = (5, 10, 20, 50, 100, 200, 500, 1000)  # [m]
 
 
@@ -46,23 +54,34 @@ def _text(x: float, y: float, words: str, anchor: Literal["bottom", "top"], axes
     )  # fmt: skip
 
 
-def legend(axes: Axes, world: World, moment: Moment) -> None:
+def color_bar(axes: Axes, mappable: ScalarMappable, words: str) -> None:
+    """What the colours of numbers mean, with their unit, in the upper right corner."""
+    place = axes.inset_axes((0.70, 0.93, 0.27, 0.02), zorder=20)
+    bar = axes.figure.colorbar(mappable, cax=place, orientation="horizontal")
+    bar.set_label(words, fontsize=8, labelpad=1, path_effects=_HALO)
+    bar.outline.set_visible(False)  # type: ignore[operator]
+    place.tick_params(labelsize=7, length=2, pad=1)
+    place.grid(visible=False)
+    for label in place.get_xticklabels():
+        label.set_path_effects(_HALO)
+
+
+def legend(axes: Axes, scene: Scene, moment: Moment, *, has_route: bool = True) -> None:
     """What the colours of what is drawn mean, in the lower right corner."""
-    handles: list[Artist] = [
-        Patch(color=EGO, label="ego"),
-        Line2D([], [], color=EGO, alpha=0.35, linewidth=5 * ROUTE, solid_capstyle="butt", label="its route"),
-    ]
+    handles: list[Artist] = [Patch(color=EGO, label="ego")]
+    if has_route:
+        band = {"color": EGO, "alpha": 0.35, "linewidth": 5 * ROUTE}
+        handles.append(Line2D([], [], solid_capstyle="butt", label="its route", **band))
     present = moment.present.copy()
-    present[world.ego] = False
-    types = {ObjectType(code) for code in world.object_type[present]}
+    present[scene.ego] = False
+    types = {ObjectType(code) for code in scene.object_type[present]}
     handles += [Patch(color=object_color(kind), label=name) for kind, name in NAMES.items() if kind in types]
     if types - NAMES.keys():
         handles.append(Patch(color=OTHER, label="object"))
-    shown = LIGHT_COLORS[world.light_state[:, min(moment.timestep, world.num_steps - 1)]]
-    for color in (LightColor.RED, LightColor.YELLOW, LightColor.GREEN):
-        if (shown == color).any():
-            light = marker([], [], *LIGHTS[color], side=6)
-            light.set_label(f"{color.name.lower()} light")
-            handles.append(light)
+    shown = LIGHT_COLORS[scene.lights_at(moment.timestep)]
+    is_placed = ~np.isnan(scene.light_stop[:, 0])
+    for color in (LightColor.RED, LightColor.YELLOW, LightColor.GREEN, LightColor.UNKNOWN):
+        if (is_placed & (shown == color)).any():
+            handles.append(Marks([], *LIGHTS[color], INK, least=6, label=_LIGHT_NAMES[color]))
     box = axes.legend(handles=handles, loc="lower right", fontsize=8, framealpha=0.9, edgecolor="none", borderpad=0.6)
     box.set_zorder(20)

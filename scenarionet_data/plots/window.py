@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.world import World
+from scenarionet_data.plots.scene import Scene
 
 Float64 = npt.NDArray[np.float64]
 
@@ -43,6 +43,10 @@ class Window:
         half_x, half_y = self.width / 2, self.height / 2
         return self.x - half_x, self.x + half_x, self.y - half_y, self.y + half_y
 
+    def shaped(self, ratio: float) -> Window:
+        """The smallest window around this one whose width is so many times its height."""
+        return Window(self.x, self.y, max(self.width, ratio * self.height), max(self.height, self.width / ratio))
+
     @classmethod
     def around(cls, points: npt.ArrayLike) -> Window:
         """The window around points (n, 2) [m] with a margin."""
@@ -53,12 +57,11 @@ class Window:
         return cls(float(x), float(y), float(width), float(height))
 
     @classmethod
-    def on_route(cls, world: World) -> Window:
+    def on_route(cls, scene: Scene) -> Window:
         """The window around everything the ego's recording drives."""
-        first, end = world.paths.path_offsets[world.ego : world.ego + 2]
-        return cls.around(world.paths.path_points[first:end])
+        return cls.around(scene.route)
 
     @classmethod
-    def on_everything(cls, world: World) -> Window:
+    def on_everything(cls, scene: Scene) -> Window:
         """The window around everything recorded."""
-        return cls.around(world.extents)
+        return cls.around(scene.position[scene.present])

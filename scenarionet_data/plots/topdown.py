@@ -1,4 +1,4 @@
-"""A world seen from above, frame by frame: the map is drawn once, in tiles, and what moves on top of it each time."""
+"""A scene seen from above, frame by frame: the map is drawn once, in tiles, and what moves on top of it each time."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from scenarionet_sim.render import labels, object_layer
-from scenarionet_sim.render.map_layer import draw_map
-from scenarionet_sim.render.moment import Moment
-from scenarionet_sim.render.palette import GROUND
-from scenarionet_sim.render.window import Window
-from scenarionet_sim.world import World
+from scenarionet_data.plots import labels, object_layer
+from scenarionet_data.plots.map_layer import map_artists
+from scenarionet_data.plots.moment import Moment
+from scenarionet_data.plots.palette import GROUND
+from scenarionet_data.plots.scene import Scene
+from scenarionet_data.plots.window import Window
 
 Picture = npt.NDArray[np.uint8]
 
@@ -32,21 +32,21 @@ _MOST_TILES = 64
 
 
 class TopDown:
-    """Draws frames of one world, scenario's +y up.
+    """Draws frames of one scene, scenario's +y up.
 
     Args:
-        world: What is drawn.
+        scene: What is drawn.
         window: What the frames show; its middle moves along with the ego where ``follows``.
         size: Length of a frame's longer side [pixel].
         follows: Keep the ego in the middle.
 
     Example:
-        view = TopDown(world)
-        picture = view.frame([Moment.simulated(world, simulation.state)])  # (H, W, 3) uint8
+        view = TopDown(Scene.of(scenario))
+        picture = view.frame([view.scene.moment(0)])  # (H, W, 3) uint8
     """
 
-    def __init__(self, world: World, window: Window | None = None, size: int = 800, *, follows: bool = True) -> None:
-        self.world = world
+    def __init__(self, scene: Scene, window: Window | None = None, size: int = 800, *, follows: bool = True) -> None:
+        self.scene = scene
         self.window = window or Window(0.0, 0.0, 100.0, 100.0)
         self.follows = follows
         self.scale = size / max(self.window.width, self.window.height)  # pixels per metre
@@ -54,14 +54,10 @@ class TopDown:
         self._height = 2 * round(self.window.height * self.scale / 2)
         self._tiles: OrderedDict[tuple[int, int], Picture] = OrderedDict()
         self._map_axes, self._map_canvas = _axes(TILE, TILE)
-        draw_map(self._map_axes, world.roads, self.points_per_metre)
+        for artist in map_artists(scene.map):
+            self._map_axes.add_artist(artist)
         self._axes, self._canvas = _axes(self._width, self._height)
         self._last = self.window.x, self.window.y
-
-    @property
-    def points_per_metre(self) -> float:
-        """How long a metre is [1/72 inch]."""
-        return self.scale * 72.0 / DPI
 
     def frame(self, moments: Sequence[Moment]) -> Picture:
         """A picture (H, W, 3) uint8.
@@ -75,9 +71,9 @@ class TopDown:
         self._paste_map(buffer, left, bottom)
         self._axes.set_xlim(left / self.scale, (left + self._width) / self.scale)
         self._axes.set_ylim(bottom / self.scale, (bottom + self._height) / self.scale)
-        artists = object_layer.moving(self.world, moments, self.points_per_metre)
+        artists = object_layer.moving(self.scene, moments)
         artists += labels.scale_bar(self._axes)
-        artists += labels.time(self._axes, moments[-1].timestep * self.world.dt)
+        artists += labels.time(self._axes, moments[-1].timestep * self.scene.dt)
         for artist in artists:
             self._axes.add_artist(artist)
         for artist in sorted(artists, key=lambda artist: artist.get_zorder()):
@@ -87,8 +83,8 @@ class TopDown:
 
     def _corner(self, moment: Moment) -> tuple[int, int]:
         """Lower left corner of the frame, in whole pixels from the scenario's origin."""
-        if self.follows and moment.present[self.world.ego]:
-            x, y = moment.position[self.world.ego].tolist()
+        if self.follows and moment.present[self.scene.ego]:
+            x, y = moment.position[self.scene.ego].tolist()
             self._last = x, y
         x, y = self._last
         return round(x * self.scale - self._width / 2), round(y * self.scale - self._height / 2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from fractions import Fraction
 from itertools import chain
@@ -10,58 +10,28 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from scenarionet_data.errors import BadParameter, MissingDependency
-from scenarionet_sim.render import labels, object_layer
-from scenarionet_sim.render.map_layer import draw_map
-from scenarionet_sim.render.moment import Moment
-from scenarionet_sim.render.palette import GROUND
-from scenarionet_sim.render.window import Window
-from scenarionet_sim.world import World
 
 Picture = npt.NDArray[np.uint8]
 
 PICTURES = (".png", ".pdf", ".svg")
 VIDEOS = (".gif", ".mp4")
 
-_DPI = 100
 
-
-def write_picture(
-    path: Path | str, world: World, moments: Sequence[Moment], window: Window | None = None, size: int = 1000
-) -> None:
-    """A picture of a world's last moment, for a paper: png, or pdf and svg that can be enlarged.
+def write_figure(path: Path | str, figure: Figure) -> None:
+    """A figure as a picture, for a paper: png, or pdf and svg that can be enlarged.
 
     Args:
         path: Ends with .png, .pdf or .svg.
-        world: What is drawn.
-        moments: The moment, after those that trails show.
-        window: What is shown; None for the ego's route.
-        size: Longer side [pixel]; for pdf and svg, 1/100 inch.
+        figure: What is written.
 
     Raises:
         BadParameter: The name ends otherwise.
     """
     if Path(path).suffix not in PICTURES:
         raise BadParameter(f"{path}: a picture's name ends with one of {', '.join(PICTURES)}")
-    shown = window or Window.on_route(world)
-    scale = size / max(shown.width, shown.height)
-    figure = Figure(figsize=(shown.width * scale / _DPI, shown.height * scale / _DPI), dpi=_DPI, facecolor=GROUND)
-    FigureCanvasAgg(figure)
-    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    axes.set_axis_off()
-    left, right, bottom, top = shown.corners
-    axes.set_xlim(left, right)
-    axes.set_ylim(bottom, top)
-    points_per_metre = scale * 72.0 / _DPI
-    draw_map(axes, world.roads, points_per_metre)
-    for artist in object_layer.moving(world, moments, points_per_metre):
-        axes.add_artist(artist)
-    for artist in (*labels.scale_bar(axes), *labels.time(axes, moments[-1].timestep * world.dt)):
-        axes.add_artist(artist)
-    labels.legend(axes, world, moments[-1])
     with _whole(Path(path)) as file:
         figure.savefig(file)
 

@@ -1,4 +1,4 @@
-"""Colours and measures of pictures. Colours that mean something are told apart by colour-blind readers too.
+"""Colours and measures of every picture, from figures to the browser: told apart by colour-blind readers too.
 
 Source: M. Okabe, K. Ito, "Color universal design", 2008. Lights also differ in shape.
 """
@@ -9,6 +9,7 @@ from scenarionet_data.vocabulary import LightColor, ObjectType
 
 GROUND = "#e8eae5"
 ROAD = "#b9bfc7"
+ARROW = "#cdd2d8"
 EDGE = "#4d545c"
 WHITE = "#ffffff"
 YELLOW = "#f2b600"
@@ -42,11 +43,21 @@ STOP_LINE = 0.4
 DASH, GAP = 3.0, 4.5
 """Of a broken line [m]."""
 
+ARROW_EVERY = 30.0
+"""Between the arrows that show a lane's direction [m]."""
+
 STRIPE = 0.5
 """Width of a crosswalk's stripes, and of the gaps between them [m]."""
 
 ROUTE = 1.2
 """Width of the ego's route [m]."""
+
+
+SERIES = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#8a6d00", "#000000")
+"""Colours of datasets, databases and tracks beside each other, in this order."""
+
+COLORMAP = "viridis"
+"""Of numbers: as bright as they are large, told apart by colour-blind readers and in grey."""
 
 
 def object_color(object_type: int) -> str:

@@ -1,0 +1,59 @@
+"""Pictures of scenarios, databases and lakes: one style for notebooks, pages, papers and the simulator's view.
+
+    from matplotlib.figure import Figure
+    from scenarionet_data import plots
+
+    plots.draw_scenario(axes, scenario, timestep=20)       # into axes of yours
+    plots.scenario_figure(scenario, color_by="speed")      # a figure, which notebooks show
+    plots.thumbnail(scenario, (240, 180))                  # the bytes of a small PNG
+    plots.Drawing(view="ego").save("drive.mp4", scenario)  # .png .pdf .svg .gif .mp4
+
+Colours and measures stand in :mod:`scenarionet_data.plots.palette`, which needs nothing installed; drawing needs
+matplotlib (extra ``plots``), mp4 PyAV (extra ``video``). No display is needed and no global state is touched.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from scenarionet_data.errors import MissingDependency
+
+if TYPE_CHECKING:
+    from scenarionet_data.plots.drawing import Drawing, draw_scenario, scenario_figure
+    from scenarionet_data.plots.files import write_figure, write_video
+    from scenarionet_data.plots.moment import Moment
+    from scenarionet_data.plots.scene import Scene
+    from scenarionet_data.plots.thumbnails import thumbnail
+    from scenarionet_data.plots.topdown import TopDown
+    from scenarionet_data.plots.window import Window
+
+__all__ = [
+    "Drawing", "Moment", "Scene", "TopDown", "Window", "draw_scenario", "scenario_figure", "thumbnail",
+    "write_figure", "write_video",
+]  # fmt: skip
+
+_HOME = {
+    "Drawing": "drawing",
+    "Moment": "moment",
+    "Scene": "scene",
+    "TopDown": "topdown",
+    "Window": "window",
+    "draw_scenario": "drawing",
+    "scenario_figure": "drawing",
+    "thumbnail": "thumbnails",
+    "write_figure": "files",
+    "write_video": "files",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import on first use."""
+    if name not in _HOME:
+        raise AttributeError(f"scenarionet_data.plots has no {name!r}; it has {', '.join(__all__)}")
+    try:
+        return getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)
+    except ModuleNotFoundError as error:
+        if (error.name or "").split(".")[0] not in ("matplotlib", "PIL"):
+            raise
+        raise MissingDependency("pictures need matplotlib; install scenarionet-lake[plots]") from error

@@ -1,0 +1,56 @@
+"""The map in a picture: surfaces, arrows, crosswalks, lines in their true colours and dashes, edges."""
+
+from __future__ import annotations
+
+from itertools import chain
+
+import numpy as np
+from matplotlib.artist import Artist
+
+from scenarionet_data.plots.artists import Strokes, areas
+from scenarionet_data.plots.paint import arrows, paint, zebra
+from scenarionet_data.plots.palette import ARROW, EDGE, LINE, ROAD, STOP_LINE, WHITE, YELLOW
+from scenarionet_data.plots.shapes import MapShapes
+from scenarionet_data.ragged import Ragged
+from scenarionet_data.vocabulary import AREAS_TO_DRIVE_ON, MapFeatureType, is_lane, is_road_edge
+
+
+def map_artists(shapes: MapShapes) -> list[Artist]:
+    """A map for axes whose data are metres."""
+    is_road = is_lane(shapes.area_type) | np.isin(shapes.area_type, AREAS_TO_DRIVE_ON)
+    stripes = [zebra(outline) for outline in _of(shapes.areas, shapes.area_type == MapFeatureType.CROSSWALK)]
+    is_edge, is_stop = is_road_edge(shapes.line_type), shapes.line_type == MapFeatureType.STOP_LINE
+    white, yellow = _paint(shapes, ~(is_edge | is_stop))
+    return [
+        areas(_of(shapes.areas, is_road), ROAD, linewidth=0.6, zorder=1),
+        areas(arrows(shapes.lanes), ARROW, zorder=1.5),
+        areas(_lists(list(chain.from_iterable(stripes))), WHITE, alpha=0.85, zorder=2),
+        Strokes(white, WHITE, LINE, zorder=3),
+        Strokes(yellow, YELLOW, LINE, zorder=3),
+        Strokes(_of(shapes.lines, is_edge), EDGE, 1.2 * LINE, zorder=4),
+        Strokes(_of(shapes.lines, is_stop), WHITE, STOP_LINE, zorder=3),
+    ]
+
+
+def _paint(shapes: MapShapes, is_painted: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> tuple[Ragged, Ragged]:
+    """Strokes of white and of yellow paint."""
+    found: tuple[list[Ragged], list[Ragged]] = [], []
+    for code in np.unique(shapes.line_type[is_painted]):
+        kind = MapFeatureType(code)
+        found["YELLOW" in kind.name].extend(paint(kind, _of(shapes.lines, shapes.line_type == code)))
+    white, yellow = map(_joined, found)
+    return white, yellow
+
+
+def _of(lines: Ragged, is_wanted: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> Ragged:
+    return lines.take(np.flatnonzero(is_wanted))
+
+
+def _joined(parts: list[Ragged]) -> Ragged:
+    if not parts:
+        return Ragged.empty(0, 2)
+    return Ragged.from_flat(np.concatenate([part.lengths for part in parts]), np.concatenate([p.values for p in parts]))
+
+
+def _lists(lists: list[np.ndarray[tuple[int, int], np.dtype[np.float64]]]) -> Ragged:
+    return Ragged.from_lists(lists, width=2)

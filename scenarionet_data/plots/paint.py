@@ -1,0 +1,145 @@
+"""What is painted on roads, as lines and outlines in metres: dashes, double lines, zebra stripes, arrows. No colours."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from scenarionet_data.plots.palette import ARROW_EVERY, DASH, GAP, LINE, STRIPE
+from scenarionet_data.ragged import Ragged
+from scenarionet_data.vocabulary import MapFeatureType
+
+Points = npt.NDArray[np.float64]
+
+
+class Stroke(NamedTuple):
+    """One line of paint: how far to the left of the recorded line [m], and whether it is broken."""
+
+    left: float
+    is_broken: bool
+
+
+_SINGLE = {False: (Stroke(0.0, False),), True: (Stroke(0.0, True),)}
+_STROKES = {
+    MapFeatureType.ROAD_LINE_BROKEN_SINGLE_WHITE: _SINGLE[True],
+    MapFeatureType.ROAD_LINE_BROKEN_SINGLE_YELLOW: _SINGLE[True],
+    MapFeatureType.ROAD_LINE_SOLID_DOUBLE_WHITE: (Stroke(LINE, False), Stroke(-LINE, False)),
+    MapFeatureType.ROAD_LINE_SOLID_DOUBLE_YELLOW: (Stroke(LINE, False), Stroke(-LINE, False)),
+    MapFeatureType.ROAD_LINE_BROKEN_DOUBLE_YELLOW: (Stroke(LINE, True), Stroke(-LINE, True)),
+    MapFeatureType.ROAD_LINE_PASSING_DOUBLE_YELLOW: (Stroke(LINE, False), Stroke(-LINE, True)),
+}
+"""What is painted for a line; one solid stroke for every other."""
+
+_LEAST_LANE = 12.0
+"""Shorter lanes have no arrow [m]."""
+
+_STRAIGHT = 0.97
+"""Lanes turn whose ends are nearer to each other than this share of their length."""
+
+
+def paint(feature_type: MapFeatureType, lines: Ragged) -> list[Ragged]:
+    """The strokes of paint (n, 2) [m] along lines of one type."""
+    strokes = []
+    for stroke in _STROKES.get(feature_type, _SINGLE[False]):
+        moved = beside(lines, stroke.left) if stroke.left else lines
+        strokes.append(dashes(moved) if stroke.is_broken else moved)
+    return strokes
+
+
+def beside(lines: Ragged, left: float) -> Ragged:
+    """Lines (n, 2) moved to their left [m]."""
+    points, offsets = lines.values.astype(np.float64), lines.offsets
+    step = np.zeros_like(points)
+    step[:-1] = np.diff(points, axis=0)
+    filled = lines.lengths > 0
+    step[offsets[1:][filled] - 1] = 0.0
+    before = np.roll(step, 1, axis=0)  # that of a line's first point is the last one's of the line before: 0
+    along = before + step
+    length = np.hypot(along[:, 0], along[:, 1])
+    along = along / np.where(length > 0, length, 1.0)[:, None]
+    return Ragged(offsets, points + left * np.stack([-along[:, 1], along[:, 0]], axis=1))
+
+
+def dashes(lines: Ragged) -> Ragged:
+    """Lines (n, 2) cut into dashes, in metres, so that they do not depend on what part of them is drawn."""
+    lines = lines.take(np.flatnonzero(lines.lengths > 1))
+    if not len(lines):
+        return Ragged(np.zeros(1, np.int32), np.zeros((0, 2)))
+    points, period = lines.values.astype(np.float64), DASH + GAP
+    arc, length, first = _arcs(points, lines)
+    count = np.ceil(length / period).astype(np.int64)
+    line = np.repeat(np.arange(len(lines)), count)
+    number = np.arange(count.sum())
+    begin = (number - np.repeat(np.cumsum(count) - count, count)) * period
+    end = np.minimum(begin + DASH, length[line])
+    owner = np.repeat(np.arange(len(lines)), lines.lengths)
+    inner = np.flatnonzero((arc % period > 0) & (arc % period < DASH) & (arc < length[owner]))
+    dash = (np.cumsum(count) - count)[owner[inner]] + (arc[inner] // period).astype(np.int64)
+    which = np.concatenate([number, number, dash])
+    at = np.concatenate([begin, end, arc[inner]])
+    order = np.lexsort([at, which])
+    walked = first + arc
+    ends = _along(points, walked, np.concatenate([begin, end]) + np.tile(first[lines.offsets[:-1]][line], 2))
+    return Ragged.from_flat(np.bincount(which, minlength=len(number)), np.concatenate([ends, points[inner]])[order])
+
+
+def arrows(lanes: Ragged) -> Ragged:
+    """Triangles (3, 2) [m] along lanes, in driving direction.
+
+    One in the middle of a short lane, else every so often; none on the shortest and on those that turn: these cross
+    others, and where they lead shows anyhow.
+    """
+    lanes = lanes.take(np.flatnonzero(lanes.lengths > 1))
+    if not len(lanes):
+        return Ragged(np.zeros(1, np.int32), np.zeros((0, 2)))
+    points = lanes.values.astype(np.float64)
+    arc, length, first = _arcs(points, lanes)
+    straight = np.hypot(*(points[lanes.offsets[1:] - 1] - points[lanes.offsets[:-1]]).T)
+    has_some = (length > _LEAST_LANE) & (straight > _STRAIGHT * length)
+    count = np.where(has_some, np.maximum(length // ARROW_EVERY, 1), 0).astype(np.int64)
+    lane = np.repeat(np.arange(len(lanes)), count)
+    number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    middle = first[lanes.offsets[:-1]][lane] + (number + 0.5) * (length[lane] / count[lane])
+    walked = first + arc
+    back, tip = (_along(points, walked, middle + shift) for shift in (-1.0, 1.0))
+    side = 0.22 * np.stack([-(tip - back)[:, 1], (tip - back)[:, 0]], axis=1)
+    triangles = np.stack([tip, back + side, back - side], axis=1)
+    return Ragged.from_flat(np.full(len(triangles), 3), triangles.reshape(-1, 2))
+
+
+def _arcs(points: Points, lines: Ragged) -> tuple[Points, Points, Points]:
+    """Distance of each point (P,) from its line's start, lengths of the lines (K,), and (P,) where each line starts
+    when all are laid one after the other, 1 m apart [m].
+    """
+    step = np.hypot(*np.diff(points, axis=0, prepend=points[:1]).T)
+    step[lines.offsets[1:-1]] = 1.0
+    walked = np.cumsum(step)
+    start = np.repeat(walked[lines.offsets[:-1]], lines.lengths)
+    arc = walked - start
+    return arc, arc[lines.offsets[1:] - 1], start
+
+
+def _along(points: Points, walked: Points, places: Points) -> Points:
+    return np.stack([np.interp(places, walked, points[:, axis]) for axis in (0, 1)], axis=1)
+
+
+def zebra(outline: Points) -> list[Points]:
+    """Stripes (n, 2) [m] across a crosswalk, in the direction of the traffic that it stops."""
+    area = shapely.Polygon(outline)
+    frame = shapely.minimum_rotated_rectangle(area)
+    if not isinstance(frame, shapely.Polygon) or not area.is_valid:
+        return [outline]
+    corners = shapely.get_coordinates(frame)[:4]
+    sides = np.diff(corners[:3], axis=0)
+    lengths = np.hypot(*sides.T)
+    along, across = (sides[0], sides[1]) if lengths[0] >= lengths[1] else (sides[1], -sides[0])
+    start = corners[0] if lengths[0] >= lengths[1] else corners[1]
+    share = np.arange(STRIPE / 2, lengths.max(), 2 * STRIPE)[:, None, None] / lengths.max()
+    end = np.minimum(share + STRIPE / lengths.max(), 1.0)
+    quads = np.concatenate([share, end, end, share], axis=1) * along + start
+    quads[:, 2:] += across
+    parts = shapely.get_parts(shapely.intersection(shapely.polygons(quads), area))
+    return [shapely.get_coordinates(part) for part in parts if part.area > 0]

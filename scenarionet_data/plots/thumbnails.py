@@ -1,0 +1,64 @@
+"""Small pictures, many a second, for tables and pages: the same drawing without words."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from PIL import Image
+
+from scenarionet_data.plots import object_layer
+from scenarionet_data.plots.map_layer import map_artists
+from scenarionet_data.plots.palette import GROUND
+from scenarionet_data.plots.scene import Scene
+from scenarionet_data.plots.style import new_figure
+from scenarionet_data.plots.topdown import DPI
+from scenarionet_data.plots.window import Window
+from scenarionet_data.scenario import ScenarioDescription
+
+_LEAST_EGO = 9.0
+"""The ego's length, at least [pixel]."""
+
+
+def thumbnail(
+    scenario: ScenarioDescription | Scene, size: tuple[int, int] = (240, 180), timestep: int | None = None
+) -> bytes:
+    """A small picture of the ego's route, with everybody at a timestep.
+
+    Args:
+        scenario: What is drawn.
+        size: Width and height [pixel]; all of both is used, so that thumbnails stand in rows.
+        timestep: When; the current timestep for None.
+
+    Returns:
+        A PNG file.
+
+    Example:
+        Path("thumbnail.png").write_bytes(thumbnail(scenario, (320, 200)))
+    """
+    scene = Scene.of(scenario)
+    width, height = size
+    shown = Window.on_route(scene).shaped(width / height)
+    figure = new_figure(width / DPI, height / DPI, dpi=DPI, facecolor=GROUND)
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.set_axis_off()
+    left, right, bottom, top = shown.corners
+    axes.set(xlim=(left, right), ylim=(bottom, top))
+    now = scene.moment(scene.current_timestep if timestep is None else timestep)
+    boxes = object_layer.boxes(scene, now, least_ego=_LEAST_EGO * shown.width / width)
+    for artist in (
+        *map_artists(scene.map),
+        *object_layer.route(scene),
+        *boxes,
+        *object_layer.lights(scene, now.timestep),
+    ):
+        axes.add_artist(artist)
+    canvas = figure.canvas
+    if not isinstance(canvas, FigureCanvasAgg):
+        raise TypeError(f"figures of this package are drawn by Agg, found {type(canvas).__name__}")
+    canvas.draw()  # type: ignore[no-untyped-call]
+    file = io.BytesIO()
+    pixels = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]
+    Image.fromarray(pixels).convert("RGB").save(file, "png", compress_level=3)
+    return file.getvalue()
