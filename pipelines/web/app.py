@@ -17,8 +17,8 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from pipelines.cli.group import one_line
-from pipelines.web.colors import COLORS
 from pipelines.web.guards import Guard
+from pipelines.web.picture import PICTURE
 from pipelines.web.rows import MOST_ROWS, Column, Question, columns, page, plain
 from pipelines.web.scenes import Latest, Scenes
 from scenarionet_data import Lake, software
@@ -35,7 +35,7 @@ STATIC = Path(__file__).with_name("static")
 
 _PLACE = re.compile(r"\bcharacter (\d+)")
 _MOST_PARTS = 8
-_THUMBNAIL_SIZES = range(32, 513)
+_THUMBNAIL_SIDES = range(32, 513)
 _KEEP = {"cache-control": "private, max-age=86400, immutable"}
 """For what belongs to a snapshot, whose number the page names in the address."""
 _ASK_AGAIN = {"cache-control": "no-store"}
@@ -73,7 +73,7 @@ class Browser:
                 "scenarios": len(self.lake),
                 "columns": [asdict(column) for column in self._columns.values()],
                 "databases": self.lake.databases,
-                "colors": COLORS,
+                "picture": PICTURE,
                 "isWritable": self.is_writable,
                 "secret": self._secret if self.is_writable else None,
             },
@@ -108,8 +108,10 @@ class Browser:
 
     def thumbnail(self, request: Request) -> Response:
         """A small picture of one scenario."""
-        size = _number(request.query_params.get("size", "160"), _THUMBNAIL_SIZES)
-        return Response(self._scenes.thumbnail(_id(request), size), media_type="image/png", headers=_KEEP)
+        asked = request.query_params
+        width = _number(asked.get("width", "256"), _THUMBNAIL_SIDES)
+        height = _number(asked.get("height", "160"), _THUMBNAIL_SIDES)
+        return Response(self._scenes.thumbnail(_id(request), (width, height)), media_type="image/png", headers=_KEEP)
 
     async def save(self, request: Request) -> Response:
         """Save what the filter shows as a database."""
@@ -120,9 +122,7 @@ class Browser:
         if not all(isinstance(word, str) for word in words):
             raise BadParameter("wanted a JSON object with name, where and database, all text")
         name, where, parent = map(str, words)
-        made = await run_in_threadpool(
-            self.lake.filter, where.strip() or "true", name=name, parent=parent or None
-        )
+        made = await run_in_threadpool(self.lake.filter, where.strip() or "true", name=name, parent=parent or None)
         return JSONResponse({"reference": made.reference, "count": len(made), "databases": self.lake.databases})
 
     def _part(self, database: str) -> Lake:

@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from scenarionet_data.geometry import median_sizes
+from scenarionet_data.light_places import light_places
 from scenarionet_data.ragged import Ragged
 from scenarionet_data.scenario import Lights, MapFeatures, ScenarioDescription, Tracks
 from scenarionet_data.vocabulary import (
@@ -51,7 +53,7 @@ def pack(scenario: ScenarioDescription) -> bytes:
         "now": scenario.current_timestep,
         "ego": scenario.ego_index,
         "objects": _objects(scenario),
-        "lights": [{"id": str(name), "lane": str(lane)} for name, lane in _pairs(scenario.lights)],
+        "lights": [str(name) for name in scenario.lights.ids],
         "lightStates": list(_STATES),
         "lightColors": [LightColor(color).name for color in LIGHT_COLORS],
         "features": [],
@@ -62,16 +64,12 @@ def pack(scenario: ScenarioDescription) -> bytes:
     return _layout(header, arrays)
 
 
-def _pairs(lights: Lights) -> Any:
-    return zip(lights.ids, lights.lane_ids, strict=True)
-
-
 def _motion(tracks: Tracks) -> dict[str, Array]:
     return {
         "position": tracks.position[..., :2],
         "heading": tracks.heading,
         "velocity": tracks.velocity,
-        "size": tracks.size,
+        "size": median_sizes(tracks.size, tracks.valid),
         "valid": tracks.valid.astype(np.uint8),
     }
 
@@ -92,13 +90,11 @@ def _objects(scenario: ScenarioDescription) -> list[dict[str, Any]]:
 
 
 def _shown(lights: Lights, features: MapFeatures | None) -> dict[str, Array]:
-    """Where lights stand and what they show; at the start of the lane where the source does not say."""
-    stop = lights.stop_point[:, :2].copy()
-    rows = {} if features is None else {str(name): row for row, name in enumerate(features.ids)}
-    for light in np.flatnonzero(np.isnan(stop).any(axis=1)):
-        line = features.polyline[rows[lane]] if features and (lane := str(lights.lane_ids[light])) in rows else ()
-        if len(line):
-            stop[light] = line[0, :2]
+    """Where lights stand and what they show."""
+    stop = lights.stop_point[:, :2]
+    if features is not None:
+        rows = np.flatnonzero(is_lane(features.types))
+        stop = light_places(lights, features.ids[rows], features.polyline.take(rows))[1]
     return {"lightPosition": stop, "lightState": lights.state}
 
 

@@ -131,11 +131,12 @@ def _rows(lake: Lake, question: Question, sort: Column, total: int) -> list[dict
     is_mirrored = question.first > total // 2
     skipped = total - question.first - count if is_mirrored else question.first
     falling = question.is_falling != is_mirrored
-    order = f'{sort.order} {"DESC" if falling else "ASC"} NULLS {"FIRST" if is_mirrored else "LAST"}'
+    order = f"{sort.order} {'DESC' if falling else 'ASC'} NULLS {'FIRST' if is_mirrored else 'LAST'}"
     ties = f"scenario_id {'DESC' if is_mirrored else 'ASC'}"
     wanted = ", ".join(f'"{name}"' for name in dict.fromkeys(("scenario_id", *question.columns)))
     found = lake.arrow(
-        f"SELECT {wanted} FROM metadata WHERE ({question.where}\n) ORDER BY {order}, {ties} LIMIT $count OFFSET $skipped",
+        f"SELECT {wanted} FROM metadata WHERE ({question.where}\n) "
+        f"ORDER BY {order}, {ties} LIMIT $count OFFSET $skipped",
         {"count": count, "skipped": skipped},
     ).to_pylist()
     return [{name: plain(value) for name, value in row.items()} for row in (found[::-1] if is_mirrored else found)]

@@ -5,10 +5,11 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Sequence
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 from pipelines.web.packing import pack
 from scenarionet_data import Lake, ScenarioLoader
+from scenarionet_data.plots import thumbnail
 from scenarionet_data.scenario import ScenarioDescription
 
 Value = TypeVar("Value")
@@ -66,13 +67,13 @@ class Scenes:
             for index, scenario_id in enumerate(scenario_ids):
                 self._places.put(scenario_id, (loader, index))
 
-    def thumbnail(self, scenario_id: str, size: int) -> bytes:
-        """A small picture of it (PNG).
+    def thumbnail(self, scenario_id: str, size: tuple[int, int]) -> bytes:
+        """A small picture of it (PNG), of so many pixels.
 
         Raises:
             ScenarioNotFound: There is none of that id.
         """
-        return self._thumbnails.get((scenario_id, size), lambda: _draw(self._load(scenario_id), size))
+        return self._thumbnails.get((scenario_id, size), lambda: thumbnail(self._load(scenario_id), size))
 
     def packed(self, scenario_id: str) -> bytes:
         """It, as ``packing`` writes it.
@@ -85,11 +86,5 @@ class Scenes:
     def _load(self, scenario_id: str) -> ScenarioDescription:
         with self._looking:  # while a page's scenarios are looked up, its thumbnails wait for that
             loader, index = self._places.get(scenario_id, lambda: (ScenarioLoader(self._lake, [scenario_id]), 0))
-        scenario: Any = loader[index]
+        scenario: ScenarioDescription = loader[index]
         return scenario
-
-
-def _draw(scenario: ScenarioDescription, size: int) -> bytes:
-    from scenarionet_data.plots import thumbnail
-
-    return thumbnail(scenario, size)

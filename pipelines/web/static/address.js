@@ -7,7 +7,7 @@ const defaults = {
   order: "rising",
   page: 1,
   rows: 50,
-  columns: "dataset,split,duration,ego_distance,ego_mean_speed,num_objects,num_lanes,num_lights,difficulty",
+  columns: "dataset,split,duration,ego_distance,ego_mean_speed,num_objects,num_lanes,difficulty",
   scenario: "",
 };
 

@@ -10,7 +10,9 @@ export function controls(player, layers) {
   const play = make("button", { type: "button", class: "primary play", onclick: () => player.toggle() }, "Play");
   const slider = make("input", { type: "range", min: 0, max: last, value: scene.now, step: 1, "aria-label": "Timestep", disabled: last === 0 });
   slider.addEventListener("input", () => player.goTo(Number(slider.value)));
-  const time = make("output", { class: "time" });
+  const seconds = make("span");
+  const steps = make("span", { class: "step" });
+  const time = make("output", { class: "time" }, seconds, steps);
   const speed = make("select", { "aria-label": "Speed" }, ...speeds.map((value) => make("option", { value, selected: value === 1 }, `${value}×`)));
   speed.addEventListener("change", () => { clock.speed = Number(speed.value); });
   const step = (label, by, words) => make("button", { type: "button", "aria-label": words, onclick: () => player.goTo(scene.at(clock.time).step + by) }, label);
@@ -25,7 +27,8 @@ export function controls(player, layers) {
     play.textContent = clock.isRunning ? "Pause" : "Play";
     slider.value = now;
     slider.setAttribute("aria-valuetext", `${clock.time.toFixed(1)} seconds`);
-    time.textContent = `${clock.time.toFixed(1)} / ${scene.duration.toFixed(1)} s · step ${now} of ${last}`;
+    seconds.textContent = `${clock.time.toFixed(1)} / ${scene.duration.toFixed(1)} s`;
+    steps.textContent = ` · step ${now} of ${last}`;
     view.follow.setAttribute("aria-pressed", String(player.stage?.follows ?? false));
   };
   play.disabled = last === 0;

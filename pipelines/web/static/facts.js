@@ -11,7 +11,7 @@ export function objectFacts(scene, row, step) {
   const at = row * scene.numSteps + step;
   const isThere = scene.isThere(row, step);
   const [first, last] = scene.span(row);
-  const size = [...scene.size.subarray(3 * at, 3 * at + 3)].map((side) => side.toFixed(1)).join(" × ");
+  const size = [...scene.size.subarray(3 * row, 3 * row + 3)].map((side) => side.toFixed(1)).join(" × ");
   const marks = [row === scene.ego ? "ego" : "", object.interesting ? "of interest" : "", object.predicted ? "to predict" : ""].filter(Boolean);
   return {
     title: object.id,
@@ -21,7 +21,7 @@ export function objectFacts(scene, row, step) {
       ["speed", isThere ? `${scene.speed(row, step).toFixed(1)} m/s` : "not there now"],
       ["heading", isThere ? `${(scene.heading[at] * degrees).toFixed(0)}°` : ""],
       ["position", isThere ? `${scene.position[2 * at].toFixed(1)}, ${scene.position[2 * at + 1].toFixed(1)} m` : ""],
-      ["size", isThere ? `${size} m` : ""],
+      ["size", `${size} m`],
       ["there", first < 0 ? "never" : `${scene.time[first].toFixed(1)} – ${scene.time[last].toFixed(1)} s`],
     ],
   };

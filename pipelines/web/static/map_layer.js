@@ -2,17 +2,14 @@
 // Drawn into a picture larger than what is seen, which is shown until something else is seen.
 
 const laneWidth = 3.5; // of a lane without an outline [m]
-const line = 0.15;
-const dash = [3, 4.5];
-const stripe = [0.5, 0.5];
 const margin = 0.35; // of the picture beyond each side of what is seen
 const slow = 30; // [ms]: a map that takes longer is not drawn while one zooms
 
 export class MapLayer {
-  constructor(scene, colors, layers) {
-    this.colors = colors;
+  constructor(scene, style, layers) {
+    this.style = style;
     this.layers = layers;
-    this.paths = build(scene);
+    this.paths = build(scene, style);
     this.canvas = document.createElement("canvas");
     this.shown = null; // the camera and ratio of the picture
     this.took = 0;
@@ -34,7 +31,7 @@ export class MapLayer {
     const left = camera.width / 2 + (x - camera.x) * camera.scale - (width * factor) / 2;
     const top = camera.height / 2 - (y - camera.y) * camera.scale - (height * factor) / 2;
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
-    context.fillStyle = this.colors.ground;
+    context.fillStyle = this.style.ground;
     context.fillRect(0, 0, camera.width, camera.height);
     const snap = (value) => (factor === 1 ? Math.round(value * ratio) / ratio : value);
     context.drawImage(this.canvas, snap(left), snap(top), width * factor, height * factor);
@@ -49,7 +46,7 @@ export class MapLayer {
     this.canvas.height = Math.ceil(height * ratio);
     this.shown = { x: camera.x, y: camera.y, scale: camera.scale, ratio, width: this.canvas.width / ratio, height: this.canvas.height / ratio };
     const context = this.canvas.getContext("2d", { alpha: false });
-    context.fillStyle = this.colors.ground;
+    context.fillStyle = this.style.ground;
     context.fillRect(0, 0, this.canvas.width, this.canvas.height);
     const s = camera.scale * ratio;
     context.setTransform(s, 0, 0, -s, this.canvas.width / 2 - s * camera.x, this.canvas.height / 2 + s * camera.y);
@@ -58,35 +55,33 @@ export class MapLayer {
   }
 
   drawAll(context, scale) {
-    const { colors, layers, paths } = this;
+    const { style, layers, paths } = this;
     const thin = (width) => Math.max(width, 0.8 / scale);
     context.lineJoin = "round";
     if (layers.roads) {
-      context.fillStyle = context.strokeStyle = colors.road;
+      context.fillStyle = context.strokeStyle = style.road;
       context.fill(paths.surfaces);
       stroke(context, paths.surfaces, thin(0.1));
       stroke(context, paths.bareLanes, laneWidth);
     }
-    if (layers.crosswalks) for (const crosswalk of paths.crosswalks) zebra(context, crosswalk, colors.white);
+    if (layers.crosswalks) for (const crosswalk of paths.crosswalks) zebra(context, crosswalk, style);
     if (layers.direction && scale > 1.5) {
-      context.strokeStyle = colors.edge;
-      context.globalAlpha = 0.4;
-      stroke(context, paths.arrows, thin(0.18));
-      context.globalAlpha = 1;
+      context.strokeStyle = style.arrow;
+      stroke(context, paths.arrows, thin(0.3));
     }
     if (layers.lines) {
       for (const [color, isBroken, path] of paths.lines) {
-        context.strokeStyle = colors[color];
-        context.setLineDash(isBroken ? dash : []);
-        stroke(context, path, thin(line));
+        context.strokeStyle = style[color];
+        context.setLineDash(isBroken ? style.dashes : []);
+        stroke(context, path, thin(style.lineWidth));
       }
       context.setLineDash([]);
-      context.strokeStyle = colors.white;
-      stroke(context, paths.stops, thin(0.4));
+      context.strokeStyle = style.white;
+      stroke(context, paths.stops, thin(style.stopLineWidth));
     }
     if (layers.edges) {
-      context.strokeStyle = colors.edge;
-      stroke(context, paths.edges, thin(1.2 * line));
+      context.strokeStyle = style.edge;
+      stroke(context, paths.edges, thin(1.2 * style.lineWidth));
     }
   }
 }
@@ -105,7 +100,7 @@ function stroke(context, path, width) {
 }
 
 // One path for everything that is drawn alike.
-function build(scene) {
+function build(scene, style) {
   const paths = { surfaces: new Path2D(), bareLanes: new Path2D(), arrows: new Path2D(), edges: new Path2D(), stops: new Path2D(), crosswalks: [] };
   const painted = {};
   scene.features.forEach((feature, row) => {
@@ -114,10 +109,10 @@ function build(scene) {
     if (feature.kind === "lane") {
       if (outline.length > 4) trace(paths.surfaces, outline, true);
       else trace(paths.bareLanes, points);
-      arrows(paths.arrows, points);
+      arrows(paths.arrows, points, style.arrowEvery);
     } else if (feature.kind === "line") {
       const color = feature.type.includes("YELLOW") ? "yellow" : "white";
-      for (const [left, isBroken] of strokes(feature.type)) {
+      for (const [left, isBroken] of strokes(feature.type, style.lineWidth)) {
         const path = (painted[`${color}${isBroken}`] ??= [color, isBroken, new Path2D()])[2];
         trace(path, left ? beside(points, left) : points);
       }
@@ -142,7 +137,7 @@ function trace(path, points, isClosed = false) {
 }
 
 // How a line is painted: how far left of the recorded line each stroke is [m], and whether it is broken.
-function strokes(type) {
+function strokes(type, line) {
   if (type === "ROAD_LINE_PASSING_DOUBLE_YELLOW") return [[line, false], [-line, true]];
   const isBroken = type.includes("BROKEN");
   return type.includes("DOUBLE") ? [[line, isBroken], [-line, isBroken]] : [[0, isBroken]];
@@ -163,28 +158,28 @@ function beside(points, left) {
   return moved;
 }
 
-// Small chevrons along a lane, each 20 m, the first after 6 m.
-function arrows(path, points) {
-  let next = 6;
+// Small chevrons along a lane, so many metres apart.
+function arrows(path, points, every) {
+  let next = every / 4;
   for (let k = 2; k < points.length; k += 2) {
     const dx = points[k] - points[k - 2];
     const dy = points[k + 1] - points[k - 1];
     const length = Math.hypot(dx, dy);
-    for (; next <= length; next += 20) {
+    for (; next <= length; next += every) {
       const x = points[k - 2] + (dx * next) / length;
       const y = points[k - 1] + (dy * next) / length;
       const ux = dx / length;
       const uy = dy / length;
-      path.moveTo(x - 0.9 * ux - 0.55 * uy, y - 0.9 * uy + 0.55 * ux);
+      path.moveTo(x - 1.2 * ux - 0.7 * uy, y - 1.2 * uy + 0.7 * ux);
       path.lineTo(x, y);
-      path.lineTo(x - 0.9 * ux + 0.55 * uy, y - 0.9 * uy - 0.55 * ux);
+      path.lineTo(x - 1.2 * ux + 0.7 * uy, y - 1.2 * uy - 0.7 * ux);
     }
     next -= length;
   }
 }
 
 // A crosswalk: one broad broken line along its longest side, cut to its outline.
-function zebra(context, outline, color) {
+function zebra(context, outline, style) {
   if (outline.length < 6) return;
   const path = new Path2D();
   trace(path, outline, true);
@@ -203,10 +198,10 @@ function zebra(context, outline, color) {
   const [length, ux, uy] = best;
   context.save();
   context.clip(path);
-  context.strokeStyle = color;
+  context.strokeStyle = style.white;
   context.globalAlpha = 0.85;
   context.lineWidth = 2 * length;
-  context.setLineDash(stripe);
+  context.setLineDash(style.stripes);
   context.beginPath();
   context.moveTo(x - length * ux, y - length * uy);
   context.lineTo(x + length * ux, y + length * uy);

@@ -6,13 +6,13 @@ const least = 0.8; // shortest side of a drawn box [m]: pedestrians would hardly
 const shapes = { s: 4, "^": 3, D: 4, o: 0 };
 
 export class ObjectLayer {
-  constructor(scene, colors, layers) {
+  constructor(scene, style, layers) {
     this.scene = scene;
-    this.colors = colors;
+    this.style = style;
     this.layers = layers;
     this.selected = -1;
     this.there = {};
-    this.color = scene.objects.map((object, row) => (row === scene.ego ? colors.ego : colors.objects[object.type]));
+    this.color = scene.objects.map((object, row) => (row === scene.ego ? style.ego : style.objects[object.type]));
     this.order = [...scene.objects.keys()].filter((row) => row !== scene.ego).concat(scene.ego);
     this.way = this.route();
   }
@@ -41,9 +41,9 @@ export class ObjectLayer {
   }
 
   paintRoute(context, camera) {
-    context.strokeStyle = this.colors.ego;
+    context.strokeStyle = this.style.ego;
     context.globalAlpha = 0.3;
-    context.lineWidth = Math.max(1.2, 2 / camera.scale);
+    context.lineWidth = Math.max(this.style.routeWidth, 2 / camera.scale);
     context.lineCap = "round";
     context.stroke(this.way);
     context.globalAlpha = 1;
@@ -91,12 +91,12 @@ export class ObjectLayer {
     context.fillStyle = this.color[row];
     context.fill();
     const isSelected = row === this.selected;
-    context.strokeStyle = isSelected ? this.colors.ink : this.colors.white;
-    context.lineWidth = (isSelected ? 2.5 : 0.8) / camera.scale;
+    context.strokeStyle = isSelected ? this.style.ink : this.style.white;
+    context.lineWidth = (isSelected ? 1.6 : 0.8) / camera.scale;
     context.stroke();
     if (length > 1.2 && length * camera.scale > 7) {
       polygon(context, [corner(0.42, 0), corner(0.15, 0.34), corner(0.15, -0.34)]);
-      context.fillStyle = this.colors.white;
+      context.fillStyle = this.style.white;
       context.globalAlpha = 0.75;
       context.fill();
       context.globalAlpha = 1;
@@ -110,11 +110,11 @@ export class ObjectLayer {
       const [x, y] = scene.lightPosition.subarray(2 * light, 2 * light + 2);
       if (Number.isNaN(x)) continue;
       const name = scene.lightColors[scene.lightState[light * scene.numSteps + step]];
-      const { fill, shape } = this.colors.lights[name];
+      const { fill, shape } = this.style.lights[name];
       mark(context, x, y, side, shape);
       context.fillStyle = fill;
       context.fill();
-      context.strokeStyle = this.colors.ink;
+      context.strokeStyle = this.style.ink;
       context.lineWidth = 0.8 / camera.scale;
       context.stroke();
     }
@@ -124,8 +124,8 @@ export class ObjectLayer {
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     context.font = "11px system-ui, sans-serif";
     context.lineWidth = 3;
-    context.strokeStyle = this.colors.white;
-    context.fillStyle = this.colors.ink;
+    context.strokeStyle = this.style.white;
+    context.fillStyle = this.style.ink;
     for (const row of this.order) {
       const box = this.scene.place(row, moment, this.there);
       if (!box.isThere) continue;

@@ -62,7 +62,7 @@ class Player {
     this.tip = make("div", { class: "tip", "aria-hidden": "true", hidden: true });
     this.chosen = make("div", { class: "chosen", "aria-live": "off" });
     this.controls = controls(this, layers);
-    const picture = make("div", { class: "picture" }, canvas, this.tip, this.controls.view, legend(lake.colors, scene));
+    const picture = make("div", { class: "picture" }, canvas, this.tip, this.controls.view, legend(lake.picture, scene));
     const side = make(
       "aside", { "aria-label": "Facts" },
       make("h2", {}, "Object"), this.chosen,
@@ -70,7 +70,7 @@ class Player {
       make("details", {}, make("summary", {}, "Scenario"), scenarioFacts(lake, facts)),
     );
     fill(find("player"), bar, make("div", { class: "stage" }, make("div", { class: "screen" }, picture, this.controls.bar), side));
-    this.stage = new Stage(canvas, scene, lake.colors, layers, this.clock);
+    this.stage = new Stage(canvas, scene, lake.picture, layers, this.clock);
     this.stage.onHover = (under) => this.showTip(under);
     this.stage.onPick = (row) => this.pick(row);
     this.stage.onMove = () => this.controls.update();
@@ -80,7 +80,7 @@ class Player {
     document.addEventListener("keydown", this.onKey);
     this.pick(scene.ego);
     this.frame = requestAnimationFrame((now) => this.run(now));
-    canvas.focus({ preventScroll: true });
+    find("content").focus({ preventScroll: true }); // keys play at once
   }
 
   close() {
@@ -194,12 +194,12 @@ class Player {
 }
 
 // What the colours mean that occur in a scene.
-function legend(colors, scene) {
+function legend(style, scene) {
   const types = [...new Set(scene.objects.filter((_, row) => row !== scene.ego).map(({ type }) => type))].sort();
   const item = (color, text) => {
     const sample = make("span", { class: "sample" });
     sample.style.background = color;
     return make("li", {}, sample, text);
   };
-  return make("ul", { class: "legend", "aria-label": "Legend" }, item(colors.ego, "ego"), ...types.map((type) => item(colors.objects[type], words(type))));
+  return make("ul", { class: "legend", "aria-label": "Legend" }, item(style.ego, "ego"), ...types.map((type) => item(style.objects[type], words(type))));
 }

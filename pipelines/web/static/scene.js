@@ -47,8 +47,8 @@ class Scene {
     into.x = this.position[2 * row];
     into.y = this.position[2 * row + 1];
     into.heading = this.heading[row];
-    into.length = this.size[3 * row];
-    into.width = this.size[3 * row + 1];
+    into.length = this.size[3 * object];
+    into.width = this.size[3 * object + 1];
     if (part > 0 && this.valid[row + 1] === 1) {
       into.x += part * (this.position[2 * row + 2] - into.x);
       into.y += part * (this.position[2 * row + 3] - into.y);

@@ -10,12 +10,12 @@ const bars = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000]; // [m]
 const layerOf = { lane: "roads", area: "roads", line: "lines", stop: "lines", edge: "edges", crosswalk: "crosswalks" };
 
 export class Stage {
-  constructor(canvas, scene, colors, layers, clock) {
-    Object.assign(this, { canvas, scene, colors, layers, clock });
+  constructor(canvas, scene, style, layers, clock) {
+    Object.assign(this, { canvas, scene, style, layers, clock });
     this.context = canvas.getContext("2d", { alpha: false });
     this.camera = new Camera();
-    this.map = new MapLayer(scene, colors, layers);
-    this.objects = new ObjectLayer(scene, colors, layers);
+    this.map = new MapLayer(scene, style, layers);
+    this.objects = new ObjectLayer(scene, style, layers);
     this.hits = new MapHit(scene);
     this.follows = false;
     this.isStale = true;
@@ -80,12 +80,12 @@ export class Stage {
 
   // A bar of a round length, so that one can tell how large things are.
   paintBar() {
-    const { context, camera, ratio, colors } = this;
+    const { context, camera, ratio, style } = this;
     const length = bars.findLast((bar) => bar * camera.scale <= camera.width * 0.22) ?? bars[0];
     const width = length * camera.scale;
     const y = camera.height - 14;
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
-    for (const [color, thickness] of [[colors.white, 5], [colors.ink, 2]]) {
+    for (const [color, thickness] of [[style.white, 5], [style.ink, 2]]) {
       context.strokeStyle = color;
       context.lineWidth = thickness;
       context.beginPath();
@@ -95,8 +95,8 @@ export class Stage {
     }
     context.font = "12px system-ui, sans-serif";
     context.lineWidth = 3;
-    context.strokeStyle = colors.white;
-    context.fillStyle = colors.ink;
+    context.strokeStyle = style.white;
+    context.fillStyle = style.ink;
     context.strokeText(`${length} m`, 14, y - 6);
     context.fillText(`${length} m`, 14, y - 6);
   }

@@ -79,7 +79,7 @@ function tableRow(lake, state, columns, row, place) {
   const id = row.scenario_id;
   const link = address.href({ ...state, scenario: id });
   const picture = make("img", {
-    src: `/api/thumbnail?${new URLSearchParams({ id, size: 256, snapshot: lake.snapshot })}`,
+    src: `/api/thumbnail?${new URLSearchParams({ id, width: 256, height: 160, snapshot: lake.snapshot })}`,
     alt: "", width: 128, height: 80, loading: place < 6 ? "eager" : "lazy", decoding: "async",
     onerror: (event) => event.target.closest("a").classList.add("missing"),
   });
