@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import re
 import secrets
 from dataclasses import asdict
 from pathlib import Path
 
 from starlette.applications import Starlette
-from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
 from starlette.requests import Request
@@ -93,9 +93,8 @@ class Browser:
             columns=wanted,
         )
         found = page(self._part(asked.get("database", "")), question, self._columns)
-        ids = [row["scenario_id"] for row in found.rows]
-        expecting = BackgroundTask(self._scenes.expect, ids) if ids else None
-        return JSONResponse(asdict(found), headers=_ASK_AGAIN, background=expecting)
+        self._scenes.expect([row["scenario_id"] for row in found.rows])
+        return JSONResponse(asdict(found), headers=_ASK_AGAIN)
 
     def facts(self, request: Request) -> Response:
         """What is known about one scenario."""
@@ -117,17 +116,13 @@ class Browser:
         """Save what the filter shows as a database."""
         if not self.is_writable:
             return JSONResponse({"error": "this server only reads; start it with --write to save databases"}, 403)
-        asked = await request.json()
-        words = [asked.get(name) for name in ("name", "where", "database")] if isinstance(asked, dict) else [None]
-        if not all(isinstance(word, str) for word in words):
-            raise BadParameter("wanted a JSON object with name, where and database, all text")
-        name, where, parent = map(str, words)
+        name, where, parent = _texts(await request.body(), "name", "where", "database")
         made = await run_in_threadpool(self.lake.filter, where.strip() or "true", name=name, parent=parent or None)
         return JSONResponse({"reference": made.reference, "count": len(made), "databases": self.lake.databases})
 
     def _part(self, database: str) -> Lake:
         """The lake, or its part that belongs to a database."""
-        return self._parts.get(database, lambda: self.lake.only(database)) if database else self.lake
+        return self._parts.get_or(database, lambda: self.lake.only(database)) if database else self.lake
 
 
 def make_app(lake: Lake, *, is_writable: bool = False, names: frozenset[str] = frozenset()) -> Starlette:
@@ -174,6 +169,19 @@ def _refused(request: Request, error: Exception) -> Response:  # noqa: ARG001
 
 def _id(request: Request) -> str:
     return request.query_params.get("id", "")
+
+
+def _texts(body: bytes, *names: str) -> list[str]:
+    """Values of a JSON object, all of them text."""
+    try:
+        given = json.loads(body)
+    except ValueError:
+        given = None
+    found = [given.get(name) for name in names] if isinstance(given, dict) else []
+    texts = [each for each in found if isinstance(each, str)]
+    if len(texts) != len(names):
+        raise BadParameter(f"wanted a JSON object with {', '.join(names)}, all of them text")
+    return texts
 
 
 def _number(text: str, allowed: range) -> int:

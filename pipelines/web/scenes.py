@@ -27,15 +27,12 @@ class Latest(Generic[Value]):
         self._held: OrderedDict[Hashable, Value] = OrderedDict()
         self._lock = threading.Lock()
 
-    def get(self, key: Hashable, make: Callable[[], Value]) -> Value:
-        """What is held for a key, or is made now."""
+    def get(self, key: Hashable) -> Value | None:
+        """What is held for a key; None when nothing is."""
         with self._lock:
             if key in self._held:
                 self._held.move_to_end(key)
-                return self._held[key]
-        made = make()
-        self.put(key, made)
-        return made
+            return self._held.get(key)
 
     def put(self, key: Hashable, value: Value) -> None:
         """Hold a value."""
@@ -45,27 +42,38 @@ class Latest(Generic[Value]):
             while len(self._held) > self._most:
                 self._held.popitem(last=False)
 
+    def get_or(self, key: Hashable, make: Callable[[], Value]) -> Value:
+        """What is held for a key, or is made now."""
+        held = self.get(key)
+        if held is None:
+            held = make()
+            self.put(key, held)
+        return held
+
 
 class Scenes:
     """The scenarios of a lake.
+
+    Looking up where scenarios lie takes a while among a million: it is done once a page of the table, when the first
+    picture of it is wanted, and on a connection of its own, so that filters do not wait for it.
 
     Args:
         lake: The lake; ids are looked up in its snapshot.
     """
 
     def __init__(self, lake: Lake) -> None:
-        self._lake = lake
+        self._lake = Lake(lake.root, lake.snapshot.number)
+        self._pages: Latest[tuple[str, ...]] = Latest(_MOST_PLACES)
         self._places: Latest[tuple[ScenarioLoader, int]] = Latest(_MOST_PLACES)
         self._thumbnails: Latest[bytes] = Latest(_MOST_THUMBNAILS)
         self._packed: Latest[bytes] = Latest(_MOST_SCENES)
         self._looking = threading.Lock()
 
     def expect(self, scenario_ids: Sequence[str]) -> None:
-        """Look up where scenarios lie, all in one question."""
-        with self._looking:
-            loader = ScenarioLoader(self._lake, scenario_ids)
-            for index, scenario_id in enumerate(scenario_ids):
-                self._places.put(scenario_id, (loader, index))
+        """These are shown together: whoever is asked for, all will be."""
+        page = tuple(scenario_ids)
+        for scenario_id in page:
+            self._pages.put(scenario_id, page)
 
     def thumbnail(self, scenario_id: str, size: tuple[int, int]) -> bytes:
         """A small picture of it (PNG), of so many pixels.
@@ -73,7 +81,7 @@ class Scenes:
         Raises:
             ScenarioNotFound: There is none of that id.
         """
-        return self._thumbnails.get((scenario_id, size), lambda: thumbnail(self._load(scenario_id), size))
+        return self._thumbnails.get_or((scenario_id, size), lambda: thumbnail(self._load(scenario_id), size))
 
     def packed(self, scenario_id: str) -> bytes:
         """It, as ``packing`` writes it.
@@ -81,10 +89,18 @@ class Scenes:
         Raises:
             ScenarioNotFound: There is none of that id.
         """
-        return self._packed.get(scenario_id, lambda: pack(self._load(scenario_id)))
+        return self._packed.get_or(scenario_id, lambda: pack(self._load(scenario_id)))
 
     def _load(self, scenario_id: str) -> ScenarioDescription:
-        with self._looking:  # while a page's scenarios are looked up, its thumbnails wait for that
-            loader, index = self._places.get(scenario_id, lambda: (ScenarioLoader(self._lake, [scenario_id]), 0))
+        with self._looking:  # the others of its page wait, and then are there
+            loader, index = self._places.get(scenario_id) or self._look_up(scenario_id)
         scenario: ScenarioDescription = loader[index]
         return scenario
+
+    def _look_up(self, scenario_id: str) -> tuple[ScenarioLoader, int]:
+        """Find a scenario, and those that are shown with it."""
+        page = self._pages.get(scenario_id) or (scenario_id,)
+        loader = ScenarioLoader(self._lake, page)
+        for index, each in enumerate(page):
+            self._places.put(each, (loader, index))
+        return loader, page.index(scenario_id)

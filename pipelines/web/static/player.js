@@ -100,7 +100,9 @@ class Player {
   showTime() {
     const { step } = this.scene.at(this.clock.time);
     this.controls.update();
-    if (step !== this.shownStep) this.showChosen();
+    if (step === this.shownStep) return;
+    this.showChosen();
+    this.stage.hover();
   }
 
   // Something was changed by hand.

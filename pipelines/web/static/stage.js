@@ -21,6 +21,7 @@ export class Stage {
     this.isStale = true;
     this.movedAt = -Infinity;
     this.pointers = new Map();
+    this.pointer = null;
     this.onHover = () => {};
     this.onPick = () => {};
     this.onMove = () => {};
@@ -109,7 +110,7 @@ export class Stage {
     canvas.addEventListener("pointerdown", (event) => this.onDown(event));
     canvas.addEventListener("pointermove", (event) => this.onPointer(event));
     for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, (event) => this.onUp(event));
-    canvas.addEventListener("pointerleave", () => this.onHover(null));
+    canvas.addEventListener("pointerleave", () => this.hover(null));
     canvas.addEventListener("dblclick", () => this.fitRoute());
   }
 
@@ -129,7 +130,7 @@ export class Stage {
   onPointer(event) {
     const before = this.pointers.get(event.pointerId);
     const here = [event.offsetX, event.offsetY];
-    if (!before) return this.hover(here, event);
+    if (!before) return this.hover(event.pointerType === "touch" ? null : here);
     if (this.pointers.size === 2) this.pinch(event.pointerId, before, here);
     else this.drag(before, here);
     this.pointers.set(event.pointerId, here);
@@ -156,8 +157,10 @@ export class Stage {
     if (event.type === "pointerup" && this.dragged <= 4) this.onPick(this.under([event.offsetX, event.offsetY]).object);
   }
 
-  hover(here, event) {
-    this.onHover(event.pointerType === "touch" ? null : { ...this.under(here), place: here });
+  // The pointer is there, or still is while things move under it; null: it left.
+  hover(here = this.pointer) {
+    this.pointer = here;
+    this.onHover(here && { ...this.under(here), place: here });
   }
 
   // What lies under a place of the canvas: rows of an object and of a map feature, -1 for none.

@@ -3,6 +3,7 @@
 import * as address from "/static/address.js";
 import { find, make, fill } from "/static/elements.js";
 import { cell, number, plural } from "/static/format.js";
+import { forgetPictures, showWhenSeen } from "/static/pictures.js";
 import { getJson } from "/static/server.js";
 
 let asking = null;
@@ -34,6 +35,7 @@ export function startTable(lake, go) {
 // Shows a page of the table; gives the ids on it, or null when something newer was asked for meanwhile.
 export async function showTable(lake, state, showProblem) {
   asking?.abort();
+  forgetPictures();
   const mine = (asking = new AbortController());
   const columns = state.columns.split(",").filter((name) => known[name]);
   find("table").setAttribute("aria-busy", "true");
@@ -51,7 +53,7 @@ export async function showTable(lake, state, showProblem) {
   }
   showHead(columns, state);
   showChosen(columns);
-  fill(find("table").tBodies[0], ...found.rows.map((row, place) => tableRow(lake, state, columns, row, place)));
+  fill(find("table").tBodies[0], ...found.rows.map((row) => tableRow(lake, state, columns, row)));
   showPages(found, state);
   return found.rows.map((row) => row.scenario_id);
 }
@@ -75,14 +77,11 @@ function showHead(columns, state) {
   find("order").textContent = state.order === "falling" ? "↓" : "↑";
 }
 
-function tableRow(lake, state, columns, row, place) {
+function tableRow(lake, state, columns, row) {
   const id = row.scenario_id;
   const link = address.href({ ...state, scenario: id });
-  const picture = make("img", {
-    src: `/api/thumbnail?${new URLSearchParams({ id, width: 256, height: 160, snapshot: lake.snapshot })}`,
-    alt: "", width: 128, height: 80, loading: place < 6 ? "eager" : "lazy", decoding: "async",
-    onerror: (event) => event.target.closest("a").classList.add("missing"),
-  });
+  const picture = make("img", { alt: "", width: 128, height: 80, decoding: "async" });
+  showWhenSeen(picture, `/api/thumbnail?${new URLSearchParams({ id, width: 256, height: 160, snapshot: lake.snapshot })}`);
   const cells = columns.filter((name) => name !== "scenario_id").map((name) =>
     make("td", { class: known[name].is_number ? "number" : "", "data-label": name, "data-unit": known[name].unit }, cell(row[name])));
   return make(
