@@ -10,7 +10,7 @@ import pytest
 from scenarionet_data import Lake
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.made import NAME, write_raw
-from tests.fixtures.pages import WIDTHS, check_layout, launched, serving, visiting, without_numbers
+from tests.fixtures.pages import WIDTHS, check_layout, launched, serving, visiting, wait_until, without_numbers
 from tests.fixtures.scenarios import make_scenario
 from tests.pipelines.conftest import run
 
@@ -23,7 +23,7 @@ def browser():
 
 def ids(page):
     page.wait_for_selector("tbody tr")
-    page.wait_for_function("!document.querySelector('#table').hasAttribute('aria-busy')")
+    wait_until(page, "!document.querySelector('#table').hasAttribute('aria-busy')")
     return page.locator("tbody th.id").all_inner_texts()
 
 
@@ -41,7 +41,7 @@ def test_the_page_and_the_player_open(browser, served):
         page.wait_for_selector("#player canvas")
         before = page.inner_text("#player .time")
         page.keyboard.press(" ")
-        page.wait_for_function("(before) => document.querySelector('#player .time').innerText !== before", arg=before)
+        wait_until(page, "(before) => document.querySelector('#player .time').innerText !== before", before)
 
 
 @pytest.mark.long
@@ -50,7 +50,7 @@ def test_the_page_and_the_player_open(browser, served):
 def test_layout(browser, served, lake, width, scheme):
     with visiting(browser, served, width, color_scheme=scheme) as page:
         assert len(ids(page)) == 50
-        page.wait_for_function("document.querySelector('tbody img').naturalWidth > 0")
+        wait_until(page, "document.querySelector('tbody img').naturalWidth > 0")
         check_layout(page, "header button", "header input", "tbody th.id a", ".pages button", ".pages input")
         page.goto(f"{served}/?{urlencode({'scenario': make_scenario(20).id})}")
         page.wait_for_selector("#player canvas")
@@ -64,11 +64,13 @@ def test_filter_sort_and_paging(browser, served, lake):
         assert ids(page) == wanted[:50]
         with page.expect_response(lambda response: "/api/rows" in response.url):
             page.get_by_role("button", name="Next").click()
-        page.wait_for_function("document.querySelectorAll('tbody tr').length === 9")
+        wait_until(page, "document.querySelectorAll('tbody tr').length === 9")
         assert ids(page) == wanted[50:]
         assert page.get_by_role("button", name="Next").is_disabled()
         apply(page, "num_objects > 5")
-        page.wait_for_function("document.querySelector('#count').innerText.includes('of 57')")
+        count = lake.sql("SELECT count(*) AS n FROM metadata WHERE num_objects > 5")["n"].item()
+        assert 50 < count < 59
+        wait_until(page, f"document.querySelector('#count').innerText.includes('of {count}')")
         with page.expect_response(lambda response: "/api/rows" in response.url):
             page.get_by_role("button", name="ego_distance").click()
         page.wait_for_selector("th[aria-sort=descending]")
@@ -82,7 +84,7 @@ def test_filter_sort_and_paging(browser, served, lake):
         page.go_back()
         page.wait_for_selector("th[aria-sort=ascending]")
         page.select_option("#database", "several")
-        page.wait_for_function("location.search.includes('database=several')")
+        wait_until(page, "location.search.includes('database=several')")
 
 
 @pytest.mark.long
@@ -147,7 +149,7 @@ def test_the_player(browser, served):
         assert page.inner_text("#player .chosen strong") == "t1"
         page.select_option("#player select", "4")
         page.get_by_role("button", name="Play", exact=True).click()
-        page.wait_for_function("document.querySelector('.play').innerText === 'Play'")
+        wait_until(page, "document.querySelector('.play').innerText === 'Play'")
         assert step() == scenario.num_timesteps - 1, "it plays to the end, and stops there"
         page.keyboard.press("Escape")
         page.wait_for_selector("tbody tr")
@@ -249,7 +251,7 @@ def test_saving_the_filter(browser, tmp_path):
         assert page.inner_text(".said") == f"busy@1: {len(lake.database('busy'))} scenarios saved"
         page.get_by_role("button", name="Close").click()
         page.select_option("#database", "busy")
-        page.wait_for_function("location.search.includes('database=busy')")
+        wait_until(page, "location.search.includes('database=busy')")
         page.get_by_role("button", name="Save as database").click()
         page.get_by_label("Name").fill("busy")
         page.get_by_role("button", name="Save", exact=True).click()
