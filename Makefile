@@ -8,7 +8,7 @@ LAKE ?= lake
 RAW ?= $(if $(SCENARIONET_RAW),$(SCENARIONET_RAW)/$(DATASET),$(if $(filter nuplan,$(DATASET)),$(NUPLAN_DATA_ROOT)))
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-all test-metadrive test-devkits check bench bench-sim convert docs build clean
+.PHONY: help install install-browser demo test test-all test-metadrive test-devkits check bench bench-sim convert docs build clean
 
 help:  ## List the targets.
 	@sed -nE 's/^([a-z-]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "make %-15s %s\n", $$1, $$2}'
@@ -20,6 +20,10 @@ $(INSTALLED): pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
 	@touch $@
+
+install-browser:  ## Debian's chromium, for the tests that look at pages in a browser.
+	@command -v chromium >/dev/null && chromium --version || $(if $(filter 0,$(shell id -u)),,sudo) sh -c \
+		'apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium fonts-dejavu-core'
 
 demo: install  ## From nothing to a lake, a filter, a split and pickles, without a download.
 	$(BIN)/python -m pipelines.demo

@@ -13,7 +13,7 @@ from pipelines.cli.interrupt import stop_cleanly
 
 VERBS = {
     "Bring recordings in": ("convert", "converters"),
-    "Look": ("list", "show", "sql", "mine", "stats", "files", "render"),
+    "Look": ("list", "show", "sql", "mine", "stats", "files", "render", "browse", "report"),
     "Choose": ("filter", "filters", "split", "sample", "tag"),
     "Combine": ("merge", "intersect", "subtract", "diff", "overlap"),
     "Keep databases": ("lineage", "rebuild", "rebase", "copy", "rename", "drop", "checkout"),

@@ -1,0 +1,116 @@
+"""Distributions as small SVG pictures in the page's own colours, light or dark: one a measure, side by side."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from pipelines.report.markup import Markup, joined, tag
+from pipelines.report.measures import Distribution, Float64
+
+_WIDTH, _HEIGHT = 320, 150
+_LEFT, _RIGHT, _TOP, _BOTTOM = 40, 10, 8, 26
+_STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
+
+
+def histogram(distribution: Distribution, names: list[str]) -> Markup:
+    """A distribution: bars for one database, outlines for several.
+
+    Args:
+        distribution: What is drawn.
+        names: Of the databases, in order; colours follow that order.
+    """
+    most = max(float(distribution.shares.max()), 1e-9)
+    height = nice_ticks(0.0, most, 3)
+    top = max(most, height[-1])
+    across = _Scale(float(distribution.edges[0]), float(distribution.edges[-1]), _LEFT, _WIDTH - _RIGHT)
+    up = _Scale(0.0, top, _HEIGHT - _BOTTOM, _TOP)
+    unit = f" [{distribution.unit}]" if distribution.unit else ""
+    drawn = [
+        _bars(distribution, across, up) if len(names) == 1 else _outline(distribution, place, across, up)
+        for place in range(len(names))
+    ]
+    label = f"{distribution.title}{unit}: " + "; ".join(
+        f"{name}: most often {_likeliest(distribution, place)}" for place, name in enumerate(names)
+    )
+    return tag(
+        "svg", tag("title", label), _grid(height, up, across), *drawn, _axis(distribution, across),
+        viewBox=f"0 0 {_WIDTH} {_HEIGHT}", role="img", class_="histogram",
+    )  # fmt: skip
+
+
+class _Scale:
+    """From a number to a place on the picture."""
+
+    def __init__(self, low: float, high: float, start: float, end: float) -> None:
+        self.low, self.high = low, high
+        self.start, self._factor = start, (end - start) / (high - low)
+
+    def __call__(self, value: float) -> float:
+        return round(self.start + (value - self.low) * self._factor, 2)
+
+
+def nice_ticks(low: float, high: float, count: int) -> list[float]:
+    """About ``count`` round numbers from low to high.
+
+    Example:
+        >>> nice_ticks(0.0, 47.0, 4)
+        [0.0, 10.0, 20.0, 30.0, 40.0]
+    """
+    rough = (high - low) / count
+    power = 10.0 ** np.floor(np.log10(rough))
+    step = next(float(power * factor) for factor in _STEPS if power * factor >= rough * 0.99)
+    first = np.ceil(low / step - 1e-9)
+    return [float(step * k) + 0.0 for k in np.arange(first, np.floor(high / step + 1e-9) + 1)]
+
+
+def _grid(heights: list[float], up: _Scale, across: _Scale) -> Markup:
+    right = across(across.high)
+    return joined(
+        *(tag("line", x1=_LEFT, x2=right, y1=up(value), y2=up(value), class_="grid") for value in heights),
+        *(tag("text", f"{100 * value:g}%", x=_LEFT - 5, y=up(value) + 3.5, class_="tick end") for value in heights),
+    )
+
+
+def _axis(distribution: Distribution, across: _Scale) -> Markup:
+    bottom = _HEIGHT - _BOTTOM
+    ticks = nice_ticks(across.low, across.high, 4)
+    marks = [tag("line", x1=across(t), x2=across(t), y1=bottom, y2=bottom + 4, class_="axis") for t in ticks]
+    words = [tag("text", f"{t:,.6g}", x=across(t), y=bottom + 16, class_="tick middle") for t in ticks]
+    line = tag("line", x1=_LEFT, x2=across(float(distribution.edges[-1])), y1=bottom, y2=bottom, class_="axis")
+    return joined(line, *marks, *words)
+
+
+def _bars(distribution: Distribution, across: _Scale, up: _Scale) -> Markup:
+    edges, shares = distribution.edges, distribution.shares[0]
+    bottom = up(0.0)
+    return joined(
+        *(
+            tag(
+                "rect", tag("title", f"{_between(left, right)}: {share:.1%}"),
+                x=across(left) + 0.5, width=max(round(across(right) - across(left) - 1, 2), 0.5),
+                y=up(share), height=round(bottom - up(share), 2), class_="series-1 bar",
+            )
+            for (left, right), share in zip(pairwise(edges.tolist()), shares.tolist(), strict=True)
+            if share
+        )
+    )  # fmt: skip
+
+
+def _outline(distribution: Distribution, place: int, across: _Scale, up: _Scale) -> Markup:
+    edges: Float64 = np.repeat(distribution.edges, 2)
+    shares: Float64 = np.concatenate([[0.0], np.repeat(distribution.shares[place], 2), [0.0]])
+    points = " ".join(f"{across(x)},{up(y)}" for x, y in zip(edges.tolist(), shares.tolist(), strict=True))
+    return tag("polyline", points=points, class_=f"series-{place % 8 + 1} outline")
+
+
+def _likeliest(distribution: Distribution, place: int) -> str:
+    bin_ = int(distribution.shares[place].argmax())
+    return _between(float(distribution.edges[bin_]), float(distribution.edges[bin_ + 1]))
+
+
+def _between(left: float, right: float) -> str:
+    if (left + 0.5).is_integer() and right - left == 1:
+        return f"{left + 0.5:g}"
+    return f"{left:.3g} to {right:.3g}"

@@ -1,0 +1,31 @@
+// What is looked at, kept in the page's address: it can be reloaded, gone back to, and sent to a colleague.
+
+const defaults = {
+  where: "",
+  database: "",
+  sort: "scenario_id",
+  order: "rising",
+  page: 1,
+  rows: 50,
+  columns: "dataset,split,duration,ego_distance,ego_mean_speed,num_objects,num_lanes,difficulty",
+  scenario: "",
+};
+
+export function read() {
+  const given = new URLSearchParams(location.search);
+  const state = { ...defaults };
+  for (const name of Object.keys(defaults)) if (given.has(name)) state[name] = given.get(name);
+  state.page = Math.max(1, Number.parseInt(state.page, 10) || 1);
+  state.rows = Math.min(200, Math.max(1, Number.parseInt(state.rows, 10) || defaults.rows));
+  return state;
+}
+
+export function href(state) {
+  const shown = Object.entries(state).filter(([name, value]) => String(value) !== String(defaults[name]));
+  const query = new URLSearchParams(shown).toString();
+  return query ? `/?${query}` : "/";
+}
+
+export function write(state) {
+  if (href(state) !== location.pathname + location.search) history.pushState(null, "", href(state));
+}

@@ -1,0 +1,76 @@
+// The page: opens the lake, then shows what its address says, and says in its address what is shown.
+
+import * as address from "/static/address.js";
+import { find, make, fill } from "/static/elements.js";
+import { startFilter, showProblem } from "/static/filter.js";
+import { plural } from "/static/format.js";
+import { openPlayer, closePlayer } from "/static/player.js";
+import { startSaving } from "/static/saving.js";
+import { getJson } from "/static/server.js";
+import { startTable, showTable } from "/static/table.js";
+
+let lake;
+let listed = [];
+
+async function show(state) {
+  const isPlaying = Boolean(state.scenario);
+  find("list").hidden = isPlaying;
+  find("filter").hidden = find("where-hint").hidden = isPlaying;
+  find("player").hidden = !isPlaying;
+  document.title = `${state.scenario || lake.name} – ScenarioNet lake`;
+  find("where").value = state.where;
+  find("database").value = state.database;
+  showProblem(null);
+  if (isPlaying) {
+    await openPlayer(lake, state, listed, go);
+  } else {
+    closePlayer();
+    listed = (await showTable(lake, state, showProblem)) ?? listed;
+  }
+}
+
+// Changes what is looked at; other filters begin at the first page.
+function go(changes) {
+  const before = address.read();
+  const state = { ...before, ...changes };
+  const isOther = ["where", "database", "sort", "order", "rows"].some((name) => String(state[name]) !== String(before[name]));
+  if (isOther && !("page" in changes)) state.page = 1;
+  address.write(state);
+  return show(state);
+}
+
+function showDatabases(names) {
+  fill(find("database"), make("option", { value: "" }, "whole lake"), ...names.map((name) => make("option", { value: name }, name)));
+  find("database").value = address.read().database;
+}
+
+function onLink(event) {
+  const link = event.target.closest("a[href^='/']");
+  if (!link || event.button || event.metaKey || event.ctrlKey || event.shiftKey) return;
+  event.preventDefault();
+  history.pushState(null, "", link.getAttribute("href"));
+  show(address.read());
+  scrollTo(0, 0);
+}
+
+async function start() {
+  try {
+    lake = await getJson("/api/about");
+  } catch (error) {
+    find("lake-facts").textContent = "";
+    showProblem(error);
+    return;
+  }
+  find("lake-name").textContent = lake.name;
+  find("lake-facts").textContent = `${plural(lake.scenarios, "scenario")} · snapshot ${lake.snapshot} · ${lake.isWritable ? "databases may be saved" : "read-only"}`;
+  find("lake-facts").title = `${lake.path}, ${lake.software}`;
+  showDatabases(lake.databases);
+  startFilter(lake, go);
+  startTable(lake, go);
+  startSaving(lake, showDatabases);
+  addEventListener("popstate", () => show(address.read()));
+  document.addEventListener("click", onLink);
+  await show(address.read());
+}
+
+start();

@@ -1,0 +1,174 @@
+// The canvas of the player: paints a scene at a time, and turns pointers and wheels into a camera's moves.
+
+import { Camera } from "/static/camera.js";
+import { MapHit } from "/static/map_hit.js";
+import { MapLayer } from "/static/map_layer.js";
+import { ObjectLayer } from "/static/object_layer.js";
+
+const rest = 150; // [ms] after which a camera that was moved has come to rest
+const bars = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000]; // [m]
+const layerOf = { lane: "roads", area: "roads", line: "lines", stop: "lines", edge: "edges", crosswalk: "crosswalks" };
+
+export class Stage {
+  constructor(canvas, scene, style, layers, clock) {
+    Object.assign(this, { canvas, scene, style, layers, clock });
+    this.context = canvas.getContext("2d", { alpha: false });
+    this.camera = new Camera();
+    this.map = new MapLayer(scene, style, layers);
+    this.objects = new ObjectLayer(scene, style, layers);
+    this.hits = new MapHit(scene);
+    this.follows = false;
+    this.isStale = true;
+    this.movedAt = -Infinity;
+    this.pointers = new Map();
+    this.pointer = null;
+    this.onHover = () => {};
+    this.onPick = () => {};
+    this.onMove = () => {};
+    this.listen();
+    this.resize();
+    this.fitRoute();
+  }
+
+  resize() {
+    const { width, height } = this.canvas.getBoundingClientRect();
+    this.ratio = Math.min(devicePixelRatio || 1, 2);
+    this.canvas.width = Math.round(width * this.ratio);
+    this.canvas.height = Math.round(height * this.ratio);
+    this.camera.width = Math.max(1, width);
+    this.camera.height = Math.max(1, height);
+    this.isStale = true;
+  }
+
+  fitRoute() {
+    this.camera.fit(this.scene.route());
+    this.moved();
+  }
+
+  fitAll() {
+    this.camera.fit(this.scene.bounds());
+    this.moved();
+  }
+
+  moved() {
+    this.movedAt = performance.now();
+    this.isStale = true;
+    this.onMove();
+  }
+
+  redrawMap() {
+    this.map.forget();
+    this.isStale = true;
+  }
+
+  // Paint if anything changed.
+  paint(now, isForced) {
+    if (!this.isStale && !isForced) return;
+    this.isStale = false;
+    const moment = this.scene.at(this.clock.time);
+    if (this.follows) this.follow(moment);
+    const isMoving = now - this.movedAt < rest;
+    if (this.map.paint(this.context, this.camera, this.ratio, isMoving)) this.isStale = true;
+    this.objects.paint(this.context, this.camera, this.ratio, moment);
+    this.paintBar();
+  }
+
+  follow(moment) {
+    const followed = this.objects.selected >= 0 ? this.objects.selected : this.scene.ego;
+    const place = this.scene.place(followed, moment, {});
+    if (place.isThere) [this.camera.x, this.camera.y] = [place.x, place.y];
+  }
+
+  // A bar of a round length, so that one can tell how large things are.
+  paintBar() {
+    const { context, camera, ratio, style } = this;
+    const length = bars.findLast((bar) => bar * camera.scale <= camera.width * 0.22) ?? bars[0];
+    const width = length * camera.scale;
+    const y = camera.height - 14;
+    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    for (const [color, thickness] of [[style.white, 5], [style.ink, 2]]) {
+      context.strokeStyle = color;
+      context.lineWidth = thickness;
+      context.beginPath();
+      context.moveTo(14, y);
+      context.lineTo(14 + width, y);
+      context.stroke();
+    }
+    context.font = "12px system-ui, sans-serif";
+    context.lineWidth = 3;
+    context.strokeStyle = style.white;
+    context.fillStyle = style.ink;
+    context.strokeText(`${length} m`, 14, y - 6);
+    context.fillText(`${length} m`, 14, y - 6);
+  }
+
+  // --- pointers ----------------------------------------------------------------------------------
+
+  listen() {
+    const { canvas } = this;
+    canvas.addEventListener("wheel", (event) => this.onWheel(event), { passive: false });
+    canvas.addEventListener("pointerdown", (event) => this.onDown(event));
+    canvas.addEventListener("pointermove", (event) => this.onPointer(event));
+    for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, (event) => this.onUp(event));
+    canvas.addEventListener("pointerleave", () => this.hover(null));
+    canvas.addEventListener("dblclick", () => this.fitRoute());
+  }
+
+  onWheel(event) {
+    event.preventDefault();
+    const pixels = event.deltaY * [1, 16, 400][event.deltaMode];
+    this.camera.zoom(Math.exp(-pixels / 500), event.offsetX, event.offsetY);
+    this.moved();
+  }
+
+  onDown(event) {
+    this.canvas.setPointerCapture(event.pointerId);
+    this.pointers.set(event.pointerId, [event.offsetX, event.offsetY]);
+    this.dragged = 0;
+  }
+
+  onPointer(event) {
+    const before = this.pointers.get(event.pointerId);
+    const here = [event.offsetX, event.offsetY];
+    if (!before) return this.hover(event.pointerType === "touch" ? null : here);
+    if (this.pointers.size === 2) this.pinch(event.pointerId, before, here);
+    else this.drag(before, here);
+    this.pointers.set(event.pointerId, here);
+  }
+
+  drag(before, here) {
+    this.dragged += Math.hypot(here[0] - before[0], here[1] - before[1]);
+    if (this.dragged > 4) this.follows = false;
+    this.camera.pan(here[0] - before[0], here[1] - before[1]);
+    this.moved();
+  }
+
+  pinch(id, before, here) {
+    const [other] = [...this.pointers].filter(([each]) => each !== id).map(([, place]) => place);
+    const distance = (place) => Math.hypot(place[0] - other[0], place[1] - other[1]) || 1;
+    this.dragged = Infinity;
+    this.camera.zoom(distance(here) / distance(before), (here[0] + other[0]) / 2, (here[1] + other[1]) / 2);
+    this.camera.pan((here[0] - before[0]) / 2, (here[1] - before[1]) / 2);
+    this.moved();
+  }
+
+  onUp(event) {
+    this.pointers.delete(event.pointerId);
+    if (event.type === "pointerup" && this.dragged <= 4) this.onPick(this.under([event.offsetX, event.offsetY]).object);
+  }
+
+  // The pointer is there, or still is while things move under it; null: it left.
+  hover(here = this.pointer) {
+    this.pointer = here;
+    this.onHover(here && { ...this.under(here), place: here });
+  }
+
+  // What lies under a place of the canvas: rows of an object and of a map feature, -1 for none.
+  under([px, py]) {
+    const [x, y] = this.camera.toWorld(px, py);
+    const slack = 4 / this.camera.scale;
+    const object = this.layers.objects ? this.objects.hit(x, y, slack, this.scene.at(this.clock.time)) : -1;
+    const feature = object < 0 ? this.hits.at(x, y, slack, (kind) => this.layers[layerOf[kind]]) : -1;
+    return { object, feature, at: [x, y] };
+  }
+}
