@@ -118,7 +118,7 @@ def gather(
         "SELECT (SELECT count(*) FROM quarantine) AS quarantined, (SELECT count(DISTINCT city) FROM metadata) AS cities"
     )
     return Contents(
-        name=lake.root.name,
+        name=lake.name,
         snapshot=lake.snapshot.number,
         created_at=lake.snapshot.created_at,
         summary=lake.summary().to_dicts(),
@@ -161,7 +161,7 @@ class _Steps:
 def _made(lake: Lake, name: str | None) -> str:
     if name is None:
         return ""
-    _, lineage = lake.lineage(name)
+    lineage = lake.database(name).lineage
     source = ", ".join(lineage.parents) or "the lake"
     return f"{lineage.operation} of {source} at snapshot {lineage.snapshot}"
 

@@ -66,7 +66,7 @@ class Browser:
         """The lake, its columns and databases, and the colours that pictures have."""
         return JSONResponse(
             {
-                "name": self.lake.root.name,
+                "name": self.lake.name,
                 "path": str(self.lake.root),
                 "snapshot": self.lake.snapshot.number,
                 "software": software.name_and_version(),

@@ -77,6 +77,11 @@ class Lake:
         """Absolute path of the lake, or its URL."""
         return self.files.root
 
+    @property
+    def name(self) -> str:
+        """The last part of its path."""
+        return str(self.root).rstrip("/").rpartition("/")[2]
+
     def refresh(self) -> Lake:
         """The same lake at its newest snapshot."""
         return Lake(self.root)

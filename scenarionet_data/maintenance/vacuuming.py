@@ -153,8 +153,8 @@ def made_on(files: LakeFiles) -> dict[int, list[str]]:
     found: dict[int, list[str]] = defaultdict(list)
     for name in databases.names(files):
         for version in databases.versions(files, name):
-            reference, lineage = databases.lineage(files, name, version)
-            found[lineage.snapshot].append(reference)
+            database = databases.read(files, name, version)
+            found[database.lineage.snapshot].append(database.reference)
     return found
 
 

@@ -76,7 +76,7 @@ def distributions(
         BadParameter: There is no such column, or it holds no numbers.
     """
     _check(lake, column, by)
-    chosen = [lake.resolve_database(each) for each in databases]
+    chosen = [lake.database(each) for each in databases]
     parts = [(each.reference, lake.only(each)) for each in chosen] or [("", lake)]
     limits = [part.sql(_LIMITS.format(column=column)).row(0) for _, part in parts]
     fewest = min(known for _, _, known in limits)
