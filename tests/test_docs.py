@@ -230,6 +230,7 @@ def test_the_example_converter_passes_its_own_conformance_test(tmp_path):
     assert "skipped" not in done.stdout
 
 
+@pytest.mark.long
 def test_the_example_as_an_installed_package_is_a_dataset_like_every_other(tmp_path):
     """The page's package, built and installed by the page's own commands, into a folder of its own."""
     page = "docs/adding_a_dataset.md"

@@ -105,7 +105,7 @@ def test_a_killed_worker_ends_the_run_and_keeps_what_was_finished(tmp_path):
 # --- two at once --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", ["the same recordings", "different recordings"])
+@pytest.mark.parametrize("kind", ["the same recordings", pytest.param("different recordings", marks=pytest.mark.long)])
 def test_two_jobs_at_once_make_one_lake(tmp_path, kind):
     first = raw_of(tmp_path / "first", 0, 8)
     second = first if kind == "the same recordings" else raw_of(tmp_path / "second", 50, 8)
