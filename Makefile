@@ -8,7 +8,7 @@ LAKE ?= lake
 RAW ?= $(if $(SCENARIONET_RAW),$(SCENARIONET_RAW)/$(DATASET),$(if $(filter nuplan,$(DATASET)),$(NUPLAN_DATA_ROOT)))
 
 .DEFAULT_GOAL := help
-.PHONY: help install install-browser demo test test-all test-metadrive test-devkits check bench bench-sim convert docs build clean
+.PHONY: help install install-browser demo test test-all test-metadrive test-devkits check bench bench-remote bench-sim convert docs build clean
 
 help:  ## List the targets.
 	@sed -nE 's/^([a-z-]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "make %-15s %s\n", $$1, $$2}'
@@ -58,6 +58,9 @@ bench: install  ## Measure against the goals; writes bench.json.
 
 bench-sim: install  ## Measure the simulator alone.
 	$(BIN)/python -m tests.bench --only sim $(ARGS)
+
+bench-remote: install  ## Measure lakes in an object store alone, against an S3 server on this machine.
+	$(BIN)/python -m tests.bench --only remote $(ARGS)
 
 convert: _arguments install  ## DATASET=waymo [RAW=... LAKE=lake SPLIT= WORKERS= ARGS=]: recordings into a lake.
 	$(BIN)/scenarionet convert '$(DATASET)' '$(RAW)' '$(LAKE)' \

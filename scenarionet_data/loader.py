@@ -103,9 +103,9 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
     def _loaded(self, indices: Sequence[int], wanted: Sequence[str], load: Callable[[int], Any]) -> Iterator[Any]:
         """What ``load`` makes of each, with the row groups of the next ones fetched together."""
         for start in range(0, len(indices), _FETCHED_TOGETHER):
-            chosen = indices[start : start + _FETCHED_TOGETHER]
-            self._reader.fetch(address for index in chosen for address in _addresses(self._row(index), wanted))
-            yield from map(load, chosen)
+            coming = indices[start : start + 2 * _FETCHED_TOGETHER]  # the next ones come while these are read
+            self._reader.fetch(address for index in coming for address in _addresses(self._row(index), wanted))
+            yield from map(load, coming[:_FETCHED_TOGETHER])
 
     def _row(self, index: int) -> dict[str, Any]:
         if not -len(self) <= index < len(self):

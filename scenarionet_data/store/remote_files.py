@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
@@ -139,8 +139,12 @@ class RemoteLakeFiles(LakeFiles):
         with self._reading(name):
             return bytes(obstore.get_range(self._store, name, start=start, end=end))
 
+    def start(self, do: Callable[..., Made], *given: Any) -> Future[Made]:
+        """Do something in another thread; for requests, which mostly wait."""
+        return self._threads.submit(do, *given)
+
     def side_by_side(self, do: Callable[[Given], Made], given: Iterable[Given]) -> list[Made]:
-        """What ``do`` makes of each, many at once; for requests, which mostly wait."""
+        """What ``do`` makes of each, many at once."""
         listed = list(given)
         return [do(listed[0])] if len(listed) == 1 else list(self._threads.map(do, listed))
 

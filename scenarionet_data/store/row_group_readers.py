@@ -5,6 +5,7 @@ from __future__ import annotations
 import mmap
 from collections import OrderedDict
 from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -15,11 +16,13 @@ from scenarionet_data import tables
 from scenarionet_data.codec import LoadedRows
 from scenarionet_data.store.files import LakeFiles
 from scenarionet_data.store.remote_files import FOOTER, RemoteLakeFiles
-from scenarionet_data.store.row_groups import RowGroups
+from scenarionet_data.store.row_groups import RowGroups, list_columns
+from scenarionet_data.tables import Column
 
 _OPEN_FILES = 32
 _KEPT_FOOTERS = 512
-_GAP = 2**17
+_MOST_COMING = 1024
+_GAP = 2**19
 """Bytes between two row groups that are rather read than left out: they cost less than a request."""
 
 Address = tuple[str, str, int]
@@ -76,67 +79,83 @@ class FileReader:
 
 
 @dataclass(frozen=True)
-class _Fetched:
-    """A row group's bytes, the size and footer of its file, and where they lie in it."""
+class _Footer:
+    """What is known of a file: its size in bytes, its footer, and its float lists among the columns to read."""
 
     size: int
-    footer: pq.FileMetaData
+    metadata: pq.FileMetaData
+    lists: list[tuple[int, Column]]
+
+    def span(self, number: int) -> tuple[int, int]:
+        """Where a row group's bytes begin and end."""
+        group = self.metadata.row_group(number)
+        columns = [group.column(index) for index in range(group.num_columns)]
+        starts = [min(c.data_page_offset, c.dictionary_page_offset or c.data_page_offset) for c in columns]
+        return min(starts), max(s + c.total_compressed_size for s, c in zip(starts, columns, strict=True))
+
+
+@dataclass(frozen=True)
+class _Coming:
+    """A row group on its way: it begins at ``start`` of its file, ``skipped`` bytes into what was asked for."""
+
+    footer: _Footer
     start: int
-    content: bytes
+    size: int
+    skipped: int
+    answer: Future[bytes]
+
+    def content(self) -> mmap.mmap:
+        """As much address space as the file is long, of which only what is written takes memory."""
+        space = mmap.mmap(-1, self.footer.size)
+        found = self.answer.result()
+        space[self.start : self.start + self.size] = found[self.skipped : self.skipped + self.size]
+        return space
 
 
 class RangeReader:
     """Reads row groups by byte ranges: one request for each, fewer where they lie side by side.
 
-    Footers are kept, in memory and as copies on this machine.
+    Footers are kept, in memory and as copies on this machine. What is fetched comes while others are read.
     """
 
     def __init__(self, files: RemoteLakeFiles, columns: Mapping[str, Sequence[str]]) -> None:
         self._files = files
         self._columns = columns
-        self._footers: OrderedDict[str, tuple[int, pq.FileMetaData]] = OrderedDict()
-        self._fetched: dict[Address, _Fetched] = {}
+        self._footers: OrderedDict[str, _Footer] = OrderedDict()
+        self._coming: OrderedDict[Address, _Coming] = OrderedDict()
 
     def fetch(self, addresses: Iterable[Address]) -> None:
         """Ask for row groups, all at once."""
-        missing = sorted({address for address in addresses if address not in self._fetched})
+        missing = sorted({address for address in addresses if address not in self._coming})
         if not missing:
             return
         self._learn(missing)
-        runs = _runs([(*self._span(address), address) for address in missing])
-        content = self._files.side_by_side(lambda run: self._files.range(run[0][2][1], run[0][0], run[-1][1]), runs)
-        for run, found in zip(runs, content, strict=True):
-            first = run[0][0]
+        for run in _runs([(*self._footers[address[1]].span(address[2]), address) for address in missing]):
+            (first, _, (_, name, _)), last = run[0], run[-1][1]
+            answer = self._files.start(self._files.range, name, first, last)
             for start, end, address in run:
-                self._fetched[address] = _Fetched(*self._footers[address[1]], start, found[start - first : end - first])
+                footer = self._footers[name]
+                self._coming[address] = _Coming(footer, start, end - start, start - first, answer)
+        while len(self._coming) > max(_MOST_COMING, len(missing)):  # nobody has read them
+            self._coming.popitem(last=False)
 
     def read(self, address: Address) -> LoadedRows:
         """One row group."""
         table, _, number = address
-        if address not in self._fetched:
+        if address not in self._coming:
             self.fetch([address])
-        fetched = self._fetched.pop(address)
-        # As much address space as the file is long, of which only what is written takes memory.
-        space = mmap.mmap(-1, fetched.size)
-        space[fetched.start : fetched.start + len(fetched.content)] = fetched.content
-        file = pq.ParquetFile(pa.BufferReader(pa.py_buffer(space)), metadata=fetched.footer, pre_buffer=False)
-        return RowGroups(file, memoryview(space), tables.load(table), self._columns[table]).read(number)
-
-    def _span(self, address: Address) -> tuple[int, int]:
-        """Where a row group's bytes begin and end in its file."""
-        _, name, number = address
-        group = self._footers[name][1].row_group(number)
-        columns = [group.column(index) for index in range(group.num_columns)]
-        starts = [min(c.data_page_offset, c.dictionary_page_offset or c.data_page_offset) for c in columns]
-        return min(starts), max(s + c.total_compressed_size for s, c in zip(starts, columns, strict=True))
+        coming = self._coming.pop(address)
+        content, footer = coming.content(), coming.footer
+        file = pq.ParquetFile(pa.BufferReader(pa.py_buffer(content)), metadata=footer.metadata, pre_buffer=False)
+        return RowGroups(file, memoryview(content), self._columns[table], footer.lists).read(number)
 
     def _learn(self, addresses: Sequence[Address]) -> None:
         """Read the footers of files that are not known yet."""
         unknown = sorted({(table, name) for table, name, _ in addresses if name not in self._footers})
         for (table, name), (size, end) in zip(unknown, self._files.side_by_side(self._end, unknown), strict=True):
-            footer = pq.read_metadata(pa.BufferReader(end))
-            tables.load(table).check_version(footer.metadata, self._files.url(name))
-            self._footers[name] = size, footer
+            footer, declared = pq.read_metadata(pa.BufferReader(end)), tables.load(table)
+            declared.check_version(footer.metadata, self._files.url(name))
+            self._footers[name] = _Footer(size, footer, list_columns(footer, declared, self._columns[table]))
         for _, name, _ in addresses:
             self._footers.move_to_end(name)
         while len(self._footers) > max(_KEPT_FOOTERS, len(addresses)):

@@ -34,14 +34,16 @@ class RowGroups:
     Args:
         file: The file.
         content: Its bytes; those of row groups that are not read may be missing.
-        table: Table of the contract it belongs to.
         columns: Names of the columns to read.
+        lists: Those of them that are float lists, of :func:`list_columns`.
     """
 
-    def __init__(self, file: pq.ParquetFile, content: memoryview, table: Table, columns: Sequence[str]) -> None:
+    def __init__(
+        self, file: pq.ParquetFile, content: memoryview, columns: Sequence[str], lists: Sequence[tuple[int, Column]]
+    ) -> None:
         self._file = file
         self._columns = columns
-        self._lists = _list_columns(file.metadata, table, columns)
+        self._lists = lists
         self._content = content
         self._bytes = np.frombuffer(content, np.uint8)
         self._zstd = zstandard.ZstdDecompressor()
@@ -58,7 +60,7 @@ class RowGroups:
         table.check_version(opened.metadata.metadata, str(path))
         with path.open("rb") as file:
             content = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
-        return cls(opened, content, table, columns)
+        return cls(opened, content, columns, list_columns(opened.metadata, table, columns))
 
     def close(self) -> None:
         """Close the file."""
@@ -106,7 +108,7 @@ class RowGroups:
             return _NOTHING
 
 
-def _list_columns(footer: pq.FileMetaData, table: Table, names: Sequence[str]) -> list[tuple[int, Column]]:
+def list_columns(footer: pq.FileMetaData, table: Table, names: Sequence[str]) -> list[tuple[int, Column]]:
     """Columns of float lists among ``names``, and their numbers in the file."""
     wanted = {table.column(name).path: table.column(name) for name in names}
     paths = [footer.schema.column(index).path for index in range(footer.num_columns)]
