@@ -1,12 +1,17 @@
-"""Where real recordings are found, for every test."""
+"""Where real recordings are found, and an S3 server for the tests that ask for one."""
 
 from __future__ import annotations
 
 import os
+import uuid
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+from tests.fixtures import object_store
+from tests.fixtures.object_store import BUCKET, ObjectStore
 
 settings.register_profile("scenarionet", deadline=None)  # a busy machine is no failure
 settings.load_profile("scenarionet")
@@ -19,3 +24,25 @@ def recordings() -> Path:
     if not folder:
         pytest.skip("real recordings: set SCENARIONET_TEST_DATA to their folder")
     return Path(folder)
+
+
+@pytest.fixture(scope="session")
+def object_store_server() -> Iterator[ObjectStore]:
+    with object_store.serve() as running:
+        yield running
+
+
+@pytest.fixture
+def store(object_store_server: ObjectStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ObjectStore:
+    """The server, well again, and this process as its client."""
+    object_store_server.set()
+    for name, value in (object_store_server.environment | {"SCENARIONET_CACHE": str(tmp_path / "cache")}).items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setenv("SCENARIONET_PATIENCE", "20")
+    return object_store_server
+
+
+@pytest.fixture
+def url(store: ObjectStore) -> str:
+    """Where there is no lake yet."""
+    return f"s3://{BUCKET}/{uuid.uuid4().hex}/lake"
