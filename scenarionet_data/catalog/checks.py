@@ -314,7 +314,8 @@ def _query(check: Check, scope: str) -> str:
 
 def _broken_files(files: LakeFiles, snapshot: Snapshot) -> pa.Table:
     """Files of a snapshot that are gone or of another size than when they were written: file and reason."""
-    needed = [name for name in (*snapshot.metadata, *snapshot.manifests) if not files.has(name)]
+    lists = [*snapshot.metadata, *snapshot.manifests]
+    needed = [name for name, size in zip(lists, files.sizes(lists), strict=True) if size is None]
     if needed:
         raise LakeError(
             f"{files.url(needed[0])}: gone, and {len(needed) - 1} more that list the lake's scenarios; "
@@ -322,9 +323,10 @@ def _broken_files(files: LakeFiles, snapshot: Snapshot) -> pa.Table:
         )
     shards = snapshots.shard_table(files, snapshot)
     names, sizes = (pc.list_flatten(shards[column]).to_pylist() for column in ("files", "sizes"))
+    wanted = dict(zip(names, sizes, strict=True))  # shards may share files
     broken = [
-        {"file": name, "reason": f"not {size} bytes long" if files.has(name) else "gone"}
-        for name, size in dict(zip(names, sizes, strict=True)).items()  # shards may share files
-        if not files.has(name, size)
+        {"file": name, "reason": "gone" if found is None else f"not {size} bytes long"}
+        for (name, size), found in zip(wanted.items(), files.sizes(list(wanted)), strict=True)
+        if found != size
     ]
     return pa.Table.from_pylist(broken, schema=pa.schema({"file": pa.string(), "reason": pa.string()}))

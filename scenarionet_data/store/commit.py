@@ -246,7 +246,7 @@ def _digest(*names: str) -> str:
 
 def _merge(files: LakeFiles, name: str, sources: list[str]) -> None:
     """Publish shards' own metadata files, one after the other, as one."""
-    together = pa.concat_tables([files.read(source) for source in sources])
+    together = pa.concat_tables(files.read_all(sources))
     files.publish(write_table(files, "metadata", together, {}, row_group_size=_ROWS_PER_GROUP), name)
 
 
@@ -303,7 +303,7 @@ def _own_metadata(records: Iterable[ShardRecord]) -> list[str]:
 
 
 def _ids(files: LakeFiles, names: list[str]) -> pa.Array:
-    columns = [files.read(name, ["scenario_id"])["scenario_id"] for name in names]
+    columns = [rows["scenario_id"] for rows in files.read_all(names, ["scenario_id"])]
     chunks = [chunk for column in columns for chunk in column.chunks]
     return pa.concat_arrays(chunks) if chunks else pa.array([], pa.string())
 

@@ -131,11 +131,27 @@ class LakeFiles:
         except OSError:
             return None
 
+    def sizes(self, names: Sequence[str]) -> list[int | None]:
+        """Like :meth:`size`, of many at once."""
+        return [self.size(name) for name in names]
+
     def read(self, name: str, columns: list[str] | None = None) -> pa.Table:
         """Rows of a Parquet file."""
+        return self.read_all([name], columns)[0]
+
+    def read_all(self, names: Sequence[str], columns: list[str] | None = None) -> list[pa.Table]:
+        """Rows of Parquet files, of each."""
+        return [_read(path, columns) for path in self.paths(names)]
+
+    def digest(self, name: str) -> str:
+        """SHA-256 of a file, hexadecimal."""
+        return sha256(self.path(name))
+
+    def footer(self, name: str) -> pq.FileMetaData:
+        """Footer of a Parquet file."""
         path = self.path(name)
         with reading(path):
-            return pq.ParquetFile(path).read(columns)
+            return pq.read_metadata(path)
 
     def temporary(self) -> Path:
         """A new path to write to before :meth:`publish`."""
@@ -246,6 +262,11 @@ class LakeFiles:
             with suppress(FileNotFoundError):  # its owner was alive after all
                 if time.time() - entry.stat().st_mtime > _ABANDONED_AFTER:
                     _delete(Path(entry.path))
+
+
+def _read(path: Path, columns: list[str] | None) -> pa.Table:
+    with reading(path):
+        return pq.ParquetFile(path).read(columns)
 
 
 def _delete(path: Path) -> None:

@@ -7,6 +7,7 @@ needs a whole file works on a copy on this machine; the big tables are read in p
 
 from __future__ import annotations
 
+import hashlib
 import uuid
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -15,9 +16,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
+import pyarrow as pa
+import pyarrow.parquet as pq
+
 from scenarionet_data.errors import LakeError
 from scenarionet_data.store import object_store
-from scenarionet_data.store.files import LakeFiles, open_files, writing
+from scenarionet_data.store.files import LakeFiles, open_files, reading, writing
 from scenarionet_data.store.local_copies import LocalCopies, folder_of
 from scenarionet_data.store.object_store import asking
 
@@ -116,8 +120,34 @@ class RemoteLakeFiles(LakeFiles):
         self._marks[name] = str(found["e_tag"])
         return int(found["size"])
 
-    def end(self, name: str, length: int) -> tuple[int, bytes]:
-        """Size and at most the last ``length`` bytes of one of the big files, whose content its name tells."""
+    def sizes(self, names: Sequence[str]) -> list[int | None]:
+        """Like :meth:`size`, asked side by side."""
+        return self.side_by_side(self.size, names)
+
+    def digest(self, name: str) -> str:
+        """SHA-256 of a file as it is in the store, hexadecimal; it is not kept."""
+        import obstore
+
+        found = hashlib.sha256()
+        with self._reading(name):
+            for piece in obstore.get(self._store, name).stream():
+                found.update(piece)
+        return found.hexdigest()
+
+    def footer(self, name: str) -> pq.FileMetaData:
+        """Footer of a Parquet file."""
+        if not name.startswith(_READ_IN_PLACE):
+            return super().footer(name)
+        with reading(self.url(name)):
+            return pq.read_metadata(pa.BufferReader(self.end(name)[1]))
+
+    def end(self, name: str) -> tuple[int, bytes]:
+        """Size and last bytes of one of the big Parquet files, whose content its name tells: all of its footer."""
+        size, end = self._last(name, FOOTER)
+        needed = int.from_bytes(end[-8:-4], "little") + 8
+        return (size, end) if needed <= len(end) or len(end) == size else self._last(name, needed)
+
+    def _last(self, name: str, length: int) -> tuple[int, bytes]:
         import obstore
 
         copy = self._copies.find(f"{name}.end", str(length))

@@ -11,7 +11,7 @@ from fsspec import AbstractFileSystem
 from fsspec.spec import AbstractBufferedFile
 
 from scenarionet_data.errors import LakeError
-from scenarionet_data.store.remote_files import FOOTER, RemoteLakeFiles
+from scenarionet_data.store.remote_files import RemoteLakeFiles
 
 _READ_AHEAD = 2**20
 """Bytes read at once: DuckDB asks for one column of one row group after the other, and they lie side by side."""
@@ -74,7 +74,7 @@ class RemoteFilesystem(AbstractFileSystem):  # type: ignore[misc]  # fsspec has 
 
     def _end(self, path: str) -> tuple[int, bytes]:
         with self._noting_failure():
-            return self._files.end(self._name(path), FOOTER)
+            return self._files.end(self._name(path))
 
     @contextmanager
     def _noting_failure(self) -> Iterator[None]:

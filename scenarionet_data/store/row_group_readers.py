@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 from scenarionet_data import tables
 from scenarionet_data.codec import LoadedRows
 from scenarionet_data.store.files import LakeFiles
-from scenarionet_data.store.remote_files import FOOTER, RemoteLakeFiles
+from scenarionet_data.store.remote_files import RemoteLakeFiles
 from scenarionet_data.store.row_groups import RowGroups, list_columns
 from scenarionet_data.tables import Column
 
@@ -152,7 +152,9 @@ class RangeReader:
     def _learn(self, addresses: Sequence[Address]) -> None:
         """Read the footers of files that are not known yet."""
         unknown = sorted({(table, name) for table, name, _ in addresses if name not in self._footers})
-        for (table, name), (size, end) in zip(unknown, self._files.side_by_side(self._end, unknown), strict=True):
+        for (table, name), (size, end) in zip(
+            unknown, self._files.side_by_side(self._files.end, [name for _, name in unknown]), strict=True
+        ):
             footer, declared = pq.read_metadata(pa.BufferReader(end)), tables.load(table)
             declared.check_version(footer.metadata, self._files.url(name))
             self._footers[name] = _Footer(size, footer, list_columns(footer, declared, self._columns[table]))
@@ -160,12 +162,6 @@ class RangeReader:
             self._footers.move_to_end(name)
         while len(self._footers) > max(_KEPT_FOOTERS, len(addresses)):
             self._footers.popitem(last=False)
-
-    def _end(self, file: tuple[str, str]) -> tuple[int, bytes]:
-        """Size and end of a file, with the whole footer."""
-        size, end = self._files.end(file[1], FOOTER)
-        needed = int.from_bytes(end[-8:-4], "little") + 8
-        return (size, end) if needed <= len(end) or len(end) == size else self._files.end(file[1], needed)
 
 
 Span = tuple[int, int, Address]

@@ -69,5 +69,5 @@ def find_record(files: LakeFiles, name: str) -> ShardRecord | None:
     except pa.ArrowInvalid:  # damaged since it was published: the shard is converted again
         return None
     record = ShardRecord(**json.loads(footer[b"scenarionet.shard"]))
-    is_whole = all(files.has(file, size) for file, size in zip(record.files, record.sizes, strict=True))
+    is_whole = files.sizes(record.files) == record.sizes
     return record if is_whole and not files.renew([name, *record.files]) else None

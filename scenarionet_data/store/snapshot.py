@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
@@ -191,14 +191,14 @@ def now() -> str:
 def shard_table(files: LakeFiles, snapshot: Snapshot) -> pa.Table:
     """Every shard of a snapshot as rows of ``schemas/shards.toml``, in order of partition and name."""
     schema = tables.load("shards").schema
-    parts = [read_manifest(files, name) for name in snapshot.manifests]
+    parts = _read_manifests(files, snapshot.manifests)
     together = pa.concat_tables([schema.empty_table(), *(part.cast(schema) for part in parts)])
     return together.sort_by([(name, "ascending") for name in ("dataset", "version", "split", "name", "key")])
 
 
 def column(files: LakeFiles, snapshot: Snapshot, name: str) -> pa.ChunkedArray:
     """One column of :func:`shard_table`, in any order."""
-    parts = [read_manifest(files, manifest, [name])[name] for manifest in snapshot.manifests]
+    parts = [rows[name] for rows in _read_manifests(files, snapshot.manifests, [name])]
     return pa.chunked_array(
         [chunk for part in parts for chunk in part.chunks], tables.load("shards").schema.field(name).type
     )
@@ -215,9 +215,14 @@ def read_manifest(files: LakeFiles, name: str, columns: list[str] | None = None)
     Raises:
         LakeError: It is gone or damaged, or of another version of the contract.
     """
-    table = files.read(name, columns)
-    tables.load("shards").check_version(table.schema.metadata, name)
-    return table
+    return _read_manifests(files, [name], columns)[0]
+
+
+def _read_manifests(files: LakeFiles, names: Sequence[str], columns: list[str] | None = None) -> list[pa.Table]:
+    found = files.read_all(names, columns)
+    for name, rows in zip(names, found, strict=True):
+        tables.load("shards").check_version(rows.schema.metadata, name)
+    return found
 
 
 def check_schemas(files: LakeFiles, snapshot: Snapshot) -> None:

@@ -10,12 +10,11 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
 
 from scenarionet_data import tables
 from scenarionet_data.errors import LakeError
 from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.files import LakeFiles, reading, sha256
+from scenarionet_data.store.files import LakeFiles
 from scenarionet_data.store.snapshot import Snapshot
 
 _ADDRESSED = ("tracks", "lights", "maps")
@@ -103,7 +102,7 @@ class Verifier:
         self._files = files
         self._is_deep = is_deep
         self._workers = workers
-        self._digest = digest or (lambda name: sha256(files.path(name)))
+        self._digest = digest or files.digest
         self._groups: dict[str, Ints] = {}
 
     def files(
@@ -143,7 +142,7 @@ class Verifier:
             snapshot: Which version of the lake.
             shards: Its shards.
         """
-        rows = pa.concat_tables([self._files.read(name, _columns()) for name in snapshot.metadata] or [_no_rows()])
+        rows = pa.concat_tables(self._files.read_all(snapshot.metadata, _columns()) or [_no_rows()])
         # Nobody has the rows of a shared map as an address.
         shared = set(listed(shards.filter(pc.equal(shards["split"], ""))))
         yield from self._wrong_addresses(rows, set(listed(shards)), shared)
@@ -229,10 +228,8 @@ def _row_groups(files: LakeFiles, name: str) -> Ints:
     Raises:
         LakeError: The footer cannot be read, or is of another version of the contract.
     """
-    path = files.path(name)
-    with reading(path):
-        footer = pq.read_metadata(path)
-    tables.load(name.split("/")[0]).check_version(footer.metadata, str(path))
+    footer = files.footer(name)
+    tables.load(name.split("/")[0]).check_version(footer.metadata, files.url(name))
     return np.array([footer.row_group(number).num_rows for number in range(footer.num_row_groups)], np.int64)
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.errors import DatabaseExists, LakeError, NoSuchSnapshot, QueryError
-from scenarionet_data.store import row_group_readers
+from scenarionet_data.store import remote_files, row_group_readers
 from scenarionet_data.store.files import LakeFiles, open_files
 from scenarionet_data.testing import differences
 from tests.fixtures.lakes import write_lake
@@ -71,7 +71,7 @@ def test_batches_load_while_footers_make_way(url, monkeypatch):
 
 @pytest.mark.long
 def test_long_footers_are_read_whole(lake, monkeypatch):
-    monkeypatch.setattr(row_group_readers, "FOOTER", 64)
+    monkeypatch.setattr(remote_files, "FOOTER", 64)
     assert differences(ScenarioLoader(lake)[2], MADE[2]) == []
 
 
