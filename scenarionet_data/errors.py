@@ -3,7 +3,7 @@
     ScenarioNetError
       SourceError        the raw data: SourceNotFound, CorruptSource, MissingDependency
       InvalidScenario    one scenario is unusable: quarantined and counted, the run goes on
-      LakeError          the lake: SchemaMismatch, SnapshotConflict, NoSuchSnapshot,
+      LakeError          the lake: FileGone, SchemaMismatch, SnapshotConflict, NoSuchSnapshot,
                          ScenarioNotFound, DuplicateScenario, BrokenContract, DatabaseNotFound,
                          DatabaseExists, DatabaseInUse, LeakingSplit, LayerExists
       WorkerLost         a worker process died; what it had finished is kept: ClusterLost
@@ -69,6 +69,10 @@ class SnapshotConflict(LakeError):
 
 class NoSuchSnapshot(LakeError):
     """The folder is not a lake, or the wanted snapshot has expired."""
+
+
+class FileGone(LakeError, FileNotFoundError):
+    """A file of the lake is not in its object store."""
 
 
 class ScenarioNotFound(LakeError, KeyError):

@@ -14,10 +14,9 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from scenarionet_data.converters.base import Converter, Shard
-from scenarionet_data.errors import BadParameter, SourceNotFound
-from scenarionet_data.store import object_store
+from scenarionet_data.errors import BadParameter, FileGone, SourceNotFound
 from scenarionet_data.store.files import is_url, writing
-from scenarionet_data.store.object_store import asking
+from scenarionet_data.store.object_store import ObjectStore, Stored
 
 _AT_ONCE = 16
 """Downloads in flight."""
@@ -70,11 +69,11 @@ def listing(converter: Converter[Any], raw: str) -> Iterator[RawPlace]:
         raise BadParameter(f"{raw}: {converter.name} looks into its files to list them; copy them to a folder first")
     with tempfile.TemporaryDirectory(prefix="scenarionet-") as temporary:
         folder = Path(temporary, *urlsplit(raw).path.strip("/").split("/"))
-        for name, size, mark in _objects(raw):
-            file = folder / name if name else folder
+        for each in _objects(raw):
+            file = folder / each.name if each.name else folder
             file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_bytes(hashlib.blake2b(mark.encode(), digest_size=16).digest()[:size])
-            os.truncate(file, size)
+            file.write_bytes(hashlib.blake2b(each.mark.encode(), digest_size=16).digest()[: each.size])
+            os.truncate(file, each.size)
         yield RawPlace(raw, str(folder))
 
 
@@ -85,53 +84,37 @@ def at_hand(converter: Converter[Any], shard: Shard) -> Iterator[Shard]:
         yield shard
         return
     with tempfile.TemporaryDirectory(prefix="scenarionet-") as folder, ThreadPoolExecutor(_AT_ONCE) as pool:
-        store = object_store.open_store(shard.root)
-        names = sorted({name for item in shard.items for name in _needed(store, shard, item.name, converter.downloads)})
-        for _ in pool.map(lambda name: _fetch(store, shard, name, Path(folder, name)), names):
+        store = ObjectStore(shard.root)
+        names = sorted({name for item in shard.items for name in _needed(store, item.name, converter.downloads)})
+        for _ in pool.map(lambda name: _fetch(store, name, Path(folder, name)), names):
             pass
         yield replace(shard, root=folder)
 
 
-def _objects(url: str) -> Iterator[tuple[str, int, str]]:
-    """Name below the URL, size and mark of every file; of the one file it names, with an empty name."""
-    import obstore
-
-    store = object_store.open_store(url)
+def _objects(url: str) -> Iterator[Stored]:
+    """Every file below a URL; of the one file that it names, with an empty name."""
     found = False
-    with asking(url):
-        for page in obstore.list(store):
-            for each in page:
-                found = True
-                yield str(each["path"]), int(each["size"]), str(each["e_tag"])
+    for each in ObjectStore(url).walk():
+        found = True
+        yield each
     if not found:
         parent, _, name = url.rpartition("/")
-        try:
-            with asking(url):
-                each = obstore.head(object_store.open_store(parent), name)
-        except FileNotFoundError as error:
-            raise SourceNotFound(f"{url}: nothing there; list the bucket to see its folders") from error
-        yield "", int(each["size"]), str(each["e_tag"])
+        one = ObjectStore(parent).find(name)
+        if one is None:
+            raise SourceNotFound(f"{url}: nothing there; list the bucket to see its folders")
+        yield replace(one, name="")
 
 
-def _needed(store: Any, shard: Shard, item: str, downloads: str) -> list[str]:
+def _needed(store: ObjectStore, item: str, downloads: str) -> list[str]:
     """Names of the files that an item needs."""
-    import obstore
-
     folder = item.rpartition("/")[0]
-    if downloads == "files" or not folder:
-        return [item]
-    with asking(f"{shard.root}/{folder}"):
-        return [str(each["path"]) for page in obstore.list(store, folder) for each in page]
+    return [item] if downloads == "files" or not folder else [each.name for each in store.walk(folder)]
 
 
-def _fetch(store: Any, shard: Shard, name: str, path: Path) -> None:
-    import obstore
-
-    path.parent.mkdir(parents=True, exist_ok=True)
+def _fetch(store: ObjectStore, name: str, path: Path) -> None:
+    with writing(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
     try:
-        with asking(f"{shard.root}/{name}"):
-            got = obstore.get(store, name)
-            with writing(path, path):
-                object_store.save(got, path)
-    except FileNotFoundError as error:
-        raise SourceNotFound(f"{shard.root}/{name}: gone since it was listed; run the same command again") from error
+        store.download(name, path)
+    except FileGone as error:
+        raise SourceNotFound(f"{store.url}/{name}: gone since it was listed; run the same command again") from error

@@ -20,7 +20,7 @@ from scenarionet_data.store import commit as commits
 from scenarionet_data.store import profiles, rewriting
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.commit import Rewritten
-from scenarionet_data.store.files import LakeFiles
+from scenarionet_data.store.files import LakeFiles, open_files
 from scenarionet_data.store.profiles import Profile
 from scenarionet_data.store.shard_record import ShardRecord
 
@@ -136,7 +136,7 @@ def compact(
         LakeError: The lake cannot be written.
     """
     started = time.monotonic()
-    files, report = LakeFiles(lake), Compaction(profile)
+    files, report = open_files(lake), Compaction(profile)
     files.sweep()
     for _ in range(_ROUNDS):
         bins = plan_compaction(lake, profile, where=where)
@@ -158,7 +158,7 @@ def plan_compaction(
         BadParameter: There is no such profile, or ``where`` names something else.
         NoSuchSnapshot: There is no lake.
     """
-    wanted, patterns, files = profiles.load(profile), dict(where or {}), LakeFiles(lake)
+    wanted, patterns, files = profiles.load(profile), dict(where or {}), open_files(lake)
     for key in sorted(set(patterns) - set(_KEYS)):
         raise BadParameter(f"--where {key}: choose by {', '.join(_KEYS)}")
     base = snapshots.newest(files)
@@ -176,7 +176,7 @@ def plan_compaction(
 def compact_bin(job: Bin) -> Outcome:
     """Rewrite one bin, or take what an earlier run has finished; nothing is committed. Runs on a worker."""
     try:
-        records = rewriting.rewrite(LakeFiles(job.lake), job.records, profiles.load(job.profile))
+        records = rewriting.rewrite(open_files(job.lake), job.records, profiles.load(job.profile))
     except LakeError as error:  # a damaged file must not keep the others from being compacted
         return Outcome(job, (), str(error))
     return Outcome(job, tuple(records))

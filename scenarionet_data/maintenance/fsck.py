@@ -18,7 +18,7 @@ from scenarionet_data.maintenance.remedies import Inputs, remedy
 from scenarionet_data.maintenance.vacuuming import list_files, made_on
 from scenarionet_data.store import commit as commits
 from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.files import LakeFiles
+from scenarionet_data.store.files import LakeFiles, open_files
 from scenarionet_data.store.snapshot import Snapshot
 from scenarionet_data.store.verifying import Damage, Verifier, Written, listed, unreadable
 
@@ -95,7 +95,7 @@ def fsck(
     Raises:
         NoSuchSnapshot: There is no lake.
     """
-    files = LakeFiles(lake)
+    files = open_files(lake)
     snapshots.check_is_lake(files)
     there, damages = _read_snapshots(files)
     manifests, found = _read_manifests(files, there)
@@ -127,7 +127,7 @@ def repair(lake: str | Path, found: Fsck) -> list[str]:
     Returns:
         Names of the shards that have to be converted again.
     """
-    files = LakeFiles(lake)
+    files = open_files(lake)
     broken = {problem.file for problem in found.problems}
     commits.merge_again(files, broken)
     held = snapshots.shards(files, snapshots.newest(files))

@@ -16,7 +16,7 @@ from pathlib import Path
 from scenarionet_data.catalog import database as databases
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.files import LakeFiles, Listed
+from scenarionet_data.store.files import LakeFiles, Listed, open_files
 
 UNCOMMITTED_FOR = 24 * 3600.0
 """How long a file that no snapshot names is left alone [s]: a job at work may be about to commit it."""
@@ -79,7 +79,7 @@ def plan_vacuum(lake: str | Path, *, keep_last: int | None = None, older_than: f
         raise BadParameter("say which snapshots may go: keep the last N, or those that are not older than so long")
     if (keep_last is not None and keep_last < 1) or (older_than is not None and older_than < 0):
         raise BadParameter("keep at least the last snapshot: it is what the lake holds")
-    files = LakeFiles(lake)
+    files = open_files(lake)
     snapshots.newest(files)
     # Listed before the snapshots are read: whatever a job commits meanwhile is named by one of them, or not listed.
     listed, published = list_files(files), snapshots.published(files)
@@ -119,7 +119,7 @@ def vacuum(
         NoSuchSnapshot: There is no lake.
         LakeError: The lake cannot be written.
     """
-    files = LakeFiles(lake)
+    files = open_files(lake)
     plan = plan_vacuum(lake, keep_last=keep_last, older_than=older_than)
     files.sweep()
     snapshots.sweep_marks(files, UNCOMMITTED_FOR)

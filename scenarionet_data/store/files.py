@@ -22,7 +22,7 @@ from urllib.parse import unquote, urlsplit
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from scenarionet_data.errors import LakeError
+from scenarionet_data.errors import FileGone, LakeError
 
 _TEMPORARY = ".tmp"
 _ABANDONED_AFTER = 24 * 3600.0
@@ -307,6 +307,8 @@ def reading(path: Path | str) -> Iterator[None]:
     """Turns a file that is gone, unreadable or damaged into a LakeError with the remedy."""
     try:
         yield
+    except FileGone:
+        raise
     except (OSError, pa.ArrowInvalid) as error:
         raise LakeError(
             f"cannot read {path}: {_reason(error)}; `scenarionet check` names every scenario that is hit: restore the "

@@ -8,60 +8,193 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
+import uuid
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
-from scenarionet_data.errors import LakeError, MissingDependency
+from scenarionet_data.errors import FileGone, LakeError, MissingDependency
 from scenarionet_data.software import PACKAGE
+from scenarionet_data.store.files import writing
 
 SCHEMES = ("s3", "gs")
 _ENDPOINTS = ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT")
+_PUBLISHER = "publisher"
 
 _first_used_by: int | None = None
 
 
-def open_store(url: str) -> Any:
-    """The obstore store of everything below a URL.
+@dataclass(frozen=True)
+class Stored:
+    """A file in an object store.
+
+    Attributes:
+        name: Below the store's URL.
+        size: Bytes.
+        mark: Changes when the content does (its ETag).
+        modified: When it was put there [s since 1970, on the store's clock].
+    """
+
+    name: str
+    size: int
+    mark: str
+    modified: float
+
+
+class ObjectStore:
+    """Everything below a URL.
+
+    Args:
+        url: For example ``s3://bucket/lake``.
 
     Raises:
         LakeError: The URL is of a kind that is not known, or what the environment says cannot be.
         MissingDependency: obstore is not installed.
     """
-    try:
-        import obstore.exceptions
-        import obstore.store
-    except ImportError as error:
-        raise MissingDependency(f"{url} needs obstore; pip install '{PACKAGE}[remote]'") from error
-    scheme, _, place = url.partition("://")
-    if scheme not in SCHEMES or not place.strip("/"):
-        raise LakeError(f"{url}: wanted a folder, s3://BUCKET/PREFIX, gs://BUCKET/PREFIX or file:///FOLDER")
-    _refuse_after_fork(url)
-    try:
-        return obstore.store.from_url(url, **options(scheme))
-    except (obstore.exceptions.BaseError, ValueError) as error:
-        raise LakeError(f"{url}: {_first_line(error)}; `scenarionet doctor {url}` says what is set") from error
 
+    def __init__(self, url: str) -> None:
+        self.url = url
+        try:
+            import obstore
+        except ImportError as error:
+            raise MissingDependency(f"{url} needs obstore; pip install '{PACKAGE}[remote]'") from error
+        scheme, _, place = url.partition("://")
+        if scheme not in SCHEMES or not place.strip("/"):
+            raise LakeError(f"{url}: wanted a folder, s3://BUCKET/PREFIX, gs://BUCKET/PREFIX or file:///FOLDER")
+        _refuse_after_fork(url)
+        self._obstore: Any = obstore
+        try:
+            self._store: Any = obstore.store.from_url(url, **_options(scheme))
+        except (obstore.exceptions.BaseError, ValueError) as error:
+            raise LakeError(f"{url}: {_first_line(error)}; `scenarionet doctor {url}` says what is set") from error
 
-def options(scheme: str) -> dict[str, Any]:
-    """What stores are opened with besides what the environment says."""
-    chosen: dict[str, Any] = {
-        "client_options": {"allow_http": (endpoint() or "").startswith("http://"), "timeout": "60s"},
-        "retry_config": {
-            "max_retries": 20,
-            "retry_timeout": timedelta(seconds=patience()),
-            "backoff": {
-                "init_backoff": timedelta(seconds=0.1),
-                "max_backoff": timedelta(seconds=max(0.2, min(15.0, patience() / 4))),
-                "base": 2,
-            },
-        },
-    }
-    if scheme == "s3" and endpoint():
-        chosen["config"] = {"endpoint": endpoint()}
-    return chosen
+    # --- what is there --------------------------------------------------------------------------------
+
+    def list(self, folder: str) -> tuple[list[Stored], list[str]]:
+        """Files directly in a folder, and the names of the folders in it."""
+        with self._asking(folder):
+            found = self._obstore.list_with_delimiter(self._store, None if folder == "." else folder)
+        return [_stored(each) for each in found["objects"]], [
+            each.rstrip("/").rpartition("/")[2] for each in found["common_prefixes"]
+        ]
+
+    def walk(self, folder: str | None = None) -> Iterator[Stored]:
+        """Every file below a folder, at any depth."""
+        with self._asking(folder or ""):
+            for page in self._obstore.list(self._store, folder):
+                yield from map(_stored, page)
+
+    def find(self, name: str) -> Stored | None:
+        """A file; None when it is not there."""
+        try:
+            with self._asking(name):
+                return _stored(self._obstore.head(self._store, name))
+        except FileNotFoundError:
+            return None
+
+    # --- reading, of what is there or FileGone ----------------------------------------------------------
+
+    def download(self, name: str, path: Path) -> Stored:
+        """Write a file to one on this machine."""
+        with self._reading(name):
+            got = self._obstore.get(self._store, name)
+            with writing(path, path), path.open("wb") as file:
+                for piece in got.stream():
+                    file.write(piece)
+        return _stored(got.meta)
+
+    def pieces(self, name: str) -> Iterator[bytes]:
+        """A file's bytes, piece by piece."""
+        with self._reading(name):
+            yield from self._obstore.get(self._store, name).stream()
+
+    def range(self, name: str, start: int, end: int) -> bytes:
+        """Bytes ``start`` to ``end`` (exclusive) of a file."""
+        with self._reading(name):
+            return bytes(self._obstore.get_range(self._store, name, start=start, end=end))
+
+    def last(self, name: str, length: int) -> tuple[int, bytes]:
+        """Size of a file, and at most its last ``length`` bytes."""
+        with self._reading(name):
+            got = self._obstore.get(self._store, name, options={"range": {"suffix": length}})
+            return int(got.meta["size"]), bytes(got.bytes())
+
+    # --- writing ----------------------------------------------------------------------------------------
+
+    def put(self, name: str, content: Path | bytes) -> str:
+        """Put a file there, in place of one of that name; returns its mark."""
+        with self._asking(name, is_written=True):
+            return str(self._obstore.put(self._store, name, content)["e_tag"])
+
+    def create(self, name: str, content: bytes) -> bool:
+        """Put a file there unless there is one; returns whether this call did."""
+        publisher = uuid.uuid4().hex
+        try:
+            with self._asking(name, is_written=True):
+                self._obstore.put(self._store, name, content, mode="create", attributes={_PUBLISHER: publisher})
+        except self._obstore.exceptions.AlreadyExistsError:
+            # Ours, when the answer to a first attempt was lost and the store was asked again.
+            with self._reading(name):
+                found = self._obstore.get(self._store, name, options={"head": True}).attributes
+            return bool(found.get(_PUBLISHER) == publisher)
+        return True
+
+    def delete(self, names: Sequence[str]) -> None:
+        """Remove files; those that are not there are as wanted."""
+        with self._asking(names[0] if names else ""):
+            self._obstore.delete(self._store, list(names))
+
+    # --- refusals ---------------------------------------------------------------------------------------
+
+    @contextmanager
+    def _reading(self, name: str) -> Iterator[None]:
+        try:
+            with self._asking(name):
+                yield
+        except FileGone:
+            raise
+        except FileNotFoundError as error:
+            raise FileGone(
+                f"{self.url}/{name}: gone; `scenarionet fsck` says what of the lake is hit: restore the file from a "
+                "copy of the lake, or convert its recordings again"
+            ) from error
+
+    @contextmanager
+    def _asking(self, name: str, *, is_written: bool = False) -> Iterator[None]:
+        """Turns what a store refuses into a LakeError with the remedy.
+
+        That a file is not there, or there already, passes: whoever asks knows what it means. What is written is
+        only not there when the bucket is not.
+        """
+        exceptions, place = self._obstore.exceptions, f"{self.url}/{name}".rstrip("/.")
+        try:
+            yield
+        except exceptions.AlreadyExistsError:
+            raise
+        except FileNotFoundError as error:
+            if not is_written:
+                raise
+            raise self._no_bucket() from error
+        except (exceptions.PermissionDeniedError, exceptions.UnauthenticatedError) as error:
+            raise LakeError(
+                f"{place}: refused; set credentials that may read and write there (AWS_ACCESS_KEY_ID and the like), "
+                f"`scenarionet doctor {self.url}` says what is set"
+            ) from error
+        except exceptions.BaseError as error:
+            answer = re.search(r"status code: ([^:]*)", str(error))
+            if answer and answer.group(1).startswith("404"):
+                raise self._no_bucket() from error
+            raise LakeError(
+                f"{place}: the object store answers {answer.group(1) if answer else _first_line(error)}; asked for up "
+                f"to {patience():.0f} s ($SCENARIONET_PATIENCE). What is committed is kept: run the same command again "
+                "when the store is well"
+            ) from error
+
+    def _no_bucket(self) -> LakeError:
+        return LakeError(f"{self.url}: no such bucket; make it first, or check the name and what is set")
 
 
 def endpoint() -> str | None:
@@ -74,47 +207,28 @@ def patience() -> float:
     return float(os.environ.get("SCENARIONET_PATIENCE") or 180)
 
 
-@contextmanager
-def asking(url: str) -> Iterator[None]:
-    """Turns what an object store refuses into a LakeError with the remedy.
-
-    That a file is not there, or there already, passes: whoever asks knows what it means.
-
-    Args:
-        url: What the message names.
-    """
-    from obstore import exceptions
-
-    try:
-        yield
-    except exceptions.AlreadyExistsError:
-        raise
-    except (exceptions.PermissionDeniedError, exceptions.UnauthenticatedError) as error:
-        raise LakeError(
-            f"{url}: refused; set credentials that may read and write there (AWS_ACCESS_KEY_ID and the like), "
-            f"`scenarionet doctor {url}` says what is set"
-        ) from error
-    except exceptions.BaseError as error:
-        answer = re.search(r"status code: ([^:]*)", str(error))
-        if answer and answer.group(1).startswith("404"):
-            raise no_bucket(url) from error
-        raise LakeError(
-            f"{url}: the object store answers {answer.group(1) if answer else _first_line(error)}; asked for up to "
-            f"{patience():.0f} s ($SCENARIONET_PATIENCE). What is committed is kept: run the same command again when "
-            "the store is well"
-        ) from error
+def _options(scheme: str) -> dict[str, Any]:
+    """What stores are opened with besides what the environment says."""
+    longest_wait = max(0.2, min(15.0, patience() / 4))
+    chosen: dict[str, Any] = {
+        "client_options": {"allow_http": (endpoint() or "").startswith("http://"), "timeout": "60s"},
+        "retry_config": {
+            "max_retries": 20,
+            "retry_timeout": timedelta(seconds=patience()),
+            "backoff": {
+                "init_backoff": timedelta(seconds=0.1),
+                "max_backoff": timedelta(seconds=longest_wait),
+                "base": 2,
+            },
+        },
+    }
+    if scheme == "s3" and endpoint():
+        chosen["config"] = {"endpoint": endpoint()}
+    return chosen
 
 
-def save(got: Any, path: Path) -> None:
-    """Write what obstore got to a file, piece by piece."""
-    with path.open("wb") as file:
-        for piece in got.stream():
-            file.write(piece)
-
-
-def no_bucket(url: str) -> LakeError:
-    """What to do when there is no such bucket."""
-    return LakeError(f"{url}: no such bucket; make it first, or check the name and `scenarionet doctor {url}`")
+def _stored(meta: Any) -> Stored:
+    return Stored(meta["path"], int(meta["size"]), str(meta["e_tag"]), meta["last_modified"].timestamp())
 
 
 def _first_line(error: Exception) -> str:

@@ -7,7 +7,6 @@ import pytest
 from obstore.store import from_url
 
 from scenarionet_data import Lake
-from scenarionet_data.store import object_store
 from tests.fixtures.object_store import BUCKET
 from tests.fixtures.waymo import scenario_bytes, write_tfrecord
 from tests.test_docs import run_blocks
@@ -17,7 +16,7 @@ pytestmark = pytest.mark.long
 
 def test_remote_examples_run(store, monkeypatch, tmp_path):
     path = write_tfrecord(tmp_path / "training.tfrecord-00000-of-01000", [scenario_bytes(1)])
-    bucket = from_url(f"s3://{BUCKET}", **object_store.options("s3"))
+    bucket = from_url(f"s3://{BUCKET}", client_options={"allow_http": True})
     obstore.put(bucket, f"raw/waymo/training/{path.name}", path.read_bytes())
     assert run_blocks("docs/remote.md", monkeypatch, tmp_path) == 3
     assert len(Lake(f"s3://{BUCKET}/lake").database("busy")) > 5

@@ -12,7 +12,6 @@ from obstore.store import from_url
 from scenarionet_data import Lake, ScenarioLoader, convert
 from scenarionet_data.conversion import driver
 from scenarionet_data.errors import BadParameter, DuplicateScenario, SourceNotFound
-from scenarionet_data.store import object_store
 from scenarionet_data.testing import differences
 from tests.fixtures import argoverse2, waymo
 from tests.fixtures.made import NAME, MadeOptions, write_raw
@@ -25,7 +24,7 @@ FEW = MadeOptions(num_objects=2)
 
 @pytest.fixture
 def bucket(store):
-    return from_url(f"s3://{BUCKET}", **object_store.options("s3"))
+    return from_url(f"s3://{BUCKET}", client_options={"allow_http": True})
 
 
 def upload(bucket, folder, prefix):

@@ -147,15 +147,13 @@ def test_two_clients_commit_at_once(url, store):
 
 def test_a_damaged_upload_is_found(url, store):
     """What is put over a file later, by whomever, is no longer what was written: checks say so."""
-    import obstore
-
     from scenarionet_data.store import commit as commits
     from scenarionet_data.store.verifying import verify
 
     files = open_files(url)
     record = write_shard(url, [make_scenario(1)])
     commits.commit(files, [record], "test")
-    obstore.put(files._store, record.files[0], b"something else")
+    files._store.put(record.files[0], b"something else")
     found = [damage.file for damage in verify(files, Lake(url).snapshot)]
     assert found[0] == record.files[0]
     assert json.loads(snapshots.read(files).to_bytes())["number"] == 1

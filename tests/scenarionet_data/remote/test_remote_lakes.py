@@ -140,7 +140,7 @@ def test_sql_reads_the_lake_alone(lake):
 def test_a_file_that_is_gone(lake):
     (name,) = lake.files.names(lake.paths("tracks")[0].removeprefix(f"{lake.root}/").rpartition("/")[0])
     lake.files.remove(name)
-    with pytest.raises(LakeError, match="gone; `scenarionet check`"):
+    with pytest.raises(LakeError, match="gone; `scenarionet fsck`"):
         ScenarioLoader(Lake(lake.root))[0]
     with pytest.raises(LakeError, match="gone"):
         Lake(lake.root).sql(ASKED)

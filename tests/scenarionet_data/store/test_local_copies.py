@@ -62,4 +62,4 @@ def test_room_is_looked_at_now_and_then(copies, monkeypatch):
 def test_a_forked_process_is_told_so(monkeypatch):
     monkeypatch.setattr(object_store, "_first_used_by", os.getpid() + 1)
     with pytest.raises(LakeError, match="start workers by spawn"):
-        object_store.open_store("s3://bucket/lake")
+        object_store.ObjectStore("s3://bucket/lake")
