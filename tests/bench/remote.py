@@ -57,7 +57,8 @@ def _ratio(loader: ScenarioLoader, latency: float) -> Iterator[Figure]:
     where = f"{1e3 * latency:.0f} ms away"
     yield Figure(f"remote: a random scenario, {where}", 1e3 * one / _BATCH, "ms")
     yield Figure(f"remote: 64 random scenarios as a batch, {where}", 1e3 * together, "ms")
-    yield Figure(f"remote: a batch of 64 against one by one, {where}", one / together, "times", ">= 5")
+    wanted = ">= 5" if latency else ""  # beside the server there is nothing to wait for, and decoding takes the time
+    yield Figure(f"remote: a batch of 64 against one by one, {where}", one / together, "times", wanted)
 
 
 def _sql(url: str, store: ObjectStore) -> Iterator[Figure]:
