@@ -8,6 +8,7 @@ import time
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import PurePosixPath
 from typing import TypeVar
 
@@ -281,19 +282,18 @@ def _refuse_duplicates(
     if not fresh:
         return [], ()
     releases = {(record.dataset, record.version) for record in fresh}
-    rivals = [name for name in live if _release(name) in releases]
-    taken = _ids(files, rivals)
+    ids = [_ids(files, _own_metadata([record])) for record in fresh]
+    wanted = pa.concat_arrays(ids)
+    rivals = _ids(files, [name for name in live if _release(name) in releases])
+    taken = set(rivals.filter(pc.is_in(rivals, value_set=wanted)).to_pylist())
     accepted, refused = [], []
-    seen: set[str] = set()
-    for record in fresh:
-        ids = _ids(files, _own_metadata([record]))
-        again = ids.filter(pc.is_in(ids, value_set=taken)).to_pylist()
-        again += [identifier for identifier in ids.to_pylist() if identifier in seen]
-        if again:
-            refused.append((record, str(again[0])))
-        else:
+    for record, own in zip(fresh, map(pa.Array.to_pylist, ids), strict=True):
+        again = next((identifier for identifier in own if identifier in taken), None)
+        if again is None:
             accepted.append(record)
-            seen.update(ids.to_pylist())
+            taken.update(own)
+        else:
+            refused.append((record, str(again)))
     return accepted, tuple(refused)
 
 
@@ -303,9 +303,14 @@ def _own_metadata(records: Iterable[ShardRecord]) -> list[str]:
 
 
 def _ids(files: LakeFiles, names: list[str]) -> pa.Array:
-    columns = [files.read(name, ["scenario_id"])["scenario_id"] for name in names]
-    chunks = [chunk for column in columns for chunk in column.chunks]
-    return pa.concat_arrays(chunks) if chunks else pa.array([], pa.string())
+    arrays = [_ids_of(files, name) for name in names]
+    return pa.concat_arrays(arrays) if arrays else pa.array([], pa.string())
+
+
+@lru_cache(maxsize=65_536)
+def _ids_of(files: LakeFiles, name: str) -> pa.Array:
+    """Read once for all commits of a job: a published file never changes, and opening one takes milliseconds."""
+    return files.read(name, ["scenario_id"])["scenario_id"].combine_chunks()
 
 
 def _folder(name: str) -> str:
