@@ -118,11 +118,11 @@ def command(
     if stale and not yes:
         _ask_about(plan_conversion(dataset, raw, lake, **common))
     how = {"workers": workers or default_workers(), "is_checked": not no_check, **common}
-    with crew(cluster, workers, quiet=quiet) as run:
+    with crew(cluster, workers, quiet=quiet) as hands:
         if is_watching:
-            is_clean = _watch(dataset, raw, lake, seconds(every, "--every"), as_json, run=run, **how)
+            is_clean = _watch(dataset, raw, lake, seconds(every, "--every"), as_json, run=hands.run, **how)
         else:
-            report = _convert(dataset, raw, lake, quiet, run=run, limit=limit, **how)
+            report = _convert(dataset, raw, lake, quiet, run=hands.run, limit=limit, **how)
             print_report(report, lake, as_json)
             is_clean = report.is_clean
     click.get_current_context().exit(0 if is_clean else 1)
