@@ -44,6 +44,7 @@ def test_check(lake, threads, as_json):
         assert found == as_json("check", lake, *words)
 
 
+@pytest.mark.long
 def test_check_of_a_database(lake, threads, as_json):
     Lake(lake).filter("true", name="all")
     found = as_json("check", lake, "all", "--cluster", threads, "--quiet")
