@@ -8,7 +8,7 @@ LAKE ?= lake
 RAW ?= $(if $(SCENARIONET_RAW),$(SCENARIONET_RAW)/$(DATASET),$(if $(filter nuplan,$(DATASET)),$(NUPLAN_DATA_ROOT)))
 
 .DEFAULT_GOAL := help
-.PHONY: help install install-browser demo test test-all test-metadrive test-devkits check bench bench-remote bench-sim convert docs build clean
+.PHONY: help install install-browser demo test test-all bench bench-cluster bench-remote bench-sim build check clean convert docs test-devkits test-metadrive
 
 help:  ## List the targets.
 	@sed -nE 's/^([a-z-]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "make %-15s %s\n", $$1, $$2}'
@@ -55,6 +55,9 @@ check: install  ## Lint, format and types.
 
 bench: install  ## Measure against the goals; writes bench.json.
 	$(BIN)/python -m tests.bench $(ARGS)
+
+bench-cluster: install  ## Measure a Dask cluster on this machine against plain processes.
+	$(BIN)/python -m tests.bench --only cluster --only growth $(ARGS)
 
 bench-sim: install  ## Measure the simulator alone.
 	$(BIN)/python -m tests.bench --only sim $(ARGS)

@@ -18,6 +18,7 @@ import pytest
 from click.testing import CliRunner
 
 from pipelines.cli import cli
+from pipelines.cluster import profile as profiles
 from scenarionet_data import Lake, converters, dictionary, resources, tables
 from scenarionet_data.catalog import checks
 from scenarionet_sim import sensors
@@ -128,6 +129,29 @@ def test_evaluation_examples_run(monkeypatch, tmp_path):
     runs = Lake(tmp_path / "lake").ask("runs")
     planner = runs.filter(run="driven-my_planner.Planner-replay-kinematic")
     assert planner["success"].item() > 0.8, "the page's planner follows its route"
+
+
+@pytest.mark.long
+def test_cluster_examples_run(monkeypatch, tmp_path):
+    (profile,) = blocks("docs/cluster.md", "toml")
+    (tmp_path / "mine.toml").write_text(profile)
+    assert run_blocks("docs/cluster.md", monkeypatch, tmp_path) == 2
+    assert len(Lake(tmp_path / "lake")) == 192
+
+
+def test_the_page_of_clusters_is_true():
+    """It names every profile, its own is one, and what it lets type can be parsed."""
+    page = (ROOT / "docs" / "cluster.md").read_text("utf-8")
+    assert [name for name in profiles.names() if f"| `{name}` |" not in page] == []
+    (profile,) = blocks("docs/cluster.md", "toml")
+    assert profiles.parse(profile, "mine.toml").workers == 2
+    lines = [
+        line for kind in ("bash", "sh") for block in blocks("docs/cluster.md", kind) for line in block.splitlines()
+    ]
+    for line in lines:
+        program, name, *words = shlex.split(line)
+        if program == "scenarionet":
+            cli.get_command(None, name).make_context(name, words)
 
 
 def test_simulator_examples_run(monkeypatch, tmp_path):

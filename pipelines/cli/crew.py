@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from dataclasses import asdict
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -17,9 +19,28 @@ if TYPE_CHECKING:
 _SHOWN = 8
 
 
+class Hands:
+    """Who does the jobs of a verb.
+
+    Attributes:
+        run: The workers of a cluster; None for processes of this machine.
+        shares: What each of them did of what was done by :attr:`tallied`.
+    """
+
+    def __init__(self, run: Run | None) -> None:
+        self.run = run
+        self.tallied: Run | None = None
+        self.shares: Mapping[str, Share] = {}
+        if run is not None:
+            from scenarionet_data.conversion.tally import Tally
+
+            tally = Tally()
+            self.tallied, self.shares = partial(tally, run), tally.shares
+
+
 @contextmanager
-def crew(cluster: str | None, workers: int | None, *, quiet: bool = False) -> Iterator[Run | None]:
-    """The workers of a cluster, until the block ends; None for processes of this machine.
+def crew(cluster: str | None, workers: int | None, *, quiet: bool = False) -> Iterator[Hands]:
+    """Who does the jobs, until the block ends.
 
     Args:
         cluster: As typed.
@@ -27,7 +48,7 @@ def crew(cluster: str | None, workers: int | None, *, quiet: bool = False) -> It
         quiet: Do not say where the cluster is.
     """
     if cluster is None:
-        yield None
+        yield Hands(None)
         return
     from pipelines.cluster import open_cluster
 
@@ -35,7 +56,12 @@ def crew(cluster: str | None, workers: int | None, *, quiet: bool = False) -> It
         if not quiet:
             there = f"{count(opened.workers, 'worker')} at {opened.address}"
             click.echo(f"cluster {cluster}: {there}, dashboard {opened.dashboard}", err=True)
-        yield opened
+        yield Hands(opened)
+
+
+def share_facts(shares: Mapping[str, Share]) -> dict[str, Any]:
+    """What each worker did, as an entry of a JSON object; none without a cluster."""
+    return {"workers": {name: asdict(share) for name, share in shares.items()}} if shares else {}
 
 
 def share_rows(shares: Mapping[str, Share], noun: str = "shard") -> list[tuple[str, str]]:

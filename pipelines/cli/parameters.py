@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -53,3 +54,26 @@ def pairs(words: Iterable[str], option: str) -> dict[str, str]:
             raise BadParameter(f"{option} has {key!r} twice")
         found[key] = value
     return found
+
+
+_UNITS = {"": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0}
+
+
+def seconds(text: str, option: str) -> float:
+    """A duration such as ``30s``, ``5min`` or ``1h``, in seconds.
+
+    Args:
+        text: As typed.
+        option: What it was given to, for the message.
+
+    Raises:
+        BadParameter: It is none, or not above 0.
+
+    Example:
+        >>> seconds("5min", "--every")
+        300.0
+    """
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([a-z]*)", text.strip())
+    if not match or match[2] not in _UNITS or not float(match[1]):
+        raise BadParameter(f"{option} wants a duration such as 30s, 5min or 1h, found {text!r}")
+    return float(match[1]) * _UNITS[match[2]]

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from scenarionet_data.conversion.report import Report
     from scenarionet_data.conversion.runners import Pool, Run, run_here, runner
     from scenarionet_data.conversion.selection import Selection, parse_slice
+    from scenarionet_data.conversion.watching import watch
 
 _HOMES = {
     "driver": ("Progress", "convert", "plan_conversion"),
@@ -22,12 +23,14 @@ _HOMES = {
     "report": ("Report",),
     "runners": ("Pool", "Run", "run_here", "runner"),
     "selection": ("Selection", "parse_slice"),
+    "watching": ("watch",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
     "Job", "Outcome", "Pace", "Plan", "Pool", "Progress", "Report", "Run", "Selection", "convert", "convert_shard",
     "measure_pace", "parse_slice", "plan_conversion", "run_here", "runner",
+    "watch",
 ]  # fmt: skip
 
 

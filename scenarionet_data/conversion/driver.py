@@ -19,7 +19,7 @@ from scenarionet_data.conversion.plan import Plan, largest_first, make_plan
 from scenarionet_data.conversion.raw_store import listing
 from scenarionet_data.conversion.report import Report
 from scenarionet_data.conversion.runners import Run, runner
-from scenarionet_data.conversion.selection import Selection
+from scenarionet_data.conversion.selection import Choice, Selection
 from scenarionet_data.conversion.tally import Tally
 from scenarionet_data.converters.base import Converter, Options, guess_split
 from scenarionet_data.errors import BadParameter
@@ -45,7 +45,7 @@ def convert(
     workers: int = 1,
     run: Run | None = None,
     limit: int | None = None,
-    selection: Selection | None = None,
+    selection: Choice | None = None,
     replace_old: bool = False,
     stale: bool = False,
     is_checked: bool = True,
@@ -113,7 +113,7 @@ def plan_conversion(
     split: str | None = None,
     version: str | None = None,
     options: Options | None = None,
-    selection: Selection | None = None,
+    selection: Choice | None = None,
     replace_old: bool = False,
     stale: bool = False,
 ) -> Plan:
@@ -137,7 +137,7 @@ def _prepare(
     split: str | None,
     version: str | None,
     options: Options | None,
-    selection: Selection,
+    selection: Choice,
     *,
     replace_old: bool,
     stale: bool,

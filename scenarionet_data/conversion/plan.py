@@ -28,6 +28,12 @@ class Plan:
     replaced: Mapping[str, frozenset[str]]
     num_stale: int
 
+    @property
+    def anew(self) -> list[Shard]:
+        """Those of the shards that take the place of some in the lake."""
+        old = {item for items in self.replaced.values() for item in items}
+        return [shard for shard in self.shards if any(item.name in old for item in shard.items)]
+
     def settle(self, finished: Sequence[ShardRecord]) -> tuple[list[ShardRecord], frozenset[str]]:
         """What may be committed of the finished shards, and which old shards then go.
 

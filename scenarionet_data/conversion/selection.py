@@ -10,12 +10,21 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
+from typing import Protocol
 
 from scenarionet_data.converters.base import RawItem, Shard
 from scenarionet_data.errors import BadParameter
 
 _SLICE = re.compile(r"(\d*):(\d*)")
 _SHOWN = 5
+
+
+class Choice(Protocol):
+    """Chooses among the shards of raw recordings."""
+
+    def of(self, shards: Iterable[Shard]) -> list[Shard]:
+        """The shards with the wanted inputs, without those that have none."""
+        ...
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePosixPath
 from typing import TypeVar
+from weakref import WeakKeyDictionary
 
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -31,6 +32,9 @@ MERGED_FILES = 16
 
 _ROWS_PER_GROUP = 65_536
 _ATTEMPTS = 50
+
+_READ: WeakKeyDictionary[LakeFiles, dict[str, pa.Array]] = WeakKeyDictionary()
+"""Scenario ids by metadata file, of every lake that this process commits to."""
 
 Told = TypeVar("Told")
 
@@ -281,19 +285,18 @@ def _refuse_duplicates(
     if not fresh:
         return [], ()
     releases = {(record.dataset, record.version) for record in fresh}
-    rivals = [name for name in live if _release(name) in releases]
-    taken = _ids(files, rivals)
+    ids = [_ids(files, _own_metadata([record])) for record in fresh]
+    wanted = pa.concat_arrays(ids)
+    rivals = _ids(files, [name for name in live if _release(name) in releases])
+    taken = set(rivals.filter(pc.is_in(rivals, value_set=wanted)).to_pylist())
     accepted, refused = [], []
-    seen: set[str] = set()
-    for record in fresh:
-        ids = _ids(files, _own_metadata([record]))
-        again = ids.filter(pc.is_in(ids, value_set=taken)).to_pylist()
-        again += [identifier for identifier in ids.to_pylist() if identifier in seen]
-        if again:
-            refused.append((record, str(again[0])))
-        else:
+    for record, own in zip(fresh, map(pa.Array.to_pylist, ids), strict=True):
+        again = next((identifier for identifier in own if identifier in taken), None)
+        if again is None:
             accepted.append(record)
-            seen.update(ids.to_pylist())
+            taken.update(own)
+        else:
+            refused.append((record, str(again)))
     return accepted, tuple(refused)
 
 
@@ -303,9 +306,12 @@ def _own_metadata(records: Iterable[ShardRecord]) -> list[str]:
 
 
 def _ids(files: LakeFiles, names: list[str]) -> pa.Array:
-    columns = [rows["scenario_id"] for rows in files.read_all(names, ["scenario_id"])]
-    chunks = [chunk for column in columns for chunk in column.chunks]
-    return pa.concat_arrays(chunks) if chunks else pa.array([], pa.string())
+    """Scenario ids in metadata files; each is read once for all commits of a job, for it never changes."""
+    known = _READ.setdefault(files, {})
+    missing = [name for name in names if name not in known]
+    for name, rows in zip(missing, files.read_all(missing, ["scenario_id"]), strict=True):
+        known[name] = rows["scenario_id"].combine_chunks()
+    return pa.concat_arrays([known[name] for name in names]) if names else pa.array([], pa.string())
 
 
 def _folder(name: str) -> str:

@@ -12,7 +12,20 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from tests.bench import converting, loading, lyft, mining, nuplan, nuscenes, packing, remote, scale, sim
+from tests.bench import (
+    cluster,
+    converting,
+    growth,
+    loading,
+    lyft,
+    mining,
+    nuplan,
+    nuscenes,
+    packing,
+    remote,
+    scale,
+    sim,
+)
 from tests.bench.measure import Figure
 
 
@@ -20,6 +33,8 @@ def main() -> None:
     """Run every group, or one."""
     recordings = converting.recordings_folder()
     groups: dict[str, Callable[[], Iterator[Figure]]] = {
+        "cluster": lambda: cluster.figures(recordings),
+        "growth": lambda: growth.figures(recordings),
         "convert": lambda: converting.figures(recordings),
         "lyft": lambda: lyft.figures(recordings),
         "nuplan": lambda: nuplan.figures(recordings),

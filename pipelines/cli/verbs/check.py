@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pipelines.cli.crew import crew
+from pipelines.cli.crew import crew, share_facts, share_rows
 from pipelines.cli.group import one_line, verb
 from pipelines.cli.output import count, print_json, print_table
 from pipelines.cli.parameters import (
@@ -95,11 +95,13 @@ def command(
 
     _refuse(output, broken, scorecard)
     opened = Lake(lake, snapshot)
-    with crew(cluster, workers, quiet=quiet) as run:
+    with crew(cluster, workers, quiet=quiet) as hands:
         with Progress(f"check {lake}", "check", is_quiet=quiet) as progress:
-            findings = find(opened, database, only or None, lambda done, total: progress.update(done, total, 0), run)
+            findings = find(
+                opened, database, only or None, lambda done, total: progress.update(done, total, 0), hands.tallied
+            )
         if simulate:
-            findings = findings.adding("replays", _REPLAYS, _simulate(opened, database, workers, run, quiet))
+            findings = findings.adding("replays", _REPLAYS, _simulate(opened, database, workers, hands.tallied, quiet))
     card = make_scorecard(findings) if scorecard else None
     made = save_good(findings, good, is_strict=strict, replace=replace) if good else None
     if broken:
@@ -108,9 +110,10 @@ def command(
         _write(card.rows, output)
     has_failed = any(not result.is_met and (result.is_hard or strict) for result in findings.results)
     if as_json:
-        print_json(_content(findings, card, made) | {"is_ok": not has_failed})
+        print_json(_content(findings, card, made) | {"is_ok": not has_failed} | share_facts(hands.shares))
     else:
         _print(findings, card, made)
+        print_table(share_rows(hands.shares, "part"))
     click.get_current_context().exit(1 if has_failed else 0)
 
 

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+import sys
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from pipelines.cli.crew import crew, share_rows
-from pipelines.cli.group import one_line, verb
+from pipelines.cli.conversion_report import print_report, stale_row
+from pipelines.cli.crew import crew
+from pipelines.cli.group import verb
 from pipelines.cli.interrupt import Interrupted
-from pipelines.cli.output import count, duration, print_json, print_table, size
-from pipelines.cli.parameters import cluster_option, json_option, lake_argument, pairs, quiet_option
+from pipelines.cli.output import count, duration, print_json, print_table
+from pipelines.cli.parameters import cluster_option, json_option, lake_argument, pairs, quiet_option, seconds
 from pipelines.cli.progress import Progress
+from scenarionet_data.errors import BadParameter
 
 if TYPE_CHECKING:
     from scenarionet_data.conversion import Plan, Report
 
-_REASONS = 5
+_LISTED = 20
 
 
 @verb(
@@ -28,6 +30,7 @@ _REASONS = 5
     "scenarionet convert scenarionet pickles/nuscenes lake --dry-run",
     "scenarionet convert nuplan raw/nuplan lake --where 'location=us-nv-*' --files 0:10",
     "scenarionet convert waymo raw/waymo/training lake --cluster tcp://10.0.0.5:8786",
+    "scenarionet convert nuplan raw/nuplan lake --watch --every 5min",
 )
 @click.argument("dataset")
 @click.argument("raw")
@@ -40,7 +43,12 @@ _REASONS = 5
 @click.option("--files", metavar="START:END", help="Only these of the raw inputs, counted from 0: 0:10, or 10:.")
 @click.option("--where", multiple=True, metavar="KEY=PATTERN", help="Only what is known to be so: file, name, log, ...")
 @click.option("--replace", is_flag=True, help="Replace what was converted with other options or has changed.")
-@click.option("--stale", is_flag=True, help="Replace what another version of the converter wrote.")
+@click.option("--stale", is_flag=True, help="Replace what another version of the converter wrote; asks first.")
+@click.option("--yes", is_flag=True, help="Do not ask.")
+@click.option("--watch", "is_watching", is_flag=True, help="Go on and convert what arrives, until Ctrl-C.")
+@click.option(
+    "--every", default="30s", metavar="TIME", help="How often to look, and how long a file has to stand still."
+)
 @click.option("--no-check", is_flag=True, help="Take scenarios that break a hard rule of `scenarionet check`, too.")
 @click.option("--dry-run", is_flag=True, help="Say what there is to do, and about how long it takes.")
 @click.option("-O", "options", multiple=True, metavar="KEY=VALUE", help="An option of the converter; repeatable.")
@@ -59,6 +67,9 @@ def command(
     where: tuple[str, ...],
     replace: bool,
     stale: bool,
+    yes: bool,
+    is_watching: bool,
+    every: str,
     no_check: bool,
     dry_run: bool,
     options: tuple[str, ...],
@@ -83,10 +94,12 @@ def command(
 
     --cluster lets a Dask cluster convert: `local` starts one on this machine, an address is that of a scheduler that
     runs already, other names and files are profiles (docs/cluster.md).
+
+    --watch looks for new recordings again and again, and converts each as soon as it has not changed between two looks.
     """
     from pipelines.cli import converter
     from pipelines.machine import default_workers
-    from scenarionet_data.conversion import Selection, convert, parse_slice, plan_conversion
+    from scenarionet_data.conversion import Selection, parse_slice, plan_conversion
 
     chosen = converter.parse_options(converter.find(dataset), options)
     common: dict[str, Any] = {
@@ -97,29 +110,69 @@ def command(
         "replace_old": replace,
         "stale": stale,
     }
+    if limit and (cluster or is_watching):
+        raise BadParameter("--limit is a quick look, one shard after the other: leave out --cluster and --watch")
     if dry_run:
         _print_plan(dataset, plan_conversion(dataset, raw, lake, **common), workers or default_workers(), as_json)
         return
-    with (
-        crew(cluster, workers, quiet=quiet) as run,
-        Progress(f"convert {dataset}", "shard", is_quiet=quiet) as progress,
-    ):
+    if stale and not yes:
+        _ask_about(plan_conversion(dataset, raw, lake, **common))
+    how = {"workers": workers or default_workers(), "is_checked": not no_check, **common}
+    with crew(cluster, workers, quiet=quiet) as hands:
+        if is_watching:
+            is_clean = _watch(dataset, raw, lake, seconds(every, "--every"), as_json, run=hands.run, **how)
+        else:
+            report = _convert(dataset, raw, lake, quiet, run=hands.run, limit=limit, **how)
+            print_report(report, lake, as_json)
+            is_clean = report.is_clean
+    click.get_current_context().exit(0 if is_clean else 1)
+
+
+def _convert(dataset: str, raw: str, lake: str, quiet: bool, **how: Any) -> Report:
+    from scenarionet_data.conversion import convert
+
+    with Progress(f"convert {dataset}", "shard", is_quiet=quiet) as progress:
         try:
-            report = convert(
-                dataset,
-                raw,
-                lake,
-                run=run,
-                workers=workers or default_workers(),
-                limit=limit,
-                is_checked=not no_check,
-                on_progress=progress.update,
-                **common,
-            )
+            return convert(dataset, raw, lake, on_progress=progress.update, **how)
         except KeyboardInterrupt as error:
             raise Interrupted(_kept(progress, lake)) from error
-    _print_report(report, lake, as_json)
-    click.get_current_context().exit(0 if report.is_clean else 1)
+
+
+def _watch(dataset: str, raw: str, lake: str, every: float, as_json: bool, **how: Any) -> bool:
+    """Convert what arrives until Ctrl-C; returns whether all of it was clean."""
+    from scenarionet_data.conversion import watch
+
+    click.echo(f"watching {raw}: a look every {duration(every)}, until Ctrl-C", err=True)
+    is_clean = True
+    try:
+        for report in watch(dataset, raw, lake, every=every, **how):
+            print_report(report, lake, as_json)
+            is_clean = is_clean and report.is_clean
+    except KeyboardInterrupt:
+        click.echo(f"stopped watching {raw}; what is finished is kept in {lake}", err=True)
+    return is_clean
+
+
+def _ask_about(plan: Plan) -> None:
+    """List what would be converted again, and go on only if that is wanted."""
+    if not plan.replaced:
+        return
+    anew = [f"{shard.dataset}/{shard.version}/{shard.split}/{shard.name}" for shard in plan.anew]
+    click.echo(
+        f"would convert again {count(len(anew), 'shard')} that another version of the converter wrote:", err=True
+    )
+    for name in anew[:_LISTED]:
+        click.echo(f"  {name}", err=True)
+    if len(anew) > _LISTED:
+        click.echo(f"  and {len(anew) - _LISTED:,} more; --dry-run --json names all", err=True)
+    if not _is_there():
+        raise BadParameter("nobody is there to be asked: add --yes to convert them again, or leave out --stale")
+    click.confirm("go on?", abort=True, err=True)
+
+
+def _is_there() -> bool:
+    """Whether somebody can be asked."""
+    return sys.stdin.isatty()
 
 
 def _kept(progress: Progress, lake: str) -> str:
@@ -148,63 +201,4 @@ def _print_plan(dataset: str, plan: Plan, workers: int, as_json: bool) -> None:
     if pace and seconds is not None:
         measured = f"as {count(pace.inputs, 'input')} with {count(pace.scenarios, 'scenario')} took"
         rows += [("would take", f"about {duration(seconds)} with {count(processes, 'worker')}, {measured}")]
-    print_table(rows + _stale_row(plan.num_stale))
-
-
-def _stale_row(number: int) -> list[tuple[str, str]]:
-    text = f"{count(number, 'shard')} written by another version of the converter; --stale converts them anew"
-    return [("stale", text)] if number else []
-
-
-# --- the report -------------------------------------------------------------------------------------------
-
-
-def _print_report(report: Report, lake: str, as_json: bool) -> None:
-    reasons = _reasons(report, lake)
-    rate = report.converted / max(report.seconds, 1e-9)
-    if as_json:
-        failed = [{"shard": name, "reason": reason} for name, reason in report.failed]
-        content = asdict(report) | {"failed": failed, "reasons": reasons, "is_clean": report.is_clean}
-        content |= {"partitions": ["/".join(parts) for parts in sorted(report.partitions)]}
-        print_json(content | {"scenarios_per_second": rate, "lake": lake, "next": _next(report, lake)})
-        return
-    print_table(_rows(report, reasons, rate))
-    click.echo(_next(report, lake))
-
-
-def _rows(report: Report, reasons: list[dict[str, Any]], rate: float) -> list[tuple[str, str]]:
-    shards = count(report.shards, "shard")
-    rows = [("converted", f"{count(report.converted, 'scenario')} in {shards}, {size(report.size)}")]
-    rows += [("into", "/".join(parts)) for parts in sorted(report.partitions)]
-    rows += [("quarantined", count(report.quarantined, "scenario"))] if report.quarantined else []
-    rows += [("", f"{r['scenarios']} x {r['error']}: {one_line(r['example'])}") for r in reasons[:_REASONS]]
-    for what, number, why in (
-        ("skipped", report.skipped, "that the lake had already"),
-        ("adopted", report.adopted, "that an interrupted run had finished"),
-        ("replaced", report.replaced, "whose scenarios made way for newer ones"),
-    ):
-        rows += [(what, f"{count(number, 'shard')} {why}")] if number else []
-    rows += _stale_row(report.stale)
-    rows += [("failed", count(len(report.failed), "shard"))] if report.failed else []
-    rows += [("", f"{name}: {one_line(reason)}") for name, reason in report.failed[:_REASONS]]
-    rows += share_rows(report.workers) if len(report.workers) > 1 else []
-    return [*rows, ("took", f"{duration(report.seconds)}, {rate:,.1f} scenarios/s")]
-
-
-def _reasons(report: Report, lake: str) -> list[dict[str, Any]]:
-    """Why scenarios of the report's partitions are in quarantine, the most frequent first."""
-    from scenarionet_data import Lake
-
-    if not report.quarantined:
-        return []
-    rows = Lake(lake).ask("quarantine_reasons").to_dicts()
-    return [row for row in rows if (row["dataset"], row["version"], row["split"]) in report.partitions]
-
-
-def _next(report: Report, lake: str) -> str:
-    """What to do now, in a sentence."""
-    if report.failed:
-        return "Mend what failed and run the same command again: only the failed shards are left to do."
-    if report.quarantined:
-        return f"See every rejected scenario: scenarionet sql {lake} 'SELECT * FROM quarantine'"
-    return f"See what the lake holds: scenarionet list {lake}"
+    print_table(rows + stale_row(plan.num_stale))

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import click
 
-from pipelines.cli.crew import crew
+from pipelines.cli.crew import crew, share_facts, share_rows
 from pipelines.cli.group import one_line, verb
-from pipelines.cli.output import count, print_json, size
+from pipelines.cli.output import count, print_json, print_table, size
 from pipelines.cli.parameters import cluster_option, json_option, lake_argument, quiet_option, replace_option
 from pipelines.cli.progress import Progress
 
@@ -51,20 +51,23 @@ def command(
     from scenarionet_data.pickle_compat import export
 
     scenarios = ScenarioLoader(lake, database)
-    with crew(cluster, workers, quiet=quiet) as run, Progress(f"export {database}", is_quiet=quiet) as progress:
+    with crew(cluster, workers, quiet=quiet) as hands, Progress(f"export {database}", is_quiet=quiet) as progress:
         report = export(
             scenarios,
             Path(directory).resolve(),
             replace=replace,
-            run=run or (Pool(workers) if workers else None),
+            run=hands.tallied or (Pool(workers) if workers else None),
             on_progress=lambda done: progress.update(done, len(scenarios), done),
         )
     if as_json:
         refused = [{"scenario_id": e.scenario_id, "field": e.field, "reason": e.reason} for e in report.refused]
         written = {"scenarios": report.num_scenarios, "bytes": report.num_bytes}
-        print_json({"directory": report.directory, "format": to} | written | {"refused": refused})
+        print_json(
+            {"directory": report.directory, "format": to} | written | {"refused": refused} | share_facts(hands.shares)
+        )
     else:
         click.echo(f"{report.directory}: {count(report.num_scenarios, 'scenario')}, {size(report.num_bytes)}")
+        print_table(share_rows(hands.shares, "part"))
         for error in report.refused:
             click.echo(f"left out: {one_line(error)}", err=True)
     click.get_current_context().exit(1 if report.refused else 0)

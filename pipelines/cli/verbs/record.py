@@ -49,10 +49,10 @@ def command(
     recording = prepare(Lake(lake), database, agents, seed)
     run = name or f"{database or 'all'}-{agents}-observed".replace("@", ".")
     started = time.monotonic()
-    with crew(cluster, workers, quiet=quiet) as who, Progress(f"record {run}", "part", is_quiet=quiet) as progress:
+    with crew(cluster, workers, quiet=quiet) as hands, Progress(f"record {run}", "part", is_quiet=quiet) as progress:
         try:
             skipped = record(
-                recording, run, workers=workers or default_workers(), run_jobs=who, on_progress=progress.update
+                recording, run, workers=workers or default_workers(), run_jobs=hands.run, on_progress=progress.update
             )
         except KeyboardInterrupt as error:
             raise Interrupted(f"what is finished is kept in run {run}; the same command goes on from there") from error

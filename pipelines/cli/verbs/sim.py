@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pipelines.cli.crew import crew
+from pipelines.cli.crew import crew, share_facts, share_rows
 from pipelines.cli.group import one_line, verb
 from pipelines.cli.interrupt import Interrupted
 from pipelines.cli.output import count, duration, print_json, print_table
@@ -14,6 +14,9 @@ from pipelines.cli.parameters import cluster_option, json_option, lake_argument,
 from pipelines.cli.progress import Progress
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from scenarionet_data.conversion.tally import Share
     from scenarionet_sim.evaluation.evaluation import Report
 
 _NUM_EXAMPLES = 5
@@ -72,23 +75,23 @@ def command(
     look_in_current_folder(policy)
     evaluation = prepare(Lake(lake), database, policy, traffic=traffic, backend=backend, seed=seed)
     run = name or "-".join([database or "all", policy, traffic, evaluation.backend]).replace("@", ".").replace(":", ".")
-    with crew(cluster, workers, quiet=quiet) as who, Progress(f"sim {run}", "part", is_quiet=quiet) as progress:
+    with crew(cluster, workers, quiet=quiet) as hands, Progress(f"sim {run}", "part", is_quiet=quiet) as progress:
         try:
             report = evaluate(
                 evaluation,
                 run,
                 workers=workers or default_workers(),
-                run_jobs=who,
+                run_jobs=hands.tallied,
                 with_rollouts=not metrics_only,
                 on_progress=progress.update,
             )
         except KeyboardInterrupt as error:
             raise Interrupted(f"what is finished is kept in run {run}; the same command goes on from there") from error
-    _print(report, lake, as_json)
+    _print(report, lake, hands.shares, as_json)
     click.get_current_context().exit(1 if report.broken else 0)
 
 
-def _print(report: Report, lake: str, as_json: bool) -> None:
+def _print(report: Report, lake: str, shares: Mapping[str, Share], as_json: bool) -> None:
     from scenarionet_data import Lake
 
     rows = Lake(lake).ask("runs", {"run": report.run}).to_dicts()
@@ -97,11 +100,12 @@ def _print(report: Report, lake: str, as_json: bool) -> None:
     if as_json:
         broken = [{"scenario_id": scenario_id, "reason": reason} for scenario_id, reason in report.broken]
         done = {"run": report.run, "skipped": report.skipped, "seconds": report.seconds, "broken": broken}
-        print_json(facts | done | {"scenarios": report.scenarios, "next": join})
+        print_json(facts | done | {"scenarios": report.scenarios, "next": join} | share_facts(shares))
         return
     if report.skipped:
         click.echo(f"skipped    {count(report.skipped, 'scenario')} that an earlier command had done")
     print_table([(key, value) for key, value in facts.items() if value is not None])
+    print_table(share_rows(shares, "part"))
     for scenario_id, reason in report.broken[:_NUM_EXAMPLES]:
         click.echo(f"could not be simulated: {scenario_id}: {one_line(reason)}", err=True)
     click.echo(f"took {duration(report.seconds)}. Where it fails: {join}")

@@ -70,7 +70,7 @@ def test_options_are_those_of_dasks_classes():
 
 
 def test_who_has_workers_is_not_given_others():
-    with pytest.raises(BadParameter, match=r"--workers: tcp://127.0.0.1:1 has the workers that it has"):
+    with pytest.raises(BadParameter, match=r"--workers: tcp://127\.0\.0\.1:1 has the workers that it has"):
         open_cluster("tcp://127.0.0.1:1", workers=3).__enter__()
 
 

@@ -340,14 +340,14 @@ def test_workers_and_interruptions_change_nothing(raw, tmp_path):
     assert whole.quarantined == 1
     assert run(raw, tmp_path / "two", workers=2).converted == whole.converted == 16
 
-    def until(jobs, stop):
+    def until(jobs, do, stop):
         for done, job in enumerate(jobs):
             if done == stop:
                 raise KeyboardInterrupt
-            yield convert_shard(job)
+            yield do(job)
 
     with pytest.raises(KeyboardInterrupt):
-        run(raw, tmp_path / "three", run=lambda jobs, do: until(jobs, 3))
+        run(raw, tmp_path / "three", run=lambda jobs, do, lost: until(jobs, do, 3))
     assert len(ids(tmp_path / "three")) >= 7
     report = run(raw, tmp_path / "three")
     assert report.skipped == 3

@@ -1,0 +1,94 @@
+"""A raw folder that grows: what arrives is converted once nobody writes to it any more."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from scenarionet_data import Lake
+from scenarionet_data.conversion import Selection, watch
+from scenarionet_data.errors import BadParameter, DuplicateScenario
+from tests.fixtures.made import BUCKETED, NAME, MadeOptions, write_raw
+
+
+class End(Exception):
+    """The test has seen enough."""
+
+
+def looks(raw, lake, *between, name=NAME, **how):
+    """Reports of a watch whose waiting is what happens in between."""
+    events = iter(between)
+    waited = []
+
+    def wait(seconds):
+        waited.append(seconds)
+        event = next(events, None)
+        if event is None:
+            raise End
+        event()
+
+    found = []
+    with pytest.raises(End):
+        for report in watch(name, str(raw), lake, wait=wait, options=MadeOptions(num_objects=2), **how):
+            found.append((len(waited), report.converted, [shard for shard, _ in report.failed]))
+    assert set(waited) == {how.get("every", 30.0)}
+    return found
+
+
+def nothing():
+    pass
+
+
+def test_what_arrives_is_converted_when_it_has_stood_still(tmp_path):
+    raw = tmp_path / "raw"
+    found = looks(
+        raw, tmp_path / "lake", lambda: write_raw(raw, {"a": [1, 2]}), nothing, lambda: write_raw(raw, {"b": [3]}),
+        nothing, nothing, every=5.0,
+    )  # fmt: skip
+    assert found == [(2, 2, []), (4, 1, [])]
+    assert len(Lake(tmp_path / "lake")) == 3
+
+
+def test_what_is_being_written_waits(tmp_path):
+    raw = write_raw(tmp_path / "raw", {"a": [1]})
+    found = looks(
+        raw, tmp_path / "lake", lambda: write_raw(raw, {"a": [1, 2]}), lambda: write_raw(raw, {"a": [1, 2, 3]}), nothing
+    )
+    assert found == [(3, 3, [])]
+
+
+def test_what_is_written_in_the_middle_of_a_file_waits(tmp_path):
+    """A fingerprint samples the two ends of a large file; its time of change tells the rest."""
+    raw = write_raw(tmp_path / "raw", {"a": [1]})
+    found = looks(raw, tmp_path / "lake", lambda: os.utime(raw / "a.made", (1, 1)), nothing)
+    assert found == [(2, 1, [])]
+
+
+def test_a_shard_that_fails_is_tried_again_when_it_has_changed(tmp_path):
+    raw = write_raw(tmp_path / "raw", {"a": ["1 corrupt"], "b": [2]})
+    found = looks(raw, tmp_path / "lake", nothing, nothing, nothing, lambda: write_raw(raw, {"a": [1]}), nothing)
+    assert found == [(1, 1, ["a"]), (5, 1, [])]
+
+
+def test_a_bucket_that_grows_gets_another_shard(tmp_path):
+    raw = write_raw(tmp_path / "raw", {f"s{k}": [k] for k in range(3)})
+    more = {f"s{k}": [k] for k in range(3, 8)}
+    found = looks(raw, tmp_path / "lake", nothing, lambda: write_raw(raw, more), nothing, nothing, name=BUCKETED)
+    assert found == [(1, 3, []), (3, 5, [])]
+
+
+def test_what_is_in_the_lake_must_not_change(tmp_path):
+    raw = write_raw(tmp_path / "raw", {"a": [1]})
+    changes = iter([nothing, lambda: write_raw(raw, {"a": [2]}), nothing])
+    with pytest.raises(DuplicateScenario, match="add --replace"):
+        list(watch(NAME, str(raw), tmp_path / "lake", wait=lambda _: next(changes)()))
+
+
+def test_a_selection_holds_for_what_arrives(tmp_path):
+    raw = write_raw(tmp_path / "raw", {"a1": [1], "b1": [2]})
+    wanted = Selection({"name": "a*"})
+    found = looks(raw, tmp_path / "lake", nothing, lambda: write_raw(raw, {"a2": [3]}), nothing, selection=wanted)
+    assert found == [(1, 1, []), (3, 1, [])]
+    with pytest.raises(BadParameter, match="--where town"):
+        next(watch(NAME, str(raw), tmp_path / "lake", selection=Selection({"town": "x"})))
