@@ -10,7 +10,7 @@ from scenarionet_data.catalog.database import Database
 from scenarionet_data.catalog.operations import comparing
 from scenarionet_data.catalog.operations.comparing import Diff
 from scenarionet_data.catalog.operations.pool import Pool, Saving
-from scenarionet_data.errors import DatabaseNotFound, NoSuchSnapshot
+from scenarionet_data.errors import DatabaseNotFound, LayerNotFound, NoSuchSnapshot
 
 if TYPE_CHECKING:
     from scenarionet_data.catalog.lake import Lake
@@ -41,13 +41,14 @@ def rebuild(lake: Lake, reference: str) -> Rebuilt:
     Raises:
         NoSuchSnapshot: The snapshot is gone.
         DatabaseNotFound: A parent is gone.
+        LayerNotFound: A layer that the query asks is gone.
     """
     database = lake.database(reference)
     lineage = database.lineage
     try:
         there = lake.at(lineage.snapshot, lineage.layers)
         pool = Pool(there, tuple(lake.database(parent) for parent in lineage.parents))
-    except (NoSuchSnapshot, DatabaseNotFound) as error:
+    except (NoSuchSnapshot, DatabaseNotFound, LayerNotFound) as error:
         raise type(error)(
             f"{database.reference} cannot be made again as it was: {error}; it can still be read where its scenarios "
             f"are unchanged, and `scenarionet rebase --keep-members {lake.root} {database.name}` moves it on"
