@@ -24,8 +24,8 @@ from scenarionet_data import converters
 from scenarionet_data.catalog.database import Database
 from scenarionet_data.catalog.engine import Engine
 from scenarionet_data.catalog.lake import Lake
-from scenarionet_data.conversion.runners import Run
 from scenarionet_data.catalog.named_sql import CHECKS
+from scenarionet_data.conversion.runners import Run
 from scenarionet_data.converters.base import Budgets
 from scenarionet_data.errors import LakeError, QueryError
 from scenarionet_data.store import snapshot as snapshots
