@@ -4,6 +4,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 INSTALLED := .venv/.installed
 PYTEST := $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4
+DUCKDB_TESTS := tests/scenarionet_data/catalog tests/scenarionet_data/conversion tests/pipelines tests/test_docs.py
 LAKE ?= lake
 RAW ?= $(if $(SCENARIONET_RAW),$(SCENARIONET_RAW)/$(DATASET),$(if $(filter nuplan,$(DATASET)),$(NUPLAN_DATA_ROOT)))
 
@@ -11,7 +12,7 @@ RAW ?= $(if $(SCENARIONET_RAW),$(SCENARIONET_RAW)/$(DATASET),$(if $(filter nupla
 .PHONY: help install install-browser demo test test-all bench bench-cluster bench-remote bench-sim build check clean convert docs test-devkits test-metadrive
 
 help:  ## List the targets.
-	@sed -nE 's/^([a-z-]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "make %-15s %s\n", $$1, $$2}'
+	@sed -nE 's/^([a-z0-9-]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "make %-15s %s\n", $$1, $$2}'
 
 install: $(INSTALLED)  ## Make .venv with everything in it (PYTHON=python3.12 chooses another Python).
 
@@ -33,6 +34,13 @@ test: install  ## The tests, in under three minutes (ARGS="-k lake" chooses some
 
 test-all: install  ## The tests, the long ones too.
 	$(PYTEST) -m 'not metadrive and not devkits' $(ARGS)
+
+test-duckdb15: install .duckdb15/.installed  ## The tests that ask DuckDB, on the oldest one supported (1.5).
+	PYTHONPATH=.duckdb15 $(PYTEST) $(DUCKDB_TESTS) $(ARGS)
+
+.duckdb15/.installed:
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --target .duckdb15 'duckdb~=1.5.0'
+	@touch $@
 
 test-metadrive: install .venv-metadrive/.installed  ## MetaDrive opens and drives what is exported (Python 3.11).
 	$(BIN)/python -m pytest -m metadrive tests/metadrive $(ARGS)

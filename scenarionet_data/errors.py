@@ -5,7 +5,8 @@
       InvalidScenario    one scenario is unusable: quarantined and counted, the run goes on
       LakeError          the lake: FileGone, SchemaMismatch, SnapshotConflict, NoSuchSnapshot,
                          ScenarioNotFound, DuplicateScenario, BrokenContract, DatabaseNotFound,
-                         DatabaseExists, DatabaseInUse, LeakingSplit, LayerExists
+                         DatabaseExists, DatabaseInUse, LeakingSplit, LayerExists, LayerNotFound,
+                         LayerInUse
       WorkerLost         a worker process died; what it had finished is kept: ClusterLost
       QueryError         the user's words: UnknownFilter, UnknownQuery, UnknownEvent,
                          BadParameter, UnsafeSql, EmptyResult
@@ -99,6 +100,17 @@ class DatabaseInUse(LakeError):
 
 class LeakingSplit(LakeError):
     """Scenarios of one source log would stand in several parts of a split."""
+
+
+class LayerNotFound(LakeError, KeyError):
+    """No layer of that name, or no such version of it."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+class LayerInUse(LakeError):
+    """Queries of databases asked this layer: without it, they could not be made again."""
 
 
 class LayerExists(LakeError):

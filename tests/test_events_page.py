@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from pipelines.cli import cli
-from scenarionet_data.catalog import events
+from scenarionet_data.catalog.named_sql import EVENTS
 from scenarionet_data.resources import SQL
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.moments import along, moment
@@ -37,7 +37,7 @@ def test_examples_run(tmp_path, monkeypatch):
 
 def test_every_event_and_view_of_the_inside_is_named():
     text = (ROOT / PAGE).read_text("utf-8")
-    assert [name for name in events.names() if f"`{name}`" not in text] == []
+    assert [name for name in EVENTS.names() if f"`{name}`" not in text] == []
     of_files = {"metadata", "metadata_rows", "tracks", "lights", "maps", "shards", "quarantine", "steps"}
     of_checks, of_runs = {"lanes", "map_windows"}, {"results", "rollouts", "observations"}
     views = {path.stem for path in (SQL / "views").glob("*.sql")} - of_files - of_checks - of_runs

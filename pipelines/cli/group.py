@@ -14,12 +14,13 @@ import click
 from pipelines.cli.interrupt import Interrupted
 from scenarionet_data.errors import (
     DatabaseNotFound,
+    LayerNotFound,
     QueryError,
     ScenarioNetError,
     SourceNotFound,
 )
 
-_USAGE = (QueryError, SourceNotFound, DatabaseNotFound)
+_USAGE = (QueryError, SourceNotFound, DatabaseNotFound, LayerNotFound)
 """What the user typed is at fault (exit code 2); every other error is about data (exit code 1)."""
 
 

@@ -21,18 +21,17 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scenarionet_data import converters
-from scenarionet_data.catalog import named_sql
 from scenarionet_data.catalog.database import Database
 from scenarionet_data.catalog.engine import Engine
 from scenarionet_data.catalog.lake import Lake
+from scenarionet_data.catalog.named_sql import CHECKS
 from scenarionet_data.conversion.runners import Run
 from scenarionet_data.converters.base import Budgets
-from scenarionet_data.errors import LakeError, QueryError, UnknownQuery
+from scenarionet_data.errors import LakeError, QueryError
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
 from scenarionet_data.store.snapshot import Snapshot
 
-_FOLDER = "checks"
 _KINDS = ("hard", "lake", "soft")
 _NUM_EXAMPLES = 5
 
@@ -151,7 +150,7 @@ def _by_dataset(counted: pa.Table, column: str) -> dict[str, int]:
 
 def names() -> list[str]:
     """Checks there are, sorted."""
-    return named_sql.names(_FOLDER)
+    return CHECKS.names()
 
 
 def load(name: str) -> Check:
@@ -161,7 +160,7 @@ def load(name: str) -> Check:
         UnknownQuery: The message lists the nearest names.
         QueryError: Its first line does not say which kind it is.
     """
-    found = named_sql.load(_FOLDER, name, UnknownQuery)
+    found = CHECKS.load(name)
     kind, _, doc = found.doc.partition(": ")
     if kind not in _KINDS:
         raise QueryError(f"sql/checks/{name}.sql: wanted a first line '-- hard: <rule>', or lake or soft for hard")
@@ -199,7 +198,7 @@ def find(
         UnknownQuery: There is no check of such a name.
         LakeError: A file that the snapshot needs to list its scenarios is gone.
     """
-    chosen = sorted((load(name) for name in (named_sql.names(_FOLDER) if names is None else names)), key=_rank)
+    chosen = sorted((load(name) for name in (CHECKS.names() if names is None else names)), key=_rank)
     members = lake.database(database) if isinstance(database, str) else database
     holder = lake if members is None else lake.resolve(members)[0]
     inquest = _Inquest(holder, members)

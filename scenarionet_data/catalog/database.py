@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -164,9 +165,16 @@ def resolve(files: LakeFiles, which: Database | str) -> Database:
 def children(files: LakeFiles, name: str, version: int | None = None) -> list[str]:
     """``name@version`` of what other databases were made from a database, or from one version of it."""
     wanted = {f"{name}@{number}" for number in ([version] if version else versions(files, name))}
-    others = [(other, number) for other in names(files) if other != name for number in versions(files, other)]
-    made = [read(files, other, number) for other, number in others]
-    return [database.reference for database in made if wanted.intersection(database.lineage.parents)]
+    return [
+        other.reference for other in every(files) if other.name != name and wanted.intersection(other.lineage.parents)
+    ]
+
+
+def every(files: LakeFiles) -> Iterator[Database]:
+    """Every version of every database, by name."""
+    for name in names(files):
+        for number in versions(files, name):
+            yield read(files, name, number)
 
 
 def _lineage(files: LakeFiles, file: str) -> Lineage:

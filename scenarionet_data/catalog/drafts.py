@@ -85,7 +85,9 @@ class Draft:
         """Write so many of the waiting members, with their places."""
         waiting = pa.Table.from_batches(self._waiting)
         rows, first = waiting.slice(0, count), self.count - self._num_waiting
-        places = pa.array(np.arange(first, first + count, dtype=np.int32))
+        numbers = np.arange(first, first + count, dtype=np.int32)
+        # pa.array would import pandas, wherever that is installed: 50 MB.
+        places = pa.Array.from_buffers(pa.int32(), count, [None, pa.py_buffer(numbers)])
         schema = tables.load("members").schema
         content = rows.append_column("position", places).select(schema.names).cast(schema)
         with writing(self._path):
@@ -118,5 +120,5 @@ def save(files: LakeFiles, name: str, members: pa.Table, lineage: Lineage, *, re
 
 def only(rows: pa.RecordBatch, column: str, value: str) -> pa.RecordBatch:
     """Rows whose column has a value, without that column."""
-    kept = rows.filter(pc.equal(rows[column], value))
+    kept = rows.filter(pc.equal(rows[column], pa.scalar(value, pa.string())))
     return kept.select([name for name in kept.schema.names if name != column])

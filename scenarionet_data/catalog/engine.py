@@ -61,7 +61,7 @@ class Engine:
         without: Files of the snapshot that the views leave out, for example because they are gone.
         given: Tables that every question brings along (see :meth:`arrow`), in place of the snapshot's.
         threads: Threads of a query; one a core unless given.
-        layers: Version of each layer of users' columns that the view metadata has.
+        layers: Version of each layer of users' columns that the view metadata has for queries that ask for it.
         only: Scenarios that the views show, with their addresses; all of the snapshot's for None.
 
     Raises:
@@ -83,6 +83,7 @@ class Engine:
         self._snapshot = snapshot
         self._without = set(without)
         self._layers = dict(layers or {})
+        self._joined: frozenset[str] = frozenset()
         self._only = only
         self._connection = duckdb.connect(config={"autoinstall_known_extensions": False})
         self._views = set(given)
@@ -126,8 +127,20 @@ class Engine:
         except polars.exceptions.PolarsError as error:
             raise QueryError(f"{error}; name columns apart with AS, cast odd types to VARCHAR") from error
 
-    def arrow(self, sql: str, parameters: Mapping[str, Any] | None = None, **tables: Rows) -> pa.Table:
-        """Like :meth:`select`, as an Arrow table; ``tables`` are known to this query by their names.
+    def arrow(
+        self,
+        sql: str,
+        parameters: Mapping[str, Any] | None = None,
+        *,
+        layers: Iterable[str] | None = None,
+        **tables: Rows,
+    ) -> pa.Table:
+        """Like :meth:`select`, as an Arrow table.
+
+        Args:
+            sql, parameters: See :meth:`select`.
+            layers: Those the query asks; told from the query unless given.
+            **tables: Known to this query by their names.
 
         Raises:
             LakeError: A file is gone or cannot be read.
@@ -135,15 +148,17 @@ class Engine:
         with self._asked(sql, tables):
             given = dict(parameters or {})
             query = self._only_select(sql, given)
-            self._make_views(sql)
+            self._make_views(sql, layers)
             return self._connection.sql(query, params=given).to_arrow_table()
 
-    def batches(self, sql: str, parameters: Mapping[str, Any] | None = None) -> Generator[pa.RecordBatch, None, None]:
+    def batches(
+        self, sql: str, parameters: Mapping[str, Any] | None = None, *, layers: Iterable[str] | None = None
+    ) -> Generator[pa.RecordBatch, None, None]:
         """Like :meth:`arrow`, some rows at a time; every other question waits until it is closed, or at its end."""
         with self._asked(sql, {}):
             given = dict(parameters or {})
             query = self._only_select(sql, given)
-            self._make_views(sql)
+            self._make_views(sql, layers)
             rows = self._connection.sql(query, params=given).to_arrow_reader(_ROWS_PER_BATCH)
             try:
                 yield from rows
@@ -203,11 +218,26 @@ class Engine:
         text = statements[0].query.rstrip().rstrip(";")
         return f"SELECT * FROM (\n{text}\n)"
 
-    def _make_views(self, sql: str) -> None:
+    def _make_views(self, sql: str, layers: Iterable[str] | None = None) -> None:
         """Create the views and macros whose names occur in ``sql``, those they need first."""
+        if self._layers and "metadata" in words(sql):
+            self._join_layers(frozenset(self._asked_layers(sql) if layers is None else layers))
         defined = _definitions()
         for name in sorted(words(sql) & set(defined)):
             self._make_view(name, defined)
+
+    def _asked_layers(self, sql: str) -> Iterable[str]:
+        """Layers that a query names; all, where it asks for every column or for whole rows."""
+        (tree,) = self._connection.execute("SELECT json_serialize_sql($1::VARCHAR)", [sql]).fetchall()[0]
+        is_all = any(sign in tree for sign in ('"class":"STAR"', '"column_names":["metadata"]', '"error":true'))
+        return self._layers if is_all else words(sql) & set(self._layers)
+
+    def _join_layers(self, names: frozenset[str]) -> None:
+        """Let the view metadata have these layers: a join of a layer takes time, whether it is looked at or not."""
+        if names != self._joined and "metadata" in self._views:
+            self._connection.execute("DROP VIEW metadata")
+            self._views.remove("metadata")
+        self._joined = names
 
     def _make_view(self, name: str, defined: Mapping[str, Path]) -> None:
         if name in self._views:
@@ -269,7 +299,7 @@ class Engine:
 
     def _layer_joins(self) -> str:
         """SQL that joins the layers to metadata."""
-        paths = {name: self._files.path(f"layers/{name}/{version}.parquet") for name, version in self._layers.items()}
+        paths = {name: self._files.path(f"layers/{name}/{self._layers[name]}.parquet") for name in sorted(self._joined)}
         joins = [
             f"LEFT JOIN read_parquet({_quoted(str(path))}) AS layer_{name} USING (scenario_id)"
             for name, path in paths.items()

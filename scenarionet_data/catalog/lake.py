@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from scenarionet_data.catalog import comparison, events, queries
+from scenarionet_data.catalog import comparison, mining, tagging
 from scenarionet_data.catalog import database as databases
 from scenarionet_data.catalog import layers as layer_files
 from scenarionet_data.catalog.database import Database
 from scenarionet_data.catalog.engine import FILE_TABLES, Engine, Rows, table_files
 from scenarionet_data.catalog.members import ADDRESS_COLUMNS, locate
+from scenarionet_data.catalog.named_sql import QUESTIONS
 from scenarionet_data.catalog.operations import (
     ancestry as ancestors,
 )
@@ -49,6 +50,7 @@ class Lake:
 
     Raises:
         NoSuchSnapshot: There is no lake, or no such snapshot.
+        LayerNotFound: There is no such version of a layer.
 
     Example:
         lake = Lake("lake")
@@ -61,7 +63,7 @@ class Lake:
         self.files = open_files(root)
         snapshots.check_is_lake(self.files)
         self.snapshot: Snapshot = snapshots.read(self.files, snapshot)
-        self.layers: dict[str, int] = layer_files.newest(self.files) | dict(layers or {})
+        self.layers: dict[str, int] = layer_files.shown(self.files, layers or {})
         self._chosen: pa.Table | None = None
 
     def __repr__(self) -> str:
@@ -88,7 +90,7 @@ class Lake:
 
     def at(self, snapshot: int, layers: Iterable[str] = ()) -> Lake:
         """The same lake at another snapshot, with these versions of layers (``name@version``)."""
-        pinned = self.layers | layer_files.pinned(layers)
+        pinned = self.layers | layer_files.parse(layers)
         is_same = snapshot == self.snapshot.number and pinned == self.layers
         return self if is_same else Lake(self.root, snapshot, pinned)
 
@@ -128,22 +130,32 @@ class Lake:
         """
         return self._engine.select(query, parameters)
 
-    def arrow(self, query: str, parameters: Mapping[str, Any] | None = None, **tables: Rows) -> pa.Table:
-        """Like :meth:`sql`, as an Arrow table; ``tables`` are known to this query by their names."""
-        return self._engine.arrow(query, parameters, **tables)
+    def arrow(
+        self,
+        query: str,
+        parameters: Mapping[str, Any] | None = None,
+        *,
+        layers: Iterable[str] | None = None,
+        **tables: Rows,
+    ) -> pa.Table:
+        """Like :meth:`sql`, as an Arrow table; see :meth:`Engine.arrow`."""
+        return self._engine.arrow(query, parameters, layers=layers, **tables)
 
-    def batches(self, query: str, parameters: Mapping[str, Any] | None = None) -> Generator[pa.RecordBatch, None, None]:
+    def batches(
+        self, query: str, parameters: Mapping[str, Any] | None = None, *, layers: Iterable[str] | None = None
+    ) -> Generator[pa.RecordBatch, None, None]:
         """Like :meth:`arrow`, some rows at a time; every other question waits until it is closed, or at its end."""
-        return self._engine.batches(query, parameters)
+        return self._engine.batches(query, parameters, layers=layers)
 
     # Explained where they are done.
-    mine = events.mine
+    mine = mining.mine
     compare = comparison.compare
-    tag = layer_files.tag
-    tag_by_sql = layer_files.tag_by_sql
-    tag_where = layer_files.tag_where
-    tag_event = layer_files.tag_event
-    tag_from_file = layer_files.tag_from_file
+    tag = tagging.tag
+    tag_by_sql = tagging.tag_by_sql
+    tag_where = tagging.tag_where
+    tag_event = tagging.tag_event
+    tag_from_file = tagging.tag_from_file
+    untag = tagging.untag
 
     def summary(self) -> pl.DataFrame:
         """Scenarios, objects and hours by dataset, version and split."""
@@ -160,7 +172,7 @@ class Lake:
             UnknownQuery: There is none of that name.
             BadParameter: It has no such parameter.
         """
-        question = queries.load(name)
+        question = QUESTIONS.load(name)
         return self.sql(question.text, question.bind(words or {}))
 
     def facts(self, scenario_id: str) -> dict[str, Any]:

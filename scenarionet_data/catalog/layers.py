@@ -6,30 +6,21 @@ of numbers such as an embedding. Nothing else is rewritten; every version stays,
 
 from __future__ import annotations
 
-import difflib
 import json
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.csv
 import pyarrow.parquet as pq
 
-from scenarionet_data import software, tables
-from scenarionet_data.catalog import events
+from scenarionet_data import tables
+from scenarionet_data.catalog import database as databases
 from scenarionet_data.catalog.engine import check_expression, words
-from scenarionet_data.errors import BadParameter, LayerExists, ScenarioNotFound
-from scenarionet_data.store import snapshot as snapshots
+from scenarionet_data.errors import BadParameter, LayerNotFound
 from scenarionet_data.store.files import LakeFiles, reading, writing
-
-if TYPE_CHECKING:
-    import polars as pl
-
-    from scenarionet_data.catalog.lake import Lake
 
 _FOLDER = "layers"
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
@@ -67,10 +58,46 @@ class Layer:
         return f"{self.name}@{self.version}"
 
 
-def newest(files: LakeFiles) -> dict[str, int]:
-    """Newest version of each layer of a lake, by name; a folder of another name than a layer can have is none."""
-    there = {name: _versions(files, name) for name in files.folders(_FOLDER) if _NAME.fullmatch(name)}
-    return {name: versions[-1] for name, versions in there.items() if versions}
+def shown(files: LakeFiles, pinned: Mapping[str, int]) -> dict[str, int]:
+    """The version of each layer of a lake, by name: the pinned one, else the newest.
+
+    A folder of another name than a layer can have is none.
+
+    Raises:
+        LayerNotFound: A pinned one is gone.
+    """
+    there = {name: versions(files, name) for name in files.folders(_FOLDER) if _NAME.fullmatch(name)}
+    for name, version in pinned.items():
+        check_there(files, name, version)
+    return {name: found[-1] for name, found in there.items() if found} | dict(pinned)
+
+
+def versions(files: LakeFiles, name: str) -> list[int]:
+    """Versions of a layer, rising; empty when there is none."""
+    found = files.names(f"{_FOLDER}/{name}", ".parquet")
+    return sorted(int(path.rpartition("/")[2].removesuffix(".parquet")) for path in found)
+
+
+def check_there(files: LakeFiles, name: str, version: int | None = None) -> None:
+    """Refuse a layer, or a version of it, that is not there.
+
+    Raises:
+        LayerNotFound: The message lists what is there.
+    """
+    found = versions(files, name) if _NAME.fullmatch(name) else []
+    if not found or (version is not None and version not in found):
+        have = f"versions {found}" if found else f"layers: {', '.join(shown(files, {})) or 'none yet'}"
+        raise LayerNotFound(f"{files.root}: no layer {name if version is None else f'{name}@{version}'!r}; {have}")
+
+
+def needing(files: LakeFiles, name: str, version: int | None = None) -> list[tuple[str, str]]:
+    """``name@version`` of the databases whose query asked a layer (or one version of it), each with the version."""
+    return [
+        (database.reference, layer)
+        for database in databases.every(files)
+        for layer in database.lineage.layers
+        if layer == f"{name}@{version}" or (version is None and layer.partition("@")[0] == name)
+    ]
 
 
 def read(files: LakeFiles, name: str, version: int) -> Layer:
@@ -81,108 +108,15 @@ def read(files: LakeFiles, name: str, version: int) -> Layer:
     return Layer(**json.loads(footer[b"scenarionet.layer"]))
 
 
-def used(layers: Mapping[str, int], sql: str) -> list[str]:
-    """``name@version`` of the layers that a query may ask: those that it names."""
-    return [f"{name}@{layers[name]}" for name in sorted(words(sql) & set(layers))]
+def named(layers: Iterable[str], sql: str) -> list[str]:
+    """The layers whose columns a condition or an expression asks for, sorted: those it names."""
+    found = words(sql)
+    return sorted(layers if "columns" in found else found & set(layers))  # COLUMNS('score_.*') may mean any
 
 
-def pinned(references: Iterable[str]) -> dict[str, int]:
+def parse(references: Iterable[str]) -> dict[str, int]:
     """Versions by name of ``name@version``s."""
     return {name: int(version) for name, _, version in (reference.partition("@") for reference in references)}
-
-
-def tag(
-    lake: Lake,
-    name: str,
-    rows: pa.Table | pl.DataFrame | Mapping[str, Any],
-    *,
-    source: str = "python",
-    replace: bool = False,
-) -> Layer:
-    """Add a column to the scenarios of a lake.
-
-    Args:
-        lake: The lake; open it again (``refresh``) to ask for the column.
-        name: The column's name: a lower-case word that no column has.
-        rows: A table with scenario_id and one more column, or a value for each scenario id. Scenarios without a row
-            have null.
-        source: Where the values come from, for the record.
-        replace: Make a further version when there is one already.
-
-    Raises:
-        BadParameter: The name is taken or no plain word, or the rows are no such table.
-        ScenarioNotFound: The lake has no scenario of one of the ids.
-        LayerExists: There is such a layer and ``replace`` is False.
-    """
-    check_name(name)
-    values = _as_layer(name, rows)
-    _check_ids(lake, values)
-    while True:
-        version = ([0, *_versions(lake.files, name)])[-1] + 1
-        if version > 1 and not replace:
-            raise LayerExists(f"layer {name!r} exists; give another name, or --replace for a new version of it")
-        layer = Layer(
-            name=name,
-            version=version,
-            type=str(values.schema.field(name).type),
-            count=values.num_rows - values[name].null_count,
-            source=source,
-            snapshot=lake.snapshot.number,
-            created_at=snapshots.now(),
-            created_with=software.name_and_version(),
-        )
-        if lake.files.publish_new(_path(name, version), _write(lake.files, values, layer)):
-            return layer
-
-
-def tag_by_sql(lake: Lake, name: str, query: str, *, replace: bool = False) -> Layer:
-    """Add a column from a SELECT of scenario_id and one more column; see :func:`tag`."""
-    return tag(lake, name, lake.arrow(query), source=query, replace=replace)
-
-
-def tag_where(lake: Lake, name: str, where: str, *, replace: bool = False) -> Layer:
-    """Add a label: whether a condition over the columns of ``metadata`` holds; see :func:`tag`."""
-    check_expression(where)
-    return tag_by_sql(lake, name, f"SELECT scenario_id, ({where}\n) AS {name} FROM metadata", replace=replace)
-
-
-def tag_event(lake: Lake, name: str, event: str, *, replace: bool = False) -> Layer:
-    """Add a count: how often an event happens in each scenario.
-
-    Args:
-        lake: The lake.
-        name: The column's name.
-        event: An event of ``sql/events``, as ``name:key=value``.
-        replace: Make a further version when there is one already.
-    """
-    found, values = events.parse(event)
-    query = (
-        "SELECT scenario_id, count(hit.scenario_id) AS hits "
-        f"FROM metadata LEFT JOIN (\n{found.text}\n) AS hit USING (scenario_id) GROUP BY scenario_id"
-    )
-    return tag(lake, name, lake.arrow(query, values), source=f"event {event}", replace=replace)
-
-
-def tag_from_file(
-    lake: Lake, name: str, path: str | Path, column: str | None = None, *, replace: bool = False
-) -> Layer:
-    """Add a column from a CSV or Parquet file with scenario_id and the column; see :func:`tag`.
-
-    Args:
-        lake: The lake.
-        name: The column's name in the lake.
-        path: The file.
-        column: The column's name in the file; may be left out when there is one besides scenario_id.
-        replace: Make a further version when there is one already.
-    """
-    rows = _read_file(Path(path))
-    if column is not None:
-        missing = {"scenario_id", column} - set(rows.column_names)
-        if missing:
-            have = ", ".join(rows.column_names)
-            raise BadParameter(f"{path}: no column {' or '.join(sorted(missing))}; there are {have}")
-        rows = rows.select(["scenario_id", column])
-    return tag(lake, name, rows, source=Path(path).name, replace=replace)
 
 
 def copy_rows(source: LakeFiles, target: LakeFiles, name: str, version: int, scenario_ids: pa.Array) -> str:
@@ -212,6 +146,23 @@ def check_name(name: str) -> None:
         raise BadParameter(f"{name!r} is a word of SQL; choose another name") from error
 
 
+def publish(files: LakeFiles, rows: pa.Table, layer: Layer) -> bool:
+    """Write a version of a layer, unless there is one; returns whether this call did."""
+    written = _write(files, rows, layer)
+    try:
+        return files.publish_new(_path(layer.name, layer.version), written)
+    finally:
+        written.unlink(missing_ok=True)
+
+
+def drop(files: LakeFiles, name: str, version: int | None = None) -> None:
+    """Remove a layer, or one version of it."""
+    if version is None or versions(files, name) == [version]:
+        files.remove(f"{_FOLDER}/{name}")
+    else:
+        files.remove(_path(name, version))
+
+
 def _write(files: LakeFiles, values: pa.Table, layer: Layer) -> Path:
     """A temporary file with a layer's values."""
     temporary = files.temporary()
@@ -219,53 +170,6 @@ def _write(files: LakeFiles, values: pa.Table, layer: Layer) -> Path:
     with writing(temporary, temporary):
         pq.write_table(values.replace_schema_metadata(footer), temporary, compression="zstd")
     return temporary
-
-
-def _as_layer(name: str, rows: pa.Table | pl.DataFrame | Mapping[str, Any]) -> pa.Table:
-    """scenario_id and the value under the layer's name, in order of id."""
-    if isinstance(rows, Mapping):
-        table = pa.table({"scenario_id": pa.array(list(rows), pa.string()), name: list(rows.values())})
-    else:
-        table = rows if isinstance(rows, pa.Table) else rows.to_arrow()
-    others = [column for column in table.column_names if column != "scenario_id"]
-    if "scenario_id" not in table.column_names or len(others) != 1:
-        raise BadParameter(
-            f"layer {name!r}: wanted scenario_id and one more column, found {', '.join(table.column_names)}; "
-            "name the column with --column, or select two"
-        )
-    ids = table["scenario_id"].cast(pa.string())
-    if ids.null_count or pc.count_distinct(ids).as_py() != len(ids):
-        raise BadParameter(f"layer {name!r}: wanted each scenario_id once; group by it, or leave rows out")
-    return pa.table({"scenario_id": ids, name: table[others[0]]}).sort_by("scenario_id")
-
-
-def _check_ids(lake: Lake, values: pa.Table) -> None:
-    query = "SELECT scenario_id FROM wanted ANTI JOIN metadata_rows USING (scenario_id) ORDER BY 1"
-    missing = lake.arrow(query, wanted=values.select(["scenario_id"]))["scenario_id"].to_pylist()
-    if not missing:
-        return
-    known = lake.arrow("SELECT scenario_id FROM metadata_rows LIMIT 1000")["scenario_id"].to_pylist()
-    near = (difflib.get_close_matches(missing[0], known, n=1) or known[:1] or ["none"])[0]
-    raise ScenarioNotFound(
-        f"{lake.root}: {len(missing):,} of {values.num_rows:,} ids are no scenario of snapshot {lake.snapshot.number}, "
-        f"for example {missing[0]}; ids look like {near}"
-    )
-
-
-def _read_file(path: Path) -> pa.Table:
-    if path.suffix not in (".csv", ".parquet"):
-        raise BadParameter(f"{path}: wanted a file name that ends in .csv or .parquet")
-    if not path.is_file():
-        raise BadParameter(f"{path}: no such file")
-    try:
-        return pa.csv.read_csv(path) if path.suffix == ".csv" else pq.read_table(path)
-    except pa.ArrowException as error:
-        raise BadParameter(f"{path}: {error}; wanted a table with scenario_id and a column") from error
-
-
-def _versions(files: LakeFiles, name: str) -> list[int]:
-    found = files.names(f"{_FOLDER}/{name}", ".parquet")
-    return sorted(int(path.rpartition("/")[2].removesuffix(".parquet")) for path in found)
 
 
 def _path(name: str, version: int) -> str:

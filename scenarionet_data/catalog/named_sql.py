@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from scenarionet_data.errors import BadParameter, QueryError
+from scenarionet_data.errors import BadParameter, QueryError, UnknownEvent, UnknownFilter, UnknownQuery
 from scenarionet_data.resources import SQL
 
 
@@ -58,37 +58,66 @@ class NamedSql:
             raise BadParameter(f"{self.name}: {key} wants {kind.__name__}, found {word!r}") from error
 
 
-def names(folder: str) -> list[str]:
-    """Files there are in a folder of ``sql/``, sorted."""
-    return sorted(path.stem for path in (SQL / folder).glob("*.sql"))
+@dataclass(frozen=True)
+class Folder:
+    """A folder of such files.
 
-
-def load(folder: str, name: str, unknown: type[QueryError]) -> NamedSql:
-    """A file by name.
-
-    Raises:
-        unknown: There is none; the message lists the nearest names.
+    Attributes:
+        name: Its name below ``sql/``.
+        unknown: What is raised for a file that is not there.
     """
-    if name not in names(folder):
-        near = difflib.get_close_matches(name, names(folder), n=3) or names(folder)
-        raise unknown(f"nothing called {name!r} in sql/{folder}; did you mean {', '.join(near)}?")
-    lines = (SQL / folder / f"{name}.sql").read_text("utf-8").splitlines()
+
+    name: str
+    unknown: type[QueryError]
+
+    def names(self) -> list[str]:
+        """Files there are, sorted."""
+        return sorted(path.stem for path in (SQL / self.name).glob("*.sql"))
+
+    def load(self, name: str) -> NamedSql:
+        """A file by name.
+
+        Raises:
+            QueryError: As ``unknown``: there is none; the message lists the nearest names.
+        """
+        if name not in self.names():
+            near = difflib.get_close_matches(name, self.names(), n=3) or self.names()
+            raise self.unknown(f"nothing called {name!r} in sql/{self.name}; did you mean {', '.join(near)}?")
+        return _read(name, (SQL / self.name / f"{name}.sql").read_text("utf-8").splitlines())
+
+    def parse(self, text: str) -> tuple[NamedSql, dict[str, Any]]:
+        """A file and the values of its parameters from the command line's ``name:key=value,key=value``.
+
+        Raises:
+            QueryError: As ``unknown``: there is no such file.
+            BadParameter: No such parameter, or no such value.
+
+        Example:
+            >>> FILTERS.parse("ego_distance:min=25")[1]["min"]
+            25.0
+        """
+        name, _, rest = text.partition(":")
+        found = self.load(name)
+        pairs = (pair.partition("=") for pair in filter(None, rest.split(",")))
+        return found, found.bind({key: value for key, _, value in pairs})
+
+
+FILTERS = Folder("filters", UnknownFilter)
+"""Conditions over the view ``metadata``."""
+EVENTS = Folder("events", UnknownEvent)
+"""SELECTs of what happens inside scenarios, see ``mining``."""
+QUESTIONS = Folder("analytics", UnknownQuery)
+"""SELECTs over a lake's views."""
+OVERLAPS = Folder("overlaps", UnknownQuery)
+"""SELECTs of a key for every scenario: what two databases share when both have a key."""
+CHECKS = Folder("checks", UnknownQuery)
+"""SELECTs of what breaks a rule, see ``checks``."""
+
+
+def _read(name: str, lines: list[str]) -> NamedSql:
     start = next((number for number, line in enumerate(lines) if not line.startswith("--")), len(lines))
     comments = [line.removeprefix("--").strip() for line in lines[:start]]
     pairs = [re.fullmatch(r"(\w+) = (.+)", comment) for comment in comments]
     defaults = {pair.group(1): json.loads(pair.group(2)) for pair in pairs if pair}
     doc = " ".join(comment for comment, pair in zip(comments, pairs, strict=True) if not pair)
     return NamedSql(name, doc, defaults, "\n".join(line for line in lines[start:] if line))
-
-
-def parse(folder: str, text: str, unknown: type[QueryError]) -> tuple[NamedSql, dict[str, Any]]:
-    """A file and the values of its parameters from the command line's ``name:key=value,key=value``.
-
-    Raises:
-        unknown: There is no such file.
-        BadParameter: No such parameter, or no such value.
-    """
-    name, _, rest = text.partition(":")
-    found = load(folder, name, unknown)
-    pairs = (pair.partition("=") for pair in filter(None, rest.split(",")))
-    return found, found.bind({key: value for key, _, value in pairs})

@@ -2,7 +2,7 @@
 -- replacement in proportion to the likelihood (Efraimidis and Spirakis, "Weighted random sampling with a reservoir",
 -- Information Processing Letters 2006).
 SELECT
-    scenario_id, weight, content_hash, place, {stratum} AS stratum,
+    scenario_id, weight, content_hash, {place} AS place, {stratum} AS stratum,
     -ln(1 - {drawn_id}) / likelihood AS luck
 FROM (SELECT *, ({likelihood})::DOUBLE AS likelihood FROM {pool} AS metadata)
 WHERE likelihood > 0

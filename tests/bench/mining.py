@@ -10,7 +10,7 @@ from pathlib import Path
 from statistics import median
 
 from scenarionet_data import Lake, ScenarioLoader
-from scenarionet_data.catalog import events
+from scenarionet_data.catalog.named_sql import EVENTS
 from scenarionet_data.conversion import convert
 from scenarionet_data.scenario import ScenarioDescription
 from scenarionet_data.store import commit as commits
@@ -43,7 +43,7 @@ def figures(recordings: Path | None) -> Iterator[Figure]:
         yield Figure(f"mine: states of {_COUNT} scenarios", states, "")
         yield Figure("mine: mean speed of every ego", _seconds(lambda: lake.sql(_EGO_SPEED)), "s", "<= 0.3")
         yield Figure("mine: pedestrians within 20 m of the ego", _seconds(lambda: lake.sql(_PEDESTRIANS)), "s", "<= 1")
-        for name in events.names():
+        for name in EVENTS.names():
             took = _seconds(lambda name=name: lake.mine(name))
             yield Figure(f"mine: {name}", took, "s", _WANTED.get(name, ""))
 

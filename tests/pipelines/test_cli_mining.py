@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from scenarionet_data.catalog import events
+from scenarionet_data.catalog.named_sql import EVENTS
 from tests.pipelines.conftest import run
 
 
@@ -33,7 +33,7 @@ def test_mine_without_an_event_lists_them(lake, ok, as_json):
     assert "cut_in:max_gap=30.0,min_speed=2.0,within=4.0" in text
     assert "Source: Hayward 1972" in " ".join(text.split())
     listed = as_json("mine", lake)["events"]
-    assert [event["name"] for event in listed] == events.names()
+    assert [event["name"] for event in listed] == EVENTS.names()
 
 
 def test_filter_by_event(lake, ok):

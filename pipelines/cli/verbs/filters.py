@@ -23,9 +23,9 @@ def command(columns: bool, as_json: bool) -> None:
 
 
 def _list_filters(as_json: bool) -> None:
-    from scenarionet_data.catalog import filters
+    from scenarionet_data.catalog.named_sql import FILTERS
 
-    found = [filters.load(name) for name in filters.names()]
+    found = [FILTERS.load(name) for name in FILTERS.names()]
     if as_json:
         print_json({"filters": [{"name": f.name, "doc": f.doc, "parameters": f.defaults} for f in found]})
         return

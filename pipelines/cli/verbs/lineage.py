@@ -39,7 +39,8 @@ def command(lake: str, database: str, with_sql: bool, as_json: bool) -> None:
 
 
 def _print(found: Ancestry, with_sql: bool, margin: str) -> None:
-    click.echo(f"{margin}{found.reference}: {_made(found.lineage)}")
+    away = "; its members stayed behind" if found.lineage and not found.is_here else ""
+    click.echo(f"{margin}{found.reference}: {_made(found.lineage)}{away}")
     inner = margin + "    "
     if found.lineage and with_sql:
         click.echo(indent(found.lineage.sql, inner + "| "))

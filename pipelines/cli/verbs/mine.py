@@ -46,10 +46,10 @@ def command(
     it once and for all.
     """
     from scenarionet_data import Lake
-    from scenarionet_data.catalog import events
+    from scenarionet_data.catalog.named_sql import EVENTS
 
     if event is None:
-        _list_events([events.load(name) for name in events.names()], as_json)
+        _list_events([EVENTS.load(name) for name in EVENTS.names()], as_json)
         return
     found = Lake(lake, snapshot).mine(event, pairs(settings, "--set"), database=database)
     if as_json:

@@ -14,6 +14,7 @@ from pipelines.cli.parameters import json_option, lake_argument, new_version_opt
     "scenarionet sample lake busy -n 1000 --to few",
     "scenarionet sample lake --fraction 0.01 --stratify dataset --to tiny",
     "scenarionet sample lake busy -n 500 --balance city --weights difficulty --seed 3 --to hard",
+    "scenarionet sample lake busy -n 500 --levels 5 --to curriculum",
 )
 @lake_argument
 @click.argument("database", metavar="DB", required=False)
@@ -23,6 +24,7 @@ from pipelines.cli.parameters import json_option, lake_argument, new_version_opt
 @click.option("--weights", default="1", metavar="EXPR", help="SQL over metadata: who has more is drawn more often.")
 @click.option("--stratify", metavar="COLUMN", help="Its values keep their proportions.")
 @click.option("--balance", metavar="COLUMN", help="Of each value as many, while there are any.")
+@click.option("--levels", type=int, help="Of so many levels of difficulty as many, from easy to difficult.")
 @to_option
 @new_version_option
 @json_option
@@ -35,13 +37,15 @@ def command(
     weights: str,
     stratify: str | None,
     balance: str | None,
+    levels: int | None,
     name: str,
     replace: bool,
     as_json: bool,
 ) -> None:
     """Save scenarios of a database (or of the whole lake), drawn without replacement.
 
-    The same seed draws the same scenarios on every machine. They keep the order of the database.
+    The same seed draws the same scenarios on every machine. They keep the order of the database; with --levels,
+    which draws a curriculum, they are sorted by difficulty.
     """
     from scenarionet_data import Lake
 
@@ -55,6 +59,7 @@ def command(
         weights=weights,
         stratify=stratify,
         balance=balance,
+        levels=levels,
         replace=replace,
     )
     print_made(made, as_json, len(opened.database(database)) if database else len(opened))

@@ -89,9 +89,9 @@ def _print(rows: pl.DataFrame) -> None:
 
 
 def _list_names(as_json: bool) -> None:
-    from scenarionet_data.catalog import queries
+    from scenarionet_data.catalog.named_sql import QUESTIONS
 
-    found = [queries.load(name) for name in queries.names()]
+    found = [QUESTIONS.load(name) for name in QUESTIONS.names()]
     if as_json:
         print_json({"queries": [{"name": q.name, "doc": q.doc, "parameters": q.defaults} for q in found]})
         return

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     'scenarionet tag lake red_seconds --sql "SELECT scenario_id, 0.1 * count(*) FROM at_red GROUP BY scenario_id"',
     "scenarionet tag lake score --file scores.csv --column score",
     "scenarionet tag lake",
+    "scenarionet tag lake --drop score",
+    "scenarionet tag lake --drop score@1 --force",
 )
 @lake_argument
 @click.argument("name", required=False)
@@ -35,6 +37,8 @@ if TYPE_CHECKING:
 )
 @click.option("--column", metavar="NAME", help="With --file: the column, where there are several.")
 @new_version_option
+@click.option("--drop", metavar="NAME", help="Remove this column, or a version of it: NAME@VERSION.")
+@click.option("--force", is_flag=True, help="With --drop: also when databases need it; they cannot be rebuilt then.")
 @json_option
 def command(
     lake: str,
@@ -45,21 +49,31 @@ def command(
     file: str | None,
     column: str | None,
     replace: bool,
+    drop: str | None,
+    force: bool,
     as_json: bool,
 ) -> None:
-    """Add a column to scenarios: a label, a count, a score, an embedding.
+    """Add a column to scenarios: a label, a count, a score, an embedding; or remove it.
 
     It is a side table, keyed by scenario id; nothing is rewritten. `--where`, `sql` and every filter know it like any
     other column; scenarios without a value have null. Without a NAME, the lake's columns of this kind are listed.
+    A column that queries of databases asked is not removed without --force.
     """
     from scenarionet_data import Lake
 
     opened = Lake(lake)
-    if name is None:
-        _list(opened, as_json)
-        return
     given = {"--where": where, "--event": event, "--sql": query, "--file": file}
     chosen = [(option, value) for option, value in given.items() if value is not None]
+    if (drop and (name or chosen or column or replace)) or (force and not drop):
+        raise BadParameter("--drop NAME stands alone, or with --force")
+    if drop:
+        _drop(opened, drop, force, as_json)
+        return
+    if name is None and not chosen:
+        _list(opened, as_json)
+        return
+    if name is None:
+        raise BadParameter("wanted a NAME for the column: scenarionet tag LAKE NAME ...")
     if len(chosen) != 1 or (column and not file):
         raise BadParameter(f"wanted one of {', '.join(given)} (and --column only with --file)")
     layer = _tag(opened, name, *chosen[0], column, replace)
@@ -77,6 +91,14 @@ def _tag(lake: Lake, name: str, option: str, value: str, column: str | None, rep
     if option == "--sql":
         return lake.tag_by_sql(name, value, replace=replace)
     return lake.tag_from_file(name, value, column, replace=replace)
+
+
+def _drop(lake: Lake, reference: str, force: bool, as_json: bool) -> None:
+    lake.untag(reference, force=force)
+    if as_json:
+        print_json({"dropped": reference})
+    else:
+        click.echo(f"dropped {reference}")
 
 
 def _list(lake: Lake, as_json: bool) -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from scenarionet_data.catalog import database as databases
 from scenarionet_data.catalog.database import Lineage
+from scenarionet_data.catalog.packs import origins
 from scenarionet_data.errors import DatabaseNotFound
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ class Ancestry:
         reference: ``name@version``.
         versions: The versions there are, rising.
         lineage: How it was made; None when it is gone.
+        is_here: Whether its members are here: not those of a packed database's ancestors.
         parents: What it was made from.
         children: ``name@version`` of what was made from this version.
     """
@@ -28,6 +30,7 @@ class Ancestry:
     reference: str
     versions: tuple[int, ...]
     lineage: Lineage | None
+    is_here: bool
     parents: tuple[Ancestry, ...]
     children: tuple[str, ...]
 
@@ -46,7 +49,7 @@ def ancestry(lake: Lake, reference: str) -> Ancestry:
     parents = tuple(_parent(lake, parent) for parent in found.lineage.parents)
     versions = tuple(databases.versions(lake.files, found.name))
     children = tuple(databases.children(lake.files, found.name, found.version))
-    return Ancestry(found.reference, versions, found.lineage, parents, children)
+    return Ancestry(found.reference, versions, found.lineage, True, parents, children)
 
 
 def _parent(lake: Lake, reference: str) -> Ancestry:
@@ -54,4 +57,7 @@ def _parent(lake: Lake, reference: str) -> Ancestry:
         return ancestry(lake, reference)
     except DatabaseNotFound:
         name, _ = databases.parse_reference(reference)
-        return Ancestry(reference, tuple(databases.versions(lake.files, name)), None, (), ())
+        packed = origins.read(lake.files)
+        lineage = packed.lineages.get(reference) if packed else None
+        parents = tuple(_parent(lake, parent) for parent in lineage.parents) if lineage else ()
+        return Ancestry(reference, tuple(databases.versions(lake.files, name)), lineage, False, parents, ())

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Unpack
 
-from scenarionet_data.catalog import events, filters, mistakes
+from scenarionet_data.catalog import mistakes
 from scenarionet_data.catalog.database import Database
 from scenarionet_data.catalog.engine import check_expression
-from scenarionet_data.catalog.named_sql import NamedSql
+from scenarionet_data.catalog.named_sql import EVENTS, FILTERS, NamedSql
 from scenarionet_data.catalog.operations import pool as pools
 from scenarionet_data.catalog.operations.pool import Pool, Saving
 from scenarionet_data.errors import QueryError, ScenarioNotFound
@@ -51,21 +51,25 @@ def keep(
         DatabaseExists, EmptyResult: See :class:`Saving`.
     """
     check_expression(where)
-    wanted = [filters.parse(text) for text in named]
+    wanted = [FILTERS.parse(text) for text in named]
     if ids is not None:
-        wanted.append((filters.load("ids"), {"ids": list(ids)}))
+        wanted.append((FILTERS.load("ids"), {"ids": list(ids)}))
     pool = pools.of(lake, parent)
     if ids is not None:
         _check_ids(pool, list(ids))
     try:
-        if happening:
-            pool = _narrowed(pool, *_conditions(where, wanted, parameters or {}))
-            wanted += [_event(text) for text in happening]
-        conditions, bound = _conditions(where, wanted, parameters or {})
+        events = [_event(text) for text in happening]
+        conditions, bound = _conditions(where, [*wanted, *events], parameters or {})
         query = pool.query("operations/filter", conditions=conditions)
-        return pool.make("filter", name, query, bound, saving)
+        if not events:
+            return pool.make("filter", name, query, bound, saving)
+        narrowed = _narrowed(pool, *_conditions(where, wanted, parameters or {}))
+        # Of what is left, events alone are asked: a condition that compares with the whole lake has had its answer.
+        happen, bound_there = _conditions("true", events, {})
+        found = narrowed.batches(narrowed.query("operations/filter", conditions=happen), bound_there)
+        return pool.save(pool.lineage("filter", query, pools.as_recorded(bound)), name, found, saving)
     except QueryError as error:
-        raise mistakes.in_condition(error, where) from error
+        raise mistakes.in_condition(error, where, lake.layers) from error
 
 
 def _narrowed(pool: Pool, conditions: str, bound: Mapping[str, Any]) -> Pool:
@@ -77,7 +81,7 @@ def _narrowed(pool: Pool, conditions: str, bound: Mapping[str, Any]) -> Pool:
 
 def _event(text: str) -> tuple[NamedSql, dict[str, Any]]:
     """An event as a condition: that it happens in the scenario."""
-    found, values = events.parse(text)
+    found, values = EVENTS.parse(text)
     return replace(found, text=f"scenario_id IN (SELECT scenario_id FROM (\n{found.text}\n))"), values
 
 

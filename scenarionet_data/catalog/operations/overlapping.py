@@ -8,15 +8,14 @@ from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING
 
-from scenarionet_data.catalog import named_sql
 from scenarionet_data.catalog.database import Database
+from scenarionet_data.catalog.named_sql import OVERLAPS, NamedSql
 from scenarionet_data.catalog.operations.pool import Pool, StaleDatabaseWarning
-from scenarionet_data.errors import BadParameter, UnknownQuery
+from scenarionet_data.errors import BadParameter
 
 if TYPE_CHECKING:
     from scenarionet_data.catalog.lake import Lake
 
-_FOLDER = "overlaps"
 _SCENARIOS = "(SELECT * FROM (SELECT parent, scenario_id FROM members) JOIN metadata USING (scenario_id))"
 _GONE = "SELECT count(*) AS n FROM {members} ANTI JOIN metadata_rows USING (scenario_id)"
 
@@ -42,11 +41,6 @@ class Overlap:
     examples: tuple[tuple[str, str, str], ...]
 
 
-def kinds() -> list[str]:
-    """Rules there are, sorted."""
-    return named_sql.names(_FOLDER)
-
-
 def overlap(lake: Lake, *which: Database | str, only: Sequence[str] | None = None) -> list[Overlap]:
     """What databases share, two by two: scenarios, contents, logs, seconds of a log, drives.
 
@@ -63,7 +57,7 @@ def overlap(lake: Lake, *which: Database | str, only: Sequence[str] | None = Non
     """
     if len(which) < 2:
         raise BadParameter(f"overlap: wanted two databases or more, found {len(which)}")
-    rules = [named_sql.load(_FOLDER, kind, UnknownQuery) for kind in (only or kinds())]
+    rules = [OVERLAPS.load(kind) for kind in (only or OVERLAPS.names())]
     found = [lake.database(each) for each in which]
     for database in found:
         _warn_of_gone(lake, database)
@@ -81,7 +75,7 @@ def _warn_of_gone(lake: Lake, database: Database) -> None:
         )
 
 
-def _apply(lake: Lake, pair: tuple[Database, Database], rule: named_sql.NamedSql) -> Overlap:
+def _apply(lake: Lake, pair: tuple[Database, Database], rule: NamedSql) -> Overlap:
     pool = Pool(lake, pair)
     keyed = rule.text.replace("{scenarios}", _SCENARIOS)
     (row,) = pool.run(pool.query("operations/overlap", keyed=keyed), {}).to_pylist()

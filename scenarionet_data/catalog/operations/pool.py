@@ -98,11 +98,15 @@ class Pool:
 
     def run(self, query: str, parameters: Mapping[str, Any]) -> pa.Table:
         """Rows of a query over the snapshot's views and ``members``."""
-        return self.lake.arrow(self._over_members(query), parameters)
+        return self.lake.arrow(self._over_members(query), parameters, layers=self._layers(query))
 
     def batches(self, query: str, parameters: Mapping[str, Any]) -> Generator[pa.RecordBatch, None, None]:
         """Like :meth:`run`, some rows at a time, see :meth:`Engine.batches`."""
-        return self.lake.batches(self._over_members(query), parameters)
+        return self.lake.batches(self._over_members(query), parameters, layers=self._layers(query))
+
+    def _layers(self, query: str) -> list[str]:
+        """Layers that a query asks; it has every column of the pool, but is asked for those it names."""
+        return layers.named(self.lake.layers, query)
 
     def _over_members(self, query: str) -> str:
         """The query with ``members`` to ask: read again where it is named twice, and not kept in memory."""
@@ -165,7 +169,7 @@ class Pool:
             created_at=snapshots.now(),
             count=0,
             created_with=software.name_and_version(),
-            layers=layers.used(self.lake.layers, query),
+            layers=[f"{name}@{self.lake.layers[name]}" for name in self._layers(query)],
         )
 
 

@@ -10,7 +10,8 @@ from scenarionet_data.catalog.database import Database
 from scenarionet_data.catalog.operations import comparing
 from scenarionet_data.catalog.operations.comparing import Diff
 from scenarionet_data.catalog.operations.pool import Pool, Saving
-from scenarionet_data.errors import DatabaseNotFound, NoSuchSnapshot
+from scenarionet_data.catalog.packs import origins
+from scenarionet_data.errors import DatabaseNotFound, LakeError, LayerNotFound, NoSuchSnapshot
 
 if TYPE_CHECKING:
     from scenarionet_data.catalog.lake import Lake
@@ -41,13 +42,16 @@ def rebuild(lake: Lake, reference: str) -> Rebuilt:
     Raises:
         NoSuchSnapshot: The snapshot is gone.
         DatabaseNotFound: A parent is gone.
+        LayerNotFound: A layer that the query asks is gone.
+        LakeError: The database was packed: what its query was asked of stayed behind.
     """
     database = lake.database(reference)
+    _check_askable(lake, database)
     lineage = database.lineage
     try:
         there = lake.at(lineage.snapshot, lineage.layers)
         pool = Pool(there, tuple(lake.database(parent) for parent in lineage.parents))
-    except (NoSuchSnapshot, DatabaseNotFound) as error:
+    except (NoSuchSnapshot, DatabaseNotFound, LayerNotFound) as error:
         raise type(error)(
             f"{database.reference} cannot be made again as it was: {error}; it can still be read where its scenarios "
             f"are unchanged, and `scenarionet rebase --keep-members {lake.root} {database.name}` moves it on"
@@ -81,16 +85,33 @@ def rebase(lake: Lake, name: str, *, keep_members: bool = False) -> list[Diff]:
     plain, _ = databases.parse_reference(name)
     if keep_members:
         return [_move(newest, lake.database(plain), keep_members=True)]
+    _check_askable(newest, newest.database(plain))
     return _rebase(newest, plain, ())
 
 
 def _rebase(lake: Lake, name: str, waiting: tuple[str, ...]) -> list[Diff]:
     """Parents first; a version of a database that waits for this very move is a parent as it is."""
     database = lake.database(name)
+    if _was_packed(lake, database):
+        return []
     parents = [databases.parse_reference(parent)[0] for parent in database.lineage.parents]
     moved = [d for parent in parents if parent not in (*waiting, name) for d in _rebase(lake, parent, (*waiting, name))]
     is_behind = database.lineage.snapshot < lake.snapshot.number
     return [*moved, _move(lake, database)] if is_behind or moved else []
+
+
+def _check_askable(lake: Lake, database: Database) -> None:
+    if _was_packed(lake, database):
+        raise LakeError(
+            f"{database.reference} was packed: {lake.root} holds its members, and nothing else that its query was "
+            "asked of; make it again in the lake it came from"
+        )
+
+
+def _was_packed(lake: Lake, database: Database) -> bool:
+    """Whether the lake is a pack of this very database."""
+    packed = origins.read(lake.files)
+    return packed is not None and packed.packed == database.reference
 
 
 def _move(lake: Lake, database: Database, *, keep_members: bool = False) -> Diff:

@@ -14,6 +14,9 @@ from scenarionet_data.errors import BadParameter, QueryError
 if TYPE_CHECKING:
     from scenarionet_data.catalog.lake import Lake
 
+_FROM_EASY = "row_number() OVER (ORDER BY difficulty, scenario_id)"
+_LEVEL = f"(1 + ({_FROM_EASY} - 1) * $levels::BIGINT // count(*) OVER ())::VARCHAR"
+
 
 def sample(
     lake: Lake,
@@ -26,6 +29,7 @@ def sample(
     weights: str = "1",
     stratify: str | None = None,
     balance: str | None = None,
+    levels: int | None = None,
     **saving: Unpack[Saving],
 ) -> Database:
     """Save scenarios drawn without replacement, in the order of the parent.
@@ -41,6 +45,8 @@ def sample(
             twice as likely to be drawn first. Scenarios without a weight above 0 are never drawn.
         stratify: Column whose values keep their proportions.
         balance: Column of whose values as many scenarios each are drawn, while there are any.
+        levels: Of so many levels of difficulty as many scenarios each are drawn, and saved from easy to difficult: a
+            curriculum. Levels are of equal size, in the order of ``difficulty``.
         **saving: ``replace``, ``allow_empty``.
 
     Raises:
@@ -50,13 +56,13 @@ def sample(
     _check_size(n, fraction)
     check_expression(weights)
     pool = pools.of(lake, parent)
-    query = pool.query("operations/sample", turns=_turns(pool, weights, stratify, balance))
-    parameters = {"seed": seed, "n": n, "fraction": fraction}
+    query = pool.query("operations/sample", turns=_turns(pool, weights, stratify, balance, levels))
+    parameters = {"seed": seed, "n": n, "fraction": fraction} | ({"levels": levels} if levels else {})
     try:
         drawn = pool.batches(query, parameters)
         return pool.save(pool.lineage("sample", query, parameters), name, drawn, saving, at_least=n or 0)
     except QueryError as error:
-        raise mistakes.in_condition(error, weights) from error
+        raise mistakes.in_condition(error, weights, lake.layers) from error
 
 
 def _check_size(n: int | None, fraction: float | None) -> None:
@@ -68,17 +74,20 @@ def _check_size(n: int | None, fraction: float | None) -> None:
         raise BadParameter(f"wanted a fraction above 0 and up to 1, found {fraction:g}")
 
 
-def _turns(pool: Pool, weights: str, stratify: str | None, balance: str | None) -> str:
+def _turns(pool: Pool, weights: str, stratify: str | None, balance: str | None, levels: int | None) -> str:
     """SQL that gives each scenario its ``turn`` and, among equals, its ``luck``."""
-    if stratify is not None and balance is not None:
-        raise BadParameter("wanted stratify (as the whole) or balance (as many of each), not both")
+    if [stratify, balance, levels].count(None) < 2:
+        raise BadParameter("wanted one of stratify (as the whole), balance (as many of each), levels (of difficulty)")
+    if levels is not None and levels < 1:
+        raise BadParameter(f"wanted 1 level or more, found {levels}")
     column = stratify or balance
     if column is not None:
         pools.check_column(pool.lake, column, "to sample by")
-    way = "stratified" if stratify else "balanced" if balance else "random"
+    way = "stratified" if stratify else "balanced" if balance or levels else "random"
     lucky = pool.query(
         "samples/lucky",
-        stratum=f'"{column}"::VARCHAR' if column else "NULL::VARCHAR",
+        stratum=f'"{column}"::VARCHAR' if column else _LEVEL if levels else "NULL::VARCHAR",
+        place=_FROM_EASY if levels else "place",
         likelihood=weights,
         drawn_id=pools.drawn("scenario_id"),
     )

@@ -11,7 +11,6 @@ from fractions import Fraction
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any, Unpack
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
@@ -225,7 +224,7 @@ def _check_leaks(pool: Pool, parts: Mapping[str, Draft], strict: bool) -> None:
     """Report source logs with scenarios in several parts: a model would be tested on what it has seen."""
     schema = pa.schema({"scenario_id": pa.string(), "part": pa.int32()})
     drawn = (
-        pa.record_batch([ids, np.full(len(ids), number, np.int32)], schema=schema)
+        pa.record_batch([ids, pa.repeat(pa.scalar(number, pa.int32()), len(ids))], schema=schema)
         for number, draft in enumerate(parts.values())
         for ids in draft.ids()
     )

@@ -13,14 +13,13 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
 from scenarionet_data import tables
-from scenarionet_data.building import meets
 from scenarionet_data.catalog import layers
 from scenarionet_data.catalog.database import Database
+from scenarionet_data.catalog.packs import origins, tiles
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles, sha256, writing
 from scenarionet_data.store.row_group_copy import RowGroupSource, RowGroupWriter
@@ -35,7 +34,6 @@ if TYPE_CHECKING:
 
 SUMS = "SHA256SUMS"
 _SHARD = ("dataset", "version", "split", "converter_version", "options")
-_BOX = ("min_x", "min_y", "max_x", "max_y")
 _ROWS_PER_GROUP = 65_536
 
 Progress = Callable[[int, int], None]
@@ -77,6 +75,7 @@ class Contents:
         records += self._write_shared_maps(rows)
         self._write_layers(rows["scenario_id"].combine_chunks())
         self._write_lists(records)
+        self._publish(origins.write(self._target, self._holder.ancestry(self._database.reference)), origins.FILE)
         shutil.rmtree(self._target.path(".tmp"))
         lines = "".join(f"{digest}  {name}\n" for name, digest in sorted(self.sums.items()))
         with writing(self._target.path(SUMS)):
@@ -201,21 +200,13 @@ class Contents:
 
     def _write_shared_maps(self, rows: pa.Table) -> Iterator[ShardRecord]:
         """The tiles of shared maps that the members see, map by map."""
-        seen = rows.filter(pc.is_valid(rows["map_crop"])).select(
-            ["dataset", "version", "map_id", "map_crop", "origin_x", "origin_y"]
-        )
-        windows: dict[tuple[str, str, str], list[tuple[float, float, float, float]]] = {}
-        for row in seen.to_pylist():
-            (x, y), (min_x, min_y, max_x, max_y) = (row["origin_x"], row["origin_y"]), row["map_crop"]
-            window = (x + min_x, y + min_y, x + max_x, y + max_y)
-            windows.setdefault((row["dataset"], row["version"], row["map_id"]), []).append(window)
         names = self._holder.shared_maps()
-        for (dataset, version, map_id), listed in sorted(windows.items()):
+        for (dataset, version, map_id), listed in sorted(tiles.windows(rows).items()):
             source = names[dataset, version, map_id]
             record = self._shards[source][0]
             temporary = self._target.temporary()
             with _row_groups(temporary) as writer:
-                for number in _tiles(self._holder.files, source, listed):
+                for number in tiles.meeting(self._holder.files, source, listed):
                     writer.append(self._open(source), number)
                 writer.close({})
             digest = sha256(temporary)
@@ -231,8 +222,11 @@ class Contents:
             )
 
     def _write_layers(self, scenario_ids: pa.Array) -> None:
-        for name, version in self._holder.layers.items():
-            path = layers.copy_rows(self._holder.files, self._target, name, version, scenario_ids)
+        files = self._holder.files
+        asked = layers.parse(self._database.lineage.layers).items()
+        there = {(name, version) for name, version in asked if version in layers.versions(files, name)}
+        for name, version in sorted(there | self._holder.layers.items()):
+            path = layers.copy_rows(files, self._target, name, version, scenario_ids)
             self.sums[path] = sha256(self._target.path(path))
 
     def _write_lists(self, records: list[ShardRecord]) -> None:
@@ -272,22 +266,6 @@ def _shards_of_file(lake: Lake) -> dict[str, list[dict[str, Any]]]:
         for name in row["files"]:
             found[name].append(row)
     return found
-
-
-def _tiles(files: LakeFiles, name: str, windows: list[tuple[float, float, float, float]]) -> list[int]:
-    """Row groups of a shared map, each a tile, that meet a window; the first where none does."""
-    rows = files.read(name, ["tile", "origin_x", "origin_y", *_BOX])
-    corner = [rows[f"origin_{axis}"].to_numpy() for axis in "xyxy"]
-    boxes = np.column_stack([rows[column].to_numpy() for column in _BOX]).astype(np.float64) + np.column_stack(corner)
-    first = np.flatnonzero(np.diff(rows["tile"].to_numpy(), prepend=-1))
-    # The box of a tile, whatever of it has no geometry (NaN).
-    tiles = np.column_stack(
-        [np.fmin.reduceat(boxes[:, :2], first, axis=0), np.fmax.reduceat(boxes[:, 2:], first, axis=0)]
-    )
-    is_seen = np.zeros(len(tiles), bool)
-    for window in windows:
-        is_seen |= meets(tiles, window)
-    return [int(number) for number in np.flatnonzero(is_seen)] or [0]
 
 
 def _with(rows: pa.Table, name: str, values: pa.Array) -> pa.Table:

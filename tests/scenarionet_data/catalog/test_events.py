@@ -9,7 +9,7 @@ import polars as pl
 import pytest
 
 from scenarionet_data import Lake, convert
-from scenarionet_data.catalog import events
+from scenarionet_data.catalog.named_sql import EVENTS
 from scenarionet_data.errors import BadParameter, QueryError, UnknownEvent
 from scenarionet_data.vocabulary import LightState
 from tests.fixtures.lakes import write_lake
@@ -225,10 +225,10 @@ def lake(tmp_path_factory) -> Lake:
 
 @pytest.fixture(scope="module")
 def found(lake) -> dict[str, pl.DataFrame]:
-    return {name: lake.sql(events.load(name).text, events.load(name).defaults) for name in events.names()}
+    return {name: lake.sql(EVENTS.load(name).text, EVENTS.load(name).defaults) for name in EVENTS.names()}
 
 
-@pytest.mark.parametrize("name", events.names())
+@pytest.mark.parametrize("name", EVENTS.names())
 def test_hits_are_found_and_nothing_else(name, found):
     assert found[name].columns == ["scenario_id", "track_id", "other_id", "first_timestep", "last_timestep", "value"]
     for scenario, wanted in MOMENTS[name]:
@@ -239,15 +239,15 @@ def test_hits_are_found_and_nothing_else(name, found):
 
 
 def test_every_event_has_hits_and_near_misses():
-    assert set(MOMENTS) == set(events.names())
+    assert set(MOMENTS) == set(EVENTS.names())
     for name, group in MOMENTS.items():
         assert any(wanted for _, wanted in group), name
         assert any(not wanted for _, wanted in group), name
 
 
-@pytest.mark.parametrize("name", events.names())
+@pytest.mark.parametrize("name", EVENTS.names())
 def test_every_event_names_its_source_and_uses_its_parameters(name):
-    event = events.load(name)
+    event = EVENTS.load(name)
     assert "Source: " in event.doc
     assert "value" in event.doc.lower()
     assert set(re.findall(r"\$(\w+)", event.text)) == set(event.defaults)
@@ -290,6 +290,15 @@ def test_mine_looks_only_at_a_databases_members(tmp_path):
     assert lake.mine("cut_in", database="none").is_empty()
 
 
+def test_a_condition_that_compares_with_the_whole_lake_keeps_its_meaning_beside_an_event(tmp_path):
+    lake = write_lake(tmp_path, [scenario for name in ("cut_in", "following") for scenario, _ in MOMENTS[name]])
+    below = "ego_distance <= (SELECT median(ego_distance) FROM metadata) AND difficulty_level(2) = 1"
+    below_in_turn = set(lake.filter(below, name="below").scenario_ids)
+    found = lake.filter(below, name="found", happening=["closest_approach:max=1000"])
+    assert set(found.scenario_ids) == below_in_turn
+    assert lake.rebuild("found").is_same
+
+
 def test_filter_keeps_scenarios_in_which_an_event_happens(tmp_path):
     lake = write_lake(tmp_path, [scenario for name in ("cut_in", "following") for scenario, _ in MOMENTS[name]])
     found = lake.filter("ego_distance > 10", name="cut", happening=["cut_in"])
@@ -309,7 +318,7 @@ def test_filter_keeps_scenarios_in_which_an_event_happens(tmp_path):
         lake.filter("ego_distanse > 1", name="x", happening=["cut_in"])
 
 
-@pytest.mark.parametrize("name", events.names())
+@pytest.mark.parametrize("name", EVENTS.names())
 def test_an_empty_lake_has_no_hits(name, tmp_path):
     (tmp_path / "snapshots").mkdir()
     assert Lake(tmp_path).mine(name).is_empty()
@@ -319,7 +328,7 @@ def test_generated_scenarios_are_mined(tmp_path):
     """Every event runs over another source, with what that lacks or adds, and some happen."""
     convert("pg", "0:6", tmp_path)
     lake = Lake(tmp_path)
-    counts = {name: len(lake.mine(name)) for name in events.names()}
+    counts = {name: len(lake.mine(name)) for name in EVENTS.names()}
     assert counts["closest_approach"] > 0
     assert counts["following"] + counts["stationary_lead"] > 0
     assert counts["turn_left"] + counts["turn_right"] > 0
@@ -335,7 +344,7 @@ def test_recorded_scenarios_are_mined(recordings, tmp_path):
     for dataset, folder in sources.items():
         convert(dataset, str(recordings / folder), tmp_path)
     lake = Lake(tmp_path)
-    counts = {name: len(lake.mine(name)) for name in events.names()}
+    counts = {name: len(lake.mine(name)) for name in EVENTS.names()}
     assert counts["stop_at_red"] > 0
     assert counts["turn_left"] > 0
     assert counts["pedestrian_crossing"] > 0

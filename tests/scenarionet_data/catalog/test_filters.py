@@ -10,7 +10,8 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from scenarionet_data.catalog import drafts, filters
+from scenarionet_data.catalog import drafts
+from scenarionet_data.catalog.named_sql import FILTERS
 from scenarionet_data.errors import (
     BadParameter,
     QueryError,
@@ -143,9 +144,9 @@ def test_named_filters_add_conditions(own):
     assert found.lineage.parameters["f0_min"] == 1.0
 
 
-@pytest.mark.parametrize("name", filters.names())
+@pytest.mark.parametrize("name", FILTERS.names())
 def test_every_named_filter_runs_and_says_what_it_keeps(lake, name, tmp_path):
-    found, values = filters.parse(name)
+    found, values = FILTERS.parse(name)
     assert found.doc.endswith(".")
     assert values == found.defaults
     assert not re.findall(r"\$(?!" + "|".join([*values, "$"]) + r")\w+", found.text)

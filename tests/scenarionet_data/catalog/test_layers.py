@@ -10,7 +10,15 @@ import pytest
 
 from scenarionet_data import Lake
 from scenarionet_data.catalog import layers
-from scenarionet_data.errors import BadParameter, LayerExists, QueryError, ScenarioNotFound, UnsafeSql
+from scenarionet_data.errors import (
+    BadParameter,
+    LayerExists,
+    LayerInUse,
+    LayerNotFound,
+    QueryError,
+    ScenarioNotFound,
+    UnsafeSql,
+)  # fmt: skip
 from scenarionet_data.store import commit as commits
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import make_scenario
@@ -140,7 +148,7 @@ def test_rows_that_do_not_fit_are_refused(lake):
         lake.tag_where("score", "1; SELECT 2")
     with pytest.raises(QueryError):
         lake.tag_where("score", "nothing > 1")
-    assert layers.newest(lake.files) == {}
+    assert layers.shown(lake.files, {}) == {}
 
 
 def test_versions_stay_and_lineage_pins_the_one_it_asked(lake):
@@ -158,6 +166,80 @@ def test_versions_stay_and_lineage_pins_the_one_it_asked(lake):
     assert Lake(lake.root, layers={"score": 1}).sql("SELECT max(score) FROM metadata").item() == 5.0
     found = layers.read(lake.files, "score", 1)
     assert (found.count, found.snapshot) == (6, 1)
+
+
+@pytest.mark.parametrize(
+    ("query", "joined"),
+    [
+        ("SELECT count(*) AS n FROM metadata", set()),
+        ("SELECT 2 * num_objects AS score FROM metadata", {"score"}),
+        ("SELECT scenario_id FROM metadata WHERE Score > 1", {"score"}),
+        ("SELECT * FROM metadata", {"score", "kind"}),
+        ("FROM metadata", {"score", "kind"}),
+        ("SELECT m.* FROM metadata AS m WHERE num_objects > 0", {"score", "kind"}),
+        ("SELECT COLUMNS('s.*') FROM metadata", {"score", "kind"}),
+        ("SELECT metadata FROM metadata", {"score", "kind"}),
+        ("SELECT x FROM tracks", set()),
+    ],
+)
+def test_only_layers_that_a_query_asks_are_joined(lake, query, joined):
+    lake.tag("score", {name: k for k, name in enumerate(IDS)})
+    lake.tag("kind", dict.fromkeys(IDS, "a"))
+    lake = lake.refresh()
+    lake.sql("SELECT kind, score FROM metadata")
+    lake.arrow(query)
+    views = lake.arrow("SELECT sql FROM duckdb_views() WHERE view_name LIKE 'meta%a'")["sql"].to_pylist()
+    assert {name for name in ("score", "kind") if f"/{name}/" in "".join(views)} == joined | (
+        set() if "metadata" in query else {"score", "kind"}  # who does not ask metadata leaves it as it was
+    )
+
+
+def test_a_database_asks_only_layers_that_it_names(lake):
+    lake.tag("score", {name: float(k) for k, name in enumerate(IDS)})
+    lake.tag("kind", dict.fromkeys(IDS, "a"))
+    lake = lake.refresh()
+    kind = lake.root / "layers" / "kind" / "1.parquet"
+    whole = kind.read_bytes()
+    kind.write_bytes(b"damaged")
+    assert lake.filter("score >= 2", name="best").scenario_ids == IDS[2:]
+    kind.write_bytes(whole)
+    assert lake.filter("COLUMNS('sc.re') >= 4", name="few", allow_empty=True, parent="best").lineage.layers == [
+        "kind@1", "score@1",
+    ]  # fmt: skip
+
+
+def test_layers_are_dropped_but_those_that_lineages_need(lake):
+    lake.tag("score", {name: float(k) for k, name in enumerate(IDS)})
+    lake.tag("score", {IDS[0]: 9.0}, replace=True)
+    lake.tag("kind", dict.fromkeys(IDS, "a"))
+    lake = Lake(lake.root, layers={"score": 1})
+    lake.filter("score >= 4", name="best")
+    with pytest.raises(LayerInUse, match=r"score is needed .*: best@1 asked score@1; drop those first, or --force"):
+        lake.untag("score")
+    with pytest.raises(LayerNotFound, match=r"no layer 'score@7'; versions \[1, 2\]"):
+        lake.untag("score@7")
+    with pytest.raises(LayerNotFound, match="no layer 'scores'; layers: kind, score"):
+        lake.untag("scores")
+    lake.untag("score@2")
+    lake.untag("kind")
+    assert lake.refresh().layers == {"score": 1}
+    with pytest.raises(QueryError, match="kind"):
+        lake.refresh().sql("SELECT kind FROM metadata")
+    lake.untag("score", force=True)
+    assert lake.refresh().layers == {}
+    lake = lake.refresh()
+    assert lake.database("best").scenario_ids == IDS[4:]
+    with pytest.raises(LayerNotFound, match=r"best@1 cannot be made again as it was: .*no layer 'score@1'"):
+        lake.rebuild("best")
+    assert lake.tag("score", {IDS[0]: 1.0}).reference == "score@2"  # not what best asked
+    with pytest.raises(LayerNotFound, match="score@1"):
+        lake.refresh().rebuild("best")
+
+
+def test_a_layer_that_is_nearly_meant_is_named(lake):
+    lake.tag("loneliness", {IDS[0]: 1.0})
+    with pytest.raises(QueryError, match=r"no column lonelines at character 1 .* near are loneliness"):
+        lake.refresh().filter("lonelines > 0", name="x")
 
 
 def test_folders_that_are_no_layers_are_left_alone(lake):

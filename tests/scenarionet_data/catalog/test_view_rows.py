@@ -7,10 +7,11 @@ import polars as pl
 import pytest
 
 from scenarionet_data import Lake, ScenarioLoader, tables
-from scenarionet_data.catalog import named_sql
 from scenarionet_data.catalog.engine import FILE_TABLES
+from scenarionet_data.catalog.named_sql import Folder
 from scenarionet_data.errors import (
     BadParameter,
+    QueryError,
 )
 from scenarionet_data.store.runs import RUN_TABLES
 from scenarionet_data.vocabulary import LightState, MapFeatureType, ObjectType
@@ -123,7 +124,7 @@ def test_lights_and_maps_are_the_arrays(lake):
     assert maps.rows() == wanted
 
 
-@pytest.mark.parametrize("name", named_sql.names("views"))
+@pytest.mark.parametrize("name", Folder("views", QueryError).names())
 def test_every_view_has_its_columns_in_an_empty_lake(lake, tmp_path, name):
     (tmp_path / "snapshots").mkdir()
     empty, full = Lake(tmp_path), lake.sql(f"SELECT * FROM {name} LIMIT 0")

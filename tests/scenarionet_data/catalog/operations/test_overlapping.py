@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarionet_data.catalog.operations import overlapping
+from scenarionet_data.catalog.named_sql import OVERLAPS
 from scenarionet_data.catalog.operations.pool import StaleDatabaseWarning
 from scenarionet_data.errors import BadParameter, UnknownQuery
 from tests.fixtures.lakes import write_lake
@@ -99,7 +99,7 @@ def test_wrong_questions_are_refused(logs):
         logs.overlap("a")
     with pytest.raises(UnknownQuery, match="did you mean same_log"):
         logs.overlap("a", "a", only=["same_logs"])
-    assert overlapping.kinds() == ["near_duplicate", "overlapping_window", "same_content", "same_log", "same_scenario"]
+    assert OVERLAPS.names() == ["near_duplicate", "overlapping_window", "same_content", "same_log", "same_scenario"]
 
 
 def test_members_that_are_gone_are_told(changed):

@@ -79,7 +79,9 @@ def test_who_weighs_more_is_drawn_more_often(logs):
         ({"n": 121}, "wanted 121 scenarios of 120, but only 120 can be drawn"),
         ({"n": 5, "weights": "0"}, "wanted 5 scenarios of 120, but only 0 can be drawn"),
         ({"n": 5, "balance": "colour"}, "no column 'colour' to sample by"),
-        ({"n": 5, "balance": "city", "stratify": "date"}, "not both"),
+        ({"n": 5, "balance": "city", "stratify": "date"}, "wanted one of stratify"),
+        ({"n": 5, "balance": "city", "levels": 2}, "wanted one of stratify"),
+        ({"n": 5, "levels": 0}, "wanted 1 level or more, found 0"),
     ],
     ids=str,
 )
@@ -87,6 +89,22 @@ def test_samples_that_cannot_be_are_refused(logs, how, says):
     with pytest.raises(BadParameter, match=says):
         logs.sample(None, name="few", **how)
     assert logs.databases == []
+
+
+def test_levels_of_difficulty_come_equally_often_from_easy_to_difficult(logs):
+    logs.filter("num_objects > 1", name="some")
+    some = logs.database("some")
+    found = logs.sample("some", name="curriculum", n=12, levels=4, seed=2)
+    ranked = [
+        i
+        for i, _ in sorted(
+            zip(some.scenario_ids, column(logs, "difficulty", some), strict=True), key=lambda p: (p[1], p[0])
+        )
+    ]
+    levels = [4 * ranked.index(i) // len(ranked) for i in found.scenario_ids]
+    assert levels == [0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3]
+    assert [ranked.index(i) for i in found.scenario_ids] == sorted(ranked.index(i) for i in found.scenario_ids)
+    assert logs.rebuild("curriculum").is_same
 
 
 def test_weights_are_one_expression(logs):

@@ -80,6 +80,37 @@ def test_order_and_weights_stay_where_ids_are_in_another_order(lake, tmp_path):
     assert ScenarioLoader(tmp_path / "pack", "drawn").scenario_ids == drawn.scenario_ids
 
 
+def test_tells_where_it_came_from_and_that_it_cannot_be_asked_again_there(lake, tmp_path):
+    lake.filter("num_objects > 0", name="all")
+    lake.split("all", {"a": 0.5, "b": 0.5}, by="source_log")
+    lake.sample("all_a", name="few", n=5)
+    packed = lake.pack("few", tmp_path / "pack")
+    opened = Lake(packed.path)
+    (half,) = opened.ancestry("few").parents
+    (whole,) = half.parents
+    assert (half.reference, half.is_here, half.lineage) == ("all_a@1", False, lake.database("all_a").lineage)
+    assert (whole.reference, whole.is_here, whole.lineage) == ("all@1", False, lake.database("all").lineage)
+    assert opened.ancestry("few").is_here
+    assert opened.databases == ["few"]
+    for ask in (opened.rebuild, opened.rebase):
+        with pytest.raises(LakeError, match=r"few@1 was packed: .* make it again in the lake it came from"):
+            ask("few")
+    again = Lake(opened.pack("few", tmp_path / "again").path)
+    assert again.ancestry("few") == opened.ancestry("few")
+    assert opened.rebuild(opened.filter("true", name="mine", parent="few").reference).is_same
+    assert opened.rebase("mine") == []
+
+
+def test_the_version_of_a_users_column_that_the_query_asked_comes_too(lake, tmp_path):
+    picked = lake.filter("mark % 5 = 1", name="picked")
+    lake.tag("mark", dict.fromkeys(picked.scenario_ids, 0), replace=True)
+    opened = Lake(lake.refresh().pack(picked, tmp_path / "pack").path)
+    assert opened.layers == {"mark": 2}
+    old = opened.at(opened.snapshot.number, picked.lineage.layers)
+    assert {mark % 5 for mark in old.sql("SELECT mark FROM metadata")["mark"]} == {1}
+    assert verify_pack(tmp_path / "pack").is_whole
+
+
 def test_quarantine_stays_and_users_columns_come(lake, tmp_path):
     picked = lake.filter("mark % 5 = 1", name="picked")
     lake.pack(picked, tmp_path / "pack")

@@ -1,0 +1,10 @@
+-- needs: metadata_rows
+-- Level of a row of metadata, 1 (easiest) to $count, when the lake's scenarios are sorted by difficulty into levels of
+-- equal size. Scenarios of equal difficulty share a level. For example: WHERE difficulty_level(5) = 1.
+CREATE MACRO difficulty_level("count") AS
+1 + len(
+    list_filter(
+        (SELECT quantile_disc(rows.difficulty, list_transform(range(1, "count"), lambda k: k / "count")) FROM metadata_rows AS rows),
+        lambda bound: difficulty > bound
+    )
+);
