@@ -8,6 +8,7 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from scenarionet_data.building import flat_points, make_features
 from scenarionet_data.converters.scenarionet.frame import Frame
@@ -105,8 +106,7 @@ def _is_point(line: Any) -> bool:
 
 def _widths(features: Sequence[Feature]) -> Ragged:
     """Widths as they are; none where all are 0 as in Argoverse 2 pickles, for no lane is that wide."""
-    stated = [feature.get("width", _NO_WIDTHS) for feature in features]
-    widths = [width if np.ndim(width) == 2 else np.reshape(width, (-1, 2)) for width in stated]
+    widths = [_pairs(feature.get("width")) for feature in features]
     pairs = Ragged.from_flat(list(map(len, widths)), np.concatenate(widths, dtype=np.float64))
     wide = np.zeros(len(features), np.bool_)
     is_set = (pairs.values[:, 0] != 0) | (pairs.values[:, 1] != 0)
@@ -114,7 +114,11 @@ def _widths(features: Sequence[Feature]) -> Ragged:
     return Ragged.from_flat(np.where(wide, pairs.lengths, 0), pairs.values[np.repeat(wide, pairs.lengths)])
 
 
-_NO_WIDTHS = np.zeros((0, 2))
+def _pairs(width: Any) -> npt.NDArray[Any]:
+    """(k, 2) of a list or array of them, or of one; (0, 2) of None and of a bare 0."""
+    if np.ndim(width) == 2:
+        return np.asarray(width)
+    return np.zeros((0, 2)) if width is None or (np.ndim(width) == 0 and not width) else np.reshape(width, (-1, 2))
 
 
 def _listed(items: Any) -> Sequence[Any]:
