@@ -48,12 +48,14 @@ class Ragged:
     @property
     def lengths(self) -> npt.NDArray[np.int32]:
         """(M,) int32 number of elements of each list."""
-        return np.diff(self.offsets)
+        return self.offsets[1:] - self.offsets[:-1]
 
     def take(self, rows: npt.NDArray[Any]) -> Ragged:
         """The lists at ``rows``, in that order."""
         lengths = self.lengths[rows]
         offsets = _offsets(lengths)
+        if not offsets[-1]:  # as most lists of ids are
+            return Ragged(offsets, self.values[:0])
         elements = np.arange(offsets[-1]) + np.repeat(self.offsets[rows] - offsets[:-1], lengths)
         return Ragged(offsets, self.values[elements])
 

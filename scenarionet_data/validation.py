@@ -188,7 +188,7 @@ def _validate_map(check: _Check, features: MapFeatures) -> None:
 
 def _validate_ragged(check: _Check, ragged: Ragged, field: str, count: int) -> None:
     check.array(ragged.offsets, field, (count + 1,), np.int32)
-    ordered = ragged.offsets[0] == 0 and (np.diff(ragged.offsets) >= 0).all()
+    ordered = ragged.offsets[0] == 0 and (ragged.lengths >= 0).all()
     check.that(ordered, field, "wanted offsets that start at 0 and never fall")
     check.that(ragged.offsets[-1] == len(ragged.values), field, "wanted the last offset at the end of the values")
 

@@ -82,7 +82,7 @@ def load() -> dict[tuple[str, str, str], Release]:
 
 
 def coverage(partition: tuple[str, str, str], shards: Iterable[ShardRecord]) -> Coverage | None:
-    """How much of a partition's published split is there; None when nothing is published about it.
+    """How much of a partition's published split is there; None when nothing is published about what is there.
 
     Args:
         partition: Dataset, version and split.
@@ -91,12 +91,10 @@ def coverage(partition: tuple[str, str, str], shards: Iterable[ShardRecord]) -> 
     release = load().get(partition)
     if release is None:
         return None
-    held = [
-        shard
-        for shard in shards
-        if (shard.dataset, shard.version, shard.split) == partition
-        and shard.max_scenarios is None  # a quick look is no whole input
-        and fnmatchcase(shard.name, release.shards)
-    ]
+    found = [shard for shard in shards if (shard.dataset, shard.version, shard.split) == partition]
+    of_release = [shard for shard in found if fnmatchcase(shard.name, release.shards)]
+    if found and not of_release:
+        return None
+    held = [shard for shard in of_release if shard.max_scenarios is None]  # a quick look is no whole input
     inputs = {item for shard in held for item in shard.items}
     return Coverage(release, len(inputs), sum(shard.num_scenarios + shard.num_quarantined for shard in held))

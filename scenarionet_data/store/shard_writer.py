@@ -94,7 +94,7 @@ class ShardWriter:
         position = len(self._ids) + len(self._rejected)
         self._ids.add(scenario.id)
         self._waiting.append((position, encoded))
-        self._num_bytes += sum(rows.nbytes for rows in _batches(encoded).values())
+        self._num_bytes += sum(rows.get_total_buffer_size() for rows in _batches(encoded).values())
         if len(self._waiting) == _MAX_WAITING or self._num_bytes > _MAX_WAITING_BYTES:
             self._write_waiting()
 

@@ -21,7 +21,7 @@ from scenarionet_data.conversion import convert
 from scenarionet_data.converters.lyft import Lyft, LyftOptions
 scenes, lake = Path(sys.argv[1]) / "scenes", sys.argv[2]
 warm, raw = str(scenes / "warm.zarr"), str(scenes / "repeated.zarr")
-convert("lyft", warm, lake + "-warm", split="train", options=LyftOptions(map="none"))  # compiles, once a machine
+convert("lyft", warm, lake + "-warm", split="train", options=LyftOptions(has_map=False))  # compiles, once a machine
 started = time.process_time()
 convert("lyft", warm, lake, split="train")
 map_seconds = time.process_time() - started

@@ -44,7 +44,7 @@ def test_tables_are_the_same_to_the_byte(read: Read) -> None:
 def test_every_row_of_every_frame_is_a_state(read: Read) -> None:
     path, outside = read
     frame = 0
-    for scenario in scenarios(Lyft(), path, map="none", window=1000.0):
+    for scenario in scenarios(Lyft(), path, has_map=False, window=1000.0):
         tracks, ego = scenario.tracks, scenario.ego_index
         for step in range(scenario.num_timesteps):
             found = {int(name) for name in np.delete(tracks.ids, ego)[np.delete(tracks.valid[:, step], ego)]}

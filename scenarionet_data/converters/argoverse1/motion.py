@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from scenarionet_data.converters.argoverse1.kernels import fit_slopes
+
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
@@ -117,28 +119,9 @@ def _fitted_velocity(place: Plane, piece: Int64, times: Float64) -> tuple[Plane,
         (N, S) [m/s], 0 where there is nothing to fit, and (N, S) the root of the summed squared distances from
         the frames' mean time [s]: what a position's scatter is divided by to give that of the slope.
     """
-    padding, count = (_HALF_FRAMES, _HALF_FRAMES), len(times)
-    around = np.pad(place, ((0, 0), padding))
-    pieces = np.pad(piece, ((0, 0), padding), constant_values=-1)
-    clock = np.pad(times, padding)
-    own = np.where(piece >= 0, piece, -2)  # what is not seen is of no piece, not even of that of its like
-    weight, since, squared = np.zeros((3, *piece.shape))
-    passed, moment = np.zeros((2, *place.shape), np.complex128)
-    for shift in range(2 * _HALF_FRAMES + 1):  # over the eleven frames of the fits, all fits at once
-        away = clock[shift : shift + count] - times
-        is_near = (np.abs(away) <= _HALF_WINDOW) | (abs(shift - _HALF_FRAMES) <= 1)
-        counted = (pieces[:, shift : shift + count] == own) * is_near.astype(np.float64)
-        moved = (around[:, shift : shift + count] - place) * counted
-        weight += counted
-        since += counted * away
-        squared += counted * (away * away)
-        passed += moved
-        moment += moved * away
-    mean = since / np.maximum(weight, 1.0)
-    spread = np.maximum(squared - since * mean, 0.0)
-    spread[spread < 1e-6] = 0.0
-    slope = np.divide(moment - passed * mean, spread, out=np.zeros_like(place), where=spread > 0)
-    return slope, np.sqrt(spread)
+    slope, certainty = np.zeros_like(place), np.zeros(piece.shape)
+    fit_slopes(place, piece, times, _HALF_FRAMES, _HALF_WINDOW, slope, certainty)
+    return slope, certainty
 
 
 def _from_nearest(values: Plane, known: Bool) -> Plane:

@@ -136,13 +136,11 @@ def _nearest_segments(places: Float64, lines: Ragged) -> tuple[Float64, Float64]
     """Distance [m] of places (K, 2) to the nearest segment of the lines, and its direction [rad]: both (K,)."""
     inner = np.ones(len(lines.values) - 1, np.bool_)
     inner[lines.offsets[1:-1] - 1] = False
-    start = lines.values[:-1, :2][inner]
-    step = lines.values[1:, :2][inner] - start
-    squared = np.maximum((step * step).sum(axis=1), 1e-9)
-    away = places[:, None].astype(np.float32) - start
-    share = np.clip((away * step).sum(axis=-1) / squared, 0.0, 1.0)
-    rest = away - share[..., None] * step
-    distance = np.hypot(rest[..., 0], rest[..., 1])
+    x, y = lines.values[:, :2].T.copy()  # one coordinate after the other: sums of two are slow along the last axis
+    step_x, step_y = np.diff(x)[inner], np.diff(y)[inner]
+    away_x, away_y = places.T[..., None].astype(np.float32) - np.stack([x[:-1][inner], y[:-1][inner]])[:, None]
+    squared = np.maximum(step_x * step_x + step_y * step_y, 1e-9)
+    share = np.clip((away_x * step_x + away_y * step_y) / squared, 0.0, 1.0)
+    distance = np.hypot(away_x - share * step_x, away_y - share * step_y)
     nearest = distance.argmin(axis=1)
-    chosen = step[nearest]
-    return distance[np.arange(len(places)), nearest].astype(np.float64), np.arctan2(chosen[:, 1], chosen[:, 0])
+    return distance[np.arange(len(places)), nearest].astype(np.float64), np.arctan2(step_y[nearest], step_x[nearest])

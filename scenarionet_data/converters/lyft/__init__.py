@@ -55,8 +55,8 @@ class LyftOptions(Options):
     window: float = field(default=20.0, metadata={"doc": "Seconds of a scenario; scenes last about 25."})
     stride: float = field(default=0.0, metadata={"doc": "Seconds from one window to the next; 0: as the window."})
     radius: float = field(default=100.0, metadata={"doc": "Metres of map around the box that holds the ego's path."})
-    map: str = field(
-        default="semantic", metadata={"doc": "semantic, from semantic_map.pb and meta.json; or none: without a map."}
+    has_map: bool = field(
+        default=True, metadata={"doc": "Whether scenarios get a map, from semantic_map.pb and meta.json."}
     )
     keep_unknown: bool = field(
         default=True, metadata={"doc": "Keep objects whose label is unknown, two thirds of all; they are OTHER."}
@@ -68,13 +68,6 @@ class LyftOptions(Options):
             raise BadParameter(f"window, stride: wanted {DT} s or more (or a stride of 0), {found}")
         if not 0.0 <= self.radius < 1e6:
             raise BadParameter(f"radius: wanted metres of 0 or more, found {self.radius}")
-        if self.map not in ("semantic", "none"):
-            raise BadParameter(f"map: wanted semantic or none, found {self.map!r}")
-
-    @property
-    def has_map(self) -> bool:
-        """Whether scenarios get a map."""
-        return self.map == "semantic"
 
 
 @dataclass(frozen=True, eq=False)

@@ -58,7 +58,7 @@ def find_map(root: Path) -> list[Path]:
         found = [path for path in _find(root, name) if path.name == name]
         if len(found) != 1:
             count = f"found {len(found)}: {', '.join(map(str, found))}" if found else "found none"
-            hint = "download the dataset's semantic map, or go without it: -O map=none"
+            hint = "download the dataset's semantic map, or go without it: -O has_map=false"
             raise SourceNotFound(f"{root}: wanted one {name} in it, {count}; {hint}")
         chosen += found
     return chosen

@@ -8,6 +8,7 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from scenarionet_data.building import flat_points, make_features
 from scenarionet_data.converters.scenarionet.frame import Frame
@@ -53,13 +54,14 @@ def make_map(features: Mapping[Any, Feature], frame: Frame) -> tuple[MapFeatures
     if not ids:
         return None, dict(sorted(unknown.items()))
     known = [features[feature_id] for feature_id in ids]
-    links = {key: [_listed(feature.get(key)) for feature in known] for key in _ID_LISTS}
+    keys: set[str] = set().union(*known)  # most datasets have few of the keys, and each costs a walk over the map
+    links = {key: [_listed(feature.get(key)) for feature in known] for key in _ID_LISTS if key in keys}
     made = make_features(
         ids,
         [_FEATURE_TYPES[word] for word in words if word in _FEATURE_TYPES],
         polyline=_lines(known, frame),
         polygon=_polygons(known, frame),
-        width=_widths(known),
+        width=_widths(known) if "width" in keys else Ragged.empty(len(ids), width=2),
         speed_limit=_speed_limits(known, frame.quirks),
         links={_ID_LISTS[key]: _ids(lists) for key, lists in links.items()},
         is_intersection=[-1 if (told := feature.get("is_intersection")) is None else int(told) for feature in known],
@@ -104,8 +106,7 @@ def _is_point(line: Any) -> bool:
 
 def _widths(features: Sequence[Feature]) -> Ragged:
     """Widths as they are; none where all are 0 as in Argoverse 2 pickles, for no lane is that wide."""
-    told = [feature.get("width", _NO_WIDTHS) for feature in features]
-    widths = [width if np.ndim(width) == 2 else np.reshape(width, (-1, 2)) for width in told]
+    widths = [_pairs(feature.get("width")) for feature in features]
     pairs = Ragged.from_flat(list(map(len, widths)), np.concatenate(widths, dtype=np.float64))
     wide = np.zeros(len(features), np.bool_)
     is_set = (pairs.values[:, 0] != 0) | (pairs.values[:, 1] != 0)
@@ -113,7 +114,11 @@ def _widths(features: Sequence[Feature]) -> Ragged:
     return Ragged.from_flat(np.where(wide, pairs.lengths, 0), pairs.values[np.repeat(wide, pairs.lengths)])
 
 
-_NO_WIDTHS = np.zeros((0, 2))
+def _pairs(width: Any) -> npt.NDArray[Any]:
+    """(k, 2) of a list or array of them, or of one; (0, 2) of None and of a bare 0."""
+    if np.ndim(width) == 2:
+        return np.asarray(width)
+    return np.zeros((0, 2)) if width is None or (np.ndim(width) == 0 and not width) else np.reshape(width, (-1, 2))
 
 
 def _listed(items: Any) -> Sequence[Any]:

@@ -108,6 +108,8 @@ class _Stack:
     def points(self, name: str, width: int) -> Array:
         """(N, T, width) from (T, 2) or (T, 3): a missing third coordinate is 0, one too many is dropped."""
         rows = self._rows(name, (2, 3))
+        if {row.shape for row in rows} == {(self.length, width)}:
+            return np.asarray(np.concatenate(rows)).reshape(len(rows), self.length, width)
         points = np.zeros((len(rows), self.length, width), np.result_type(*{row.dtype for row in rows}))
         for number, row in enumerate(rows):
             kept = row[:, :width]

@@ -150,6 +150,7 @@ def test_only_shards_that_are_meant_count(tmp_path, monkeypatch):
     records = [write_shard(tmp_path, [sound(seed)], name) for seed, name in ((1, "x-scene-0"), (2, "x-window-0"))]
     found = releases.coverage(("made", "v1", "train"), records)
     assert (found.inputs, found.records) == (1, 1)
+    assert releases.coverage(("made", "v1", "train"), records[1:]) is None
     assert releases.coverage(("made", "v1", "val"), records) is None
 
 

@@ -54,7 +54,7 @@ class TestDamagedMap(ConverterConformance):
 
 class TestRecorded(ConverterConformance):
     converter = CONVERTER
-    options: dict[str, Any] = {"map": "none"}  # noqa: RUF012
+    options: dict[str, Any] = {"has_map": False}  # noqa: RUF012
     damaged_glob = "0"
 
     @pytest.fixture
@@ -187,7 +187,7 @@ def test_a_label_that_changes_is_an_assumption(tmp_path: Path) -> None:
     mine = np.flatnonzero(tables["agents"]["track_id"] == 2)
     tables["agents"]["label_probabilities"][mine[:5]] = np.eye(17)[fixture.UNKNOWN]
     fixture.write_tables(tmp_path / "a.zarr", tables)
-    (scenario,) = scenarios(CONVERTER, tmp_path, map="none")
+    (scenario,) = scenarios(CONVERTER, tmp_path, has_map=False)
     row = scenario.tracks.index("2")
     assert scenario.tracks.source_type[row] == "PERCEPTION_LABEL_CAR"
     assert np.flatnonzero(scenario.tracks.is_type_assumed).tolist() == [row]
@@ -250,12 +250,12 @@ def test_conversion_stores_the_map_once(dataset: Path, tmp_path: Path) -> None:
 
 def test_without_a_map_the_remedy_is_named(dataset: Path) -> None:
     (dataset / "semantic_map" / "semantic_map.pb").unlink()
-    with pytest.raises(SourceNotFound, match=r"one semantic_map\.pb .* -O map=none"):
+    with pytest.raises(SourceNotFound, match=r"one semantic_map\.pb .* -O has_map=false"):
         shards(CONVERTER, dataset)
     with pytest.raises(SourceNotFound, match="semantic_map"):
         list(CONVERTER.maps(str(dataset), "v1.0", LyftOptions()))
-    assert list(CONVERTER.maps(str(dataset), "v1.0", LyftOptions(map="none"))) == []
-    found = scenarios(CONVERTER, dataset, map="none")
+    assert list(CONVERTER.maps(str(dataset), "v1.0", LyftOptions(has_map=False))) == []
+    found = scenarios(CONVERTER, dataset, has_map=False)
     assert all(scenario.map is None and scenario.map_id is None for scenario in found)
     assert set(found[0].lights.lane_ids) == set(fixture.SHOWN)
 
@@ -281,14 +281,14 @@ def test_foreign_folders(tmp_path: Path, make: str) -> None:
     if make == "foreign":
         (raw / "scenario.tfrecord").write_bytes(b"x" * 100)
     with pytest.raises(SourceNotFound, match=r"no recordings \(\*\.zarr\)"):
-        shards(CONVERTER, raw, map="none")
+        shards(CONVERTER, raw, has_map=False)
 
 
 def test_a_foreign_zarr_is_named(tmp_path: Path) -> None:
     (tmp_path / "weather.zarr").mkdir()
     (tmp_path / "weather.zarr" / ".zattrs").write_text("{}")
     with pytest.raises(CorruptSource, match=r"weather\.zarr/scenes/\.zarray"):
-        scenarios(CONVERTER, tmp_path, map="none")
+        scenarios(CONVERTER, tmp_path, has_map=False)
 
 
 def test_a_table_without_a_column_is_named(tmp_path: Path) -> None:
@@ -296,7 +296,7 @@ def test_a_table_without_a_column_is_named(tmp_path: Path) -> None:
     tables["frames"] = tables["frames"][["timestamp", "agent_index_interval"]].copy()
     fixture.write_tables(tmp_path / "a.zarr", tables)
     with pytest.raises(CorruptSource, match="is this a Lyft recording"):
-        scenarios(CONVERTER, tmp_path, map="none")
+        scenarios(CONVERTER, tmp_path, has_map=False)
 
 
 def test_damaged_recording_fails_alone(tmp_path: Path) -> None:
@@ -352,7 +352,7 @@ def test_a_scene_that_makes_no_sense_is_quarantined(tmp_path: Path, what: str) -
     tables = fixture.recording(3, 30)
     _break(tables, what)
     fixture.write_tables(tmp_path / "raw" / "a.zarr", tables)
-    options = LyftOptions(map="none")
+    options = LyftOptions(has_map=False)
     (shard,) = CONVERTER.shards(str(tmp_path / "raw"), "train", "v1.0", options)
     refused = 0
     for record in CONVERTER.records(shard):
@@ -367,9 +367,7 @@ def test_a_scene_that_makes_no_sense_is_quarantined(tmp_path: Path, what: str) -
     assert (report.converted, report.quarantined, report.failed) == (2, 1, [])
 
 
-@pytest.mark.parametrize(
-    "options", [{"window": 0.0}, {"stride": 0.05}, {"radius": -1.0}, {"radius": np.inf}, {"map": "aerial"}]
-)
+@pytest.mark.parametrize("options", [{"window": 0.0}, {"stride": 0.05}, {"radius": -1.0}, {"radius": np.inf}])
 def test_options_out_of_range(options: dict[str, Any]) -> None:
     with pytest.raises(BadParameter):
         LyftOptions(**options)

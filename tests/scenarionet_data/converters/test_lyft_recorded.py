@@ -23,7 +23,7 @@ def content(recordings: Path) -> Content:
 @pytest.fixture(scope="module")
 def whole(recordings: Path) -> ScenarioDescription:
     """The scene in one piece."""
-    (scenario,) = scenarios(Lyft(), recordings / "lyft", map="none", window=25.0)
+    (scenario,) = scenarios(Lyft(), recordings / "lyft", has_map=False, window=25.0)
     return scenario
 
 

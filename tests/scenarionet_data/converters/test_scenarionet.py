@@ -188,6 +188,14 @@ def test_argoverse_widths_of_zero_are_unknown(tmp_path: Path) -> None:
     assert convert(made.argoverse2("x"), tmp_path).map.width.lengths.tolist() == [0]
 
 
+@pytest.mark.parametrize(("width", "found"), [(None, []), (0, []), ([1.5, 2.0], [[1.5, 2.0]]), ([], [])])
+def test_widths_of_other_forms(width: object, found: list[object], tmp_path: Path) -> None:
+    description = made.argoverse2("x")
+    for feature in description["map_features"].values():
+        feature["width"] = width
+    assert convert(description, tmp_path).map.width[0].tolist() == found
+
+
 def test_lights(tmp_path: Path) -> None:
     lights = convert(made.waymo("x"), tmp_path / "waymo").lights
     assert (lights.ids.tolist(), lights.lane_ids.tolist(), lights.is_lane_in_map.tolist()) == (["3"], ["3"], [True])

@@ -171,7 +171,7 @@ def test_real_recordings_replay(recordings, tmp_path):
         ("argoverse2", "argoverse2/motion-forecasting/val", {}),
         ("argoverse2", "argoverse2/sensor/val", {}),
         ("argoverse1", "argoverse1/forecasting/train", {"has_map": False}),
-        ("lyft", "lyft", {"map": "none"}),
+        ("lyft", "lyft", {"has_map": False}),
     ]
     for name, folder, options in sources:
         chosen = converters.get(name).Options(**options)
