@@ -44,7 +44,7 @@ class Evaluation:
         snapshot: Number of the snapshot of the lake.
         policy: Who drives the ego: ``replay``, ``idm``, ``constant`` or ``module:Class``.
         traffic: Who drives the others: ``replay`` or ``idm``.
-        backend: ``bullet`` or ``kinematic``: how an ego moves that is driven by actions; policies need none.
+        backend: ``bullet`` or ``kinematic``: how an ego moves that is driven by actions.
         seed: Of the sensors' noise.
     """
 
@@ -90,21 +90,29 @@ class _Job:
 
 
 def prepare(
-    lake: Lake, database: str | None, policy: str, *, traffic: str = "replay", backend: str = "bullet", seed: int = 0
+    lake: Lake,
+    database: str | None,
+    policy: str,
+    *,
+    traffic: str = "replay",
+    backend: str | None = None,
+    seed: int = 0,
 ) -> Evaluation:
     """An evaluation of what a lake holds.
 
     Args:
         lake: At the snapshot to take.
         database: Its name, perhaps with a version; None for the whole lake.
-        policy, traffic, backend, seed: See :class:`Evaluation`.
+        policy, traffic, seed: See :class:`Evaluation`.
+        backend: The same; for None ``bullet`` where actions drive the ego, and ``kinematic`` where none is needed.
 
     Raises:
         DatabaseNotFound: There is none of that name.
         BadParameter: The name of a policy, traffic or backend is unknown.
     """
-    find_backend(backend)
-    moves = backend if cast(policy, traffic).driver else "kinematic"
+    is_driven = cast(policy, traffic).driver is not None
+    moves = backend or ("bullet" if is_driven else "kinematic")
+    find_backend(moves)
     reference = None if database is None else lake.database(database).reference
     return Evaluation(str(lake.root), reference, lake.snapshot.number, policy, traffic, moves, seed)
 

@@ -32,6 +32,8 @@ def continued(world: World, rows: Bool, beyond: float) -> World:
     paths = world.paths
     owners = np.flatnonzero(rows & (np.diff(paths.path_offsets) > 0))
     way, count = _ways(world.roads, paths, owners, beyond)
+    if not count.any():
+        return world
     longer = _lengthened(paths, owners, way, count)
     return replace(world, paths=longer, stops=Stops.on(longer, world.light_lane, world.light_stop, world.roads))
 

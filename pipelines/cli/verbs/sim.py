@@ -35,7 +35,9 @@ _NUM_EXAMPLES = 5
     "--policy", required=True, metavar="NAME", help="Who drives the ego: replay, idm, constant, module:Class."
 )
 @click.option("--traffic", default="replay", metavar="NAME", help="Who drives the others: replay (default) or idm.")
-@click.option("--backend", default="bullet", metavar="NAME", help="Physics: bullet (default) or kinematic.")
+@click.option(
+    "--backend", metavar="NAME", help="Physics of what actions drive: bullet (default where they do) or kinematic."
+)
 @click.option("--to", "name", metavar="RUN", help="Name of the run; DB-POLICY-TRAFFIC-BACKEND unless given.")
 @click.option("--workers", type=click.IntRange(1), help="Processes; one a core unless given.")
 @cluster_option
@@ -48,7 +50,7 @@ def command(
     database: str | None,
     policy: str,
     traffic: str,
-    backend: str,
+    backend: str | None,
     name: str | None,
     workers: int | None,
     cluster: str | None,

@@ -33,6 +33,18 @@ env.step((0.0, 0.5) if "{kind}" == "ScenarioNetEnv" else dict.fromkeys(env.agent
 env.close()
 print(pyplot.get_fignums())
 """
+CHECK = """
+import sys, warnings
+import gymnasium
+from gymnasium.utils.env_checker import check_env
+from scenarionet_sim.backends.kinematic import Kinematic
+from scenarionet_sim.scenarios import Scenarios
+
+warnings.simplefilter("error")
+made = gymnasium.make("scenarionet_sim:ScenarioNet-v0", scenarios=Scenarios(sys.argv[1]), backend=Kinematic())
+check_env(made.unwrapped)  # makes it again in every render mode
+print(made.metadata["render_modes"])
+"""
 FACES = [("single_agent", "ScenarioNetEnv"), ("multi_agent", "ScenarioNetParallelEnv")]
 
 
@@ -59,8 +71,11 @@ def pixels(dump: bytes) -> np.ndarray:
 
 
 def drive(lake, folder, module, kind, **environment):
-    program = PROGRAM.format(module=module, kind=kind)
-    command = [sys.executable, "-c", program, str(lake), str(folder)]
+    return run(PROGRAM.format(module=module, kind=kind), lake, folder, **environment)
+
+
+def run(program, *words, **environment):
+    command = [sys.executable, "-c", program, *map(str, words)]
     return subprocess.run(
         command, capture_output=True, text=True, check=False, timeout=100, env=os.environ | environment
     )
@@ -74,6 +89,12 @@ def test_what_is_driven_is_on_the_screen(module, kind, drives, display, tmp_path
     first, last = (pixels((tmp_path / step).read_bytes()) for step in ("1", "11"))
     assert len(np.unique(last)) > 20
     assert 0.001 < (first != last).mean() < 0.9
+
+
+@pytest.mark.long
+def test_gymnasium_is_content_with_every_render_mode(drives, display):
+    done = run(CHECK, drives, DISPLAY=display, MPLBACKEND="")
+    assert (done.returncode, done.stdout) == (0, "['rgb_array', 'human']\n"), done.stderr
 
 
 @pytest.mark.long

@@ -98,6 +98,15 @@ def test_two_processes_do_the_same_as_one(lake):
         assert one.equals(two)
 
 
+def test_the_backend_is_the_one_that_was_asked_for(lake):
+    assert [prepare(lake, None, "replay", backend=name).backend for name in ("bullet", "kinematic")] == [
+        "bullet",
+        "kinematic",
+    ]
+    assert prepare(lake, None, "replay").backend == "kinematic", "without pybullet a policy drives all the same"
+    assert prepare(lake, None, own("GoAhead")).backend == "bullet"
+
+
 @pytest.mark.parametrize("backend", ["kinematic", "bullet"])
 def test_a_driver_of_ones_own(lake, backend):
     if backend == "bullet":
