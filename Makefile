@@ -8,7 +8,8 @@ LAKE ?= lake
 RAW ?= $(if $(SCENARIONET_RAW),$(SCENARIONET_RAW)/$(DATASET),$(if $(filter nuplan,$(DATASET)),$(NUPLAN_DATA_ROOT)))
 
 .DEFAULT_GOAL := help
-.PHONY: help install install-browser demo test test-all test-metadrive test-devkits check bench bench-sim convert docs build clean
+.PHONY: help install install-browser demo test test-all test-metadrive test-devkits check bench bench-sim convert docs \
+	notebooks build clean
 
 help:  ## List the targets.
 	@sed -nE 's/^([a-z-]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "make %-15s %s\n", $$1, $$2}'
@@ -71,6 +72,9 @@ _arguments:
 
 docs: install  ## Write the data dictionary and the README's columns from schemas/.
 	$(BIN)/python -m scenarionet_data.dictionary
+
+notebooks: install  ## Run the notebooks on generated scenarios and write their pages in docs/notebooks.
+	$(BIN)/python -m pipelines.notebooks $(ARGS)
 
 build: install  ## Wheel and source distribution in dist/.
 	$(BIN)/python -m build --no-isolation

@@ -1,0 +1,73 @@
+"""Notebooks with their outputs as Markdown pages: words, code, tables as text, pictures beside the page."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import re
+from pathlib import Path
+from typing import Any
+
+_COLORS = 96
+"""Of a picture on a page: flat colours need no more, and a third of the bytes."""
+
+_ESCAPES = re.compile(r"\x1b\[[0-9;]*m")
+
+
+def render(notebook: Any, name: str, folder: Path, runs_in: Path) -> Path:
+    """Write ``name.md`` and its pictures.
+
+    Args:
+        notebook: With its outputs.
+        name: The page's.
+        folder: Where it is written; what an earlier rendering left of this page is removed.
+        runs_in: Folder that the notebook ran in; its path is nobody's business and left out.
+
+    Returns:
+        The page.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    for old in folder.glob(f"{name}-*.png"):
+        old.unlink()
+    parts = [f"<!-- made by `make notebooks` from pipelines/notebooks/{name}.ipynb -->"]
+    for cell in notebook.cells:
+        if cell.cell_type == "markdown":
+            parts.append(cell.source)
+            continue
+        parts.append(f"```python\n{cell.source}\n```")
+        for output in cell.outputs:
+            parts += _shown(output, name, folder)
+    page = folder / f"{name}.md"
+    text = "\n\n".join(parts) + "\n"
+    page.write_text(text.replace(f"{runs_in}/", "").replace(str(runs_in), "."), "utf-8")
+    return page
+
+
+def _shown(output: Any, name: str, folder: Path) -> list[str]:
+    """What a page shows of an output: a picture, else its text."""
+    if output.output_type == "stream":
+        return [_text(output.text)] if output.name == "stdout" else []
+    data = output.get("data", {})
+    if "image/png" in data:
+        content = base64.b64decode(data["image/png"])
+        picture = f"{name}-{hashlib.sha256(content).hexdigest()[:8]}.png"
+        _shrink(content, folder / picture)
+        return [f"![A figure of this notebook]({picture})"]
+    if "application/vnd.plotly.v1+json" in data:
+        return ["*(an interactive view, in the notebook)*"]
+    if "<video" in data.get("text/html", ""):
+        return ["*(a video, in the notebook)*"]
+    return [_text(data["text/plain"])] if "text/plain" in data else []
+
+
+def _text(words: str) -> str:
+    return f"```text\n{_ESCAPES.sub('', words).rstrip()}\n```"
+
+
+def _shrink(content: bytes, path: Path) -> None:
+    import io
+
+    from PIL import Image
+
+    with Image.open(io.BytesIO(content)) as picture:
+        picture.convert("RGB").quantize(_COLORS, dither=Image.Dither.NONE).save(path, optimize=True)
