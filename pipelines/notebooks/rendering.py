@@ -8,9 +8,6 @@ import re
 from pathlib import Path
 from typing import Any
 
-_COLORS = 96
-"""Of a picture on a page: flat colours need no more, and a third of the bytes."""
-
 _ESCAPES = re.compile(r"\x1b\[[0-9;]*m")
 
 
@@ -51,7 +48,7 @@ def _shown(output: Any, name: str, folder: Path) -> list[str]:
     if "image/png" in data:
         content = base64.b64decode(data["image/png"])
         picture = f"{name}-{hashlib.sha256(content).hexdigest()[:8]}.png"
-        _shrink(content, folder / picture)
+        (folder / picture).write_bytes(content)
         return [f"![A figure of this notebook]({picture})"]
     if "application/vnd.plotly.v1+json" in data:
         return ["*(an interactive view, in the notebook)*"]
@@ -62,12 +59,3 @@ def _shown(output: Any, name: str, folder: Path) -> list[str]:
 
 def _text(words: str) -> str:
     return f"```text\n{_ESCAPES.sub('', words).rstrip()}\n```"
-
-
-def _shrink(content: bytes, path: Path) -> None:
-    import io
-
-    from PIL import Image
-
-    with Image.open(io.BytesIO(content)) as picture:
-        picture.convert("RGB").quantize(_COLORS, dither=Image.Dither.NONE).save(path, optimize=True)
