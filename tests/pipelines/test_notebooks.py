@@ -10,6 +10,8 @@ import pytest
 
 from pipelines.notebooks import names, path
 from scenarionet_data import Lake, convert, converters
+from tests.fixtures.lakes import write_lake
+from tests.fixtures.scenarios import make_scenario
 
 pytest.importorskip("nbclient", reason="the extra `notebooks` is not installed")
 
@@ -58,7 +60,7 @@ def test_the_page_is_of_this_notebook(name):
 
 def test_the_overview_runs(tmp_path, monkeypatch):
     """Its cells in this process, without a kernel: the quick test of all notebooks."""
-    convert("pg", "0:3", tmp_path / "lake")
+    write_lake(tmp_path / "lake", [make_scenario(number) for number in range(3)])
     monkeypatch.chdir(tmp_path)
     known: dict[str, object] = {}
     for cell in read("overview").cells:

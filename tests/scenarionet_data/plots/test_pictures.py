@@ -207,7 +207,7 @@ def test_ways_are_coloured_by_a_number_with_its_unit(scene, color_by):
     (lines,) = [artist for artist in axes.collections if artist.get_array() is not None]
     values = {"time": np.arange(1, 41) * 0.1, "speed": np.full(40, 10.0)}[color_by]
     np.testing.assert_allclose(lines.get_array()[-40:], values, rtol=1e-5)  # the ego's come last, on top
-    (bar,) = axes.child_axes
+    (bar,) = figure.axes[1].child_axes
     assert bar.get_xlabel() == {"time": "time [s]", "speed": "speed [m/s]"}[color_by]
     figure.canvas.draw()
 
