@@ -32,6 +32,8 @@ def render(notebook: Any, name: str, folder: Path, runs_in: Path) -> Path:
             parts.append(cell.source)
             continue
         parts.append(f"```python\n{cell.source}\n```")
+        printed = "".join(output.text for output in cell.outputs if output.get("name") == "stdout")
+        parts += [_text(printed)] if printed.strip() else []
         for output in cell.outputs:
             parts += _shown(output, name, folder)
     page = folder / f"{name}.md"
@@ -41,9 +43,7 @@ def render(notebook: Any, name: str, folder: Path, runs_in: Path) -> Path:
 
 
 def _shown(output: Any, name: str, folder: Path) -> list[str]:
-    """What a page shows of an output: a picture, else its text."""
-    if output.output_type == "stream":
-        return [_text(output.text)] if output.name == "stdout" else []
+    """What a page shows of an output that is not printed: a picture, else its text."""
     data = output.get("data", {})
     if "image/png" in data:
         content = base64.b64decode(data["image/png"])
