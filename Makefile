@@ -9,7 +9,8 @@ LAKE ?= lake
 RAW ?= $(if $(SCENARIONET_RAW),$(SCENARIONET_RAW)/$(DATASET),$(if $(filter nuplan,$(DATASET)),$(NUPLAN_DATA_ROOT)))
 
 .DEFAULT_GOAL := help
-.PHONY: help install install-browser demo test test-all bench bench-cluster bench-remote bench-sim build check clean convert docs test-devkits test-metadrive
+.PHONY: help install install-browser demo test test-all bench bench-cluster bench-remote bench-sim build check \
+	clean convert docs notebooks test-devkits test-metadrive
 
 help:  ## List the targets.
 	@sed -nE 's/^([a-z0-9-]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "make %-15s %s\n", $$1, $$2}'
@@ -85,6 +86,9 @@ _arguments:
 
 docs: install  ## Write the data dictionary and the README's columns from schemas/.
 	$(BIN)/python -m scenarionet_data.dictionary
+
+notebooks: install  ## Run the notebooks on generated scenarios and write their pages in docs/notebooks.
+	$(BIN)/python -m pipelines.notebooks $(ARGS)
 
 build: install  ## Wheel and source distribution in dist/.
 	$(BIN)/python -m build --no-isolation

@@ -17,6 +17,7 @@ import polars as pl
 import pytest
 from click.testing import CliRunner
 
+from pipelines import notebooks
 from pipelines.cli import cli
 from pipelines.cluster import profile as profiles
 from scenarionet_data import Lake, converters, dictionary, resources, tables
@@ -169,6 +170,31 @@ def test_simulator_page_names_tests_that_exist():
             assert not name or f"def {name}(" in (folder / where).read_text("utf-8"), f"{where}::{name}"
         for part in re.findall(r"`([a-z_]+/)`", row.rpartition(" | ")[2]):
             assert list((folder / part).glob("test_*.py")), part
+
+
+@pytest.mark.long
+def test_examples_of_pictures_run(monkeypatch, tmp_path):
+    pytest.importorskip("plotly", reason="the extra `notebooks` is not installed")
+    assert run_blocks("docs/pictures.md", monkeypatch, tmp_path) == 4
+    written = {path.name for path in tmp_path.iterdir()}
+    assert {
+        "scenario.svg",
+        "speeds.png",
+        "two.pdf",
+        "eight.png",
+        "scenario.gif",
+        "explore.html",
+        "comparison.svg",
+    } <= written
+
+
+def test_pages_show_pictures_that_are_there():
+    """Small ones, none left over; every notebook has its row."""
+    page = "".join(path.read_text("utf-8") for path in (ROOT / "README.md", *(ROOT / "docs").glob("*.md")))
+    pictures = list((ROOT / "docs" / "pictures").glob("*.png"))
+    assert [path.name for path in pictures if f"pictures/{path.name})" not in page] == []
+    assert all(path.stat().st_size < 150_000 for path in pictures)
+    assert [name for name in notebooks.names() if f"(notebooks/{name}.md)" not in page] == []
 
 
 def test_sensor_examples_run(monkeypatch, tmp_path):

@@ -89,7 +89,9 @@ class Engine:
         self._views = set(given)
         self._filesystem: Any = None
         self._lock = threading.Lock()
-        self._connection.execute("SET enable_progress_bar = false")
+        # In a notebook without ipywidgets it is off, and DuckDB refuses to turn it off again.
+        if self._connection.execute("SELECT current_setting('enable_progress_bar')").fetchall() == [(True,)]:
+            self._connection.execute("SET enable_progress_bar = false")
         # Where the engine has an allocator of its own: memory that a query has used goes back to the system.
         self._connection.execute("SET allocator_background_threads = true")
         if threads:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
 
@@ -26,7 +26,7 @@ class Animation:
         words: What is seen.
     """
 
-    content: bytes
+    content: bytes = field(repr=False)
     kind: str
     words: str
 

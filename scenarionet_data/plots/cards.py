@@ -20,6 +20,12 @@ if TYPE_CHECKING:
 _PICTURES = 4
 _CELL = "padding:2px 12px 2px 0;text-align:left;vertical-align:top;font-size:12px"
 
+_HOLDS = """
+SELECT dataset, version, split, count(*) AS scenarios, round(sum(duration) / 3600, 2) AS hours,
+    round(avg(ego_distance), 1) AS mean_ego_distance, round(avg(num_objects), 1) AS mean_num_objects
+FROM metadata GROUP BY ALL ORDER BY ALL
+"""
+
 _SPREAD = """
 SELECT scenario_id FROM metadata ORDER BY hash(scenario_id) LIMIT $count
 """
@@ -62,7 +68,7 @@ def database_card(database: Database) -> str:
 
 def lake_card(lake: Lake) -> str:
     """A lake's facts: what it holds by dataset and split, its databases, and some of its scenarios."""
-    rows = lake.summary()
+    rows = lake.sql(_HOLDS)
     table = (
         _table(rows.columns, rows.rows()) if len(rows) else "<p>no scenarios yet: <code>scenarionet convert</code></p>"
     )

@@ -47,7 +47,7 @@ def draw_comparison(statistics: Sequence[Statistics]) -> Figure:
     names = [f"{plain(each.name, 24)} ({each.count:,})" for each in shown]
     colors = [SERIES[number % len(SERIES)] for number in range(len(shown))]
     with styled():
-        figure = new_figure(3.2 * _COLUMNS, 0.9 + (0.9 + 0.25 * len(shown)) * num_rows, dpi=150.0, layout="constrained")
+        figure = new_figure(3.2 * _COLUMNS, 0.9 + (0.9 + 0.25 * len(shown)) * num_rows, layout="constrained")
         panels = figure.subplots(num_rows, _COLUMNS, squeeze=False).flat
         for place, panel in enumerate(panels):
             if place >= len(shown[0].measures):

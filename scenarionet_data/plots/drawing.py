@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.plots import labels, object_layer
-from scenarionet_data.plots.artists import Pieces
 from scenarionet_data.plots.files import PICTURES, VIDEOS, write_figure, write_video
 from scenarionet_data.plots.map_layer import map_artists
 from scenarionet_data.plots.moment import Moment
@@ -25,8 +26,11 @@ from scenarionet_data.plots.topdown import DPI, TRAIL, TopDown
 from scenarionet_data.plots.window import Window
 from scenarionet_data.scenario import ScenarioDescription
 
+_RATIOS = 0.75, 1.8
+"""Width over height of a picture, at least and at most, unless asked for."""
+
 VIEWS = ("route", "ego", "all")
-COLORS = ("time", "speed")
+COLORS = {"time": "time [s]", "speed": "speed [m/s]"}
 
 
 def draw_scenario(
@@ -36,7 +40,9 @@ def draw_scenario(
     *,
     view: str = "route",
     width: float = 100.0,
+    ratio: float | None = None,
     color_by: str | None = None,
+    limit: float | None = None,
     moments: Sequence[Moment] | None = None,
     has_legend: bool = True,
 ) -> None:
@@ -50,10 +56,12 @@ def draw_scenario(
         timestep: When; the current timestep for None.
         view: ``route`` shows all of the ego's route, ``ego`` keeps the ego in the middle, ``all`` everything recorded.
         width: What the view ``ego`` sees across [m].
+        ratio: Width of what is seen over its height; as the view has it, but no narrow strip, unless given.
         color_by: ``time`` or ``speed`` draws everybody's whole trajectory in these colours, with a colour bar; None
             draws the last two seconds as a fading trail.
+        limit: Largest number of the colours, for pictures that share a colour bar; this scenario's unless given.
         moments: What happened up to ``timestep`` if not what was recorded, for example in a simulation.
-        has_legend: Say what the colours mean.
+        has_legend: Say what the colours mean, in these axes.
 
     Raises:
         BadParameter: No such timestep, view or colour.
@@ -64,14 +72,22 @@ def draw_scenario(
     """
     scene = Scene.of(scenario)
     past = _past(scene, timestep) if moments is None else moments
-    left, right, bottom, top = window(view, scene, past[-1], width).corners
+    seen = window(view, scene, past[-1], width)
+    left, right, bottom, top = seen.shaped(ratio or _no_strip(seen)).corners
     axes.set(xlim=(left, right), ylim=(bottom, top), facecolor=GROUND, xticks=[], yticks=[])
     axes.set_aspect("equal", adjustable="box")
     axes.grid(visible=False)
     axes.spines[:].set_visible(False)
-    colored = [] if color_by is None else [_trajectories(axes, scene, color_by)]
-    trails = object_layer.route(scene) + object_layer.trails(scene, past) if color_by is None else colored
-    moving = [*trails, *object_layer.boxes(scene, past[-1]), *object_layer.lights(scene, past[-1].timestep)]
+    ways: list[Artist] = []
+    if color_by is None:
+        ways += [*object_layer.route(scene), *object_layer.trails(scene, past)]
+    else:
+        colored = object_layer.trajectories(scene, color_values(scene, color_by))
+        style_colors(colored, limit or color_limit(scene, color_by))
+        ways.append(colored)
+        if has_legend:
+            labels.color_bar(axes, colored, COLORS[color_by])
+    moving = [*ways, *object_layer.boxes(scene, past[-1]), *object_layer.lights(scene, past[-1].timestep)]
     words = [*labels.scale_bar(axes), *labels.time(axes, past[-1].timestep * scene.dt)]
     for artist in (*map_artists(scene.map), *moving, *words):
         axes.add_artist(artist)
@@ -187,14 +203,29 @@ def _past(scene: Scene, timestep: int | None) -> list[Moment]:
     return [scene.moment(k) for k in range(max(now - TRAIL, 0), now + 1)]
 
 
-def _trajectories(axes: Axes, scene: Scene, color_by: str) -> Pieces:
+def color_values(scene: Scene, color_by: str) -> npt.NDArray[np.floating]:
+    """(T, N) the number that colours ways.
+
+    Raises:
+        BadParameter: There is no such number.
+    """
     if color_by not in COLORS:
         raise BadParameter(f"no colours by {color_by!r}; there are {', '.join(COLORS)}")
     seconds = np.arange(scene.num_steps) * scene.dt
-    values: npt.NDArray[np.floating]
-    values = np.repeat(seconds[:, None], scene.num_objects, axis=1) if color_by == "time" else scene.speed
-    lines = object_layer.trajectories(scene, values)
-    lines.set_cmap(COLORMAP)
-    lines.set_clim(0.0, max(float(values[scene.present].max(initial=0.0)), 1.0))
-    labels.color_bar(axes, lines, "time [s]" if color_by == "time" else "speed [m/s]")
-    return lines
+    return np.repeat(seconds[:, None], scene.num_objects, axis=1) if color_by == "time" else scene.speed
+
+
+def color_limit(scene: Scene, color_by: str) -> float:
+    """The largest of these numbers in a scenario."""
+    return max(float(color_values(scene, color_by)[scene.present].max(initial=0.0)), 1.0)
+
+
+def style_colors(mappable: ScalarMappable, limit: float) -> None:
+    """From 0 to the limit in the colours of numbers."""
+    mappable.set_cmap(COLORMAP)
+    mappable.set_clim(0.0, limit)
+
+
+def _no_strip(seen: Window) -> float:
+    """A window's ratio of width to height, kept readable."""
+    return float(np.clip(seen.width / seen.height, *_RATIOS))

@@ -10,9 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from scenarionet_data.errors import BadParameter, MissingDependency
+from scenarionet_data.plots.palette import MEANINGFUL
 
 Picture = npt.NDArray[np.uint8]
 
@@ -68,12 +70,17 @@ def _counted(frames: Iterable[Picture], on_frame: Callable[[int], None]) -> Iter
 
 
 def _write_gif(path: Path, frames: Iterator[Picture], rate: float) -> None:
-    """Each frame with the first one's colours: what stands still does not flicker."""
+    """All frames with the same colours, the first one's and those that mean something: what stands still is still."""
     from PIL import Image
 
-    first = Image.fromarray(next(frames)).quantize(128, dither=Image.Dither.NONE)
-    rest = (Image.fromarray(frame).quantize(palette=first, dither=Image.Dither.NONE) for frame in frames)
-    first.save(path, save_all=True, append_images=rest, duration=round(1000 / rate), loop=0, optimize=False)
+    first = Image.fromarray(next(frames))
+    colors = first.quantize(128, dither=Image.Dither.NONE)
+    meant = (np.array([to_rgb(color) for color in MEANINGFUL]) * 255).round().astype(int)
+    colors.putpalette((colors.getpalette() or [])[: 3 * 128] + meant.ravel().tolist())
+    pictures = chain([first], (Image.fromarray(frame) for frame in frames))
+    done = (picture.quantize(palette=colors, dither=Image.Dither.NONE) for picture in pictures)
+    begin = next(done)
+    begin.save(path, save_all=True, append_images=done, duration=round(1000 / rate), loop=0, optimize=False)
 
 
 def _write_mp4(path: Path, frames: Iterator[Picture], rate: float) -> None:

@@ -10,18 +10,31 @@ import numpy.typing as npt
 
 from scenarionet_data.errors import MissingDependency
 from scenarionet_data.geometry import box_corners
-from scenarionet_data.plots.map_layer import painted
-from scenarionet_data.plots.palette import EDGE, EGO, GROUND, INK, NAMES, OBJECTS, OTHER, ROAD, WHITE, YELLOW
+from scenarionet_data.plots.map_layer import painted, stripes
+from scenarionet_data.plots.object_layer import heading_arrows
+from scenarionet_data.plots.palette import EDGE, EGO, GROUND, INK, LIGHTS, NAMES, OBJECTS, OTHER, ROAD, WHITE, YELLOW
 from scenarionet_data.plots.scene import Scene
 from scenarionet_data.ragged import Ragged
 from scenarionet_data.scenario import MapFeatures, ScenarioDescription
-from scenarionet_data.vocabulary import AREAS_TO_DRIVE_ON, MapFeatureType, ObjectType, is_lane, is_road_edge
+from scenarionet_data.vocabulary import (
+    AREAS_TO_DRIVE_ON,
+    LIGHT_COLORS,
+    LightColor,
+    LightState,
+    MapFeatureType,
+    ObjectType,
+    is_lane,
+    is_road_edge,
+)
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
 _MOST_FRAMES = 60
 """Of the slider; longer scenarios are shown at every second, third, ... timestep."""
+
+_SYMBOLS = {"s": "square", "^": "triangle-up", "o": "circle", "D": "diamond"}
+"""plotly's words for matplotlib's shapes."""
 
 _MOST_CORNERS = 60
 """Points of an outline or a line; a map in the page is text."""
@@ -45,7 +58,8 @@ def explore(scenario: ScenarioDescription, height: int = 600) -> Figure:
     except ImportError as error:
         raise MissingDependency("interactive views need plotly; install scenarionet-lake[notebooks]") from error
     scene = Scene.of(scenario)
-    steps = np.arange(0, scene.num_steps, -(-scene.num_steps // _MOST_FRAMES))
+    stride = -(-scene.num_steps // _MOST_FRAMES)
+    steps = np.arange(0, scene.num_steps, stride)
     still = _map_traces(scene, scenario.map)
     moving = [_object_traces(scene, int(step)) for step in steps]
     first = int(np.abs(steps - scene.current_timestep).argmin())
@@ -56,7 +70,7 @@ def explore(scenario: ScenarioDescription, height: int = 600) -> Figure:
             {"name": f"{step * scene.dt:.1f}", "data": traces, "traces": places}
             for step, traces in zip(steps, moving, strict=True)
         ],
-        layout=_layout(scene, [f"{step * scene.dt:.1f}" for step in steps], first, height),
+        layout=_layout(scene, [f"{step * scene.dt:.1f}" for step in steps], first, stride, height),
     )
 
 
@@ -65,10 +79,9 @@ def _map_traces(scene: Scene, features: MapFeatures | None) -> list[dict[str, An
     is_road = is_lane(shapes.area_type) | np.isin(shapes.area_type, AREAS_TO_DRIVE_ON)
     is_edge = is_road_edge(shapes.line_type)
     white, yellow = painted(shapes)
-    crosswalks = shapes.areas.take(np.flatnonzero(shapes.area_type == MapFeatureType.CROSSWALK))
     traces = [
         _areas("road", shapes.areas.take(np.flatnonzero(is_road)), ROAD),
-        _areas("crosswalks", crosswalks, WHITE),
+        _areas("crosswalks", stripes(shapes), WHITE),
         _lines("white lines", white, WHITE),
         _lines("yellow lines", yellow, YELLOW),
         _lines("edges", shapes.lines.take(np.flatnonzero(is_edge)), EDGE),
@@ -119,12 +132,32 @@ def _object_traces(scene: Scene, timestep: int) -> list[dict[str, Any]]:
         ]
         x, y = _rounded(moment.position[rows]).T.tolist()
         boxes = Ragged.from_flat(np.full(len(rows), 4), corners.reshape(-1, 2))
+        arrows = Ragged.from_flat(np.full(len(rows), 3), heading_arrows(corners).reshape(-1, 2))
         marks = {"type": "scatter", "mode": "markers", "x": x, "y": y, "hovertext": words, "hoverinfo": "text"}
         traces.append(_areas(name, boxes, color) | {"showlegend": True, "legendgroup": name})
         traces.append(
             marks | {"name": name, "showlegend": False, "legendgroup": name, "marker": {"size": 8, "color": color}}
         )
-    return traces
+        traces.append(_areas(name, arrows, WHITE) | {"legendgroup": name})
+    return [*traces, *_light_traces(scene, timestep)]
+
+
+def _light_traces(scene: Scene, timestep: int) -> list[dict[str, Any]]:
+    """A mark at every light's stop point, its colour and shape what it shows; it says the state."""
+    rows = np.flatnonzero(~np.isnan(scene.light_stop[:, 0]))
+    if not len(rows):
+        return []
+    states = scene.lights_at(timestep)[rows]
+    fills, shapes = zip(*(LIGHTS[LightColor(color)] for color in LIGHT_COLORS[states]), strict=True)
+    x, y = _rounded(scene.light_stop[rows]).T.tolist()
+    marker = {"size": 9, "color": fills, "symbol": [_SYMBOLS[shape] for shape in shapes]}
+    return [
+        {
+            "type": "scatter", "mode": "markers", "name": "lights", "x": x, "y": y, "hoverinfo": "text",
+            "hovertext": [f"light: {LightState(state).name}" for state in states],
+            "marker": marker | {"line": {"width": 1, "color": INK}},
+        }
+    ]  # fmt: skip
 
 
 def _areas(name: str, outlines: Ragged, color: str) -> dict[str, Any]:
@@ -161,7 +194,22 @@ def _rounded(points: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
     return np.asarray(points, np.float64).reshape(-1, 2).round(2)
 
 
-def _layout(scene: Scene, times: list[str], first: int, height: int) -> dict[str, Any]:
+def _buttons(seconds: float) -> dict[str, Any]:
+    """Play at the recorded speed, and pause."""
+    timing = {"duration": round(1000 * seconds), "redraw": True}
+    play = {"frame": timing, "fromcurrent": True, "transition": {"duration": 0}}
+    pause = {"frame": {"duration": 0, "redraw": False}, "mode": "immediate"}
+    return {
+        "type": "buttons", "direction": "left", "x": 1.0, "xanchor": "right", "y": 1.0, "yanchor": "bottom",
+        "pad": {"b": 4},
+        "buttons": [
+            {"label": "play", "method": "animate", "args": [None, play]},
+            {"label": "pause", "method": "animate", "args": [[None], pause]},
+        ],
+    }  # fmt: skip
+
+
+def _layout(scene: Scene, times: list[str], first: int, stride: int, height: int) -> dict[str, Any]:
     def steps() -> list[dict[str, Any]]:
         still = {"mode": "immediate", "frame": {"duration": 0, "redraw": True}, "transition": {"duration": 0}}
         return [{"label": time, "method": "animate", "args": [[time], still]} for time in times]
@@ -179,5 +227,6 @@ def _layout(scene: Scene, times: list[str], first: int, height: int) -> dict[str
         "hovermode": "closest",
         "xaxis": axis | {"range": [float(left), float(right)]},
         "yaxis": axis | {"range": [float(bottom), float(top)], "scaleanchor": "x"},
+        "updatemenus": [_buttons(scene.dt * stride)],
         "sliders": [{"active": first, "currentvalue": {"prefix": "time ", "suffix": " s"}, "steps": steps()}],
     }

@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import AbstractPathEffect, withStroke
 from matplotlib.text import Text
+from mpl_toolkits.axes_grid1.inset_locator import inset_axes
 
 from scenarionet_data.plots.artists import Marks
 from scenarionet_data.plots.moment import Moment
@@ -56,14 +57,15 @@ def _text(x: float, y: float, words: str, anchor: Literal["bottom", "top"], axes
 
 def color_bar(axes: Axes, mappable: ScalarMappable, words: str) -> None:
     """What the colours of numbers mean, with their unit, in the upper right corner."""
-    place = axes.inset_axes((0.70, 0.93, 0.27, 0.02), zorder=20)
+    plate = inset_axes(axes, width="34%", height=0.45, loc="upper right", borderpad=0.4)
+    plate.set(xticks=[], yticks=[], facecolor=(1.0, 1.0, 1.0, 0.85), zorder=20)
+    plate.spines[:].set_visible(False)
+    place = plate.inset_axes((0.06, 0.72, 0.88, 0.18))
     bar = axes.figure.colorbar(mappable, cax=place, orientation="horizontal")
-    bar.set_label(words, fontsize=8, labelpad=1, path_effects=_HALO)
+    bar.set_label(words, fontsize=8, labelpad=1)
     bar.outline.set_visible(False)
     place.tick_params(labelsize=7, length=2, pad=1)
     place.grid(visible=False)
-    for label in place.get_xticklabels():
-        label.set_path_effects(_HALO)
 
 
 def legend(axes: Axes, scene: Scene, moment: Moment, *, has_route: bool = True) -> None:

@@ -18,18 +18,23 @@ from scenarionet_data.vocabulary import AREAS_TO_DRIVE_ON, MapFeatureType, is_la
 def map_artists(shapes: MapShapes) -> list[Artist]:
     """A map for axes whose data are metres."""
     is_road = is_lane(shapes.area_type) | np.isin(shapes.area_type, AREAS_TO_DRIVE_ON)
-    stripes = [zebra(outline) for outline in _of(shapes.areas, shapes.area_type == MapFeatureType.CROSSWALK)]
     is_edge, is_stop = is_road_edge(shapes.line_type), shapes.line_type == MapFeatureType.STOP_LINE
     white, yellow = painted(shapes)
     return [
         areas(_of(shapes.areas, is_road), ROAD, linewidth=0.6, zorder=1),
         areas(arrows(shapes.lanes), ARROW, zorder=1.5),
-        areas(_lists(list(chain.from_iterable(stripes))), WHITE, alpha=0.85, zorder=2),
+        areas(stripes(shapes), WHITE, alpha=0.85, zorder=2),
         Strokes(white, WHITE, LINE, zorder=3),
         Strokes(yellow, YELLOW, LINE, zorder=3),
         Strokes(_of(shapes.lines, is_edge), EDGE, 1.2 * LINE, zorder=4),
         Strokes(_of(shapes.lines, is_stop), WHITE, STOP_LINE, zorder=3),
     ]
+
+
+def stripes(shapes: MapShapes) -> Ragged:
+    """Outlines of the stripes of all crosswalks."""
+    crosswalks = _of(shapes.areas, shapes.area_type == MapFeatureType.CROSSWALK)
+    return Ragged.from_lists(list(chain.from_iterable(map(zebra, crosswalks))), width=2)
 
 
 def painted(shapes: MapShapes) -> tuple[Ragged, Ragged]:
@@ -51,7 +56,3 @@ def _joined(parts: list[Ragged]) -> Ragged:
     if not parts:
         return Ragged.empty(0, 2)
     return Ragged.from_flat(np.concatenate([part.lengths for part in parts]), np.concatenate([p.values for p in parts]))
-
-
-def _lists(lists: list[np.ndarray[tuple[int, int], np.dtype[np.float64]]]) -> Ragged:
-    return Ragged.from_lists(lists, width=2)

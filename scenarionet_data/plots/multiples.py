@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.plots.drawing import draw_scenario
+from scenarionet_data.plots.drawing import COLORS, color_limit, draw_scenario, style_colors
 from scenarionet_data.plots.scene import Scene
 from scenarionet_data.plots.style import new_figure, plain, styled
 from scenarionet_data.scenario import ScenarioDescription
@@ -21,6 +22,7 @@ def small_multiples(
     timesteps: Sequence[int | None] | None = None,
     columns: int = 4,
     side: float = 2.6,
+    color_by: str | None = None,
     **options: Any,
 ) -> Figure:
     """Scenarios in rows, all drawn alike.
@@ -31,6 +33,7 @@ def small_multiples(
         timesteps: When, of each; the current timestep unless given.
         columns: In a row.
         side: Of one picture [inch].
+        color_by: See :func:`~scenarionet_data.plots.drawing.draw_scenario`; all share one colour bar.
         options: See :func:`~scenarionet_data.plots.drawing.draw_scenario`; no legends, the view ``ego``.
 
     Raises:
@@ -40,16 +43,21 @@ def small_multiples(
         raise BadParameter("no scenarios to draw; an empty selection has no pictures")
     columns = min(columns, len(scenarios))
     num_rows = -(-len(scenarios) // columns)
-    options = {"view": "ego", "width": 80.0, "has_legend": False, **options}
+    options = {"view": "ego", "width": 80.0, "ratio": 1.0, "has_legend": False, **options}
     with styled():
         figure = new_figure(side * columns, (side + 0.25) * num_rows, layout="constrained")
-        panels = figure.subplots(num_rows, columns, squeeze=False).flat
+        panels = list(figure.subplots(num_rows, columns, squeeze=False).flat)
+        scenes = [Scene.of(scenario) for scenario in scenarios]
+        if color_by:
+            options["limit"] = max(color_limit(scene, color_by) for scene in scenes)
+            colors = ScalarMappable()
+            style_colors(colors, options["limit"])
+            figure.colorbar(colors, ax=panels, location="bottom", shrink=0.4, aspect=40, label=COLORS[color_by])
         for place, panel in enumerate(panels):
             if place >= len(scenarios):
                 panel.set_visible(False)
                 continue
-            scene = Scene.of(scenarios[place])
-            draw_scenario(panel, scene, timesteps[place] if timesteps else None, **options)
-            words = titles[place] if titles else scene.scenario_id
+            draw_scenario(panel, scenes[place], timesteps[place] if timesteps else None, color_by=color_by, **options)
+            words = titles[place] if titles else scenes[place].scenario_id
             panel.set_title(plain(words, 34), fontsize=8)
     return figure

@@ -92,7 +92,7 @@ def boxes(scene: Scene, moment: Moment, least_ego: float = 0.0) -> list[Artist]:
         artists.append(
             PolyCollection(list(corners), facecolor=colors[rows], edgecolor=WHITE, linewidth=0.5, zorder=order)
         )
-        arrows = list(_arrows(corners[length > 1.2]))
+        arrows = list(heading_arrows(corners[length > 1.2]))
         artists.append(PolyCollection(arrows, facecolor=WHITE, alpha=0.75, linewidth=0, zorder=order))
     return artists
 
@@ -109,7 +109,7 @@ def lights(scene: Scene, timestep: int) -> list[Artist]:
     return artists
 
 
-def _arrows(corners: Points) -> Points:
+def heading_arrows(corners: Points) -> Points:
     """(N, 3, 2) triangles that fill the front third of boxes (N, 4, 2), corners from the front left."""
     front_left, back_left, back_right, front_right = np.moveaxis(corners, 1, 0)
     tip = (front_left + front_right) / 2

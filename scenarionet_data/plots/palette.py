@@ -34,6 +34,9 @@ LIGHTS = {
 }
 """Colour and shape of a light."""
 
+MEANINGFUL = (EGO, *OBJECTS.values(), OTHER, WHITE, YELLOW, INK, *(fill for fill, _ in LIGHTS.values()))
+"""Colours that a picture of few colours must keep."""
+
 LINE = 0.15
 """Width of painted lines [m], and half the distance between the two of a double line."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -43,14 +44,23 @@ def styled() -> Iterator[None]:
         yield
 
 
+class Picture(Figure):
+    """A figure that notebooks show by itself, whether or not they know matplotlib."""
+
+    def _repr_png_(self) -> bytes:
+        file = io.BytesIO()
+        self.savefig(file, format="png")
+        return file.getvalue()
+
+
 def new_figure(width: float, height: float, *, dpi: float = 100.0, **style: Any) -> Figure:
-    """A figure that belongs to no window.
+    """A figure that belongs to no window, and that notebooks show.
 
     Args:
         width, height: [inch].
         dpi: Pixels an inch.
     """
-    figure = Figure(figsize=(width, height), dpi=dpi, **style)
+    figure = Picture(figsize=(width, height), dpi=dpi, **style)
     FigureCanvasAgg(figure)
     return figure
 

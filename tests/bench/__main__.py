@@ -22,6 +22,7 @@ from tests.bench import (
     nuplan,
     nuscenes,
     packing,
+    plots,
     remote,
     scale,
     sim,
@@ -43,6 +44,7 @@ def main() -> None:
         "mine": lambda: mining.figures(recordings),
         "pack": lambda: packing.figures(recordings),
         "remote": lambda: remote.figures(recordings),
+        "plots": lambda: plots.figures(recordings),
         "scale": scale.figures,
         "sim": lambda: sim.figures(recordings),
     }

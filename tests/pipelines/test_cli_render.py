@@ -72,3 +72,12 @@ def test_show_draws_beside_the_facts(lake, as_json, tmp_path):
     assert again.exit_code == 2
     assert "--replace" in again.stderr
     assert run("show", lake, "s000001", "--picture", tmp_path / "s.mp4").exit_code == 2
+
+
+@pytest.mark.parametrize("words", ["'; DROP TABLE metadata; --", "../../etc/passwd", "<script>alert(1)</script>", "%"])
+def test_hostile_ids_are_no_scenarios(lake, tmp_path, words):
+    for command in (("show", lake, words), ("render", lake, words, "-o", tmp_path / "s.png")):
+        result = run(*command)
+        assert result.exit_code == 1
+        assert "no one scenario" in result.stderr
+    assert list(tmp_path.glob("*.png")) == []

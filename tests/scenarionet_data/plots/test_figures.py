@@ -195,6 +195,7 @@ def test_the_interactive_view_says_what_things_are(scenario):
     words = [word for trace in figure.data if trace.hovertext for word in trace.hovertext]
     assert any(word.startswith(f"{scenario.ego_id}<br>VEHICLE") for word in words)
     assert any(word.startswith("lane ") for word in words) == (scenario.map is not None)
+    assert any(word.startswith("light: ") for word in words) == bool(len(scenario.lights))
     assert "<script>" not in figure.layout.title.text
     for frame in figure.frames:
         assert len(frame.data) == len(frame.traces)

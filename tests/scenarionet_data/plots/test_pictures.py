@@ -29,7 +29,8 @@ from scenarionet_data.plots import (
     write_figure,
     write_video,
 )
-from scenarionet_data.plots.palette import EGO, GROUND, OBJECTS, ROAD, object_color
+from scenarionet_data.plots.palette import EGO, GROUND, LIGHTS, OBJECTS, ROAD, object_color
+from scenarionet_data.vocabulary import LightColor, LightState
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.simulations import alone, generated
 from tests.fixtures.towns import make_town
@@ -129,6 +130,19 @@ def test_videos_hold_every_moment(scene, tmp_path):
         assert (gif.n_frames, gif.size, gif.info["duration"]) == (7, (160, 160), 100)
 
 
+def test_a_gif_keeps_colours_that_come_later(tmp_path):
+    """The light is green in the first frame and red in the second."""
+    scenario = make_drive(red=True, num_steps=2)
+    scenario.lights.state[0, 0] = LightState.TRAFFIC_LIGHT_GREEN
+    Drawing(size=300, width=60).save(tmp_path / "s.gif", scenario)
+    with Image.open(tmp_path / "s.gif") as gif:
+        for frame, light in enumerate((LightColor.GREEN, LightColor.RED)):
+            gif.seek(frame)
+            picture = np.asarray(gif.convert("RGB")).astype(int)
+            is_light = np.abs(picture - color(LIGHTS[light][0])).max(axis=2) <= 3
+            assert is_light.sum() > 10, light
+
+
 def test_mp4(scene, tmp_path):
     av = pytest.importorskip("av")
     Drawing(size=160, width=50, speed=2.0).save(tmp_path / "s.mp4", scene, recorded(scene, 7))
@@ -193,7 +207,7 @@ def test_ways_are_coloured_by_a_number_with_its_unit(scene, color_by):
     (lines,) = [artist for artist in axes.collections if artist.get_array() is not None]
     values = {"time": np.arange(1, 41) * 0.1, "speed": np.full(40, 10.0)}[color_by]
     np.testing.assert_allclose(lines.get_array()[-40:], values, rtol=1e-5)  # the ego's come last, on top
-    (bar,) = axes.child_axes
+    (bar,) = figure.axes[1].child_axes
     assert bar.get_xlabel() == {"time": "time [s]", "speed": "speed [m/s]"}[color_by]
     figure.canvas.draw()
 
