@@ -10,7 +10,7 @@ from pipelines.report.markup import Markup, joined, tag
 from pipelines.report.measures import Float64, Spread
 
 _WIDTH, _HEIGHT = 320, 150
-_LEFT, _RIGHT, _TOP, _BOTTOM = 40, 10, 8, 26
+_LEFT, _RIGHT, _TOP, _BOTTOM = 40, 20, 8, 26
 _STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 
 

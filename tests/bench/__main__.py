@@ -12,7 +12,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from tests.bench import converting, loading, lyft, mining, nuplan, nuscenes, packing, scale, sim
+from tests.bench import converting, loading, lyft, mining, nuplan, nuscenes, packing, scale, sim, web
 from tests.bench.measure import Figure
 
 
@@ -29,6 +29,7 @@ def main() -> None:
         "pack": lambda: packing.figures(recordings),
         "scale": scale.figures,
         "sim": lambda: sim.figures(recordings),
+        "web": lambda: web.figures(recordings),
     }
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", choices=groups, action="append", help="run this group; may be repeated")

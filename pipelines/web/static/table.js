@@ -55,6 +55,7 @@ export async function showTable(lake, state, showProblem) {
   showChosen(columns);
   fill(find("table").tBodies[0], ...found.rows.map((row) => tableRow(lake, state, columns, row)));
   showPages(found, state);
+  find("table").dataset.where = state.where; // what is shown, for who waits for it
   return found.rows.map((row) => row.scenario_id);
 }
 

@@ -1,0 +1,17 @@
+"""A lake with ordinary and odd scenarios, and two databases."""
+
+from __future__ import annotations
+
+import pytest
+
+from scenarionet_data import Lake
+from tests.fixtures.lakes import write_lake
+from tests.fixtures.pages import odd_scenarios
+
+
+@pytest.fixture(scope="package")
+def lake(tmp_path_factory: pytest.TempPathFactory) -> Lake:
+    found = write_lake(tmp_path_factory.mktemp("reported") / "lake", odd_scenarios()[:24])
+    found.filter("num_objects > 7", name="busy")
+    found.filter("num_objects <= 7", name="calm")
+    return found
