@@ -20,24 +20,19 @@ def measured(**columns):
     return Measured(np.array([f"s{k}" for k in range(size)], dtype=object), values)
 
 
-@pytest.fixture(scope="module")
-def whole(lake):
-    return gather(lake)
-
-
-def test_the_whole_lake(lake, whole):
-    (part,) = whole.parts
+def test_the_whole_lake(lake, contents):
+    (part,) = contents.parts
     assert part.name == "lake"
     assert part.statistics == lake.compare()[0]
-    assert whole.summary == lake.summary().to_dicts()
-    assert part.missing["date"] == 24
+    assert contents.summary == lake.summary().to_dicts()
+    assert part.missing["date"] == 12
     assert part.missing["map_id"] == 1
     assert "tracks_file" not in part.missing
     assert sum(mark.broken for mark in part.scorecard.partitions[0].marks) > 0
 
 
-def test_pictures_are_typical_extreme_and_random_ones(lake, whole):
-    (part,) = whole.parts
+def test_pictures_are_typical_extreme_and_random_ones(lake, contents):
+    (part,) = contents.parts
     assert list(part.pictures) == ["typical", "extreme", "random"]
     for group in part.pictures.values():
         ids = [picture.scenario_id for picture in group]
@@ -69,6 +64,7 @@ def test_a_database_that_is_not_there(lake):
         gather(lake, ["nobody"])
 
 
+@pytest.mark.long
 def test_progress_only_rises_to_the_end(lake):
     told = []
     gather(lake, ["busy", "calm"], on_progress=lambda done, total: told.append((done, total)))
