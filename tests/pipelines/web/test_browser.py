@@ -194,6 +194,20 @@ def test_odd_scenarios_are_drawn(browser, served, lake, width):
 
 
 @pytest.mark.long
+def test_ten_thousand_map_features_are_drawn(browser, tmp_path):
+    """And moved about: the map is painted anew as one zooms in."""
+    scenario = make_scenario(1, num_lanes=10_000)
+    lake = write_lake(tmp_path / "lake", [scenario])
+    with serving(lake) as address, visiting(browser, f"{address}/?{urlencode({'scenario': scenario.id})}") as page:
+        page.wait_for_selector("#player canvas")
+        for _ in range(5):
+            page.keyboard.press("+")
+        page.keyboard.press(" ")
+        wait_until(page, "document.querySelector('.play').innerText === 'Play' && "
+                         "document.querySelector('#player .time').innerText.includes('step 30 of 30')")  # fmt: skip
+
+
+@pytest.mark.long
 def test_a_hostile_name_stays_text_in_the_table(browser, served):
     with visiting(
         browser, f"{served}/?{urlencode({'columns': 'city,source_scenario_id', 'where': 'starts_with(city, chr(60))'})}"
