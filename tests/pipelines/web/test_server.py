@@ -125,6 +125,16 @@ def test_without_write_nothing_is_saved(served, lake):
     assert lake.databases == ["several"]
 
 
+def test_without_write_the_right_secret_does_not_help(lake, monkeypatch):
+    monkeypatch.setattr("secrets.token_urlsafe", lambda: "known")
+    with serving(lake) as address:
+        right = {"Origin": address, "x_scenarionet_secret": "known"}
+        status, answer = said(request(address, "/api/databases", "POST", SAVED, **right))
+    assert status == 403
+    assert "--write" in answer["error"]
+    assert lake.databases == ["several"]
+
+
 def test_saving_takes_our_own_page_and_its_secret(tmp_path):
     lake = write_lake(tmp_path / "lake", [make_scenario(seed) for seed in range(6)])
     lake.filter(name="several")
