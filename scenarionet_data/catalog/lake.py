@@ -136,6 +136,10 @@ class Lake:
         """Like :meth:`arrow`, some rows at a time; every other question waits until it is closed, or at its end."""
         return self._engine.batches(query, parameters)
 
+    def interrupt(self) -> None:
+        """Stop the question that another thread has asked; it fails there with a QueryError."""
+        self._engine.interrupt()
+
     # Explained where they are done.
     mine = events.mine
     compare = comparison.compare

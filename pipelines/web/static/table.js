@@ -39,6 +39,7 @@ export async function showTable(lake, state, showProblem) {
   const mine = (asking = new AbortController());
   const columns = state.columns.split(",").filter((name) => known[name]);
   find("table").setAttribute("aria-busy", "true");
+  const patience = setTimeout(() => { find("count").textContent = "Looking…"; }, 400);
   find("page-size").value = String(state.rows);
   let found;
   try {
@@ -49,6 +50,7 @@ export async function showTable(lake, state, showProblem) {
     if (error.name !== "AbortError") showProblem(error);
     return null;
   } finally {
+    clearTimeout(patience);
     if (mine === asking) find("table").removeAttribute("aria-busy");
   }
   showHead(columns, state);
