@@ -23,7 +23,7 @@ def light_places(lights: Lights, lane_ids: Strings, lanes: Ragged) -> tuple[npt.
     """
     row_of = {lane: row for row, lane in enumerate(lane_ids)}
     lane = np.array([row_of.get(name, -1) for name in lights.lane_ids], np.int32)
-    stop = np.ascontiguousarray(lights.stop_point[:, :2])
+    stop = lights.stop_point[:, :2].copy()  # of a single light, ascontiguousarray would give a view
     assumed = np.isnan(stop).any(axis=1) & (lane >= 0)
     assumed[assumed] = lanes.lengths[lane[assumed]] > 0
     stop[assumed] = lanes.values[lanes.offsets[lane[assumed]], :2]

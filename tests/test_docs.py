@@ -13,6 +13,7 @@ import warnings
 from dataclasses import asdict
 from pathlib import Path
 
+import click
 import polars as pl
 import pytest
 from click.testing import CliRunner
@@ -195,6 +196,23 @@ def test_pages_show_pictures_that_are_there():
     assert [path.name for path in pictures if f"pictures/{path.name})" not in page] == []
     assert all(path.stat().st_size < 150_000 for path in pictures)
     assert [name for name in notebooks.names() if f"(notebooks/{name}.md)" not in page] == []
+
+
+def test_examples_of_looking_run(monkeypatch, tmp_path):
+    """The commands that serve a page are parsed: they would go on until Ctrl-C."""
+    assert run_blocks("docs/browse.md", monkeypatch, tmp_path) == 1
+    assert (tmp_path / "compared.html").stat().st_size > 10_000
+    served = [line for block in blocks("docs/browse.md", "sh") for line in block.splitlines() if "browse" in line]
+    assert len(served) == 2
+    for command in served:
+        words = shlex.split(command)[1:]
+        cli.get_command(click.Context(cli), words[0]).make_context(words[0], words[1:])
+
+
+def test_pictures_of_pages_are_there_and_small():
+    for page in (ROOT / "docs").glob("*.md"):
+        for name in re.findall(r"!\[[^\]]+\]\(([^)]+)\)", page.read_text("utf-8")):
+            assert 0 < (page.parent / name).stat().st_size < 150_000, name
 
 
 def test_sensor_examples_run(monkeypatch, tmp_path):

@@ -7,35 +7,26 @@ from itertools import pairwise
 import numpy as np
 
 from pipelines.report.markup import Markup, joined, tag
-from pipelines.report.measures import Distribution, Float64
+from pipelines.report.measures import Float64, Spread
 
 _WIDTH, _HEIGHT = 320, 150
-_LEFT, _RIGHT, _TOP, _BOTTOM = 40, 10, 8, 26
+_LEFT, _RIGHT, _TOP, _BOTTOM = 40, 20, 8, 26
 _STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 
 
-def histogram(distribution: Distribution, names: list[str]) -> Markup:
-    """A distribution: bars for one database, outlines for several.
-
-    Args:
-        distribution: What is drawn.
-        names: Of the databases, in order; colours follow that order.
-    """
-    most = max(float(distribution.shares.max()), 1e-9)
+def histogram(spread: Spread) -> Markup:
+    """How a measure is spread: bars for one group, outlines for several; colours follow the groups' order."""
+    most = max(float(spread.shares.max()), 1e-9)
     height = nice_ticks(0.0, most, 3)
-    top = max(most, height[-1])
-    across = _Scale(float(distribution.edges[0]), float(distribution.edges[-1]), _LEFT, _WIDTH - _RIGHT)
-    up = _Scale(0.0, top, _HEIGHT - _BOTTOM, _TOP)
-    unit = f" [{distribution.unit}]" if distribution.unit else ""
-    drawn = [
-        _bars(distribution, across, up) if len(names) == 1 else _outline(distribution, place, across, up)
-        for place in range(len(names))
-    ]
-    label = f"{distribution.title}{unit}: " + "; ".join(
-        f"{name}: most often {_likeliest(distribution, place)}" for place, name in enumerate(names)
-    )
+    across = _Scale(float(spread.edges[0]), float(spread.edges[-1]), _LEFT, _WIDTH - _RIGHT)
+    up = _Scale(0.0, max(most, height[-1]), _HEIGHT - _BOTTOM, _TOP)
+    if len(spread.groups) == 1:
+        drawn = [_bars(spread, across, up)]
+    else:
+        drawn = [_outline(spread, place, across, up) for place in range(len(spread.groups))]
+    said = "; ".join(f"{group.name}: most often {likeliest(spread, k)}" for k, group in enumerate(spread.groups))
     return tag(
-        "svg", tag("title", label), _grid(height, up, across), *drawn, _axis(distribution, across),
+        "svg", tag("title", f"{spread.title}: {said}"), _grid(height, up, across), *drawn, _axis(across),
         viewBox=f"0 0 {_WIDTH} {_HEIGHT}", role="img", class_="histogram",
     )  # fmt: skip
 
@@ -73,17 +64,17 @@ def _grid(heights: list[float], up: _Scale, across: _Scale) -> Markup:
     )
 
 
-def _axis(distribution: Distribution, across: _Scale) -> Markup:
+def _axis(across: _Scale) -> Markup:
     bottom = _HEIGHT - _BOTTOM
     ticks = nice_ticks(across.low, across.high, 4)
     marks = [tag("line", x1=across(t), x2=across(t), y1=bottom, y2=bottom + 4, class_="axis") for t in ticks]
     words = [tag("text", f"{t:,.6g}", x=across(t), y=bottom + 16, class_="tick middle") for t in ticks]
-    line = tag("line", x1=_LEFT, x2=across(float(distribution.edges[-1])), y1=bottom, y2=bottom, class_="axis")
+    line = tag("line", x1=_LEFT, x2=across(across.high), y1=bottom, y2=bottom, class_="axis")
     return joined(line, *marks, *words)
 
 
-def _bars(distribution: Distribution, across: _Scale, up: _Scale) -> Markup:
-    edges, shares = distribution.edges, distribution.shares[0]
+def _bars(spread: Spread, across: _Scale, up: _Scale) -> Markup:
+    edges, shares = spread.edges, spread.shares[0]
     bottom = up(0.0)
     return joined(
         *(
@@ -98,16 +89,17 @@ def _bars(distribution: Distribution, across: _Scale, up: _Scale) -> Markup:
     )  # fmt: skip
 
 
-def _outline(distribution: Distribution, place: int, across: _Scale, up: _Scale) -> Markup:
-    edges: Float64 = np.repeat(distribution.edges, 2)
-    shares: Float64 = np.concatenate([[0.0], np.repeat(distribution.shares[place], 2), [0.0]])
+def _outline(spread: Spread, place: int, across: _Scale, up: _Scale) -> Markup:
+    edges: Float64 = np.repeat(spread.edges, 2)
+    shares: Float64 = np.concatenate([[0.0], np.repeat(spread.shares[place], 2), [0.0]])
     points = " ".join(f"{across(x)},{up(y)}" for x, y in zip(edges.tolist(), shares.tolist(), strict=True))
     return tag("polyline", points=points, class_=f"series-{place % 8 + 1} outline")
 
 
-def _likeliest(distribution: Distribution, place: int) -> str:
-    bin_ = int(distribution.shares[place].argmax())
-    return _between(float(distribution.edges[bin_]), float(distribution.edges[bin_ + 1]))
+def likeliest(spread: Spread, place: int = 0) -> str:
+    """The bin that most of a group's scenarios are in, in words."""
+    bin_ = int(spread.shares[place].argmax())
+    return _between(float(spread.edges[bin_]), float(spread.edges[bin_ + 1]))
 
 
 def _between(left: float, right: float) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from pipelines.report.measures import Distribution, choose, constants, distributions, measure
+from pipelines.report.measures import Spread, choose, measure, spreads
 from scenarionet_data import Lake, ScenarioLoader, tables
 from scenarionet_data.catalog.checks import find
 from scenarionet_data.catalog.comparison import Statistics
@@ -74,8 +74,7 @@ class Contents:
         quarantined: Scenarios that were rejected while converting.
         cities: Places of recording that are named.
         parts: The databases, in the order asked for.
-        distributions: Of their measures.
-        constants: Measures that have one number everywhere, with it.
+        spreads: How each measure is spread over them, or over the lake's datasets.
     """
 
     name: str
@@ -85,8 +84,7 @@ class Contents:
     quarantined: int
     cities: int
     parts: tuple[Part, ...]
-    distributions: tuple[Distribution, ...]
-    constants: dict[str, float]
+    spreads: tuple[Spread, ...]
 
 
 def gather(
@@ -107,11 +105,10 @@ def gather(
     statistics = lake.compare(databases)
     names: Sequence[str | None] = databases or [None]
     views = [lake if name is None else lake.only(name) for name in names]
-    measured = [measure(view) for view in views]
     parts = []
-    for name, view, said, numbers in zip(names, views, statistics, measured, strict=True):
+    for name, view, said in zip(names, views, statistics, strict=True):
         card = make_scorecard(find(lake, name, on_progress=steps.within)) if is_checked else None
-        pictures = _pictures(view, choose(numbers), steps)
+        pictures = _pictures(view, choose(measure(view)), steps)
         parts.append(Part(said, _made(lake, name), _missing(view), card, pictures))
         steps.end_part()
     counts = lake.sql(
@@ -125,8 +122,7 @@ def gather(
         quarantined=counts["quarantined"].item(),
         cities=counts["cities"].item(),
         parts=tuple(parts),
-        distributions=tuple(distributions(measured)),
-        constants=constants(measured),
+        spreads=tuple(spreads(lake, databases)),
     )
 
 

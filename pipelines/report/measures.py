@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data import Lake, tables
+from scenarionet_data.plots.distributions import Distribution, distributions
 
 Float64 = npt.NDArray[np.float64]
 
@@ -38,10 +40,6 @@ EXTREMES = {
 """What a scenario can be the most of: a column, and 1 for its largest or -1 for its smallest value."""
 
 _NUM_BINS = 24
-_LEAST_SHARE, _MOST_SHARE = 0.002, 0.998
-_FAR = 1.5
-"""Outliers are cut off where they would make the axis this much longer."""
-
 _NUM_CHOSEN = 8
 _OWN_CHANCE = 0
 """Seed of the random scenarios: a report made again shows the same."""
@@ -61,24 +59,54 @@ class Measured:
 
 
 @dataclass(frozen=True)
-class Distribution:
-    """How often a measure has which value, in several databases on the same bins.
+class Spread:
+    """How often a measure has which value, group beside group.
 
     Attributes:
-        column, title, unit: What is measured.
-        edges: (B + 1,) of the bins; what lies beyond the outer ones is counted in them.
-        shares: (D, B) of each database's scenarios that have a number.
-        missing: (D,) scenarios without.
-        is_cut: Whether something lies beyond the outer edges.
+        title, unit: What is measured.
+        groups: Databases, or the datasets of a lake; all on the same bins.
     """
 
-    column: str
     title: str
     unit: str
-    edges: Float64
-    shares: Float64
-    missing: tuple[int, ...]
-    is_cut: bool
+    groups: tuple[Distribution, ...]
+
+    @property
+    def shares(self) -> Float64:
+        """(G, B) of each group's scenarios that have a number."""
+        counts = np.array([group.counts for group in self.groups])
+        shares: Float64 = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
+        return shares
+
+    @property
+    def edges(self) -> Float64:
+        """(B + 1,) of the bins; the outer ones hold what lies beyond, too."""
+        return self.groups[0].edges
+
+    @property
+    def is_known(self) -> bool:
+        """Whether any scenario has a number."""
+        return bool(self.groups) and any(group.counts.any() for group in self.groups)
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether all numbers lie in one bin: there is nothing to draw."""
+        return int(self.shares.any(axis=0).sum()) < 2
+
+    @property
+    def missing(self) -> int:
+        """Scenarios without a number."""
+        return sum(group.missing for group in self.groups)
+
+
+def spreads(lake: Lake, databases: Sequence[str] = ()) -> list[Spread]:
+    """How every measure is spread over databases, or over the datasets of the lake when none is named."""
+    metadata = tables.load("metadata")
+    units = {column.name: column.unit for column in (*metadata.columns, *metadata.derived)}
+    return [
+        Spread(title, units[name], tuple(distributions(lake, name, databases=databases, bins=_NUM_BINS)))
+        for name, title in COLUMNS.items()
+    ]
 
 
 def measure(lake: Lake) -> Measured:
@@ -88,56 +116,6 @@ def measure(lake: Lake) -> Measured:
     for column in values.values():
         column[~np.isfinite(column)] = np.nan
     return Measured(np.array(rows["scenario_id"].to_pylist(), dtype=object), values)
-
-
-def distributions(measured: list[Measured]) -> list[Distribution]:
-    """A distribution of each column that has different numbers; see :func:`constants`."""
-    metadata = tables.load("metadata")
-    units = {column.name: column.unit for column in (*metadata.columns, *metadata.derived)}
-    found = []
-    for name, title in COLUMNS.items():
-        columns = [each.values[name] for each in measured]
-        numbers = _numbers(columns)
-        if len(numbers) and numbers.min() < numbers.max():
-            found.append(_distribution(name, title, units[name], columns, numbers))
-    return found
-
-
-def constants(measured: list[Measured]) -> dict[str, float]:
-    """Titles of the columns that have one and the same number everywhere, with it."""
-    numbers = {title: _numbers([each.values[name] for each in measured]) for name, title in COLUMNS.items()}
-    return {title: float(each[0]) for title, each in numbers.items() if len(each) and each.min() == each.max()}
-
-
-def _numbers(columns: list[Float64]) -> Float64:
-    together: Float64 = np.concatenate(columns) if columns else np.zeros(0)
-    return together[np.isfinite(together)]
-
-
-def _distribution(name: str, title: str, unit: str, columns: list[Float64], numbers: Float64) -> Distribution:
-    edges = _edges(numbers)
-    counts = [np.histogram(column[np.isfinite(column)].clip(edges[0], edges[-1]), edges)[0] for column in columns]
-    shares = np.array([count / max(count.sum(), 1) for count in counts])
-    missing = tuple(int(np.isnan(column).sum()) for column in columns)
-    is_cut = bool(numbers.min() < edges[0] or numbers.max() > edges[-1])
-    return Distribution(name, title, unit, edges, shares, missing, is_cut)
-
-
-def _edges(numbers: Float64) -> Float64:
-    """Bins over all numbers but far outliers; of one whole number or more where all of them are whole."""
-    low, high = np.quantile(numbers, (_LEAST_SHARE, _MOST_SHARE))
-    whole = numbers.max() - numbers.min()
-    if whole <= _FAR * (high - low):
-        low, high = numbers.min(), numbers.max()
-    if (numbers == np.round(numbers)).all():
-        low, high = np.floor(low), np.ceil(high)
-        step = max(1.0, np.ceil((high - low + 1) / _NUM_BINS))
-        edges: Float64 = np.arange(low - 0.5, high + step, step)
-        return edges
-    if low == high:
-        high = numbers.max()
-        low = numbers.min() if low == high else low
-    return np.linspace(low, high, _NUM_BINS + 1)
 
 
 def choose(measured: Measured) -> dict[str, list[tuple[str, str]]]:

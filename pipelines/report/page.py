@@ -7,10 +7,10 @@ from itertools import starmap
 from pathlib import Path
 
 import pipelines.web
-from pipelines.report.charts import histogram
+from pipelines.report.charts import histogram, likeliest
 from pipelines.report.contents import PICTURE, Contents, Part, Picture
 from pipelines.report.markup import Markup, joined, tag
-from pipelines.report.measures import Distribution
+from pipelines.report.measures import Spread
 from pipelines.report.tables import comparison, missing, number, plural, scorecard, summary
 from scenarionet_data import software
 from scenarionet_data.plots.palette import EGO, NAMES, OBJECTS, OTHER
@@ -130,29 +130,29 @@ def _comparison(contents: Contents) -> Markup | None:
 
 
 def _distributions(contents: Contents) -> Markup | None:
-    if not contents.distributions and not contents.constants:
+    known = [spread for spread in contents.spreads if spread.is_known]
+    drawn = [spread for spread in known if not spread.is_flat]
+    if not known:
         return None
-    names = [part.name for part in contents.parts]
+    same = ", ".join(f"{spread.title.lower()} {likeliest(spread)}" for spread in known if spread.is_flat)
+    note = "Share of scenarios in each bin; the outer bins hold the outliers, too."
+    note += f" The same everywhere: {same}." if same else ""
+    names = [group.name for group in known[0].groups]
     legend = tag("ul", *starmap(_swatch, enumerate(names)), class_="legend") if len(names) > 1 else None
-    charts = (_chart(distribution, names) for distribution in contents.distributions)
-    same = ", ".join(f"{title} {number(value)}" for title, value in contents.constants.items())
-    note = "Share of scenarios in each bin." + (f" The same in every scenario: {same}." if same else "")
-    grid = tag("div", *charts, class_="charts")
-    return _section("distributions", "Distributions", tag("p", note, class_="note"), legend, grid)
+    return _section(
+        "distributions", "Distributions", tag("p", note, class_="note"),
+        legend, tag("div", *map(_chart, drawn), class_="charts"),
+    )  # fmt: skip
 
 
 def _swatch(place: int, name: str) -> Markup:
     return tag("li", tag("span", class_=f"swatch series-{place % 8 + 1}"), name)
 
 
-def _chart(distribution: Distribution, names: list[str]) -> Markup:
-    unit = tag("span", f" [{distribution.unit}]", class_="unit") if distribution.unit else None
-    words = ["outliers are counted in the outer bins"] if distribution.is_cut else []
-    lacking = sum(distribution.missing)
-    if lacking:
-        words.append(f"{plural(lacking, 'scenario')} without")
-    caption = tag("figcaption", distribution.title, unit)
-    return tag("figure", caption, histogram(distribution, names), tag("small", "; ".join(words)), class_="chart")
+def _chart(spread: Spread) -> Markup:
+    unit = tag("span", f" [{spread.unit}]", class_="unit") if spread.unit else None
+    lacking = tag("small", f"{plural(spread.missing, 'scenario')} without") if spread.missing else None
+    return tag("figure", tag("figcaption", spread.title, unit), histogram(spread), lacking, class_="chart")
 
 
 def _quality(contents: Contents) -> Markup | None:

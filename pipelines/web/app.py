@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import re
 import secrets
@@ -35,6 +36,9 @@ STATIC = Path(__file__).with_name("static")
 
 _PLACE = re.compile(r"\bcharacter (\d+)")
 _MOST_PARTS = 8
+_LOOK_EVERY = 0.2
+"""Seconds between looks whether the answer is still waited for."""
+
 _THUMBNAIL_SIDES = range(32, 513)
 _KEEP = {"cache-control": "private, max-age=86400, immutable"}
 """For what belongs to a snapshot, whose number the page names in the address."""
@@ -55,8 +59,10 @@ class Browser:
         self.is_writable = is_writable
         self._secret = secret
         self._columns: dict[str, Column] = {column.name: column for column in columns(lake)}
+        self._count = len(lake)
         self._scenes = Scenes(lake)
         self._parts: Latest[Lake] = Latest(_MOST_PARTS)
+        self._turn = asyncio.Lock()  # the lake answers one question at a time: who interrupts, interrupts their own
 
     async def index(self, request: Request) -> Response:  # noqa: ARG002
         """The page."""
@@ -70,7 +76,7 @@ class Browser:
                 "path": str(self.lake.root),
                 "snapshot": self.lake.snapshot.number,
                 "software": software.name_and_version(),
-                "scenarios": len(self.lake),
+                "scenarios": self._count,
                 "columns": [asdict(column) for column in self._columns.values()],
                 "databases": self.lake.databases,
                 "picture": PICTURE,
@@ -80,8 +86,8 @@ class Browser:
             headers=_ASK_AGAIN,
         )
 
-    def rows(self, request: Request) -> Response:
-        """A page of the table."""
+    async def rows(self, request: Request) -> Response:
+        """A page of the table; nobody goes on looking for one that is not waited for any more."""
         asked = request.query_params
         wanted = tuple(name for name in asked.get("columns", "").split(",") if name)
         question = Question(
@@ -92,13 +98,19 @@ class Browser:
             count=_number(asked.get("count", "50"), range(1, MOST_ROWS + 1)),
             columns=wanted,
         )
-        found = page(self._part(asked.get("database", "")), question, self._columns)
+        async with self._turn:
+            part = await run_in_threadpool(self._part, asked.get("database", ""))
+            asking = asyncio.ensure_future(run_in_threadpool(page, part, question, self._columns))
+            while not (await asyncio.wait([asking], timeout=_LOOK_EVERY))[0]:
+                if await request.is_disconnected():
+                    part.interrupt()
+            found = asking.result()
         self._scenes.expect([row["scenario_id"] for row in found.rows])
         return JSONResponse(asdict(found), headers=_ASK_AGAIN)
 
     def facts(self, request: Request) -> Response:
         """What is known about one scenario."""
-        found = self.lake.facts(_id(request))
+        found = self._scenes.facts(_id(request))
         return JSONResponse({name: plain(value) for name, value in found.items()}, headers=_ASK_AGAIN)
 
     def scene(self, request: Request) -> Response:
@@ -117,12 +129,16 @@ class Browser:
         if not self.is_writable:
             return JSONResponse({"error": "this server only reads; start it with --write to save databases"}, 403)
         name, where, parent = _texts(await request.body(), "name", "where", "database")
-        made = await run_in_threadpool(self.lake.filter, where.strip() or "true", name=name, parent=parent or None)
+        async with self._turn:
+            made = await run_in_threadpool(self.lake.filter, where.strip() or "true", name=name, parent=parent or None)
         return JSONResponse({"reference": made.reference, "count": len(made), "databases": self.lake.databases})
 
     def _part(self, database: str) -> Lake:
         """The lake, or its part that belongs to a database."""
-        return self._parts.get_or(database, lambda: self.lake.only(database)) if database else self.lake
+        if not database:
+            return self.lake
+        reference = self.lake.database(database).reference  # of a name, the newest version
+        return self._parts.get_or(reference, lambda: self.lake.only(reference))
 
 
 def make_app(lake: Lake, *, is_writable: bool = False, names: frozenset[str] = frozenset()) -> Starlette:

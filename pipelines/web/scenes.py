@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Sequence
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from pipelines.web.packing import pack
 from scenarionet_data import Lake, ScenarioLoader
@@ -62,7 +62,7 @@ class Scenes:
     """
 
     def __init__(self, lake: Lake) -> None:
-        self._lake = Lake(lake.root, lake.snapshot.number)
+        self._lake = Lake(lake.root, lake.snapshot.number, lake.layers)
         self._pages: Latest[tuple[str, ...]] = Latest(_MOST_PLACES)
         self._places: Latest[tuple[ScenarioLoader, int]] = Latest(_MOST_PLACES)
         self._thumbnails: Latest[bytes] = Latest(_MOST_THUMBNAILS)
@@ -74,6 +74,10 @@ class Scenes:
         page = tuple(scenario_ids)
         for scenario_id in page:
             self._pages.put(scenario_id, page)
+
+    def facts(self, scenario_id: str) -> dict[str, Any]:
+        """What is known about it; see ``Lake.facts``."""
+        return self._lake.facts(scenario_id)
 
     def thumbnail(self, scenario_id: str, size: tuple[int, int]) -> bytes:
         """A small picture of it (PNG), of so many pixels.

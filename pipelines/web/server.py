@@ -41,7 +41,15 @@ class Server:
         self._socket = _listen(host, port)
         app = make_app(lake, is_writable=is_writable, names=frozenset({host, socket.gethostname()}))
         self._server = uvicorn.Server(
-            uvicorn.Config(app, log_level="warning", access_log=False, server_header=False, lifespan="off", ws="none")
+            uvicorn.Config(
+                app,
+                log_level="warning",
+                access_log=False,
+                server_header=False,
+                lifespan="off",
+                ws="none",
+                timeout_graceful_shutdown=2,
+            )
         )
         shown = f"[{host}]" if ":" in host else host
         self.address = f"http://{shown}:{self._socket.getsockname()[1]}/"

@@ -110,6 +110,10 @@ class Engine:
         """Release the connection."""
         self._connection.close()
 
+    def interrupt(self) -> None:
+        """Stop the question that is being answered, from another thread; it fails with a QueryError."""
+        self._connection.interrupt()
+
     def select(self, sql: str, parameters: Mapping[str, Any] | None = None) -> pl.DataFrame:
         """Run one SELECT and return its rows.
 

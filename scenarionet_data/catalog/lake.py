@@ -147,6 +147,10 @@ class Lake:
         """Like :meth:`arrow`, some rows at a time; every other question waits until it is closed, or at its end."""
         return self._engine.batches(query, parameters, layers=layers)
 
+    def interrupt(self) -> None:
+        """Stop the question that another thread has asked; it fails there with a QueryError."""
+        self._engine.interrupt()
+
     # Explained where they are done.
     mine = mining.mine
     compare = comparison.compare

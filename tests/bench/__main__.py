@@ -26,6 +26,7 @@ from tests.bench import (
     remote,
     scale,
     sim,
+    web,
 )
 from tests.bench.measure import Figure
 
@@ -47,6 +48,7 @@ def main() -> None:
         "plots": lambda: plots.figures(recordings),
         "scale": scale.figures,
         "sim": lambda: sim.figures(recordings),
+        "web": lambda: web.figures(recordings),
     }
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", choices=groups, action="append", help="run this group; may be repeated")

@@ -43,7 +43,8 @@ def command(
         else:
             click.echo(f"{opened.root} at {server.address} (Ctrl-C ends)")
         if host not in _LOOPBACK:
-            click.echo(f"warning: whoever reaches {host} can read the lake; there is no password", err=True)
+            what = "read the lake and save databases" if write else "read the lake"
+            click.echo(f"warning: whoever reaches {host} can {what}; there is no password", err=True)
         if is_opened:
             click.launch(server.address)
         try:

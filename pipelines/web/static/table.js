@@ -39,6 +39,7 @@ export async function showTable(lake, state, showProblem) {
   const mine = (asking = new AbortController());
   const columns = state.columns.split(",").filter((name) => known[name]);
   find("table").setAttribute("aria-busy", "true");
+  const patience = setTimeout(() => { find("count").textContent = "Looking…"; }, 400);
   find("page-size").value = String(state.rows);
   let found;
   try {
@@ -49,12 +50,14 @@ export async function showTable(lake, state, showProblem) {
     if (error.name !== "AbortError") showProblem(error);
     return null;
   } finally {
+    clearTimeout(patience);
     if (mine === asking) find("table").removeAttribute("aria-busy");
   }
   showHead(columns, state);
   showChosen(columns);
   fill(find("table").tBodies[0], ...found.rows.map((row) => tableRow(lake, state, columns, row)));
   showPages(found, state);
+  find("table").dataset.where = state.where; // what is shown, for who waits for it
   return found.rows.map((row) => row.scenario_id);
 }
 

@@ -95,8 +95,7 @@ def test_mistakes_are_marked_and_columns_suggested(browser, served):
         page.wait_for_selector("#problem mark")
         assert page.inner_text("#problem mark") == "ego_dist"
         assert "ego_distance" in page.inner_text("#problem span")
-        assert [text for text in page.complaints if "400" not in text] == []
-        page.complaints.clear()  # the browser notes the refusal too
+        page.provoked.append("status of 400")  # the browser notes the refusal too
         page.fill("#where", "")
         page.locator("#where").press_sequentially("ego_dis")
         page.keyboard.press("ArrowDown")
@@ -194,6 +193,20 @@ def test_odd_scenarios_are_drawn(browser, served, lake, width):
 
 
 @pytest.mark.long
+def test_ten_thousand_map_features_are_drawn(browser, tmp_path):
+    """And moved about: the map is painted anew as one zooms in."""
+    scenario = make_scenario(1, num_lanes=10_000)
+    lake = write_lake(tmp_path / "lake", [scenario])
+    with serving(lake) as address, visiting(browser, f"{address}/?{urlencode({'scenario': scenario.id})}") as page:
+        page.wait_for_selector("#player canvas")
+        for _ in range(5):
+            page.keyboard.press("+")
+        page.keyboard.press(" ")
+        wait_until(page, "document.querySelector('.play').innerText === 'Play' && "
+                         "document.querySelector('#player .time').innerText.includes('step 30 of 30')")  # fmt: skip
+
+
+@pytest.mark.long
 def test_a_hostile_name_stays_text_in_the_table(browser, served):
     with visiting(
         browser, f"{served}/?{urlencode({'columns': 'city,source_scenario_id', 'where': 'starts_with(city, chr(60))'})}"
@@ -209,7 +222,7 @@ def test_what_is_not_there_is_said_so(browser, served):
     with visiting(browser, f"{served}/?{urlencode({'scenario': 'made/v1/nobody'})}") as page:
         page.wait_for_selector("#player .problem")
         assert "made/v1/nobody" in page.inner_text("#player .problem")
-        page.complaints.clear()
+        page.provoked.append("status of 404")
         page.get_by_role("link", name="All scenarios").first.click()
         apply(page, "num_objects > 1e6")
         page.wait_for_selector("#nothing")
@@ -257,7 +270,7 @@ def test_saving_the_filter(browser, tmp_path):
         page.get_by_role("button", name="Save", exact=True).click()
         page.wait_for_selector(".said.bad")
         assert "exists" in page.inner_text(".said")
-        page.complaints.clear()
+        page.provoked.append("status of 409")
 
 
 @pytest.mark.long

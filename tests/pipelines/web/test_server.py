@@ -115,6 +115,18 @@ def test_a_database_shows_its_members_alone(served, lake):
     assert answer["total"] == len(lake.database("several"))
 
 
+def test_nobody_waits_for_a_filter_that_was_given_up(served):
+    """Its client has gone, so it is stopped: the next one is answered."""
+    endless = quote("(SELECT sum(a.range * b.range) FROM range(10000000) a, range(10000000) b) > 0")
+    place = urlsplit(served)
+    with socket.create_connection((place.hostname, place.port)) as client:
+        client.sendall(f"GET /api/rows?where={endless} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
+        client.settimeout(0.5)
+        with pytest.raises(TimeoutError):
+            client.recv(1)
+    assert said(request(served, "/api/rows"))[1]["total"] == 59
+
+
 SAVED = {"name": "mine", "where": "num_objects > 5", "database": "several"}
 
 
@@ -122,6 +134,16 @@ def test_without_write_nothing_is_saved(served, lake):
     assert said(request(served, "/api/about"))[1]["secret"] is None
     assert request(served, "/api/databases", "POST", SAVED)[0] == 403
     assert request(served, "/api/databases", "POST", SAVED, Origin=served, x_scenarionet_secret="None")[0] == 403
+    assert lake.databases == ["several"]
+
+
+def test_without_write_the_right_secret_does_not_help(lake, monkeypatch):
+    monkeypatch.setattr("secrets.token_urlsafe", lambda: "known")
+    with serving(lake) as address:
+        right = {"Origin": address, "x_scenarionet_secret": "known"}
+        status, answer = said(request(address, "/api/databases", "POST", SAVED, **right))
+    assert status == 403
+    assert "--write" in answer["error"]
     assert lake.databases == ["several"]
 
 
