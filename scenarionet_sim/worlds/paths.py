@@ -96,7 +96,8 @@ class Stops:
         """
         found = np.full((len(paths.path_offsets) - 1, len(lane)), np.nan, np.float32)
         arrays = paths.path_points, paths.path_arc, paths.path_heading, paths.path_z, paths.path_offsets
-        find_stops(*arrays, lane, stop, roads.lanes.values, roads.lanes.offsets, found)
+        if len(lane):  # without lights there is nothing to compile it for
+            find_stops(*arrays, lane, stop, roads.lanes.values, roads.lanes.offsets, found)
         order = np.argsort(found, axis=1, kind="stable")
         arcs = np.take_along_axis(found, order, axis=1)
         is_stop = ~np.isnan(arcs)
