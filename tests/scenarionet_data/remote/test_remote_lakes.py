@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import pickle
+import subprocess
+import sys
 
 import pytest
 
 from scenarionet_data import Lake, ScenarioLoader
-from scenarionet_data.errors import DatabaseExists, LakeError, NoSuchSnapshot, QueryError
+from scenarionet_data.errors import DatabaseExists, LakeError, MissingDependency, NoSuchSnapshot, QueryError
 from scenarionet_data.store import remote_files, row_group_readers
 from scenarionet_data.store.files import LakeFiles, open_files
 from scenarionet_data.testing import differences
@@ -163,3 +165,24 @@ def test_a_url_of_a_folder(tmp_path):
     files = open_files(f"file://{tmp_path}/my%20lake")
     assert type(files) is LakeFiles
     assert files.root == tmp_path / "my lake"
+
+
+@pytest.mark.long
+def test_a_lake_in_a_folder_needs_none_of_it(tmp_path):
+    write_lake(tmp_path / "lake", MADE[:1])
+    code = """
+import sys
+sys.modules["obstore"] = sys.modules["fsspec"] = None
+from scenarionet_data import Lake, ScenarioLoader
+lake = Lake(sys.argv[1])
+lake.filter("num_objects > 0", name="all")
+print(len(ScenarioLoader(lake, "all")[0].tracks), lake.sql("SELECT count(*) AS n FROM tracks")["n"][0])
+"""
+    done = subprocess.run([sys.executable, "-c", code, tmp_path / "lake"], capture_output=True, text=True, check=False)
+    assert done.stdout == "4 4\n", done.stderr
+
+
+def test_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "obstore", None)
+    with pytest.raises(MissingDependency, match=r"pip install 'scenarionet-lake\[remote\]'"):
+        Lake("s3://bucket/lake")
