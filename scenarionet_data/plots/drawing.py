@@ -78,9 +78,9 @@ def draw_scenario(
     axes.set_aspect("equal", adjustable="box")
     axes.grid(visible=False)
     axes.spines[:].set_visible(False)
-    ways: list[Artist] = []
+    ways: list[Artist] = object_layer.route(scene, broader=1.0 if color_by is None else 2.2)  # seen beside its colours
     if color_by is None:
-        ways += [*object_layer.route(scene), *object_layer.trails(scene, past)]
+        ways += object_layer.trails(scene, past)
     else:
         colored = object_layer.trajectories(scene, color_values(scene, color_by))
         style_colors(colored, limit or color_limit(scene, color_by))
@@ -92,7 +92,7 @@ def draw_scenario(
     for artist in (*map_artists(scene.map), *moving, *words):
         axes.add_artist(artist)
     if has_legend:
-        labels.legend(axes, scene, past[-1], has_route=color_by is None)
+        labels.legend(axes, scene, past[-1])
 
 
 def scenario_figure(

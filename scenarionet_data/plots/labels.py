@@ -68,13 +68,10 @@ def color_bar(axes: Axes, mappable: ScalarMappable, words: str) -> None:
     place.grid(visible=False)
 
 
-def legend(axes: Axes, scene: Scene, moment: Moment, *, has_route: bool = True) -> None:
+def legend(axes: Axes, scene: Scene, moment: Moment) -> None:
     """What the colours of what is drawn mean, in the lower right corner."""
-    handles: list[Artist] = [Patch(color=EGO, label="ego")]
-    if has_route:
-        handles.append(
-            Line2D([], [], color=EGO, alpha=0.35, linewidth=5 * ROUTE, solid_capstyle="butt", label="its route")
-        )
+    band = Line2D([], [], color=EGO, alpha=0.35, linewidth=5 * ROUTE, solid_capstyle="butt", label="its route")
+    handles: list[Artist] = [Patch(color=EGO, label="ego"), band]
     present = moment.present.copy()
     present[scene.ego] = False
     types = {ObjectType(code) for code in scene.object_type[present]}

@@ -31,10 +31,10 @@ def moving(scene: Scene, moments: Sequence[Moment]) -> list[Artist]:
     return [*route(scene), *trails(scene, moments), *boxes(scene, now), *lights(scene, now.timestep)]
 
 
-def route(scene: Scene) -> list[Artist]:
-    """The way the ego's recording drives, as a band under everything that moves."""
+def route(scene: Scene, broader: float = 1.0) -> list[Artist]:
+    """The way the ego's recording drives, as a band under everything that moves; so many times as broad."""
     line = Ragged.from_flat([len(scene.route)], scene.route)
-    return [Strokes(line, EGO, ROUTE, least=2.0, alpha=0.35, joinstyle="round", zorder=5)]
+    return [Strokes(line, EGO, ROUTE * broader, least=2.0 * broader, alpha=0.35, joinstyle="round", zorder=5)]
 
 
 def trails(scene: Scene, past: Sequence[Moment]) -> list[Artist]:
@@ -55,7 +55,7 @@ def trails(scene: Scene, past: Sequence[Moment]) -> list[Artist]:
 
 
 def trajectories(scene: Scene, values: npt.NDArray[np.floating]) -> Pieces:
-    """Everything that is recorded of everybody's way, the ego's broader, coloured by a number.
+    """Everything that is recorded of everybody's way, the ego's on top, coloured by a number.
 
     Args:
         scene: The scene.

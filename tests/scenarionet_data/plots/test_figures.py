@@ -104,7 +104,6 @@ def test_distributions_have_units_and_a_legend(lake):
     assert len(labels) == len(MEASURES)
     assert {"ego_distance [m]", "ego_mean_speed [m/s]", "ego_cumulative_curvature [rad]"} <= set(labels)
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["many@1", "few@1"]
-    drawn(figure)
 
 
 def test_no_words_of_a_figure_overlap(lake):
