@@ -4,7 +4,8 @@ PYTHON ?= python3
 BIN := .venv/bin
 INSTALLED := .venv/.installed
 PYTEST := $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4
-DUCKDB_TESTS := tests/scenarionet_data/catalog tests/scenarionet_data/conversion tests/pipelines tests/test_docs.py
+DUCKDB_TESTS := tests/scenarionet_data/catalog tests/scenarionet_data/maintenance tests/scenarionet_data/remote \
+	tests/pipelines tests/test_docs.py
 LAKE ?= lake
 RAW ?= $(if $(SCENARIONET_RAW),$(SCENARIONET_RAW)/$(DATASET),$(if $(filter nuplan,$(DATASET)),$(NUPLAN_DATA_ROOT)))
 

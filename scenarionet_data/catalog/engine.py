@@ -195,7 +195,8 @@ class Engine:
                 yield
             except duckdb.IOException as error:
                 remedy = f"`scenarionet check {self._files.root}` says what is gone or damaged"
-                raise LakeError(f"{error}; {remedy}") from error
+                message, _, excerpt = str(error).partition("\n")
+                raise LakeError(f"{message}; {remedy}\n{excerpt}".rstrip()) from error
             except duckdb.ParserException as error:
                 message, _, excerpt = str(error).partition("\n")
                 raise QueryError(f"{message}{_place_of_mistake(sql)}\n{excerpt}") from error

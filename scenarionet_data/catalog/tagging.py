@@ -88,9 +88,7 @@ def untag(lake: Lake, reference: str, *, force: bool = False) -> None:
     users = layers.needing(lake.files, name, version)
     if users and not force:
         listed = ", ".join(f"{database} asked {layer}" for database, layer in users[:5])
-        raise LayerInUse(
-            f"{reference} is needed to make {len(users)} databases again: {listed}; drop those first, or --force"
-        )
+        raise LayerInUse(f"{reference} is needed to rebuild databases: {listed}; drop those first, or --force")
     layers.drop(lake.files, name, version)
 
 

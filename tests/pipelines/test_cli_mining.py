@@ -54,12 +54,21 @@ def test_tag(lake, ok, as_json, tmp_path):
     assert {layer["name"] for layer in listed} == {"crowded", "approaches", "tracks_seen", "score"}
     assert "scores.csv" in ok("tag", lake)
     assert ok("filter", lake, "--where", "score > 0.1", "--to", "scored") == "scored@1: 1 of 9 scenarios\n"
+    assert ok("tag", lake, "--drop", "crowded") == "dropped crowded\n"
+    refused = run("tag", lake, "--drop", "score")
+    assert (refused.exit_code, "scored@1 asked score@1; drop those first, or --force" in refused.stderr) == (1, True)
+    assert as_json("tag", lake, "--drop", "score@1", "--force") == {"dropped": "score@1"}
+    assert {layer["name"] for layer in as_json("tag", lake)["layers"]} == {"approaches", "tracks_seen"}
 
 
 @pytest.mark.parametrize(
     ("words", "code", "message"),
     [
         (["x"], 2, "wanted one of --where"),
+        (["--where", "true"], 2, "wanted a NAME for the column"),
+        (["x", "--drop", "y"], 2, "--drop NAME stands alone"),
+        (["x", "--where", "true", "--force"], 2, "--drop NAME stands alone"),
+        (["--drop", "y"], 2, "no layer 'y'; layers: none yet"),
         (["x", "--where", "true", "--sql", "SELECT 1"], 2, "wanted one of --where"),
         (["x", "--where", "true", "--column", "y"], 2, "--column only with --file"),
         (["ego_id", "--where", "true"], 2, "choose another name"),
