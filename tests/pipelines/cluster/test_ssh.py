@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from pipelines.cluster import open_cluster
 from pipelines.cluster import profile as profiles
 from scenarionet_data import Lake
-from scenarionet_data.errors import ClusterLost
 from tests.fixtures.made import write_raw
 from tests.pipelines.cluster.conftest import Processes, until
 from tests.pipelines.cluster.test_faults import assert_equals_undisturbed, report_of, start
@@ -36,10 +34,14 @@ def test_convert_by_ssh(processes: Processes, tmp_path):
     assert_equals_undisturbed(lake, raw)
 
 
-def test_a_machine_that_does_not_answer(tmp_path):
+def test_a_machine_that_does_not_answer(processes: Processes, tmp_path):
     profile = tmp_path / "mine.toml"
     profile.write_text(
         'kind = "ssh"\n[options]\nhosts = ["127.0.0.1", "127.0.0.1"]\n[options.connect_options]\nport = 1\n'
     )
-    with pytest.raises(ClusterLost, match=r"the cluster of kind ssh does not start: .*see its profile"):
-        open_cluster(str(profile)).__enter__()
+    raw = write_raw(tmp_path / "raw", {"a": [1]})
+    command, log = start(processes, raw, tmp_path / "lake", "--cluster", profile)
+    assert command.wait(60) == 1
+    (line,) = log.read_text().splitlines()
+    assert line.startswith("error: the cluster of kind ssh does not start: ")
+    assert line.endswith("; see its profile")
