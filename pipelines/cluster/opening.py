@@ -84,7 +84,11 @@ def _start(profile: Profile) -> Any:
         make = getattr(importlib.import_module(module), name)
     except ImportError as error:
         raise _missing(extra) from error
-    return _STARTS[profile.kind](make, profile)
+    try:
+        return _STARTS[profile.kind](make, profile)
+    except (OSError, RuntimeError, ValueError, TypeError) as error:  # whatever Dask makes of what a profile says
+        reason = " ".join(str(error).split())
+        raise ClusterLost(f"the cluster of kind {profile.kind} does not start: {reason}; see its profile") from error
 
 
 def _start_local(make: Callable[..., Any], profile: Profile) -> Any:

@@ -19,7 +19,7 @@ kind = "local"
 workers = 2
 [options]
 processes = false
-dashboard_address = ""
+dashboard_address = "127.0.0.1:0"
 memory_limit = 0
 """
 

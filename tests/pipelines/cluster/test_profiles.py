@@ -57,16 +57,23 @@ def test_an_unknown_name_is_told_what_there_is():
 
 
 def test_options_are_those_of_dasks_classes():
-    from dask_jobqueue import SLURMCluster
     from distributed import LocalCluster, SSHCluster, Worker
 
-    ssh, slurm, local = (profiles.find(name).options for name in ("ssh", "slurm", "local"))
-    assert set(ssh) <= set(inspect.signature(SSHCluster).parameters)
+    assert set(profiles.find("ssh").options) <= set(inspect.signature(SSHCluster).parameters)
     takes = {*inspect.signature(LocalCluster).parameters, *inspect.signature(Worker).parameters}
-    assert set(local) <= takes
-    jobs = {"cores", "processes", "memory", "walltime"}
-    assert set(slurm) == jobs
-    assert issubclass(SLURMCluster, object)
+    assert set(profiles.find("local").options) <= takes
+
+
+@pytest.mark.long
+def test_slurm_would_be_given_this_script(tmp_path):
+    from dask_jobqueue import SLURMCluster
+
+    here = {"host": "127.0.0.1", "scheduler_options": {"dashboard_address": "127.0.0.1:0"}}
+    with SLURMCluster(**profiles.find("slurm").options, **here, log_directory=str(tmp_path)) as cluster:
+        script = cluster.job_script()
+    assert "#SBATCH --cpus-per-task=16" in script
+    assert "#SBATCH --mem=32G" in script
+    assert "--nthreads 1 --memory-limit 2.00GiB --nworkers 16" in script
 
 
 def test_who_has_workers_is_not_given_others():
