@@ -10,7 +10,7 @@ LAKE ?= lake
 RAW ?= $(if $(SCENARIONET_RAW),$(SCENARIONET_RAW)/$(DATASET),$(if $(filter nuplan,$(DATASET)),$(NUPLAN_DATA_ROOT)))
 
 .DEFAULT_GOAL := help
-.PHONY: help install install-browser demo test test-all bench bench-cluster bench-remote bench-sim build check \
+.PHONY: help install install-browser demo test test-all bench bench-cluster bench-maintenance bench-remote bench-sim build check \
 	clean convert docs notebooks test-devkits test-metadrive
 
 help:  ## List the targets.
@@ -68,6 +68,9 @@ bench: install  ## Measure against the goals; writes bench.json.
 
 bench-cluster: install  ## Measure a Dask cluster on this machine against plain processes.
 	$(BIN)/python -m tests.bench --only cluster --only growth $(ARGS)
+
+bench-maintenance: install  ## Measure compact, vacuum and fsck alone.
+	$(BIN)/python -m tests.bench --only maintain $(ARGS)
 
 bench-sim: install  ## Measure the simulator alone.
 	$(BIN)/python -m tests.bench --only sim $(ARGS)

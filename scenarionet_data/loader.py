@@ -74,14 +74,14 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
         if isinstance(index, slice):
             return self.batch(range(len(self))[index])
         row = self._row(index)
-        self._reader.fetch(_addresses(row, _TABLES))
+        self._fetch_one(row, _TABLES)
         rows = codec.Encoded(row, self._read("tracks", row), self._read("lights", row), self._read("maps", row))
         return codec.decode(rows, self._crop(row))
 
     def tracks(self, index: int) -> Tracks:
         """The objects of scenario ``index`` alone: the quickest way to trajectories."""
         row = self._row(index)
-        self._reader.fetch(_addresses(row, ("tracks",)))
+        self._fetch_one(row, ("tracks",))
         return codec.decode_tracks(self._read("tracks", row), row["num_timesteps"])
 
     def batch(self, indices: Sequence[int]) -> list[ScenarioDescription]:
@@ -104,7 +104,7 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
         """What ``load`` makes of each, with the row groups of the next ones fetched together."""
         for start in range(0, len(indices), _FETCHED_TOGETHER):
             coming = indices[start : start + 2 * _FETCHED_TOGETHER]  # the next ones come while these are read
-            self._reader.fetch(address for index in coming for address in _addresses(self._row(index), wanted))
+            self._fetch(address for index in coming for address in _addresses(self._row(index), wanted))
             yield from map(load, coming[:_FETCHED_TOGETHER])
 
     def _row(self, index: int) -> dict[str, Any]:
@@ -118,11 +118,31 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
         name = row[f"{table}_file"]
         if name is None:
             return None
-        with snapshots.reading_from(self._files, self._snapshot), reading(self._files.url(name)):
-            group = self._reader.read((table, name, row[f"{table}_row_group"]))
+        address = (table, name, row[f"{table}_row_group"])
+        group = self._group(address)
         if group.num_rows != row[f"{table}_num_rows"]:
+            self._kept[table] = address, group  # of a compacted lake: those who share it are often next
             group = group.slice(row[f"{table}_first_row"], row[f"{table}_num_rows"])
         return group
+
+    def _group(self, address: Address) -> LoadedRows:
+        """A row group."""
+        table, name, _ = address
+        kept = self._kept.get(table)
+        if kept and kept[0] == address:
+            return kept[1]
+        with snapshots.reading_from(self._files, self._snapshot), reading(self._files.url(name)):
+            return self._reader.read(address)
+
+    def _fetch(self, addresses: Iterable[Address]) -> None:
+        """Have row groups at hand that are read next."""
+        with snapshots.reading_from(self._files, self._snapshot):
+            self._reader.fetch(addresses)
+
+    def _fetch_one(self, row: Mapping[str, Any], wanted: Sequence[str]) -> None:
+        """Have a scenario's row groups at hand, but for those that are kept."""
+        kept = {address for address, _ in self._kept.values()}
+        self._fetch(address for address in _addresses(row, wanted) if address not in kept)
 
     def _crop(self, row: dict[str, Any]) -> MapFeatures | None:
         """A scenario's window on a shared map; None where it has a map of its own, or none."""
@@ -131,6 +151,14 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
         with snapshots.reading_from(self._files, self._snapshot):
             shared = self._shared_maps.get(row["dataset"], row["version"], row["map_id"])
         return shared.crop(tuple(row["map_crop"]), np.array([row["origin_x"], row["origin_y"], row["origin_z"]]))
+
+    @property
+    def _kept(self) -> dict[str, tuple[Address, LoadedRows]]:
+        """This thread's last row group of each table that scenarios share."""
+        if not hasattr(self._local, "kept"):
+            self._local.kept = {}
+        kept: dict[str, tuple[Address, LoadedRows]] = self._local.kept
+        return kept
 
     @property
     def _reader(self) -> RowGroupReader:

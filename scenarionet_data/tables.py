@@ -177,13 +177,13 @@ class Table:
         writer.add_key_value_metadata({"scenarionet.schema": self.tag, **footer})
         return writer
 
-    def check_version(self, footer: dict[bytes, bytes], path: str) -> None:
+    def check_version(self, footer: dict[bytes, bytes] | None, path: str) -> None:
         """Refuse a file of another version of this table.
 
         Raises:
             SchemaMismatch: Naming the file, what was found and what to do.
         """
-        found = footer.get(b"scenarionet.schema", b"none").decode()
+        found = (footer or {}).get(b"scenarionet.schema", b"none").decode()
         if found != self.tag:
             raise SchemaMismatch(
                 f"{path}: written under schema {found}, this version reads {self.tag}; "

@@ -248,6 +248,10 @@ def test_examples_of_databases_run(tmp_path, monkeypatch):
         exec(code, {})
 
 
+def test_maintenance_examples_run(monkeypatch, tmp_path):
+    assert run_blocks("docs/maintenance.md", monkeypatch, tmp_path) == 1
+
+
 def test_the_page_of_checks_is_true():
     """It lists every rule as its file says and every dataset's budgets; its rule of one's own is one."""
     page = (ROOT / "docs" / "checks.md").read_text("utf-8")

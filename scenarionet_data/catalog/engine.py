@@ -185,10 +185,8 @@ class Engine:
     @contextmanager
     def _asked(self, sql: str, tables: Mapping[str, Rows]) -> Iterator[None]:
         """Holds the connection for one question, which knows ``tables``."""
-        with (
-            snapshots.reading_from(self._files, self._snapshot),
-            self._lock,
-        ):  # a connection answers one query at a time
+        # A connection answers one query at a time.
+        with snapshots.reading_from(self._files, self._snapshot), self._lock:
             for name, rows in tables.items():
                 self._connection.register(name, rows)
             try:

@@ -123,7 +123,7 @@ def compact(
     """Rewrite a lake's files in a profile, as one new snapshot; ids, content hashes and databases stay as they are.
 
     Args:
-        lake: The lake's folder.
+        lake: The lake's folder or URL.
         profile: ``training``: a scenario a row group, up to 64 a file; ``analytics``: 16 a row group, up to 1,024.
         where: Shell patterns for ``dataset``, ``version`` and ``split``; everything unless given.
         workers: Processes.
@@ -180,6 +180,11 @@ def compact_bin(job: Bin) -> Outcome:
     except LakeError as error:  # a damaged file must not keep the others from being compacted
         return Outcome(job, (), str(error))
     return Outcome(job, tuple(records))
+
+
+def _lost(job: Bin, reason: str) -> Outcome:
+    """What becomes of a bin that no worker survives."""
+    return Outcome(job, (), reason)
 
 
 # --- what belongs together --------------------------------------------------------------------------------
@@ -240,13 +245,13 @@ def _rewrite(
     """Rewrite bins and commit them; returns those that other jobs have changed meanwhile."""
     late: list[Rewritten] = []
     finished: list[Rewritten] = []
-    report.failed = []
+    failed: list[Outcome] = []
     num_scenarios, committed_at = 0, time.monotonic()
     if on_progress:
         on_progress(0, len(bins), 0)
-    for done, outcome in enumerate(run(bins, compact_bin), start=1):
+    for done, outcome in enumerate(run(bins, compact_bin, _lost), start=1):
         if outcome.error:
-            report.failed.append((outcome.bin.records[0].name, outcome.error))
+            failed.append(outcome)
         else:
             finished.append(Rewritten(outcome.bin.records, outcome.records))
         num_scenarios += outcome.bin.num_scenarios
@@ -255,7 +260,21 @@ def _rewrite(
         if time.monotonic() - committed_at > _COMMIT_EVERY:  # well within the day after which a vacuum takes it
             late += _commit(files, finished, report)
             finished, committed_at = [], time.monotonic()
-    return late + _commit(files, finished, report)
+    late += _commit(files, finished, report)
+    return late + _report_failed(files, failed, report)
+
+
+def _report_failed(files: LakeFiles, failed: list[Outcome], report: Compaction) -> list[Rewritten]:
+    """Note why bins failed; returns those whose files are gone because other jobs have changed them meanwhile."""
+    report.failed = []
+    late = []
+    there = {record.key: record for record in snapshots.shards(files, snapshots.read(files))} if failed else {}
+    for outcome in failed:
+        if all(there.get(record.key) == record for record in outcome.bin.records):
+            report.failed.append((outcome.bin.records[0].name, str(outcome.error)))
+        else:
+            late.append(Rewritten(outcome.bin.records, ()))
+    return late
 
 
 def _commit(files: LakeFiles, finished: list[Rewritten], report: Compaction) -> list[Rewritten]:

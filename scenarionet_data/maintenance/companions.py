@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from scenarionet_data import tables
 from scenarionet_data.catalog import database as databases
 from scenarionet_data.catalog.database import Database
 from scenarionet_data.errors import LakeError
 from scenarionet_data.store import runs
-from scenarionet_data.store.files import LakeFiles, reading
+from scenarionet_data.store.files import LakeFiles
 from scenarionet_data.store.snapshot import Snapshot
 from scenarionet_data.store.verifying import Damage, unreadable
 
@@ -64,29 +63,41 @@ class _Contents:
         return pa.concat_tables([empty, *(self._files.read(name, _MEMBER) for name in names)])
 
 
-def _database_damages(files: LakeFiles, contents: _Contents) -> Iterator[Damage]:
+def bases(files: LakeFiles) -> set[int]:
+    """Snapshots that databases were made on, as far as they say so."""
+    return {found.lineage.snapshot for _, found in _each_database(files) if not isinstance(found, str)}
+
+
+def _each_database(files: LakeFiles) -> Iterator[tuple[str, Database | str]]:
+    """Every version of every database: its file, and itself or why it cannot be read."""
     for name in databases.names(files):
         for version in databases.versions(files, name):
-            file = f"databases/{name}/{version}.parquet"
             try:
-                found = databases.read(files, name, version)
+                yield databases.path(name, version), databases.read(files, name, version)
             except (LakeError, ValueError, KeyError, TypeError) as error:
-                yield Damage(file, f"cannot be read: {error}")
-                continue
-            yield from (Damage(file, reason) for reason in _complaints(files, found, contents))
+                yield databases.path(name, version), f"cannot be read: {error}"
+
+
+def _database_damages(files: LakeFiles, contents: _Contents) -> Iterator[Damage]:
+    for file, found in _each_database(files):
+        if isinstance(found, str):
+            yield Damage(file, found)
+            continue
+        damages = list(unreadable(files, file))
+        yield from damages or (Damage(file, reason) for reason in _complaints(files, found, contents))
 
 
 def _complaints(files: LakeFiles, found: Database, contents: _Contents) -> Iterator[str]:
     """What is wrong with a database that can be read."""
-    made_on = found.lineage.snapshot
-    if len(found) != found.lineage.count:
-        yield f"{len(found):,} members, was written with {found.lineage.count:,}"
+    made_on, count = found.lineage.snapshot, found.members.num_rows
+    if count != found.lineage.count:
+        yield f"{count:,} members, was written with {found.lineage.count:,}"
     if contents.lost(found, contents.newest):  # then it is read from the snapshot it was made on
         lost = contents.lost(found, made_on)
         if not contents.has(made_on):
             yield f"members have changed, and snapshot {made_on}, which it was made on, is gone"
         elif lost:
-            yield f"{lost:,} of {len(found):,} members are not in snapshot {made_on}, which it was made on"
+            yield f"{lost:,} of {count:,} members are not in snapshot {made_on}, which it was made on"
     for reference in found.lineage.layers:
         layer, _, version = reference.partition("@")
         if not files.has(f"layers/{layer}/{version}.parquet"):
@@ -96,12 +107,11 @@ def _complaints(files: LakeFiles, found: Database, contents: _Contents) -> Itera
 def _run_damages(files: LakeFiles, run: str) -> Iterator[Damage]:
     try:
         runs.describe(files, run)
-    except (OSError, ValueError) as error:
+    except (LakeError, OSError, ValueError) as error:
         yield Damage(f"results/{run}/run.json", f"cannot be read: {error}")
     for table in files.folders(f"results/{run}"):
         for name in files.names(f"results/{run}/{table}", ".parquet"):
             try:
-                with reading(files.path(name)):
-                    pq.read_metadata(files.path(name))
+                files.footer(name)
             except LakeError as error:
                 yield Damage(name, str(error))

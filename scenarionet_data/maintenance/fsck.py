@@ -15,7 +15,7 @@ import pyarrow as pa
 from scenarionet_data.errors import LakeError
 from scenarionet_data.maintenance import companions
 from scenarionet_data.maintenance.remedies import Inputs, remedy
-from scenarionet_data.maintenance.vacuuming import list_files, made_on
+from scenarionet_data.maintenance.vacuuming import list_files
 from scenarionet_data.store import commit as commits
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles, open_files
@@ -87,7 +87,7 @@ def fsck(
     those that databases were made on, every reference is followed.
 
     Args:
-        lake: The lake's folder.
+        lake: The lake's folder or URL.
         is_deep: Read every byte: checksums, and who lies in every row.
         workers: Threads; one a core unless given.
         on_progress: Told about every file of a table.
@@ -103,9 +103,10 @@ def fsck(
     written = _written(manifests.values())
     damages += (each for name in _live_metadata(there) for each in unreadable(files, name))
     verifier = Verifier(files, is_deep=is_deep, workers=workers or os.cpu_count() or 1)
-    damages += verifier.files(written, on_progress)
+    told = {damage.file for damage in damages}
+    damages += verifier.files({name: known for name, known in written.items() if name not in told}, on_progress)
     broken = {damage.file for damage in damages}
-    for number in sorted({*made_on(files), max(there, default=0)} & set(there)):
+    for number in sorted({*companions.bases(files), max(there, default=0)} & set(there)):
         if broken.isdisjoint((*there[number].manifests, *there[number].metadata)):
             damages += verifier.references(there[number], snapshots.shard_table(files, there[number]))
     damages += companions.damages(files, there, broken)
@@ -121,7 +122,7 @@ def repair(lake: str | Path, found: Fsck) -> list[str]:
     Merged metadata is merged again. Damaged files of shards are deleted: nothing would ever read them.
 
     Args:
-        lake: The lake's folder.
+        lake: The lake's folder or URL.
         found: What is wrong with it.
 
     Returns:

@@ -67,7 +67,7 @@ def plan_vacuum(lake: str | Path, *, keep_last: int | None = None, older_than: f
     """What :func:`vacuum` would do; nothing is changed.
 
     Args:
-        lake: The lake's folder.
+        lake: The lake's folder or URL.
         keep_last: So many of the newest snapshots stay.
         older_than: Younger snapshots stay [s]. With both, a snapshot goes when neither keeps it.
 
@@ -87,7 +87,7 @@ def plan_vacuum(lake: str | Path, *, keep_last: int | None = None, older_than: f
     now = time.time()
     young = {n for n in numbers if older_than is not None and now - published.get(n, now) <= older_than}
     recent = set(numbers[-(keep_last or 1) :])
-    bases = made_on(files)
+    bases = _made_on(files)
     going = set(numbers) - young - recent
     needed = {number: tuple(bases[number]) for number in sorted(going & set(bases))}
     expired = going - set(needed)
@@ -109,7 +109,7 @@ def vacuum(
     snapshot that named it has expired already.
 
     Args:
-        lake: The lake's folder.
+        lake: The lake's folder or URL.
         keep_last: So many of the newest snapshots stay.
         older_than: Younger snapshots stay [s]. With both, a snapshot goes when neither keeps it.
         on_progress: Told about every deleted file.
@@ -127,7 +127,7 @@ def vacuum(
     for number in plan.expired:
         snapshots.expire(files, number)
     # A database may have been made on one meanwhile: that snapshot comes back. A commit may name listed files again.
-    for number in sorted(set(gone) & set(made_on(files))):
+    for number in sorted(set(gone) & set(_made_on(files))):
         snapshots.restore(files, gone.pop(number))
     names = snapshots.NamedFiles(files)
     named = set().union(*(names.of(number) for number in set(snapshots.numbers(files)) - set(plan.kept)))
@@ -148,7 +148,7 @@ def list_files(files: LakeFiles) -> list[Listed]:
     return [listed for listed in found if listed.name.endswith(".parquet")]
 
 
-def made_on(files: LakeFiles) -> dict[int, list[str]]:
+def _made_on(files: LakeFiles) -> dict[int, list[str]]:
     """``name@version`` of the databases that were made on each snapshot."""
     found: dict[int, list[str]] = defaultdict(list)
     for name in databases.names(files):

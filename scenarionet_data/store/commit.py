@@ -87,12 +87,12 @@ def commit(
         present = set(snapshots.column(files, base, "key").to_pylist())
         gone = frozenset(removed & present)
         fresh = [record for record in wanted if record.key not in present - gone]
+        _keep(files, fresh)
         held = snapshots.shards(files, base) if gone else []
         fresh, refused = _refuse_duplicates(files, _live(base, held, gone), fresh)
         if (refused and gone) or not (fresh or gone):
             return None, refused
         moved = _separate(files, held, gone)
-        _keep(files, fresh)
         following = Snapshot(
             number=base.number + 1,
             created_at=snapshots.now(),
@@ -215,7 +215,7 @@ def _keep(files: LakeFiles, records: Iterable[ShardRecord]) -> None:
         gone = files.renew([*_own_metadata([record]), *record.files])
         if gone:
             raise LakeError(
-                f"{files.path(gone[0])}: gone, although shard {record.name} was finished; `scenarionet vacuum` takes "
+                f"{files.url(gone[0])}: gone, although shard {record.name} was finished; `scenarionet vacuum` takes "
                 "what is not committed after a day: run the same command again, it makes what is missing"
             )
 

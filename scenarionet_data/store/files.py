@@ -143,15 +143,17 @@ class LakeFiles:
         """Rows of Parquet files, of each."""
         return [_read(path, columns) for path in self.paths(names)]
 
-    def digest(self, name: str) -> str:
-        """SHA-256 of a file, hexadecimal."""
-        return sha256(self.path(name))
-
     def footer(self, name: str) -> pq.FileMetaData:
         """Footer of a Parquet file."""
         path = self.path(name)
         with reading(path):
             return pq.read_metadata(path)
+
+    def digest(self, name: str) -> str:
+        """SHA-256 of a file, hexadecimal."""
+        path = self.path(name)
+        with reading(path):
+            return sha256(path)
 
     def temporary(self) -> Path:
         """A new path to write to before :meth:`publish`."""
@@ -209,7 +211,8 @@ class LakeFiles:
         gone = self.temporary()
         with writing(self.path(name)):
             self.path(name).rename(gone)
-            _delete(gone)
+            with suppress(FileNotFoundError):  # swept by another job, as it is old
+                _delete(gone)
 
     def listing(self, folder: str) -> list[Listed]:
         """Every file below a folder, at any depth, in any order."""
@@ -250,10 +253,11 @@ class LakeFiles:
                 path.rename(gone)  # first, so that from here on nobody can renew it
             except FileNotFoundError:
                 return False
-            if gone.stat().st_mtime != listed.modified:
-                gone.rename(path)
-                return False
-            gone.unlink()
+            with suppress(FileNotFoundError):  # swept by another job, as it is old
+                if gone.stat().st_mtime != listed.modified:
+                    gone.rename(path)
+                    return False
+                gone.unlink()
         return True
 
     def sweep(self) -> None:
@@ -312,7 +316,7 @@ def reading(path: Path | str) -> Iterator[None]:
     except (OSError, pa.ArrowInvalid) as error:
         raise LakeError(
             f"cannot read {path}: {_reason(error)}; `scenarionet check` names every scenario that is hit: restore the "
-            "file from a copy of the lake, or convert its recordings again"
+            "file from a copy of the lake, or `scenarionet fsck --repair` and convert its recordings again"
         ) from error
 
 

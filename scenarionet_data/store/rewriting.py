@@ -88,9 +88,7 @@ def _publish(
 
 def _words(files: LakeFiles, name: str) -> dict[str, str]:
     """What a file says about where its rows come from."""
-    path = files.path(name)
-    with reading(path):
-        footer = pq.read_metadata(path).metadata
+    footer = files.footer(name).metadata
     return {key.decode(): footer[key].decode() for key in _OWN_WORDS if key in footer}
 
 

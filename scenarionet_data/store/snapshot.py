@@ -74,8 +74,10 @@ def read(files: LakeFiles, number: int | None = None) -> Snapshot:
         raise NoSuchSnapshot(f"{files.root}: no snapshot {number}; {found}{expired}")
     try:
         return _parse(files.path(file_name(number)))
-    except FileNotFoundError:  # it has expired since it was listed
-        return read(files, wanted)
+    except (FileNotFoundError, LakeError):
+        if files.has(file_name(number)):
+            raise
+        return read(files, wanted)  # it has expired since it was listed
 
 
 def newest(files: LakeFiles) -> Snapshot:
@@ -191,14 +193,16 @@ def now() -> str:
 def shard_table(files: LakeFiles, snapshot: Snapshot) -> pa.Table:
     """Every shard of a snapshot as rows of ``schemas/shards.toml``, in order of partition and name."""
     schema = tables.load("shards").schema
-    parts = _read_manifests(files, snapshot.manifests)
+    with reading_from(files, snapshot):
+        parts = _read_manifests(files, snapshot.manifests)
     together = pa.concat_tables([schema.empty_table(), *(part.cast(schema) for part in parts)])
     return together.sort_by([(name, "ascending") for name in ("dataset", "version", "split", "name", "key")])
 
 
 def column(files: LakeFiles, snapshot: Snapshot, name: str) -> pa.ChunkedArray:
     """One column of :func:`shard_table`, in any order."""
-    parts = [rows[name] for rows in _read_manifests(files, snapshot.manifests, [name])]
+    with reading_from(files, snapshot):
+        parts = [rows[name] for rows in _read_manifests(files, snapshot.manifests, [name])]
     return pa.chunked_array(
         [chunk for part in parts for chunk in part.chunks], tables.load("shards").schema.field(name).type
     )

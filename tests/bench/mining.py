@@ -48,7 +48,7 @@ def figures(recordings: Path | None) -> Iterator[Figure]:
             yield Figure(f"mine: {name}", took, "s", _WANTED.get(name, ""))
 
 
-def recorded_lake(root: Path, recordings: Path | None) -> Lake:
+def recorded_lake(root: Path, recordings: Path | None, per_shard: int = 100) -> Lake:
     """1,000 scenarios of real size."""
     sources = {name: recordings / folder for name, folder in _SOURCES.items()} if recordings else {}
     for name, raw in (sources or {"waymo": waymo_raw(root / "raw", None, 16)}).items():
@@ -56,8 +56,8 @@ def recorded_lake(root: Path, recordings: Path | None) -> Lake:
     loader = ScenarioLoader(root / "recorded")
     recorded = [loader[index] for index in range(len(loader))]
     shards = [
-        write_shard(root / "lake", [_copy(recorded, k) for k in range(first, first + 100)], f"part{first}")
-        for first in range(0, _COUNT, 100)
+        write_shard(root / "lake", [_copy(recorded, k) for k in range(first, first + per_shard)], f"part{first}")
+        for first in range(0, _COUNT, per_shard)
     ]
     commits.commit(LakeFiles(root / "lake"), shards, "benchmark")
     return Lake(root / "lake")

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import click
 
+from pipelines.cli.crew import crew
 from pipelines.cli.group import one_line, verb
 from pipelines.cli.interrupt import Interrupted
 from pipelines.cli.output import count, duration, print_json, print_table, size
-from pipelines.cli.parameters import json_option, lake_argument, pairs, quiet_option
+from pipelines.cli.parameters import cluster_option, json_option, lake_argument, pairs, quiet_option
 from pipelines.cli.progress import Progress
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     "compact",
     "scenarionet compact lake",
     "scenarionet compact lake --profile analytics --workers 4",
+    "scenarionet compact lake --cluster tcp://10.0.0.5:8786",
     "scenarionet compact lake --profile analytics --where dataset=waymo --where 'split=val*' --dry-run",
 )
 @lake_argument
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
 )
 @click.option("--where", multiple=True, metavar="KEY=PATTERN", help="Only this dataset, version or split; repeatable.")
 @click.option("--workers", type=click.IntRange(1), help="Processes. [default: one a core, 2 GB of memory each]")
+@cluster_option
 @click.option("--dry-run", is_flag=True, help="Say what there is to do.")
 @json_option
 @quiet_option
@@ -41,6 +44,7 @@ def command(
     profile: str,
     where: tuple[str, ...],
     workers: int | None,
+    cluster: str | None,
     dry_run: bool,
     as_json: bool,
     quiet: bool,
@@ -62,10 +66,15 @@ def command(
     if dry_run:
         _print_plan(plan_compaction(lake, profile, where=chosen), profile, as_json)
         return
-    with Progress(f"compact {lake}", "bin", is_quiet=quiet) as progress:
+    with crew(cluster, workers, quiet=quiet) as hands, Progress(f"compact {lake}", "bin", is_quiet=quiet) as progress:
         try:
             done = compact(
-                lake, profile, where=chosen, workers=workers or default_workers(), on_progress=progress.update
+                lake,
+                profile,
+                where=chosen,
+                workers=workers or default_workers(),
+                run=hands.run,
+                on_progress=progress.update,
             )
         except KeyboardInterrupt as error:
             finished = f"{progress.done:,} of {count(progress.total, 'bin')} rewritten and kept"

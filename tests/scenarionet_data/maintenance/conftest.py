@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from pathlib import Path
 
 import pytest
@@ -23,22 +24,37 @@ SMALL = {"num_steps": 3, "num_lanes": 2, "num_lights": 1}
 @pytest.fixture(autouse=True)
 def small(monkeypatch):
     """Small scenarios; an analytics profile that a few of them fill."""
-    monkeypatch.setattr(made, "make_scenario", lambda seed, **how: make_scenario(seed, **how, **SMALL))
+    monkeypatch.setattr(made, "make_scenario", make_small)
     monkeypatch.setitem(profiles.PROFILES, "analytics", Profile("analytics", 3, 8))
 
 
-@pytest.fixture
-def raw(tmp_path):
-    return write_raw(tmp_path / "raw", {f"s{k}": [10 * k, 10 * k + 1] for k in range(4)})
+@pytest.fixture(scope="session")
+def _converted(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("maintained")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(made, "make_scenario", make_small)
+        convert_to(write_raw(folder / "raw", {f"s{k}": [10 * k, 10 * k + 1] for k in range(4)}), folder / "lake")
+    return folder
 
 
 @pytest.fixture
-def root(raw, tmp_path):
-    return convert_to(raw, tmp_path / "lake")
+def raw(_converted, tmp_path) -> Path:
+    """Four recordings of two scenarios each."""
+    return Path(shutil.copytree(_converted / "raw", tmp_path / "raw"))
+
+
+@pytest.fixture
+def root(raw, _converted, tmp_path) -> Path:
+    """A lake of them: each is a shard."""
+    return Path(shutil.copytree(_converted / "lake", tmp_path / "lake"))
+
+
+def make_small(seed, **how):
+    return make_scenario(seed, **how, **SMALL)
 
 
 def convert_to(raw: Path, root: Path, **how) -> Path:
-    convert(NAME, str(raw), root, **({"options": OPTIONS} | how))
+    convert(NAME, str(raw), root, **({"options": OPTIONS, "is_checked": False} | how))
     return root
 
 
@@ -56,13 +72,13 @@ def rows(root: Path) -> dict[str, int]:
 
 
 def check_whole(root: Path) -> None:
-    """Nothing is wrong with any file, and every scenario is what its metadata say."""
-    found = fsck(root, is_deep=True, workers=2)
-    assert found.problems == ()
+    """Nothing is wrong with any file, every scenario is what its metadata say, and SQL sees the rows of no other."""
+    assert fsck(root, is_deep=True, workers=2).problems == ()
     lake = Lake(root)
-    stored = dict(lake.sql("SELECT scenario_id, content_hash FROM metadata").rows())
-    assert content(lake) == stored
-    assert rows(root)["tracks"] == lake.sql("SELECT sum(tracks_num_rows) FROM metadata").item()
+    assert content(lake) == dict(lake.sql("SELECT scenario_id, content_hash FROM metadata").rows())
+    counted = "SELECT (SELECT count(*) FROM tracks), (SELECT coalesce(sum(tracks_num_rows), 0) FROM metadata)"
+    found, said = lake.sql(counted).row(0)
+    assert found == said
 
 
 def age(root: Path, days: float) -> None:

@@ -9,7 +9,7 @@ from scenarionet_data import Lake, ScenarioLoader, convert
 from scenarionet_data.catalog.checks import run_checks
 from scenarionet_data.catalog.packs.verifying import verify_pack
 from scenarionet_data.errors import BadParameter, NoSuchSnapshot
-from scenarionet_data.maintenance import compact, compaction, plan_compaction
+from scenarionet_data.maintenance import compact, compaction, plan_compaction, vacuum
 from scenarionet_data.store import commit as commits
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
@@ -49,6 +49,7 @@ def test_nothing_changes_but_where_scenarios_lie(root):
     assert content(Lake(root, snapshot=1)) == before
 
 
+@pytest.mark.long
 def test_training_is_how_scenarios_are_converted_but_in_fewer_files(root):
     before = content(Lake(root))
     compact(root, "training")
@@ -68,6 +69,7 @@ def test_again_there_is_nothing_to_do(root, profile):
     assert plan_compaction(root, profile) == []
 
 
+@pytest.mark.long
 def test_new_shards_join_files_that_are_not_full(raw, root):
     compact(root, "analytics")  # 8 of 8
     convert_to(write_raw(raw, {"t0": [70, 71]}), root)
@@ -105,14 +107,14 @@ def test_where_chooses_partitions(raw, root):
 # --- converting afterwards ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("profile", ["training", "analytics"])
+@pytest.mark.parametrize("profile", [pytest.param("training", marks=pytest.mark.long), "analytics"])
 def test_converting_again_skips_and_replacing_one_shard_leaves_the_others(raw, root, profile):
     compact(root, profile)
     before = content(Lake(root))
-    report = convert(NAME, str(raw), root, options=OPTIONS)
+    report = convert(NAME, str(raw), root, options=OPTIONS, is_checked=False)
     assert (report.skipped, report.shards, report.snapshot) == (4, 0, 2)
     write_raw(raw, {"s1": [10, 99]})
-    report = convert(NAME, str(raw), root, options=OPTIONS, replace_old=True)
+    report = convert(NAME, str(raw), root, options=OPTIONS, replace_old=True, is_checked=False)
     assert (report.replaced, report.converted, report.skipped) == (1, 2, 3)
     after = content(Lake(root))
     assert set(after) == set(before) - {"made/v1/s000011"} | {"made/v1/s000099"}
@@ -126,7 +128,7 @@ def test_replacing_all_that_shares_a_file_rewrites_nothing(raw, root, monkeypatc
     compact(root, "analytics")
     monkeypatch.setattr("scenarionet_data.store.rewriting.rewrite", None)
     write_raw(raw, {f"s{k}": [500 + k] for k in range(4)})
-    assert convert(NAME, str(raw), root, options=OPTIONS, replace_old=True).replaced == 4
+    assert convert(NAME, str(raw), root, options=OPTIONS, replace_old=True, is_checked=False).replaced == 4
     check_whole(root)
 
 
@@ -187,12 +189,28 @@ def test_what_is_replaced_meanwhile_is_planned_anew(raw, root):
     check_whole(root)
 
 
+def test_files_that_are_vacuumed_meanwhile_are_no_damage(raw, root, monkeypatch):
+    """The second bin's files are gone when its turn comes: what they held has been replaced."""
+    monkeypatch.setattr(compaction, "_SCENARIOS_PER_BIN", 4)
+    happened = []
+
+    def replaces():
+        if not happened:
+            happened.append(convert_to(write_raw(raw, {"s2": [20], "s3": [30]}), root, replace_old=True))
+            vacuum(root, keep_last=1)
+
+    done = compact(root, "analytics", run=beside(replaces))
+    assert (done.shards, done.left, done.failed) == (4, 0, [])
+    check_whole(root)
+
+
 def test_two_compactions_at_once_are_one(root):
     done = compact(root, "analytics", run=beside(lambda: compact(root, "analytics")))
     assert (done.shards, done.left, done.snapshot) == (0, 0, 2)
     check_whole(root)
 
 
+@pytest.mark.long
 def test_rivals_that_never_end_are_reported(raw, root):
     seeds = iter(range(200, 300))
 

@@ -59,3 +59,12 @@ def test_files_that_are_no_longer_young_are_put_again(url, monkeypatch):
     assert all(after[name] >= before[name] for name in after)
     assert files.renew(["tracks/none-0000000000000000.parquet"]) == ["tracks/none-0000000000000000.parquet"]
     assert differences(ScenarioLoader(url)[0], MADE[0]) == []
+
+
+def test_a_row_group_that_scenarios_share_is_fetched_once(lake, url, store):
+    maintenance.compact(url, "analytics")
+    loader = ScenarioLoader(url)
+    loader.batch(range(4))
+    store.set()
+    assert [differences(a, b) for a, b in zip(loader.batch(range(4)), MADE, strict=True)] == [[]] * 4
+    assert len(store.requests()) <= 3

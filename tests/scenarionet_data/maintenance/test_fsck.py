@@ -1,0 +1,227 @@
+"""fsck: every kind of damage is found, named, and explained; a whole lake is whole."""
+
+from __future__ import annotations
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from scenarionet_data import Lake
+from scenarionet_data.errors import NoSuchSnapshot, ScenarioNetError
+from scenarionet_data.maintenance import compact, fsck, repair, vacuum
+from scenarionet_data.store import commit as commits
+from scenarionet_data.store import snapshot as snapshots
+from scenarionet_data.store.files import LakeFiles
+from tests.fixtures.lakes import write_shard
+from tests.fixtures.made import write_raw
+from tests.fixtures.scenarios import make_scenario
+from tests.scenarionet_data.maintenance.conftest import check_whole, content, convert_to
+
+
+def found(root, *, is_deep=True):
+    """Reasons by file."""
+    return {problem.file: problem.reason for problem in fsck(root, is_deep=is_deep).problems}
+
+
+def file_of(root, pattern):
+    path = sorted(root.glob(pattern))[0]
+    return path, path.relative_to(root).as_posix()
+
+
+def change_a_byte(path, position=60):
+    content = bytearray(path.read_bytes())
+    content[position] ^= 1
+    path.write_bytes(content)
+
+
+# --- files ----------------------------------------------------------------------------------------------
+
+
+def test_a_whole_lake_is_whole_and_progress_is_told(root):
+    Lake(root).filter(name="all")
+    compact(root, "analytics")
+    told = []
+    result = fsck(root, is_deep=True, workers=2, on_progress=lambda *counts: told.append(counts))
+    assert (result.is_whole, result.snapshots, result.num_files, result.notes) == (True, (1, 2), 23, ())
+    assert told == [(done, 23) for done in range(1, 24)]
+
+
+@pytest.mark.parametrize("table", ["tracks", "maps"])
+def test_a_changed_byte_is_found_by_reading_deep(root, table):
+    path, name = file_of(root, f"{table}/**/*.parquet")
+    change_a_byte(path)
+    assert found(root, is_deep=False) == {}
+    assert found(root) == {name: "its bytes are not those that were written: another checksum"}
+
+
+@pytest.mark.parametrize("pattern", ["tracks/**/*.parquet", "metadata/**/*.parquet", "snapshots/manifest-*"])
+@pytest.mark.parametrize("damage", ["gone", "cut", "garbage"])
+def test_files_that_are_gone_or_cut_are_found(root, pattern, damage):
+    path, name = file_of(root, pattern)
+    if damage == "gone":
+        path.unlink()
+    else:
+        path.write_bytes(path.read_bytes()[:-9] if damage == "cut" else bytes(path.stat().st_size))
+    (problem,) = fsck(root).problems if damage != "garbage" or "tracks" not in pattern else fsck(root).problems[:1]
+    assert problem.file == name
+    assert "restore it from a copy" in problem.remedy
+
+
+def test_metadata_that_is_not_live_is_looked_at_too(root, monkeypatch):
+    """Merged metadata stands for it; replacing a shard falls back to it."""
+    monkeypatch.setattr(commits, "MAX_METADATA_FILES", 2)
+    monkeypatch.setattr(commits, "MERGED_FILES", 1)
+    commits.consolidate(LakeFiles(root))
+    vacuum(root, keep_last=1)
+    path, name = file_of(root, "metadata/**/s2-*")
+    path.write_bytes(b"PAR1")
+    assert list(found(root)) == [name]
+
+
+def test_a_snapshot_that_is_no_snapshot(raw, root):
+    convert_to(write_raw(raw, {"n": [77]}), root)
+    (root / snapshots.file_name(1)).write_bytes(b"{")
+    (problem,) = fsck(root).problems
+    assert problem.file == "snapshots/00000001.json"
+    assert "damaged, it is no snapshot" in problem.reason
+    assert "or remove it" in problem.remedy
+
+
+def test_a_folder_that_is_no_lake(raw):
+    with pytest.raises(NoSuchSnapshot, match="no lake there"):
+        fsck(raw)
+
+
+def test_an_empty_lake_is_whole(tmp_path):
+    (tmp_path / "snapshots").mkdir()
+    assert fsck(tmp_path).is_whole
+
+
+# --- references -----------------------------------------------------------------------------------------
+
+
+def rewritten(root, change):
+    """The lake, its first metadata file changed without anybody noticing."""
+    path, _ = file_of(root, "metadata/**/*.parquet")
+    table = pq.ParquetFile(path).read()
+    changed = pa.Table.from_pylist(change(table.to_pylist()), schema=table.schema)
+    with pq.ParquetWriter(path, changed.schema, store_schema=False) as writer:
+        writer.add_key_value_metadata(table.schema.metadata)
+        writer.write_table(changed)
+    return found(root)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"tracks_row_group": 7}, "row group 7 does not hold the 2 rows of made/v1/s000000"),
+        ({"tracks_first_row": 1}, "row group 0 does not hold the 2 rows of made/v1/s000000"),
+        ({"tracks_row_group": 1}, "rows of another scenario where made/v1/s000000 should be"),
+        ({"tracks_num_rows": 1}, "4 rows, but its scenarios have 3 of them"),
+        ({"tracks_file": "tracks/x.parquet"}, "holds made/v1/s000000, but no shard of the snapshot lists it"),
+    ],
+)
+def test_addresses_that_are_wrong(root, change, reason):
+    assert reason in rewritten(root, lambda rows: [rows[0] | change, *rows[1:]]).values()
+
+
+def test_a_file_of_nobody_is_found(root):
+    """A shard without the scenarios of one of its files."""
+    reasons = rewritten(root, lambda rows: [])
+    assert "no scenario has its rows here" in reasons.values()
+    assert "6 scenarios, its shards have 8" in reasons.values()
+
+
+# --- what belongs to no snapshot ------------------------------------------------------------------------
+
+
+def test_databases_users_columns_and_runs(root):
+    lake = Lake(root)
+    lake.tag_where("odd", "scenario_id LIKE '%1'")
+    Lake(root).filter("odd", name="odds")
+    lake.filter(name="all")
+    (root / "results/mine/results").mkdir(parents=True)
+    (root / "results/mine/run.json").write_text("{")
+    (root / "results/mine/results/000000.parquet").write_bytes(b"x")
+    (root / "databases/all/1.parquet").write_bytes(b"PAR1")
+    (root / "layers/odd/1.parquet").unlink()
+    problems = {problem.file: problem for problem in fsck(root).problems}
+    assert set(problems) == {
+        "databases/all/1.parquet",
+        "databases/odds/1.parquet",
+        "results/mine/run.json",
+        "results/mine/results/000000.parquet",
+    }
+    assert problems["databases/odds/1.parquet"].reason == "it was made with the column odd@1, which is gone"
+    assert "simulate again" in problems["results/mine/run.json"].remedy
+
+
+def test_a_database_whose_members_have_changed_needs_its_snapshot(raw, root):
+    Lake(root).filter(name="old")
+    convert_to(write_raw(raw, {"s0": [0, 55]}), root, replace_old=True)
+    assert found(root) == {}
+    snapshots.expire(LakeFiles(root), 1)
+    assert found(root) == {
+        "databases/old/1.parquet": "members have changed, and snapshot 1, which it was made on, is gone"
+    }
+
+
+def test_leftovers_are_notes_and_no_problems(root):
+    write_shard(root, [make_scenario(500, num_objects=1)], name="uncommitted")
+    (root / ".tmp").mkdir(exist_ok=True)
+    (root / ".tmp" / "1-x").write_bytes(b"half")
+    result = fsck(root)
+    assert result.is_whole
+    unnamed, temporary = result.notes
+    assert (unnamed.num_files, temporary.num_files, temporary.size) == (4, 1, 4)
+
+
+# --- repair ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("profile", [None, pytest.param("training", marks=pytest.mark.long), "analytics"])
+def test_repairing_and_converting_again_brings_everything_back(raw, root, profile):
+    before = content(Lake(root))
+    if profile:
+        compact(root, profile)
+        vacuum(root, keep_last=1)
+    path, _ = file_of(root, "tracks/**/*.parquet")
+    change_a_byte(path)
+    result = fsck(root, is_deep=True)
+    (problem,) = result.problems
+    assert "--repair` and convert again made v1 train: s" in problem.remedy
+    again = repair(root, result)
+    assert again == (["s0", "s1", "s2", "s3"] if profile else ["s0"])
+    vacuum(root, keep_last=1)
+    check_whole(root)
+    convert_to(raw, root)
+    assert content(Lake(root)) == before
+    check_whole(root)
+
+
+def test_merged_metadata_is_merged_again(root, monkeypatch):
+    monkeypatch.setattr(commits, "MAX_METADATA_FILES", 2)
+    monkeypatch.setattr(commits, "MERGED_FILES", 1)
+    commits.consolidate(LakeFiles(root))
+    path, _ = file_of(root, "metadata/**/merged-*")
+    whole = path.read_bytes()
+    path.write_bytes(b"PAR1")
+    with pytest.raises(ScenarioNetError):
+        content(Lake(root))
+    result = fsck(root)
+    (problem,) = result.problems
+    assert "merges it again" in problem.remedy
+    assert repair(root, result) == []
+    assert path.read_bytes() == whole
+    check_whole(root)
+
+
+def test_what_only_older_snapshots_need_is_said_to_be_so(root):
+    compact(root, "analytics")
+    path, _ = file_of(root, "tracks/**/s0-*")
+    path.unlink()
+    result = fsck(root)
+    (problem,) = result.problems
+    assert "the newest snapshot does not need it" in problem.remedy
+    vacuum(root, keep_last=1)
+    check_whole(root)
