@@ -385,12 +385,12 @@ def test_recordings_that_vanish_fail_alone(tmp_path, monkeypatch):
 
     def vanish(done, *_):
         if done:
-            (raw / "s001.made").unlink(missing_ok=True)
+            (raw / "s000.made").unlink(missing_ok=True)  # the larger one comes first
 
     report = run(raw, tmp_path / "lake", on_progress=vanish)
     assert report.converted == 2
     ((name, reason),) = report.failed
-    assert name == "s001"
+    assert name == "s000"
     assert "No such file or directory" in reason
 
 

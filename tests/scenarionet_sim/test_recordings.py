@@ -23,7 +23,7 @@ SOURCES = [
     ("argoverse2", "argoverse2/motion-forecasting/val", None),
     ("argoverse2", "argoverse2/sensor/val", None),
     ("argoverse1", "argoverse1/forecasting/train", Argoverse1Options(has_map=False)),
-    ("lyft", "lyft/scenes/sample.zarr", LyftOptions(map="none")),
+    ("lyft", "lyft/scenes/sample.zarr", LyftOptions(has_map=False)),
 ]
 """Dataset, folder below the recordings, options: those without a map at hand do without."""
 
