@@ -10,11 +10,11 @@ import pytest
 
 from scenarionet_data import codec, converters
 from scenarionet_data.building import MapBuilder
-from scenarionet_data.catalog import checks
+from scenarionet_data.catalog import audit, checks
 from scenarionet_data.catalog.checks import find, run_checks
 from scenarionet_data.catalog.good import save_good
 from scenarionet_data.converters.base import Budgets
-from scenarionet_data.errors import DatabaseExists, EmptyResult, LakeError, QueryError, UnknownQuery
+from scenarionet_data.errors import DatabaseExists, EmptyResult, InvalidScenario, LakeError, QueryError, UnknownQuery
 from scenarionet_data.scenario import ScenarioDescription
 from scenarionet_data.vocabulary import MapFeatureType
 from tests.fixtures.lakes import write_lake
@@ -122,6 +122,16 @@ def broken_lake(tmp_path_factory):
 )
 def test_a_violation_is_found_in_the_scenario_that_has_it(number, name, detail, broken_lake):
     assert detail in broken_lake[name][renamed(sound(5), f"broken{number:02d}").id]
+
+
+@pytest.mark.parametrize(("name", "change"), [(n, change) for n, change, _ in VIOLATIONS if n in audit.VALIDATED])
+def test_validation_refuses_what_the_audit_does_not_ask(name, change):
+    with pytest.raises(InvalidScenario):
+        change(sound(5)).validate()
+
+
+def test_every_rule_that_the_audit_leaves_to_validation_is_broken_here():
+    assert {name for name, _, _ in VIOLATIONS} >= audit.VALIDATED
 
 
 def test_sound_scenarios_among_broken_ones_are_not_found(broken_lake):
