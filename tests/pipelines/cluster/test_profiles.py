@@ -68,7 +68,7 @@ def test_options_are_those_of_dasks_classes():
 def test_slurm_would_be_given_this_script(tmp_path):
     from dask_jobqueue import SLURMCluster
 
-    here = {"host": "127.0.0.1", "scheduler_options": {"dashboard_address": "127.0.0.1:0"}}
+    here = {"scheduler_options": {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"}}
     with SLURMCluster(**profiles.find("slurm").options, **here, log_directory=str(tmp_path)) as cluster:
         script = cluster.job_script()
     assert "#SBATCH --cpus-per-task=16" in script
