@@ -198,6 +198,7 @@ def test_pages_show_pictures_that_are_there():
     assert [name for name in notebooks.names() if f"(notebooks/{name}.md)" not in page] == []
 
 
+@pytest.mark.long
 def test_examples_of_looking_run(monkeypatch, tmp_path):
     """The commands that serve a page are parsed: they would go on until Ctrl-C."""
     assert run_blocks("docs/browse.md", monkeypatch, tmp_path) == 1
@@ -215,6 +216,7 @@ def test_pictures_of_pages_are_there_and_small():
             assert 0 < (page.parent / name).stat().st_size < 150_000, name
 
 
+@pytest.mark.long
 def test_sensor_examples_run(monkeypatch, tmp_path):
     assert run_blocks("docs/sensors.md", monkeypatch, tmp_path) == 3
 
@@ -232,6 +234,7 @@ def test_evaluation_page_explains_every_metric():
     assert [name for name in sorted(explained) if f"`{name}`" not in page] == []
 
 
+@pytest.mark.long
 def test_examples_of_databases_run(tmp_path, monkeypatch):
     """Every command of the page, in order, in this process, then its Python; warnings are part of the page."""
     monkeypatch.chdir(tmp_path)
@@ -248,6 +251,7 @@ def test_examples_of_databases_run(tmp_path, monkeypatch):
         exec(code, {})
 
 
+@pytest.mark.long
 def test_maintenance_examples_run(monkeypatch, tmp_path):
     assert run_blocks("docs/maintenance.md", monkeypatch, tmp_path) == 1
 
@@ -287,6 +291,7 @@ def test_readme_names_make_targets_that_exist():
     assert {"demo", "test"} <= named <= targets
 
 
+@pytest.mark.long
 def test_the_example_converter_passes_its_own_conformance_test(tmp_path):
     """The page's two Python blocks as a module and its test, outside the repository."""
     converter, test = blocks("docs/adding_a_dataset.md", "python")

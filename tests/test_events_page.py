@@ -19,6 +19,7 @@ from tests.test_docs import ROOT, blocks
 PAGE = "docs/events.md"
 
 
+@pytest.mark.long
 def test_examples_run(tmp_path, monkeypatch):
     """Every command of the page, in order, in this process, then its Python."""
     pytest.importorskip("matplotlib", reason="the extra `plots` is not installed")

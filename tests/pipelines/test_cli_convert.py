@@ -150,6 +150,7 @@ def test_an_interrupted_run_says_what_it_kept_and_is_continued(number, tmp_path,
     assert len(Lake(lake)) == 30
 
 
+@pytest.mark.long
 def test_workers_end_with_a_killed_command_and_the_next_adopts_what_they_finished(tmp_path, as_json):
     raw = write_raw(tmp_path / "raw", {f"s{k}": [f"{10 * k + i} slow" for i in range(3)] for k in range(10)})
     lake = tmp_path / "lake"

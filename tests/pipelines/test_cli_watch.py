@@ -42,6 +42,7 @@ def test_watching_ends_cleanly(number, tmp_path):
     assert len(Lake(lake)) == 3
 
 
+@pytest.mark.long
 def test_stale_lists_first_what_it_would_convert_again(raw, lake):
     refused = run("convert", NEWER, raw, lake, "--stale")
     assert refused.exit_code == 2

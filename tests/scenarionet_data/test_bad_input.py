@@ -86,6 +86,7 @@ def test_a_killed_job_loses_the_shard_in_work_at_most(tmp_path):
     assert content(tmp_path / "lake") == content(tmp_path / "undisturbed")
 
 
+@pytest.mark.long
 def test_a_killed_worker_ends_the_run_and_keeps_what_was_finished(tmp_path):
     raw = raw_of(tmp_path / "raw", 0, 12)
 

@@ -36,6 +36,7 @@ def _plain(value: Any) -> Any:
     return value.tolist() if isinstance(value, np.ndarray) else value
 
 
+@pytest.mark.long
 def test_check(lake, threads, as_json):
     for words in ((), ("--scorecard",)):
         found = as_json("check", lake, *words, "--cluster", threads, "--quiet")

@@ -45,6 +45,7 @@ def test_pictures_are_typical_extreme_and_random_ones(lake, contents):
     assert lake.facts(found.scenario_id)["num_objects"] == lake.facts(most)["num_objects"]
 
 
+@pytest.mark.long
 def test_databases_side_by_side(lake):
     contents = gather(lake, ["busy", "calm@1"], is_checked=False)
     assert [part.name for part in contents.parts] == ["busy@1", "calm@1"]

@@ -14,6 +14,7 @@ from scenarionet_data.building import MapBuilder
 from scenarionet_data.catalog import audit, checks
 from scenarionet_data.catalog.checks import Findings, find
 from scenarionet_data.converters.base import Options, RawItem, Shard
+from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.scenario import Lights, ScenarioDescription, strings
 from scenarionet_data.store import commit as commits
 from scenarionet_data.store import snapshot as snapshots
@@ -212,11 +213,15 @@ def test_a_shard_has_what_it_says(case: Case) -> None:
 
 
 def test_the_audit_finds_what_breaks_a_hard_rule(case: Case, tmp_path: Path) -> None:
-    """Before anything is written, with the rule as the field; sound scenarios pass."""
+    """Before anything is written, with the rule as the field; sound scenarios pass, and validation knows the rest."""
     at_origin = replace(case.template, origin=np.zeros(3))
     # Of a window on a shared map only the scenario is at hand.
     own = [row for row in BROKEN if checks.load(row[0]).kind == "hard" and not row[1].startswith("on-")]
     own = [row for row in own if row[1] != "lit" or case.template.map_crop is None]
+    for _, name, change in (row for row in own if row[0] in audit.VALIDATED):
+        with pytest.raises(InvalidScenario):
+            renamed(change(at_origin), name).validate()
+    own = [row for row in own if row[0] not in audit.VALIDATED]
     broken = [renamed(change(at_origin), name) for _, name, change in own]
     encoded = [codec.encode(scenario, "1") for scenario in [*broken, *case.recordings.scenarios]]
     found = audit.audit(LakeFiles(tmp_path), encoded)

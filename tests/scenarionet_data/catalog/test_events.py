@@ -335,6 +335,7 @@ def test_generated_scenarios_are_mined(tmp_path):
     assert counts["minimum_gap"] >= lake.sql("SELECT count(*) FROM metadata WHERE min_ego_gap <= 1").item()
 
 
+@pytest.mark.long
 def test_recorded_scenarios_are_mined(recordings, tmp_path):
     sources = {
         "waymo": "waymo/training",

@@ -123,6 +123,7 @@ def few(monkeypatch):
     monkeypatch.setattr(commits, "MERGED_FILES", 2)
 
 
+@pytest.mark.long
 def test_a_few_histories(few):
     run_histories(2, 8)
 

@@ -75,6 +75,7 @@ def run_until_it_ends(work, root):
     raise AssertionError("it never ends")
 
 
+@pytest.mark.long
 def test_compact_stopped_at_every_step(lake):
     def work(root):
         compact(root, "analytics")

@@ -148,6 +148,7 @@ for record in records:
 """
 
 
+@pytest.mark.long
 def test_processes_lose_nothing(files):
     jobs = [
         subprocess.Popen(
