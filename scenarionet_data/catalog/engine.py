@@ -87,7 +87,9 @@ class Engine:
         self._only = only
         self._connection = duckdb.connect(config={"autoinstall_known_extensions": False})
         self._views = set(given)
-        self._filesystem: Any = None
+        self._filesystem: Any = files.filesystem() if is_url(files.root) else None
+        if self._filesystem:  # before its folders are allowed: DuckDB 1.5 would take them for folders here
+            self._connection.register_filesystem(self._filesystem)
         self._lock = threading.Lock()
         # In a notebook without ipywidgets it is off, and DuckDB refuses to turn it off again.
         if self._connection.execute("SELECT current_setting('enable_progress_bar')").fetchall() == [(True,)]:
@@ -278,7 +280,6 @@ class Engine:
             folders = ["NULL::VARCHAR AS " + name for name in _hive_columns(table)]
             return f"(SELECT {', '.join(columns + folders)} WHERE false)"
         paths = self._files.scans(names)
-        self._reach(paths)
         self._connection.execute(f"SET VARIABLE {table}_files = $paths", {"paths": paths})
         hive = str(table in _FOLDER_COLUMNS).lower()
         scan = f"read_parquet(getvariable('{table}_files'), hive_partitioning = {hive}" + (
@@ -287,12 +288,6 @@ class Engine:
         if self._only is None or table not in _KEYS:
             return scan
         return f"(SELECT * FROM {scan} SEMI JOIN chosen USING ({_KEYS[table]}))"
-
-    def _reach(self, paths: Sequence[str]) -> None:
-        """Let DuckDB read those that are URLs; it still reads nothing outside the allowed folders."""
-        if self._filesystem is None and any(map(is_url, paths)):
-            self._filesystem = self._files.filesystem()
-            self._connection.register_filesystem(self._filesystem)
 
     def _chosen_files(self, table: str) -> list[str]:
         """A table's files; of chosen scenarios, those that hold a part of one."""
