@@ -7,9 +7,12 @@ import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
+
+from scenarionet_data import ScenarioLoader
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,14 @@ def median_ms(action: Callable[[int], Any], repeats: int, warmup: int = 3) -> fl
         action(k)
         times.append(time.perf_counter() - started)
     return 1e3 * statistics.median(times)
+
+
+def crop_loads(name: str, lake: Path) -> Iterator[Figure]:
+    """Loading scenarios that see a part of a shared map, warm."""
+    loader = ScenarioLoader(lake)
+    times = [median_ms(lambda _, index=index: loader[index], 9) for index in range(min(len(loader), 40))]  # type: ignore[misc]
+    yield Figure(f"{name}: one whole scenario with its part of the map, warm", statistics.median(times), "ms", "<= 5")
+    yield Figure(f"{name}: the same, the slowest scenario", max(times), "ms")
 
 
 def peak_mb() -> float:

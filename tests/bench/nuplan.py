@@ -7,7 +7,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from tests.bench.measure import Figure, in_fresh_process
+from tests.bench.measure import Figure, crop_loads, in_fresh_process
 from tests.fixtures import nuplan as fixture
 from tests.fixtures import nuplan_drive as drives
 
@@ -66,3 +66,5 @@ def _rate(name: str, places: tuple[Path, Path, Path], options: dict[str, object]
     yield Figure(f"{name}: {middle['scenarios']} scenarios", rate, "scenarios/s of CPU", wanted, "ScenarioMax 0.5")
     yield Figure(f"{name}: peak memory of the converter", middle["peak_mb"], "MB", "<= 1500")
     yield Figure(f"{name}: stored bytes per scenario, its share of the map included", middle["kb"], "kB")
+    if "tag" not in name:
+        yield from crop_loads(name, Path(f"{lake}-0"))

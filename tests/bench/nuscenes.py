@@ -1,4 +1,4 @@
-"""nuScenes: scenarios per second and core memory, bytes against ScenarioNet's pickles."""
+"""nuScenes: scenarios per second and core memory, bytes against ScenarioNet's pickles, loading with a city's part."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from scenarionet_data.conversion import convert
-from tests.bench.measure import Figure, in_fresh_process
+from tests.bench.measure import Figure, crop_loads, in_fresh_process
 from tests.fixtures import nuscenes as fixture
 from tests.fixtures.nuscenes_recorded import read_pickles, write_recorded
 from tests.fixtures.nuscenes_world import write_district
@@ -95,3 +95,4 @@ def _bytes(root: Path, recordings: Path) -> Iterator[Figure]:
     whole = (own + sizes["maps"]) / pickled
     yield Figure("nuscenes: the same with the four cities, for ten scenes", whole, "", "<= 0.2")
     yield Figure("nuscenes: stored bytes per scenario", own / len(pickles) / 1000, "kB", "", "pickles 1,883 kB")
+    yield from crop_loads("nuscenes", lake)
