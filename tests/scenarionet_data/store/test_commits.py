@@ -17,23 +17,7 @@ from scenarionet_data.store import commit as commits
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles, sha256
 from tests.fixtures.lakes import write_shard
-from tests.fixtures.scenarios import make_scenario, renamed
-
-SMALL = {"num_objects": 2, "num_steps": 5, "num_lanes": 1, "num_lights": 1}
-
-
-def small(seed: int, **how):
-    return make_scenario(seed, **SMALL, **how)
-
-
-@pytest.fixture(scope="module")
-def template():
-    return small(1)
-
-
-@pytest.fixture
-def files(tmp_path):
-    return LakeFiles(tmp_path / "lake")
+from tests.fixtures.scenarios import renamed, small
 
 
 def ids(files):
@@ -137,7 +121,7 @@ from pathlib import Path
 from scenarionet_data.store import commit as commits
 from scenarionet_data.store.files import LakeFiles
 from tests.fixtures.lakes import write_shard
-from tests.fixtures.scenarios import make_scenario, renamed
+from tests.fixtures.scenarios import renamed, small
 root, who = Path(sys.argv[1]), sys.argv[2]
 template = make_scenario(1, num_objects=2, num_steps=5, num_lanes=1, num_lights=1)
 records = [write_shard(root, [renamed(template, f"{who}{k}")], name=f"{who}{k}") for k in range(12)]

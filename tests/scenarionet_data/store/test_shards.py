@@ -12,38 +12,11 @@ from scenarionet_data.converters.base import Options, RawItem, Shard
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.store import commit as commits
 from scenarionet_data.store import shard_writer
-from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.files import LakeFiles, sha256
+from scenarionet_data.store.files import sha256
 from scenarionet_data.store.shard_record import find_finished
 from scenarionet_data.store.shard_writer import ShardWriter
 from tests.fixtures.lakes import write_shard
-from tests.fixtures.scenarios import make_scenario, renamed
-
-SMALL = {"num_objects": 2, "num_steps": 5, "num_lanes": 1, "num_lights": 1}
-
-
-def small(seed: int, **how):
-    return make_scenario(seed, **SMALL, **how)
-
-
-@pytest.fixture(scope="module")
-def template():
-    return small(1)
-
-
-@pytest.fixture
-def files(tmp_path):
-    return LakeFiles(tmp_path / "lake")
-
-
-def ids(files):
-    """Scenario ids of the newest snapshot, as they lie in the files."""
-    names = snapshots.read(files).metadata
-    return sorted(i for name in names for i in pq.ParquetFile(files.path(name)).read()["scenario_id"].to_pylist())
-
-
-def names_of(files):
-    return [record.name for record in snapshots.shards(files, snapshots.read(files))]
+from tests.fixtures.scenarios import renamed, small
 
 
 def shard_of(name="a", items=("x",)):

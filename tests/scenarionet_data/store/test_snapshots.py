@@ -7,41 +7,11 @@ import os
 import threading
 import time
 
-import pyarrow.parquet as pq
 import pytest
 
 from scenarionet_data import Lake
 from scenarionet_data.errors import LakeError, NoSuchSnapshot
-from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.files import LakeFiles
 from tests.fixtures.lakes import write_lake
-from tests.fixtures.scenarios import make_scenario
-
-SMALL = {"num_objects": 2, "num_steps": 5, "num_lanes": 1, "num_lights": 1}
-
-
-def small(seed: int, **how):
-    return make_scenario(seed, **SMALL, **how)
-
-
-@pytest.fixture(scope="module")
-def template():
-    return small(1)
-
-
-@pytest.fixture
-def files(tmp_path):
-    return LakeFiles(tmp_path / "lake")
-
-
-def ids(files):
-    """Scenario ids of the newest snapshot, as they lie in the files."""
-    names = snapshots.read(files).metadata
-    return sorted(i for name in names for i in pq.ParquetFile(files.path(name)).read()["scenario_id"].to_pylist())
-
-
-def names_of(files):
-    return [record.name for record in snapshots.shards(files, snapshots.read(files))]
 
 
 def test_a_folder_that_is_no_lake(tmp_path):
