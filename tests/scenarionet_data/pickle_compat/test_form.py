@@ -3,26 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from scenarionet_data.converters.base import Options
-from scenarionet_data.converters.scenarionet import ScenarioNetPickles
 from scenarionet_data.pickle_compat import sanity_check, to_pickle_dict
 from scenarionet_data.ragged import Ragged
-from scenarionet_data.scenario import ScenarioDescription
 from scenarionet_data.vocabulary import LightState, ObjectType
 from tests.fixtures import scenarionet_pickles as made
 from tests.fixtures.scenarios import make_scenario, with_lights
-
-CONVERTER = ScenarioNetPickles()
-
-
-def import_all(directory: Path) -> list[ScenarioDescription]:
-    shards = CONVERTER.shards(str(directory), "train", "v1", Options())
-    return [CONVERTER.scenario(shard, record) for shard in shards for record in CONVERTER.records(shard)]
 
 
 @pytest.mark.parametrize("seed", range(4))

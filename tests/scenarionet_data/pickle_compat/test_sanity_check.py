@@ -11,19 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenarionet_data.converters.base import Options
-from scenarionet_data.converters.scenarionet import ScenarioNetPickles
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.pickle_compat import sanity_check, to_pickle_dict
 from scenarionet_data.scenario import ScenarioDescription
 from tests.fixtures.scenarios import make_scenario
-
-CONVERTER = ScenarioNetPickles()
-
-
-def import_all(directory: Path) -> list[ScenarioDescription]:
-    shards = CONVERTER.shards(str(directory), "train", "v1", Options())
-    return [CONVERTER.scenario(shard, record) for shard in shards for record in CONVERTER.records(shard)]
 
 
 def at(*path: str) -> Callable[[dict[str, Any]], dict[str, Any]]:
