@@ -34,8 +34,8 @@ def render(notebook: Any, name: str, folder: Path, runs_in: Path) -> Path:
         parts.append(f"```python\n{cell.source}\n```")
         printed = "".join(output.text for output in cell.outputs if output.get("name") == "stdout")
         parts += [_text(printed)] if printed.strip() else []
-        for output in cell.outputs:
-            parts += _shown(output, name, folder)
+        shown = [part for output in cell.outputs for part in _shown(output, name, folder)]
+        parts += dict.fromkeys(shown)  # ten videos are one note
     page = folder / f"{name}.md"
     text = "\n\n".join(parts) + "\n"
     page.write_text(text.replace(f"{runs_in}/", "").replace(str(runs_in), "."), "utf-8")
