@@ -3,7 +3,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 INSTALLED := .venv/.installed
-PYTEST := $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4
+PYTEST := $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist loadfile
 DUCKDB_TESTS := tests/scenarionet_data/catalog tests/scenarionet_data/maintenance tests/scenarionet_data/remote \
 	tests/pipelines tests/test_docs.py
 LAKE ?= lake

@@ -99,6 +99,7 @@ def test_options_replace_and_limit(raw, lake, ok):
     assert "converted  2 scenarios in 1 shard" in limited
 
 
+@pytest.mark.long
 def test_progress_goes_to_standard_error(tmp_path, monkeypatch):
     from pipelines.cli import progress
 
@@ -126,7 +127,8 @@ def wait_for_shards(lake: Path, number: int) -> None:
         time.sleep(0.02)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.long)])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.long
 def test_an_interrupted_run_says_what_it_kept_and_is_continued(number, tmp_path, ok):
     raw = write_raw(tmp_path / "raw", {f"s{k}": [f"{10 * k + i} slow" for i in range(3)] for k in range(10)})
     lake = tmp_path / "lake"

@@ -188,6 +188,7 @@ def test_scorecard(lake, ok, as_json, tmp_path):
 @pytest.mark.parametrize(
     "suffix", ["parquet", pytest.param("csv", marks=pytest.mark.long), pytest.param("json", marks=pytest.mark.long)]
 )
+@pytest.mark.long
 def test_check_parts_the_good_from_the_broken(lake, suffix, ok, tmp_path):
     ok("filter", lake, "--where", "source_scenario_id < 's00001'", "--to", "few")
     text = ok("check", lake, "few", "--to", "good", "--broken", tmp_path / f"broken.{suffix}")

@@ -76,6 +76,7 @@ def test_hostile_names_stay_text(contents):
     assert "&lt;img src=x onerror=" in text
 
 
+@pytest.mark.long
 def test_typed(lake, tmp_path):
     file = tmp_path / "report.html"
     result = run("report", lake.root, "busy", "-o", file, "--json")

@@ -332,6 +332,7 @@ def test_a_limited_lake_completed_equals_a_whole_one(raw, tmp_path):
 # --- who runs it --------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_workers_and_interruptions_change_nothing(raw, tmp_path):
     """One process, two, a run that ends half-way and goes on: the same files."""
     lines = {f"s{k}": [k * 10 + i for i in range(3)] for k in range(5)}
