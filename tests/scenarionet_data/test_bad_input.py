@@ -277,6 +277,7 @@ def test_a_full_disk_leaves_the_lake_as_it_was(tmp_path):
     assert [tuple(pair) for pair in found["content"]] == content(tmp_path / "undisturbed")
 
 
+@pytest.mark.long
 def test_a_read_only_file_system_can_be_read(tmp_path):
     """Even root cannot write there."""
     raw = raw_of(tmp_path / "raw", 0, 1)

@@ -49,6 +49,7 @@ def test_an_idm_ego_arrives(generated):
     assert ends["success"] >= 9
 
 
+@pytest.mark.long
 def test_ppo_learns_to_drive(generated):
     """From hardly moving to a multiple of the reward within some thousand steps; a process, for numpy's threads."""
     command = [sys.executable, "-m", "scenarionet_sim.examples.ppo", generated, "--steps", "10000"]

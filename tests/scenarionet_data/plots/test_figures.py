@@ -106,6 +106,7 @@ def test_distributions_have_units_and_a_legend(lake):
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["many@1", "few@1"]
 
 
+@pytest.mark.long
 def test_no_words_of_a_figure_overlap(lake):
     """Titles, labels and ticks of all panels of the comparison and of the distributions."""
     for figure in (plots.draw_distributions(lake), plots.draw_comparison(lake.compare(["many", "few"]))):
