@@ -86,7 +86,8 @@ def codes_of(array: pa.Array, words: type[IntEnum]) -> Array:
     """Dictionary-encoded names (of any dictionary) as codes."""
     if not pa.types.is_dictionary(array.type):
         array = array.dictionary_encode()
-    table = np.array([words[name] for name in array.dictionary.to_pylist()], dtype=np.uint8)
+    codes_by_name = _CODES[words]
+    table = np.array([codes_by_name[name] for name in array.dictionary.to_pylist()], dtype=np.uint8)
     if not len(array):
         return np.zeros(0, np.uint8)
     codes: Array = table[array.indices.to_numpy()]
@@ -105,6 +106,8 @@ def _dictionaries() -> dict[type[IntEnum], tuple[pa.Array, Array]]:
 
 
 _DICTIONARIES = _dictionaries()
+_CODES = {words: {member.name: member.value for member in words} for words in _DICTIONARIES}
+"""A dict answers ten times as quickly as an enum does."""
 
 
 def string_array(values: Array) -> pa.Array:
@@ -176,4 +179,5 @@ def id_lists(rows: Rows, name: str) -> Ragged:
     """A list column of ids."""
     column = rows.column(name)
     offsets = column.offsets.to_numpy()
-    return Ragged(offsets_of(np.diff(offsets)), column.flatten().to_numpy(zero_copy_only=False))
+    values = column.values.slice(offsets[0], offsets[-1] - offsets[0])
+    return Ragged(offsets - offsets[0], values.to_numpy(zero_copy_only=False))

@@ -111,10 +111,10 @@ class ObjectStore:
         with self._reading(name):
             yield from self._obstore.get(self._store, name).stream()
 
-    def range(self, name: str, start: int, end: int) -> bytes:
-        """Bytes ``start`` to ``end`` (exclusive) of a file."""
+    def range(self, name: str, start: int, end: int) -> memoryview:
+        """Bytes ``start`` to ``end`` (exclusive) of a file, as they arrived: a copy of megabytes takes milliseconds."""
         with self._reading(name):
-            return bytes(self._obstore.get_range(self._store, name, start=start, end=end))
+            return memoryview(self._obstore.get_range(self._store, name, start=start, end=end))
 
     def last(self, name: str, length: int) -> tuple[int, bytes]:
         """Size of a file, and at most its last ``length`` bytes."""

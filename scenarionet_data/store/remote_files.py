@@ -169,7 +169,7 @@ class RemoteLakeFiles(LakeFiles):
         kept = copy.read_bytes()
         return int.from_bytes(kept[:8], "little"), kept[8:]
 
-    def range(self, name: str, start: int, end: int) -> bytes:
+    def range(self, name: str, start: int, end: int) -> memoryview:
         """Bytes ``start`` to ``end`` (exclusive) of a file."""
         return self._store.range(name, start, end)
 

@@ -65,7 +65,7 @@ class RemoteFilesystem(AbstractFileSystem):  # type: ignore[misc]  # fsspec has 
         if start >= first:
             return last[start - first : end - first]
         with self._noting_failure():
-            return self._files.range(self._name(path), start, end)
+            return bytes(self._files.range(self._name(path), start, end))
 
     def pop_failure(self) -> LakeError | None:
         """Why the store did not give what DuckDB asked for last; DuckDB itself tells it as a traceback."""

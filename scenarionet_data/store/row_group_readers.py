@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import mmap
 from collections import OrderedDict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Protocol
@@ -22,7 +22,7 @@ from scenarionet_data.tables import Column
 _OPEN_FILES = 32
 _KEPT_FOOTERS = 512
 _MOST_COMING = 1024
-_GAP = 2**19
+_GAP = 2**20
 """Bytes between two row groups that are rather read than left out: they cost less than a request."""
 
 Address = tuple[str, str, int]
@@ -98,18 +98,34 @@ class _Footer:
 class _Coming:
     """A row group on its way: it begins at ``start`` of its file, ``skipped`` bytes into what was asked for."""
 
-    footer: _Footer
     start: int
     size: int
     skipped: int
-    answer: Future[bytes]
+    answer: Future[memoryview]
 
-    def content(self) -> mmap.mmap:
-        """As much address space as the file is long, of which only what is written takes memory."""
-        space = mmap.mmap(-1, self.footer.size)
-        found = self.answer.result()
-        space[self.start : self.start + self.size] = found[self.skipped : self.skipped + self.size]
-        return space
+    def content(self) -> memoryview:
+        """Its bytes, once they are here."""
+        return self.answer.result()[self.skipped : self.skipped + self.size]
+
+
+class _Space:
+    """A file of which only the row group being read is in memory, at its place in as much address space."""
+
+    def __init__(self, footer: _Footer, columns: Sequence[str]) -> None:
+        self._space = mmap.mmap(-1, footer.size, flags=mmap.MAP_PRIVATE)
+        buffer = pa.py_buffer(self._space)
+        file = pq.ParquetFile(pa.BufferReader(buffer), metadata=footer.metadata, pre_buffer=False)
+        self._groups = RowGroups(file, memoryview(buffer), columns, footer.lists)
+
+    def read(self, number: int, coming: _Coming) -> LoadedRows:
+        """A row group that has come."""
+        end = coming.start + coming.size
+        self._space[coming.start : end] = coming.content()
+        try:
+            return self._groups.read(number)
+        finally:
+            first = coming.start // mmap.PAGESIZE * mmap.PAGESIZE
+            self._space.madvise(mmap.MADV_DONTNEED, first, end - first)
 
 
 class RangeReader:
@@ -122,34 +138,39 @@ class RangeReader:
         self._files = files
         self._columns = columns
         self._footers: OrderedDict[str, _Footer] = OrderedDict()
+        self._spaces: OrderedDict[str, _Space] = OrderedDict()
         self._coming: OrderedDict[Address, _Coming] = OrderedDict()
 
     def fetch(self, addresses: Iterable[Address]) -> None:
-        """Ask for row groups, all at once."""
-        missing = sorted({address for address in addresses if address not in self._coming})
+        """Ask for row groups, all at once, and first for what is read first."""
+        wanted = dict.fromkeys(address for address in addresses if address not in self._coming)
+        missing = {address: place for place, address in enumerate(wanted)}
         if not missing:
             return
         self._learn(missing)
-        for run in _runs([(*self._footers[address[1]].span(address[2]), address) for address in missing]):
+        runs = _runs((*self._footers[address[1]].span(address[2]), address) for address in missing)
+        for run in sorted(runs, key=lambda run: min(missing[address] for _, _, address in run)):
             (first, _, (_, name, _)), last = run[0], run[-1][1]
             answer = self._files.start(self._files.range, name, first, last)
             for start, end, address in run:
-                footer = self._footers[name]
-                self._coming[address] = _Coming(footer, start, end - start, start - first, answer)
+                self._coming[address] = _Coming(start, end - start, start - first, answer)
         while len(self._coming) > max(_MOST_COMING, len(missing)):  # nobody has read them
             self._coming.popitem(last=False)
 
     def read(self, address: Address) -> LoadedRows:
         """One row group."""
-        table, _, number = address
+        table, name, number = address
         if address not in self._coming:
             self.fetch([address])
-        coming = self._coming.pop(address)
-        content, footer = coming.content(), coming.footer
-        file = pq.ParquetFile(pa.BufferReader(pa.py_buffer(content)), metadata=footer.metadata, pre_buffer=False)
-        return RowGroups(file, memoryview(content), self._columns[table], footer.lists).read(number)
+        if name not in self._spaces:
+            self._learn([address])
+            self._spaces[name] = _Space(self._footers[name], self._columns[table])
+            if len(self._spaces) > _OPEN_FILES:
+                self._spaces.popitem(last=False)
+        self._spaces.move_to_end(name)
+        return self._spaces[name].read(number, self._coming.pop(address))
 
-    def _learn(self, addresses: Sequence[Address]) -> None:
+    def _learn(self, addresses: Collection[Address]) -> None:
         """Read the footers of files that are not known yet."""
         unknown = sorted({(table, name) for table, name, _ in addresses if name not in self._footers})
         for (table, name), (size, end) in zip(

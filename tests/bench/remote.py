@@ -21,8 +21,8 @@ from tests.fixtures.object_store import ObjectStore
 
 _COUNT = 400
 _BATCH = 64
-_LATENCIES = (0.0, 0.02, 0.05)
-"""Seconds that the server waits before each answer: none, and what stores nearby and farther away take."""
+_LATENCIES = (0.0, 0.01, 0.02, 0.05)
+"""Seconds that the server waits before each answer: none, what the quickest stores take, and those farther away."""
 
 
 def figures(recordings: Path | None) -> Iterator[Figure]:

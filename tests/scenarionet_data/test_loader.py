@@ -86,6 +86,7 @@ def test_a_batch_keeps_the_order_asked_for(lake):
     loaded = ScenarioLoader(lake)
     assert seeds(loaded.batch(order)) == wanted
     assert seeds(loaded.batch(np.array(order))) == wanted
+    assert seeds(loaded.__getitems__(order)) == wanted  # torch's DataLoader asks so
     assert loaded.batch([]) == []
     for tracks, seed in zip(loaded.batch_tracks(order), wanted, strict=True):
         assert differences(tracks, made(seed).tracks) == []
@@ -93,10 +94,10 @@ def test_a_batch_keeps_the_order_asked_for(lake):
 
 def test_a_batch_reads_in_the_order_on_disk(lake, monkeypatch):
     loaded, visited = ScenarioLoader(lake), []
-    load = loaded.tracks
-    monkeypatch.setattr(loaded, "tracks", lambda k: visited.append(k) or load(k))
+    load = loaded._tracks
+    monkeypatch.setattr(loaded, "_tracks", lambda row: visited.append(row["scenario_id"]) or load(row))
     loaded.batch_tracks([9, 0, 5, 7, 1])
-    assert visited == [0, 1, 5, 7, 9]
+    assert visited == [loaded.scenario_ids[k] for k in (0, 1, 5, 7, 9)]
 
 
 def test_what_is_loaded_is_the_databases_ids_or_everything(lake, tmp_path):
