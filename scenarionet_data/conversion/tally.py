@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Generic
@@ -26,7 +25,7 @@ class Share:
     jobs: int = 0
     seconds: float = 0.0
     peak_memory: int = 0
-    counts: Counter[str] = field(default_factory=Counter)
+    counts: dict[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -85,4 +84,5 @@ class Tally:
         share.jobs += 1
         share.seconds += result.seconds
         share.peak_memory = max(share.peak_memory, result.peak_memory)
-        share.counts.update(self._counts(result.value))
+        for name, number in self._counts(result.value).items():
+            share.counts[name] = share.counts.get(name, 0) + number

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from scenarionet_data.conversion.runners import Run
-from scenarionet_data.errors import BadParameter, DatabaseExists, InvalidScenario
+from scenarionet_data.errors import BadParameter, DatabaseExists, InvalidScenario, LakeError, ScenarioNetError
 from scenarionet_data.pickle_compat.parts import write_parts
 from scenarionet_data.pickle_compat.pickling import Written, dump, twice, write_scenarios
 from scenarionet_data.scenario import ScenarioDescription
@@ -63,6 +63,7 @@ def export(
         DatabaseExists: ``directory`` is not empty, or holds other things than a database.
         BadParameter: There was no scenario to write.
         InvalidScenario: None of the scenarios could be written; the first one's reason.
+        LakeError: The disk is full, or ``directory`` may not be written.
     """
     directory = Path(directory)
     _check_target(directory, replace)
@@ -125,14 +126,24 @@ def _is_ours(path: Path) -> bool:
 
 @contextmanager
 def _new_directory(directory: Path) -> Iterator[Path]:
-    """A sibling that takes ``directory``'s place when the block ends, and vanishes when it fails."""
-    directory.parent.mkdir(parents=True, exist_ok=True)
+    """A sibling that takes ``directory``'s place when the block ends, and vanishes when it fails.
+
+    Raises:
+        LakeError: The disk is full, or does not allow it; whoever writes the parts.
+    """
     mark = secrets.token_hex(4)
     draft = directory.with_name(f".{directory.name}.{mark}.new")
-    draft.mkdir()
     try:
+        draft.mkdir(parents=True)
         yield draft
         _swap_in(draft, directory, directory.with_name(f".{directory.name}.{mark}.old"))
+    except ScenarioNetError:
+        raise
+    except OSError as error:
+        raise LakeError(
+            f"cannot write {directory}: {error.strerror or error}; nothing of it is left: free some space or choose "
+            "another directory, and run the same command again"
+        ) from error
     finally:
         shutil.rmtree(draft, ignore_errors=True)
 

@@ -45,6 +45,8 @@ def test_json_report(raw, tmp_path):
     assert (report["converted"], report["quarantined"], report["shards"]) == (9, 1, 2)
     assert report["partitions"] == ["made/v1/train"]
     assert report["reasons"][0]["field"] == "dt"
+    (share,) = report["workers"].values()
+    assert share["counts"] == {"scenarios": 9, "bytes": report["size"], "failed": 1}
     (failed,) = report["failed"]
     assert failed["shard"] == "c"
     assert "corrupt" in failed["reason"]

@@ -5,7 +5,6 @@ Whatever happens, the lake stays as it was or becomes what an undisturbed run wo
 
 from __future__ import annotations
 
-import json
 import multiprocessing
 import os
 import re
@@ -24,9 +23,10 @@ import pytest
 from scenarionet_data import Lake, ScenarioLoader, convert
 from scenarionet_data.errors import LakeError, SchemaMismatch, WorkerLost
 from scenarionet_data.store.files import LakeFiles, sha256
-from tests.fixtures.lakes import write_lake
+from tests.fixtures.lakes import content, write_lake
 from tests.fixtures.made import NAME, MadeOptions, write_raw
 from tests.fixtures.scenarios import make_scenario
+from tests.fixtures.small_disk import filled, in_own_mounts, on_small_disk
 
 FEW = MadeOptions(num_objects=2)
 
@@ -46,13 +46,6 @@ def run(raw, root, **how):
 
 def start(raw, root):
     return subprocess.Popen([sys.executable, "-c", CONVERT, str(raw), str(root)], stdout=subprocess.PIPE, text=True)
-
-
-def content(root):
-    """Table and content of every file that the newest snapshot names."""
-    lake = Lake(root)
-    paths = [(table, path) for table in ("metadata", "tracks", "lights", "maps") for path in lake.paths(table)]
-    return sorted((table, sha256(Path(path))) for table, path in paths)
 
 
 def everything(root):
@@ -194,39 +187,29 @@ def test_a_lake_in_the_place_of_a_file(tmp_path, below):
     assert (tmp_path / "file").read_text() == "x"
 
 
-# Fills the disk up to what a small shard needs but a large one does not find.
-FULL_DISK = """
-import json, sys
-from pathlib import Path
-from scenarionet_data import Lake, convert
-from scenarionet_data.errors import LakeError
-from tests.fixtures.made import NAME, MadeOptions, write_raw
-from tests.scenarionet_data.test_bad_input import content, everything
-root, raw, small = Path(sys.argv[1]) / "lake", Path(sys.argv[2]), MadeOptions(num_objects=2)
-convert(NAME, str(write_raw(raw, {"a": [1, 2]})), root, options=small)
-before = everything(root)
-ballast = root.parent / "ballast"
-with ballast.open("wb", buffering=0) as file:
-    try:
-        while file.write(bytes(4096)):
-            pass
-    except OSError:
-        pass
-with ballast.open("rb+") as file:
-    file.truncate(ballast.stat().st_size - 200_000)
-write_raw(raw, {"b": list(range(10, 60)), "c": [70]})
-try:
-    convert(NAME, str(raw), root, options=small)
-    message = "no error"
-except LakeError as error:
-    message = str(error)
-after = everything(root)
-ballast.unlink()
-report = convert(NAME, str(raw), root, options=small)
-print(json.dumps({"message": message, "same": {k: after.get(k) for k in before} == before,
-    "temporary": [k for k in after if k.startswith(".tmp")], "snapshots": [k for k in after if k.endswith(".json")],
-    "converted": report.converted, "content": content(root)}))
-"""
+def fill_the_disk(disk: str, folder: str) -> dict:
+    """Leaves what a small shard needs but a large one does not find; later, room."""
+    root, raw = Path(disk, "lake"), Path(folder, "raw")
+    run(write_raw(raw, {"a": [1, 2]}), root)
+    before = everything(root)
+    write_raw(raw, {"b": list(range(10, 60)), "c": [70]})
+    with filled(Path(disk), 200_000):
+        try:
+            run(raw, root)
+            message = "no error"
+        except LakeError as error:
+            message = str(error)
+        after = everything(root)
+    report = run(raw, root)
+    return {
+        "message": message,
+        "same": {k: after.get(k) for k in before} == before,
+        "temporary": [k for k in after if k.startswith(".tmp")],
+        "snapshots": [k for k in after if k.endswith(".json")],
+        "converted": report.converted,
+        "content": content(root),
+    }
+
 
 READ_ONLY = """
 import json, sys
@@ -248,22 +231,8 @@ print(json.dumps({"messages": messages, "count": len(Lake(sys.argv[1]))}))
 """
 
 
-def in_own_mounts(mounts: str, code: str, *arguments: Path) -> dict:
-    """What ``code`` prints, run where ``mounts`` are mounted; seen by nobody else, gone when it ends."""
-    command = ["unshare", "--map-root-user", "--mount", "sh", "-c"]
-    if shutil.which("unshare") is None or subprocess.run([*command, f"{mounts}"], capture_output=True).returncode:
-        pytest.skip("mounts of its own: needs unshare and unprivileged user namespaces, as `unshare -rm` does")
-    quoted = " ".join(f"'{argument}'" for argument in arguments)
-    script = f"{mounts} && exec '{sys.executable}' -c '{code}' {quoted}"
-    done = subprocess.run([*command, script], capture_output=True, text=True, timeout=60)
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
-
-
 def test_a_full_disk_leaves_the_lake_as_it_was(tmp_path):
-    disk = tmp_path / "disk"
-    disk.mkdir()
-    found = in_own_mounts(f"mount -t tmpfs -o size=4m tmpfs '{disk}'", FULL_DISK, disk, tmp_path / "raw")
+    found = on_small_disk(tmp_path / "disk", f"{__name__}:fill_the_disk", tmp_path)
     assert found["message"].startswith("cannot write /")
     assert found["message"].endswith(
         "No space left on device; free some space and run the same command again: finished shards are kept"

@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import pytest
@@ -17,9 +17,9 @@ ROOT = Path(__file__).parents[3]
 STARTS_WITHIN = 90.0
 
 
-def environment() -> dict[str, str]:
+def environment(**others: str) -> dict[str, str]:
     """Of processes that find this checkout and the tests' converters."""
-    return {**os.environ, "PYTHONPATH": str(ROOT), "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1"}
+    return {**os.environ, "PYTHONPATH": str(ROOT), "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1", **others}
 
 
 def until(is_so: Callable[[], object], what: str, seconds: float = STARTS_WITHIN) -> None:
@@ -38,7 +38,9 @@ class Processes:
         self._folder = folder
         self._running: list[subprocess.Popen[bytes]] = []
 
-    def start(self, *words: str, **how: object) -> tuple[subprocess.Popen[bytes], Path]:
+    def start(
+        self, *words: str, variables: Mapping[str, str] | None = None, **how: object
+    ) -> tuple[subprocess.Popen[bytes], Path]:
         """Start Python with a module; the process and the file with what it says."""
         log = self._folder / f"process-{len(self._running)}.log"
         with log.open("wb") as output:
@@ -46,7 +48,7 @@ class Processes:
                 [sys.executable, "-m", *words],
                 stdout=output,
                 stderr=subprocess.STDOUT,
-                env=environment(),
+                env=environment(**(variables or {})),
                 cwd=self._folder,
                 start_new_session=True,
                 **how,

@@ -16,8 +16,8 @@ import pytest
 from scenarionet_data import Lake, ScenarioLoader, convert
 from scenarionet_data.errors import LakeError
 from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.files import open_files, sha256
-from tests.fixtures.lakes import write_shard
+from scenarionet_data.store.files import open_files
+from tests.fixtures.lakes import content, write_shard
 from tests.fixtures.made import NAME, MadeOptions, write_raw
 from tests.fixtures.scenarios import make_scenario
 
@@ -49,15 +49,6 @@ for record in records:
 
 def run(raw, root):
     return convert(NAME, str(raw), root, options=MadeOptions(num_objects=2))
-
-
-def content(root):
-    """Table and content of every file that the newest snapshot names."""
-    lake = Lake(root)
-    listed = [
-        path.removeprefix(f"{lake.root}/") for t in ("metadata", "tracks", "lights", "maps") for path in lake.paths(t)
-    ]
-    return sorted((name, sha256(lake.files.path(name))) for name in listed)
 
 
 @pytest.fixture
