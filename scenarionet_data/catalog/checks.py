@@ -25,6 +25,7 @@ from scenarionet_data.catalog.database import Database
 from scenarionet_data.catalog.engine import Engine
 from scenarionet_data.catalog.lake import Lake
 from scenarionet_data.catalog.named_sql import CHECKS
+from scenarionet_data.catalog.statements import quoted
 from scenarionet_data.conversion.runners import Run
 from scenarionet_data.converters.base import Budgets
 from scenarionet_data.errors import LakeError, QueryError
@@ -291,7 +292,7 @@ _ROWS = pa.schema(
 
 def _texts(values: Sequence[str]) -> str:
     """SQL for a list of texts."""
-    return "[" + ", ".join("'" + value.replace("'", "''") + "'" for value in values) + "]::VARCHAR[]"
+    return f"[{', '.join(map(quoted, values))}]::VARCHAR[]"
 
 
 def _rank(check: Check) -> tuple[bool, str]:

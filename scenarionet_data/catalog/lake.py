@@ -14,7 +14,7 @@ from scenarionet_data.catalog import comparison, mining, tagging
 from scenarionet_data.catalog import database as databases
 from scenarionet_data.catalog import layers as layer_files
 from scenarionet_data.catalog.database import Database
-from scenarionet_data.catalog.engine import FILE_TABLES, Engine, Rows, table_files
+from scenarionet_data.catalog.engine import Engine, Rows
 from scenarionet_data.catalog.members import ADDRESS_COLUMNS, locate
 from scenarionet_data.catalog.named_sql import QUESTIONS
 from scenarionet_data.catalog.operations import (
@@ -31,6 +31,7 @@ from scenarionet_data.catalog.operations import (
     splitting,
 )
 from scenarionet_data.catalog.packs import packing
+from scenarionet_data.catalog.views import FILE_TABLES, table_files
 from scenarionet_data.errors import BadParameter, ScenarioNotFound
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import open_files
