@@ -17,6 +17,7 @@ from scenarionet_data.maintenance import companions
 from scenarionet_data.maintenance.remedies import Inputs, remedy
 from scenarionet_data.maintenance.vacuuming import list_files
 from scenarionet_data.store import commit as commits
+from scenarionet_data.store import metadata_files
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles, open_files
 from scenarionet_data.store.snapshot import Snapshot
@@ -130,7 +131,7 @@ def repair(lake: str | Path, found: Fsck) -> list[str]:
     """
     files = open_files(lake)
     broken = {problem.file for problem in found.problems}
-    commits.merge_again(files, broken)
+    metadata_files.merge_again(files, broken)
     held = snapshots.shards(files, snapshots.newest(files))
     hit = [record for record in held if broken.intersection((*record.files, record.metadata_file))]
     commits.commit(files, [], "repair", frozenset(record.key for record in hit))

@@ -367,8 +367,8 @@ def test_finished_shards_are_adopted(raw, root):
 
 
 def test_many_shards_give_few_metadata_files_whatever_the_order(raw, tmp_path, monkeypatch):
-    monkeypatch.setattr("scenarionet_data.store.commit.MAX_METADATA_FILES", 4)
-    monkeypatch.setattr("scenarionet_data.store.commit.MERGED_FILES", 2)
+    monkeypatch.setattr("scenarionet_data.store.metadata_files.MAX_METADATA_FILES", 4)
+    monkeypatch.setattr("scenarionet_data.store.metadata_files.MERGED_FILES", 2)
     write_raw(raw, {f"s{k}": [k] for k in range(4, 9)})
     run(raw, tmp_path / "parts")
     write_raw(raw, {f"s{k}": [k] for k in range(4)})

@@ -14,6 +14,7 @@ from scenarionet_data.conversion.jobs import Job, convert_shard
 from scenarionet_data.errors import BadParameter, LakeError, NoSuchSnapshot
 from scenarionet_data.maintenance import compact, plan_vacuum, vacuum
 from scenarionet_data.store import commit as commits
+from scenarionet_data.store import metadata_files
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
 from scenarionet_data.store.snapshot import Snapshot
@@ -66,8 +67,8 @@ def test_files_that_a_kept_snapshot_shares_stay(raw, root):
 
 
 def test_merged_metadata_and_what_it_was_merged_from(raw, root, monkeypatch):
-    monkeypatch.setattr(commits, "MAX_METADATA_FILES", 2)
-    monkeypatch.setattr(commits, "MERGED_FILES", 2)
+    monkeypatch.setattr(metadata_files, "MAX_METADATA_FILES", 2)
+    monkeypatch.setattr(metadata_files, "MERGED_FILES", 2)
     convert_to(write_raw(raw, {"new": [77]}), root)
     vacuum(root, keep_last=1)
     write_raw(raw, {"new": [78]})  # falls back to the shards' own files
