@@ -19,6 +19,7 @@ import pyarrow as pa
 from scenarionet_data.catalog.statements import only_select, place_of_mistake, quoted
 from scenarionet_data.catalog.views import Views
 from scenarionet_data.errors import LakeError, QueryError
+from scenarionet_data.store import manifests
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles, is_url
 from scenarionet_data.store.snapshot import Snapshot
@@ -60,7 +61,7 @@ class Engine:
         layers: Mapping[str, int] | None = None,
         only: pa.Table | None = None,
     ) -> None:
-        snapshots.check_schemas(files, snapshot)
+        manifests.check_schemas(files, snapshot)
         self._files = files
         self._snapshot = snapshot
         self._connection = duckdb.connect(config={"autoinstall_known_extensions": False})

@@ -13,8 +13,7 @@ import pyarrow.compute as pc
 from scenarionet_data import tables
 from scenarionet_data.catalog.statements import quoted, shows_every_column, words
 from scenarionet_data.resources import SQL
-from scenarionet_data.store import runs
-from scenarionet_data.store import snapshot as snapshots
+from scenarionet_data.store import manifests, runs
 from scenarionet_data.store.files import LakeFiles
 from scenarionet_data.store.snapshot import Snapshot
 
@@ -34,7 +33,7 @@ def table_files(files: LakeFiles, snapshot: Snapshot, table: str) -> list[str]:
         return runs.part_files(files, table)
     if table == "shards":
         return list(snapshot.manifests)
-    listed = pc.unique(pc.list_flatten(snapshots.column(files, snapshot, "files")))  # shards may share files
+    listed = pc.unique(pc.list_flatten(manifests.column(files, snapshot, "files")))  # shards may share files
     return sorted(listed.filter(pc.starts_with(listed, f"{table}/")).to_pylist())
 
 

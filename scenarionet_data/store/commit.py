@@ -13,7 +13,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scenarionet_data.errors import LakeError, SnapshotConflict
-from scenarionet_data.store import metadata_files, rewriting
+from scenarionet_data.store import manifests, metadata_files, rewriting
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
 from scenarionet_data.store.profiles import profile_of, unit_of
@@ -73,11 +73,11 @@ def commit(
     wanted = list(added)
 
     def change(base: Snapshot) -> tuple[Snapshot | None, tuple[tuple[ShardRecord, str], ...]]:
-        present = set(snapshots.column(files, base, "key").to_pylist())
+        present = set(manifests.column(files, base, "key").to_pylist())
         gone = frozenset(removed & present)
         fresh = [record for record in wanted if record.key not in present - gone]
         _keep(files, fresh)
-        held = snapshots.shards(files, base) if gone else []
+        held = manifests.shards(files, base) if gone else []
         fresh, refused = _refuse_duplicates(files, metadata_files.live(base, held, gone), fresh)
         if (refused and gone) or not (fresh or gone):
             return None, refused
@@ -87,7 +87,7 @@ def commit(
             created_at=snapshots.now(),
             operation=operation,
             metadata=(*metadata_files.live(base, held, gone, moved), *metadata_files.own(fresh)),
-            manifests=snapshots.write_manifests(files, base, [*fresh, *moved], gone | {one.key for one in moved}),
+            manifests=manifests.write(files, base, [*fresh, *moved], gone | {one.key for one in moved}),
         )
         return following, refused
 
@@ -105,7 +105,7 @@ def swap(files: LakeFiles, rewritten: Sequence[Rewritten], operation: str) -> tu
     """
 
     def change(base: Snapshot) -> tuple[Snapshot | None, list[Rewritten]]:
-        held = snapshots.shards(files, base)
+        held = manifests.shards(files, base)
         there = {record.key: record.metadata_file for record in held}
         ready = [each for each in rewritten if all(there.get(old.key) == old.metadata_file for old in each.old)]
         moved = {record.key: record for each in ready for record in each.new}
@@ -120,7 +120,7 @@ def swap(files: LakeFiles, rewritten: Sequence[Rewritten], operation: str) -> tu
             created_at=snapshots.now(),
             operation=operation,
             metadata=metadata_files.merge(files, schemas),
-            manifests=snapshots.write_manifests(files, base, moved.values(), frozenset(moved)),
+            manifests=manifests.write(files, base, moved.values(), frozenset(moved)),
         )
         return following, late
 

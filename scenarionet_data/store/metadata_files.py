@@ -14,6 +14,7 @@ from pathlib import PurePosixPath
 
 import pyarrow as pa
 
+from scenarionet_data.store import manifests
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
 from scenarionet_data.store.shard_record import ShardRecord
@@ -36,7 +37,7 @@ def own(records: Iterable[ShardRecord]) -> list[str]:
 
 def own_with_schemas(files: LakeFiles, base: Snapshot) -> dict[str, str]:
     """Own metadata file of every shard of a snapshot to the version of the contract it was written under."""
-    names, schemas = (snapshots.column(files, base, name).to_pylist() for name in ("metadata_file", "schemas"))
+    names, schemas = (manifests.column(files, base, name).to_pylist() for name in ("metadata_file", "schemas"))
     return {name: schema for name, schema in zip(names, schemas, strict=True) if name is not None}
 
 

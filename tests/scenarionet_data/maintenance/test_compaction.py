@@ -10,7 +10,7 @@ from scenarionet_data.catalog.checks import run_checks
 from scenarionet_data.catalog.packs.verifying import verify_pack
 from scenarionet_data.errors import BadParameter, NoSuchSnapshot
 from scenarionet_data.maintenance import compact, compaction, plan_compaction, vacuum
-from scenarionet_data.store import metadata_files
+from scenarionet_data.store import manifests, metadata_files
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
 from tests.fixtures.made import NAME, write_raw
@@ -25,7 +25,7 @@ def groups(root, table="tracks"):
 
 def records(root):
     files = LakeFiles(root)
-    return {record.name: record for record in snapshots.shards(files, snapshots.read(files))}
+    return {record.name: record for record in manifests.shards(files, snapshots.read(files))}
 
 
 def test_nothing_changes_but_where_scenarios_lie(root):

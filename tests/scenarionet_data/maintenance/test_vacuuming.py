@@ -14,7 +14,7 @@ from scenarionet_data.conversion.jobs import Job, convert_shard
 from scenarionet_data.errors import BadParameter, LakeError, NoSuchSnapshot
 from scenarionet_data.maintenance import compact, plan_vacuum, vacuum
 from scenarionet_data.store import commit as commits
-from scenarionet_data.store import metadata_files
+from scenarionet_data.store import manifests, metadata_files
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
 from scenarionet_data.store.snapshot import Snapshot
@@ -282,7 +282,7 @@ def test_the_number_of_an_expired_snapshot_stays_taken(compacted):
 def test_a_commit_whose_base_goes_meanwhile_reads_again(raw, compacted, monkeypatch):
     write_raw(raw, {"new": [77]})
     (outcome,) = finished(raw, compacted)
-    files, column, happened = LakeFiles(compacted), snapshots.column, []
+    files, column, happened = LakeFiles(compacted), manifests.column, []
 
     def slow(files, base, name):
         if not happened:
@@ -291,7 +291,7 @@ def test_a_commit_whose_base_goes_meanwhile_reads_again(raw, compacted, monkeypa
             vacuum(compacted, keep_last=1)
         return column(files, base, name)
 
-    monkeypatch.setattr(snapshots, "column", slow)
+    monkeypatch.setattr(manifests, "column", slow)
     commits.commit(files, [outcome.record], "slow")
     assert {"made/v1/s000077", "made/v1/s000003"} <= set(content(Lake(compacted)))
     check_whole(compacted)

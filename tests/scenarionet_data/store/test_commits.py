@@ -12,13 +12,14 @@ import pytest
 from scenarionet_data import Lake
 from scenarionet_data.errors import SnapshotConflict
 from scenarionet_data.store import commit as commits
+from scenarionet_data.store import manifests
 from scenarionet_data.store import snapshot as snapshots
 from tests.fixtures.lakes import stored_ids, write_shard
 from tests.fixtures.scenarios import renamed, small
 
 
 def names_of(files):
-    return [record.name for record in snapshots.shards(files, snapshots.read(files))]
+    return [record.name for record in manifests.shards(files, snapshots.read(files))]
 
 
 def test_commits_add_up_and_old_snapshots_stay(files, template):
@@ -86,7 +87,7 @@ def test_nothing_is_replaced_when_what_takes_its_place_is_refused(files, templat
 
 
 def test_many_commits_fold_their_manifests(files, template, monkeypatch):
-    monkeypatch.setattr(snapshots, "_MAX_MANIFESTS", 3)
+    monkeypatch.setattr(manifests, "_MAX_MANIFESTS", 3)
     for k in range(8):
         commits.commit(files, [write_shard(files.root, [renamed(template, f"s{k}")], name=f"shard{k}")], "test")
         assert len(snapshots.read(files).manifests) <= 3
