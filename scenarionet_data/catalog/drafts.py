@@ -70,8 +70,8 @@ class Draft:
             DatabaseExists: There is one and ``replace`` is False.
         """
         while True:
-            databases.check_free(self._files, name, replace=replace)
             version = (databases.versions(self._files, name) or [0])[-1] + 1
+            databases.check_free(self._files, name, replace=replace)  # last, or a rival's version comes between
             if self._files.publish_new(databases.path(name, version), self._path):
                 return databases.read(self._files, name, version)
 
