@@ -15,7 +15,8 @@ import pyarrow.parquet as pq
 from scenarionet_data import tables
 from scenarionet_data.catalog.statements import quoted
 from scenarionet_data.errors import BadParameter, DatabaseExists, DatabaseNotFound
-from scenarionet_data.store.files import LakeFiles, reading
+from scenarionet_data.store.file_errors import reading
+from scenarionet_data.store.files import LakeFiles
 
 _FOLDER = "databases"
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]*")

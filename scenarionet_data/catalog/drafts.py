@@ -15,7 +15,8 @@ import pyarrow.parquet as pq
 from scenarionet_data import tables
 from scenarionet_data.catalog import database as databases
 from scenarionet_data.catalog.database import Database, Lineage
-from scenarionet_data.store.files import LakeFiles, writing
+from scenarionet_data.store.file_errors import writing
+from scenarionet_data.store.files import LakeFiles
 
 _ROWS_PER_GROUP = 65_536  # DuckDB's threads take a group each
 

@@ -22,7 +22,8 @@ from scenarionet_data.catalog.database import Database
 from scenarionet_data.catalog.packs import origins, tiles
 from scenarionet_data.store import manifests
 from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.files import LakeFiles, sha256, writing
+from scenarionet_data.store.file_errors import writing
+from scenarionet_data.store.files import LakeFiles, sha256
 from scenarionet_data.store.row_group_copy import RowGroupSource, RowGroupWriter
 from scenarionet_data.store.scenario_rows import Address, ScenarioRows
 from scenarionet_data.store.shard_record import ShardRecord, partition
