@@ -20,7 +20,7 @@ from scenarionet_data.codec import LoadedRows
 from scenarionet_data.scenario import MapFeatures, ScenarioDescription, Tracks
 from scenarionet_data.shared_maps import SharedMaps
 from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.files import reading
+from scenarionet_data.store.file_errors import reading
 from scenarionet_data.store.row_group_readers import Address, RowGroupReader, open_reader
 
 Row = Mapping[str, Any]

@@ -8,8 +8,8 @@ from typing import Any
 
 from scenarionet_data import Lake
 from scenarionet_data.catalog import mistakes
-from scenarionet_data.catalog.engine import check_expression
 from scenarionet_data.catalog.members import ADDRESS_COLUMNS
+from scenarionet_data.catalog.statements import check_expression
 from scenarionet_data.errors import BadParameter, QueryError
 
 MOST_ROWS = 200

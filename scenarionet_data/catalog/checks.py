@@ -25,10 +25,11 @@ from scenarionet_data.catalog.database import Database
 from scenarionet_data.catalog.engine import Engine
 from scenarionet_data.catalog.lake import Lake
 from scenarionet_data.catalog.named_sql import CHECKS
+from scenarionet_data.catalog.statements import quoted
 from scenarionet_data.conversion.runners import Run
 from scenarionet_data.converters.base import Budgets
 from scenarionet_data.errors import LakeError, QueryError
-from scenarionet_data.store import snapshot as snapshots
+from scenarionet_data.store import manifests
 from scenarionet_data.store.files import LakeFiles
 from scenarionet_data.store.snapshot import Snapshot
 
@@ -272,7 +273,7 @@ def _inquest(root: str, snapshot: int, database: str | None) -> _Inquest:
 
 def budget_table(lake: Lake) -> pa.Table:
     """The table ``budgets`` that soft rules join: one row a dataset of the lake, as its converter declares it."""
-    datasets = pc.unique(snapshots.column(lake.files, lake.snapshot, "dataset")).to_pylist()
+    datasets = pc.unique(manifests.column(lake.files, lake.snapshot, "dataset")).to_pylist()
     rows = [{"dataset": name, **asdict(converters.budgets(name))} for name in sorted(datasets)]
     numbers = [(name, pa.float64()) for name in asdict(Budgets())]
     return pa.Table.from_pylist(rows, schema=pa.schema([("dataset", pa.string()), *numbers]))
@@ -291,7 +292,7 @@ _ROWS = pa.schema(
 
 def _texts(values: Sequence[str]) -> str:
     """SQL for a list of texts."""
-    return "[" + ", ".join("'" + value.replace("'", "''") + "'" for value in values) + "]::VARCHAR[]"
+    return f"[{', '.join(map(quoted, values))}]::VARCHAR[]"
 
 
 def _rank(check: Check) -> tuple[bool, str]:
@@ -320,7 +321,7 @@ def _broken_files(files: LakeFiles, snapshot: Snapshot) -> pa.Table:
             f"{files.url(needed[0])}: gone, and {len(needed) - 1} more that list the lake's scenarios; "
             "restore them from a copy of the lake, or open an older snapshot"
         )
-    shards = snapshots.shard_table(files, snapshot)
+    shards = manifests.shard_table(files, snapshot)
     names, sizes = (pc.list_flatten(shards[column]).to_pylist() for column in ("files", "sizes"))
     wanted = dict(zip(names, sizes, strict=True))  # shards may share files
     broken = [

@@ -13,8 +13,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scenarionet_data import tables
+from scenarionet_data.catalog.statements import quoted
 from scenarionet_data.errors import BadParameter, DatabaseExists, DatabaseNotFound
-from scenarionet_data.store.files import LakeFiles, reading
+from scenarionet_data.store.file_errors import reading
+from scenarionet_data.store.files import LakeFiles
 
 _FOLDER = "databases"
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]*")
@@ -100,8 +102,7 @@ class Database:
     @property
     def relation(self) -> str:
         """SQL for its members, which stay where they are."""
-        quoted = str(self.files.path(self.file)).replace("'", "''")
-        return f"read_parquet('{quoted}')"
+        return f"read_parquet({quoted(str(self.files.path(self.file)))})"
 
 
 def check_name(name: str) -> None:

@@ -15,7 +15,8 @@ import pyarrow.parquet as pq
 from scenarionet_data import tables
 from scenarionet_data.catalog import database as databases
 from scenarionet_data.catalog.database import Database, Lineage
-from scenarionet_data.store.files import LakeFiles, writing
+from scenarionet_data.store.file_errors import writing
+from scenarionet_data.store.files import LakeFiles
 
 _ROWS_PER_GROUP = 65_536  # DuckDB's threads take a group each
 
@@ -70,8 +71,8 @@ class Draft:
             DatabaseExists: There is one and ``replace`` is False.
         """
         while True:
-            databases.check_free(self._files, name, replace=replace)
             version = (databases.versions(self._files, name) or [0])[-1] + 1
+            databases.check_free(self._files, name, replace=replace)  # last, or a rival's version comes between
             if self._files.publish_new(databases.path(name, version), self._path):
                 return databases.read(self._files, name, version)
 

@@ -13,6 +13,7 @@ from scenarionet_data.catalog.checks import Findings
 from scenarionet_data.catalog.database import Database
 from scenarionet_data.catalog.operations import pool as pools
 from scenarionet_data.catalog.operations.pool import Saving
+from scenarionet_data.catalog.statements import quoted
 from scenarionet_data.converters.base import Budgets
 
 
@@ -60,4 +61,4 @@ def _values(rows: list[dict[str, object]], like: Mapping[str, object]) -> str:
 
 
 def _literal(value: object) -> str:
-    return "'" + value.replace("'", "''") + "'" if isinstance(value, str) else f"{value}::DOUBLE"
+    return quoted(value) if isinstance(value, str) else f"{value}::DOUBLE"

@@ -14,7 +14,7 @@ from scenarionet_data.catalog import comparison, mining, tagging
 from scenarionet_data.catalog import database as databases
 from scenarionet_data.catalog import layers as layer_files
 from scenarionet_data.catalog.database import Database
-from scenarionet_data.catalog.engine import FILE_TABLES, Engine, Rows, table_files
+from scenarionet_data.catalog.engine import Engine, Rows
 from scenarionet_data.catalog.members import ADDRESS_COLUMNS, locate
 from scenarionet_data.catalog.named_sql import QUESTIONS
 from scenarionet_data.catalog.operations import (
@@ -31,7 +31,9 @@ from scenarionet_data.catalog.operations import (
     splitting,
 )
 from scenarionet_data.catalog.packs import packing
+from scenarionet_data.catalog.views import FILE_TABLES, table_files
 from scenarionet_data.errors import BadParameter, ScenarioNotFound
+from scenarionet_data.store import manifests
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import open_files
 from scenarionet_data.store.snapshot import Snapshot
@@ -285,7 +287,7 @@ class Lake:
 
     def shared_maps(self) -> dict[tuple[str, str, str], str]:
         """File of each map that scenarios share, by dataset, version and map id."""
-        listed = snapshots.shard_table(self.files, self.snapshot).filter(pc.field("split") == "").to_pylist()
+        listed = manifests.shard_table(self.files, self.snapshot).filter(pc.field("split") == "").to_pylist()
         return {(row["dataset"], row["version"], row["name"]): row["files"][0] for row in listed}
 
     def _holding(self, database: Database) -> tuple[Lake, pa.Table]:

@@ -18,9 +18,10 @@ import pyarrow.parquet as pq
 
 from scenarionet_data import tables
 from scenarionet_data.catalog import database as databases
-from scenarionet_data.catalog.engine import check_expression, words
+from scenarionet_data.catalog.statements import check_expression, words
 from scenarionet_data.errors import BadParameter, LayerNotFound
-from scenarionet_data.store.files import LakeFiles, reading, writing
+from scenarionet_data.store.file_errors import reading, writing
+from scenarionet_data.store.files import LakeFiles
 
 _FOLDER = "layers"
 _NAME = re.compile(r"[a-z][a-z0-9_]*")

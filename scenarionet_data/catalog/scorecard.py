@@ -15,7 +15,7 @@ from scenarionet_data.catalog import releases
 from scenarionet_data.catalog.checks import PARTITION, Check, Findings
 from scenarionet_data.catalog.releases import Coverage
 from scenarionet_data.converters.base import Budgets
-from scenarionet_data.store import snapshot as snapshots
+from scenarionet_data.store import manifests
 from scenarionet_data.store.shard_record import ShardRecord
 
 _NUM_EXAMPLES = 3
@@ -102,7 +102,7 @@ class Scorecard:
 
 def make_scorecard(findings: Findings) -> Scorecard:
     """The scorecard of what checks found."""
-    shards = snapshots.shards(findings.holder.files, findings.holder.snapshot)
+    shards = manifests.shards(findings.holder.files, findings.holder.snapshot)
     rejected: Counter[tuple[str, ...]] = Counter()
     for shard in shards:
         rejected[shard.dataset, shard.version, shard.split] += shard.num_quarantined

@@ -15,9 +15,9 @@ import pyarrow.parquet as pq
 from scenarionet_data import software
 from scenarionet_data.catalog import database as databases
 from scenarionet_data.catalog import layers
-from scenarionet_data.catalog.engine import check_expression
 from scenarionet_data.catalog.layers import Layer
 from scenarionet_data.catalog.named_sql import EVENTS
+from scenarionet_data.catalog.statements import check_expression
 from scenarionet_data.errors import BadParameter, LayerExists, LayerInUse, ScenarioNotFound
 from scenarionet_data.store import snapshot as snapshots
 

@@ -24,6 +24,7 @@ from scenarionet_data.conversion.tally import Tally
 from scenarionet_data.converters.base import Converter, Options, guess_split
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.store import commit as commits
+from scenarionet_data.store import manifests
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles, open_files
 
@@ -144,7 +145,7 @@ def _prepare(
 ) -> tuple[LakeFiles, Plan, Plan]:
     """The lake's files, what to do about shared maps, and what to do about scenarios."""
     files, chosen, version = open_files(lake), options or converter.Options(), version or converter.release
-    held = snapshots.shards(files, snapshots.read(files))
+    held = manifests.shards(files, snapshots.read(files))
     with listing(converter, raw) as place:
         split = split or guess_split(place.folder)
         for name, value in (("split", split), ("version", version)):

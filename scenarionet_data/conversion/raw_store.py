@@ -15,7 +15,8 @@ from urllib.parse import urlsplit
 
 from scenarionet_data.converters.base import Converter, Shard
 from scenarionet_data.errors import BadParameter, FileGone, SourceNotFound
-from scenarionet_data.store.files import is_url, writing
+from scenarionet_data.store.file_errors import writing
+from scenarionet_data.store.files import is_url
 from scenarionet_data.store.object_store import ObjectStore, Stored
 
 _AT_ONCE = 16

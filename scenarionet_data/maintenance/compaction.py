@@ -17,7 +17,7 @@ from pathlib import Path
 from scenarionet_data.conversion.runners import Run, runner
 from scenarionet_data.errors import BadParameter, LakeError
 from scenarionet_data.store import commit as commits
-from scenarionet_data.store import profiles, rewriting
+from scenarionet_data.store import manifests, profiles, rewriting
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.commit import Rewritten
 from scenarionet_data.store.files import LakeFiles, open_files
@@ -162,9 +162,9 @@ def plan_compaction(
     for key in sorted(set(patterns) - set(_KEYS)):
         raise BadParameter(f"--where {key}: choose by {', '.join(_KEYS)}")
     base = snapshots.newest(files)
-    snapshots.check_schemas(files, base)
+    manifests.check_schemas(files, base)
     kinds: dict[tuple[str, ...], list[ShardRecord]] = defaultdict(list)
-    for record in snapshots.shards(files, base):
+    for record in manifests.shards(files, base):
         if record.num_scenarios and all(fnmatchcase(getattr(record, key), patterns[key]) for key in patterns):
             # What was converted alike stays told apart from the rest.
             kind = (record.dataset, record.version, record.split, record.converter_version, record.options)
@@ -268,7 +268,7 @@ def _report_failed(files: LakeFiles, failed: list[Outcome], report: Compaction) 
     """Note why bins failed; returns those whose files are gone because other jobs have changed them meanwhile."""
     report.failed = []
     late = []
-    there = {record.key: record for record in snapshots.shards(files, snapshots.read(files))} if failed else {}
+    there = {record.key: record for record in manifests.shards(files, snapshots.read(files))} if failed else {}
     for outcome in failed:
         if all(there.get(record.key) == record for record in outcome.bin.records):
             report.failed.append((outcome.bin.records[0].name, str(outcome.error)))

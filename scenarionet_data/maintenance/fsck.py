@@ -17,6 +17,7 @@ from scenarionet_data.maintenance import companions
 from scenarionet_data.maintenance.remedies import Inputs, remedy
 from scenarionet_data.maintenance.vacuuming import list_files
 from scenarionet_data.store import commit as commits
+from scenarionet_data.store import manifests, metadata_files
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles, open_files
 from scenarionet_data.store.snapshot import Snapshot
@@ -98,9 +99,9 @@ def fsck(
     files = open_files(lake)
     snapshots.check_is_lake(files)
     there, damages = _read_snapshots(files)
-    manifests, found = _read_manifests(files, there)
+    lists, found = _read_manifests(files, there)
     damages += found
-    written = _written(manifests.values())
+    written = _written(lists.values())
     damages += (each for name in _live_metadata(there) for each in unreadable(files, name))
     verifier = Verifier(files, is_deep=is_deep, workers=workers or os.cpu_count() or 1)
     told = {damage.file for damage in damages}
@@ -108,10 +109,10 @@ def fsck(
     broken = {damage.file for damage in damages}
     for number in sorted({*companions.bases(files), max(there, default=0)} & set(there)):
         if broken.isdisjoint((*there[number].manifests, *there[number].metadata)):
-            damages += verifier.references(there[number], snapshots.shard_table(files, there[number]))
+            damages += verifier.references(there[number], manifests.shard_table(files, there[number]))
     damages += companions.damages(files, there, broken)
     newest = there[max(there)].manifests if there else ()
-    inputs = Inputs(manifests[name] for name in newest if name in manifests)
+    inputs = Inputs(lists[name] for name in newest if name in lists)
     problems = dict.fromkeys(Problem(each.file, _reason(each), remedy(each.file, inputs)) for each in damages)
     return Fsck(tuple(there), len(written), tuple(problems), _notes(files, there))
 
@@ -130,8 +131,8 @@ def repair(lake: str | Path, found: Fsck) -> list[str]:
     """
     files = open_files(lake)
     broken = {problem.file for problem in found.problems}
-    commits.merge_again(files, broken)
-    held = snapshots.shards(files, snapshots.newest(files))
+    metadata_files.merge_again(files, broken)
+    held = manifests.shards(files, snapshots.newest(files))
     hit = [record for record in held if broken.intersection((*record.files, record.metadata_file))]
     commits.commit(files, [], "repair", frozenset(record.key for record in hit))
     commits.consolidate(files)
@@ -156,14 +157,14 @@ def _read_manifests(files: LakeFiles, there: dict[int, Snapshot]) -> tuple[dict[
     """The shards that each manifest lists, and what is wrong with those that cannot be read."""
     names = sorted({name for snapshot in there.values() for name in snapshot.manifests})
     damages = {name: list(unreadable(files, name)) for name in names}
-    manifests = {name: snapshots.read_manifest(files, name) for name in names if not damages[name]}
-    return manifests, [damage for found in damages.values() for damage in found]
+    lists = {name: manifests.read(files, name) for name in names if not damages[name]}
+    return lists, [damage for found in damages.values() for damage in found]
 
 
-def _written(manifests: Iterable[pa.Table]) -> dict[str, Written]:
+def _written(lists: Iterable[pa.Table]) -> dict[str, Written]:
     """What is known about every file that belongs to a shard."""
     written: dict[str, Written] = {}
-    for shards in manifests:
+    for shards in lists:
         written |= listed(shards)
         written |= dict.fromkeys(shards["metadata_file"].drop_null().to_pylist(), Written())
     return written
@@ -179,7 +180,7 @@ def _live_metadata(there: dict[int, Snapshot]) -> list[str]:
 
 
 def _notes(files: LakeFiles, there: dict[int, Snapshot]) -> tuple[Note, ...]:
-    names = snapshots.NamedFiles(files)
+    names = manifests.NamedFiles(files)
     try:
         named = set().union(*(names.of(number) for number in there))
     except LakeError:  # told already; what belongs to nobody cannot be told then

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from scenarionet_data.catalog import database as databases
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.store import manifests
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles, Listed, open_files
 
@@ -129,7 +130,7 @@ def vacuum(
     # A database may have been made on one meanwhile: that snapshot comes back. A commit may name listed files again.
     for number in sorted(set(gone) & set(_made_on(files))):
         snapshots.restore(files, gone.pop(number))
-    names = snapshots.NamedFiles(files)
+    names = manifests.NamedFiles(files)
     named = set().union(*(names.of(number) for number in set(snapshots.numbers(files)) - set(plan.kept)))
     deleted = []
     for done, listed in enumerate(plan.files, start=1):
@@ -166,7 +167,7 @@ def _named(files: LakeFiles, numbers: Iterable[int], expired: Mapping[int, float
     """
     named: set[str] = set()
     held_until: dict[str, float] = {}
-    names = snapshots.NamedFiles(files)
+    names = manifests.NamedFiles(files)
     for number in numbers:
         found = names.of(number)
         if number in expired:

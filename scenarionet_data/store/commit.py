@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 import random
 import time
-from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import PurePosixPath
 from typing import TypeVar
 from weakref import WeakKeyDictionary
 
@@ -16,21 +13,13 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scenarionet_data.errors import LakeError, SnapshotConflict
-from scenarionet_data.store import rewriting
+from scenarionet_data.store import manifests, metadata_files, rewriting
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
 from scenarionet_data.store.profiles import profile_of, unit_of
 from scenarionet_data.store.shard_record import ShardRecord
 from scenarionet_data.store.snapshot import Snapshot
-from scenarionet_data.store.table_file import write_table
 
-MAX_METADATA_FILES = 64
-"""Live metadata files of a partition; more are merged (3,000 files of 64 rows take 0.7 s to count)."""
-
-MERGED_FILES = 16
-"""Files that a larger partition has instead; one more shard changes one of them."""
-
-_ROWS_PER_GROUP = 65_536
 _ATTEMPTS = 50
 
 _READ: WeakKeyDictionary[LakeFiles, dict[str, pa.Array]] = WeakKeyDictionary()
@@ -84,12 +73,12 @@ def commit(
     wanted = list(added)
 
     def change(base: Snapshot) -> tuple[Snapshot | None, tuple[tuple[ShardRecord, str], ...]]:
-        present = set(snapshots.column(files, base, "key").to_pylist())
+        present = set(manifests.column(files, base, "key").to_pylist())
         gone = frozenset(removed & present)
         fresh = [record for record in wanted if record.key not in present - gone]
         _keep(files, fresh)
-        held = snapshots.shards(files, base) if gone else []
-        fresh, refused = _refuse_duplicates(files, _live(base, held, gone), fresh)
+        held = manifests.shards(files, base) if gone else []
+        fresh, refused = _refuse_duplicates(files, metadata_files.live(base, held, gone), fresh)
         if (refused and gone) or not (fresh or gone):
             return None, refused
         moved = _separate(files, held, gone)
@@ -97,8 +86,8 @@ def commit(
             number=base.number + 1,
             created_at=snapshots.now(),
             operation=operation,
-            metadata=(*_live(base, held, gone, moved), *_own_metadata(fresh)),
-            manifests=snapshots.write_manifests(files, base, [*fresh, *moved], gone | {one.key for one in moved}),
+            metadata=(*metadata_files.live(base, held, gone, moved), *metadata_files.own(fresh)),
+            manifests=manifests.write(files, base, [*fresh, *moved], gone | {one.key for one in moved}),
         )
         return following, refused
 
@@ -116,7 +105,7 @@ def swap(files: LakeFiles, rewritten: Sequence[Rewritten], operation: str) -> tu
     """
 
     def change(base: Snapshot) -> tuple[Snapshot | None, list[Rewritten]]:
-        held = snapshots.shards(files, base)
+        held = manifests.shards(files, base)
         there = {record.key: record.metadata_file for record in held}
         ready = [each for each in rewritten if all(there.get(old.key) == old.metadata_file for old in each.old)]
         moved = {record.key: record for each in ready for record in each.new}
@@ -124,13 +113,14 @@ def swap(files: LakeFiles, rewritten: Sequence[Rewritten], operation: str) -> tu
         if not moved:
             return None, late
         _keep(files, moved.values())
-        own = {record.key: moved.get(record.key, record) for record in held}
+        now = [moved.get(record.key, record) for record in held]
+        schemas = {record.metadata_file: record.schemas for record in now if record.metadata_file is not None}
         following = Snapshot(
             number=base.number + 1,
             created_at=snapshots.now(),
             operation=operation,
-            metadata=_merged(files, {r.metadata_file: r.schemas for r in own.values() if r.metadata_file is not None}),
-            manifests=snapshots.write_manifests(files, base, moved.values(), frozenset(moved)),
+            metadata=metadata_files.merge(files, schemas),
+            manifests=manifests.write(files, base, moved.values(), frozenset(moved)),
         )
         return following, late
 
@@ -138,35 +128,22 @@ def swap(files: LakeFiles, rewritten: Sequence[Rewritten], operation: str) -> tu
 
 
 def consolidate(files: LakeFiles) -> Snapshot:
-    """Give partitions of many shards few metadata files.
-
-    The result is a function of the shards alone, whatever the order of the commits: up to MAX_METADATA_FILES
-    shards keep their own files; of more, each stands in the one of MERGED_FILES that its name's hash chooses.
-    """
+    """Give partitions of many shards few metadata files; see :mod:`.metadata_files`."""
 
     def change(base: Snapshot) -> tuple[Snapshot | None, None]:
-        own = _own_files(files, base)
-        if set(_metadata_files(own)) == set(base.metadata):
+        schemas = metadata_files.own_with_schemas(files, base)
+        if set(metadata_files.layout(schemas)) == set(base.metadata):
             return None, None
         following = replace(
             base,
             number=base.number + 1,
             created_at=snapshots.now(),
             operation="consolidate metadata",
-            metadata=_merged(files, own),
+            metadata=metadata_files.merge(files, schemas),
         )
         return following, None
 
     return _publish(files, change)[0]
-
-
-def merge_again(files: LakeFiles, names: Iterable[str]) -> None:
-    """Publish merged metadata files of the newest snapshot once more, as they were, for example damaged ones."""
-    base = snapshots.read(files)
-    wanted = _metadata_files(_own_files(files, base))
-    for name in set(names) & set(wanted) & set(base.metadata):
-        if wanted[name] != [name]:
-            _merge(files, name, wanted[name])
 
 
 def _publish(files: LakeFiles, change: Callable[[Snapshot], tuple[Snapshot | None, Told]]) -> tuple[Snapshot, Told]:
@@ -212,70 +189,12 @@ def _keep(files: LakeFiles, records: Iterable[ShardRecord]) -> None:
         LakeError: One has taken them already.
     """
     for record in records:
-        gone = files.renew([*_own_metadata([record]), *record.files])
+        gone = files.renew([*metadata_files.own([record]), *record.files])
         if gone:
             raise LakeError(
                 f"{files.url(gone[0])}: gone, although shard {record.name} was finished; `scenarionet vacuum` takes "
                 "what is not committed after a day: run the same command again, it makes what is missing"
             )
-
-
-def _own_files(files: LakeFiles, base: Snapshot) -> dict[str, str]:
-    """Metadata file of every shard to the version of the contract it was written under."""
-    names, schemas = (snapshots.column(files, base, name).to_pylist() for name in ("metadata_file", "schemas"))
-    return {name: schema for name, schema in zip(names, schemas, strict=True) if name is not None}
-
-
-def _metadata_files(own: Mapping[str, str]) -> dict[str, list[str]]:
-    """Metadata files that a lake of these shards has, and the shards' own files each is made of."""
-    partitions: dict[str, list[str]] = defaultdict(list)
-    for name in sorted(own):
-        partitions[_folder(name)].append(name)
-    wanted: dict[str, list[str]] = {}
-    for folder, names in partitions.items():
-        # Files of different contracts stay apart until the last of the old ones has been replaced.
-        if len(names) <= MAX_METADATA_FILES or len({own[name] for name in names}) > 1:
-            wanted |= {name: [name] for name in names}
-            continue
-        chosen: dict[int, list[str]] = defaultdict(list)
-        for name in names:
-            chosen[int(_digest(name), 16) % MERGED_FILES].append(name)
-        wanted |= {f"{folder}/merged-{_digest(*chosen[k])}.parquet": chosen[k] for k in sorted(chosen)}
-    return wanted
-
-
-def _digest(*names: str) -> str:
-    return hashlib.blake2b("\n".join(names).encode(), digest_size=8).hexdigest()
-
-
-def _merge(files: LakeFiles, name: str, sources: list[str]) -> None:
-    """Publish shards' own metadata files, one after the other, as one."""
-    together = pa.concat_tables(files.read_all(sources))
-    files.publish(write_table(files, "metadata", together, {}, row_group_size=_ROWS_PER_GROUP), name)
-
-
-def _merged(files: LakeFiles, own: Mapping[str, str]) -> tuple[str, ...]:
-    """The metadata files that a lake of these shards has, those published that are not there yet."""
-    wanted = _metadata_files(own)
-    for name, sources in wanted.items():
-        if sources != [name] and files.renew([name]):
-            _merge(files, name, sources)
-    return tuple(wanted)
-
-
-def _live(
-    base: Snapshot, held: Sequence[ShardRecord], gone: frozenset[str], moved: Sequence[ShardRecord] = ()
-) -> tuple[str, ...]:
-    """Live metadata files without the rows of shards that go, and with others' rows as they were rewritten.
-
-    The partitions of both fall back to the shards' own files.
-    """
-    if not gone:
-        return base.metadata
-    now = {record.key: record for record in held if record.key not in gone} | {record.key: record for record in moved}
-    touched = {_folder(name) for name in _own_metadata(record for record in held if record.key in gone)}
-    kept = [name for name in base.metadata if _folder(name) not in touched]
-    return (*kept, *(name for name in _own_metadata(now.values()) if _folder(name) in touched))
 
 
 def _refuse_duplicates(
@@ -285,7 +204,7 @@ def _refuse_duplicates(
     if not fresh:
         return [], ()
     releases = {(record.dataset, record.version) for record in fresh}
-    ids = [_ids(files, _own_metadata([record])) for record in fresh]
+    ids = [_ids(files, metadata_files.own([record])) for record in fresh]
     wanted = pa.concat_arrays(ids)
     rivals = _ids(files, [name for name in live if _release(name) in releases])
     taken = set(rivals.filter(pc.is_in(rivals, value_set=wanted)).to_pylist())
@@ -300,11 +219,6 @@ def _refuse_duplicates(
     return accepted, tuple(refused)
 
 
-def _own_metadata(records: Iterable[ShardRecord]) -> list[str]:
-    """The shards' own metadata files; a shared map has none."""
-    return [record.metadata_file for record in records if record.metadata_file is not None]
-
-
 def _ids(files: LakeFiles, names: list[str]) -> pa.Array:
     """Scenario ids in metadata files; each is read once for all commits of a job, for it never changes."""
     known = _READ.setdefault(files, {})
@@ -312,10 +226,6 @@ def _ids(files: LakeFiles, names: list[str]) -> pa.Array:
     for name, rows in zip(missing, files.read_all(missing, ["scenario_id"]), strict=True):
         known[name] = rows["scenario_id"].combine_chunks()
     return pa.concat_arrays([known[name] for name in names]) if names else pa.array([], pa.string())
-
-
-def _folder(name: str) -> str:
-    return str(PurePosixPath(name).parent)
 
 
 def _release(name: str) -> tuple[str, str]:

@@ -12,8 +12,8 @@ import os
 import shutil
 import time
 import uuid
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,8 @@ from urllib.parse import unquote, urlsplit
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from scenarionet_data.errors import FileGone, LakeError
+from scenarionet_data.errors import LakeError
+from scenarionet_data.store.file_errors import reading, writing
 
 _TEMPORARY = ".tmp"
 _ABANDONED_AFTER = 24 * 3600.0
@@ -285,55 +286,6 @@ def sha256(path: Path) -> str:
     """SHA-256 of a file, hexadecimal."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-@contextmanager
-def writing(path: Path, temporary: Path | None = None) -> Iterator[None]:
-    """Turns the operating system's refusals into a LakeError with the remedy.
-
-    Args:
-        path: What the message names.
-        temporary: Removed when anything goes wrong, so that a full disk is not kept full.
-    """
-    try:
-        yield
-    except BaseException as error:
-        if temporary is not None:
-            with suppress(OSError):  # where nothing may be written there is nothing to remove
-                temporary.unlink()
-        if isinstance(error, OSError):
-            raise LakeError(f"cannot write {path}: {_reason(error)}; {_remedy(error)}") from error
-        raise
-
-
-@contextmanager
-def reading(path: Path | str) -> Iterator[None]:
-    """Turns a file that is gone, unreadable or damaged into a LakeError with the remedy."""
-    try:
-        yield
-    except FileGone:
-        raise
-    except (OSError, pa.ArrowInvalid) as error:
-        raise LakeError(
-            f"cannot read {path}: {_reason(error)}; `scenarionet check` names every scenario that is hit: restore the "
-            "file from a copy of the lake, or `scenarionet fsck --repair` and convert its recordings again"
-        ) from error
-
-
-def _reason(error: Exception) -> str:
-    """The system's own words, without Arrow's around them."""
-    number = getattr(error, "errno", None)
-    return os.strerror(number) if number else str(error)
-
-
-def _remedy(error: OSError) -> str:
-    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-        return "free some space and run the same command again: finished shards are kept"
-    if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
-        return "choose a folder you may write to, or change its permissions"
-    if error.errno in (errno.ENOTDIR, errno.EEXIST):
-        return "choose a folder, not a file"
-    return "finished shards are kept: mend the cause and run the same command again"
 
 
 def _to_disk(path: Path) -> None:

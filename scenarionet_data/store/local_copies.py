@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
-from scenarionet_data.store.files import writing
+from scenarionet_data.store.file_errors import writing
 
 _KEPT_FOR = 3600.0
 _LOOKED_AT_EVERY = 64 * 2**20

@@ -18,7 +18,7 @@ from typing import Any
 
 from scenarionet_data.errors import FileGone, LakeError, MissingDependency
 from scenarionet_data.software import PACKAGE
-from scenarionet_data.store.files import writing
+from scenarionet_data.store.file_errors import writing
 
 SCHEMES = ("s3", "gs")
 _ENDPOINTS = ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT")

@@ -20,7 +20,8 @@ import pyarrow.parquet as pq
 
 from scenarionet_data.errors import FileGone
 from scenarionet_data.store import object_store
-from scenarionet_data.store.files import LakeFiles, Listed, open_files, reading, writing
+from scenarionet_data.store.file_errors import reading, writing
+from scenarionet_data.store.files import LakeFiles, Listed, open_files
 from scenarionet_data.store.local_copies import LocalCopies, folder_of
 from scenarionet_data.store.object_store import ObjectStore
 

@@ -21,7 +21,8 @@ import pyarrow.parquet as pq
 
 from scenarionet_data import tables
 from scenarionet_data.errors import LakeError
-from scenarionet_data.store.files import LakeFiles, reading, sha256, writing
+from scenarionet_data.store.file_errors import reading, writing
+from scenarionet_data.store.files import LakeFiles, sha256
 from scenarionet_data.store.profiles import Profile, new_unit, rewritten_name
 from scenarionet_data.store.scenario_rows import Address, ScenarioRows
 from scenarionet_data.store.shard_record import ShardRecord, find_record, partition

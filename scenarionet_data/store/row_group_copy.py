@@ -13,7 +13,7 @@ from typing import BinaryIO
 
 from scenarionet_data.errors import LakeError
 from scenarionet_data.store import thrift
-from scenarionet_data.store.files import reading, writing
+from scenarionet_data.store.file_errors import reading, writing
 from scenarionet_data.store.thrift import Struct
 
 _MAGIC = b"PAR1"

@@ -8,7 +8,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scenarionet_data import tables
-from scenarionet_data.store.files import LakeFiles, reading
+from scenarionet_data.store.file_errors import reading
+from scenarionet_data.store.files import LakeFiles
 
 Address = tuple[str, int, int, int]
 """File, row group, first row and number of rows of a scenario in a table."""

@@ -21,7 +21,8 @@ from scenarionet_data.codec import Encoded
 from scenarionet_data.converters.base import Shard
 from scenarionet_data.errors import InvalidScenario, LakeError
 from scenarionet_data.scenario import ScenarioDescription
-from scenarionet_data.store.files import LakeFiles, sha256, writing
+from scenarionet_data.store.file_errors import writing
+from scenarionet_data.store.files import LakeFiles, sha256
 from scenarionet_data.store.shard_record import ShardRecord, metadata_name, partition, shard_key
 from scenarionet_data.store.table_file import write_table
 

@@ -12,7 +12,8 @@ import numpy.typing as npt
 from scenarionet_data import codec, tables
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.base import Shard
-from scenarionet_data.store.files import LakeFiles, sha256, writing
+from scenarionet_data.store.file_errors import writing
+from scenarionet_data.store.files import LakeFiles, sha256
 from scenarionet_data.store.shard_record import ShardRecord, partition, shard_key
 
 TILE = 200.0

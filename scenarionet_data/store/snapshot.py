@@ -2,27 +2,18 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
-from functools import cache
 from pathlib import Path
 
-import pyarrow as pa
-import pyarrow.compute as pc
-
-from scenarionet_data import tables
-from scenarionet_data.errors import LakeError, NoSuchSnapshot, SchemaMismatch
+from scenarionet_data.errors import LakeError, NoSuchSnapshot
 from scenarionet_data.store.files import LakeFiles
-from scenarionet_data.store.shard_record import ShardRecord
-from scenarionet_data.store.table_file import write_table
 
-_FOLDER = "snapshots"
-_MAX_MANIFESTS = 16
+FOLDER = "snapshots"
 
 
 @dataclass(frozen=True)
@@ -53,7 +44,7 @@ EMPTY = Snapshot(0, "", "empty", (), ())
 
 def numbers(files: LakeFiles) -> list[int]:
     """Numbers of the snapshots that are there, rising."""
-    stems = [name.rpartition("/")[2].removesuffix(".json") for name in files.names(_FOLDER, ".json")]
+    stems = [name.rpartition("/")[2].removesuffix(".json") for name in files.names(FOLDER, ".json")]
     return sorted(int(stem) for stem in stems if stem.isdecimal())
 
 
@@ -96,7 +87,7 @@ def check_is_lake(files: LakeFiles) -> None:
     Raises:
         NoSuchSnapshot: With the remedy.
     """
-    if _FOLDER not in files.folders("."):
+    if FOLDER not in files.folders("."):
         remedy = f"make one with `scenarionet convert DATASET RAW {files.root}`"
         raise NoSuchSnapshot(f"{files.root}: no lake there; {remedy}")
 
@@ -139,7 +130,7 @@ def restore(files: LakeFiles, snapshot: Snapshot) -> None:
 
 def sweep_marks(files: LakeFiles, older_than: float) -> None:
     """Let numbers of snapshots that expired more than some seconds ago go: nobody is about to publish them."""
-    for listed in files.listing(_FOLDER):
+    for listed in files.listing(FOLDER):
         if listed.name.endswith(".expired") and time.time() - listed.modified > older_than:
             files.remove_unchanged(listed)
 
@@ -147,7 +138,7 @@ def sweep_marks(files: LakeFiles, older_than: float) -> None:
 def published(files: LakeFiles) -> dict[int, float]:
     """When each snapshot was published [s since 1970, on the clock of the lake's disk], by number."""
     there = {file_name(number): number for number in numbers(files)}
-    return {there[listed.name]: listed.modified for listed in files.listing(_FOLDER) if listed.name in there}
+    return {there[listed.name]: listed.modified for listed in files.listing(FOLDER) if listed.name in there}
 
 
 def has(files: LakeFiles, snapshot: Snapshot) -> bool:
@@ -175,122 +166,13 @@ def reading_from(files: LakeFiles, snapshot: Snapshot) -> Iterator[None]:
 
 def file_name(number: int) -> str:
     """Name of a snapshot's file."""
-    return f"{_FOLDER}/{number:08d}.json"
+    return f"{FOLDER}/{number:08d}.json"
 
 
 def _mark(number: int) -> str:
-    return f"{_FOLDER}/{number:08d}.expired"
+    return f"{FOLDER}/{number:08d}.expired"
 
 
 def now() -> str:
     """UTC in ISO 8601, to the second."""
     return datetime.now(UTC).isoformat(timespec="seconds")
-
-
-# --- manifests ----------------------------------------------------------------------------------------
-
-
-def shard_table(files: LakeFiles, snapshot: Snapshot) -> pa.Table:
-    """Every shard of a snapshot as rows of ``schemas/shards.toml``, in order of partition and name."""
-    schema = tables.load("shards").schema
-    with reading_from(files, snapshot):
-        parts = _read_manifests(files, snapshot.manifests)
-    together = pa.concat_tables([schema.empty_table(), *(part.cast(schema) for part in parts)])
-    return together.sort_by([(name, "ascending") for name in ("dataset", "version", "split", "name", "key")])
-
-
-def column(files: LakeFiles, snapshot: Snapshot, name: str) -> pa.ChunkedArray:
-    """One column of :func:`shard_table`, in any order."""
-    with reading_from(files, snapshot):
-        parts = [rows[name] for rows in _read_manifests(files, snapshot.manifests, [name])]
-    return pa.chunked_array(
-        [chunk for part in parts for chunk in part.chunks], tables.load("shards").schema.field(name).type
-    )
-
-
-def shards(files: LakeFiles, snapshot: Snapshot) -> list[ShardRecord]:
-    """Every shard of a snapshot as records."""
-    return [ShardRecord(**row) for row in shard_table(files, snapshot).to_pylist()]
-
-
-def read_manifest(files: LakeFiles, name: str, columns: list[str] | None = None) -> pa.Table:
-    """The shards that a manifest lists.
-
-    Raises:
-        LakeError: It is gone or damaged, or of another version of the contract.
-    """
-    return _read_manifests(files, [name], columns)[0]
-
-
-def _read_manifests(files: LakeFiles, names: Sequence[str], columns: list[str] | None = None) -> list[pa.Table]:
-    found = files.read_all(names, columns)
-    for name, rows in zip(names, found, strict=True):
-        tables.load("shards").check_version(rows.schema.metadata, name)
-    return found
-
-
-def check_schemas(files: LakeFiles, snapshot: Snapshot) -> None:
-    """Refuse a snapshot with files of another version of the contract.
-
-    Raises:
-        SchemaMismatch: Naming a shard, what was found and what to do.
-    """
-    names, found = (column(files, snapshot, name).to_pylist() for name in ("name", "schemas"))
-    for name, tag in zip(names, found, strict=True):
-        if tag != tables.content_tag():
-            raise SchemaMismatch(
-                f"{files.root}: shard {name} was written under {tag}, this version reads {tables.content_tag()}; "
-                "convert its recordings again with --replace, or use the version that wrote them"
-            )
-
-
-def write_manifests(
-    files: LakeFiles, base: Snapshot, added: Iterable[ShardRecord], removed: frozenset[str]
-) -> tuple[str, ...]:
-    """Manifests of ``base`` with shards added and (by key) removed.
-
-    Usually one new manifest beside the old ones; folded into one when shards go or too many gather.
-    """
-    fresh = [asdict(record) for record in added]
-    if not removed and len(base.manifests) < _MAX_MANIFESTS:
-        return (*base.manifests, _write_manifest(files, fresh)) if fresh else base.manifests
-    kept = [row for row in shard_table(files, base).to_pylist() if row["key"] not in removed]
-    return (_write_manifest(files, kept + fresh),)
-
-
-def _write_manifest(files: LakeFiles, rows: list[dict[str, object]]) -> str:
-    ordered = sorted(rows, key=lambda row: str(row["key"]))
-    # The same shard may lie in other files since it was converted: its metadata file's name tells.
-    told = "\n".join(f"{row['key']} {row['metadata_file']}" for row in ordered)
-    name = f"{_FOLDER}/manifest-{hashlib.blake2b(told.encode(), digest_size=8).hexdigest()}.parquet"
-    files.publish(write_table(files, "shards", ordered, {}), name)
-    return name
-
-
-class NamedFiles:
-    """Which files snapshots name; each manifest is read once.
-
-    Args:
-        files: The lake.
-    """
-
-    def __init__(self, files: LakeFiles) -> None:
-        self._files = files
-        self._listed = cache(self._read)
-
-    def of(self, number: int) -> set[str]:
-        """Every file that a snapshot needs: what is read, and what its next consolidation falls back to.
-
-        Empty when it has expired meanwhile.
-        """
-        try:
-            snapshot = read(self._files, number)
-        except NoSuchSnapshot:
-            return set()
-        return set().union(snapshot.metadata, snapshot.manifests, *map(self._listed, snapshot.manifests))
-
-    def _read(self, manifest: str) -> frozenset[str]:
-        """Files of the shards that a manifest lists."""
-        rows = read_manifest(self._files, manifest, ["metadata_file", "files"])
-        names = rows["metadata_file"].drop_null().to_pylist()
-        return frozenset(names).union(pc.unique(pc.list_flatten(rows["files"])).to_pylist())

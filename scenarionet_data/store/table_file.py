@@ -9,7 +9,8 @@ from typing import Any
 import pyarrow as pa
 
 from scenarionet_data import tables
-from scenarionet_data.store.files import LakeFiles, writing
+from scenarionet_data.store.file_errors import writing
+from scenarionet_data.store.files import LakeFiles
 
 
 def write_table(

@@ -13,7 +13,7 @@ import pyarrow.compute as pc
 
 from scenarionet_data import tables
 from scenarionet_data.errors import LakeError
-from scenarionet_data.store import snapshot as snapshots
+from scenarionet_data.store import manifests
 from scenarionet_data.store.files import LakeFiles
 from scenarionet_data.store.snapshot import Snapshot
 
@@ -69,7 +69,7 @@ def verify(
     if {damage.file for damage in broken} & set(snapshot.manifests):
         return  # nobody can say what belongs to the snapshot
     verifier = Verifier(files, digest=digest)
-    shards = snapshots.shard_table(files, snapshot)
+    shards = manifests.shard_table(files, snapshot)
     yield from verifier.files(listed(shards), on_progress)
     if not broken:
         yield from verifier.references(snapshot, shards)

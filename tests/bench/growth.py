@@ -18,6 +18,7 @@ from scenarionet_data.conversion import Job
 from scenarionet_data.conversion.plan import make_plan
 from scenarionet_data.converters.base import Options, RawItem, Shard
 from scenarionet_data.store import commit as commits
+from scenarionet_data.store import manifests
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
 from scenarionet_data.store.shard_record import ShardRecord, metadata_name, partition
@@ -46,14 +47,14 @@ def _books(root: Path) -> Iterator[Figure]:
     yield Figure("a job, as it travels to a worker", len(pickle.dumps(Job("waymo", wanted[0], "/lake"))), "bytes")
     files, held = LakeFiles(root / "books"), [_record(shard) for shard in wanted]
     started = time.process_time()
-    (manifest,) = snapshots.write_manifests(files, snapshots.EMPTY, held, frozenset())
+    (manifest,) = manifests.write(files, snapshots.EMPTY, held, frozenset())
     yield Figure("a manifest: written", 1e6 * (time.process_time() - started) / _SHARDS, "us a shard")
     yield Figure("a manifest: size", files.path(manifest).stat().st_size / _SHARDS, "bytes a shard")
     names = tuple(record.metadata_file or "" for record in held)
     snapshot = replace(snapshots.EMPTY, number=1, metadata=names, manifests=(manifest,))
     yield Figure("a snapshot before consolidation: size", len(snapshot.to_bytes()) / _SHARDS, "bytes a shard")
     started = time.process_time()
-    read = snapshots.shards(files, snapshot)
+    read = manifests.shards(files, snapshot)
     yield Figure("a manifest: read as records", 1e6 * (time.process_time() - started) / _SHARDS, "us a shard")
     started = time.process_time()
     assert make_plan(wanted, read, "1").num_skipped == _SHARDS

@@ -12,6 +12,7 @@ import pyarrow as pa
 
 from scenarionet_data import codec, tables
 from scenarionet_data.store import commit as commits
+from scenarionet_data.store import manifests
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
 from scenarionet_data.store.shard_record import ShardRecord, partition
@@ -143,9 +144,9 @@ def write_metadata_lake(root: Path, rows: int, shard_rows: int = _SHARD_ROWS) ->
     row |= {"tracks_row_group": 0, "tracks_first_row": 0, "tracks_file": "tracks/none.parquet"}
     template = pa.Table.from_pylist([row] * shard_rows, schema=tables.load("metadata").schema)
     records = [_write_shard(files, template, number, rng) for number in range(rows // shard_rows)]
-    manifests = snapshots.write_manifests(files, snapshots.EMPTY, records, frozenset())
+    listed = manifests.write(files, snapshots.EMPTY, records, frozenset())
     metadata = tuple(str(record.metadata_file) for record in records)
-    snapshots.publish(files, Snapshot(1, snapshots.now(), "benchmark", metadata, manifests))
+    snapshots.publish(files, Snapshot(1, snapshots.now(), "benchmark", metadata, listed))
     commits.consolidate(files)
 
 

@@ -14,7 +14,9 @@ from scenarionet_data import tables
 from scenarionet_data.catalog.database import Database
 from scenarionet_data.catalog.members import ADDRESS_COLUMNS
 from scenarionet_data.catalog.operations.pool import Pool, StaleDatabaseWarning
+from scenarionet_data.catalog.statements import quoted
 from scenarionet_data.errors import BadParameter, NoSuchSnapshot
+from scenarionet_data.store import manifests
 from scenarionet_data.store import snapshot as snapshots
 
 if TYPE_CHECKING:
@@ -131,7 +133,7 @@ def _changed_columns(lake: Lake, before: _Side, after: _Side) -> tuple[ColumnCha
         warnings.warn(f"columns cannot be compared, only members: {error}", StaleDatabaseWarning, stacklevel=3)
         return ()
     for snapshot in found:
-        snapshots.check_schemas(lake.files, snapshot)
+        manifests.check_schemas(lake.files, snapshot)
     own = [sorted({*a.metadata} - {*b.metadata}) for a, b in (found, found[::-1])]
     if not all(own):
         return ()
@@ -150,7 +152,7 @@ def _changed_columns(lake: Lake, before: _Side, after: _Side) -> tuple[ColumnCha
 
 def _relation(lake: Lake, names: Sequence[str]) -> str:
     """SQL for the rows of metadata files, those of a lake without any too."""
-    paths = ", ".join("'" + str(path).replace("'", "''") + "'" for path in lake.files.paths(names))
+    paths = ", ".join(quoted(str(path)) for path in lake.files.paths(names))
     return f"read_parquet([{paths}], hive_partitioning = false)" if names else "(FROM metadata_rows LIMIT 0)"
 
 

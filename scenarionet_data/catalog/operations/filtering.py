@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 from scenarionet_data.catalog import mistakes
 from scenarionet_data.catalog.database import Database
-from scenarionet_data.catalog.engine import check_expression
 from scenarionet_data.catalog.named_sql import EVENTS, FILTERS, NamedSql
 from scenarionet_data.catalog.operations import pool as pools
 from scenarionet_data.catalog.operations.pool import Pool, Saving
+from scenarionet_data.catalog.statements import check_expression
 from scenarionet_data.errors import QueryError, ScenarioNotFound
 
 if TYPE_CHECKING:

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Unpack
 
 from scenarionet_data.catalog import mistakes
 from scenarionet_data.catalog.database import Database
-from scenarionet_data.catalog.engine import check_expression
 from scenarionet_data.catalog.operations import pool as pools
 from scenarionet_data.catalog.operations.pool import Pool, Saving
+from scenarionet_data.catalog.statements import check_expression
 from scenarionet_data.errors import BadParameter, QueryError
 
 if TYPE_CHECKING:

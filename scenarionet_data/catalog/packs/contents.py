@@ -20,8 +20,10 @@ from scenarionet_data import tables
 from scenarionet_data.catalog import layers
 from scenarionet_data.catalog.database import Database
 from scenarionet_data.catalog.packs import origins, tiles
+from scenarionet_data.store import manifests
 from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.files import LakeFiles, sha256, writing
+from scenarionet_data.store.file_errors import writing
+from scenarionet_data.store.files import LakeFiles, sha256
 from scenarionet_data.store.row_group_copy import RowGroupSource, RowGroupWriter
 from scenarionet_data.store.scenario_rows import Address, ScenarioRows
 from scenarionet_data.store.shard_record import ShardRecord, partition
@@ -240,7 +242,7 @@ class Contents:
             created_at=snapshots.now(),
             operation=f"pack {self._database.reference}",
             metadata=tuple(record.metadata_file for record in records if record.metadata_file is not None),
-            manifests=snapshots.write_manifests(self._target, snapshots.EMPTY, records, frozenset()),
+            manifests=manifests.write(self._target, snapshots.EMPTY, records, frozenset()),
         )
         snapshots.publish(self._target, following)
         for name in self._target.names("snapshots"):
@@ -262,7 +264,7 @@ def _row_groups(temporary: Path) -> Iterator[RowGroupWriter]:
 def _shards_of_file(lake: Lake) -> dict[str, list[dict[str, Any]]]:
     """The rows of ``shards`` that each file of a snapshot belongs to: several, converted alike, when compacted."""
     found: dict[str, list[dict[str, Any]]] = defaultdict(list)
-    for row in snapshots.shard_table(lake.files, lake.snapshot).to_pylist():
+    for row in manifests.shard_table(lake.files, lake.snapshot).to_pylist():
         for name in row["files"]:
             found[name].append(row)
     return found

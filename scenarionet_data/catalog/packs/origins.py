@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenarionet_data.catalog.database import Lineage
-from scenarionet_data.store.files import LakeFiles, reading, writing
+from scenarionet_data.store.file_errors import reading, writing
+from scenarionet_data.store.files import LakeFiles
 
 if TYPE_CHECKING:
     from scenarionet_data.catalog.operations.ancestry import Ancestry

@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING
 
 from scenarionet_data.catalog.database import Database
 from scenarionet_data.errors import BadParameter, LakeError
-from scenarionet_data.store.files import LakeFiles, writing
+from scenarionet_data.store.file_errors import writing
+from scenarionet_data.store.files import LakeFiles
 
 if TYPE_CHECKING:
     from scenarionet_data.catalog.lake import Lake

@@ -179,6 +179,10 @@ def test_versions_stay_and_lineage_pins_the_one_it_asked(lake):
         ("SELECT m.* FROM metadata AS m WHERE num_objects > 0", {"score", "kind"}),
         ("SELECT COLUMNS('s.*') FROM metadata", {"score", "kind"}),
         ("SELECT metadata FROM metadata", {"score", "kind"}),
+        ("SELECT to_json(m) FROM metadata AS m", {"score", "kind"}),
+        ("SELECT t.x FROM tracks AS t JOIN metadata AS m ON m.scenario_id = t.scenario_id", set()),
+        ("SELECT max(each) FROM (SELECT M AS each FROM tracks JOIN Metadata m USING (scenario_id))", {"score", "kind"}),
+        ("SELECT num_objects AS n FROM metadata AS m ORDER BY n", set()),
         ("SELECT x FROM tracks", set()),
     ],
 )

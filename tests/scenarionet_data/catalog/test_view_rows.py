@@ -7,8 +7,8 @@ import polars as pl
 import pytest
 
 from scenarionet_data import Lake, ScenarioLoader, tables
-from scenarionet_data.catalog.engine import FILE_TABLES
 from scenarionet_data.catalog.named_sql import Folder
+from scenarionet_data.catalog.views import FILE_TABLES
 from scenarionet_data.errors import (
     BadParameter,
     QueryError,

@@ -10,6 +10,7 @@ import pytest
 from scenarionet_data import Lake, ScenarioLoader, convert
 from scenarionet_data.conversion import Job, convert_shard, plan_conversion
 from scenarionet_data.errors import BadParameter, DuplicateScenario, LakeError, SourceNotFound
+from scenarionet_data.store import manifests
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
 from scenarionet_data.testing import differences
@@ -258,7 +259,7 @@ def test_a_bucket_with_a_changed_file_is_replaced_whole(raw, root):
 def test_replacing_a_bucket_must_not_drop_its_other_files(raw, root):
     write_raw(raw, files_of(*range(4)))
     run(raw, root, BUCKETED)
-    held = snapshots.shards(LakeFiles(root), snapshots.read(LakeFiles(root)))
+    held = manifests.shards(LakeFiles(root), snapshots.read(LakeFiles(root)))
     pair = next(record.items for record in held if len(record.items) > 1)
     (raw / pair[0]).unlink()
     (raw / pair[1]).write_text("77")
@@ -271,7 +272,7 @@ def test_stale_buckets_that_have_grown_apart_go_together(raw, root, monkeypatch)
     """Old buckets and new ones share files: the old go only when all of theirs are converted anew."""
     write_raw(raw, files_of(*range(4)))
     run(raw, root, BUCKETED)
-    old = {record.key for record in snapshots.shards(LakeFiles(root), snapshots.read(LakeFiles(root)))}
+    old = {record.key for record in manifests.shards(LakeFiles(root), snapshots.read(LakeFiles(root)))}
     write_raw(raw, files_of(*range(9)))
     monkeypatch.setattr(Made, "version", "2")
     (raw / "f3.made").write_text("3 corrupt")  # its old bucket holds 0 and 1 too, its new one itself alone
@@ -288,7 +289,7 @@ def test_stale_buckets_that_have_grown_apart_go_together(raw, root, monkeypatch)
     assert report.is_clean
     assert report.adopted == 2
     assert ids(root) == wanted(*range(9))
-    now = snapshots.shards(LakeFiles(root), snapshots.read(LakeFiles(root)))
+    now = manifests.shards(LakeFiles(root), snapshots.read(LakeFiles(root)))
     assert old.isdisjoint(record.key for record in now)
     assert {record.converter_version for record in now} == {"2"}
 
@@ -367,8 +368,8 @@ def test_finished_shards_are_adopted(raw, root):
 
 
 def test_many_shards_give_few_metadata_files_whatever_the_order(raw, tmp_path, monkeypatch):
-    monkeypatch.setattr("scenarionet_data.store.commit.MAX_METADATA_FILES", 4)
-    monkeypatch.setattr("scenarionet_data.store.commit.MERGED_FILES", 2)
+    monkeypatch.setattr("scenarionet_data.store.metadata_files.MAX_METADATA_FILES", 4)
+    monkeypatch.setattr("scenarionet_data.store.metadata_files.MERGED_FILES", 2)
     write_raw(raw, {f"s{k}": [k] for k in range(4, 9)})
     run(raw, tmp_path / "parts")
     write_raw(raw, {f"s{k}": [k] for k in range(4)})

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from scenarionet_data import Lake, ScenarioLoader, convert
 from scenarionet_data.errors import DuplicateScenario
-from scenarionet_data.store import commit as commits
+from scenarionet_data.store import metadata_files
 from tests.fixtures import made
 from tests.fixtures.made import BUCKETED, NAME, Made, MadeOptions
 from tests.fixtures.scenarios import make_scenario
@@ -104,8 +104,8 @@ class History:
 @settings(max_examples=40)
 def test_no_history_loses_or_doubles_a_scenario(seed, steps, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(commits, "MAX_METADATA_FILES", 3)
-        patch.setattr(commits, "MERGED_FILES", 2)
+        patch.setattr(metadata_files, "MAX_METADATA_FILES", 3)
+        patch.setattr(metadata_files, "MERGED_FILES", 2)
         patch.setattr(Made, "version", "1")
         small = {"num_steps": 2, "num_lanes": 0, "num_lights": 0}
         patch.setattr(made, "make_scenario", lambda seed, **how: make_scenario(seed, **how, **small))

@@ -10,7 +10,7 @@ from scenarionet_data.catalog.checks import run_checks
 from scenarionet_data.catalog.packs.verifying import verify_pack
 from scenarionet_data.errors import BadParameter, NoSuchSnapshot
 from scenarionet_data.maintenance import compact, compaction, plan_compaction, vacuum
-from scenarionet_data.store import commit as commits
+from scenarionet_data.store import manifests, metadata_files
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
 from tests.fixtures.made import NAME, write_raw
@@ -25,7 +25,7 @@ def groups(root, table="tracks"):
 
 def records(root):
     files = LakeFiles(root)
-    return {record.name: record for record in snapshots.shards(files, snapshots.read(files))}
+    return {record.name: record for record in manifests.shards(files, snapshots.read(files))}
 
 
 def test_nothing_changes_but_where_scenarios_lie(root):
@@ -140,8 +140,8 @@ def test_quarantine_stays(raw, root):
 
 
 def test_large_partitions_keep_few_metadata_files(raw, root, monkeypatch):
-    monkeypatch.setattr(commits, "MAX_METADATA_FILES", 3)
-    monkeypatch.setattr(commits, "MERGED_FILES", 2)
+    monkeypatch.setattr(metadata_files, "MAX_METADATA_FILES", 3)
+    monkeypatch.setattr(metadata_files, "MERGED_FILES", 2)
     before = content(Lake(root))
     done = compact(root, "analytics")
     assert done.snapshot == 2  # one snapshot, already merged

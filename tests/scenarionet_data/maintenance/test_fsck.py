@@ -10,6 +10,7 @@ from scenarionet_data import Lake
 from scenarionet_data.errors import NoSuchSnapshot, ScenarioNetError
 from scenarionet_data.maintenance import compact, fsck, repair, vacuum
 from scenarionet_data.store import commit as commits
+from scenarionet_data.store import metadata_files
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
 from tests.fixtures.lakes import write_shard
@@ -69,8 +70,8 @@ def test_files_that_are_gone_or_cut_are_found(root, pattern, damage):
 
 def test_metadata_that_is_not_live_is_looked_at_too(root, monkeypatch):
     """Merged metadata stands for it; replacing a shard falls back to it."""
-    monkeypatch.setattr(commits, "MAX_METADATA_FILES", 2)
-    monkeypatch.setattr(commits, "MERGED_FILES", 1)
+    monkeypatch.setattr(metadata_files, "MAX_METADATA_FILES", 2)
+    monkeypatch.setattr(metadata_files, "MERGED_FILES", 1)
     commits.consolidate(LakeFiles(root))
     vacuum(root, keep_last=1)
     path, name = file_of(root, "metadata/**/s2-*")
@@ -200,8 +201,8 @@ def test_repairing_and_converting_again_brings_everything_back(raw, root, profil
 
 
 def test_merged_metadata_is_merged_again(root, monkeypatch):
-    monkeypatch.setattr(commits, "MAX_METADATA_FILES", 2)
-    monkeypatch.setattr(commits, "MERGED_FILES", 1)
+    monkeypatch.setattr(metadata_files, "MAX_METADATA_FILES", 2)
+    monkeypatch.setattr(metadata_files, "MERGED_FILES", 1)
     commits.consolidate(LakeFiles(root))
     path, _ = file_of(root, "metadata/**/merged-*")
     whole = path.read_bytes()

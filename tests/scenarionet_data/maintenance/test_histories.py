@@ -17,6 +17,7 @@ from scenarionet_data.catalog.operations.pool import StaleDatabaseWarning
 from scenarionet_data.codec.content_hash import content_hash
 from scenarionet_data.maintenance import compact, fsck, plan_compaction, vacuum
 from scenarionet_data.store import commit as commits
+from scenarionet_data.store import metadata_files
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
 from tests.fixtures.made import MadeOptions, write_raw
@@ -119,8 +120,8 @@ def run_histories(examples, steps):
 @pytest.fixture
 def few(monkeypatch):
     """Merged metadata files after a few shards."""
-    monkeypatch.setattr(commits, "MAX_METADATA_FILES", 4)
-    monkeypatch.setattr(commits, "MERGED_FILES", 2)
+    monkeypatch.setattr(metadata_files, "MAX_METADATA_FILES", 4)
+    monkeypatch.setattr(metadata_files, "MERGED_FILES", 2)
 
 
 @pytest.mark.long

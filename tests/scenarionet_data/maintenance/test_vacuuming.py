@@ -14,6 +14,7 @@ from scenarionet_data.conversion.jobs import Job, convert_shard
 from scenarionet_data.errors import BadParameter, LakeError, NoSuchSnapshot
 from scenarionet_data.maintenance import compact, plan_vacuum, vacuum
 from scenarionet_data.store import commit as commits
+from scenarionet_data.store import manifests, metadata_files
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
 from scenarionet_data.store.snapshot import Snapshot
@@ -66,8 +67,8 @@ def test_files_that_a_kept_snapshot_shares_stay(raw, root):
 
 
 def test_merged_metadata_and_what_it_was_merged_from(raw, root, monkeypatch):
-    monkeypatch.setattr(commits, "MAX_METADATA_FILES", 2)
-    monkeypatch.setattr(commits, "MERGED_FILES", 2)
+    monkeypatch.setattr(metadata_files, "MAX_METADATA_FILES", 2)
+    monkeypatch.setattr(metadata_files, "MERGED_FILES", 2)
     convert_to(write_raw(raw, {"new": [77]}), root)
     vacuum(root, keep_last=1)
     write_raw(raw, {"new": [78]})  # falls back to the shards' own files
@@ -281,7 +282,7 @@ def test_the_number_of_an_expired_snapshot_stays_taken(compacted):
 def test_a_commit_whose_base_goes_meanwhile_reads_again(raw, compacted, monkeypatch):
     write_raw(raw, {"new": [77]})
     (outcome,) = finished(raw, compacted)
-    files, column, happened = LakeFiles(compacted), snapshots.column, []
+    files, column, happened = LakeFiles(compacted), manifests.column, []
 
     def slow(files, base, name):
         if not happened:
@@ -290,7 +291,7 @@ def test_a_commit_whose_base_goes_meanwhile_reads_again(raw, compacted, monkeypa
             vacuum(compacted, keep_last=1)
         return column(files, base, name)
 
-    monkeypatch.setattr(snapshots, "column", slow)
+    monkeypatch.setattr(manifests, "column", slow)
     commits.commit(files, [outcome.record], "slow")
     assert {"made/v1/s000077", "made/v1/s000003"} <= set(content(Lake(compacted)))
     check_whole(compacted)

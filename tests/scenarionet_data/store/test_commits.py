@@ -1,33 +1,25 @@
-"""Commits add up, whoever else commits meanwhile, and metadata is consolidated."""
+"""Commits add up, whoever else commits meanwhile."""
 
 from __future__ import annotations
 
-import random
 import subprocess
 import sys
 import threading
 import time
 
-import pyarrow.parquet as pq
 import pytest
 
 from scenarionet_data import Lake
 from scenarionet_data.errors import SnapshotConflict
 from scenarionet_data.store import commit as commits
+from scenarionet_data.store import manifests
 from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.files import LakeFiles, sha256
-from tests.fixtures.lakes import write_shard
+from tests.fixtures.lakes import stored_ids, write_shard
 from tests.fixtures.scenarios import renamed, small
 
 
-def ids(files):
-    """Scenario ids of the newest snapshot, as they lie in the files."""
-    names = snapshots.read(files).metadata
-    return sorted(i for name in names for i in pq.ParquetFile(files.path(name)).read()["scenario_id"].to_pylist())
-
-
 def names_of(files):
-    return [record.name for record in snapshots.shards(files, snapshots.read(files))]
+    return [record.name for record in manifests.shards(files, snapshots.read(files))]
 
 
 def test_commits_add_up_and_old_snapshots_stay(files, template):
@@ -37,7 +29,7 @@ def test_commits_add_up_and_old_snapshots_stay(files, template):
         assert done.snapshot.number == k + 1
         assert done.snapshot.operation == f"step {k}"
     assert snapshots.numbers(files) == [1, 2, 3]
-    assert len(ids(files)) == 3
+    assert len(stored_ids(files)) == 3
     assert len(snapshots.read(files, 1).metadata) == 1
     assert names_of(files) == ["shard0", "shard1", "shard2"]
     assert len(Lake(files.root, snapshot=2)) == 2
@@ -62,7 +54,7 @@ def test_a_duplicate_is_refused_and_the_rest_committed(files, template):
         ("two", "made/v1/y"),
     ]
     assert names_of(files) == ["fresh", "old", "one"]
-    assert ids(files) == sorted([template.id, "made/v1/y", "made/v1/z"])
+    assert stored_ids(files) == sorted([template.id, "made/v1/y", "made/v1/z"])
 
 
 def test_the_same_id_in_another_split_is_a_duplicate_and_in_another_version_is_not(files):
@@ -71,7 +63,7 @@ def test_the_same_id_in_another_split_is_a_duplicate_and_in_another_version_is_n
     other_version = write_shard(files.root, [small(1, version="v2")], name="c")
     done = commits.commit(files, [other_split, other_version], "test")
     assert [record.name for record, _ in done.refused] == ["b"]
-    assert ids(files) == ["made/v1/s000001", "made/v2/s000001"]
+    assert stored_ids(files) == ["made/v1/s000001", "made/v2/s000001"]
 
 
 def test_replaced_shards_vanish_from_the_newest_snapshot_only(files, template):
@@ -79,7 +71,7 @@ def test_replaced_shards_vanish_from_the_newest_snapshot_only(files, template):
     commits.commit(files, old, "test")
     new = write_shard(files.root, [renamed(template, "s1"), renamed(template, "s9")], name="new")
     commits.commit(files, [new], "test", frozenset([old[1].key]))
-    assert ids(files) == ["made/v1/s0", "made/v1/s1", "made/v1/s2", "made/v1/s9"]
+    assert stored_ids(files) == ["made/v1/s0", "made/v1/s1", "made/v1/s2", "made/v1/s9"]
     assert names_of(files) == ["new", "shard0", "shard2"]
     assert len(Lake(files.root, snapshot=1)) == 3
 
@@ -95,7 +87,7 @@ def test_nothing_is_replaced_when_what_takes_its_place_is_refused(files, templat
 
 
 def test_many_commits_fold_their_manifests(files, template, monkeypatch):
-    monkeypatch.setattr(snapshots, "_MAX_MANIFESTS", 3)
+    monkeypatch.setattr(manifests, "_MAX_MANIFESTS", 3)
     for k in range(8):
         commits.commit(files, [write_shard(files.root, [renamed(template, f"s{k}")], name=f"shard{k}")], "test")
         assert len(snapshots.read(files).manifests) <= 3
@@ -109,7 +101,7 @@ def test_threads_lose_nothing(files, template):
         thread.start()
     for thread in threads:
         thread.join()
-    assert len(ids(files)) == 10
+    assert len(stored_ids(files)) == 10
     assert len(names_of(files)) == 10
     numbers = snapshots.numbers(files)
     assert numbers == list(range(1, len(numbers) + 1))
@@ -120,7 +112,7 @@ import sys
 from pathlib import Path
 from scenarionet_data.store import commit as commits
 from scenarionet_data.store.files import LakeFiles
-from tests.fixtures.lakes import write_shard
+from tests.fixtures.lakes import stored_ids, write_shard
 from tests.fixtures.scenarios import renamed, small
 root, who = Path(sys.argv[1]), sys.argv[2]
 template = make_scenario(1, num_objects=2, num_steps=5, num_lanes=1, num_lights=1)
@@ -151,7 +143,7 @@ def test_processes_lose_nothing(files):
     for job in jobs:
         job.communicate(timeout=60)
         assert job.returncode == 0
-    assert ids(files) == sorted(f"made/v1/{who}{k}" for who in "ab" for k in range(12))
+    assert stored_ids(files) == sorted(f"made/v1/{who}{k}" for who in "ab" for k in range(12))
     assert snapshots.read(files).number == 24
 
 
@@ -161,83 +153,3 @@ def test_endless_rivals_are_a_conflict_with_the_remedy(files, template, monkeypa
     monkeypatch.setattr(time, "sleep", lambda seconds: None)
     with pytest.raises(SnapshotConflict, match="run the same command again, nothing is lost"):
         commits.commit(files, [record], "test")
-
-
-@pytest.fixture
-def few(monkeypatch):
-    """Limits small enough to be met by a few shards."""
-    monkeypatch.setattr(commits, "MAX_METADATA_FILES", 6)
-    monkeypatch.setattr(commits, "MERGED_FILES", 4)
-
-
-def test_few_shards_keep_their_own_files(files, template, few):
-    records = [write_shard(files.root, [renamed(template, f"s{k}")], name=f"shard{k}") for k in range(6)]
-    commits.commit(files, records, "test")
-    assert commits.consolidate(files).number == 1
-
-
-def consolidated(root, template, groups):
-    """Live metadata files and their content, after committing and consolidating groups of shards one by one."""
-    files = LakeFiles(root)
-    for group in groups:
-        records = [write_shard(root, [renamed(template, f"s{k}")], name=f"shard{k:03d}") for k in group]
-        commits.commit(files, records, "test")
-        commits.consolidate(files)
-    live = snapshots.read(files).metadata
-    return {name: sha256(files.path(name)) for name in live}
-
-
-def test_consolidation_depends_on_the_shards_alone(tmp_path, template, few):
-    order = list(range(20))
-    at_once = consolidated(tmp_path / "a", template, [order])
-    random.Random(1).shuffle(order)
-    in_parts = consolidated(tmp_path / "b", template, [order[:7], order[7:9], order[9:19], order[19:]])
-    assert at_once == in_parts
-    assert len(at_once) <= 4
-    assert ids(LakeFiles(tmp_path / "b")) == sorted(f"made/v1/s{k}" for k in range(20))
-    assert len(Lake(tmp_path / "b")) == 20
-
-
-def test_one_more_shard_changes_one_merged_file(tmp_path, template, few):
-    before = consolidated(tmp_path, template, [range(20)])
-    after = consolidated(tmp_path, template, [range(20), [20]])
-    assert len(set(before) & set(after)) == len(after) - 1
-    assert commits.consolidate(LakeFiles(tmp_path)).number == snapshots.numbers(LakeFiles(tmp_path))[-1]
-
-
-def test_partitions_are_merged_on_their_own(files, template, few):
-    many = [write_shard(files.root, [renamed(template, f"s{k}")], name=f"shard{k}") for k in range(9)]
-    val = [write_shard(files.root, [small(k, split="val")], name=f"shard{k}") for k in range(2)]
-    commits.commit(files, [*many, *val], "test")
-    live = commits.consolidate(files).metadata
-    assert len([name for name in live if "split=train/merged-" in name]) <= 4
-    assert {record.metadata_file for record in val} <= set(live)
-
-
-def test_replacing_within_a_merged_partition(files, template, few):
-    records = [write_shard(files.root, [renamed(template, f"s{k}")], name=f"shard{k}") for k in range(9)]
-    commits.commit(files, records, "test")
-    commits.consolidate(files)
-    new = write_shard(files.root, [renamed(template, "s3")], name="shard3", fingerprint="g")
-    commits.commit(files, [new], "test", frozenset([records[3].key]))
-    wanted = sorted(f"made/v1/s{k}" for k in range(9))
-    assert ids(files) == wanted
-    assert commits.consolidate(files).operation == "consolidate metadata"
-    assert ids(files) == wanted
-    assert all("merged" in name for name in snapshots.read(files).metadata)
-
-
-def test_large_partitions_stay_within_the_limit():
-    own = [f"metadata/dataset=d/version=v/split=s/{k:05d}-{k:016x}.parquet" for k in range(3000)]
-    wanted = commits._metadata_files(dict.fromkeys(own, "v"))
-    assert len(wanted) == commits.MERGED_FILES <= commits.MAX_METADATA_FILES
-    assert sorted(name for sources in wanted.values() for name in sources) == own
-    few = dict.fromkeys(own[: commits.MAX_METADATA_FILES], "v")
-    assert commits._metadata_files(few) == {name: [name] for name in few}
-
-
-def test_files_of_different_contracts_are_not_merged(few):
-    own = {f"metadata/dataset=d/version=v/split=s/{k}.parquet": "tracks/1" for k in range(9)}
-    assert len(commits._metadata_files(own)) <= 4
-    mixed = own | {"metadata/dataset=d/version=v/split=s/9.parquet": "tracks/2"}
-    assert list(commits._metadata_files(mixed)) == sorted(mixed)
