@@ -8,20 +8,22 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from scenarionet_data import converters
 from scenarionet_data.conversion.basket import Basket
+from scenarionet_data.conversion.downloads import kept_meanwhile
 from scenarionet_data.conversion.jobs import Job, Outcome, convert_map, convert_shard, lost_shard, run_limited
 from scenarionet_data.conversion.plan import Plan, largest_first, make_plan
-from scenarionet_data.conversion.raw_store import listing
+from scenarionet_data.conversion.raw_store import RawPlace, listing
 from scenarionet_data.conversion.report import Report
 from scenarionet_data.conversion.runners import Run, runner
 from scenarionet_data.conversion.selection import Choice, Selection
 from scenarionet_data.conversion.tally import Tally
-from scenarionet_data.converters.base import Converter, Options, guess_split
+from scenarionet_data.converters.base import Converter, Options, Shard, guess_split
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.store import commit as commits
 from scenarionet_data.store import manifests
@@ -35,6 +37,7 @@ Progress = Callable[[int, int, int], None]
 """Called with shards done, shards to do, scenarios converted."""
 
 
+@kept_meanwhile()
 def convert(
     dataset: str,
     raw: str,
@@ -80,14 +83,22 @@ def convert(
     started = time.monotonic()
     converter = converters.get(dataset)
     files, maps, plan = _prepare(
-        converter, raw, lake, split, version, options, selection or Selection(), replace_old=replace_old, stale=stale
+        converter,
+        raw,
+        lake,
+        split,
+        version,
+        options,
+        selection or Selection(),
+        replace_old=replace_old,
+        stale=stale,
+        order=largest_first if limit is None else None,
     )
     files.sweep()
     report = Report(skipped=plan.num_skipped, stale=plan.num_stale)
     map_jobs = [Job(dataset, shard, str(files.root), is_checked=is_checked) for shard in maps.shards]
     _convert_maps(files, map_jobs, maps, report)
-    chosen = plan.shards if limit is not None else largest_first(plan.shards)
-    jobs = [Job(dataset, shard, str(files.root), limit, is_checked) for shard in chosen]
+    jobs = [Job(dataset, shard, str(files.root), limit, is_checked) for shard in plan.shards]
     tally, run = Tally(_counts), run or runner(min(workers, len(jobs)))
     outcomes = tally(run, jobs, convert_shard, lost_shard) if limit is None else run_limited(jobs, limit)
     basket = Basket(files, plan, f"convert {dataset}", report)
@@ -142,21 +153,31 @@ def _prepare(
     *,
     replace_old: bool,
     stale: bool,
+    order: Callable[[Iterable[Shard]], list[Shard]] | None = None,
 ) -> tuple[LakeFiles, Plan, Plan]:
-    """The lake's files, what to do about shared maps, and what to do about scenarios."""
+    """The lake's files, what to do about shared maps, and what to do about scenarios, in an order of its own if given.
+
+    Shards are ordered where they are listed: what is in an object store has its sizes there.
+    """
     files, chosen, version = open_files(lake), options or converter.Options(), version or converter.release
     held = manifests.shards(files, snapshots.read(files))
-    with listing(converter, raw) as place:
+    with listing(converter, raw, chosen) as place:
         split = split or guess_split(place.folder)
         for name, value in (("split", split), ("version", version)):
             if not _WORD.fullmatch(value):
                 raise BadParameter(f"--{name} {value!r}: use letters, digits, '.', '_' and '-'")
         chosen_shards = selection.of(converter.shards(place.folder, split, version, chosen))
         maps, scenarios = (
-            make_plan(map(place.place, wanted), held, converter.version, replace_old=replace_old, stale=stale)
+            make_plan(wanted, held, converter.version, replace_old=replace_old, stale=stale)
             for wanted in (converter.maps(place.folder, version, chosen), chosen_shards)
         )
-    return files, maps, scenarios
+        if order:
+            scenarios = replace(scenarios, shards=tuple(order(scenarios.shards)))
+        return files, _placed(maps, place), _placed(scenarios, place)
+
+
+def _placed(plan: Plan, place: RawPlace) -> Plan:
+    return replace(plan, shards=tuple(map(place.place, plan.shards)))
 
 
 def _convert_maps(files: LakeFiles, jobs: list[Job], plan: Plan, report: Report) -> None:

@@ -11,7 +11,8 @@ from typing import Any
 
 from scenarionet_data import converters
 from scenarionet_data.catalog.audit import audit, audit_shared_map
-from scenarionet_data.conversion.raw_store import at_hand
+from scenarionet_data.conversion.downloads import at_hand
+from scenarionet_data.conversion.raw_store import rename
 from scenarionet_data.converters.base import Converter, Shard
 from scenarionet_data.errors import LakeError, SourceError
 from scenarionet_data.store.files import open_files
@@ -101,7 +102,7 @@ def convert_shard(job: Job) -> Outcome:
     writer = ShardWriter(files, shard, converter.version, converter.licence, audit if job.is_checked else None)
     try:
         with at_hand(converter, shard) as here:
-            num_records = _write_scenarios(converter, here, writer, job.max_scenarios)
+            num_records = _write_scenarios(converter, here, shard.root, writer, job.max_scenarios)
         record = writer.finish(job.max_scenarios, num_records)
     except (LakeError, MemoryError):
         raise
@@ -115,8 +116,13 @@ def convert_shard(job: Job) -> Outcome:
     return Outcome(shard.name, record, seconds=time.monotonic() - started)
 
 
-def _write_scenarios(converter: Converter[Any], shard: Shard, writer: ShardWriter, max_scenarios: int | None) -> int:
-    """Hand a shard's scenarios to its writer; returns how many records were read."""
+def _write_scenarios(
+    converter: Converter[Any], shard: Shard, root: str, writer: ShardWriter, max_scenarios: int | None
+) -> int:
+    """Hand a shard's scenarios to its writer; returns how many records were read.
+
+    The reason why a record is none names its files below ``root``, where the recordings really are.
+    """
     num_records = 0
     for position, record in enumerate(converter.records(shard)):
         if writer.num_scenarios == max_scenarios:
@@ -128,6 +134,7 @@ def _write_scenarios(converter: Converter[Any], shard: Shard, writer: ShardWrite
         except (MemoryError, LakeError, SourceError):
             raise
         except Exception as error:  # whatever a damaged record provokes, the rest must go on
+            rename(error, shard.root, root)
             writer.reject(position, error)
     return num_records
 

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
 
+from scenarionet_data.conversion.downloads import kept_meanwhile
 from scenarionet_data.conversion.jobs import Job, convert_shard
 from scenarionet_data.converters.base import Shard
 
@@ -33,6 +34,7 @@ class Pace:
         return (self.start + self.seconds * inputs / max(1, min(workers, inputs))) if inputs else 0.0
 
 
+@kept_meanwhile()
 def measure_pace(dataset: str, shards: tuple[Shard, ...], budget: float = 4.0) -> Pace | None:
     """Convert one input, then another, then two, four, ..., until half of the budget is used; the last ones count.
 

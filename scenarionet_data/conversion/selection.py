@@ -13,6 +13,7 @@ from fnmatch import fnmatchcase
 from typing import Protocol
 
 from scenarionet_data.converters.base import RawItem, Shard
+from scenarionet_data.converters.facts import is_at_hand
 from scenarionet_data.errors import BadParameter
 
 _SLICE = re.compile(r"(\d*):(\d*)")
@@ -70,7 +71,9 @@ class Selection:
         known = {"file", "name"} | told
         unknown = sorted(set(self.where) - known)
         if unknown and shards:
-            raise BadParameter(f"--where {unknown[0]}: known before reading are {', '.join(sorted(known))}")
+            is_here = all(is_at_hand(path) for shard in shards for path in shard.paths)
+            hint = "" if is_here else "; to choose by what recordings in an object store hold, copy them to a folder"
+            raise BadParameter(f"--where {unknown[0]}: known before reading are {', '.join(sorted(known))}{hint}")
 
     def _advice(self, shards: list[Shard]) -> str:
         """The values there are, for the first key."""

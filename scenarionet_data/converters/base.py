@@ -10,45 +10,17 @@ import hashlib
 import json
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path, PurePath
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
+from scenarionet_data.converters.facts import Facts
 from scenarionet_data.errors import BadParameter, SourceNotFound
 from scenarionet_data.scenario import ScenarioDescription
 
 if TYPE_CHECKING:
     from scenarionet_data.building import MapBuilder
-
-Facts = Mapping[str, str | tuple[str, ...]]
-"""What is known before converting, to choose recordings by: location, log, date, ...; several values are a tuple."""
-
-
-@dataclass(frozen=True)
-class FactsOnDemand(Mapping[str, str | tuple[str, ...]]):
-    """Facts of which some take a look into a file, which is taken when somebody chooses by them.
-
-    Attributes:
-        told: What is known already.
-        asked: Keys of the rest.
-        find: Called with the path and such a key; picklable. Returns no value, ``()``, for what cannot be found.
-        path: Of the file.
-    """
-
-    told: Mapping[str, str | tuple[str, ...]]
-    asked: tuple[str, ...]
-    find: Callable[[Path, str], str | tuple[str, ...]]
-    path: Path
-
-    def __getitem__(self, key: str) -> str | tuple[str, ...]:
-        return self.find(self.path, key) if key in self.asked else self.told[key]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter((*self.told, *self.asked))
-
-    def __len__(self) -> int:
-        return len(self.told) + len(self.asked)
 
 
 @dataclass(frozen=True)
@@ -73,6 +45,11 @@ class Options:
     A field with ``"is_place": True`` too says where something lies on this machine: it does not tell shards apart.
     """
 
+    @property
+    def places(self) -> dict[str, str]:
+        """The fields that say where something lies; may be empty texts, or several paths joined as in ``$PATH``."""
+        return {each.name: getattr(self, each.name) for each in fields(self) if each.metadata.get("is_place")}
+
 
 @dataclass(frozen=True)
 class Shard:
@@ -81,7 +58,7 @@ class Shard:
     Attributes:
         dataset, version, split: Partition of the lake.
         name: Names the shard's files; ``[A-Za-z0-9._-]+``, unique within the partition.
-        root: The raw folder; not part of the key, so that recordings may move.
+        root: The raw folder, or its URL in an object store; not part of the key, so that recordings may move.
         items: Raw inputs; when some of them are in the lake already, the rest becomes the shard.
         options: The converter's options.
         facts: What is known of all its items; not part of the key.
@@ -99,7 +76,7 @@ class Shard:
     @property
     def options_text(self) -> str:
         """The options as canonical JSON, but for those that say where something lies."""
-        places = {option.name for option in fields(self.options) if option.metadata.get("is_place")}
+        places = self.options.places
         told = {name: value for name, value in asdict(self.options).items() if name not in places}
         return json.dumps(told, sort_keys=True)
 
@@ -153,8 +130,9 @@ class Converter(ABC, Generic[Record]):
         Options: Dataclass of what the converter can be told.
         facts: Keys of what is known of its recordings before they are read, beyond ``file`` and ``name``.
         budgets: How far real recordings stray from plausible motion.
-        downloads: What a worker needs of RAW in an object store: a shard's ``files``, or all of the ``folders`` they
-            stand in. Empty for a converter whose ``shards`` looks into files: it reads folders alone.
+        listed: Of RAW in an object store, the files whose content ``shards`` and ``maps`` read: glob patterns for the
+            end of a path, for example ``"scenes/*.json"``. Of all others they find names and sizes there.
+        ignored: Names of folders that hold nothing a converter reads, for example images by the million.
     """
 
     name: ClassVar[str]
@@ -165,7 +143,8 @@ class Converter(ABC, Generic[Record]):
     Options: ClassVar[type[Options]] = Options
     facts: ClassVar[tuple[str, ...]] = ()
     budgets: ClassVar[Budgets] = Budgets()
-    downloads: ClassVar[Literal["", "files", "folders"]] = ""
+    listed: ClassVar[tuple[str, ...]] = ()
+    ignored: ClassVar[Collection[str]] = frozenset()
 
     @abstractmethod
     def shards(self, raw: str, split: str, version: str, options: Any) -> Iterable[Shard]:
@@ -191,6 +170,19 @@ class Converter(ABC, Generic[Record]):
             InvalidScenario: This record is unusable and goes to quarantine; the shard goes on. So does any
                 other exception raised here.
         """
+
+    def dataset_folder(self, raw: Path) -> Path:
+        """The folder below which all lies that ``raw`` needs: itself, or a folder above when ``raw`` is a part."""
+        return raw
+
+    def files(self, shard: Shard) -> Iterator[Iterable[str]]:
+        """What reading a shard takes of an object store, for a worker to download; its items unless told otherwise.
+
+        Names lie below the shard's root, and the last part of one may be a pattern: ``map/*.json``. They come in
+        batches: each is on this machine, below ``shard.root``, when the next one is asked for, so that one may look
+        into what is there. What the store does not have is not there, as in a folder.
+        """
+        yield [item.name for item in shard.items]
 
     def maps(self, raw: str, version: str, options: Any) -> Iterable[Shard]:  # noqa: ARG002
         """List the maps that many scenarios share, for example a city's; most datasets have none.

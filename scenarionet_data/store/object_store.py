@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import re
 import uuid
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import timedelta
@@ -23,6 +23,8 @@ from scenarionet_data.store.file_errors import writing
 SCHEMES = ("s3", "gs")
 _ENDPOINTS = ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT")
 _PUBLISHER = "publisher"
+_PAGE = 1000
+"""Files that a store names in one answer."""
 
 _first_used_by: int | None = None
 
@@ -81,11 +83,23 @@ class ObjectStore:
             each.rstrip("/").rpartition("/")[2] for each in found["common_prefixes"]
         ]
 
-    def walk(self, folder: str | None = None) -> Iterator[Stored]:
-        """Every file below a folder, at any depth."""
+    def walk(self, folder: str | None = None, ignored: Collection[str] = ()) -> Iterator[Stored]:
+        """Every file below a folder, at any depth, but for what lies in folders of the ignored names.
+
+        Where a page ends in such a folder, which may hold millions of files, the next one begins behind it: a store
+        lists in the order of names, and ``0`` is what comes after ``/``.
+        """
+        behind: str | None = None
         with self._asking(folder or ""):
-            for page in self._obstore.list(self._store, folder):
-                yield from map(_stored, page)
+            pages = self._pages(folder, behind)
+            while page := next(pages, None):
+                yield from (_stored(each) for each in page if not _folder_of(each["path"], ignored))
+                behind = _folder_of(page[-1]["path"], ignored)
+                if behind:
+                    pages = self._pages(folder, f"{behind}0")
+
+    def _pages(self, folder: str | None, behind: str | None) -> Iterator[Any]:
+        return iter(self._obstore.list(self._store, folder, offset=behind, chunk_size=_PAGE))
 
     def find(self, name: str) -> Stored | None:
         """A file; None when it is not there."""
@@ -229,6 +243,13 @@ def _options(scheme: str) -> dict[str, Any]:
 
 def _stored(meta: Any) -> Stored:
     return Stored(meta["path"], int(meta["size"]), str(meta["e_tag"]), meta["last_modified"].timestamp())
+
+
+def _folder_of(path: str, names: Collection[str]) -> str | None:
+    """The outermost folder of one of these names in which a file lies; None when it lies in none."""
+    folders = path.split("/")[:-1]
+    place = next((place for place, folder in enumerate(folders) if folder in names), None)
+    return None if place is None else "/".join(folders[: place + 1])
 
 
 def _first_line(error: Exception) -> str:

@@ -21,8 +21,6 @@ from scenarionet_data.converters.argoverse1.table import city_of, is_recording, 
 from scenarionet_data.converters.base import (
     Budgets,
     Converter,
-    Facts,
-    FactsOnDemand,
     Options,
     RawItem,
     Shard,
@@ -30,6 +28,7 @@ from scenarionet_data.converters.base import (
     find_files,
     fingerprint,
 )
+from scenarionet_data.converters.facts import Facts, FactsOnDemand, is_at_hand
 from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario, SourceNotFound
 from scenarionet_data.scenario import ScenarioDescription, make_scenario_id
 
@@ -93,15 +92,19 @@ class Argoverse1(Converter[RawItem]):
         for name, members in bucket(items).items():
             yield Shard(self.name, version, split, name, str(root), members, resolved)
 
+    def files(self, shard: Shard) -> Iterator[list[str]]:
+        """The files of a bucket and the maps that lie below the same root, see :meth:`Converter.files`."""
+        root, maps = Path(shard.root), filter(None, _options(shard).maps.split(os.pathsep))
+        shared = [Path(path).relative_to(root).as_posix() for path in maps if Path(path).is_relative_to(root)]
+        yield [*shared, *(item.name for item in shard.items)]
+
     def records(self, shard: Shard) -> Iterator[RawItem]:
         """The files of a bucket, see :meth:`Converter.records`."""
         yield from shard.items
 
     def scenario(self, shard: Shard, record: RawItem) -> ScenarioDescription:
         """Read one file, see :meth:`Converter.scenario`."""
-        options = shard.options
-        if not isinstance(options, Argoverse1Options):
-            raise BadParameter(f"wanted Argoverse1Options, found {type(options).__name__}")
+        options = _options(shard)
         path = Path(shard.root) / record.name
         # Every split counts its files from 1.
         scenario_id = make_scenario_id(shard.dataset, shard.version, f"{shard.split}-{path.stem}")
@@ -111,6 +114,12 @@ class Argoverse1(Converter[RawItem]):
         except CorruptSource as error:  # of this file or its map: other files of the shard are fine
             raise InvalidScenario(scenario_id, "source", str(error)) from error
         return describe(shard, scenario_id, record.name, recording, city, options.radius, self.licence)
+
+
+def _options(shard: Shard) -> Argoverse1Options:
+    if not isinstance(shard.options, Argoverse1Options):
+        raise BadParameter(f"wanted Argoverse1Options, found {type(shard.options).__name__}")
+    return shard.options
 
 
 def _facts(path: Path) -> Facts:
@@ -128,7 +137,7 @@ def _find_recordings(raw: str, split: str) -> list[Path]:
         SourceNotFound: There are none, or they are another dataset's.
     """
     found = find_files(raw, "*.csv", f"Argoverse 1 recordings of split {split}", split)
-    if not any(map(is_recording, found[:_PEEKED])):
+    if not any(is_recording(path) or not is_at_hand(path) for path in found[:_PEEKED]):
         raise SourceNotFound(f"{found[0]} and its like are no Argoverse 1 recordings; give a folder that holds some")
     return found
 

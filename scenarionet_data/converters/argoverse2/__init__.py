@@ -15,19 +15,27 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from scenarionet_data.converters.argoverse2.forecasting import read_scenario
-from scenarionet_data.converters.argoverse2.sensor import DT, Window, city_of, describe, log_files, read_log, windows
+from scenarionet_data.converters.argoverse2.sensor import (
+    DT,
+    Window,
+    city_of,
+    describe,
+    log_files,
+    log_patterns,
+    read_log,
+    windows,
+)
 from scenarionet_data.converters.argoverse2.table import word_in_footer
 from scenarionet_data.converters.base import (
     Budgets,
     Converter,
-    Facts,
-    FactsOnDemand,
     Options,
     RawItem,
     Shard,
     bucket,
     fingerprint,
 )
+from scenarionet_data.converters.facts import Facts, FactsOnDemand
 from scenarionet_data.errors import BadParameter, SourceNotFound
 from scenarionet_data.scenario import ScenarioDescription
 
@@ -68,7 +76,7 @@ class Argoverse2(Converter[RawItem | Window]):
     Options = Argoverse2Options
     facts = ("kind", "log", "location")
     budgets = Budgets(velocity_median=0.5, velocity_p99=5.0, heading_p99=1.0)
-    downloads = "folders"
+    ignored = frozenset({"sensors"})
 
     def shards(self, raw: str, split: str, version: str, options: Argoverse2Options) -> Iterator[Shard]:
         """Buckets of forecasting scenarios, then sensor logs, see :meth:`Converter.shards`."""
@@ -83,6 +91,12 @@ class Argoverse2(Converter[RawItem | Window]):
             items = [_item(raw, path, log_files(path), {})]
             facts = {"kind": "sensor", "log": path.resolve().parent.name, "location": city_of(path) or ""}
             yield Shard(self.name, version, split, name, raw, tuple(items), options, facts)
+
+    def files(self, shard: Shard) -> Iterator[list[str]]:
+        """Tables and maps, without what sensors saw, see :meth:`Converter.files`."""
+        paths = [Path(item.name) for item in shard.items]
+        read = [log_patterns(path) if _is_log(path) else _scenario_pair(path) for path in paths]
+        yield [file.as_posix() for files in read for file in files]
 
     def records(self, shard: Shard) -> Iterator[RawItem | Window]:
         """Scenario folders as they are, or the windows of a sensor log, see :meth:`Converter.records`."""
@@ -143,8 +157,12 @@ def _fact(scenario: Path, _key: str) -> str | tuple[str, ...]:
 
 
 def _scenario_files(path: Path) -> list[Path]:
-    archive = path.with_name(f"log_map_archive_{path.stem.removeprefix('scenario_')}.json")
-    return [file for file in (path, archive) if file.is_file()]
+    return [file for file in _scenario_pair(path) if file.is_file()]
+
+
+def _scenario_pair(path: Path) -> list[Path]:
+    """A scenario's Parquet file and its map."""
+    return [path, path.with_name(f"log_map_archive_{path.stem.removeprefix('scenario_')}.json")]
 
 
 def _is_log(path: Path) -> bool:

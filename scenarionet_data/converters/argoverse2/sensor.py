@@ -38,6 +38,8 @@ from scenarionet_data.vocabulary import ObjectType
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 
+_POSES = "city_SE3_egovehicle.feather"
+_MAP = "map/log_map_archive_*.json"
 _SIZE = ("length_m", "width_m", "height_m")
 
 DT = 0.1
@@ -85,13 +87,18 @@ class Window:
 
 def log_files(annotations: Path) -> list[Path]:
     """The files of a log that are read, given its ``annotations.feather``; those that exist."""
+    _, poses, _ = log_patterns(annotations)
+    return [path for path in (annotations, poses, *_maps(annotations.parent)) if path.is_file()]
+
+
+def log_patterns(annotations: Path) -> list[Path]:
+    """The files of a log that are read, given its ``annotations.feather``, as patterns: its poses, then its map."""
     folder = annotations.parent
-    poses = folder / "city_SE3_egovehicle.feather"
-    return [path for path in (annotations, poses, *_maps(folder)) if path.is_file()]
+    return [annotations, folder / _POSES, folder / _MAP]
 
 
 def _maps(folder: Path) -> list[Path]:
-    return sorted((folder / "map").glob("log_map_archive_*.json"))
+    return sorted(folder.glob(_MAP))
 
 
 def city_of(annotations: Path) -> str | None:
@@ -111,7 +118,7 @@ def read_log(annotations: Path) -> Log:
     sweeps, sweep = np.unique(numbers(rows, annotations, "timestamp_ns"), return_inverse=True)
     if not len(sweeps):
         raise CorruptSource(f"{annotations}: wanted annotations, found none; download the log again")
-    poses = read_poses(folder / "city_SE3_egovehicle.feather", sweeps)
+    poses = read_poses(folder / _POSES, sweeps)
     position = poses.to_city(numbers(rows, annotations, *TRANSLATION), sweep)
     facing = rotated(poses.turn[sweep], forward(quaternions(rows, annotations)))
     center = poses.to_city(np.broadcast_to(EGO_CENTER, (len(sweeps), 3)), np.arange(len(sweeps)))

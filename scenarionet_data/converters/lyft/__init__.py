@@ -11,9 +11,11 @@ The older perception dataset, which comes in nuScenes format, is another convert
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +23,10 @@ import numpy as np
 from scenarionet_data.building import MapBuilder, make_origin
 from scenarionet_data.converters.base import Budgets, Converter, Options, RawItem, Shard, fingerprint
 from scenarionet_data.converters.lyft.files import (
+    DESCRIPTIONS,
     damaged_item,
     dataset_folder,
+    description_files,
     find_map,
     find_recordings,
     scene_items,
@@ -32,7 +36,7 @@ from scenarionet_data.converters.lyft.lights import lights
 from scenarionet_data.converters.lyft.map_features import City, read_city
 from scenarionet_data.converters.lyft.recording import Content, Recording, Scene
 from scenarionet_data.converters.lyft.tracks import EGO, tracks
-from scenarionet_data.errors import BadParameter, CorruptSource
+from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario
 from scenarionet_data.scenario import Float64, ScenarioDescription, Source, make_scenario_id
 
 Box = tuple[float, float, float, float]
@@ -57,6 +61,9 @@ class LyftOptions(Options):
     radius: float = field(default=100.0, metadata={"doc": "Metres of map around the box that holds the ego's path."})
     has_map: bool = field(
         default=True, metadata={"doc": "Whether scenarios get a map, from semantic_map.pb and meta.json."}
+    )
+    maps: str = field(
+        default="", metadata={"doc": "Folder of semantic_map.pb and meta.json; empty: below RAW.", "is_place": True}
     )
     keep_unknown: bool = field(
         default=True, metadata={"doc": "Keep objects whose label is unknown, two thirds of all; they are OTHER."}
@@ -92,13 +99,16 @@ class Lyft(Converter[Window]):
     raw = "folder with scenes/*.zarr, semantic_map/semantic_map.pb and meta.json, or one of the zarr folders"
     Options = LyftOptions
     facts = ("location", "log", "date", "host")
+    listed = (*DESCRIPTIONS, "*.zarr/scenes/*")
     # The recorded scene's two windows: 0.5 and 0.7, 12 and 12 m/s, 1.6 and 2.0 rad, jumps of 79 and 84 m/s.
     budgets = Budgets(velocity_median=1.0, velocity_p99=15.0, heading_p99=2.2, step_speed=100.0)
 
     def shards(self, raw: str, split: str, version: str, options: LyftOptions) -> Iterator[Shard]:
         """Blocks of scenes, recording by recording, see :meth:`Converter.shards`."""
         root, recordings = dataset_folder(Path(raw)), find_recordings(Path(raw), split)
-        map_mark = fingerprint(find_map(root)) if options.has_map else ""
+        maps = find_map(options.maps or str(root)) if options.has_map else []
+        map_mark = fingerprint(maps) if maps else ""
+        resolved = replace(options, maps=os.pathsep.join(map(str, maps)))  # workers need not search
         for path in recordings:
             name = path.relative_to(root).as_posix()
             stem = re.sub(r"[^A-Za-z0-9._-]", "-", name.removesuffix(".zarr"))
@@ -109,21 +119,31 @@ class Lyft(Converter[Window]):
             for first in range(0, len(items), _BLOCK):
                 block = tuple(items[first : first + _BLOCK])
                 shard = f"{stem}-{first // _BLOCK:05d}"
-                yield Shard(self.name, version, split, shard, str(root), block, options, {"location": CITY})
+                yield Shard(self.name, version, split, shard, str(root), block, resolved, {"location": CITY})
+
+    def dataset_folder(self, raw: Path) -> Path:
+        """The folder above a recording, see :meth:`Converter.dataset_folder`."""
+        return dataset_folder(raw)
+
+    def files(self, shard: Shard) -> Iterator[list[str]]:
+        """The map, the recordings' scenes, then the chunks of those of the shard, see :meth:`Converter.files`."""
+        root, maps = Path(shard.root), filter(None, _options(shard).maps.split(os.pathsep))
+        names = {scene_of(item)[0] for item in shard.items}
+        described = [Path(path) for path in maps] + [root / file for name in names for file in description_files(name)]
+        yield _below(root, described)
+        with suppress(CorruptSource):  # said again when the shard is read
+            scenes = list(_scenes(shard))
+            yield _below(root, [file for recording, scene in scenes for file in recording.frame_files(scene)])
+            yield _below(
+                root, [file for recording, scene in scenes for file in _content_files(shard, recording, scene)]
+            )
 
     def records(self, shard: Shard) -> Iterator[Window]:
         """The windows of the shard's scenes, see :meth:`Converter.records`."""
-        options = shard.options
-        if not isinstance(options, LyftOptions):
-            raise BadParameter(f"wanted LyftOptions, found {type(options).__name__}")
-        root = Path(shard.root)
-        city = _read_city(find_map(root)) if options.has_map else None
-        recording = None
-        for name, row in map(scene_of, shard.items):
-            if recording is None or recording.path != root / name:
-                recording = Recording(root / name)
-            for scene in recording.scenes if row is None else [recording.scenes[row]]:
-                yield from _windows(recording, scene, options, city)
+        options = _options(shard)
+        city = _read_city(find_map(options.maps or shard.root)) if options.has_map else None
+        for recording, scene in _scenes(shard):
+            yield from _windows(recording, scene, options, city)
 
     def scenario(self, shard: Shard, record: Window) -> ScenarioDescription:
         """Describe a window, see :meth:`Converter.scenario`."""
@@ -134,12 +154,42 @@ class Lyft(Converter[Window]):
         if options.has_map:
             find_recordings(Path(raw), split="")  # in a folder of something else the map is not what is missing
             root = dataset_folder(Path(raw))
-            items = (RawItem(path.relative_to(root).as_posix(), fingerprint([path])) for path in find_map(root))
-            yield Shard(self.name, version, "", MAP_ID, str(root), tuple(items), Options())
+            files = find_map(options.maps or str(root))
+            folder = Path(os.path.commonpath(files)) if options.maps else root
+            items = (RawItem(path.relative_to(folder).as_posix(), fingerprint([path])) for path in files)
+            yield Shard(self.name, version, "", MAP_ID, str(folder), tuple(items), Options())
 
     def map_features(self, shard: Shard) -> MapBuilder:
         """Read the semantic map, see :meth:`Converter.map_features`."""
         return _read_city(shard.paths).features
+
+
+def _options(shard: Shard) -> LyftOptions:
+    if not isinstance(shard.options, LyftOptions):
+        raise BadParameter(f"wanted LyftOptions, found {type(shard.options).__name__}")
+    return shard.options
+
+
+def _scenes(shard: Shard) -> Iterator[tuple[Recording, Scene]]:
+    """A shard's scenes, with their recordings."""
+    recording = None
+    for name, row in map(scene_of, shard.items):
+        if recording is None or recording.path != Path(shard.root, name):
+            recording = Recording(Path(shard.root, name))
+        for scene in recording.scenes if row is None else [recording.scenes[row]]:
+            yield recording, scene
+
+
+def _content_files(shard: Shard, recording: Recording, scene: Scene) -> Iterator[Path]:
+    """Files with what surrounds the ego in the windows of a scene; none for one that is going to be refused."""
+    for window in _windows(recording, scene, _options(shard), None):
+        with suppress(InvalidScenario, CorruptSource):
+            yield from recording.content_files(window.first, window.last, scene.name)
+
+
+def _below(root: Path, paths: list[Path]) -> list[str]:
+    """Names of those that lie below a folder."""
+    return [path.relative_to(root).as_posix() for path in paths if path.is_relative_to(root)]
 
 
 def _read_city(files: list[Path]) -> City:

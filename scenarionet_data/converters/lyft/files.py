@@ -10,6 +10,8 @@ from scenarionet_data.converters.base import RawItem, fingerprint
 from scenarionet_data.converters.lyft.recording import Recording
 from scenarionet_data.errors import SourceNotFound
 
+MAP_FILES = ("semantic_map.pb", "meta.json")
+DESCRIPTIONS = (".zattrs", ".zarray")
 _FINGERPRINT_SAMPLE = 4096
 _SPLITS = {"train": "train", "train_full": "train", "validate": "val", "validate_full": "val", "test": "test"}
 """The owner's names of recordings that belong to one split."""
@@ -47,21 +49,36 @@ def _find(folder: Path, ending: str) -> list[Path]:
     return sorted(found)
 
 
-def find_map(root: Path) -> list[Path]:
+def find_map(places: str) -> list[Path]:
     """``semantic_map.pb`` and ``meta.json``.
+
+    Args:
+        places: Folders that hold them at any depth, or the files themselves, separated as in ``$PATH``.
 
     Raises:
         SourceNotFound: One of them is not there, or there are several.
     """
     chosen = []
-    for name in ("semantic_map.pb", "meta.json"):
-        found = [path for path in _find(root, name) if path.name == name]
+    for name in MAP_FILES:
+        found = [path for place in map(Path, places.split(os.pathsep)) for path in _named(place, name)]
         if len(found) != 1:
             count = f"found {len(found)}: {', '.join(map(str, found))}" if found else "found none"
             hint = "download the dataset's semantic map, or go without it: -O has_map=false"
-            raise SourceNotFound(f"{root}: wanted one {name} in it, {count}; {hint}")
+            raise SourceNotFound(f"{places}: wanted one {name} in it, {count}; {hint}")
         chosen += found
     return chosen
+
+
+def _named(place: Path, name: str) -> list[Path]:
+    """A file itself, if that is its name, or the files of this name in a folder."""
+    found = _find(place, name) if place.is_dir() else [place]
+    return [path for path in found if path.name == name and path.is_file()]
+
+
+def description_files(recording: str) -> list[str]:
+    """Files that say what scenes a recording has, and how its tables are cut into chunks; one name is a pattern."""
+    tables = ("frames", "agents", "traffic_light_faces")
+    return [f"{recording}/.zattrs", f"{recording}/scenes/*", *(f"{recording}/{table}/.zarray" for table in tables)]
 
 
 def scene_items(recording: Recording, name: str, map_mark: str) -> list[RawItem]:

@@ -32,6 +32,8 @@ _FIELDS = {
     "traffic_light_faces": {"face_id": (), "traffic_light_id": (), "traffic_light_face_status": (3,)},
 }
 _LIGHTS = "traffic_light_faces_index_interval"
+_RANGES = {"agents": "agent_index_interval", "traffic_light_faces": _LIGHTS}
+"""Column of the frames that says which rows of a table are theirs."""
 
 LABELS = tuple(
     """PERCEPTION_LABEL_NOT_SET PERCEPTION_LABEL_UNKNOWN PERCEPTION_LABEL_DONTCARE PERCEPTION_LABEL_CAR
@@ -137,14 +139,11 @@ class Recording:
             InvalidScenario: A range of rows points to where there are none.
             CorruptSource: A chunk is missing or damaged.
         """
-        if not 0 <= first < last <= self.num_frames:
-            wanted = f"wanted frames within 0 ... {self.num_frames}"
-            raise InvalidScenario(where, "frame_index_interval", f"{wanted}, found {first} ... {last}")
-        frames = self._tables["frames"].rows(first, last)
-        frame, agents = self._parts("agents", frames["agent_index_interval"], where)
+        frames = self._frames(first, last, where)
+        frame, agents = self._parts("agents", frames, where)
         faces_frame, faces = np.zeros(0, np.int64), np.zeros(0)
         if self._has_lights:
-            faces_frame, faces = self._parts("traffic_light_faces", frames[_LIGHTS], where)
+            faces_frame, faces = self._parts("traffic_light_faces", frames, where)
         turn = frames["ego_rotation"].astype(np.float64)
         yaw = np.arctan2(turn[:, 1, 0], turn[:, 0, 0])
         return Content(
@@ -156,16 +155,35 @@ class Recording:
             faces=faces,
         )
 
-    def _parts(self, name: str, ranges: Any, where: str) -> tuple[npt.NDArray[np.int64], Records]:
+    def content_files(self, first: int, last: int, where: str) -> list[Path]:
+        """Files that :meth:`read` reads besides those with the frames; the same errors."""
+        frames = self._frames(first, last, where)
+        names = [name for name in _RANGES if name in self._tables]
+        return [
+            path for name in names for path in self._tables[name].chunk_files(*self._range(name, frames, where)[1:])
+        ]
+
+    def _frames(self, first: int, last: int, where: str) -> Records:
+        if not 0 <= first < last <= self.num_frames:
+            wanted = f"wanted frames within 0 ... {self.num_frames}"
+            raise InvalidScenario(where, "frame_index_interval", f"{wanted}, found {first} ... {last}")
+        return self._tables["frames"].rows(first, last)
+
+    def _parts(self, name: str, frames: Records, where: str) -> tuple[npt.NDArray[np.int64], Records]:
         """Frame of each row and the rows that successive frames own in a table."""
-        table, ranges = self._tables[name], ranges.astype(np.int64)
+        lengths, first, last = self._range(name, frames, where)
+        return np.repeat(np.arange(len(lengths)), lengths), self._tables[name].rows(first, last)
+
+    def _range(self, name: str, frames: Records, where: str) -> tuple[npt.NDArray[np.int64], int, int]:
+        """How many rows of a table each of successive frames owns, the first row, and the one after the last."""
+        table, ranges = self._tables[name], frames[_RANGES[name]].astype(np.int64)
         first, last = int(ranges[0, 0]), int(ranges[-1, 1])
         lengths = np.diff(ranges, axis=1)[:, 0]
         is_run = (ranges[1:, 0] == ranges[:-1, 1]).all() and (lengths >= 0).all()
         if not (is_run and 0 <= first <= last <= len(table)):
             wanted = f"wanted one range of rows after the other within 0 ... {len(table)}"
             raise InvalidScenario(where, f"frames.{name}", f"{wanted}, found {first} ... {last}")
-        return np.repeat(np.arange(len(ranges)), lengths), table.rows(first, last)
+        return lengths, first, last
 
 
 def _table(path: Path, name: str) -> ChunkedTable:

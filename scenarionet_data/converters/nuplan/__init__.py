@@ -21,7 +21,15 @@ import numpy as np
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.base import Budgets, Converter, Options, RawItem, Shard, fingerprint
 from scenarionet_data.converters.nuplan.content import read_content
-from scenarionet_data.converters.nuplan.files import facts_of, find_atlas, find_logs, logs_of, place_of
+from scenarionet_data.converters.nuplan.files import (
+    MANIFESTS,
+    SENSORS,
+    facts_of,
+    find_atlas,
+    find_logs,
+    logs_of,
+    place_of,
+)
 from scenarionet_data.converters.nuplan.log import Log, opened, read_log
 from scenarionet_data.converters.nuplan.map_features import read_city
 from scenarionet_data.converters.nuplan.scenario import Cut, describe
@@ -83,6 +91,8 @@ class NuPlan(Converter[Cut]):
     raw = "folder of nuPlan logs (*.db), with the maps in it or in $NUPLAN_MAPS_ROOT"
     Options = NuPlanOptions
     facts = ("location", "log", "date", "tag")
+    listed = (MANIFESTS,)
+    ignored = SENSORS
     # Of two recorded scenarios one has 0.15, 2.7 and 0.13, the other, of 0.2 s at 20 Hz, 0.8, 8.3 and 0.08.
     budgets = Budgets(velocity_median=1.0, velocity_p99=10.0, heading_p99=0.5)
 
@@ -96,11 +106,19 @@ class NuPlan(Converter[Cut]):
             name = re.sub(r"[^A-Za-z0-9._-]", "-", log.stem)
             yield Shard(self.name, version, split, name, raw, (item,), resolved, facts_of(log, places[log]))
 
+    def files(self, shard: Shard) -> Iterator[list[str]]:
+        """The log and, if it lies below the same root, the map of its city, see :meth:`Converter.files`."""
+        (item,), (path,), root, maps = shard.items, shard.paths, Path(shard.root), Path(_options(shard).maps)
+        if not maps.is_relative_to(root):
+            yield [item.name]
+            return
+        yield [item.name, (maps / MANIFESTS).relative_to(root).as_posix()]
+        found = find_atlas(path.parent, str(maps)).candidates(place_of(path)).values()
+        yield [place.relative_to(root).as_posix() for place in found]
+
     def records(self, shard: Shard) -> Iterator[Cut]:
         """The windows of a log, see :meth:`Converter.records`."""
-        options = shard.options
-        if not isinstance(options, NuPlanOptions):
-            raise BadParameter(f"wanted NuPlanOptions, found {type(options).__name__}")
+        options = _options(shard)
         (path,) = shard.paths
         with opened(path) as database:
             log = read_log(database, path)
@@ -123,14 +141,19 @@ class NuPlan(Converter[Cut]):
     def maps(self, raw: str, version: str, options: NuPlanOptions) -> Iterator[Shard]:
         """The maps of the logs' cities, see :meth:`Converter.maps`; a log without one fails on its own."""
         atlas = find_atlas(Path(raw), options.maps)
-        found = {atlas.find(place_of(log)) for log in find_logs(Path(raw))}
-        for map_id, path in sorted(filter(None, found)):
+        for map_id, path in atlas.maps_of(find_logs(Path(raw))).items():
             item = RawItem(path.relative_to(atlas.root).as_posix(), fingerprint([path]))
             yield Shard(self.name, version, "", map_id, str(atlas.root), (item,), Options())
 
     def map_features(self, shard: Shard) -> MapBuilder:
         """Read a city's map, see :meth:`Converter.map_features`."""
         return read_city(shard.paths[0]).features
+
+
+def _options(shard: Shard) -> NuPlanOptions:
+    if not isinstance(shard.options, NuPlanOptions):
+        raise BadParameter(f"wanted NuPlanOptions, found {type(shard.options).__name__}")
+    return shard.options
 
 
 def _windows(log: Log, options: NuPlanOptions) -> list[Window]:

@@ -5,17 +5,19 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from scenarionet_data.converters.base import Facts, FactsOnDemand
+from scenarionet_data.converters.facts import Facts, FactsOnDemand, is_at_hand
 from scenarionet_data.converters.nuplan.log import Place, opened, read_place, read_tag_types
 from scenarionet_data.errors import CorruptSource, SourceNotFound
 
 _SPLITS = {"mini", "train", "val", "test"}
-_SENSORS = "sensor_blobs"
-"""Folder of images and point clouds, by the million: nothing to look for in it."""
+SENSORS = frozenset({"sensor_blobs"})
+"""Folders of images and point clouds, by the million: nothing to look for in them."""
+MANIFESTS = "nuplan-maps-v*.json"
+"""What the list of map versions is called."""
 _MANIFEST = re.compile(r"nuplan-maps-v[\d.]+\.json")
 
 
@@ -51,7 +53,9 @@ def logs_of(split: str, root: Path) -> list[Path]:
 
 
 def place_of(log: Path) -> Place:
-    """Where a log was recorded; nowhere when it cannot be read, as its own shard will say."""
+    """Where a log was recorded; nowhere when it is not at hand, or cannot be read, as its own shard will say."""
+    if not is_at_hand(log):
+        return Place("", "", None)
     try:
         with opened(log) as database:
             return read_place(database, log)
@@ -91,13 +95,22 @@ class Atlas:
         """The folder."""
         return self.manifest.parent
 
+    def candidates(self, place: Place) -> dict[str, Path]:
+        """Path of each map that a place may have, by the map's id, in order of preference."""
+        names = [name for name in (place.map_name, place.city) if name in self.versions]
+        return {f"{name}-{self.versions[name]}": self.root / name / self.versions[name] / "map.gpkg" for name in names}
+
     def find(self, place: Place) -> tuple[str, Path] | None:
         """Id and path of the map of a place; None when there is none."""
-        for name in (place.map_name, place.city):
-            path = self.root / name / self.versions.get(name, "") / "map.gpkg"
-            if name in self.versions and path.is_file():
-                return f"{name}-{self.versions[name]}", path
-        return None
+        found = self.candidates(place).items()
+        return next(((map_id, path) for map_id, path in found if path.is_file()), None)
+
+    def maps_of(self, logs: Iterable[Path]) -> dict[str, Path]:
+        """Paths of the maps of some logs, by id; of all maps where a log is not at hand to say which is its."""
+        places = {place_of(log) if is_at_hand(log) else None for log in logs}
+        if None in places:
+            places = {Place(name, name, None) for name in self.versions}
+        return dict(sorted(found for place in places if place and (found := self.find(place))))
 
     def map_of(self, place: Place, log: Path) -> tuple[str, Path]:
         """Id and path of the map of a log's place.
@@ -139,5 +152,5 @@ def _versions(manifest: Path) -> dict[str, str]:
 
 def _walk(root: Path) -> Iterator[Path]:
     for folder, subfolders, files in os.walk(root):
-        subfolders[:] = [name for name in subfolders if name != _SENSORS]
+        subfolders[:] = [name for name in subfolders if name not in SENSORS]
         yield from (Path(folder, name) for name in files)

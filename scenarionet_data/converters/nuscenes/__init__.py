@@ -24,12 +24,12 @@ from typing import Any
 
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.base import Budgets, Converter, Options, RawItem, Shard, bucket, fingerprint
-from scenarionet_data.converters.nuscenes.can_bus import Messages, can_bus_mark, read_can_bus
+from scenarionet_data.converters.nuscenes.can_bus import Messages, can_bus_files, can_bus_mark, read_can_bus
 from scenarionet_data.converters.nuscenes.map_features import read_map
 from scenarionet_data.converters.nuscenes.recording import Recording, read_recording
 from scenarionet_data.converters.nuscenes.scenario import City, describe
 from scenarionet_data.converters.nuscenes.steps import nominal_period
-from scenarionet_data.converters.nuscenes.tables import log_name, read_release, read_scenes, table_files
+from scenarionet_data.converters.nuscenes.tables import TABLES, log_name, read_release, read_scenes, table_files
 from scenarionet_data.converters.nuscenes.types import PLACES, RELEASES, is_in_split
 from scenarionet_data.converters.nuscenes.windows import (
     Window,
@@ -45,6 +45,8 @@ _CHALLENGE = Path("maps", "prediction", "prediction_scenes.json")
 _EXPANSION = Path("maps", "expansion")
 _GET_MAPS = "download nuScenes' map expansion v1.3, or leave maps out with -O has_map=false"
 _SCENES_PER_SHARD = {"scene": 64, "window": 8}
+_SENSORS = frozenset({"samples", "sweeps", "lidarseg", "panoptic", "images", "lidar", "train_images", "train_lidar"})
+"""Folders of images and point clouds, by the million, here and in Lyft's dataset."""
 _SUFFIX = {"scene": "", "window": "@window"}
 """Tells a scene's items apart, so that one lake can hold scenes and windows of one split."""
 
@@ -94,6 +96,8 @@ class NuScenes(Converter[Window | InvalidScenario]):
     raw = "the dataroot: v1.0-*/*.json and maps/expansion/*.json"
     Options = NuScenesOptions
     facts = ("location", "log", "date")
+    listed = ("scene.json", "log.json")
+    ignored = _SENSORS
     budgets = Budgets(velocity_median=0.1, velocity_p99=3.0, heading_p99=1.0)
 
     def maps(self, raw: str, version: str, options: NuScenesOptions) -> Iterator[Shard]:
@@ -127,6 +131,22 @@ class NuScenes(Converter[Window | InvalidScenario]):
                 shard = f"{folder.name}-{_map_id(place)}-{options.by}-{number}"
                 yield Shard(self.name, version, split, shard, str(root), members, options, {"location": place})
 
+    def dataset_folder(self, raw: Path) -> Path:
+        """The dataroot, see :meth:`Converter.dataset_folder`."""
+        return _root(raw)
+
+    def files(self, shard: Shard) -> Iterator[list[str]]:
+        """The tables, the location's map and what the CAN bus said, see :meth:`Converter.files`."""
+        options, release = _options(shard), shard.items[0].name.split("/")[0]
+        names = [f"{release}/{table}.json" for table in TABLES]
+        if options.by == "window":
+            names.append(_CHALLENGE.as_posix())
+        if options.has_map:
+            names.append(_map_file(Path(), str(shard.facts["location"])).as_posix())
+        if options.has_can_bus:
+            names += [name for item in shard.items for name in can_bus_files(_scene_of(item, options))]
+        yield names
+
     def records(self, shard: Shard) -> Iterator[Window | InvalidScenario]:
         """The windows of each scene, or why there are none, see :meth:`Converter.records`."""
         options, root = _options(shard), Path(shard.root)
@@ -136,7 +156,7 @@ class NuScenes(Converter[Window | InvalidScenario]):
         has_challenge = options.by == "window" and (root / _CHALLENGE).is_file()
         challenge = read_challenge(root / _CHALLENGE) if has_challenge else None
         for item in shard.items:
-            name = item.name.split("/")[1].removesuffix(_SUFFIX[options.by])
+            name = _scene_of(item, options)
             scenario_id = make_scenario_id(shard.dataset, shard.version, name)
             try:
                 recording = read_recording(release, tokens[name], scenario_id)
@@ -180,6 +200,11 @@ def _options(shard: Shard) -> NuScenesOptions:
     if not isinstance(shard.options, NuScenesOptions):
         raise BadParameter(f"wanted NuScenesOptions, found {type(shard.options).__name__}")
     return shard.options
+
+
+def _scene_of(item: RawItem, options: NuScenesOptions) -> str:
+    """The name of an item's scene."""
+    return item.name.split("/")[1].removesuffix(_SUFFIX[options.by])
 
 
 @lru_cache(maxsize=2)

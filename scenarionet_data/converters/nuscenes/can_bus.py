@@ -57,7 +57,12 @@ def can_bus_mark(root: Path, scene: str) -> str:
 
 
 def _files(root: Path, scene: str) -> list[Path]:
-    return [path for kind in MEASURED if (path := root / FOLDER / f"{scene}_{kind}.json").is_file()]
+    return [path for name in can_bus_files(scene) if (path := root / name).is_file()]
+
+
+def can_bus_files(scene: str) -> list[str]:
+    """Names of the files that a scene's messages may have, below the dataroot."""
+    return [f"{FOLDER}/{scene}_{kind}.json" for kind in MEASURED]
 
 
 def read_can_bus(root: Path, scene: str) -> Mapping[str, Messages]:

@@ -71,7 +71,7 @@ class ScenarioNetPickles(Converter[RawItem]):
     release = "v1"
     licence = "the licence of the dataset that was pickled"
     raw = "folder of ScenarioNet pickles (sd_*.pkl), or of such folders"
-    downloads = "files"
+    listed = (_MAPPING,)
     facts = tuple(SUMMARISED)
 
     def shards(self, raw: str, split: str, version: str, options: Options) -> Iterator[Shard]:

@@ -6,7 +6,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from scenarionet_data.converters.base import Facts, FactsOnDemand
+from scenarionet_data.converters.facts import Facts, FactsOnDemand
 from scenarionet_data.converters.scenarionet.unpickling import load
 from scenarionet_data.errors import InvalidScenario
 

@@ -64,7 +64,6 @@ class Waymo(Converter[Record]):
     release = "v1.2"
     licence = "Waymo Dataset License Agreement for Non-Commercial Use"
     raw = f"a folder with files like {_EXAMPLE} (the dataset's `scenario` format), or one of them"
-    downloads = "files"
 
     def shards(self, raw: str, split: str, version: str, options: Options) -> Iterator[Shard]:
         """One shard per TFRecord file; see the base class."""
