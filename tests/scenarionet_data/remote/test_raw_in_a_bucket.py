@@ -1,19 +1,21 @@
-"""Raw recordings in an object store become the lake that the same recordings in a folder become."""
+"""Raw recordings in an object store: listed, watched, chosen from and refused as those in a folder."""
 
 from __future__ import annotations
 
+import os
 import tempfile
 from pathlib import Path
 
-import obstore
 import pytest
-from obstore.store import from_url
 
-from scenarionet_data import Lake, ScenarioLoader, convert
-from scenarionet_data.conversion import driver
+from scenarionet_data import Lake, convert
+from scenarionet_data.conversion import Selection, driver, watch
+from scenarionet_data.converters.argoverse1 import Argoverse1Options
+from scenarionet_data.converters.nuplan import NuPlanOptions
 from scenarionet_data.errors import BadParameter, DuplicateScenario, SourceNotFound
-from scenarionet_data.testing import differences
-from tests.fixtures import argoverse2, waymo
+from scenarionet_data.store.object_store import ObjectStore
+from tests.fixtures import argoverse1, lyft, nuplan, nuplan_drive, nuscenes, scenarionet_pickles, waymo
+from tests.fixtures.buckets import fetched, put, same, upload
 from tests.fixtures.made import NAME, MadeOptions, write_raw
 from tests.fixtures.object_store import BUCKET
 
@@ -22,61 +24,51 @@ pytestmark = pytest.mark.long
 FEW = MadeOptions(num_objects=2)
 
 
-@pytest.fixture
-def bucket(store):
-    return from_url(f"s3://{BUCKET}", client_options={"allow_http": True})
-
-
-def upload(bucket, folder, prefix):
-    """A folder's files below a prefix; returns its URL."""
-    for path in Path(folder).rglob("*"):
-        if path.is_file():
-            obstore.put(bucket, f"{prefix}/{path.relative_to(folder).as_posix()}", path.read_bytes())
-    return f"s3://{BUCKET}/{prefix}"
-
-
-def same(one, other):
-    one, other = ScenarioLoader(one), ScenarioLoader(other)
-    assert len(one) == len(other) > 0
-    return [differences(a, b) for a, b in zip(one, other, strict=True)] == [[]] * len(one)
-
-
 def leftovers():
     return set(Path(tempfile.gettempdir()).glob("scenarionet-*"))
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_a_folder_and_a_bucket_make_the_same_lake(url, bucket, tmp_path, workers):
+def test_a_folder_and_a_bucket_make_the_same_lake(url, tmp_path, workers):
     raw = write_raw(tmp_path / "raw" / "validation", {f"s{k}": [k * 10, k * 10 + 1] for k in range(3)})
     before = leftovers()
-    report = convert(NAME, upload(bucket, raw, f"{url[-41:]}/validation"), url, options=FEW, workers=workers)
+    report = convert(NAME, upload(raw, f"{url[-41:]}/validation"), url, options=FEW, workers=workers)
     assert (report.converted, report.failed, report.partitions) == (6, [], {("made", "v1", "val")})
     assert leftovers() <= before
     convert(NAME, str(raw), tmp_path / "lake", options=FEW)
     assert same(url, tmp_path / "lake")
 
 
-def test_what_is_converted_is_skipped_and_what_has_changed_is_seen(url, bucket, tmp_path):
+def test_what_is_converted_is_skipped_and_what_has_changed_is_seen(store, tmp_path):
     raw = write_raw(tmp_path / "raw", {"s0": [1], "s1": [2]})
-    place = upload(bucket, raw, "changing")
+    place = upload(raw, "changing")
     assert convert(NAME, place, tmp_path / "lake", options=FEW).converted == 2
-    write_raw(tmp_path / "more", {"s2": [3]})
-    upload(bucket, tmp_path / "more", "changing")
+    upload(write_raw(tmp_path / "more", {"s2": [3]}), "changing")
     report = convert(NAME, place, tmp_path / "lake", options=FEW)
     assert (report.skipped, report.converted) == (2, 1)
-    obstore.put(bucket, "changing/s1.made", b"7")  # as long as it was
+    put({"s1.made": b"7"}, "changing")  # as long as it was
     with pytest.raises(DuplicateScenario, match="has changed since"):
         driver.plan_conversion(NAME, place, tmp_path / "lake", options=FEW)
     assert convert(NAME, place, tmp_path / "lake", options=FEW, replace_old=True).replaced == 1
     assert len(Lake(tmp_path / "lake")) == 3
 
 
-def test_waymo_files_and_one_of_them(bucket, tmp_path):
+def test_a_map_that_changes_is_seen(store, tmp_path):
+    nuscenes.write_invented(tmp_path / "raw", num_scenes=1, num_keyframes=16)
+    place = upload(tmp_path / "raw", "changing-map")
+    convert("nuscenes", place, tmp_path / "lake", split="mini")
+    (changed,) = (tmp_path / "raw" / "maps" / "expansion").iterdir()
+    put({f"maps/expansion/{changed.name}": changed.read_bytes() + b"\n"}, "changing-map")
+    with pytest.raises(DuplicateScenario, match="has changed since"):
+        convert("nuscenes", place, tmp_path / "lake", split="mini")
+
+
+def test_waymo_files_and_one_of_them(store, tmp_path):
     raw = tmp_path / "training"
     raw.mkdir()
     for number in range(2):
         waymo.write_tfrecord(raw / f"training.tfrecord-0000{number}-of-00002", [waymo.scenario_bytes(number)])
-    place = upload(bucket, raw, "waymo/training")
+    place = upload(raw, "waymo/training")
     convert("waymo", place, tmp_path / "remote")
     convert("waymo", str(raw), tmp_path / "local")
     assert same(tmp_path / "remote", tmp_path / "local")
@@ -84,16 +76,138 @@ def test_waymo_files_and_one_of_them(bucket, tmp_path):
     assert len(Lake(tmp_path / "one")) == 1
 
 
-def test_folders_of_scenarios(bucket, tmp_path):
-    raw = tmp_path / "train"
-    argoverse2.write_forecasting(raw, num_scenarios=2, num_tracks=12, num_timesteps=60)
-    convert("argoverse2", upload(bucket, raw, "av2/train"), tmp_path / "remote")
-    convert("argoverse2", str(raw), tmp_path / "local")
+def test_a_database_of_pickles_and_its_mapping(store, tmp_path):
+    scenarionet_pickles.write_vintages(tmp_path / "raw")
+    convert("scenarionet", upload(tmp_path / "raw", "pickles"), tmp_path / "remote", split="train")
+    convert("scenarionet", str(tmp_path / "raw"), tmp_path / "local", split="train")
     assert same(tmp_path / "remote", tmp_path / "local")
 
 
-def test_what_cannot_be(bucket, tmp_path):
+def test_what_arrives_is_converted_when_it_has_stood_still(store, tmp_path):
+    raw = write_raw(tmp_path / "raw", {"s0": [1, 2]})
+    events = iter([lambda: put({"s1.made": b"3"}, "growing"), lambda: None, lambda: None])
+    reports = watch(NAME, upload(raw, "growing"), tmp_path / "lake", options=FEW, wait=lambda _: next(events)())
+    assert next(reports).converted == 2
+    assert next(reports).converted == 1
+
+
+def test_the_largest_come_first(store, tmp_path):
+    raw = write_raw(tmp_path / "raw", {"a": range(50), "b": range(150), "c": range(100)})
+    seen = []
+
+    def run(jobs, do, lost=None):
+        seen.extend(job.shard.name for job in jobs)
+        return iter(())
+
+    convert(NAME, upload(raw, "sizes"), tmp_path / "lake", options=FEW, run=run)
+    assert seen == ["b", "c", "a"]
+
+
+def test_choosing_by_what_is_known(store, tmp_path):
+    nuscenes.write_invented(tmp_path / "nuscenes", num_scenes=2, num_keyframes=16)
+    nuplan.write_raw(tmp_path / "nuplan", [nuplan_drive.invented(seconds=4.0)])
+    scenes, logs = (upload(tmp_path / name, f"chosen/{name}") for name in ("nuscenes", "nuplan"))
+    boston = Selection({"location": "boston-*"})
+    assert convert("nuscenes", scenes, tmp_path / "lake", split="mini", selection=boston).converted == 1
+    for key in ("location", "tag"):
+        with pytest.raises(BadParameter, match=f"--where {key}: known before .* copy them to a folder"):
+            convert("nuplan", logs, tmp_path / "lake", split="mini", selection=Selection({key: "*"}))
+    named = Selection({"log": nuplan_drive.invented(seconds=4.0).name})
+    assert len(driver.plan_conversion("nuplan", logs, tmp_path / "lake", split="mini", selection=named).shards) == 1
+
+
+def test_images_by_the_thousand_are_not_listed(store):
+    put({f"log/sensors/camera/{k:05d}.jpg": b"" for k in range(2100)}, "images/train")
+    put({f"log/{name}": b"x" for name in ("annotations.feather", "sensors-of-others/1", "z/sensors/1", "z/z")}, "images")
+    store.set()
+    names = [each.name for each in ObjectStore(f"s3://{BUCKET}/images").walk(ignored={"sensors"})]
+    assert names == ["log/annotations.feather", "log/sensors-of-others/1", "log/z/z"]
+    assert len(store.requests()) == 2
+    assert sum(1 for _ in ObjectStore(f"s3://{BUCKET}/images").walk()) == 2104
+
+
+def test_empty_files_that_stand_for_folders(store, tmp_path):
+    raw = write_raw(tmp_path / "raw" / "deep", {"s0": [1]}).parent
+    write_raw(raw / "deep-er", {"s1": [2]})
+    place = upload(raw, "marked")
+    with_slash = ObjectStore(f"s3://{BUCKET}")
+    with_slash.put("marked/deep", b"")  # as clients see the key "marked/deep/"
+    with_slash.put("marked", b"")
+    assert convert(NAME, place, tmp_path / "lake", options=FEW).converted == 2
+
+
+def damaged_map(root):
+    """A map that cannot be read, of the two scenes' two; a table is whole."""
+    nuscenes.write_invented(root, num_scenes=2, num_keyframes=16)
+    (root / "maps" / "expansion" / "boston-seaport.json").write_text("{")
+
+
+def damaged_tables(root):
+    nuscenes.write_invented(root, num_scenes=2, num_keyframes=16)
+    table = root / "v1.0-mini" / "sample_annotation.json"
+    table.write_bytes(table.read_bytes()[:-100])
+
+
+def damaged_logs(root):
+    """One cut off, one empty, one as it should be."""
+    nuplan.write_raw(root, [nuplan_drive.invented(seed, seconds=4.0) for seed in range(3)])
+    first, second, _ = sorted((root / "splits" / "mini").iterdir())
+    os.truncate(first, 30_000)
+    os.truncate(second, 0)
+
+
+def lost_map(root):
+    nuplan.write_raw(root, [nuplan_drive.invented(seconds=4.0)])
+    next((root / "maps").rglob("map.gpkg")).unlink()
+
+
+def damaged_files(root):
+    argoverse1.write_recordings(root / "data", 3)
+    argoverse1.write_map(root)
+    (root / "data" / "2.csv").write_text("TIMESTAMP,TRACK_ID\n1,2\n")
+
+
+def damaged_chunks(root):
+    lyft.write_dataset(root, num_scenes=3, num_frames=30)
+    chunks = root / "scenes" / "sample.zarr" / "agents"
+    (chunks / "0").write_bytes(b"nothing")
+    (chunks / "3").unlink()
+
+
+DAMAGE = {
+    "a map": ("nuscenes", damaged_map),
+    "tables": ("nuscenes", damaged_tables),
+    "logs": ("nuplan", damaged_logs),
+    "no map": ("nuplan", lost_map),
+    "files": ("argoverse1", damaged_files),
+    "chunks": ("lyft", damaged_chunks),
+}
+
+
+@pytest.mark.parametrize("case", DAMAGE)
+def test_what_is_damaged_fails_as_in_a_folder(store, tmp_path, case):
+    name, write = DAMAGE[case]
+    raw, split = tmp_path / "raw", "mini" if name in ("nuscenes", "nuplan") else "train"
+    raw.mkdir()
+    write(raw)
+    place = upload(raw, f"damaged/{case.replace(' ', '-')}")
+    told = {}
+    for root, lake in ((str(raw), tmp_path / "local"), (place, tmp_path / "remote")):
+        report = convert(name, root, lake, split=split)
+        assert report.failed or report.quarantined
+        query = "SELECT scenario_id, field, message FROM quarantine ORDER BY ALL"
+        refused = Lake(lake).sql(query).rows() if report.shards else []
+        told[root] = repr((report.converted, sorted(report.failed), refused))
+    assert told[place] == told[str(raw)].replace(str(raw), place)
+
+
+def test_what_cannot_be(store, tmp_path):
     with pytest.raises(SourceNotFound, match="nothing there"):
         convert(NAME, f"s3://{BUCKET}/nowhere", tmp_path / "lake")
-    with pytest.raises(BadParameter, match="copy them to a folder first"):
-        convert("nuscenes", f"s3://{BUCKET}/nowhere", tmp_path / "lake")
+    place = put({"some/thing.txt": b"x"}, "strange")
+    with pytest.raises(SourceNotFound, match=r"s3://bucket/strange: no folder with scene.json"):
+        convert("nuscenes", place, tmp_path / "lake")
+    for name, options in (("nuplan", NuPlanOptions(maps=place)), ("argoverse1", Argoverse1Options(maps=place))):
+        with pytest.raises(BadParameter, match="maps: s3://bucket/strange is no folder on this machine"):
+            convert(name, str(tmp_path), tmp_path / "lake", options=options)
+    assert fetched(store, "strange") == {}
