@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from fnmatch import fnmatchcase
-from pathlib import Path
+from pathlib import PurePosixPath
 from typing import Any
 
 from scenarionet_data.conversion.raw_store import AT_ONCE, bucket_of, moved, rename
@@ -95,12 +95,12 @@ class _Downloads:
     def bring(self, converter: Converter[Any], shard: Shard) -> Shard:
         """Bring a shard's files here, remove all others, and say where the shard lies now."""
         here = moved(shard, self.bucket, self.folder)
-        root = Path(here.root).relative_to(self._scratch.path).as_posix()
-        listed = {f"{root}/{item.name}" for item in shard.items}
+        root = PurePosixPath(here.root).relative_to(self.folder)
+        listed = {str(root / item.name) for item in shard.items}
         asked: set[str] = set()
         with ThreadPoolExecutor(AT_ONCE) as pool:
             for batch in converter.files(here) if shard.split else [[item.name for item in shard.items]]:
-                names = {each for name in batch for each in self._matching(f"{root}/{name}")} - asked
+                names = {each for name in batch for each in self._matching(str(root / name))} - asked
                 asked |= names
                 list(pool.map(self._bring, sorted(names)))
                 self._refuse_lost(listed & names)
@@ -112,7 +112,8 @@ class _Downloads:
         folder, _, last = name.rpartition("/")
         if "*" not in last:
             return [name]
-        return [each.name for each in self._store.list(folder)[0] if fnmatchcase(each.name, name)]
+        names = [each.name for each in self._store.list(folder or ".")[0]]
+        return [each for each in names if fnmatchcase(each.rpartition("/")[2], last)]
 
     def _bring(self, name: str) -> None:
         """Fetch a file unless it is here, unchanged; what the store does not have is not here either."""

@@ -118,7 +118,9 @@ def test_choosing_by_what_is_known(store, tmp_path):
 
 def test_images_by_the_thousand_are_not_listed(store):
     put({f"log/sensors/camera/{k:05d}.jpg": b"" for k in range(2100)}, "images/train")
-    put({f"log/{name}": b"x" for name in ("annotations.feather", "sensors-of-others/1", "z/sensors/1", "z/z")}, "images")
+    put(
+        {f"log/{name}": b"x" for name in ("annotations.feather", "sensors-of-others/1", "z/sensors/1", "z/z")}, "images"
+    )
     store.set()
     names = [each.name for each in ObjectStore(f"s3://{BUCKET}/images").walk(ignored={"sensors"})]
     assert names == ["log/annotations.feather", "log/sensors-of-others/1", "log/z/z"]

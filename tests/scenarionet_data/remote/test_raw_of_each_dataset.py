@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from scenarionet_data import converters, convert
+from scenarionet_data import convert, converters
 from scenarionet_data.conversion import Selection
 from scenarionet_data.converters import lyft as lyft_converter
 from scenarionet_data.converters import nuscenes as nuscenes_converter
