@@ -31,6 +31,7 @@ _LISTED = 20
     "scenarionet convert nuplan raw/nuplan lake --where 'location=us-nv-*' --files 0:10",
     "scenarionet convert waymo raw/waymo/training lake --cluster tcp://10.0.0.5:8786",
     "scenarionet convert nuplan raw/nuplan lake --watch --every 5min",
+    "scenarionet convert nuplan s3://bucket/nuplan s3://bucket/lake",
 )
 @click.argument("dataset")
 @click.argument("raw")
@@ -79,7 +80,8 @@ def command(
     """Convert recordings into a lake.
 
     DATASET is a converter (`scenarionet converters` lists them, and what RAW has to be: mostly the folder with
-    the recordings), or a class of your own as module:Class. LAKE is a folder, made when it is not there.
+    the recordings, or its URL in an object store), or a class of your own as module:Class. LAKE is a folder or a URL,
+    made when it is not there.
 
     What is converted once is never converted again: run the same command after an interruption, or when
     recordings were added, and it goes on from there.

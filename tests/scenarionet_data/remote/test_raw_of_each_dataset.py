@@ -119,7 +119,7 @@ def test_a_few_chunks_of_a_recording(store, tmp_path):
 def test_chunks_that_neighbours_share_are_fetched_once(store, tmp_path):
     place = upload(write_lyft(tmp_path / "raw"), "neighbours/lyft")
     store.set()
-    assert convert("lyft", place, tmp_path / "lake", split="train").shards == 2
+    assert convert("lyft", place, tmp_path / "lake", split="train").shards == 3  # the map, and twice two scenes
     asked = fetched(store, "neighbours/lyft")
     assert set(asked.values()) == {1, 2}
     assert {path for path, times in asked.items() if times == 2} == {  # to list them, and to convert them
