@@ -14,13 +14,15 @@ from __future__ import annotations
 
 import pickle
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from scenarionet_data.converters.base import Converter, Shard
+from scenarionet_data.converters.facts import PLACEHOLDER
 from scenarionet_data.errors import InvalidScenario, SourceError
 from scenarionet_data.ragged import Ragged
 from scenarionet_data.scenario import ScenarioDescription
@@ -119,6 +121,36 @@ class ConverterConformance:
             target.write_bytes(damage(target.read_bytes()))
             assert self._is_refused(copy), f"a file that was {how} was accepted: {files[0].name}"
 
+    def test_files_name_all_that_is_read(self, raw: Any, tmp_path_factory: Any) -> None:
+        """Whoever has nothing but what ``files`` names makes the same scenarios: a worker, of an object store."""
+        from scenarionet_data.conversion.raw_store import moved
+
+        for shard in self.shards(raw)[-1:]:
+            here = moved(shard, shard.root, str(tmp_path_factory.mktemp("worker")))
+            for batch in self.converter.files(here):
+                _copy(Path(shard.root), Path(here.root), batch)
+            for first, second in zip(*map(self._first_scenarios, (shard, here)), strict=True):
+                assert differences(first, second) == []
+
+    def test_listing_reads_no_more_than_it_says(self, raw: Any, tmp_path_factory: Any) -> None:
+        """Where all files but those in ``listed`` are placeholders, the shards have the same names and inputs."""
+        if not Path(raw).is_dir():
+            return
+        copy = tmp_path_factory.mktemp("listed") / Path(raw).name
+        shutil.copytree(raw, copy)
+        for path in copy.rglob("*"):
+            if path.is_file() and not any(path.match(pattern) for pattern in self.converter.listed):
+                path.chmod(0o644)
+                path.write_bytes(PLACEHOLDER)
+        found, wanted = (
+            sorted((shard.name, *(item.name for item in shard.items)) for shard in self.shards(place))
+            for place in (copy, raw)
+        )
+        assert found == wanted
+
+    def _first_scenarios(self, shard: Shard) -> list[ScenarioDescription]:
+        return [self.converter.scenario(shard, record) for record in islice(self.converter.records(shard), 2)]
+
     def _is_refused(self, raw: Path) -> bool:
         refused = False
         try:
@@ -131,6 +163,16 @@ class ConverterConformance:
         except SourceError:
             refused = True
         return refused
+
+
+def _copy(source: Path, target: Path, names: Iterable[str]) -> None:
+    """Copy the files of these names, of which some may be patterns, or not be there."""
+    for name in names:
+        for path in source.glob(name) if "*" in name else [source / name]:
+            if path.is_file():
+                copy = target / path.relative_to(source)
+                copy.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(path, copy)
 
 
 _DAMAGES: dict[str, Callable[[bytes], bytes]] = {

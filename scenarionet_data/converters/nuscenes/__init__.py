@@ -14,7 +14,6 @@ of its own. Scenes of nuScenes' own locations are not converted without their ma
 
 from __future__ import annotations
 
-import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -25,12 +24,21 @@ from typing import Any
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.base import Budgets, Converter, Options, RawItem, Shard, bucket, fingerprint
 from scenarionet_data.converters.nuscenes.can_bus import Messages, can_bus_files, can_bus_mark, read_can_bus
+from scenarionet_data.converters.nuscenes.files import (
+    CHALLENGE,
+    EXPANSION,
+    SENSORS,
+    dataroot,
+    find_release,
+    map_file,
+    map_id,
+)
 from scenarionet_data.converters.nuscenes.map_features import read_map
 from scenarionet_data.converters.nuscenes.recording import Recording, read_recording
 from scenarionet_data.converters.nuscenes.scenario import City, describe
 from scenarionet_data.converters.nuscenes.steps import nominal_period
 from scenarionet_data.converters.nuscenes.tables import TABLES, log_name, read_release, read_scenes, table_files
-from scenarionet_data.converters.nuscenes.types import PLACES, RELEASES, is_in_split
+from scenarionet_data.converters.nuscenes.types import PLACES, is_in_split
 from scenarionet_data.converters.nuscenes.windows import (
     Window,
     challenge_windows,
@@ -41,12 +49,8 @@ from scenarionet_data.converters.nuscenes.windows import (
 from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario, SourceNotFound
 from scenarionet_data.scenario import ScenarioDescription, make_scenario_id
 
-_CHALLENGE = Path("maps", "prediction", "prediction_scenes.json")
-_EXPANSION = Path("maps", "expansion")
 _GET_MAPS = "download nuScenes' map expansion v1.3, or leave maps out with -O has_map=false"
 _SCENES_PER_SHARD = {"scene": 64, "window": 8}
-_SENSORS = frozenset({"samples", "sweeps", "lidarseg", "panoptic", "images", "lidar", "train_images", "train_lidar"})
-"""Folders of images and point clouds, by the million, here and in Lyft's dataset."""
 _SUFFIX = {"scene": "", "window": "@window"}
 """Tells a scene's items apart, so that one lake can hold scenes and windows of one split."""
 
@@ -97,16 +101,16 @@ class NuScenes(Converter[Window | InvalidScenario]):
     Options = NuScenesOptions
     facts = ("location", "log", "date")
     listed = ("scene.json", "log.json")
-    ignored = _SENSORS
+    ignored = SENSORS
     budgets = Budgets(velocity_median=0.1, velocity_p99=3.0, heading_p99=1.0)
 
     def maps(self, raw: str, version: str, options: NuScenesOptions) -> Iterator[Shard]:
         """The locations' maps, see :meth:`Converter.maps`."""
-        root = _root(Path(raw))
-        for path in sorted((root / _EXPANSION).glob("*.json")) if options.has_map else ():
+        root = dataroot(Path(raw))
+        for path in sorted((root / EXPANSION).glob("*.json")) if options.has_map else ():
             item = RawItem(path.relative_to(root).as_posix(), fingerprint([path]))
             # No option changes a map: scenes and windows of one lake share it.
-            yield Shard(self.name, version, "", _map_id(path.stem), str(root), (item,), Options())
+            yield Shard(self.name, version, "", map_id(path.stem), str(root), (item,), Options())
 
     def map_features(self, shard: Shard) -> MapBuilder:
         """Read one location's map, see :meth:`Converter.map_features`."""
@@ -114,12 +118,12 @@ class NuScenes(Converter[Window | InvalidScenario]):
 
     def shards(self, raw: str, split: str, version: str, options: NuScenesOptions) -> Iterator[Shard]:
         """The split's scenes in buckets of one location, see :meth:`Converter.shards`."""
-        root, folder = _root(Path(raw)), _find_release(Path(raw), split)
+        root, folder = dataroot(Path(raw)), find_release(Path(raw), split)
         scenes = _scenes_by_place(folder, split, options)
-        maps = {place: _map_file(root, place) for place in scenes if options.has_map}
+        maps = {place: map_file(root, place) for place in scenes if options.has_map}
         if set(PLACES) & set(maps) and not any(path.is_file() for path in maps.values()):
-            raise SourceNotFound(f"{root / _EXPANSION}: no maps; {_GET_MAPS}")
-        files = [*table_files(folder), *([root / _CHALLENGE] if options.by == "window" else [])]
+            raise SourceNotFound(f"{root / EXPANSION}: no maps; {_GET_MAPS}")
+        files = [*table_files(folder), *([root / CHALLENGE] if options.by == "window" else [])]
         for place, names in scenes.items():
             read = [*files, *([maps[place]] if options.has_map else [])]
             mark = fingerprint(path for path in read if path.is_file())
@@ -128,21 +132,21 @@ class NuScenes(Converter[Window | InvalidScenario]):
                 said = can_bus_mark(root, name) if options.has_can_bus else ""
                 items.append(RawItem(f"{folder.name}/{name}{_SUFFIX[options.by]}", mark + said, _facts(log)))
             for number, members in bucket(items, _SCENES_PER_SHARD[options.by]).items():
-                shard = f"{folder.name}-{_map_id(place)}-{options.by}-{number}"
+                shard = f"{folder.name}-{map_id(place)}-{options.by}-{number}"
                 yield Shard(self.name, version, split, shard, str(root), members, options, {"location": place})
 
     def dataset_folder(self, raw: Path) -> Path:
         """The dataroot, see :meth:`Converter.dataset_folder`."""
-        return _root(raw)
+        return dataroot(raw)
 
     def files(self, shard: Shard) -> Iterator[list[str]]:
         """The tables, the location's map and what the CAN bus said, see :meth:`Converter.files`."""
         options, release = _options(shard), shard.items[0].name.split("/")[0]
         names = [f"{release}/{table}.json" for table in TABLES]
         if options.by == "window":
-            names.append(_CHALLENGE.as_posix())
+            names.append(CHALLENGE.as_posix())
         if options.has_map:
-            names.append(_map_file(Path(), str(shard.facts["location"])).as_posix())
+            names.append(map_file(Path(), str(shard.facts["location"])).as_posix())
         if options.has_can_bus:
             names += [name for item in shard.items for name in can_bus_files(_scene_of(item, options))]
         yield names
@@ -153,8 +157,8 @@ class NuScenes(Converter[Window | InvalidScenario]):
         folder = root / shard.items[0].name.split("/")[0]
         release = read_release(folder)
         tokens = {scene["name"]: token for token, scene in release.scenes.items()}
-        has_challenge = options.by == "window" and (root / _CHALLENGE).is_file()
-        challenge = read_challenge(root / _CHALLENGE) if has_challenge else None
+        has_challenge = options.by == "window" and (root / CHALLENGE).is_file()
+        challenge = read_challenge(root / CHALLENGE) if has_challenge else None
         for item in shard.items:
             name = _scene_of(item, options)
             scenario_id = make_scenario_id(shard.dataset, shard.version, name)
@@ -177,7 +181,7 @@ class NuScenes(Converter[Window | InvalidScenario]):
     def _city(self, shard: Shard, window: Window) -> City | None:
         """The map of a window's location; None where the location is none of nuScenes' and has no map."""
         place = window.recording.log["location"]
-        path = _map_file(Path(shard.root), place)
+        path = map_file(Path(shard.root), place)
         if path.is_file():
             return _read_city(path, path.stat().st_size, path.stat().st_mtime_ns)
         if place in PLACES:
@@ -211,7 +215,7 @@ def _scene_of(item: RawItem, options: NuScenesOptions) -> str:
 def _read_city(path: Path, _size: int, _changed: int) -> City:
     """A location's map; the last two are kept, as a worker's scenes come location by location."""
     builder = read_map(path)
-    return City(_map_id(path.stem), builder, builder.bounds)
+    return City(map_id(path.stem), builder, builder.bounds)
 
 
 def _windows(
@@ -225,31 +229,6 @@ def _windows(
         yield from moving_windows(recording, past, future)
     else:
         yield from challenge_windows(recording, past, future, entries, scenario_id)
-
-
-def _root(raw: Path) -> Path:
-    """The dataroot: ``raw``, or the folder that it lies in when it is a release's."""
-    return raw.resolve().parent if (raw / "scene.json").is_file() else raw
-
-
-def _find_release(raw: Path, split: str) -> Path:
-    """The folder of tables that has a split.
-
-    Raises:
-        SourceNotFound: There is none, or several.
-    """
-    is_release = (raw / "scene.json").is_file()
-    folders = [raw.resolve()] if is_release else sorted(path.parent for path in raw.glob("*/scene.json"))
-    if not folders:
-        raise SourceNotFound(f"{raw}: no folder with scene.json; give the folder that holds v1.0-trainval and maps")
-    fitting = [folder for folder in folders if split in RELEASES.get(folder.name, (split,))]
-    if len(fitting) == 1:
-        return fitting[0]
-    found = ", ".join(folder.name for folder in fitting or folders)
-    if fitting:
-        raise SourceNotFound(f"{raw}: {found} may all have a split {split!r}; give the folder of one of them")
-    has = ", ".join(name for folder in folders for name in RELEASES[folder.name])
-    raise SourceNotFound(f"{raw}: {found} has no split {split!r}; add --split with one of {has}")
 
 
 def _scenes_by_place(folder: Path, split: str, options: NuScenesOptions) -> dict[str, dict[str, dict[str, Any]]]:
@@ -269,11 +248,3 @@ def _facts(log: dict[str, Any]) -> dict[str, str]:
     """What a log's record, if there is one, tells of its scenes."""
     told = {"log": log_name(log), "date": log["date_captured"]} if "token" in log else {}
     return {key: value for key, value in told.items() if value}
-
-
-def _map_file(root: Path, place: str) -> Path:
-    return root / _EXPANSION / f"{place}.json"
-
-
-def _map_id(place: str) -> str:
-    return re.sub(r"[^A-Za-z0-9._-]", "-", place)

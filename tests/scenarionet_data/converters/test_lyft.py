@@ -15,7 +15,7 @@ from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.conversion import convert
 from scenarionet_data.converters.lyft import Lyft, LyftOptions
 from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario, MissingDependency, SourceNotFound
-from scenarionet_data.testing import ConverterConformance
+from scenarionet_data.testing import ConverterConformance, differences
 from scenarionet_data.vocabulary import ObjectType
 from tests.fixtures import lyft as fixture
 from tests.fixtures import lyft_world as world
@@ -258,6 +258,17 @@ def test_without_a_map_the_remedy_is_named(dataset: Path) -> None:
     found = scenarios(CONVERTER, dataset, has_map=False)
     assert all(scenario.map is None and scenario.map_id is None for scenario in found)
     assert set(found[0].lights.lane_ids) == set(fixture.SHOWN)
+
+
+def test_the_map_may_lie_elsewhere(dataset: Path, tmp_path: Path) -> None:
+    wanted, elsewhere = scenarios(CONVERTER, dataset), tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    for path in (dataset / "semantic_map" / "semantic_map.pb", dataset / "meta.json"):
+        path.rename(elsewhere / path.name)
+    found = scenarios(CONVERTER, dataset, maps=str(elsewhere))
+    assert [differences(a, b) for a, b in zip(found, wanted, strict=True)] == [[]] * len(wanted)
+    (shared,) = CONVERTER.maps(str(dataset), "v1.0", LyftOptions(maps=str(elsewhere)))
+    assert (shared.root, [item.name for item in shared.items]) == (str(elsewhere), ["semantic_map.pb", "meta.json"])
 
 
 def test_without_meta_the_remedy_is_named(dataset: Path) -> None:

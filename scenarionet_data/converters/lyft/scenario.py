@@ -1,0 +1,111 @@
+"""Windows of Lyft's scenes, and the scenario that each becomes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenarionet_data.building import make_origin
+from scenarionet_data.converters.base import Shard
+from scenarionet_data.converters.lyft.lights import lights
+from scenarionet_data.converters.lyft.map_features import City
+from scenarionet_data.converters.lyft.options import DT, LyftOptions
+from scenarionet_data.converters.lyft.recording import Content, Recording, Scene
+from scenarionet_data.converters.lyft.tracks import EGO, tracks
+from scenarionet_data.scenario import Float64, ScenarioDescription, Source, make_scenario_id
+
+Box = tuple[float, float, float, float]
+"""min_x, min_y, max_x, max_y [m]."""
+
+HISTORY = 10
+"""``current_timestep``: after 1 s, as in the Waymo Open Motion Dataset; Lyft names no such step."""
+MAP_ID = "semantic-map"
+CITY = "Palo Alto"
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """Frames ``first`` ... ``last - 1`` of the recording, all of one scene: one scenario; with the map, if wanted."""
+
+    recording: Recording
+    scene: Scene
+    first: int
+    last: int
+    city: City | None
+    options: LyftOptions
+
+
+def windows(recording: Recording, scene: Scene, options: LyftOptions, city: City | None) -> Iterator[Window]:
+    """Cut a scene every ``stride`` seconds into ``window`` seconds; a frame counts as 0.1 s.
+
+    The last window ends with the scene and may be shorter; it is left out when nothing would follow its history.
+    A scene whose range of frames makes no sense is one window, which is refused when it is described.
+    """
+    size, step = round(options.window / DT), round((options.stride or options.window) / DT)
+    if not 0 <= scene.first < scene.last <= recording.num_frames:
+        yield Window(recording, scene, scene.first, scene.last, city, options)
+        return
+    for first in range(scene.first, scene.last, step):
+        last = min(first + size, scene.last)
+        if first == scene.first or last - first > HISTORY + 1:
+            yield Window(recording, scene, first, last, city, options)
+        if last == scene.last:
+            return
+
+
+def describe(shard: Shard, window: Window, licence: str) -> ScenarioDescription:
+    """The scenario of one window.
+
+    It lies in the plane: agents are recorded without heights, and nobody says above what the map's heights are.
+    """
+    scene, recording, options = window.scene, window.recording, window.options
+    where = make_scenario_id(shard.dataset, shard.version, scene.name, f"frame{window.first}")
+    content = recording.read(window.first, window.last, where)
+    origin = make_origin(content.ego, np.ones(len(content.times), np.bool_), has_z=False)
+    objects, num_repaired = tracks(content, recording.labels, origin, where, options.keep_unknown)
+    box, city = _map_window(content, options.radius), window.city
+    return ScenarioDescription(
+        id=make_scenario_id(shard.dataset, shard.version, scene.name, int(content.times[0])),
+        dataset=shard.dataset,
+        version=shard.version,
+        split=shard.split,
+        timestamps=(content.times - content.times[0]) * 1e-9,
+        dt=DT,
+        current_timestep=min(HISTORY, len(content.times) - 1),
+        ego_id=EGO,
+        origin=origin,
+        has_z=False,
+        source=Source(
+            scenario_id=scene.name,
+            file=recording.path.relative_to(shard.root).as_posix(),
+            licence=licence,
+            log=scene.name,
+            city=CITY,
+            date=str(content.times[:1].astype("datetime64[ns]").astype("datetime64[s]")[0]),
+            crs="lyft world frame",
+        ),
+        tracks=objects,
+        lights=lights(content, city, origin),
+        map=city.features.crop(box, city.bounds).build(origin, has_z=False) if city else None,
+        map_id=MAP_ID if city else None,
+        map_crop=_moved(box, -origin) if city else None,
+        extras={
+            "host": scene.host,
+            "scene_index": scene.index,
+            "start_timestamp_ns": int(content.times[0]),
+            "num_repaired_velocities": num_repaired,
+        },
+    )
+
+
+def _map_window(content: Content, radius: float) -> Box:
+    """The box in the world that holds the ego's path, and ``radius`` [m] more on every side."""
+    (min_x, min_y), (max_x, max_y) = content.ego[:, :2].min(axis=0), content.ego[:, :2].max(axis=0)
+    return float(min_x - radius), float(min_y - radius), float(max_x + radius), float(max_y + radius)
+
+
+def _moved(box: Box, shift: Float64) -> Box:
+    x, y, _ = shift.tolist()
+    return box[0] + x, box[1] + y, box[2] + x, box[3] + y
