@@ -10,7 +10,7 @@ from pathlib import PurePosixPath
 from typing import Any
 
 from scenarionet_data.conversion.raw_store import AT_ONCE, bucket_of, moved, rename
-from scenarionet_data.conversion.scratch import Scratch
+from scenarionet_data.conversion.scratch import Scratch, sweep
 from scenarionet_data.converters.base import Converter, Shard
 from scenarionet_data.errors import FileGone, SourceNotFound
 from scenarionet_data.store.file_errors import writing
@@ -65,11 +65,12 @@ def forget() -> None:
 
 @contextmanager
 def kept_meanwhile() -> Iterator[None]:
-    """Whatever this process downloads is gone afterwards."""
+    """Whatever this process downloads is gone afterwards, and whatever killed ones left."""
     try:
         yield
     finally:
         forget()
+        sweep()
 
 
 class _Downloads:

@@ -26,7 +26,7 @@ class Scratch:
     """
 
     def __init__(self) -> None:
-        _sweep()
+        sweep()
         self.path, lock = _made()
         self._end = weakref.finalize(self, _remove, self.path, lock, os.getpid())
 
@@ -55,7 +55,7 @@ def _made() -> tuple[Path, int]:
             os.close(lock)
 
 
-def _sweep() -> None:
+def sweep() -> None:
     """Remove the folders that nobody holds."""
     for path in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
         with suppress(OSError):  # somebody else's, or gone meanwhile

@@ -139,7 +139,7 @@ def test_a_shard_of_the_whole_bucket(place, request):
         assert here.paths[0].read_bytes() == b"1"
 
 
-def test_what_a_killed_worker_had_goes_with_the_next_run(store, tmp_path, monkeypatch):
+def test_what_a_killed_worker_had_goes_with_the_run(store, tmp_path, monkeypatch):
     (tmp_path / "temporary").mkdir()
     monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))
     monkeypatch.setattr(tempfile, "tempdir", None)
@@ -147,7 +147,7 @@ def test_what_a_killed_worker_had_goes_with_the_next_run(store, tmp_path, monkey
     how = {"options": MadeOptions(num_objects=2), "workers": 2}
     with pytest.raises(WorkerLost):
         convert(NAME, place, tmp_path / "lake", **how)
-    assert list((tmp_path / "temporary").glob("scenarionet-raw-*"))
+    assert not list((tmp_path / "temporary").glob("scenarionet-raw-*"))
     put({"s0.made": b"1"}, "deadly")
     convert(NAME, place, tmp_path / "lake", **how)
     assert len(Lake(tmp_path / "lake")) == 3

@@ -16,7 +16,7 @@ from scenarionet_data.errors import BadParameter, DuplicateScenario, SourceNotFo
 from scenarionet_data.store.object_store import ObjectStore
 from tests.fixtures import argoverse1, lyft, nuplan, nuplan_drive, nuscenes, scenarionet_pickles, waymo
 from tests.fixtures.buckets import fetched, put, same, upload
-from tests.fixtures.made import NAME, MadeOptions, write_raw
+from tests.fixtures.made import NAME, NEWER, MadeOptions, write_raw
 from tests.fixtures.object_store import BUCKET
 
 pytestmark = pytest.mark.long
@@ -51,6 +51,13 @@ def test_what_is_converted_is_skipped_and_what_has_changed_is_seen(store, tmp_pa
         driver.plan_conversion(NAME, place, tmp_path / "lake", options=FEW)
     assert convert(NAME, place, tmp_path / "lake", options=FEW, replace_old=True).replaced == 1
     assert len(Lake(tmp_path / "lake")) == 3
+
+
+def test_what_a_newer_converter_makes_better(store, tmp_path):
+    place = upload(write_raw(tmp_path / "raw", {"s0": [1], "s1": [2]}), "stale")
+    convert(NAME, place, tmp_path / "lake", options=FEW)
+    assert convert(NEWER, place, tmp_path / "lake", options=FEW).stale == 2
+    assert convert(NEWER, place, tmp_path / "lake", options=FEW, stale=True).replaced == 2
 
 
 def test_a_map_that_changes_is_seen(store, tmp_path):
