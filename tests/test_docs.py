@@ -22,7 +22,7 @@ from pipelines import notebooks
 from pipelines.cli import cli
 from pipelines.cluster import profile as profiles
 from scenarionet_data import Lake, converters, dictionary, resources, tables
-from scenarionet_data.catalog import checks
+from scenarionet_data.catalog import rules
 from scenarionet_sim import sensors
 from tests.fixtures.argoverse2 import write_forecasting
 from tests.fixtures.lakes import write_lake
@@ -259,7 +259,7 @@ def test_maintenance_examples_run(monkeypatch, tmp_path):
 def test_the_page_of_checks_is_true():
     """It lists every rule as its file says and every dataset's budgets; its rule of one's own is one."""
     page = (ROOT / "docs" / "checks.md").read_text("utf-8")
-    for check in map(checks.load, checks.names()):
+    for check in map(rules.load, rules.names()):
         assert f"| `{check.name}` | {check.kind} | {check.doc} |" in page
     for dataset in converters.names():
         numbers = " | ".join(f"{number:g}" for number in asdict(converters.budgets(dataset)).values())
@@ -280,7 +280,7 @@ def test_the_page_of_checks_runs(tmp_path, monkeypatch):
     results = [CliRunner().invoke(cli, line[1:]) for line in lines]
     assert [result.exit_code for result in results] == [0] * 3, results[0].output
     assert "ego_is_alone             1  50.00%  made/v1/s000001: nobody else is there" in results[0].output
-    assert pl.read_csv("scorecard.csv").height == len(checks.names())
+    assert pl.read_csv("scorecard.csv").height == len(rules.names())
     assert len(lake.database("good")) == 2
     assert pl.read_parquet("broken.parquet")["scenario_id"].to_list() == [make_scenario(1).id]
 

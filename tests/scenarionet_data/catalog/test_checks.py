@@ -10,7 +10,7 @@ import pytest
 
 from scenarionet_data import codec, converters
 from scenarionet_data.building import MapBuilder
-from scenarionet_data.catalog import audit, checks
+from scenarionet_data.catalog import audit, checks, findings, rules
 from scenarionet_data.catalog.checks import find, run_checks
 from scenarionet_data.catalog.good import save_good
 from scenarionet_data.converters.base import Budgets
@@ -112,7 +112,7 @@ def broken_lake(tmp_path_factory):
     broken = [change(renamed(sound(5), f"broken{i:02d}")) for i, (_, change, _) in enumerate(VIOLATIONS)]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ScenarioDescription, "validate", lambda scenario: None)
-        patch.setattr(checks, "_NUM_EXAMPLES", 100)
+        patch.setattr(findings, "_NUM_EXAMPLES", 100)
         lake = write_lake(tmp_path_factory.mktemp("broken"), [sound(2), *broken, sound(3)])
         return {result.name: dict(result.examples) for result in run_checks(lake)}
 
@@ -147,7 +147,7 @@ def sound_lake(tmp_path_factory):
 
 def test_a_sound_lake_meets_every_check(sound_lake):
     results = run_checks(sound_lake)
-    assert {result.name for result in results} == set(checks.names())
+    assert {result.name for result in results} == set(rules.names())
     assert [(result.name, result.examples) for result in results if not result.is_met] == []
     hard = [result.is_hard for result in results]
     assert hard == sorted(hard, reverse=True)
@@ -163,12 +163,12 @@ def test_an_empty_lake_meets_every_check(tmp_path):
 def test_every_check_is_broken_by_a_test():
     elsewhere = {"content_is_present", "ids_are_unique", "counts_are_true"}
     elsewhere |= {"shards_are_whole", "shared_maps_are_present"}  # in test_contracts.py
-    assert {name for name, _, _ in VIOLATIONS} | elsewhere == set(checks.names())
+    assert {name for name, _, _ in VIOLATIONS} | elsewhere == set(rules.names())
 
 
-@pytest.mark.parametrize("name", checks.names())
+@pytest.mark.parametrize("name", rules.names())
 def test_every_check_says_what_it_is(name):
-    check = checks.load(name)
+    check = rules.load(name)
     assert check.doc.endswith(".")
     assert re.search(r"\bscenario_id\b", check.query)
     soft = {"velocity_is_motion", "heading_is_direction", "nobody_teleports", "successors_are_close"}
@@ -182,7 +182,7 @@ def test_unknown_and_shapeless_checks_are_refused(sound_lake, tmp_path, monkeypa
     (tmp_path / "checks" / "vague.sql").write_text("-- Something.\nSELECT scenario_id, '' AS detail FROM metadata")
     monkeypatch.setattr("scenarionet_data.catalog.named_sql.SQL", tmp_path)
     with pytest.raises(QueryError, match=r"vague\.sql: wanted a first line"):
-        checks.load("vague")
+        rules.load("vague")
 
 
 def test_a_check_only_reads(sound_lake, tmp_path, monkeypatch):
@@ -220,7 +220,7 @@ def test_a_wrong_count_is_found(tmp_path, monkeypatch):
         return row | {column: row[column] + 1} if column else row
 
     monkeypatch.setattr(codec, "summarise", lying)
-    monkeypatch.setattr(checks, "_NUM_EXAMPLES", 100)
+    monkeypatch.setattr(findings, "_NUM_EXAMPLES", 100)
     lake = write_lake(tmp_path, [sound(seed) for seed in range(len(columns) + 2)])
     (result,) = run_checks(lake, names=["counts_are_true"])
     rows = {sound(seed).id: honest(sound(seed)) for seed in range(len(columns))}
