@@ -5,7 +5,7 @@ BIN := .venv/bin
 INSTALLED := .venv/.installed
 PYTEST := $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist loadfile
 DUCKDB_TESTS := tests/scenarionet_data/catalog tests/scenarionet_data/maintenance tests/scenarionet_data/remote \
-	tests/pipelines tests/test_docs.py
+	tests/pipelines tests/test_docs.py tests/test_doc_examples.py
 LAKE ?= lake
 RAW ?= $(if $(SCENARIONET_RAW),$(SCENARIONET_RAW)/$(DATASET),$(if $(filter nuplan,$(DATASET)),$(NUPLAN_DATA_ROOT)))
 

@@ -12,9 +12,9 @@ from click.testing import CliRunner
 from pipelines.cli import cli
 from scenarionet_data.catalog.named_sql import EVENTS
 from scenarionet_data.resources import SQL
+from tests.fixtures.examples import ROOT, blocks
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.moments import along, moment
-from tests.test_docs import ROOT, blocks
 
 PAGE = "docs/events.md"
 

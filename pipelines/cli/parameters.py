@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import click
@@ -21,7 +21,15 @@ to_option = click.option("--to", "name", required=True, metavar="NAME", help="Na
 cluster_option = click.option(
     "--cluster", metavar="NAME", help="Let a Dask cluster do it: local, a profile, FILE.toml, or tcp://HOST:8786."
 )
+databases_argument = click.argument("databases", metavar="DB...", nargs=-1, required=True)
 snapshot_option = click.option("--snapshot", type=click.IntRange(0), help="Look at this snapshot, not the newest.")
+
+
+def combination_options(command: Callable[..., None]) -> Callable[..., None]:
+    """What verbs take that make one database of several: ``LAKE DB... --to NAME`` and how it is saved and told."""
+    for add in (json_option, allow_empty_option, new_version_option, to_option, databases_argument, lake_argument):
+        command = add(command)  # the last one added comes first in the help
+    return command
 
 
 def look_in_current_folder(name: str) -> None:

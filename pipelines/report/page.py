@@ -97,8 +97,8 @@ def _overview(contents: Contents) -> Markup:
     facts = {
         "scenarios": sum(row["scenarios"] for row in rows),
         "hours": round(sum(row["hours"] for row in rows), 2),
-        "objects": sum(row["objects"] for row in rows),
-        "object states": sum(row["states"] for row in rows),
+        "objects": sum(row["total_objects"] for row in rows),
+        "object states": sum(row["total_states"] for row in rows),
         "datasets": len({row["dataset"] for row in rows}),
         "cities": contents.cities,
     }

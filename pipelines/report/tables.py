@@ -54,7 +54,7 @@ def table(head: Iterable[str], rows: Iterable[Iterable[Markup]], label: str) -> 
 
 def summary(rows: Sequence[dict[str, Any]]) -> Markup:
     """Datasets, versions and splits."""
-    numbers = ("scenarios", "hours", "objects", "mean_ego_distance", "mean_vehicles")
+    numbers = ("scenarios", "hours", "total_objects", "mean_ego_distance", "mean_vehicles")
     head = (
         "dataset",
         "version",

@@ -14,7 +14,7 @@ from typing import Any
 import pyarrow as pa
 
 from scenarionet_data import tables
-from scenarionet_data.catalog import checks
+from scenarionet_data.catalog import rules
 from scenarionet_data.catalog.engine import Engine
 from scenarionet_data.codec import Encoded
 from scenarionet_data.errors import BrokenContract, InvalidScenario
@@ -79,7 +79,7 @@ def _broken(files: LakeFiles, rows: Mapping[str, pa.Table], dataset: str, versio
 
 @cache
 def _query() -> str:
-    hard = [check for check in map(checks.load, checks.names()) if check.kind == "hard" and check.name not in VALIDATED]
+    hard = [check for check in map(rules.load, rules.names()) if check.kind == "hard" and check.name not in VALIDATED]
     parts = [f"SELECT '{check.name}' AS name, scenario_id, detail FROM ({check.query})" for check in hard]
     return " UNION ALL ".join(parts) + " ORDER BY ALL"
 

@@ -9,8 +9,8 @@ from typing import Unpack
 import pyarrow.compute as pc
 
 from scenarionet_data import converters
-from scenarionet_data.catalog.checks import Findings
 from scenarionet_data.catalog.database import Database
+from scenarionet_data.catalog.findings import Findings
 from scenarionet_data.catalog.operations import pool as pools
 from scenarionet_data.catalog.operations.pool import Saving
 from scenarionet_data.catalog.statements import quoted

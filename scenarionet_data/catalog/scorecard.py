@@ -12,8 +12,9 @@ import pyarrow.compute as pc
 
 from scenarionet_data import converters
 from scenarionet_data.catalog import releases
-from scenarionet_data.catalog.checks import PARTITION, Check, Findings
+from scenarionet_data.catalog.findings import Findings
 from scenarionet_data.catalog.releases import Coverage
+from scenarionet_data.catalog.rules import PARTITION, Check
 from scenarionet_data.converters.base import Budgets
 from scenarionet_data.store import manifests
 from scenarionet_data.store.shard_record import ShardRecord

@@ -24,8 +24,8 @@ from scenarionet_data.errors import BadParameter
 
 if TYPE_CHECKING:
     from scenarionet_data import Lake
-    from scenarionet_data.catalog.checks import CheckResult, Findings
     from scenarionet_data.catalog.database import Database
+    from scenarionet_data.catalog.findings import CheckResult, Findings
     from scenarionet_data.catalog.scorecard import Partition, Scorecard
     from scenarionet_data.conversion.runners import Run
 

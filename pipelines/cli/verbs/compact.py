@@ -15,7 +15,8 @@ from pipelines.cli.parameters import cluster_option, json_option, lake_argument,
 from pipelines.cli.progress import Progress
 
 if TYPE_CHECKING:
-    from scenarionet_data.maintenance.compaction import Bin, Compaction
+    from scenarionet_data.maintenance.bins import Bin
+    from scenarionet_data.maintenance.compaction import Compaction
 
 
 @verb(

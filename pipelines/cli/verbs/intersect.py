@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import click
-
 from pipelines.cli.databases import print_made
 from pipelines.cli.group import verb
-from pipelines.cli.parameters import allow_empty_option, json_option, lake_argument, new_version_option, to_option
+from pipelines.cli.parameters import combination_options
 
 
 @verb(
@@ -14,12 +12,7 @@ from pipelines.cli.parameters import allow_empty_option, json_option, lake_argum
     "scenarionet intersect lake busy far --to both",
     "scenarionet intersect lake busy@1 busy --to still_busy",
 )
-@lake_argument
-@click.argument("databases", metavar="DB...", nargs=-1, required=True)
-@to_option
-@new_version_option
-@allow_empty_option
-@json_option
+@combination_options
 def command(lake: str, databases: tuple[str, ...], name: str, replace: bool, allow_empty: bool, as_json: bool) -> None:
     """Save the scenarios that are in every one of the databases, in the order of the first."""
     from scenarionet_data import Lake

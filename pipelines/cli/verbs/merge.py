@@ -9,16 +9,11 @@ import click
 from pipelines.cli.databases import print_made
 from pipelines.cli.group import verb
 from pipelines.cli.output import count, print_json
-from pipelines.cli.parameters import allow_empty_option, json_option, lake_argument, new_version_option, to_option
+from pipelines.cli.parameters import combination_options
 
 
 @verb("merge", "scenarionet merge lake busy far --to both", "scenarionet merge lake a b c --to all --replace --json")
-@lake_argument
-@click.argument("databases", metavar="DB...", nargs=-1, required=True)
-@to_option
-@new_version_option
-@allow_empty_option
-@json_option
+@combination_options
 def command(lake: str, databases: tuple[str, ...], name: str, replace: bool, allow_empty: bool, as_json: bool) -> None:
     """Save the scenarios of several databases as one: one database after the other, nobody twice.
 

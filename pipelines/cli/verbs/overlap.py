@@ -8,7 +8,7 @@ import click
 
 from pipelines.cli.group import verb
 from pipelines.cli.output import print_json, print_table
-from pipelines.cli.parameters import json_option, lake_argument
+from pipelines.cli.parameters import databases_argument, json_option, lake_argument
 
 
 @verb(
@@ -17,7 +17,7 @@ from pipelines.cli.parameters import json_option, lake_argument
     "scenarionet overlap lake train val test --only same_log --strict",
 )
 @lake_argument
-@click.argument("databases", metavar="DB...", nargs=-1, required=True)
+@databases_argument
 @click.option("--only", multiple=True, metavar="RULE", help="Apply this rule and no others; repeatable.")
 @click.option("--strict", is_flag=True, help="Exit with 1 when anything is shared.")
 @json_option

@@ -1,9 +1,10 @@
-"""A lake to ask, and lakes to save databases in."""
+"""A lake to ask, lakes to save databases in, and leave to write what is wrong."""
 
 from __future__ import annotations
 
 import pytest
 
+from scenarionet_data.scenario import ScenarioDescription
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import NUM_VARIED, make_scenario, varied
 
@@ -19,3 +20,9 @@ def own(tmp_path):
     """A lake to save databases in."""
     made = [make_scenario(k, num_objects=2 + k % 4, num_steps=6, num_lanes=1) for k in range(NUM_VARIED)]
     return write_lake(tmp_path / "lake", made)
+
+
+@pytest.fixture
+def lenient(monkeypatch):
+    """What validation refuses may be written, so that checks have something to find."""
+    monkeypatch.setattr(ScenarioDescription, "validate", lambda scenario: None)

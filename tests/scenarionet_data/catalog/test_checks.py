@@ -3,73 +3,23 @@
 from __future__ import annotations
 
 import re
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from scenarionet_data import codec, converters
-from scenarionet_data.building import MapBuilder
-from scenarionet_data.catalog import audit, checks
-from scenarionet_data.catalog.checks import find, run_checks
-from scenarionet_data.catalog.good import save_good
-from scenarionet_data.converters.base import Budgets
-from scenarionet_data.errors import DatabaseExists, EmptyResult, InvalidScenario, LakeError, QueryError, UnknownQuery
+from scenarionet_data import codec
+from scenarionet_data.catalog import audit, findings, rules
+from scenarionet_data.catalog.checks import run_checks
+from scenarionet_data.errors import InvalidScenario, LakeError, QueryError, UnknownQuery
 from scenarionet_data.scenario import ScenarioDescription
-from scenarionet_data.vocabulary import MapFeatureType
 from tests.fixtures.lakes import write_lake
-from tests.fixtures.motion import motion_errors
 from tests.fixtures.scenarios import make_scenario, renamed
-
-LANE = MapFeatureType.LANE_SURFACE_STREET
-
-
-def sound(seed: int) -> ScenarioDescription:
-    return make_scenario(seed, num_objects=6, num_lanes=1, num_lights=1)
-
-
-@pytest.fixture
-def lenient(monkeypatch):
-    """What validation refuses may be written, so that checks have something to find."""
-    monkeypatch.setattr(ScenarioDescription, "validate", lambda scenario: None)
-
-
-def changed(part, **arrays):
-    """The scenario with elements of its arrays set: field = (index, value)."""
-
-    def change(scenario):
-        old = getattr(scenario, part)
-        new = {}
-        for name, (index, value) in arrays.items():
-            new[name] = getattr(old, name).copy()
-            new[name][index] = value
-        return replace(scenario, **{part: replace(old, **new)})
-
-    return change
-
-
-def mapped(*lanes):
-    """The scenario with a map of lanes: id, x of start and end, entries, exits."""
-
-    def change(scenario):
-        builder = MapBuilder()
-        for name, start, end, entries, exits in lanes:
-            builder.add(name, LANE, polyline=[[start, 0], [end, 0]], entry_lanes=entries, exit_lanes=exits)
-        here = np.isin(scenario.lights.lane_ids, [lane[0] for lane in lanes])
-        return replace(scenario, map=builder.build(np.zeros(3)), lights=replace(scenario.lights, is_lane_in_map=here))
-
-    return change
+from tests.fixtures.violations import changed, jump, mapped, sound
 
 
 def shorter_lights(scenario):
     return replace(scenario, lights=replace(scenario.lights, state=scenario.lights.state[:, :-1]))
-
-
-def jump(scenario):
-    """A valid object elsewhere for one step."""
-    position = scenario.tracks.position.copy()
-    position[0, 15, 0] += 90
-    return replace(scenario, tracks=replace(scenario.tracks, position=position))
 
 
 def scaled_velocity(scenario):
@@ -112,7 +62,7 @@ def broken_lake(tmp_path_factory):
     broken = [change(renamed(sound(5), f"broken{i:02d}")) for i, (_, change, _) in enumerate(VIOLATIONS)]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ScenarioDescription, "validate", lambda scenario: None)
-        patch.setattr(checks, "_NUM_EXAMPLES", 100)
+        patch.setattr(findings, "_NUM_EXAMPLES", 100)
         lake = write_lake(tmp_path_factory.mktemp("broken"), [sound(2), *broken, sound(3)])
         return {result.name: dict(result.examples) for result in run_checks(lake)}
 
@@ -147,7 +97,7 @@ def sound_lake(tmp_path_factory):
 
 def test_a_sound_lake_meets_every_check(sound_lake):
     results = run_checks(sound_lake)
-    assert {result.name for result in results} == set(checks.names())
+    assert {result.name for result in results} == set(rules.names())
     assert [(result.name, result.examples) for result in results if not result.is_met] == []
     hard = [result.is_hard for result in results]
     assert hard == sorted(hard, reverse=True)
@@ -163,12 +113,12 @@ def test_an_empty_lake_meets_every_check(tmp_path):
 def test_every_check_is_broken_by_a_test():
     elsewhere = {"content_is_present", "ids_are_unique", "counts_are_true"}
     elsewhere |= {"shards_are_whole", "shared_maps_are_present"}  # in test_contracts.py
-    assert {name for name, _, _ in VIOLATIONS} | elsewhere == set(checks.names())
+    assert {name for name, _, _ in VIOLATIONS} | elsewhere == set(rules.names())
 
 
-@pytest.mark.parametrize("name", checks.names())
+@pytest.mark.parametrize("name", rules.names())
 def test_every_check_says_what_it_is(name):
-    check = checks.load(name)
+    check = rules.load(name)
     assert check.doc.endswith(".")
     assert re.search(r"\bscenario_id\b", check.query)
     soft = {"velocity_is_motion", "heading_is_direction", "nobody_teleports", "successors_are_close"}
@@ -182,7 +132,7 @@ def test_unknown_and_shapeless_checks_are_refused(sound_lake, tmp_path, monkeypa
     (tmp_path / "checks" / "vague.sql").write_text("-- Something.\nSELECT scenario_id, '' AS detail FROM metadata")
     monkeypatch.setattr("scenarionet_data.catalog.named_sql.SQL", tmp_path)
     with pytest.raises(QueryError, match=r"vague\.sql: wanted a first line"):
-        checks.load("vague")
+        rules.load("vague")
 
 
 def test_a_check_only_reads(sound_lake, tmp_path, monkeypatch):
@@ -220,7 +170,7 @@ def test_a_wrong_count_is_found(tmp_path, monkeypatch):
         return row | {column: row[column] + 1} if column else row
 
     monkeypatch.setattr(codec, "summarise", lying)
-    monkeypatch.setattr(checks, "_NUM_EXAMPLES", 100)
+    monkeypatch.setattr(findings, "_NUM_EXAMPLES", 100)
     lake = write_lake(tmp_path, [sound(seed) for seed in range(len(columns) + 2)])
     (result,) = run_checks(lake, names=["counts_are_true"])
     rows = {sound(seed).id: honest(sound(seed)) for seed in range(len(columns))}
@@ -290,132 +240,3 @@ def test_examples_are_few_and_in_order(lenient, tmp_path):
     (result,) = run_checks(lake, names=["headings_are_wrapped"])
     assert result.num_scenarios == 9
     assert [scenario_id for scenario_id, _ in result.examples] == [sound(seed).id for seed in range(5)]
-
-
-# --- budgets ----------------------------------------------------------------------------------------------
-
-
-def budgeted(monkeypatch, **numbers):
-    """Let the made dataset's converter declare these budgets."""
-    monkeypatch.setattr(converters, "budgets", lambda dataset: Budgets(**numbers))
-
-
-def noisy(seed: int) -> ScenarioDescription:
-    """A scenario whose velocities are off by about 1 m/s."""
-    scenario = sound(seed)
-    noise = np.random.default_rng(seed).normal(0, 1, scenario.tracks.velocity.shape) * scenario.tracks.valid[..., None]
-    tracks = replace(scenario.tracks, velocity=(scenario.tracks.velocity + noise).astype(np.float32))
-    return replace(scenario, tracks=tracks)
-
-
-@pytest.fixture(scope="module")
-def noisy_lake(tmp_path_factory):
-    return write_lake(tmp_path_factory.mktemp("noisy"), [noisy(seed) for seed in range(4)])
-
-
-@pytest.mark.parametrize(
-    ("check", "field", "part", "quantile"),
-    [
-        ("velocity_is_motion", "velocity_median", 0, 0.5),
-        ("velocity_is_motion", "velocity_p99", 0, 0.99),
-        ("heading_is_direction", "heading_p99", 1, 0.99),
-    ],
-)
-def test_rules_measure_what_the_oracle_measures(check, field, part, quantile, noisy_lake, monkeypatch):
-    """With a budget between the scenarios' own figures, those above it stray and those below do not."""
-    figures = {s.id: np.quantile(motion_errors(s)[part], quantile) for s in map(noisy, range(4))}
-    middle = float(np.mean(sorted(figures.values())[1:3]))
-    large = {"velocity_median": 99.0, "velocity_p99": 99.0, "heading_p99": 9.0, "outliers": 0.0}
-    budgeted(monkeypatch, **(large | {field: middle}))
-    (result,) = run_checks(noisy_lake, names=[check])
-    assert {scenario_id for scenario_id, _ in result.examples} == {i for i, found in figures.items() if found > middle}
-    assert len(result.examples) == 2
-
-
-@pytest.mark.parametrize(("outliers", "is_met"), [(0.0, False), (0.24, False), (0.25, True)])
-def test_a_share_of_a_datasets_scenarios_may_stray(outliers, is_met, tmp_path, lenient, monkeypatch):
-    lake = write_lake(tmp_path, [jump(sound(1)), *(sound(seed) for seed in (2, 3, 4))])
-    budgeted(monkeypatch, outliers=outliers)
-    (result,) = run_checks(lake, names=["nobody_teleports"])
-    assert (result.num_scenarios, result.is_met) == (1, is_met)
-    budgeted(monkeypatch, outliers=1.0)
-    broken = changed("tracks", heading=((0, 3), -4))(sound(5))
-    assert not run_checks(write_lake(tmp_path, [broken], "b"), names=["headings_are_wrapped"])[0].is_met
-
-
-@pytest.mark.parametrize(
-    ("budget", "rule"), [({"step_speed": 950.0}, "nobody_teleports"), ({"link_gap": 6.5}, "successors_are_close")]
-)
-def test_jumps_are_a_matter_of_budget(budget, rule, tmp_path, lenient, monkeypatch):
-    gap = mapped(("a", 0, 5, [], ["b"]), ("b", 11, 99, ["a"], []))
-    lake = write_lake(tmp_path, [gap(jump(sound(1)))])
-    assert not run_checks(lake, names=[rule])[0].is_met
-    budgeted(monkeypatch, **budget)
-    assert run_checks(lake, names=[rule])[0].is_met
-
-
-def test_a_dataset_whose_converter_is_not_here_has_the_defaults(sound_lake):
-    (row,) = checks.budget_table(sound_lake).to_pylist()
-    assert row == {"dataset": "made", **asdict(Budgets())}
-    assert converters.budgets("argoverse1") == converters.get("argoverse1").budgets != Budgets()
-
-
-# --- the good and the broken ------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def mixed(tmp_path, lenient):
-    """Three sound scenarios, one that breaks a hard rule, one that breaks a soft one."""
-    broken, doubtful = changed("tracks", heading=((0, 3), -4))(sound(1)), jump(sound(2))
-    return write_lake(tmp_path, [broken, doubtful, *(sound(seed) for seed in (3, 4, 5))])
-
-
-@pytest.mark.parametrize(("is_strict", "left"), [(False, [2, 3, 4, 5]), (True, [3, 4, 5])])
-def test_the_good_ones_become_a_database(is_strict, left, mixed):
-    made = save_good(find(mixed), "good", is_strict=is_strict)
-    assert made.scenario_ids == [sound(seed).id for seed in left]
-    assert (made.lineage.operation, made.lineage.count, made.lineage.parents) == ("check", len(left), [])
-    assert made.lineage.parameters["is_strict"] is is_strict
-    again = mixed.sql(made.lineage.sql)
-    assert again["scenario_id"].to_list() == made.scenario_ids
-    assert again["content_hash"].to_list() == made.members["content_hash"].to_pylist()
-    with pytest.raises(DatabaseExists):
-        save_good(find(mixed), "good")
-    assert save_good(find(mixed), "good", replace=True).version == 2
-
-
-def test_without_a_hard_rule_every_scenario_is_good(mixed):
-    made = save_good(find(mixed, names=["nobody_teleports"]), "good")
-    assert len(made) == 5
-    assert mixed.sql(made.lineage.sql)["scenario_id"].to_list() == made.scenario_ids
-
-
-def test_the_good_ones_of_a_database_keep_its_order(mixed):
-    mixed.filter("NOT ends_with(scenario_id, '5')", name="some")
-    made = save_good(find(mixed, "some"), "good")
-    assert made.scenario_ids == [sound(seed).id for seed in (2, 3, 4)]
-    assert made.lineage.parents == ["some@1"]
-
-
-def test_nothing_good_is_refused(mixed):
-    mixed.filter("ends_with(scenario_id, '1')", name="bad")
-    with pytest.raises(EmptyResult):
-        save_good(find(mixed, "bad"), "good")
-    assert mixed.databases == ["bad"]
-
-
-def test_the_broken_ones_are_a_table(mixed):
-    findings = find(mixed, names=["headings_are_wrapped", "nobody_teleports"])
-    assert [(row["check"], row["is_hard"], row["scenario_id"], row["split"]) for row in findings.rows.to_pylist()] == [
-        ("headings_are_wrapped", True, sound(1).id, "train"),
-        ("nobody_teleports", False, sound(2).id, "train"),
-    ]
-    assert findings.broken_ids().to_pylist() == [sound(1).id]
-    assert sorted(findings.broken_ids(is_strict=True).to_pylist()) == [sound(1).id, sound(2).id]
-    assert findings.totals.to_pylist() == [{"dataset": "made", "version": "v1", "split": "train", "scenarios": 5}]
-
-
-def test_progress_is_told(mixed):
-    told = []
-    find(mixed, names=["ids_are_unique", "nobody_teleports"], on_progress=lambda *numbers: told.append(numbers))
-    assert told == [(0, 2), (1, 2), (2, 2)]

@@ -11,8 +11,9 @@ import pytest
 
 from scenarionet_data import Lake, codec, converters
 from scenarionet_data.building import MapBuilder
-from scenarionet_data.catalog import audit, checks
-from scenarionet_data.catalog.checks import Findings, find
+from scenarionet_data.catalog import audit, rules
+from scenarionet_data.catalog.checks import find
+from scenarionet_data.catalog.findings import Findings
 from scenarionet_data.converters.base import Options, RawItem, Shard
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.scenario import Lights, ScenarioDescription, strings
@@ -216,7 +217,7 @@ def test_the_audit_finds_what_breaks_a_hard_rule(case: Case, tmp_path: Path) -> 
     """Before anything is written, with the rule as the field; sound scenarios pass, and validation knows the rest."""
     at_origin = replace(case.template, origin=np.zeros(3))
     # Of a window on a shared map only the scenario is at hand.
-    own = [row for row in BROKEN if checks.load(row[0]).kind == "hard" and not row[1].startswith("on-")]
+    own = [row for row in BROKEN if rules.load(row[0]).kind == "hard" and not row[1].startswith("on-")]
     own = [row for row in own if row[1] != "lit" or case.template.map_crop is None]
     for _, name, change in (row for row in own if row[0] in audit.VALIDATED):
         with pytest.raises(InvalidScenario):
@@ -229,4 +230,4 @@ def test_the_audit_finds_what_breaks_a_hard_rule(case: Case, tmp_path: Path) -> 
 
 
 def test_every_rule_is_broken_on_every_dataset() -> None:
-    assert {check for check, _, _ in BROKEN} | {"shards_are_whole"} == set(checks.names())
+    assert {check for check, _, _ in BROKEN} | {"shards_are_whole"} == set(rules.names())

@@ -167,5 +167,5 @@ def test_summary_adds_up(lake):
     (row,) = lake.summary().to_dicts()
     loaded = list(ScenarioLoader(lake))
     assert (row["dataset"], row["version"], row["split"], row["scenarios"]) == ("made", "v1", "train", NUM_VARIED)
-    assert row["states"] == sum(s.tracks.valid.sum() for s in loaded)
+    assert row["total_states"] == sum(s.tracks.valid.sum() for s in loaded)
     assert row["hours"] == pytest.approx(sum(s.num_timesteps * s.dt for s in loaded) / 3600, abs=5e-4)

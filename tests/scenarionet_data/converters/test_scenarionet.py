@@ -1,22 +1,18 @@
-"""Pickles of every vintage become the same scenario; pickles that run code become none."""
+"""Pickles of every vintage become the same scenario; damaged ones are named."""
 
 from __future__ import annotations
 
 import json
-import os
 import pickle
-import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from scenarionet_data import converters
 from scenarionet_data.converters.base import Options
 from scenarionet_data.converters.scenarionet import ScenarioNetPickles
-from scenarionet_data.converters.scenarionet.unpickling import load
 from scenarionet_data.converters.stretches import to_records
-from scenarionet_data.errors import CorruptSource, InvalidScenario, SourceNotFound
+from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.scenario import ScenarioDescription
 from scenarionet_data.testing import ConverterConformance, differences
 from scenarionet_data.vocabulary import LightState, MapFeatureType, ObjectType
@@ -71,10 +67,6 @@ def convert(description: made.Description, folder: Path) -> ScenarioDescription:
     scenario = CONVERTER.scenario(shard, record)
     scenario.validate()
     return scenario
-
-
-def list_items(raw: Path) -> set[str]:
-    return {item.name for shard in CONVERTER.shards(str(raw), "train", "v1", Options()) for item in shard.items}
 
 
 # --- what was driven is the same in every vintage -----------------------------------------------------
@@ -236,153 +228,7 @@ def test_unknown_track_type_is_other(tmp_path: Path) -> None:
     assert tracks.source_type[4] == "hover.craft"
 
 
-# --- folders ------------------------------------------------------------------------------------------
-
-
-def test_nested_folders_and_file_names(tmp_path: Path) -> None:
-    raw = made.write_vintages(tmp_path)
-    made.write_pickle({}, raw / "notes.pkl")
-    assert list_items(raw) == {
-        "waymo_0/sd_waymo_v1.2_a1.pkl",
-        "waymo_0/sd_waymo_v1.2_a2.pkl",
-        "old/sd_training.tfrecord-0_b1.pkl",
-        "nu/0.pkl",
-        "nu/1.pkl",
-        "av2/sd_av2_v2_c1.pkl",
-        "nuplan/sd_nuplan_v1.1_d1.pkl",
-        "pg/deep/sd_pg_MetaDrive v0.4.3_PGMap-7.pkl",
-        "moved/sd_waymo_v1.2_e1.pkl",
-    }
-    assert list_items(raw / "nu" / "0.pkl") == {"0.pkl"}
-
-
-def test_a_mapping_is_followed_and_decides(tmp_path: Path) -> None:
-    made.write_vintages(tmp_path)
-    virtual = tmp_path / "chosen"
-    made.write_pickle({"sd_waymo_v1.2_a2.pkl": "../waymo_0", "1.pkl": "../nu"}, virtual / "dataset_mapping.pkl")
-    made.write_pickle(made.waymo("z"), virtual / "sd_left_out.pkl")
-    assert list_items(virtual) == {"../waymo_0/sd_waymo_v1.2_a2.pkl", "../nu/1.pkl"}
-    (shard,) = CONVERTER.shards(str(virtual), "train", "v1", Options())
-    assert {CONVERTER.scenario(shard, r).id for r in CONVERTER.records(shard)} == {
-        "scenarionet/v1/waymo_a2",
-        "scenarionet/v1/nuscenes_scene-0002",
-    }
-
-
-def test_wrong_folders_say_what_to_do(tmp_path: Path) -> None:
-    with pytest.raises(SourceNotFound, match="give the folder with ScenarioNet pickles"):
-        list_items(tmp_path / "nowhere")
-    made.write_pickle({}, tmp_path / "other" / "notes.pkl")
-    with pytest.raises(SourceNotFound, match=r"sd_\*\.pkl"):
-        list_items(tmp_path / "other")
-    made.write_pickle({"sd_gone.pkl": ""}, tmp_path / "virtual" / "dataset_mapping.pkl")
-    with pytest.raises(SourceNotFound, match=r"sd_gone\.pkl"):
-        list_items(tmp_path / "virtual")
-    (tmp_path / "virtual" / "dataset_mapping.pkl").write_bytes(b"")
-    with pytest.raises(CorruptSource, match="remove it to take every pickle"):
-        list_items(tmp_path / "virtual")
-
-
-def test_a_moved_folder_gives_the_same_shards(tmp_path: Path) -> None:
-    made.write_vintages(tmp_path / "first")
-    shutil.copytree(tmp_path / "first", tmp_path / "second")
-    keys = [
-        [s.key("1") for s in CONVERTER.shards(str(tmp_path / n), "train", "v1", Options())] for n in ("first", "second")
-    ]
-    assert keys[0] == keys[1]
-
-
-def test_the_registry_knows_it() -> None:
-    assert isinstance(converters.get("scenarionet"), ScenarioNetPickles)
-
-
 # --- what is refused ----------------------------------------------------------------------------------
-
-
-class Malicious:
-    """Runs a command when it is unpickled."""
-
-    def __init__(self, marker: Path) -> None:
-        self.marker = marker
-
-    def __reduce__(self):
-        return os.system, (f"touch {self.marker}",)
-
-
-@pytest.mark.parametrize("protocol", range(6))
-def test_a_pickle_that_runs_code_is_refused(protocol: int, tmp_path: Path) -> None:
-    marker = tmp_path / "ran"
-    description = made.waymo("x")
-    description["metadata"]["source_file"] = Malicious(marker)
-    path = made.write_pickle(description, tmp_path / "sd_evil.pkl", protocol)
-    with pytest.raises(InvalidScenario, match=r"wanted arrays and builtins, found posix\.system"):
-        load(path, "sd_evil.pkl")
-    assert not marker.exists()
-
-
-@pytest.mark.parametrize("name", ["builtins eval", "builtins getattr", "numpy load", "numpy.core.multiarray fromfile"])
-def test_functions_of_allowed_modules_are_refused(name: str, tmp_path: Path) -> None:
-    module, _, function = name.partition(" ")
-    path = tmp_path / "sd_evil.pkl"
-    path.write_bytes(b"c" + module.encode() + b"\n" + function.encode() + b"\n(S'1'\ntR.")
-    with pytest.raises(InvalidScenario, match=f"found {module}.{function}"):
-        load(path, "evil")
-
-
-class Forged:
-    """A call of numpy's own, with arguments that numpy would trust."""
-
-    def __init__(self, *call: object) -> None:
-        self.call = call
-
-    def __reduce__(self):
-        return self.call
-
-
-FORGERIES = {
-    "objects at addresses of the pickle's choice": Forged(np.ndarray, ((1,), np.dtype(object), b"A" * 8)),
-    "a dtype with fields": np.zeros(1, [("a", object)]),
-    "a dtype that claims to have no objects": Forged(
-        np.dtype, ("V8", False, True), (3, "|", None, ("a",), {"a": (np.dtype(object), 0)}, 8, 1, 0)
-    ),
-    "raw bytes for objects": Forged(
-        np.ndarray, ((0,), np.dtype("i1")), (1, (1,), np.dtype(object), False, b"A" * 8)
-    ),
-    "fewer bytes than values": Forged(
-        np.ndarray, ((0,), np.dtype("i1")), (1, (9,), np.dtype("f8"), False, b"A" * 8)
-    ),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("forgery", FORGERIES)
-@pytest.mark.parametrize("protocol", range(6))
-def test_forged_arrays_do_no_harm(forgery: str, protocol: int, tmp_path: Path) -> None:
-    path = made.write_pickle({"a": FORGERIES[forgery]}, tmp_path / "sd_evil.pkl", protocol)
-    try:
-        (found,) = load(path, "evil").values()
-    except InvalidScenario:
-        return
-    assert forgery.startswith("objects at") and found.shape == (0,)
-
-
-@pytest.mark.parametrize("protocol", range(6))
-@pytest.mark.parametrize("core", ["numpy.core", "numpy._core"])
-def test_names_of_numpy_1_and_2_are_read(protocol: int, core: str, tmp_path: Path) -> None:
-    value = {"a": np.arange(6.0).reshape(2, 3), "b": np.float32(1.5), "c": np.array(["x", None], dtype=object)}
-    data = pickle.dumps(value, protocol)
-    current = f"{np.zeros(0).__reduce__()[0].__module__.rpartition('.')[0]}".encode()
-    if protocol >= 4:  # names carry their length
-        for module in (b".multiarray", b".numeric"):
-            old, new = current + module, core.encode() + module
-            data = data.replace(bytes([len(old)]) + old, bytes([len(new)]) + new)
-        data = data[:2] + data[11:]  # without the frame, whose length has changed
-    else:
-        data = data.replace(current + b".", core.encode() + b".")
-    path = tmp_path / "sd_x.pkl"
-    path.write_bytes(data)
-    found = load(path, "x")
-    assert found["a"].tolist() == value["a"].tolist()
-    assert found["b"] == value["b"] and found["c"].tolist() == ["x", None]
 
 
 DAMAGES = {

@@ -9,7 +9,7 @@ from scenarionet_data import Lake, ScenarioLoader, convert
 from scenarionet_data.catalog.checks import run_checks
 from scenarionet_data.catalog.packs.verifying import verify_pack
 from scenarionet_data.errors import BadParameter, NoSuchSnapshot
-from scenarionet_data.maintenance import compact, compaction, plan_compaction, vacuum
+from scenarionet_data.maintenance import bins, compact, compaction, plan_compaction, vacuum
 from scenarionet_data.store import manifests, metadata_files
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles
@@ -81,7 +81,7 @@ def test_new_shards_join_files_that_are_not_full(raw, root):
 
 
 def test_bins_are_no_larger_than_told_and_large_shards_are_cut_evenly(raw, root, monkeypatch):
-    monkeypatch.setattr(compaction, "_SCENARIOS_PER_BIN", 5)
+    monkeypatch.setattr(bins, "_SCENARIOS_PER_BIN", 5)
     assert [each.num_scenarios for each in plan_compaction(root, "analytics")] == [4, 4]
     convert_to(write_raw(raw, {"large": list(range(100, 118))}), root)
     plan = plan_compaction(root, "analytics", where={"split": "train"})
@@ -191,7 +191,7 @@ def test_what_is_replaced_meanwhile_is_planned_anew(raw, root):
 
 def test_files_that_are_vacuumed_meanwhile_are_no_damage(raw, root, monkeypatch):
     """The second bin's files are gone when its turn comes: what they held has been replaced."""
-    monkeypatch.setattr(compaction, "_SCENARIOS_PER_BIN", 4)
+    monkeypatch.setattr(bins, "_SCENARIOS_PER_BIN", 4)
     happened = []
 
     def replaces():
@@ -223,7 +223,7 @@ def test_rivals_that_never_end_are_reported(raw, root):
 
 
 def test_what_a_killed_run_has_finished_is_taken(root, monkeypatch):
-    monkeypatch.setattr(compaction, "_SCENARIOS_PER_BIN", 4)
+    monkeypatch.setattr(bins, "_SCENARIOS_PER_BIN", 4)
 
     def killed(jobs, do, lost=None):
         yield do(next(iter(jobs)))
@@ -240,7 +240,7 @@ def test_what_a_killed_run_has_finished_is_taken(root, monkeypatch):
 
 
 def test_a_damaged_file_keeps_only_its_own_bin(root, monkeypatch):
-    monkeypatch.setattr(compaction, "_SCENARIOS_PER_BIN", 4)
+    monkeypatch.setattr(bins, "_SCENARIOS_PER_BIN", 4)
     record = records(root)["s3"]
     (root / record.files[0]).write_bytes(b"PAR1")
     done = compact(root, "analytics")

@@ -7,9 +7,9 @@ import pytest
 from obstore.store import from_url
 
 from scenarionet_data import Lake
+from tests.fixtures.examples import run_blocks
 from tests.fixtures.object_store import BUCKET
 from tests.fixtures.waymo import scenario_bytes, write_tfrecord
-from tests.test_docs import run_blocks
 
 pytestmark = pytest.mark.long
 

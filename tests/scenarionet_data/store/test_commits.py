@@ -112,10 +112,10 @@ import sys
 from pathlib import Path
 from scenarionet_data.store import commit as commits
 from scenarionet_data.store.files import LakeFiles
-from tests.fixtures.lakes import stored_ids, write_shard
+from tests.fixtures.lakes import write_shard
 from tests.fixtures.scenarios import renamed, small
 root, who = Path(sys.argv[1]), sys.argv[2]
-template = make_scenario(1, num_objects=2, num_steps=5, num_lanes=1, num_lights=1)
+template = small(1)
 records = [write_shard(root, [renamed(template, f"{who}{k}")], name=f"{who}{k}") for k in range(12)]
 print("ready", flush=True)
 sys.stdin.readline()

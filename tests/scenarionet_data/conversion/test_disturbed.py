@@ -1,0 +1,121 @@
+"""Conversions that are disturbed: killed, two at once, files that vanish, odd names.
+
+Whatever happens, the lake stays as it was or becomes what an undisturbed run would have made.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from scenarionet_data import Lake, ScenarioLoader
+from scenarionet_data.errors import WorkerLost
+from scenarionet_data.store.files import LakeFiles
+from tests.fixtures.lakes import content
+from tests.fixtures.made import raw_of, run, write_raw
+
+CONVERT = """
+import sys
+from scenarionet_data import convert
+from tests.fixtures.made import NAME, MadeOptions
+if __name__ == "__main__":
+    report = convert(NAME, sys.argv[1], sys.argv[2], options=MadeOptions(num_objects=2))
+    print(report.converted, report.failed)
+"""
+
+
+def start(raw, root):
+    return subprocess.Popen([sys.executable, "-c", CONVERT, str(raw), str(root)], stdout=subprocess.PIPE, text=True)
+
+
+def test_a_killed_job_loses_the_shard_in_work_at_most(tmp_path):
+    raw = write_raw(tmp_path / "raw", {f"s{k}": [f"{k * 10 + i} slow" for i in range(4)] for k in range(5)})
+    job = start(raw, tmp_path / "lake")
+    deadline = time.monotonic() + 60
+    while len(list(tmp_path.glob("lake/metadata/**/*.parquet"))) < 2 and time.monotonic() < deadline:
+        time.sleep(0.01)
+    job.send_signal(signal.SIGKILL)
+    job.communicate()
+    assert job.returncode == -signal.SIGKILL
+    finished = len(list(tmp_path.glob("lake/metadata/**/*.parquet")))
+    assert 2 <= finished < 5
+    report = run(raw, tmp_path / "lake")
+    assert report.adopted == finished
+    assert report.converted == 20
+    run(raw, tmp_path / "undisturbed")
+    assert content(tmp_path / "lake") == content(tmp_path / "undisturbed")
+
+
+@pytest.mark.long
+def test_a_killed_worker_ends_the_run_and_keeps_what_was_finished(tmp_path):
+    raw = raw_of(tmp_path / "raw", 0, 12)
+
+    def kill(done, *_):
+        if done == 3:
+            multiprocessing.active_children()[0].kill()
+
+    with pytest.raises(WorkerLost, match="run the same command again, with fewer --workers: what is finished is kept"):
+        run(raw, tmp_path / "lake", workers=2, on_progress=kill)
+    assert len(Lake(tmp_path / "lake")) >= 6
+    report = run(raw, tmp_path / "lake")
+    assert report.skipped >= 3
+    run(raw, tmp_path / "undisturbed")
+    assert content(tmp_path / "lake") == content(tmp_path / "undisturbed")
+
+
+@pytest.mark.parametrize("kind", ["the same recordings", pytest.param("different recordings", marks=pytest.mark.long)])
+def test_two_jobs_at_once_make_one_lake(tmp_path, kind):
+    first = raw_of(tmp_path / "first", 0, 8)
+    second = first if kind == "the same recordings" else raw_of(tmp_path / "second", 50, 8)
+    jobs = [start(raw, tmp_path / "lake") for raw in (first, second)]
+    outputs = [job.communicate(timeout=60)[0] for job in jobs]
+    assert [job.returncode for job in jobs] == [0, 0]
+    # Of the same recordings, the job that comes late converts what is left, or nothing.
+    assert all(re.fullmatch(r"\d+ \[\]\n", output) for output in outputs)
+    assert sum(int(output.split()[0]) for output in outputs) >= 16
+    run(first, tmp_path / "undisturbed")
+    run(second, tmp_path / "undisturbed")
+    assert content(tmp_path / "lake") == content(tmp_path / "undisturbed")
+    ids = Lake(tmp_path / "lake").sql("SELECT scenario_id FROM metadata")["scenario_id"]
+    assert ids.n_unique() == len(ids) == len({*first.iterdir(), *second.iterdir()}) * 2
+
+
+def test_recordings_that_vanish_fail_alone(tmp_path, monkeypatch):
+    raw = raw_of(tmp_path / "raw", 0, 2)
+
+    def vanish(done, *_):
+        if done:
+            (raw / "s000.made").unlink(missing_ok=True)  # the larger one comes first
+
+    report = run(raw, tmp_path / "lake", on_progress=vanish)
+    assert report.converted == 2
+    ((name, reason),) = report.failed
+    assert name == "s000"
+    assert "No such file or directory" in reason
+
+
+def test_links_in_the_path_of_a_lake(tmp_path):
+    """A lake reached through a link is the same lake."""
+    (tmp_path / "real").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "real")
+    raw = raw_of(tmp_path / "raw", 0, 1)
+    run(raw, tmp_path / "link" / "lake")
+    assert run(raw, tmp_path / "real" / "lake").skipped == 1
+    assert len(Lake(tmp_path / "link" / "lake")) == 2
+    assert LakeFiles(tmp_path / "link" / "lake").root == (tmp_path / "real" / "lake").resolve()
+
+
+@pytest.mark.parametrize("name", ['it\'s a "lake"', "ü 100% a=b", "[x]*?"])
+def test_odd_names_of_folders(tmp_path, name):
+    raw = raw_of(tmp_path / "raw", 0, 1)
+    run(raw, tmp_path / name)
+    lake = Lake(tmp_path / name)
+    assert len(lake) == 2
+    assert lake.sql("SELECT count(*) AS n FROM tracks JOIN metadata USING (scenario_id)")["n"][0] == 4
+    assert len(ScenarioLoader(lake)[1].tracks) == 2

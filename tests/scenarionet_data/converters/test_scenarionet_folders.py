@@ -1,0 +1,77 @@
+"""Which pickles of a folder are read: nested folders, file names, mappings."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from scenarionet_data import converters
+from scenarionet_data.converters.base import Options
+from scenarionet_data.converters.scenarionet import ScenarioNetPickles
+from scenarionet_data.errors import CorruptSource, SourceNotFound
+from tests.fixtures import scenarionet_pickles as made
+
+CONVERTER = ScenarioNetPickles()
+
+
+def list_items(raw: Path) -> set[str]:
+    return {item.name for shard in CONVERTER.shards(str(raw), "train", "v1", Options()) for item in shard.items}
+
+
+def test_nested_folders_and_file_names(tmp_path: Path) -> None:
+    raw = made.write_vintages(tmp_path)
+    made.write_pickle({}, raw / "notes.pkl")
+    assert list_items(raw) == {
+        "waymo_0/sd_waymo_v1.2_a1.pkl",
+        "waymo_0/sd_waymo_v1.2_a2.pkl",
+        "old/sd_training.tfrecord-0_b1.pkl",
+        "nu/0.pkl",
+        "nu/1.pkl",
+        "av2/sd_av2_v2_c1.pkl",
+        "nuplan/sd_nuplan_v1.1_d1.pkl",
+        "pg/deep/sd_pg_MetaDrive v0.4.3_PGMap-7.pkl",
+        "moved/sd_waymo_v1.2_e1.pkl",
+    }
+    assert list_items(raw / "nu" / "0.pkl") == {"0.pkl"}
+
+
+def test_a_mapping_is_followed_and_decides(tmp_path: Path) -> None:
+    made.write_vintages(tmp_path)
+    virtual = tmp_path / "chosen"
+    made.write_pickle({"sd_waymo_v1.2_a2.pkl": "../waymo_0", "1.pkl": "../nu"}, virtual / "dataset_mapping.pkl")
+    made.write_pickle(made.waymo("z"), virtual / "sd_left_out.pkl")
+    assert list_items(virtual) == {"../waymo_0/sd_waymo_v1.2_a2.pkl", "../nu/1.pkl"}
+    (shard,) = CONVERTER.shards(str(virtual), "train", "v1", Options())
+    assert {CONVERTER.scenario(shard, r).id for r in CONVERTER.records(shard)} == {
+        "scenarionet/v1/waymo_a2",
+        "scenarionet/v1/nuscenes_scene-0002",
+    }
+
+
+def test_wrong_folders_say_what_to_do(tmp_path: Path) -> None:
+    with pytest.raises(SourceNotFound, match="give the folder with ScenarioNet pickles"):
+        list_items(tmp_path / "nowhere")
+    made.write_pickle({}, tmp_path / "other" / "notes.pkl")
+    with pytest.raises(SourceNotFound, match=r"sd_\*\.pkl"):
+        list_items(tmp_path / "other")
+    made.write_pickle({"sd_gone.pkl": ""}, tmp_path / "virtual" / "dataset_mapping.pkl")
+    with pytest.raises(SourceNotFound, match=r"sd_gone\.pkl"):
+        list_items(tmp_path / "virtual")
+    (tmp_path / "virtual" / "dataset_mapping.pkl").write_bytes(b"")
+    with pytest.raises(CorruptSource, match="remove it to take every pickle"):
+        list_items(tmp_path / "virtual")
+
+
+def test_a_moved_folder_gives_the_same_shards(tmp_path: Path) -> None:
+    made.write_vintages(tmp_path / "first")
+    shutil.copytree(tmp_path / "first", tmp_path / "second")
+    keys = [
+        [s.key("1") for s in CONVERTER.shards(str(tmp_path / n), "train", "v1", Options())] for n in ("first", "second")
+    ]
+    assert keys[0] == keys[1]
+
+
+def test_the_registry_knows_it() -> None:
+    assert isinstance(converters.get("scenarionet"), ScenarioNetPickles)

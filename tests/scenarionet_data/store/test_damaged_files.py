@@ -1,0 +1,75 @@
+"""Files of a lake that are gone, cut, garbage or of another contract are named where they are read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from scenarionet_data import Lake, ScenarioLoader
+from scenarionet_data.errors import LakeError, SchemaMismatch
+from tests.fixtures.lakes import write_lake
+from tests.fixtures.made import raw_of, run
+from tests.fixtures.scenarios import make_scenario
+
+
+@pytest.fixture
+def lake(tmp_path):
+    return write_lake(tmp_path / "lake", [make_scenario(k, num_objects=2) for k in (1, 2)])
+
+
+def one(lake, table):
+    (path,) = (Path(path) for path in lake.paths(table))
+    return path
+
+
+@pytest.mark.parametrize("table", ["tracks", "lights", "maps"])
+@pytest.mark.parametrize("damage", ["gone", "empty", "cut", "garbage"])
+def test_damaged_content_is_named_when_it_is_loaded(lake, table, damage):
+    path = one(lake, table)
+    data = path.read_bytes()
+    path.unlink()
+    if damage != "gone":
+        path.write_bytes({"empty": b"", "cut": data[:-9], "garbage": bytes(range(256)) * 40}[damage])
+    with pytest.raises(LakeError, match=rf"cannot read {path}: .*`scenarionet check` names every scenario"):
+        ScenarioLoader(lake)[0]
+
+
+def test_damaged_pages_are_named_when_they_are_loaded(lake):
+    path = one(lake, "tracks")
+    data = bytearray(path.read_bytes())
+    data[4:2000] = bytes(1996)
+    path.write_bytes(data)
+    with pytest.raises(LakeError, match=f"cannot read {path}"):
+        ScenarioLoader(lake)[0]
+
+
+@pytest.mark.parametrize("table", ["tracks", "lights", "maps"])
+def test_a_file_of_another_contract_is_refused(lake, table):
+    path = one(lake, table)
+    rows = pq.read_table(path, partitioning=None)
+    tag = {**rows.schema.metadata, b"scenarionet.schema": f"{table}/99".encode()}
+    pq.write_table(rows.replace_schema_metadata(tag), path)
+    with pytest.raises(
+        SchemaMismatch, match=rf"{path.name}: written under schema {table}/99, this version reads {table}/1"
+    ):
+        ScenarioLoader(lake)[0]
+
+
+def test_lost_metadata_is_named(lake):
+    one(lake, "metadata").unlink()
+    with pytest.raises(LakeError, match="metadata"):
+        ScenarioLoader(lake.root)
+
+
+@pytest.mark.parametrize("data", [None, b"", b"PAR1" * 9])
+def test_a_damaged_manifest_is_named(lake, data):
+    path = next(lake.root.glob("snapshots/manifest-*.parquet"))
+    path.unlink()
+    if data is not None:
+        path.write_bytes(data)
+    with pytest.raises(LakeError, match=f"cannot read {path}"):
+        len(Lake(lake.root))
+    with pytest.raises(LakeError, match=f"cannot read {path}"):
+        run(raw_of(lake.root.parent / "raw", 5, 1), lake.root)

@@ -1,0 +1,225 @@
+"""What the documentation shows runs: its commands, its code, what it lets add."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import warnings
+
+import click
+import polars as pl
+import pytest
+from click.testing import CliRunner
+
+from pipelines.cli import cli
+from scenarionet_data import Lake, resources
+from scenarionet_data.catalog import rules
+from tests.fixtures.argoverse2 import write_forecasting
+from tests.fixtures.examples import ROOT, blocks, commands, run_blocks
+from tests.fixtures.lakes import write_lake
+from tests.fixtures.scenarionet_pickles import write_vintages
+from tests.fixtures.scenarios import make_scenario
+from tests.fixtures.waymo import scenario_bytes, write_tfrecord
+
+
+def test_readme_examples_run(monkeypatch, tmp_path):
+    """With recordings beside it."""
+    write_tfrecord(tmp_path / "recordings/waymo/training/training.tfrecord-00000-of-01000", [scenario_bytes(1)])
+    write_forecasting(tmp_path / "recordings/argoverse2/val", num_scenarios=2, seed=0)
+    write_vintages(tmp_path / "recordings/pickles")
+    assert run_blocks("README.md", monkeypatch, tmp_path) >= 9
+
+
+@pytest.mark.long
+def test_evaluation_examples_run(monkeypatch, tmp_path):
+    assert run_blocks("docs/evaluation.md", monkeypatch, tmp_path) >= 5
+    runs = Lake(tmp_path / "lake").ask("runs")
+    planner = runs.filter(run="driven-my_planner.Planner-replay-kinematic")
+    assert planner["success"].item() > 0.8, "the page's planner follows its route"
+
+
+@pytest.mark.long
+def test_cluster_examples_run(monkeypatch, tmp_path):
+    (profile,) = blocks("docs/cluster.md", "toml")
+    (tmp_path / "mine.toml").write_text(profile)
+    assert run_blocks("docs/cluster.md", monkeypatch, tmp_path) == 2
+    assert len(Lake(tmp_path / "lake")) == 192
+
+
+def test_simulator_examples_run(monkeypatch, tmp_path):
+    assert run_blocks("docs/simulator.md", monkeypatch, tmp_path) >= 5
+
+
+@pytest.mark.long
+def test_examples_of_pictures_run(monkeypatch, tmp_path):
+    pytest.importorskip("plotly", reason="the extra `notebooks` is not installed")
+    assert run_blocks("docs/pictures.md", monkeypatch, tmp_path) == 4
+    written = {path.name for path in tmp_path.iterdir()}
+    assert {
+        "scenario.svg",
+        "speeds.png",
+        "two.pdf",
+        "eight.png",
+        "scenario.gif",
+        "explore.html",
+        "comparison.svg",
+    } <= written
+
+
+@pytest.mark.long
+def test_examples_of_looking_run(monkeypatch, tmp_path):
+    """The commands that serve a page are parsed: they would go on until Ctrl-C."""
+    assert run_blocks("docs/browse.md", monkeypatch, tmp_path) == 1
+    assert (tmp_path / "compared.html").stat().st_size > 10_000
+    served = [line for block in blocks("docs/browse.md", "sh") for line in block.splitlines() if "browse" in line]
+    assert len(served) == 2
+    for command in served:
+        words = shlex.split(command)[1:]
+        cli.get_command(click.Context(cli), words[0]).make_context(words[0], words[1:])
+
+
+@pytest.mark.long
+def test_sensor_examples_run(monkeypatch, tmp_path):
+    assert run_blocks("docs/sensors.md", monkeypatch, tmp_path) == 3
+
+
+@pytest.mark.long
+def test_examples_of_databases_run(tmp_path, monkeypatch):
+    """Every command of the page, in order, in this process, then its Python; warnings are part of the page."""
+    monkeypatch.chdir(tmp_path)
+    commands = [line for block in blocks("docs/databases.md", "bash") for line in block.splitlines()]
+    assert len(commands) >= 25
+    with warnings.catch_warnings():
+        warnings.simplefilter("default")
+        for command in commands:
+            program, *words = shlex.split(command)
+            assert program == "scenarionet"
+            result = CliRunner().invoke(cli, words)
+            assert result.exit_code == 0, command + result.output
+        (code,) = blocks("docs/databases.md", "python")
+        exec(code, {})
+
+
+@pytest.mark.long
+def test_maintenance_examples_run(monkeypatch, tmp_path):
+    assert run_blocks("docs/maintenance.md", monkeypatch, tmp_path) == 1
+
+
+def test_the_page_of_checks_runs(tmp_path, monkeypatch):
+    """Its commands, and its rule beside the others."""
+    (rule,) = blocks("docs/checks.md", "sql")
+    shutil.copytree(resources.SQL, tmp_path / "sql")
+    (tmp_path / rule.splitlines()[0].removeprefix("-- ")).write_text(rule.split("\n", 1)[1])
+    monkeypatch.setattr("scenarionet_data.catalog.named_sql.SQL", tmp_path / "sql")
+    monkeypatch.chdir(tmp_path)
+    lake = write_lake("lake", [make_scenario(1, num_objects=1, num_lanes=1), make_scenario(2, num_lanes=1)])
+    lines = [
+        line.partition("#")[0].split() for block in blocks("docs/checks.md", "bash") for line in block.splitlines()
+    ]
+    results = [CliRunner().invoke(cli, line[1:]) for line in lines]
+    assert [result.exit_code for result in results] == [0] * 3, results[0].output
+    assert "ego_is_alone             1  50.00%  made/v1/s000001: nobody else is there" in results[0].output
+    assert pl.read_csv("scorecard.csv").height == len(rules.names())
+    assert len(lake.database("good")) == 2
+    assert pl.read_parquet("broken.parquet")["scenario_id"].to_list() == [make_scenario(1).id]
+
+
+@pytest.mark.long
+def test_the_example_converter_passes_its_own_conformance_test(tmp_path):
+    """The page's two Python blocks as a module and its test, outside the repository."""
+    converter, test = blocks("docs/adding_a_dataset.md", "python")
+    (tmp_path / "my_datasets.py").write_text(converter)
+    (tmp_path / "test_my_datasets.py").write_text("from my_datasets import CsvTrajectories\n" + test)
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_my_datasets.py"],
+        cwd=tmp_path, env={"PYTHONPATH": f"{ROOT}:{tmp_path}", "PATH": ""}, capture_output=True, text=True,
+        check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert re.search(r"\d+ passed", done.stdout)
+    assert "skipped" not in done.stdout
+
+
+@pytest.mark.long
+def test_the_example_as_an_installed_package_is_a_dataset_like_every_other(tmp_path):
+    """The page's package, built and installed by the page's own commands, into a folder of its own."""
+    page = "docs/adding_a_dataset.md"
+    package = tmp_path / "my-datasets"
+    package.mkdir()
+    (package / "my_datasets.py").write_text(blocks(page, "python")[0])
+    (package / "pyproject.toml").write_text(blocks(page, "toml")[0])
+    (tmp_path / "recordings").mkdir()
+    rows = "".join(f"{k / 10},ego,car,{k},0,0,10\n" for k in range(30))
+    (tmp_path / "recordings" / "first.csv").write_text("t,id,kind,x,y,heading,speed\n" + rows)
+    environment = os.environ | {
+        "PYTHONPATH": f"{ROOT}:{tmp_path / 'installed'}",
+        "PATH": f"{commands(tmp_path, 'pip=pip', 'scenarionet=pipelines.cli')}:{os.environ['PATH']}",
+        # pip's own options: what the package needs is here already, and nothing is downloaded.
+        "PIP_TARGET": str(tmp_path / "installed"),
+        "PIP_NO_DEPS": "1",
+        "PIP_NO_INDEX": "1",
+        "PIP_NO_BUILD_ISOLATION": "0",
+        "PIP_DISABLE_PIP_VERSION_CHECK": "1",
+    }
+    (typed,) = blocks(page, "bash")
+    asked = (
+        "scenarionet converters --json > listed.json\nscenarionet sql lake 'SELECT * FROM metadata' --json > rows.json"
+    )
+    done = subprocess.run(
+        ["bash", "-euo", "pipefail", "-c", f"{typed}\n{asked}"],
+        cwd=tmp_path, env=environment, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    listed = {each["name"]: each for each in json.loads((tmp_path / "listed.json").read_text())["converters"]}
+    assert {"csv", "waymo"} <= set(listed)
+    assert listed["csv"]["raw"] == "a folder of *.csv files, one scenario each"
+    (row,) = json.loads((tmp_path / "rows.json").read_text())["rows"]
+    assert (row["scenario_id"], row["source_file"]) == ("csv/v1/first", "first.csv")
+
+
+@pytest.mark.parametrize("kind", ["derived column", "filter", "check"])
+def test_what_the_architecture_page_adds_in_one_place_works(kind, tmp_path):
+    """Copies the contract and the SQL, adds the page's example to the copy, and uses it."""
+    code = """
+import shutil, sys
+from pathlib import Path
+from scenarionet_data import resources
+copy = Path(sys.argv[1])
+shutil.copytree(resources.SCHEMAS, copy / "schemas"); shutil.copytree(resources.SQL, copy / "sql")
+resources.SCHEMAS, resources.SQL = copy / "schemas", copy / "sql"
+kind, text = sys.argv[2], sys.argv[3]
+if kind == "derived column":
+    with (copy / "schemas/metadata.toml").open("a") as file: file.write(text)
+else:
+    path = copy / text.splitlines()[0].removeprefix("-- ")
+    path.write_text(text.split("\\n", 1)[1])
+from scenarionet_data import Lake
+from scenarionet_data.conversion import convert
+from tests.fixtures.made import NAME, write_raw
+raw = write_raw(copy / "raw", {"a": list(range(4))})
+convert(NAME, str(raw), copy / "lake")
+lake = Lake(copy / "lake")
+if kind == "derived column":
+    assert (lake.sql("SELECT mean_object_speed_kmh AS v FROM metadata")["v"] > 30).all()
+elif kind == "filter":
+    assert 0 < len(lake.filter(name="crowded", named=["crowded:per_100m=10"])) <= 4
+else:
+    from scenarionet_data.catalog.checks import run_checks
+    (result,) = [r for r in run_checks(lake) if r.name == "ego_moves_backwards"]
+    assert result.doc
+"""
+    sql = blocks("docs/architecture.md", "sql")
+    text = {"derived column": blocks("docs/architecture.md", "toml")[0], "filter": sql[0], "check": sql[1]}[kind]
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path), kind, text],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
