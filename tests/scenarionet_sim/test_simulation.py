@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from functools import cache
 
 import numpy as np
 import pytest
@@ -29,10 +30,23 @@ from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.scenarios import make_scenario
 
-DRIVE = World.from_scenario(make_drive(others=(Other(20.0, vx=6.0), Other(-20.0, vx=9.0), Other(9.0, 3.5)), red=True))
-MADE = [World.from_scenario(make_scenario(seed)) for seed in range(3)]
-LARGE = World.from_scenario(make_scenario(7, num_objects=50, num_steps=80, num_lights=5, num_lanes=12))
 TRAFFIC = (Replay(), Idm(), External())
+
+
+@cache
+def drive() -> World:
+    others = (Other(20.0, vx=6.0), Other(-20.0, vx=9.0), Other(9.0, 3.5))
+    return World.from_scenario(make_drive(others=others, red=True))
+
+
+@cache
+def made() -> list[World]:
+    return [World.from_scenario(make_scenario(seed)) for seed in range(3)]
+
+
+@cache
+def large() -> World:
+    return World.from_scenario(make_scenario(7, num_objects=50, num_steps=80, num_lights=5, num_lanes=12))
 
 
 def moments(simulation: Simulation, steps: int, seed: int = 0, slot: int = 0) -> list[np.ndarray]:
@@ -50,55 +64,55 @@ def moments(simulation: Simulation, steps: int, seed: int = 0, slot: int = 0) ->
 
 @pytest.mark.parametrize("policies", [TRAFFIC, (ConstantVelocity(), RouteFollower(), External(who=ego))])
 def test_the_same_again_is_the_same_bits(policies):
-    simulation = Simulation([DRIVE], policies)
+    simulation = Simulation([drive()], policies)
     first = moments(simulation, 30)
     simulation.reset(0)
     again = moments(simulation, 30)
-    other = moments(Simulation([DRIVE], policies), 30)
+    other = moments(Simulation([drive()], policies), 30)
     np.testing.assert_array_equal(first, again)
     np.testing.assert_array_equal(first, other)
 
 
 def test_a_world_does_not_notice_its_neighbours():
-    alone = moments(Simulation([DRIVE], TRAFFIC), 25)
-    among = moments(Simulation([*MADE, DRIVE, LARGE], TRAFFIC), 25, slot=3)
+    alone = moments(Simulation([drive()], TRAFFIC), 25)
+    among = moments(Simulation([*made(), drive(), large()], TRAFFIC), 25, slot=3)
     np.testing.assert_array_equal(alone, among)
 
 
 def test_a_slot_takes_another_world_while_the_others_go_on():
-    simulation = Simulation([MADE[0], DRIVE], TRAFFIC)
-    wanted = moments(Simulation([DRIVE], TRAFFIC), 20)
+    simulation = Simulation([made()[0], drive()], TRAFFIC)
+    wanted = moments(Simulation([drive()], TRAFFIC), 20)
     rng = np.random.default_rng(0)
-    for t, world in enumerate([LARGE, MADE[1], None, LARGE] * 5):
+    for t, world in enumerate([large(), made()[1], None, large()] * 5):
         simulation.reset(0, world)
         simulation.step(np.array([[0.1, 0.1], rng.uniform(-1, 1, 2)]))
         state = simulation.state
         arrays = (*state.motion, state.arc, state.lateral)
         np.testing.assert_array_equal(wanted[t], np.concatenate([a[1, :4].ravel().astype(float) for a in arrays]))
-    assert simulation.stage.worlds == [LARGE, DRIVE]
+    assert simulation.stage.worlds == [large(), drive()]
     assert simulation.state.timestep.tolist() == [1, 20]
 
 
 def test_reset_begins_where_it_is_told():
-    simulation = Simulation([LARGE])
+    simulation = Simulation([large()])
     simulation.reset(0, start=17)
     assert simulation.state.timestep[0] == 17
-    np.testing.assert_array_equal(simulation.state.position[0, 0], LARGE.log_position[17, 0])
+    np.testing.assert_array_equal(simulation.state.position[0, 0], large().log_position[17, 0])
     hidden = World.from_scenario(make_drive(hidden=slice(0, 6)))
     assert Simulation([hidden]).state.timestep[0] == 6
 
 
 def test_the_last_policy_that_wants_an_object_drives_it():
     policies = (Replay(), ConstantVelocity(who=OfType((ObjectType.VEHICLE,))), Idm(who=Tracks(("t2",))), External())
-    simulation = Simulation([DRIVE], policies)
+    simulation = Simulation([drive()], policies)
     assert simulation.driver[0].tolist() == [3, 1, 2, 1]
-    nobody = Simulation([DRIVE], [Replay(who=ego)])
+    nobody = Simulation([drive()], [Replay(who=ego)])
     assert nobody.driver[0].tolist() == [0, NOBODY, NOBODY, NOBODY]
     assert nobody.state.present[0].tolist() == [True, False, False, False]
 
 
 def test_an_idm_driver_for_the_ego_is_no_agent():
-    simulation = Simulation([DRIVE], (Replay(), Idm(who=ego)))
+    simulation = Simulation([drive()], (Replay(), Idm(who=ego)))
     assert len(simulation.agents) == 0
     for _ in range(30):
         simulation.step()
@@ -120,7 +134,7 @@ def test_contacts_say_what_an_agent_runs_into():
 
 
 def test_agents_know_where_they_are_on_their_route():
-    simulation = Simulation([DRIVE])
+    simulation = Simulation([drive()])
     for _ in range(20):
         simulation.step([[0.05, 0.0]])
     arc, lateral, position = simulation.state.arc[0, 0], simulation.state.lateral[0, 0], simulation.state.position[0, 0]
@@ -130,7 +144,7 @@ def test_agents_know_where_they_are_on_their_route():
 
 
 def test_actions_are_checked():
-    simulation = Simulation([DRIVE, DRIVE])
+    simulation = Simulation([drive(), drive()])
     with pytest.raises(BadParameter, match="1 actions for 2 agents"):
         simulation.step([[0.0, 0.0]])
     with pytest.raises(BadParameter, match="not a number"):
@@ -143,7 +157,7 @@ def test_worlds_of_one_simulation_have_one_timestep():
     slow = World.from_scenario(make_scenario(1))
     object.__setattr__(slow, "dt", 0.5)
     with pytest.raises(BadParameter, match=r"0\.5 s among worlds of 0\.1 s"):
-        Simulation([DRIVE, slow])
+        Simulation([drive(), slow])
 
 
 def test_a_simulation_without_objects_that_move_still_runs():

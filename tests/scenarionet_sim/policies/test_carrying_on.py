@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from scenarionet_sim.policies import ConstantVelocity, External, Replay, vehicles
@@ -9,38 +11,40 @@ from scenarionet_sim.simulation import Simulation
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive
 
-WORLD = World.from_scenario(
-    make_drive(others=(Other(5.0, 9.0, vx=3.0, vy=4.0), Other(-9.0, 3.5, vx=7.0, first=5, last=8)))
-)
+
+@cache
+def world() -> World:
+    others = (Other(5.0, 9.0, vx=3.0, vy=4.0), Other(-9.0, 3.5, vx=7.0, first=5, last=8))
+    return World.from_scenario(make_drive(others=others))
 
 
 def test_constant_velocity_keeps_on():
-    simulation = Simulation([WORLD], [ConstantVelocity()])
+    simulation = Simulation([world()], [ConstantVelocity()])
     for _ in range(50):  # beyond the log's end too
         simulation.step()
     position, present = simulation.state.position[0], simulation.state.present[0]
     assert present.all()
     np.testing.assert_allclose(position[:2], [[50.0, 0.0], [20.0, 29.0]], atol=1e-3)
-    x, y = WORLD.log_position[5, 2]
+    x, y = world().log_position[5, 2]
     np.testing.assert_allclose(position[2], [x + 7.0 * 4.5, y], atol=1e-3)
 
 
 def test_agents_come_with_the_log_and_stay():
-    simulation = Simulation([WORLD], (Replay(), External(who=vehicles)))
+    simulation = Simulation([world()], (Replay(), External(who=vehicles)))
     assert simulation.agents.tolist() == [[0, 0], [0, 1]]
     for _ in range(5):
         simulation.step(np.zeros((len(simulation.agents), 2)))
     assert simulation.agents.tolist() == [[0, 0], [0, 1], [0, 2]]
-    np.testing.assert_array_equal(simulation.state.position[0, 2], WORLD.log_position[5, 2])
+    np.testing.assert_array_equal(simulation.state.position[0, 2], world().log_position[5, 2])
     assert simulation.state.arc[0, 2] == 0.0
     for _ in range(20):
         simulation.step(np.zeros((3, 2)))
     assert simulation.state.present[0, 2]  # the log forgot it at step 9
-    assert simulation.state.position[0, 2, 0] > WORLD.log_position[5, 2, 0] + 13.0
+    assert simulation.state.position[0, 2, 0] > world().log_position[5, 2, 0] + 13.0
 
 
 def test_retired_agents_do_not_come_back():
-    simulation = Simulation([WORLD], (Replay(), External(who=vehicles)))
+    simulation = Simulation([world()], (Replay(), External(who=vehicles)))
     for _ in range(6):
         simulation.step()
     simulation.retire([[0, 2], [0, 1]])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -15,8 +17,13 @@ from tests.fixtures.scenarios import make_scenario
 from tests.fixtures.simulations import alone, generated
 
 
-@pytest.mark.parametrize("scenario", [generated(3), make_scenario(1), alone(has_map=False)], ids=["pg", "made", "bare"])
-def test_a_world_looks_like_its_scenario(scenario):
+@pytest.mark.parametrize(
+    "make",
+    [partial(generated, 3), partial(make_scenario, 1), partial(alone, has_map=False)],
+    ids=["pg", "made", "bare"],
+)
+def test_a_world_looks_like_its_scenario(make):
+    scenario = make()
     found, wanted = scene_of(World.from_scenario(scenario)), Scene.of(scenario)
     for name in ("object_type", "size", "present", "light_stop", "light_state"):
         np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name), err_msg=name)

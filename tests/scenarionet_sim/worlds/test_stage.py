@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields
+from functools import cache
 
 import numpy as np
 
@@ -14,10 +15,25 @@ from scenarionet_sim.worlds.stage import Stage
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.scenarios import make_scenario
 
-SMALL = World.from_scenario(make_scenario(1, num_objects=3, num_lanes=2, num_lights=0))
-MIDDLE = World.from_scenario(make_scenario(2))
-LARGE = World.from_scenario(make_scenario(3, num_objects=40, num_steps=60, num_lanes=20, num_lights=9))
-BARE = World.from_scenario(make_scenario(4, num_objects=1, num_lights=0, has_map=False))
+
+@cache
+def small() -> World:
+    return World.from_scenario(make_scenario(1, num_objects=3, num_lanes=2, num_lights=0))
+
+
+@cache
+def middle() -> World:
+    return World.from_scenario(make_scenario(2))
+
+
+@cache
+def large() -> World:
+    return World.from_scenario(make_scenario(3, num_objects=40, num_steps=60, num_lanes=20, num_lights=9))
+
+
+@cache
+def bare() -> World:
+    return World.from_scenario(make_scenario(4, num_objects=1, num_lights=0, has_map=False))
 
 
 def check(stage: Stage, slot: int, value: object, prefix: str = "") -> int:
@@ -44,7 +60,7 @@ def check(stage: Stage, slot: int, value: object, prefix: str = "") -> int:
 
 
 def test_every_array_of_every_world_is_stacked():
-    stage = Stage([SMALL, LARGE, BARE])
+    stage = Stage([small(), large(), bare()])
     for slot, world in enumerate(stage.worlds):
         assert check(stage, slot, world) > 30
     assert stage.num_objects.tolist() == [3, 40, 1]
@@ -55,24 +71,24 @@ def test_every_array_of_every_world_is_stacked():
 
 
 def test_a_larger_world_makes_room_and_a_smaller_one_leaves_nothing_of_it():
-    stage = Stage([SMALL, MIDDLE])
-    for world in (LARGE, SMALL, BARE, MIDDLE):
+    stage = Stage([small(), middle()])
+    for world in (large(), small(), bare(), middle()):
         stage.replace(0, world)
         check(stage, 0, world)
-        check(stage, 1, MIDDLE)
-    assert stage.worlds == [MIDDLE, MIDDLE]
-    assert not stage.log[0, MIDDLE.num_steps :].any() and not stage.log[0, :, MIDDLE.num_objects :].any()
+        check(stage, 1, middle())
+    assert stage.worlds == [middle(), middle()]
+    assert not stage.log[0, middle().num_steps :].any() and not stage.log[0, :, middle().num_objects :].any()
 
 
 def test_room_is_kept_so_that_long_runs_stop_copying():
-    stage = Stage([SMALL])
-    stage.replace(0, LARGE)
+    stage = Stage([small()])
+    stage.replace(0, large())
     log = stage.log
-    for world in (SMALL, BARE, LARGE, MIDDLE):
+    for world in (small(), bare(), large(), middle()):
         stage.replace(0, world)
     assert stage.log is log
 
 
 def test_annotations_are_the_arrays():
-    stage = Stage([MIDDLE])
+    stage = Stage([middle()])
     assert {name for name in vars(stage) if isinstance(getattr(stage, name), np.ndarray)} == set(Stage.__annotations__)
