@@ -23,7 +23,8 @@ from scenarionet_data.conversion.report import Report
 from scenarionet_data.conversion.runners import Run, runner
 from scenarionet_data.conversion.selection import Choice, Selection
 from scenarionet_data.conversion.tally import Tally
-from scenarionet_data.converters.base import Converter, Options, Shard, guess_split
+from scenarionet_data.converters.base import Converter, Options, Shard
+from scenarionet_data.converters.splits import guess_split
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.store import commit as commits
 from scenarionet_data.store import manifests
@@ -162,7 +163,7 @@ def _prepare(
     files, chosen, version = open_files(lake), options or converter.Options(), version or converter.release
     held = manifests.shards(files, snapshots.read(files))
     with listing(converter, raw, chosen) as place:
-        split = split or guess_split(place.folder)
+        split = split or guess_split(place.folder, place.top)
         for name, value in (("split", split), ("version", version)):
             if not _WORD.fullmatch(value):
                 raise BadParameter(f"--{name} {value!r}: use letters, digits, '.', '_' and '-'")

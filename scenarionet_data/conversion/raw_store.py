@@ -34,12 +34,12 @@ class RawPlace:
     """
 
     def __init__(self, folder: str, top: str = "", bucket: str = "") -> None:
-        self.folder = folder
-        self._top, self._bucket = top, bucket
+        self.folder, self.top = folder, top
+        self._bucket = bucket
 
     def place(self, shard: Shard) -> Shard:
         """The shard, whose root and places are where the recordings really are."""
-        return moved(shard, self._top, self._bucket) if self._bucket else shard
+        return moved(shard, self.top, self._bucket) if self._bucket else shard
 
 
 @contextmanager

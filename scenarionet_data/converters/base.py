@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import asdict, dataclass, field, fields
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from scenarionet_data.converters.facts import Facts
-from scenarionet_data.errors import BadParameter, SourceNotFound
+from scenarionet_data.converters.splits import is_of_split
+from scenarionet_data.errors import SourceNotFound
 from scenarionet_data.scenario import ScenarioDescription
 
 if TYPE_CHECKING:
@@ -236,63 +236,6 @@ def bucket(items: Iterable[RawItem], size: int = 64) -> dict[str, tuple[RawItem,
         number = int.from_bytes(hashlib.blake2b(item.name.encode(), digest_size=8).digest(), "big") % count
         buckets.setdefault(f"{number:05d}-of-{count:05d}", []).append(item)
     return {name: tuple(buckets[name]) for name in sorted(buckets)}
-
-
-_SPLITS = {
-    "train": "train",
-    "training": "train",
-    "training_20s": "train",
-    "val": "val",
-    "validation": "val",
-    "test": "test",
-    "testing": "test",
-    "test_obs": "test",
-    "mini": "mini",
-    "v1.0-mini": "mini",
-    "v1.0-trainval": "train",
-    "v1.0-test": "test",
-}
-
-
-_MANY = 64
-
-
-def guess_split(raw: str) -> str:
-    """Split that the folder names of ``raw``, or else of the folders in it, stand for; ``train`` when none does.
-
-    Raises:
-        BadParameter: There are several in it; the message names them.
-
-    Example:
-        >>> guess_split("/data/waymo/validation")
-        'val'
-    """
-    for part in reversed(PurePath(raw).parts):
-        if part.lower() in _SPLITS:
-            return _SPLITS[part.lower()]
-    inside = sorted({_SPLITS[name] for name in _split_folders(Path(raw))})
-    if len(inside) > 1:
-        raise BadParameter(f"{raw}: holds the splits {', '.join(inside)}; choose one with --split")
-    return inside[0] if inside else "train"
-
-
-def _split_folders(folder: Path, depth: int = 3) -> Iterator[str]:
-    """Folder names at most ``depth`` levels down that stand for a split; what lies in those is not looked at."""
-    if not depth or not folder.is_dir():
-        return
-    with os.scandir(folder) as entries:
-        inside = sorted(entry.name for entry in entries if entry.is_dir())
-    found = [name.lower() for name in inside if name.lower() in _SPLITS]
-    yield from found
-    others = [name for name in inside if name.lower() not in _SPLITS]
-    for name in others if len(others) <= _MANY else []:  # a folder of many folders holds recordings, not splits
-        yield from _split_folders(folder / name, depth - 1)
-
-
-def is_of_split(path: Path, root: Path, split: str) -> bool:
-    """Whether no folder between ``root`` and ``path`` is named after another split."""
-    named = {_SPLITS[part.lower()] for part in path.relative_to(root).parts[:-1] if part.lower() in _SPLITS}
-    return named <= {split}
 
 
 def find_files(raw: str, pattern: str, what: str, split: str | None = None) -> list[Path]:

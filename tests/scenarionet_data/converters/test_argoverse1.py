@@ -10,7 +10,7 @@ import pytest
 
 from scenarionet_data import Lake, ScenarioLoader, convert
 from scenarionet_data.converters.argoverse1 import Argoverse1, Argoverse1Options
-from scenarionet_data.converters.base import guess_split
+from scenarionet_data.converters.splits import guess_split
 from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario, SourceNotFound
 from scenarionet_data.testing import ConverterConformance, differences
 from tests.fixtures import argoverse1 as fixture

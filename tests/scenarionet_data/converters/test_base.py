@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from scenarionet_data.converters.base import find_files, guess_split
+from scenarionet_data.converters.base import find_files
+from scenarionet_data.converters.splits import guess_split
 from scenarionet_data.errors import BadParameter, SourceNotFound
 
 

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from scenarionet_data.conversion import convert
-from scenarionet_data.converters.base import guess_split
 from scenarionet_data.converters.nuscenes import NuScenes, NuScenesOptions
 from scenarionet_data.converters.nuscenes.types import is_in_split
+from scenarionet_data.converters.splits import guess_split
 from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario, SourceNotFound
 from scenarionet_data.loader import ScenarioLoader
 from scenarionet_data.testing import ConverterConformance

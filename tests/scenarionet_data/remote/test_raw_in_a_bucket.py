@@ -139,6 +139,13 @@ def test_images_by_the_thousand_are_not_listed(store):
     assert sum(1 for _ in ObjectStore(f"s3://{BUCKET}/images").walk()) == 2104
 
 
+def test_the_place_of_temporary_files_tells_no_split(store, tmp_path, monkeypatch):
+    (tmp_path / "test").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "test"))
+    place = upload(write_raw(tmp_path / "raw", {"s0": [1]}), "unsplit")
+    assert convert(NAME, place, tmp_path / "lake", options=FEW).partitions == {("made", "v1", "train")}
+
+
 def test_empty_files_that_stand_for_folders(store, tmp_path):
     raw = write_raw(tmp_path / "raw" / "deep", {"s0": [1]}).parent
     write_raw(raw / "deep-er", {"s1": [2]})
