@@ -170,7 +170,8 @@ class Simulation:
         """Who is an agent now, and what it touches."""
         is_external = np.array([isinstance(policy, External) for policy in self.policies] + [False])
         is_agent: Bool = is_external[np.minimum(self.driver, len(self.policies))]
-        self.agents: Int32 = np.argwhere(is_agent & self.state.present).astype(np.int32)
+        # Rows, also where numpy returns columns: kernels are compiled for each layout.
+        self.agents: Int32 = np.argwhere(is_agent & self.state.present).astype(np.int32, order="C")
         self._is_agent_due = bool((is_agent & ~self.state.present).any())
         self.contacts: Bool = np.zeros((len(self.agents), self.stage.max_objects), np.bool_)
         self.hits: npt.NDArray[np.uint32] = np.zeros(len(self.agents), np.uint32)

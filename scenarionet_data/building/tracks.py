@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, TypedDict, Unpack
+from typing import Any, TypedDict, TypeVar, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,8 @@ from scenarionet_data.scenario import Bool, Float32, Float64, Tracks, strings
 _STEPS = np.array([METRES, RADIANS], np.float32)
 _PI = np.float32(np.pi)
 _BELOW_PI = np.nextafter(_PI, np.float32(0.0))
+
+Number = TypeVar("Number", np.float32, np.float64)
 
 
 class TrackFacts(TypedDict, total=False):
@@ -63,8 +65,7 @@ def make_tracks(
     valid = np.ascontiguousarray(valid, dtype=np.bool_)
     shapes = [(*valid.shape, 3), valid.shape, (*valid.shape, 2)]
     source = [
-        np.ascontiguousarray(np.broadcast_to(values, shape), np.float64)
-        for values, shape in zip((position, heading, velocity), shapes, strict=True)
+        _source(values, shape, np.float64) for values, shape in zip((position, heading, velocity), shapes, strict=True)
     ]
     poses = tuple(np.zeros(shape, np.float32) for shape in shapes)
     kernels.fill_poses(source[0], source[1], source[2], valid, origin, _STEPS, poses)
@@ -149,11 +150,19 @@ def _canonical(values: npt.ArrayLike, step: float) -> Float32:
 
 def _sizes(size: npt.NDArray[Any], valid: Bool) -> Float32:
     """Sizes of an object that never changes stay as they are given; those measured at every step are rounded."""
-    size = np.broadcast_to(size[:, None, :] if size.ndim == 2 else size, (*valid.shape, 3))
-    sizes = np.zeros(size.shape, np.float32)
+    shape = (*valid.shape, 3)
+    sizes = np.zeros(shape, np.float32)
     with np.errstate(over="ignore"):  # beyond float32 becomes infinite, which validation names
-        kernels.fill_sizes(np.ascontiguousarray(size, np.float32), valid, np.float32(METRES), sizes)
+        source = _source(size[:, None, :] if size.ndim == 2 else size, shape, np.float32)
+    kernels.fill_sizes(source, valid, np.float32(METRES), sizes)
     return sizes
+
+
+def _source(values: npt.ArrayLike, shape: tuple[int, ...], kind: type[Number]) -> npt.NDArray[Number]:
+    """What a kernel reads: always one layout, and read-only, because kernels are compiled for each kind of array."""
+    source = np.ascontiguousarray(np.broadcast_to(values, shape), kind)
+    source.flags.writeable = False
+    return source
 
 
 def _row_sizes(size: npt.NDArray[Any], track: npt.NDArray[Any], count: int) -> Float32:

@@ -138,5 +138,5 @@ def _trace(start: Float64, pieces: Float64, step: float, count: int) -> Float64:
             done += pieces[piece, 0]
             ahead = row * step - done
             piece += 1
-        samples[row] = _advance(x, y, heading, ahead, pieces[piece, 1])
+        samples[row, 0], samples[row, 1], samples[row, 2] = _advance(x, y, heading, ahead, pieces[piece, 1])
     return samples

@@ -25,7 +25,7 @@ Array = npt.NDArray[Any]
 
 _DATA_PAGE, _BYTE_STREAM_SPLIT = 0, 9
 _ENCODINGS = {"RLE", "BYTE_STREAM_SPLIT"}
-_NOTHING = np.zeros(0, np.uint8)
+_NOTHING: Array = np.frombuffer(b"", np.uint8)  # read-only as pages are: kernels are compiled for each kind of array
 
 
 class RowGroups:

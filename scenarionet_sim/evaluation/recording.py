@@ -161,7 +161,7 @@ def observe_log(world: World, observation: Observation, agents: str, rng: np.ran
         if timestep:
             simulation.step()
         state = simulation.state
-        rows: Int32 = np.argwhere(state.present & wanted).astype(np.int32)
+        rows: Int32 = np.argwhere(state.present & wanted).astype(np.int32, order="C")
         follow_paths(rows, state.position, *paths, LOOK_BACK, LOOK_AHEAD, arc, lateral, height)
         if len(rows):
             seen = observation.of(stage, replace(state, arc=arc, lateral=lateral), rows, rng)

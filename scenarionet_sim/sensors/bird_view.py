@@ -232,4 +232,4 @@ def _draw_boxes(
     """Fill boxes given by their corners (N, 4, 2) [m]."""
     outlines = corners.reshape(-1, 2).astype(np.float32)
     offsets = np.arange(0, len(outlines) + 1, 4, dtype=np.int32)
-    draw_polygons(outlines, offsets, types, is_drawn, channel_of, value_of, view, pictures, turns)
+    draw_polygons(outlines, offsets, np.ascontiguousarray(types), is_drawn, channel_of, value_of, view, pictures, turns)

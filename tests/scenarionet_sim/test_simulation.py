@@ -143,6 +143,12 @@ def test_agents_know_where_they_are_on_their_route():
     assert simulation.previous.arc[0, 0] < arc
 
 
+def test_agents_lie_in_rows_however_many_there_are():
+    """So that no kernel is compiled twice."""
+    for worlds in ([drive()], [drive(), drive()], [*made(), drive()]):
+        assert Simulation(worlds, (Replay(), External(who=vehicles))).agents.flags.c_contiguous
+
+
 def test_actions_are_checked():
     simulation = Simulation([drive(), drive()])
     with pytest.raises(BadParameter, match="1 actions for 2 agents"):

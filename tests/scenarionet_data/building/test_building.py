@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarionet_data.building import METRES, MapBuilder, make_origin, make_tracks, make_tracks_of_rows
+from scenarionet_data.building import METRES, MapBuilder, kernels, make_origin, make_tracks, make_tracks_of_rows
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.testing import differences
 from scenarionet_data.vocabulary import MapFeatureType, ObjectType
@@ -49,6 +49,21 @@ def test_tracks_are_canonical_whatever_stands_at_invalid_steps():
     assert made.size[1, 1].tolist() == pytest.approx([0.5, 0.6, 1.8])
     assert made.source_type.tolist() == [None, None]
     assert made.extras.tolist() == [None, None]
+
+
+def test_nothing_is_compiled_again_for_other_kinds_of_arrays():
+    made = tracks()
+    compiled = kernels.fill_poses.signatures, kernels.fill_sizes.signatures
+    velocity = np.array([[0.25, 0.5], [1.0, 2.0]])
+    velocity.flags.writeable = False
+    again = tracks(
+        position=np.broadcast_to(ORIGIN, (2, 3, 3)),
+        heading=np.zeros((3, 2), np.float32).T,
+        velocity=velocity[:, None],
+        size=made.size.astype(np.float64)[:, ::-1],
+    )
+    assert (kernels.fill_poses.signatures, kernels.fill_sizes.signatures) == compiled
+    assert again.velocity[0, 2].tolist() == [0.25, 0.5]
 
 
 @pytest.mark.parametrize("field", ["position", "heading", "velocity", "size"])

@@ -28,7 +28,7 @@ def contacts_of(agents, state):
 def test_contacts_are_the_overlapping_rectangles_at_the_same_height():
     state = scene(np.random.default_rng(0))
     position, heading, z, size, object_type, present = state
-    agents = np.argwhere(np.ones(present.shape)).astype(np.int32)
+    agents = np.argwhere(np.ones(present.shape)).astype(np.int32, order="C")
     contacts, hits = contacts_of(agents, state)
     boxes = shapely.polygons(box_corners(position, heading, size[..., 0], size[..., 1]))
     assert contacts.sum() > 50

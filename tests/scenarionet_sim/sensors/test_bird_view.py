@@ -48,7 +48,7 @@ class TestBirdView(SensorConformance):
     def test_areas_and_boxes_agree_with_shapely(self, simulation, heading_up):  # noqa: F811
         sensor = BirdView(size=64, resolution=0.5, heading_up=heading_up, anchor=(0.5, 0.75))
         state, drawn = simulation.state, set()
-        agents = simulation.agents[::3]
+        agents = simulation.agents[::3].copy()
         for (world, row), pictures in zip(agents, self.observed(simulation, sensor, agents), strict=True):
             places, roads = pixel_centres(sensor, state, world, row), simulation.stage.worlds[world].roads
             outlines = [

@@ -24,7 +24,7 @@ class TestLidar(SensorConformance):
 
     def test_agrees_with_shapely(self, simulation):  # noqa: F811
         rays, reach, state = 61, 40.0, simulation.state
-        agents = simulation.agents[::4]
+        agents = simulation.agents[::4].copy()
         found = np.empty((len(agents), rays))
         boxes = state.position, state.heading, state.size, state.object_type, state.present
         cast_at_boxes(agents, *boxes, table(None), directions(rays), reach, found)

@@ -41,7 +41,7 @@ class TestLaneLineDetector(SensorConformance):
 def compare(simulation, sensor, suite):  # noqa: F811
     """What is observed in float32 agrees to its precision; the kernel itself is compared below."""
     state, stage = simulation.state, simulation.stage
-    agents = simulation.agents[::4]
+    agents = simulation.agents[::4].copy()
     found = suite.observed(simulation, sensor, agents)
     for (world, row), shares in zip(agents, found, strict=True):
         is_seen = np.isin(stage.segment_type[world], sensor.types)

@@ -19,7 +19,7 @@ class TestPointCloud(SensorConformance):
 
     def test_agrees_with_slabs_in_space(self, simulation):  # noqa: F811
         sensor, state = PointCloud(rings=7, azimuths=48, lowest=-0.3, highest=0.1, mount=1.2), simulation.state
-        agents = simulation.agents[::5]
+        agents = simulation.agents[::5].copy()
         found = np.empty((len(agents), *sensor.shape))
         boxes = state.position, state.z, state.heading, state.size, state.object_type, state.present
         rays = directions(sensor.azimuths), np.tan(sensor.elevations)
