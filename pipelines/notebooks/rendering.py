@@ -8,6 +8,8 @@ import re
 from pathlib import Path
 from typing import Any
 
+from scenarionet_data.plots.files import as_webp
+
 _ESCAPES = re.compile(r"\x1b\[[0-9;]*m")
 
 
@@ -24,7 +26,7 @@ def render(notebook: Any, name: str, folder: Path, runs_in: Path) -> Path:
         The page.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    for old in folder.glob(f"{name}-*.png"):
+    for old in folder.glob(f"{name}-*.*"):
         old.unlink()
     parts = [f"<!-- made by `make notebooks` from pipelines/notebooks/{name}.ipynb -->"]
     for cell in notebook.cells:
@@ -34,8 +36,9 @@ def render(notebook: Any, name: str, folder: Path, runs_in: Path) -> Path:
         parts.append(f"```python\n{cell.source}\n```")
         printed = "".join(output.text for output in cell.outputs if output.get("name") == "stdout")
         parts += [_text(printed)] if printed.strip() else []
-        shown = [part for output in cell.outputs for part in _shown(output, name, folder)]
-        parts += dict.fromkeys(shown)  # ten videos are one note
+        videos = [video for output in cell.outputs for video in _videos(output)]
+        parts += _moving(videos, name, folder)
+        parts += [part for output in cell.outputs for part in _shown(output, name, folder)]
     page = folder / f"{name}.md"
     text = "\n\n".join(parts) + "\n"
     page.write_text(text.replace(f"{runs_in}/", "").replace(str(runs_in), "."), "utf-8")
@@ -46,15 +49,33 @@ def _shown(output: Any, name: str, folder: Path) -> list[str]:
     """What a page shows of an output that is not printed: a picture, else its text."""
     data = output.get("data", {})
     if "image/png" in data:
-        content = base64.b64decode(data["image/png"])
-        picture = f"{name}-{hashlib.sha256(content).hexdigest()[:8]}.png"
-        (folder / picture).write_bytes(content)
+        picture = _write(base64.b64decode(data["image/png"]), "png", name, folder)
         return [f"![A figure of this notebook]({picture})"]
     if "application/vnd.plotly.v1+json" in data:
         return ["*(an interactive view, in the notebook)*"]
-    if "<video" in data.get("text/html", ""):
-        return ["*(a video, in the notebook)*"]
-    return [_text(data["text/plain"])] if "text/plain" in data else []
+    return [_text(data["text/plain"])] if "text/plain" in data and not _videos(output) else []
+
+
+def _videos(output: Any) -> list[bytes]:
+    """The video that an output plays, if it does."""
+    found = re.findall(r'<video[^>]*src="data:video/mp4;base64,([^"]*)"', output.get("data", {}).get("text/html", ""))
+    return [base64.b64decode(text) for text in found]
+
+
+def _moving(videos: list[bytes], name: str, folder: Path) -> list[str]:
+    """The first of a cell's videos as a moving picture, which Markdown can show, and how many more there are."""
+    if not videos:
+        return []
+    picture = _write(as_webp(videos[0]), "webp", name, folder)
+    more = [f"*({len(videos) - 1} more, in the notebook)*"] if len(videos) > 1 else []
+    return [f"![A video of this notebook]({picture})", *more]
+
+
+def _write(content: bytes, kind: str, name: str, folder: Path) -> str:
+    """Write a picture; returns its name, which what it shows decides."""
+    picture = f"{name}-{hashlib.sha256(content).hexdigest()[:8]}.{kind}"
+    (folder / picture).write_bytes(content)
+    return picture
 
 
 def _text(words: str) -> str:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from fractions import Fraction
-from itertools import chain
+from io import BytesIO
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
@@ -61,6 +63,29 @@ def write_video(
         raise BadParameter(f"{path}: a video's name ends with one of {', '.join(VIDEOS)}")
     with _whole(Path(path)) as file:
         writers[Path(path).suffix](file, _counted(frames, on_frame or (lambda _: None)), rate)
+
+
+def as_webp(video: bytes, rate: float = 7.0, seconds: float = 12.0) -> bytes:
+    """How an mp4 begins, as a moving picture for pages that play no videos: some 3 kB a frame of 280 pixels.
+
+    Args:
+        video: The mp4.
+        rate: Frames per second, at most; the others are left out.
+        seconds: How much of it.
+    """
+    import av
+    from PIL import Image
+
+    with av.open(BytesIO(video), "r") as container:
+        stream = container.streams.video[0]
+        recorded = float(stream.average_rate or rate)
+        step, last = max(1, math.ceil(recorded / rate)), round(seconds * recorded)
+        arrays = [frame.to_ndarray(format="rgb24") for frame in islice(container.decode(stream), 0, last, step)]
+    first, *others = map(Image.fromarray, arrays)
+    done = BytesIO()
+    duration = round(1000 * step / recorded)
+    first.save(done, "WEBP", save_all=True, append_images=others, duration=duration, loop=0, quality=40)
+    return done.getvalue()
 
 
 def _counted(frames: Iterable[Picture], on_frame: Callable[[int], None]) -> Iterator[Picture]:

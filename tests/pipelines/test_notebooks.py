@@ -52,10 +52,11 @@ def test_the_page_is_of_this_notebook(name):
     page = (PAGES / f"{name}.md").read_text("utf-8")
     for cell in read(name).cells:
         assert cell.source in page, "run `make notebooks`"
-    pictures = {file.name for file in PAGES.glob(f"{name}-*.png")}
+    pictures = {file.name for file in PAGES.glob(f"{name}-*.*")}
     assert all(picture in page for picture in pictures)
     assert page.count("![") == len(pictures)
-    assert all((PAGES / picture).stat().st_size < 150_000 for picture in pictures)
+    for picture in pictures:
+        assert (PAGES / picture).stat().st_size < (400_000 if picture.endswith(".webp") else 150_000), picture
 
 
 def test_the_overview_runs(tmp_path, monkeypatch):

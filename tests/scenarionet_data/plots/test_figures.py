@@ -13,6 +13,7 @@ from PIL import Image
 from scenarionet_data import plots
 from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_data.plots.distributions import MEASURES, distributions
+from scenarionet_data.plots.files import as_webp
 from scenarionet_data.plots.profiles import profile
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import write_lake
@@ -172,6 +173,16 @@ def test_an_animation_plays_in_a_notebook(kind, tmp_path):
         animation.save(tmp_path / "drive.avi")
     with pytest.raises(BadParameter, match="mp4 and gif"):
         plots.animate(scenario, kind="avi")
+
+
+def test_a_video_begins_as_a_moving_picture():
+    video = plots.animate(make_drive(num_steps=60), drawing=plots.Drawing(size=64), kind="mp4")
+    with Image.open(io.BytesIO(as_webp(video.content, rate=5.0, seconds=4.0))) as picture:
+        assert (picture.n_frames, picture.size) == (20, (64, 64))
+        picture.seek(19)
+        picture.load()
+        assert picture.info["duration"] == 200
+        assert np.asarray(picture.convert("RGB")).std() > 10, "something is drawn"
 
 
 def test_an_animation_is_a_gif_where_nothing_writes_mp4(monkeypatch):
