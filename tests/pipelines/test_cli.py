@@ -89,7 +89,7 @@ def test_version():
         ("convert tests.fixtures.made:Made {raw} new -O colour=red", 2, "it has num_objects"),
         ("convert tests.fixtures.made:Made {raw} new -O num_objects=many", 2, "wants int"),
         ("convert tests.fixtures.made:Made {raw} new -O num_objects", 2, "wants name=value"),
-        ("convert tests.fixtures.made:Made {raw} {raw}/a.made", 1, "choose a folder"),
+        ("convert tests.fixtures.made:Made {raw} {raw}/a.made --quiet", 1, "choose a folder"),
         ("list nowhere", 1, "no lake there"),
         ("list {lake} --snapshot 7", 1, "no snapshot 7"),
         ("show {lake} nobody", 1, "no one scenario 'nobody'"),
