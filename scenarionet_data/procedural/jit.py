@@ -14,7 +14,7 @@ from numba import njit
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _ENTRY: dict[str, Any] = {"cache": True, "no_cfunc_wrapper": True}
-_WITHOUT_ENTRY: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
+_WITHOUT_ENTRY: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
 def entry(function: Function) -> Function:
@@ -23,8 +23,5 @@ def entry(function: Function) -> Function:
 
 
 def part(function: Function) -> Function:
-    """Compile a function that only compiled functions call: without a Python entry, in half the time.
-
-    It makes no array, so nobody counts the references to the forty that it is handed: numba says so when one does.
-    """
+    """Compile a function that only compiled functions call: without a Python entry, in half the time."""
     return cast(Function, njit(**_WITHOUT_ENTRY)(function))
