@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -18,12 +19,19 @@ from tests.fixtures.reading import scenarios, shards
 CONVERTER = NuScenes()
 
 
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two scenes, of which the first has a CAN bus; nobody may change them."""
+    root = tmp_path_factory.mktemp("nuscenes")
+    scenes = fixture.write_invented(root, num_scenes=2)
+    fixture.write_can_bus(root, scenes[0])
+    return root
+
+
 @pytest.fixture
-def raw(tmp_path: Path) -> Path:
-    """Two scenes, of which the first has a CAN bus."""
-    written = fixture.write_invented(tmp_path, num_scenes=2)
-    fixture.write_can_bus(tmp_path, written[0])
-    return tmp_path
+def raw(written: Path, tmp_path: Path) -> Path:
+    """A copy of them, to be changed."""
+    return shutil.copytree(written, tmp_path / "raw")
 
 
 def said(scenario: ScenarioDescription) -> dict[str, list]:
