@@ -115,7 +115,8 @@ class _Space:
         self._space = mmap.mmap(-1, footer.size, flags=mmap.MAP_PRIVATE)
         buffer = pa.py_buffer(self._space)
         file = pq.ParquetFile(pa.BufferReader(buffer), metadata=footer.metadata, pre_buffer=False)
-        self._groups = RowGroups(file, memoryview(buffer), columns, footer.lists)
+        content = memoryview(buffer).toreadonly()  # as a file on this machine is: kernels are compiled for each kind
+        self._groups = RowGroups(file, content, columns, footer.lists)
 
     def read(self, number: int, coming: _Coming) -> LoadedRows:
         """A row group that has come."""
