@@ -5,11 +5,12 @@ What a job leaves behind depends on the job alone, so nothing but the time it ta
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from functools import partial
+from itertools import islice
 from multiprocessing import get_context
 from typing import Protocol, TypeVar
 
@@ -18,6 +19,10 @@ from scenarionet_data.errors import WorkerLost
 
 Work = TypeVar("Work")
 Done = TypeVar("Done")
+
+_KILLED = "a worker process was killed, most often for memory"
+_IN_VAIN = 3
+"""Pools that end, one after the other, before anything is done: the jobs are not to blame then."""
 
 Lost = Callable[[Work, str], Done]
 """What becomes of a job that its worker did not survive: the job, and what happened."""
@@ -37,7 +42,7 @@ class Run(Protocol):
             lost: Stands in for a job that no worker survives, where that is known; unless given, it ends the run.
 
         Raises:
-            WorkerLost: A worker was killed.
+            WorkerLost: Workers are killed whatever they do, or by a job that nothing stands in for.
         """
         ...
 
@@ -51,11 +56,15 @@ def _settled(job: Work, result: Callable[[], Done], lost: Lost[Work, Done] | Non
     """A job's result, or what stands in for it when it needs more memory than there is."""
     try:
         return result()
-    except MemoryError as error:
-        reason = "it needs more memory than there is; give it more, or fewer --workers"
-        if lost is None:
-            raise WorkerLost(reason) from error
-        return lost(job, reason)
+    except MemoryError:
+        return _stand_in(job, "it needs more memory than there is; give it more, or fewer --workers", lost)
+
+
+def _stand_in(job: Work, reason: str, lost: Lost[Work, Done] | None) -> Done:
+    """What becomes of a job that cannot be done."""
+    if lost is None:
+        raise WorkerLost(reason)
+    return lost(job, reason)
 
 
 def runner(workers: int) -> Run:
@@ -76,26 +85,63 @@ class Pool:
     def __call__(
         self, jobs: Iterable[Work], do: Callable[[Work], Done], lost: Lost[Work, Done] | None = None
     ) -> Iterator[Done]:
-        """Do every job; see :class:`Run`. A worker that is killed ends the run: nobody can tell for which job."""
-        queue = iter(jobs)
+        """Do every job; see :class:`Run`.
+
+        When a worker is killed nobody can tell for which job: those in flight are done again at the end, each alone.
+        """
+        queue, suspects, in_vain = iter(jobs), list[Work](), 0
+        while True:
+            num_suspects = len(suspects)
+            num_done = yield from self._until_killed(queue, do, lost, suspects)
+            if len(suspects) == num_suspects:
+                break
+            in_vain = 0 if num_done else in_vain + 1
+            if in_vain == _IN_VAIN:
+                raise WorkerLost(
+                    f"{_KILLED}; run the same command again, with fewer --workers: what is finished is kept"
+                )
+        for job in suspects:
+            killers: list[Work] = []
+            yield from Pool(1)._until_killed(iter([job]), do, lost, killers)
+            if killers:
+                yield _stand_in(job, f"{_KILLED}, also when nothing else ran; give it more memory", lost)
+
+    def _until_killed(
+        self, queue: Iterator[Work], do: Callable[[Work], Done], lost: Lost[Work, Done] | None, suspects: list[Work]
+    ) -> Generator[Done, None, int]:
+        """Do jobs until there are no more or a worker is killed: who was in flight is a suspect then.
+
+        Returns:
+            How many were done.
+        """
+        running: dict[Future[Done], Work] = {}
+        num_done = 0
         # spawn: a forked child would share the locks of Arrow's and DuckDB's threads.
         with ProcessPoolExecutor(self.workers, get_context("spawn"), follow_parent) as pool:
-            running: dict[Future[Done], Work] = {}
             try:
                 while True:
-                    for job in queue:
-                        running[pool.submit(do, job)] = job
-                        if len(running) >= 2 * self.workers:
-                            break
+                    for job in islice(queue, 2 * self.workers - len(running)):
+                        running[_submitted(pool, do, job)] = job
                     if not running:
-                        return
+                        return num_done
                     for future in wait(running, return_when=FIRST_COMPLETED).done:
-                        yield _settled(running.pop(future), future.result, lost)
-            except BrokenProcessPool as error:
-                raise WorkerLost(
-                    "a worker process was killed, most often for memory; run the same command again, with fewer "
-                    "--workers: what is finished is kept"
-                ) from error
+                        result = _settled(running[future], future.result, lost)
+                        del running[future]
+                        num_done += 1
+                        yield result
+            except BrokenProcessPool:
+                suspects += running.values()
+                return num_done
             finally:
                 for future in running:
                     future.cancel()
+
+
+def _submitted(pool: ProcessPoolExecutor, do: Callable[[Work], Done], job: Work) -> Future[Done]:
+    """The job's future; of a pool that has lost a worker meanwhile, one that says so."""
+    try:
+        return pool.submit(do, job)
+    except BrokenProcessPool as error:
+        future: Future[Done] = Future()
+        future.set_exception(error)
+        return future

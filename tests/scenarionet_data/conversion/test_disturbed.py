@@ -53,20 +53,35 @@ def test_a_killed_job_loses_the_shard_in_work_at_most(tmp_path):
 
 
 @pytest.mark.long
-def test_a_killed_worker_ends_the_run_and_keeps_what_was_finished(tmp_path):
+def test_what_a_killed_worker_had_is_done_again(tmp_path):
     raw = raw_of(tmp_path / "raw", 0, 12)
 
     def kill(done, *_):
         if done == 3:
             multiprocessing.active_children()[0].kill()
 
-    with pytest.raises(WorkerLost, match="run the same command again, with fewer --workers: what is finished is kept"):
-        run(raw, tmp_path / "lake", workers=2, on_progress=kill)
-    assert len(Lake(tmp_path / "lake")) >= 6
-    report = run(raw, tmp_path / "lake")
-    assert report.skipped >= 3
+    report = run(raw, tmp_path / "lake", workers=2, on_progress=kill)
+    assert (report.failed, len(Lake(tmp_path / "lake"))) == ([], 24)
     run(raw, tmp_path / "undisturbed")
     assert content(tmp_path / "lake") == content(tmp_path / "undisturbed")
+
+
+@pytest.mark.long
+def test_a_shard_that_kills_its_workers_is_named_and_the_others_go_on(tmp_path):
+    raw = write_raw(raw_of(tmp_path / "raw", 0, 6), {"s099": ["99 deadly"]})
+    report = run(raw, tmp_path / "lake", workers=2)
+    ((shard, reason),) = report.failed
+    assert (shard, len(Lake(tmp_path / "lake"))) == ("s099", 12)
+    assert (
+        reason == "a worker process was killed, most often for memory, also when nothing else ran; give it more memory"
+    )
+
+
+@pytest.mark.long
+def test_workers_that_are_always_killed_end_the_run(tmp_path):
+    raw = write_raw(tmp_path / "raw", {f"s{k:03d}": [f"{k} deadly"] for k in range(20)})
+    with pytest.raises(WorkerLost, match="run the same command again, with fewer --workers: what is finished is kept"):
+        run(raw, tmp_path / "lake", workers=2)
 
 
 @pytest.mark.parametrize("kind", ["the same recordings", pytest.param("different recordings", marks=pytest.mark.long)])
