@@ -86,9 +86,7 @@ def _start(profile: Profile) -> Any:
         raise _missing(extra) from error
     try:
         return _STARTS[profile.kind](make, profile)
-    except (
-        Exception
-    ) as error:  # Dask raises some as they are, others of asyncssh, Kubernetes, ... have no base in common
+    except Exception as error:  # asyncssh's, Kubernetes', Dask's own: they have no base in common
         reason = " ".join(str(error).split()) or type(error).__name__
         raise ClusterLost(f"the cluster of kind {profile.kind} does not start: {reason}; see its profile") from error
 

@@ -6,7 +6,7 @@ import hashlib
 import os
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -62,7 +62,7 @@ def listing(converter: Converter[Any], raw: str, options: Options) -> Iterator[R
         yield RawPlace(raw)
         return
     raw = raw.rstrip("/")
-    with Scratch() as scratch:
+    with closing(Scratch()) as scratch:
         top, bucket = str(scratch.path), bucket_of(raw)
         folder = Path(raw.replace(bucket, top, 1))
         _list(converter, raw, folder)

@@ -9,8 +9,6 @@ import tempfile
 import weakref
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 _PREFIX = "scenarionet-raw-"
 
@@ -33,14 +31,6 @@ class Scratch:
     def close(self) -> None:
         """Remove it now."""
         self._end()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def _made() -> tuple[Path, int]:

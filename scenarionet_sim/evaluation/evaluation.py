@@ -139,7 +139,7 @@ def evaluate(
     Raises:
         BadParameter: A run of that name is there and is another one.
         MissingDependency: A package that the backend needs is not installed.
-        WorkerLost: A worker was killed; finished parts are kept.
+        WorkerLost: A part kills its worker, also when it runs alone; finished parts are kept.
     """
     started = time.monotonic()
     written = ("rollouts", "results") if with_rollouts else ("results",)

@@ -56,7 +56,7 @@ def do_parts(
         lost: Stands in for a part that no worker survives.
 
     Raises:
-        WorkerLost: A worker was killed.
+        WorkerLost: A part kills its worker, also when it runs alone.
     """
     scenarios = 0
     run = run or runner(min(workers, len(jobs)))

@@ -103,7 +103,7 @@ def record(
     Raises:
         BadParameter: A run of that name is there and is another one.
         LakeError: A scenario cannot be read.
-        WorkerLost: A worker was killed; finished parts are kept.
+        WorkerLost: A part kills its worker, also when it runs alone; finished parts are kept.
     """
     run = runs.claim(open_files(recording.lake), name, ("observations",), recording.description)
     parts, done = parts_of(len(_scenarios(recording)), PART), run.done()

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+from contextlib import closing
 
 import pytest
 
@@ -43,7 +44,7 @@ def test_what_a_killed_process_left_goes_with_the_next(temporary):
         process.send_signal(signal.SIGKILL)
     (left,) = temporary.iterdir()
     assert (left / "deep" / "file").is_file()
-    with Scratch() as scratch:
+    with closing(Scratch()) as scratch:
         assert list(temporary.iterdir()) == [scratch.path] != [left]
     assert list(temporary.iterdir()) == []
 
@@ -51,7 +52,7 @@ def test_what_a_killed_process_left_goes_with_the_next(temporary):
 def test_what_a_process_holds_stays_until_it_ends(temporary):
     with holder() as process:
         held = process.stdout.readline().strip()
-        with Scratch() as scratch, Scratch() as other:
+        with closing(Scratch()) as scratch, closing(Scratch()) as other:
             assert {str(path) for path in temporary.iterdir()} == {held, str(scratch.path), str(other.path)}
         assert [str(path) for path in temporary.iterdir()] == [held]
         process.stdin.write("\n")
@@ -61,7 +62,7 @@ def test_what_a_process_holds_stays_until_it_ends(temporary):
 
 
 def test_a_forked_process_leaves_it_alone(temporary):
-    with Scratch() as scratch:
+    with closing(Scratch()) as scratch:
         child = os.fork()
         if not child:
             scratch.close()
