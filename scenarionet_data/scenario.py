@@ -186,6 +186,22 @@ class MapFeatures:
     def __len__(self) -> int:
         return len(self.ids)
 
+    @classmethod
+    def empty(cls) -> MapFeatures:
+        """A map without features."""
+        none = np.zeros(0, dtype=object)
+        return cls(
+            ids=none,
+            types=np.zeros(0, np.uint8),
+            polyline=Ragged.empty(0, 3),
+            polygon=Ragged.empty(0, 3),
+            speed_limit=np.zeros(0, np.float32),
+            width=Ragged.empty(0, 2),
+            is_intersection=np.zeros(0, np.int8),
+            extras=none,
+            **{name: Ragged.empty(0) for name in ID_LISTS},
+        )
+
     def take(self, rows: npt.NDArray[Any]) -> MapFeatures:
         """The features at ``rows``, in that order."""
         taken: dict[str, Any] = {}

@@ -97,7 +97,9 @@ def read(path: Path) -> SharedMap:
     origins = np.column_stack([rows.column(f"origin_{axis}").to_numpy() for axis in "xyz"])
     boxes = [rows.column(name).to_numpy(zero_copy_only=False) for name in ("min_x", "min_y", "max_x", "max_y")]
     bounds = np.column_stack(boxes).astype(np.float64) + origins[:, [0, 1, 0, 1]]
-    return SharedMap(codec.decode_map(rows), origins, bounds)
+    columns = codec.Columns.from_arrow(rows, tables.load("maps").columns)
+    (features,) = codec.decode_maps(columns, (0, rows.num_rows))
+    return SharedMap(features, origins, bounds)
 
 
 def _moved(points: Ragged, shift: Float64) -> Ragged:

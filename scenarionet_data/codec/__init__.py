@@ -6,7 +6,7 @@ timesteps. Rows are the rows of ``schemas/*.toml``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,21 +15,23 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from scenarionet_data import tables
-from scenarionet_data.codec.arrow import LoadedRows, Rows
+from scenarionet_data.codec.columns import Columns, Part
 from scenarionet_data.codec.content_hash import content_hash
 from scenarionet_data.codec.lights import decode_lights, encode_lights
-from scenarionet_data.codec.maps import decode_map, encode_map
+from scenarionet_data.codec.maps import decode_maps, encode_map
 from scenarionet_data.codec.tracks import decode_tracks, encode_tracks
+from scenarionet_data.errors import LakeError
 from scenarionet_data.jsontext import from_json, to_json
-from scenarionet_data.scenario import MapFeatures, ScenarioDescription, Source
+from scenarionet_data.scenario import Lights, MapFeatures, ScenarioDescription, Source, Tracks
 from scenarionet_data.statistics import summarise
 
 __all__ = [
+    "Columns",
     "Encoded",
-    "LoadedRows",
+    "Part",
     "decode",
-    "decode_lights",
-    "decode_map",
+    "decode_many",
+    "decode_maps",
     "decode_tracks",
     "encode",
     "encode_map",
@@ -49,9 +51,9 @@ class Encoded:
     """
 
     metadata: Mapping[str, Any]
-    tracks: Rows
-    lights: Rows | None
-    maps: Rows | None
+    tracks: pa.RecordBatch
+    lights: pa.RecordBatch | None
+    maps: pa.RecordBatch | None
 
 
 def encode(scenario: ScenarioDescription, converter_version: str) -> Encoded:
@@ -82,8 +84,49 @@ def decode(encoded: Encoded, shared_map: MapFeatures | None = None) -> ScenarioD
         encoded: Rows; ``metadata`` needs ``tables.DESCRIPTION_COLUMNS`` only.
         shared_map: The crop of the shared map, already in the scenario's frame.
     """
-    row = encoded.metadata
-    steps = row["num_timesteps"]
+    parts = {}
+    for name in ("tracks", "lights", "maps"):
+        rows = getattr(encoded, name)
+        found = None if rows is None else Columns.from_arrow(rows, tables.load(name).columns)
+        parts[name] = Part(found, [0, 0 if found is None else found.num_rows])
+    (scenario,) = decode_many([encoded.metadata], **parts, shared_maps=[shared_map])
+    return scenario
+
+
+def decode_many(
+    metadata: Sequence[Mapping[str, Any]],
+    tracks: Part,
+    lights: Part,
+    maps: Part,
+    shared_maps: Sequence[MapFeatures | None],
+) -> list[ScenarioDescription]:
+    """The scenarios behind their rows, whose columns are decoded together.
+
+    Args:
+        metadata: A row of each, with ``tables.DESCRIPTION_COLUMNS``.
+        tracks, lights, maps: Their rows of these tables.
+        shared_maps: The crop of each one's shared map, already in its frame; None where the map is its own.
+
+    Raises:
+        LakeError: Rows do not fit each other: their file is damaged.
+    """
+    if tracks.rows is None:
+        raise LakeError(f"{metadata[0]['scenario_id']} has no tracks; `scenarionet check` names every such scenario")
+    steps = [row["num_timesteps"] for row in metadata]
+    parts = zip(
+        metadata,
+        decode_tracks(tracks.rows, tracks.bounds, steps),
+        decode_lights(lights.rows, lights.bounds, steps),
+        _own_maps(metadata, maps),
+        shared_maps,
+        strict=True,
+    )
+    return [
+        _scenario(row, objects, lamps, own if crop is None else crop) for row, objects, lamps, own, crop in parts
+    ]
+
+
+def _scenario(row: Mapping[str, Any], tracks: Tracks, lights: Lights, features: MapFeatures | None) -> ScenarioDescription:
     return ScenarioDescription(
         id=row["scenario_id"],
         dataset=row["dataset"],
@@ -104,9 +147,9 @@ def decode(encoded: Encoded, shared_map: MapFeatures | None = None) -> ScenarioD
             date=row["date"],
             crs=row["crs"],
         ),
-        tracks=decode_tracks(encoded.tracks, steps),
-        lights=decode_lights(encoded.lights, steps),
-        map=shared_map if row["map_crop"] is not None else _own_map(row, encoded.maps),
+        tracks=tracks,
+        lights=lights,
+        map=features,
         map_id=row["map_id"] if row["map_crop"] is not None else None,
         map_crop=tuple(row["map_crop"]) if row["map_crop"] is not None else None,
         objects_of_interest=tuple(row["objects_of_interest"]),
@@ -115,11 +158,12 @@ def decode(encoded: Encoded, shared_map: MapFeatures | None = None) -> ScenarioD
     )
 
 
-def _own_map(row: Mapping[str, Any], rows: Rows | None) -> MapFeatures | None:
-    if row["map_id"] is None:
-        return None
-    # A map without features has no rows.
-    return decode_map(pa.RecordBatch.from_pylist([], tables.load("maps").schema) if rows is None else rows)
+def _own_maps(metadata: Sequence[Mapping[str, Any]], maps: Part) -> list[MapFeatures | None]:
+    """The maps that belong to one scenario each; None where it is shared, or there is none."""
+    has_own = [row["map_id"] is not None and row["map_crop"] is None for row in metadata]
+    if maps.rows is None:  # a map without features has no rows
+        return [MapFeatures.empty() if own else None for own in has_own]
+    return [found if own else None for found, own in zip(decode_maps(maps.rows, maps.bounds), has_own, strict=True)]
 
 
 def _describe(scenario: ScenarioDescription) -> dict[str, Any]:

@@ -11,59 +11,78 @@ Array = npt.NDArray[Any]
 
 
 @njit(cache=True)
-def fill(block: Array, axis: int, start: Array, lengths: Array, values: Array) -> None:
-    """Put each object's list where its span is: ``block[i, start[i] + k, axis]`` is list ``i``'s element ``k``.
+def fill_states(
+    first: int, start: Array, lengths: Array, at: int, at_z: int, inputs: tuple[Array, ...], outputs: tuple[Array, ...]
+) -> None:
+    """Put the lists of a scenario's objects where their spans are: ``position[i, start[i] + k]`` is element ``k``.
 
     Args:
-        block: (N, T, D) float32, filled.
-        axis: Which of the D.
-        start: (N,) int32 timestep of each list's first element.
-        lengths: (N,) int32.
-        values: (sum of lengths,) float32.
+        first: Row of the scenario's first object.
+        start: (rows,) int32 timestep of each list's first element.
+        lengths: (rows,) int32.
+        at: Where the first object's elements begin.
+        at_z: The same of ``z``; negative when the scenario has none.
+        inputs: Lists' elements: float32 x, y, z, heading, vx, vy.
+        outputs: (N, T, 3) position, (N, T) heading, (N, T, 2) velocity, all float32, filled.
     """
-    at = 0
-    for row in range(len(lengths)):
-        for step in range(start[row], start[row] + lengths[row]):
-            block[row, step, axis] = values[at]
+    x, y, z, heading, vx, vy = inputs
+    position, headings, velocity = outputs
+    for row in range(len(headings)):
+        begin = start[first + row]
+        for step in range(begin, begin + lengths[first + row]):
+            position[row, step, 0] = x[at]
+            position[row, step, 1] = y[at]
+            if at_z >= 0:
+                position[row, step, 2] = z[at_z]
+                at_z += 1
+            headings[row, step] = heading[at]
+            velocity[row, step, 0] = vx[at]
+            velocity[row, step, 1] = vy[at]
             at += 1
 
 
 @njit(cache=True)
-def fill_sizes(block: Array, axis: int, valid: Array, start: Array, lengths: Array, values: Array) -> None:
-    """Like :func:`fill` at the valid steps alone, where a list of one element holds at all of them.
+def fill_valid(
+    first: int, start: Array, lengths: Array, num_flags: Array, at: int, flags: Array, valid: Array
+) -> None:
+    """Which steps of each span are valid: all of them, or what its flags say.
 
     Args:
-        block: (N, T, D) float32, filled.
-        axis: Which of the D.
-        valid: (N, T) bool.
-        start: (N,) int32 timestep of each span's first element; nothing is valid before it.
-        lengths: (N,) int32: 1, or the object's span.
-        values: (sum of lengths,) float32.
+        first, start, lengths: As in :func:`fill_states`.
+        num_flags: (rows,) int32 as many as the span is long, or 0.
+        at: Where the first object's flags begin.
+        flags: int8 or bool.
+        valid: (N, T) bool, filled.
     """
-    first = 0
-    for row in range(len(lengths)):
-        step_size = 0 if lengths[row] == 1 else 1
-        for step in range(start[row], valid.shape[1]):
-            if valid[row, step]:
-                block[row, step, axis] = values[first + step_size * (step - start[row])]
-        first += lengths[row]
+    for row in range(len(valid)):
+        begin, has_flags = start[first + row], num_flags[first + row] > 0
+        for step in range(begin, begin + lengths[first + row]):
+            valid[row, step] = flags[at] if has_flags else True
+            at += has_flags
 
 
 @njit(cache=True)
-def fill_valid(valid: Array, start: Array, lengths: Array, has_gaps: Array, flags: Array) -> None:
-    """Which steps of each span are valid: all of them, or what the flags say.
+def fill_sizes(
+    first: int, start: Array, spans: Array, lengths: Array, at: int, values: Array, valid: Array, size: Array, axis: int
+) -> None:
+    """Extents at the valid steps alone; a list of one element holds at all of them.
 
     Args:
-        valid: (N, T) bool, filled.
-        start, lengths: (N,) int32 spans.
-        has_gaps: (N,) bool whether there are flags for the object.
-        flags: Flags of those objects' spans, one after the other.
+        first, start: As in :func:`fill_states`.
+        spans: (rows,) int32 timesteps from the first valid one to the last.
+        lengths: (rows,) int32: 1, or the object's span.
+        at: Where the first object's elements begin.
+        values: float32 elements.
+        valid: (N, T) bool.
+        size: (N, T, 3) float32, filled along ``axis``.
     """
-    at = 0
-    for row in range(len(lengths)):
-        for step in range(start[row], start[row] + lengths[row]):
-            valid[row, step] = flags[at] if has_gaps[row] else True
-            at += has_gaps[row]
+    for row in range(len(valid)):
+        begin, length = start[first + row], lengths[first + row]
+        step_size = 0 if length == 1 else 1
+        for step in range(begin, begin + spans[first + row]):
+            if valid[row, step]:
+                size[row, step, axis] = values[at + step_size * (step - begin)]
+        at += length
 
 
 @njit(cache=True)

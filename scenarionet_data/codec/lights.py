@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
+
 import numpy as np
 import pyarrow as pa
 
 from scenarionet_data import tables
-from scenarionet_data.codec.arrow import Rows, batch, bools, codes_of, floats, names_of, string_array, strings
+from scenarionet_data.codec.arrow import batch, names_of, string_array
+from scenarionet_data.codec.columns import Columns
+from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario import Lights
 from scenarionet_data.vocabulary import LightState, Provenance
 
@@ -35,19 +40,38 @@ def encode_lights(scenario_id: str, lights: Lights, has_z: bool) -> pa.RecordBat
     return batch("lights", columns)
 
 
-def decode_lights(rows: Rows | None, steps: int) -> Lights:
-    """Lights over ``steps`` timesteps from their rows; none for None."""
-    if rows is None or not rows.num_rows:
-        return Lights.empty(steps)
-    state = codes_of(rows.column("state").flatten(), LightState).reshape(rows.num_rows, steps)
-    stop = [floats(rows, name) for name in ("stop_x", "stop_y", "stop_z")]
+def decode_lights(rows: Columns | None, bounds: Sequence[int], steps: Sequence[int]) -> list[Lights]:
+    """Lights of scenarios from their rows, one scenario after the other; none for None.
+
+    Args:
+        rows: Rows of the lights table.
+        bounds: (scenarios + 1) row at which each scenario begins, and the last one ends.
+        steps: (scenarios) timesteps of each.
+
+    Raises:
+        LakeError: States are not as many as timesteps: the file is damaged.
+    """
+    if rows is None:
+        return [Lights.empty(num_steps) for num_steps in steps]
+    column = rows.lists["state"]
+    if not np.array_equal(column.lengths, np.repeat(steps, np.diff(bounds))):
+        raise LakeError(
+            "lights.state has not a state for each timestep: its file is damaged; `scenarionet check` names every "
+            "scenario that is hit; restore the file from a copy of the lake, or convert its recordings again"
+        )
+    stop = np.column_stack([rows.flat[f"stop_{axis}"] for axis in "xyz"])
     # Without heights stop_z is null, and a known stop point lies at z = 0 like everything else.
-    stop[2] = np.where(np.isnan(stop[2]) & ~np.isnan(stop[0]), np.float32(0), stop[2])
-    return Lights(
-        ids=strings(rows, "light_id"),
-        lane_ids=strings(rows, "lane_id"),
-        stop_point=np.stack(stop, axis=1),
-        state=state,
-        is_lane_in_map=bools(rows, "is_lane_in_map"),
-        provenance=codes_of(rows.column("provenance"), Provenance),
-    )
+    stop[np.isnan(stop[:, 2]) & ~np.isnan(stop[:, 0]), 2] = 0
+    state, provenance = rows.codes("state", LightState), rows.codes("provenance", Provenance)
+    ids, lane_ids, is_lane_in_map = rows.strings("light_id"), rows.strings("lane_id"), rows.flat["is_lane_in_map"]
+    return [
+        Lights(
+            ids=ids[first:last].copy(),
+            lane_ids=lane_ids[first:last].copy(),
+            stop_point=stop[first:last].copy(),
+            state=state[column.offsets[first] : column.offsets[last]].reshape(-1, num_steps).copy(),
+            is_lane_in_map=is_lane_in_map[first:last].copy(),
+            provenance=provenance[first:last].copy(),
+        )
+        for (first, last), num_steps in zip(pairwise(bounds), steps, strict=True)
+    ]

@@ -2,30 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
-from scenarionet_data.codec.arrow import (
-    Rows,
-    batch,
-    codes_of,
-    floats,
-    id_lists,
-    list_array,
-    names_of,
-    points,
-    string_array,
-    strings,
-)
+from scenarionet_data.codec.arrow import batch, list_array, names_of, string_array
+from scenarionet_data.codec.columns import Columns, Lists
 from scenarionet_data.codec.kernels import find_bounds
+from scenarionet_data.errors import LakeError
 from scenarionet_data.ragged import Ragged
 from scenarionet_data.scenario import ID_LISTS, MapFeatures
 from scenarionet_data.vocabulary import MapFeatureType
 
 Array = npt.NDArray[Any]
+
+_POINTS = {
+    "polyline": ("x", "y", "z"),
+    "polygon": ("polygon_x", "polygon_y", "polygon_z"),
+    "width": ("width_left", "width_right"),
+}
 
 
 def encode_map(
@@ -80,23 +79,69 @@ def encode_map(
     return batch("maps", columns)
 
 
-def decode_map(rows: Rows) -> MapFeatures:
-    """Map features from their rows, in the rows' frame."""
-    inside = rows.column("is_intersection")
-    is_intersection = np.full(rows.num_rows, -1, np.int8)
-    if inside.null_count < len(inside):
-        is_intersection = inside.cast(pa.int8()).fill_null(-1).to_numpy(zero_copy_only=False)
-    return MapFeatures(
-        ids=strings(rows, "feature_id"),
-        types=codes_of(rows.column("feature_type"), MapFeatureType),
-        polyline=points(rows, "x", "y", "z"),
-        polygon=points(rows, "polygon_x", "polygon_y", "polygon_z"),
-        speed_limit=floats(rows, "speed_limit"),
-        width=points(rows, "width_left", "width_right"),
-        is_intersection=is_intersection,
-        extras=strings(rows, "extras"),
-        **{name: id_lists(rows, name) for name in ID_LISTS},
-    )
+def decode_maps(rows: Columns, bounds: Sequence[int]) -> list[MapFeatures]:
+    """Map features of scenarios from their rows, in the rows' frame, one scenario after the other.
+
+    Args:
+        rows: Rows of the maps table.
+        bounds: (scenarios + 1) row at which each scenario begins, and the last one ends.
+
+    Raises:
+        LakeError: Lists of coordinates are not equally long: the file is damaged.
+    """
+    kept = {
+        "ids": rows.strings("feature_id"),
+        "types": rows.codes("feature_type", MapFeatureType),
+        "speed_limit": rows.flat["speed_limit"],
+        "is_intersection": rows.flat["is_intersection"],
+        "extras": rows.strings("extras"),
+    }
+    for names in _POINTS.values():
+        _require_alike(rows, names)
+    # Copies: who keeps one scenario of many keeps that one only.
+    return [
+        MapFeatures(
+            **{name: values[first:last].copy() for name, values in kept.items()},
+            **{name: _points(rows, first, last, columns) for name, columns in _POINTS.items()},
+            **{name: _ids(rows.lists[name], first, last) for name in ID_LISTS},
+        )
+        for first, last in pairwise(bounds)
+    ]
+
+
+def _points(rows: Columns, first: int, last: int, names: Sequence[str]) -> Ragged:
+    """Columns of lists side by side, as lists of points; 0 for one without lists."""
+    offsets = rows.lists[names[0]].offsets
+    points = np.zeros((offsets[last] - offsets[first], len(names)), np.float32)
+    for axis, name in enumerate(names):
+        column = rows.lists[name]
+        start, end = column.offsets[first], column.offsets[last]
+        if end > start:
+            _require(name, end - start == len(points))
+            points[:, axis] = column.values[start:end]
+    return Ragged(offsets[first : last + 1] - offsets[first], points)
+
+
+def _ids(column: Lists, first: int, last: int) -> Ragged:
+    start, end = column.offsets[first], column.offsets[last]
+    return Ragged(column.offsets[first : last + 1] - start, column.values[start:end].copy())
+
+
+def _require_alike(rows: Columns, names: Sequence[str]) -> None:
+    """Coordinates have lists of the same lengths; there are none of z without heights."""
+    lengths = rows.lists[names[0]].lengths
+    for name in names[1:]:
+        column = rows.lists[name]
+        fits = np.array_equal(column.lengths, lengths) or ((column.lengths == lengths) | (column.lengths == 0)).all()
+        _require(name, bool(fits))
+
+
+def _require(column: str, fits: bool) -> None:
+    if not fits:
+        raise LakeError(
+            f"maps.{column} does not fit its lines: its file is damaged; `scenarionet check` names every scenario that "
+            "is hit; restore the file from a copy of the lake, or convert its recordings again"
+        )
 
 
 def _bounding_boxes(features: MapFeatures) -> Array:

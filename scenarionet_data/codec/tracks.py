@@ -2,32 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
-from scenarionet_data.codec.arrow import (
-    Rows,
-    batch,
-    bools,
-    codes_of,
-    dictionary_of,
-    list_array,
-    lists,
-    names_of,
-    numbers,
-    offsets_of,
-    string_array,
-    strings,
-)
-from scenarionet_data.codec.kernels import fill, fill_sizes, fill_valid
+from scenarionet_data.codec.arrow import batch, dictionary_of, list_array, names_of, offsets_of, string_array
+from scenarionet_data.codec.columns import Columns
+from scenarionet_data.codec.kernels import fill_sizes, fill_states, fill_valid
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario import Tracks
 from scenarionet_data.vocabulary import ObjectType
 
 Array = npt.NDArray[Any]
+
+_STRINGS = {"track_id": "ids", "source_type": "source_type", "extras": "extras"}
+_EXTENTS = ("length", "width", "height")
 
 
 def encode_tracks(scenario_id: str, tracks: Tracks, has_z: bool) -> pa.RecordBatch:
@@ -70,45 +63,64 @@ def encode_tracks(scenario_id: str, tracks: Tracks, has_z: bool) -> pa.RecordBat
     return batch("tracks", columns)
 
 
-def decode_tracks(rows: Rows, steps: int) -> Tracks:
-    """Tracks over ``steps`` timesteps from their rows.
+def decode_tracks(rows: Columns, bounds: Sequence[int], steps: Sequence[int]) -> list[Tracks]:
+    """Tracks of scenarios from their rows, one scenario after the other.
+
+    Args:
+        rows: Rows of the tracks table.
+        bounds: (scenarios + 1) row at which each scenario begins, and the last one ends.
+        steps: (scenarios) timesteps of each.
 
     Raises:
         LakeError: Lists do not fit their spans, or spans the scenario: the file is damaged.
     """
-    start, lengths = numbers(rows, "start"), lists(rows, "x")[0]
-    _require("start", bool(((start >= 0) & (start + lengths <= steps)).all()))
-    shape = (rows.num_rows, steps)
+    start, lengths = rows.flat["start"], rows.lists["x"].lengths
+    _require("start", bool((start >= 0).all() and (start + lengths <= np.repeat(steps, np.diff(bounds))).all()))
+    _require_spans(rows, lengths, bounds)
+    kept = {name: rows.flat[name] for name in ("is_size_assumed", "is_type_assumed", "is_velocity_estimated")}
+    kept |= {column: rows.strings(name) for name, column in _STRINGS.items()}
+    kept["object_type"] = rows.codes("object_type", ObjectType)
+    # Copies: who keeps one scenario of many keeps that one only.
+    return [
+        Tracks(**_grids(rows, first, last, num_steps), **{name: kept[name][first:last].copy() for name in kept})
+        for (first, last), num_steps in zip(pairwise(bounds), steps, strict=True)
+    ]
 
-    def grid(*names: str) -> Array:
-        block = np.zeros((*shape, len(names)), np.float32)
-        for axis, name in enumerate(names):
-            stored, values = lists(rows, name)
-            if len(values):  # a source without heights has no z
-                _require(name, np.array_equal(stored, lengths))
-                fill(block, axis, start, lengths, values)
-        return block
 
-    valid, size = np.zeros(shape, np.bool_), np.zeros((*shape, 3), np.float32)
-    fill_valid(valid, start, lengths, *_gaps(rows, lengths))
-    for axis, name in enumerate(("length", "width", "height")):
-        stored, values = lists(rows, name)
-        _require(name, bool(((stored == lengths) | (stored == 1)).all()))
-        fill_sizes(size, axis, valid, start, stored, values)
-    return Tracks(
-        ids=strings(rows, "track_id"),
-        object_type=codes_of(rows.column("object_type"), ObjectType),
-        position=grid("x", "y", "z"),
-        heading=grid("heading")[..., 0],
-        velocity=grid("vx", "vy"),
-        size=size,
-        valid=valid,
-        source_type=strings(rows, "source_type"),
-        is_size_assumed=bools(rows, "is_size_assumed"),
-        is_type_assumed=bools(rows, "is_type_assumed"),
-        is_velocity_estimated=bools(rows, "is_velocity_estimated"),
-        extras=strings(rows, "extras"),
-    )
+def _grids(rows: Columns, first: int, last: int, steps: int) -> dict[str, Array]:
+    """What a scenario's tracks have over time."""
+    shape = (last - first, steps)
+    position, heading = np.zeros((*shape, 3), np.float32), np.zeros(shape, np.float32)
+    velocity, size = np.zeros((*shape, 2), np.float32), np.zeros((*shape, 3), np.float32)
+    valid = np.zeros(shape, np.bool_)
+    start, lists = rows.flat["start"], rows.lists
+    spans, heights, flags = lists["x"], lists["z"], lists["valid"]
+    has_z = heights.offsets[last] > heights.offsets[first]
+    at, at_z = spans.offsets[first], heights.offsets[first] if has_z else -1
+    states = tuple(lists[name].values for name in ("x", "y", "z", "heading", "vx", "vy"))
+    fill_states(first, start, spans.lengths, at, at_z, states, (position, heading, velocity))
+    fill_valid(first, start, spans.lengths, flags.lengths, flags.offsets[first], flags.values, valid)
+    for axis, name in enumerate(_EXTENTS):
+        column = lists[name]
+        fill_sizes(
+            first, start, spans.lengths, column.lengths, column.offsets[first], column.values, valid, size, axis
+        )
+    return {"position": position, "heading": heading, "velocity": velocity, "size": size, "valid": valid}
+
+
+def _require_spans(rows: Columns, lengths: Array, bounds: Sequence[int]) -> None:
+    """Compiled loops do not look at bounds: what they read is made sure of here."""
+    for name in ("x", "y", "z", "heading", "vx", "vy", *_EXTENTS, "valid"):
+        column = rows.lists[name]
+        is_span = column.lengths == lengths
+        if name in _EXTENTS:
+            is_span |= column.lengths == 1
+        elif name == "valid":  # no flags where all of a span is valid
+            is_span |= column.lengths == 0
+        elif name == "z" and not is_span.all():  # none in scenarios without heights
+            has_any = np.diff(column.offsets[bounds]) > 0
+            is_span |= (column.lengths == 0) & ~np.repeat(has_any, np.diff(bounds))
+        _require(name, bool(is_span.all()) and column.offsets[-1] <= len(column.values))
 
 
 def _spans(valid: Array) -> tuple[Array, Array]:
@@ -136,17 +148,7 @@ def _encode_valid(flat_valid: Array, lengths: Array, is_gapless: Array) -> pa.Ar
     return list_array(offsets_of(np.where(is_gapless, 0, lengths)), kept, mask=is_gapless)
 
 
-def _gaps(rows: Rows, lengths: Array) -> tuple[Array, Array]:
-    """Which objects have gaps, and their flags, one object after the other."""
-    column = rows.column("valid")
-    has_gaps = column.is_valid().to_numpy(zero_copy_only=False)
-    flags = column.flatten().to_numpy(zero_copy_only=False)
-    _require("valid", len(flags) == lengths[has_gaps].sum())
-    return has_gaps, flags
-
-
 def _require(column: str, fits: bool) -> None:
-    """Compiled loops do not look at bounds: what they read and write is made sure of here."""
     if not fits:
         raise LakeError(
             f"tracks.{column} does not fit the scenario's spans: its file is damaged; `scenarionet check` names every "

@@ -1,7 +1,11 @@
-"""Parquet pages of float lists, decoded by compiled code; and the end of a Thrift struct, found by it.
+"""Parquet pages decoded by compiled code: a column of many row groups in one call.
 
-Format: https://parquet.apache.org/docs/file-format/ (data page version 1; levels in the RLE/bit-packed hybrid;
-values in BYTE_STREAM_SPLIT) and Thrift's compact protocol for the page header.
+Format: https://parquet.apache.org/docs/file-format/ (data pages of version 1; levels and dictionary indices in the
+RLE/bit-packed hybrid; values PLAIN or in BYTE_STREAM_SPLIT) and LZ4 blocks,
+https://github.com/lz4/lz4/blob/dev/doc/lz4_Block_format.md. Damaged bytes end in ``UNKNOWN``, nothing is read or
+written out of bounds.
+
+A column's values are told by ``lengths``, one for each row: of its list, or 1 and 0 for a value and a null.
 """
 
 from __future__ import annotations
@@ -12,124 +16,307 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from scenarionet_data.store.thrift_kernels import DATA_PAGE, DICTIONARY_PAGE, UNKNOWN, count_at, read_header
+
 Array = npt.NDArray[Any]
 
-UNKNOWN = -1
-"""A header that is not what our writer makes."""
+DAMAGED = -2
 
-_BEYOND = 1 << 40
-_STOP, _BINARY, _STRUCT = 0, 8, 12
-_VARINTS = (4, 5, 6)
-_DATA_PAGE_HEADER = 5
+# Columns of an array of chunks: where one begins and ends in its file, its levels, its codec, its size when inflated,
+# and the encodings that are known for it, a bit each.
+_FIRST, _LAST, _LEVELS, _CODEC, CHUNK_SIZE, _KNOWN = range(6)
+OTHER_CODEC, LZ4, ZSTD = 0, 1, 2
+
+# Columns of an array of pages: where one begins (or UNKNOWN, DAMAGED) and ends, its size, its levels and encoding,
+# where its dictionary begins and ends and how many words it holds, and where what is not inflated yet is in the file.
+NUM_PAGE_FIELDS = 10
+START, END, SIZE, LEVELS, ENCODING, WORDS_START, WORDS_END, NUM_WORDS, STORED, STORED_END = range(NUM_PAGE_FIELDS)
+PLAIN, BYTE_STREAM_SPLIT, INDICES = 0, 9, 8
+
+# Shapes of a column.
+NULLABLE, LIST = 1, 2
 
 
 @njit(cache=True)
-def read_header(data: Array, at: int) -> tuple[int, int, int, int, int, int]:
-    """A page's header: where the page begins, its compressed and uncompressed size, type, values and encoding.
+def stage(data: Array, base: int, chunks: Array, pages: Array, scratch: Array, at: int) -> int:
+    """Find a row group's pages and inflate those in LZ4; those in zstd get their place.
 
     Args:
-        data: (n,) uint8 the file.
-        at: Where the header begins.
+        data: (n,) uint8 bytes of the file, from ``base`` on.
+        chunks: (C, 6) int64, see there.
+        pages: (C, NUM_PAGE_FIELDS) int64, filled; UNKNOWN for a column of more than one page, or of another kind.
+        scratch: (m,) uint8, filled from ``at`` on; it has room for the chunks' sizes.
 
     Returns:
-        All UNKNOWN when the header holds what no data page of version 1 does.
+        Where the next row group's pages begin.
     """
-    sizes = np.full(3, UNKNOWN, np.int64)  # page type, uncompressed, compressed: fields 1 to 3
-    inner = np.full(2, UNKNOWN, np.int64)  # values, encoding: fields 1 and 2 of the data page header
-    depth, field, parent = 0, 0, 0
-    fields = np.zeros(8, np.int64)
-    while at < len(data):
-        byte = data[at]
-        at += 1
-        kind, step = byte & 15, byte >> 4
-        if kind == _STOP:
-            if depth == 0:
-                return at, sizes[2], sizes[1], sizes[0], inner[0], inner[1]
-            depth -= 1
-            field = fields[depth]
-            continue
-        if step:
-            field += step
+    for column in range(len(chunks)):
+        limit = min(at + chunks[column, CHUNK_SIZE], len(scratch))
+        pages[column, START] = _stage(data, base, chunks[column], pages[column], scratch, at, limit)
+        at = limit
+    return at
+
+
+@njit(cache=True)
+def _stage(data: Array, base: int, chunk: Array, page: Array, scratch: Array, at: int, limit: int) -> int:
+    """One column's page: where it begins in ``scratch``, between ``at`` and ``limit``."""
+    first, end, codec = chunk[_FIRST] - base, chunk[_LAST] - base, chunk[_CODEC]
+    page[:] = 0
+    if first < 0 or end > len(data) or codec == OTHER_CODEC:
+        return UNKNOWN
+    stored, stored_size, size, kind, count, encoding = read_header(data, first)
+    if kind == DICTIONARY_PAGE and codec == LZ4:
+        if not (0 <= stored_size <= end - stored and 0 <= size <= limit - at):
+            return UNKNOWN
+        if not _inflate(data, stored, stored + stored_size, scratch, at, at + size):
+            return DAMAGED
+        page[WORDS_START], page[WORDS_END], page[NUM_WORDS] = at, at + size, count
+        at += size
+        stored, stored_size, size, kind, count, encoding = read_header(data, stored + stored_size)
+    is_whole = stored_size >= 0 and stored + stored_size == end and count == chunk[_LEVELS]
+    is_known = kind == DATA_PAGE and 0 <= encoding < 16 and chunk[_KNOWN] >> encoding & 1
+    if not is_whole or not is_known or not 0 <= size <= limit - at:
+        return UNKNOWN
+    page[END], page[SIZE], page[LEVELS], page[ENCODING] = at + size, size, count, encoding
+    if codec == ZSTD:
+        page[STORED], page[STORED_END] = stored, end
+    elif not _inflate(data, stored, end, scratch, at, at + size):
+        return DAMAGED
+    return at
+
+
+@njit(cache=True)
+def _inflate(data: Array, at: int, end: int, target: Array, first: int, stop: int) -> bool:
+    """Inflate an LZ4 block into ``target[first:stop]``; returns whether it fills just that."""
+    to = first
+    while at < end:
+        token = data[at]
+        length, at = _extended(data, at + 1, end, token >> 4)
+        if length > end - at or length > stop - to:
+            return False
+        for k in range(length):
+            target[to + k] = data[at + k]
+        at, to = at + length, to + length
+        if at == end:  # the last sequence has no match
+            return to == stop
+        if end - at < 2:
+            return False
+        distance = np.int64(data[at]) | np.int64(data[at + 1]) << 8
+        length, at = _extended(data, at + 2, end, token & 15)
+        length += 4
+        if distance == 0 or distance > to - first or length > stop - to:
+            return False
+        for k in range(length):  # may read what it has just written
+            target[to + k] = target[to + k - distance]
+        to += length
+    return False
+
+
+@njit(cache=True)
+def _extended(data: Array, at: int, end: int, nibble: int) -> tuple[int, int]:
+    """A length that goes on in further bytes when its four bits are full."""
+    length = np.int64(nibble)
+    if length == 15:
+        while at < end:
+            byte = data[at]
+            at += 1
+            length += np.int64(byte)
+            if byte != 255:
+                break
+    return length, at
+
+
+@njit(cache=True)
+def read_words(data: Array, pages: Array, shape: int, lists: Array, values: Array) -> tuple[int, int]:
+    """Values of 4 bytes, PLAIN or in BYTE_STREAM_SPLIT.
+
+    Args:
+        data: (n,) uint8 inflated pages.
+        pages: (k, NUM_PAGE_FIELDS) int64 the column's, row group by row group.
+        shape: LIST or 0, plus NULLABLE where a row may be null.
+        lists: (2, 1 + sum of levels) int32, filled: rows' lengths, and offsets of their values.
+        values: (sum of levels,) uint32, filled.
+
+    Returns:
+        Numbers of rows and of values, none when the parts of a page do not add up.
+    """
+    rows, done = 0, 0
+    for page in pages:
+        found, count, at = _read_levels(data, page, shape, lists[0, rows:])
+        if found == UNKNOWN or page[END] - at != 4 * count:
+            return 0, 0
+        if page[ENCODING] == BYTE_STREAM_SPLIT:
+            _join(data[at:], count, values[done:])
         else:
-            field, at = _zigzag(data, at)
-        if kind in _VARINTS:
-            value, at = _zigzag(data, at)
-            if depth == 0 and 1 <= field <= 3:
-                sizes[field - 1] = value
-            elif depth == 1 and parent == _DATA_PAGE_HEADER and 1 <= field <= 2:
-                inner[field - 1] = value
-        elif kind == _BINARY:
-            length, at = _count(data, at)
-            at += length
-        elif kind == _STRUCT and depth < 7:
-            fields[depth] = field
-            if depth == 0:
-                parent = field
-            depth, field = depth + 1, 0
-        elif kind > 2:  # 1 and 2 are true and false, without a value
-            break
-    return UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN
+            for i in range(count):
+                values[done + i] = _uint32(data, at + 4 * i)
+        rows, done = rows + found, done + count
+    _add_up(lists, rows)
+    return rows, done
 
 
 @njit(cache=True)
-def read_lists(page: Array, num_levels: int, is_nullable: bool, lengths: Array, values: Array) -> tuple[int, int]:
-    """Lists of floats of a column's only page, uncompressed.
+def read_bits(data: Array, pages: Array, shape: int, lists: Array, values: Array) -> tuple[int, int]:
+    """Like :func:`read_words`, truth values: ``values`` is (sum of levels,) int8."""
+    rows, done = 0, 0
+    for page in pages:
+        found, count, at = _read_levels(data, page, shape, lists[0, rows:])
+        if found == UNKNOWN or page[END] - at != (count + 7) // 8:
+            return 0, 0
+        for i in range(count):
+            values[done + i] = data[at + (i >> 3)] >> (i & 7) & 1
+        rows, done = rows + found, done + count
+    _add_up(lists, rows)
+    return rows, done
+
+
+@njit(cache=True)
+def read_texts(data: Array, pages: Array, shape: int, lists: Array, offsets: Array, text: Array) -> tuple[int, int]:
+    """Like :func:`read_words`, texts.
 
     Args:
-        page: (n,) uint8.
-        num_levels: Levels in the page: elements, and one for each list without any.
-        is_nullable: Whether a list may be null, which is read as an empty one.
-        lengths: (num_levels,) int32, filled with the lists' lengths.
-        values: (num_levels,) float32, filled with their elements.
-
-    Returns:
-        Numbers of lists and of elements; UNKNOWN when the page's parts do not add up.
+        offsets: (1 + sum of levels,) int64, filled from the second on: where texts end; the first says where to begin.
+        text: (n,) uint8, filled from there on: texts one after the other.
     """
-    size = len(page)
-    second = 4 + _uint32(page, 0) if size >= 4 else size
-    start = second + 4 + _uint32(page, second) if second + 4 <= size else size + 1
-    if start > size:
-        return UNKNOWN, UNKNOWN
-    rows = _count_levels(page, 4, second, num_levels, lengths)
-    if rows == UNKNOWN:
-        return UNKNOWN, UNKNOWN
-    empty = _mark_empty(page, second + 4, start, num_levels, 2 if is_nullable else 1, lengths)
-    count = num_levels - empty
-    if empty == UNKNOWN or size - start != 4 * count:
-        return UNKNOWN, UNKNOWN
-    _join(page[start:], count, values)
-    return rows, count
+    rows, done, size = 0, 0, offsets[0]
+    for page in pages:
+        found, count, at = _read_levels(data, page, shape, lists[0, rows:])
+        if found == UNKNOWN:
+            return 0, 0
+        for i in range(count):
+            length = _uint32(data, at) if at + 4 <= page[END] else page[END]
+            at += 4
+            if length > page[END] - at:
+                return 0, 0
+            for k in range(length):
+                text[size + k] = data[at + k]
+            at, size = at + length, size + length
+            offsets[done + i + 1] = size
+        if at != page[END]:
+            return 0, 0
+        rows, done = rows + found, done + count
+    _add_up(lists, rows)
+    return rows, done
+
+
+@njit(cache=True)
+def read_indices(data: Array, pages: Array, shape: int, codes: Array, lists: Array, values: Array) -> tuple[int, int]:
+    """Like :func:`read_words`, words of a dictionary: ``values`` is (sum of levels,) int32.
+
+    Args:
+        codes: (sum of NUM_WORDS,) int32 what stands for each page's words, page by page.
+    """
+    rows, done, first = 0, 0, 0
+    for page in pages:
+        found, count, at = _read_levels(data, page, shape, lists[0, rows:])
+        if found == UNKNOWN or not _read_indices(data, at, page[END], values[done : done + count]):
+            return 0, 0
+        for i in range(done, done + count):
+            if values[i] >= page[NUM_WORDS]:
+                return 0, 0
+            values[i] = codes[first + values[i]]
+        rows, done, first = rows + found, done + count, first + page[NUM_WORDS]
+    _add_up(lists, rows)
+    return rows, done
+
+
+@njit(cache=True)
+def _add_up(lists: Array, rows: int) -> None:
+    """Offsets from lengths."""
+    lists[1, 0] = 0
+    for row in range(rows):
+        lists[1, row + 1] = lists[1, row] + lists[0, row]
+
+
+@njit(cache=True)
+def _read_indices(data: Array, at: int, end: int, values: Array) -> bool:
+    """Indices of a page: their width, and the hybrid; returns whether all are there."""
+    if at >= end:
+        return len(values) == 0
+    width = np.int64(data[at])
+    at, done = at + 1, 0
+    if width > 24:  # of words, not of rows
+        return False
+    while done < len(values) and at < end:
+        header, at = count_at(data, at)
+        is_packed = header & 1
+        stop = min(done + (header >> 1) * (8 if is_packed else 1), len(values))
+        if at + (((stop - done) * width + 7) // 8 if is_packed else (width + 7) // 8) > end:
+            return False
+        for place in range(stop - done):
+            bit = place * width if is_packed else 0
+            value = 0
+            for k in range(bit, bit + width):
+                value |= (np.int64(data[at + (k >> 3)]) >> (k & 7) & 1) << (k - bit)
+            values[done + place] = value
+        at += (header >> 1) * width if is_packed else (width + 7) // 8
+        done = stop
+    return done == len(values)
 
 
 @njit(cache=True)
 def _join(streams: Array, count: int, values: Array) -> None:
-    """Floats from their first, second, third and fourth bytes, one stream after the other."""
-    words = values.view(np.uint32)[:count]
+    """Words from their first, second, third and fourth bytes, one stream after the other."""
     first, second = streams[:count], streams[count : 2 * count]
     third, fourth = streams[2 * count : 3 * count], streams[3 * count : 4 * count]
     for i in range(count):
         low = np.uint32(first[i]) | np.uint32(second[i]) << np.uint32(8)
-        words[i] = low | np.uint32(third[i]) << np.uint32(16) | np.uint32(fourth[i]) << np.uint32(24)
+        values[i] = low | np.uint32(third[i]) << np.uint32(16) | np.uint32(fourth[i]) << np.uint32(24)
 
 
 @njit(cache=True)
-def _count_levels(page: Array, at: int, end: int, num_levels: int, lengths: Array) -> int:
+def _read_levels(data: Array, page: Array, shape: int, lengths: Array) -> tuple[int, int, int]:
+    """Lengths of a page's rows; their number (or UNKNOWN), the number of values, and where these begin."""
+    at, end, num_levels = page[START], page[END], page[LEVELS]
+    rows, empty = num_levels, 0
+    lengths[:num_levels] = 1
+    if shape & LIST:
+        stop = _levels_end(data, at, end)
+        rows = UNKNOWN if stop == UNKNOWN else _count_levels(data, at + 4, stop, num_levels, lengths)
+        at = stop
+    if shape & NULLABLE or shape & LIST and rows != UNKNOWN:
+        stop = UNKNOWN if rows == UNKNOWN else _levels_end(data, at, end)
+        deepest = 2 if shape == NULLABLE | LIST else 1
+        empty = UNKNOWN if stop == UNKNOWN else _mark_empty(data, at + 4, stop, num_levels, deepest, lengths)
+        at = stop
+    return UNKNOWN if empty == UNKNOWN else rows, num_levels - empty, at
+
+
+@njit(cache=True)
+def _levels_end(data: Array, at: int, end: int) -> int:
+    """Where levels end that begin with their size."""
+    if end - at < 4:
+        return UNKNOWN
+    stop = at + 4 + _uint32(data, at)
+    return stop if stop <= end else UNKNOWN
+
+
+@njit(cache=True)
+def _count_levels(data: Array, at: int, end: int, num_levels: int, lengths: Array) -> int:
     """Levels of each list, from repetition levels: 0 where a list begins, else 1; returns the number of lists."""
     done, rows = 0, 0
     while done < num_levels and at < end:
-        header, at = _count(page, at)
+        header, at = count_at(data, at)
         is_packed = header & 1
         stop = min(done + (header >> 1) * (8 if is_packed else 1), num_levels)
         if at + ((stop - done + 7) // 8 if is_packed else 1) > end:
             return UNKNOWN
-        for place in range(stop - done if is_packed else 0):
-            if page[at + (place >> 3)] >> (place & 7) & 1 == 0:
-                lengths[rows] = 0
-                rows += 1
-            if rows == 0:
-                return UNKNOWN
-            lengths[rows - 1] += 1
-        if not is_packed and page[at] == 0:
+        place = 0
+        while is_packed and place < stop - done:
+            bits = data[at + (place >> 3)]
+            if bits == 255 and place + 8 <= stop - done and rows > 0:
+                lengths[rows - 1] += 8
+                place += 8
+                continue
+            for k in range(min(8, stop - done - place)):
+                if bits >> k & 1 == 0:
+                    lengths[rows] = 0
+                    rows += 1
+                if rows == 0:
+                    return UNKNOWN
+                lengths[rows - 1] += 1
+            place += 8
+        if not is_packed and data[at] == 0:
             lengths[rows : rows + stop - done] = 1
             rows += stop - done
         elif not is_packed and rows > 0:
@@ -140,22 +327,22 @@ def _count_levels(page: Array, at: int, end: int, num_levels: int, lengths: Arra
 
 
 @njit(cache=True)
-def _mark_empty(page: Array, at: int, end: int, num_levels: int, deepest: int, lengths: Array) -> int:
-    """Set lengths of lists without elements to 0: their one definition level is not the deepest; returns their number.
+def _mark_empty(data: Array, at: int, end: int, num_levels: int, deepest: int, lengths: Array) -> int:
+    """Set lengths of rows without values to 0: their one definition level is not the deepest; returns their number.
 
     Levels have 1 bit each, or 2 where ``deepest`` is 2; both never cross a byte.
     """
     width, mask = deepest, (1 << deepest) - 1
     done, empty, row, next_begin = 0, 0, -1, 0
     while done < num_levels and at < end:
-        header, at = _count(page, at)
+        header, at = count_at(data, at)
         is_packed = header & 1
         stop = min(done + (header >> 1) * (8 if is_packed else 1), num_levels)
         if at + (((stop - done) * width + 7) // 8 if is_packed else 1) > end:
             return UNKNOWN
-        for place in range(done, stop if is_packed or page[at] != deepest else done):
+        for place in range(done, stop if is_packed or data[at] != deepest else done):
             bit = (place - done) * width
-            if is_packed and page[at + (bit >> 3)] >> (bit & 7) & mask == deepest:
+            if is_packed and data[at + (bit >> 3)] >> (bit & 7) & mask == deepest:
                 continue
             while next_begin <= place:
                 row += 1
@@ -168,88 +355,5 @@ def _mark_empty(page: Array, at: int, end: int, num_levels: int, deepest: int, l
 
 
 @njit(cache=True)
-def _varint(data: Array, at: int) -> tuple[int, int]:
-    value, shift = 0, 0
-    while at < len(data) and shift < 70:  # ten bytes hold 64 bits
-        byte = int(data[at])
-        at += 1
-        value |= (byte & 127) << shift
-        shift += 7
-        if byte < 128:
-            break
-    return value, at
-
-
-@njit(cache=True)
-def _count(data: Array, at: int) -> tuple[int, int]:
-    """A number of bytes or values; what no file can hold, or is negative, becomes a number beyond every end."""
-    value, at = _varint(data, at)
-    return value if 0 <= value < _BEYOND else _BEYOND, at
-
-
-@njit(cache=True)
-def _zigzag(data: Array, at: int) -> tuple[int, int]:
-    value, at = _varint(data, at)
-    return (value >> 1) ^ -(value & 1), at
-
-
-@njit(cache=True)
 def _uint32(data: Array, at: int) -> int:
-    return int(data[at]) | int(data[at + 1]) << 8 | int(data[at + 2]) << 16 | int(data[at + 3]) << 24
-
-
-@njit(cache=True)
-def struct_end(data: Array, at: int) -> int:
-    """Where a struct of Thrift's compact protocol ends: nothing in it is kept.
-
-    Args:
-        data: (n,) uint8.
-        at: Where it begins.
-
-    Returns:
-        UNKNOWN when it goes on after the data, holds maps, or is nested deeper than Parquet's footers are.
-    """
-    kinds = np.zeros(16, np.int64)  # of the elements of the list at each depth
-    left = np.zeros(16, np.int64)  # elements to come of the list at each depth; -1 for a struct
-    left[0] = -1
-    depth = 0
-    while depth >= 0 and at < len(data):
-        if left[depth] == 0:
-            depth -= 1
-            continue
-        if left[depth] > 0:
-            left[depth] -= 1
-            kind = kinds[depth]
-            if kind <= 2:  # a truth value: a byte in a list, part of the head in a struct
-                kind = 3
-        else:
-            head = data[at]
-            at += 1
-            kind = np.int64(head & 15)
-            if kind == _STOP:
-                depth -= 1
-                continue
-            if head >> 4 == 0:
-                _, at = _varint(data, at)
-        if kind == 3:
-            at += 1
-        elif kind in _VARINTS:
-            _, at = _varint(data, at)
-        elif kind == 7:
-            at += 8
-        elif kind == _BINARY:
-            length, at = _count(data, at)
-            at += length
-        elif kind == 9 and depth < 15 and at < len(data):
-            head = data[at]
-            at += 1
-            depth += 1
-            kinds[depth], left[depth] = head & 15, head >> 4
-            if head >> 4 == 15:
-                left[depth], at = _count(data, at)
-        elif kind == _STRUCT and depth < 15:
-            depth += 1
-            left[depth] = -1
-        elif kind > 2:
-            return UNKNOWN
-    return at if depth < 0 else UNKNOWN
+    return np.int64(data[at]) | np.int64(data[at + 1]) << 8 | np.int64(data[at + 2]) << 16 | np.int64(data[at + 3]) << 24

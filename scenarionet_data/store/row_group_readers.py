@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
+import io
 import mmap
 from collections import OrderedDict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
-from typing import Protocol
+from functools import cached_property
+from itertools import accumulate
+from pathlib import Path
+from typing import Any, Protocol
 
+import numpy as np
+import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scenarionet_data import tables
-from scenarionet_data.codec import LoadedRows
+from scenarionet_data.codec import Part
+from scenarionet_data.store.column_reader import ColumnReader
+from scenarionet_data.store.file_errors import reading
 from scenarionet_data.store.files import LakeFiles
 from scenarionet_data.store.remote_files import RemoteLakeFiles
-from scenarionet_data.store.row_groups import RowGroups, list_columns
-from scenarionet_data.tables import Column
+from scenarionet_data.store.row_groups import Footer, RowGroup
+
+Array = npt.NDArray[Any]
 
 _OPEN_FILES = 32
 _KEPT_FOOTERS = 512
@@ -35,12 +44,12 @@ class RowGroupReader(Protocol):
     def fetch(self, addresses: Iterable[Address]) -> None:
         """Have row groups at hand that are read next."""
 
-    def read(self, address: Address) -> LoadedRows:
-        """One row group.
+    def read(self, addresses: Sequence[Address]) -> Part:
+        """Rows of some row groups of one table, one after the other.
 
         Raises:
-            OSError: Its file is gone or damaged.
-            SchemaMismatch: Its file is of another version of the table.
+            LakeError: A file is gone or damaged; the message names it.
+            SchemaMismatch: A file is of another version of the table.
         """
 
 
@@ -54,79 +63,109 @@ def open_reader(files: LakeFiles, columns: Mapping[str, Sequence[str]]) -> RowGr
     return RangeReader(files, columns) if isinstance(files, RemoteLakeFiles) else FileReader(files, columns)
 
 
+class _Tables:
+    """The tables whose columns are read."""
+
+    def __init__(self, columns: Mapping[str, Sequence[str]]) -> None:
+        self._columns = columns
+        self._readers = {name: ColumnReader(tables.load(name), columns[name]) for name in columns}
+
+    def footer(self, table: str, metadata: pq.FileMetaData, url: str) -> Footer:
+        """What is known of a file from its footer."""
+        declared = tables.load(table)
+        declared.check_version(metadata.metadata, url)
+        return Footer(metadata, declared, self._columns[table])
+
+    def read(self, table: str, groups: Sequence[RowGroup]) -> Part:
+        """Rows of some row groups, one after the other."""
+        return Part(self._readers[table].read(groups), [0, *accumulate(group.num_rows for group in groups)])
+
+
+class _OpenFile:
+    """A file on this machine."""
+
+    def __init__(self, path: Path, table: str, known: _Tables) -> None:
+        self._path = path
+        with reading(path):
+            self.footer = known.footer(table, pq.read_metadata(path, memory_map=True), str(path))
+            with path.open("rb") as file:
+                self.content = np.frombuffer(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ), np.uint8)
+
+    @cached_property
+    def by_arrow(self) -> pq.ParquetFile:
+        """The file as Arrow reads it."""
+        # pre_buffer would share its cache between threads; a memory map needs no copy.
+        return pq.ParquetFile(self._path, metadata=self.footer.metadata, memory_map=True, pre_buffer=False)
+
+    def row_group(self, number: int) -> RowGroup:
+        """One of its row groups."""
+        return RowGroup(str(self._path), self.footer, number, self.content, 0, lambda: self.by_arrow)
+
+
 class FileReader:
     """Reads files on this machine, the least recently used of many closed."""
 
     def __init__(self, files: LakeFiles, columns: Mapping[str, Sequence[str]]) -> None:
         self._files = files
-        self._columns = columns
-        self._open: OrderedDict[str, RowGroups] = OrderedDict()
+        self._tables = _Tables(columns)
+        self._open: OrderedDict[str, _OpenFile] = OrderedDict()
 
     def fetch(self, addresses: Iterable[Address]) -> None:
         """Nothing: files are mapped."""
 
-    def read(self, address: Address) -> LoadedRows:
-        """One row group."""
-        table, name, number = address
+    def read(self, addresses: Sequence[Address]) -> Part:
+        """Rows of some row groups of one table, one after the other."""
+        return self._tables.read(addresses[0][0], [self._row_group(*address) for address in addresses])
+
+    def _row_group(self, table: str, name: str, number: int) -> RowGroup:
         opened = self._open.get(name)
         if opened is None:
-            path = self._files.path(name)
-            opened = self._open[name] = RowGroups.open(path, tables.load(table), self._columns[table])
+            opened = self._open[name] = _OpenFile(self._files.path(name), table, self._tables)
             if len(self._open) > _OPEN_FILES:
-                self._open.popitem(last=False)[1].close()
+                self._open.popitem(last=False)
         self._open.move_to_end(name)
-        return opened.read(number)
-
-
-@dataclass(frozen=True)
-class _Footer:
-    """What is known of a file: its size in bytes, its footer, and its float lists among the columns to read."""
-
-    size: int
-    metadata: pq.FileMetaData
-    lists: list[tuple[int, Column]]
-
-    def span(self, number: int) -> tuple[int, int]:
-        """Where a row group's bytes begin and end."""
-        group = self.metadata.row_group(number)
-        columns = [group.column(index) for index in range(group.num_columns)]
-        starts = [min(c.data_page_offset, c.dictionary_page_offset or c.data_page_offset) for c in columns]
-        return min(starts), max(s + c.total_compressed_size for s, c in zip(starts, columns, strict=True))
+        return opened.row_group(number)
 
 
 @dataclass(frozen=True)
 class _Coming:
-    """A row group on its way: it begins at ``start`` of its file, ``skipped`` bytes into what was asked for."""
+    """A row group on its way: ``start`` is where in its file the bytes begin that were asked for."""
 
     start: int
-    size: int
-    skipped: int
     answer: Future[memoryview]
 
-    def content(self) -> memoryview:
-        """Its bytes, once they are here."""
-        return self.answer.result()[self.skipped : self.skipped + self.size]
 
+class _Window(io.RawIOBase):
+    """A file of which only some bytes are here."""
 
-class _Space:
-    """A file of which only the row group being read is in memory, at its place in as much address space."""
+    def __init__(self, content: Array, base: int, size: int) -> None:
+        self._content, self._base, self._size = content, base, size
+        self._at = 0
 
-    def __init__(self, footer: _Footer, columns: Sequence[str]) -> None:
-        self._space = mmap.mmap(-1, footer.size, flags=mmap.MAP_PRIVATE)
-        buffer = pa.py_buffer(self._space)
-        file = pq.ParquetFile(pa.BufferReader(buffer), metadata=footer.metadata, pre_buffer=False)
-        content = memoryview(buffer).toreadonly()  # as a file on this machine is: kernels are compiled for each kind
-        self._groups = RowGroups(file, content, columns, footer.lists)
+    def readable(self) -> bool:
+        """It is."""
+        return True
 
-    def read(self, number: int, coming: _Coming) -> LoadedRows:
-        """A row group that has come."""
-        end = coming.start + coming.size
-        self._space[coming.start : end] = coming.content()
-        try:
-            return self._groups.read(number)
-        finally:
-            first = coming.start // mmap.PAGESIZE * mmap.PAGESIZE
-            self._space.madvise(mmap.MADV_DONTNEED, first, end - first)
+    def seekable(self) -> bool:
+        """It is."""
+        return True
+
+    def tell(self) -> int:
+        """Where it stands."""
+        return self._at
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        """Go elsewhere."""
+        self._at = offset + {io.SEEK_SET: 0, io.SEEK_CUR: self._at, io.SEEK_END: self._size}[whence]
+        return self._at
+
+    def read(self, size: int = -1) -> bytes:
+        """The next bytes."""
+        start = self._at - self._base
+        if start < 0 or size < 0 or start + size > len(self._content):
+            raise OSError("bytes of the file are not at hand")
+        self._at += size
+        return bytes(self._content[start : start + size])
 
 
 class RangeReader:
@@ -137,9 +176,8 @@ class RangeReader:
 
     def __init__(self, files: RemoteLakeFiles, columns: Mapping[str, Sequence[str]]) -> None:
         self._files = files
-        self._columns = columns
-        self._footers: OrderedDict[str, _Footer] = OrderedDict()
-        self._spaces: OrderedDict[str, _Space] = OrderedDict()
+        self._tables = _Tables(columns)
+        self._footers: OrderedDict[str, tuple[int, Footer]] = OrderedDict()
         self._coming: OrderedDict[Address, _Coming] = OrderedDict()
 
     def fetch(self, addresses: Iterable[Address]) -> None:
@@ -149,27 +187,32 @@ class RangeReader:
         if not missing:
             return
         self._learn(missing)
-        runs = _runs((*self._footers[address[1]].span(address[2]), address) for address in missing)
+        runs = _runs((*self._footers[address[1]][1].span(address[2]), address) for address in missing)
         for run in sorted(runs, key=lambda run: min(missing[address] for _, _, address in run)):
             (first, _, (_, name, _)), last = run[0], run[-1][1]
             answer = self._files.start(self._files.range, name, first, last)
-            for start, end, address in run:
-                self._coming[address] = _Coming(start, end - start, start - first, answer)
+            for _, _, address in run:
+                self._coming[address] = _Coming(first, answer)
         while len(self._coming) > max(_MOST_COMING, len(missing)):  # nobody has read them
             self._coming.popitem(last=False)
 
-    def read(self, address: Address) -> LoadedRows:
-        """One row group."""
-        table, name, number = address
-        if address not in self._coming:
-            self.fetch([address])
-        if name not in self._spaces:
-            self._learn([address])
-            self._spaces[name] = _Space(self._footers[name], self._columns[table])
-            if len(self._spaces) > _OPEN_FILES:
-                self._spaces.popitem(last=False)
-        self._spaces.move_to_end(name)
-        return self._spaces[name].read(number, self._coming.pop(address))
+    def read(self, addresses: Sequence[Address]) -> Part:
+        """Rows of some row groups of one table, one after the other."""
+        self.fetch(addresses)
+        self._learn(addresses)
+        return self._tables.read(addresses[0][0], [self._row_group(address) for address in addresses])
+
+    def _row_group(self, address: Address) -> RowGroup:
+        """A row group, once it is here."""
+        (_, name, number), coming = address, self._coming.pop(address)
+        size, footer = self._footers[name]
+        content = np.frombuffer(coming.answer.result(), np.uint8)
+
+        def opened() -> pq.ParquetFile:
+            window = pa.PythonFile(_Window(content, coming.start, size), "r")
+            return pq.ParquetFile(window, metadata=footer.metadata, pre_buffer=False)
+
+        return RowGroup(self._files.url(name), footer, number, content, coming.start, opened)
 
     def _learn(self, addresses: Collection[Address]) -> None:
         """Read the footers of files that are not known yet."""
@@ -177,9 +220,9 @@ class RangeReader:
         for (table, name), (size, end) in zip(
             unknown, self._files.side_by_side(self._files.end, [name for _, name in unknown]), strict=True
         ):
-            footer, declared = pq.read_metadata(pa.BufferReader(end)), tables.load(table)
-            declared.check_version(footer.metadata, self._files.url(name))
-            self._footers[name] = _Footer(size, footer, list_columns(footer, declared, self._columns[table]))
+            with reading(self._files.url(name)):
+                metadata = pq.read_metadata(pa.BufferReader(end))
+            self._footers[name] = size, self._tables.footer(table, metadata, self._files.url(name))
         for _, name, _ in addresses:
             self._footers.move_to_end(name)
         while len(self._footers) > max(_KEPT_FOOTERS, len(addresses)):
