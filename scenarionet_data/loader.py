@@ -19,7 +19,8 @@ import pyarrow as pa
 from scenarionet_data import codec, tables
 from scenarionet_data.catalog.database import Database
 from scenarionet_data.catalog.lake import Lake
-from scenarionet_data.codec import Part
+from scenarionet_data.codec import Rows
+from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario import MapFeatures, ScenarioDescription, Tracks
 from scenarionet_data.shared_maps import SharedMaps
 from scenarionet_data.store import snapshot as snapshots
@@ -90,7 +91,8 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
 
     def tracks(self, index: int) -> Tracks:
         """The objects of scenario ``index`` alone: the quickest way to trajectories."""
-        return next(self._loaded([index], ("tracks",), self._tracks))
+        tracks: Tracks = next(self._loaded([index], ("tracks",), self._tracks))
+        return tracks
 
     def batch(self, indices: Sequence[int]) -> list[ScenarioDescription]:
         """Scenarios at ``indices``, read in the order they lie on disk and returned in the order asked for."""
@@ -127,35 +129,41 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
             raise IndexError(f"scenario {outside[0]} of {len(self)}")
         return [self._rows.row(index % len(self), named=True) for index in indices]
 
-    def _scenarios(self, rows: Sequence[Row]) -> list[ScenarioDescription]:
+    def _scenarios(self, known: Sequence[Row]) -> list[ScenarioDescription]:
         """Scenarios whose row groups are at hand."""
-        parts = {table: self._part(table, rows) for table in _TABLES}
-        return codec.decode_many(rows, **parts, shared_maps=[self._crop(row) for row in rows])
+        tracks, lights, maps = self._track_rows(known), self._rows_of("lights", known), self._rows_of("maps", known)
+        return codec.decode_many(known, tracks, lights, maps, [self._crop(row) for row in known])
 
-    def _tracks(self, rows: Sequence[Row]) -> list[Tracks]:
+    def _tracks(self, known: Sequence[Row]) -> list[Tracks]:
         """The objects of scenarios whose row groups are at hand."""
-        part = self._part("tracks", rows)
-        return codec.decode_tracks(part.rows, part.bounds, [row["num_timesteps"] for row in rows])
+        return codec.decode_tracks(self._track_rows(known), [row["num_timesteps"] for row in known])
 
-    def _part(self, table: str, rows: Sequence[Row]) -> Part:
-        """The scenarios' rows of one table."""
-        addresses = list(dict.fromkeys(address for row in rows for address in _addresses(row, [table])))
-        bounds = [0, *accumulate(row[f"{table}_num_rows"] or 0 for row in rows)]
+    def _track_rows(self, known: Sequence[Row]) -> Rows:
+        rows = self._rows_of("tracks", known)
+        if rows is None:
+            name = known[0]["scenario_id"]
+            raise LakeError(f"{name} has no tracks; `scenarionet check` names every such scenario: convert them again")
+        return rows
+
+    def _rows_of(self, table: str, known: Sequence[Row]) -> Rows | None:
+        """The scenarios' rows of one table; None where there are none."""
+        addresses = list(dict.fromkeys(address for row in known for address in _addresses(row, [table])))
         if not addresses:
-            return Part(None, bounds)
-        read, part = self._read(table, addresses)
-        first = dict(zip(read, part.bounds, strict=False))
+            return None
+        read, rows = self._read(table, addresses)
+        bounds = [0, *accumulate(row[f"{table}_num_rows"] or 0 for row in known)]
+        first = dict(zip(read, rows.bounds, strict=False))
         spans = [
             (first[address] + row[f"{table}_first_row"], row[f"{table}_num_rows"])
-            for row in rows
+            for row in known
             for address in _addresses(row, [table])
         ]
-        if part.bounds == [*(start for start, _ in spans), bounds[-1]]:
-            return Part(part.rows, bounds)
-        self._kept[table] = read, part  # of a compacted lake: those who share it are often next
-        return Part(part.rows.pick(spans), bounds)
+        if rows.bounds == [*(start for start, _ in spans), bounds[-1]]:
+            return Rows(rows.columns, bounds)
+        self._kept[table] = read, rows  # of a compacted lake: those who share it are often next
+        return Rows(rows.columns.pick(spans), bounds)
 
-    def _read(self, table: str, addresses: list[Address]) -> tuple[list[Address], Part]:
+    def _read(self, table: str, addresses: list[Address]) -> tuple[list[Address], Rows]:
         """Row groups of one table, these and perhaps others."""
         kept = self._kept.get(table)
         if kept and set(addresses) <= set(kept[0]):
@@ -172,11 +180,11 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
         return shared.crop(tuple(row["map_crop"]), np.array([row["origin_x"], row["origin_y"], row["origin_z"]]))
 
     @property
-    def _kept(self) -> dict[str, tuple[list[Address], Part]]:
+    def _kept(self) -> dict[str, tuple[list[Address], Rows]]:
         """This thread's last row groups of each table that scenarios share."""
         if not hasattr(self._local, "kept"):
             self._local.kept = {}
-        kept: dict[str, tuple[list[Address], Part]] = self._local.kept
+        kept: dict[str, tuple[list[Address], Rows]] = self._local.kept
         return kept
 
     @property
@@ -201,7 +209,7 @@ def _portions(rows: Sequence[Row]) -> Iterator[Sequence[Row]]:
     start = 0
     for end in range(1, len(rows) + 1):
         is_between = end == len(rows) or _place(rows[end]) != _place(rows[end - 1])
-        if end == len(rows) or is_between and end - start >= _DECODED_TOGETHER:
+        if end == len(rows) or (is_between and end - start >= _DECODED_TOGETHER):
             yield rows[start:end]
             start = end
 

@@ -98,7 +98,7 @@ def read(path: Path) -> SharedMap:
     boxes = [rows.column(name).to_numpy(zero_copy_only=False) for name in ("min_x", "min_y", "max_x", "max_y")]
     bounds = np.column_stack(boxes).astype(np.float64) + origins[:, [0, 1, 0, 1]]
     columns = codec.Columns.from_arrow(rows, tables.load("maps").columns)
-    (features,) = codec.decode_maps(columns, (0, rows.num_rows))
+    (features,) = codec.decode_maps(codec.Rows(columns, [0, rows.num_rows]))
     return SharedMap(features, origins, bounds)
 
 

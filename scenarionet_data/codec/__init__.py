@@ -15,12 +15,11 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from scenarionet_data import tables
-from scenarionet_data.codec.columns import Columns, Part
+from scenarionet_data.codec.columns import Columns, Rows
 from scenarionet_data.codec.content_hash import content_hash
 from scenarionet_data.codec.lights import decode_lights, encode_lights
 from scenarionet_data.codec.maps import decode_maps, encode_map
 from scenarionet_data.codec.tracks import decode_tracks, encode_tracks
-from scenarionet_data.errors import LakeError
 from scenarionet_data.jsontext import from_json, to_json
 from scenarionet_data.scenario import Lights, MapFeatures, ScenarioDescription, Source, Tracks
 from scenarionet_data.statistics import summarise
@@ -28,7 +27,7 @@ from scenarionet_data.statistics import summarise
 __all__ = [
     "Columns",
     "Encoded",
-    "Part",
+    "Rows",
     "decode",
     "decode_many",
     "decode_maps",
@@ -84,49 +83,50 @@ def decode(encoded: Encoded, shared_map: MapFeatures | None = None) -> ScenarioD
         encoded: Rows; ``metadata`` needs ``tables.DESCRIPTION_COLUMNS`` only.
         shared_map: The crop of the shared map, already in the scenario's frame.
     """
-    parts = {}
-    for name in ("tracks", "lights", "maps"):
-        rows = getattr(encoded, name)
-        found = None if rows is None else Columns.from_arrow(rows, tables.load(name).columns)
-        parts[name] = Part(found, [0, 0 if found is None else found.num_rows])
-    (scenario,) = decode_many([encoded.metadata], **parts, shared_maps=[shared_map])
+    lights = _rows("lights", encoded.lights) if encoded.lights is not None else None
+    maps = _rows("maps", encoded.maps) if encoded.maps is not None else None
+    (scenario,) = decode_many([encoded.metadata], _rows("tracks", encoded.tracks), lights, maps, [shared_map])
     return scenario
 
 
 def decode_many(
     metadata: Sequence[Mapping[str, Any]],
-    tracks: Part,
-    lights: Part,
-    maps: Part,
+    tracks: Rows,
+    lights: Rows | None,
+    maps: Rows | None,
     shared_maps: Sequence[MapFeatures | None],
 ) -> list[ScenarioDescription]:
     """The scenarios behind their rows, whose columns are decoded together.
 
     Args:
         metadata: A row of each, with ``tables.DESCRIPTION_COLUMNS``.
-        tracks, lights, maps: Their rows of these tables.
+        tracks: Their rows of this table.
+        lights, maps: The same; None when none has any.
         shared_maps: The crop of each one's shared map, already in its frame; None where the map is its own.
 
     Raises:
         LakeError: Rows do not fit each other: their file is damaged.
     """
-    if tracks.rows is None:
-        raise LakeError(f"{metadata[0]['scenario_id']} has no tracks; `scenarionet check` names every such scenario")
     steps = [row["num_timesteps"] for row in metadata]
     parts = zip(
         metadata,
-        decode_tracks(tracks.rows, tracks.bounds, steps),
-        decode_lights(lights.rows, lights.bounds, steps),
+        decode_tracks(tracks, steps),
+        decode_lights(lights, steps),
         _own_maps(metadata, maps),
         shared_maps,
         strict=True,
     )
-    return [
-        _scenario(row, objects, lamps, own if crop is None else crop) for row, objects, lamps, own, crop in parts
-    ]
+    return [_scenario(row, objects, lamps, own if crop is None else crop) for row, objects, lamps, own, crop in parts]
 
 
-def _scenario(row: Mapping[str, Any], tracks: Tracks, lights: Lights, features: MapFeatures | None) -> ScenarioDescription:
+def _rows(table: str, batch: pa.RecordBatch) -> Rows:
+    """Rows of one scenario."""
+    return Rows(Columns.from_arrow(batch, tables.load(table).columns), [0, batch.num_rows])
+
+
+def _scenario(
+    row: Mapping[str, Any], tracks: Tracks, lights: Lights, features: MapFeatures | None
+) -> ScenarioDescription:
     return ScenarioDescription(
         id=row["scenario_id"],
         dataset=row["dataset"],
@@ -158,12 +158,12 @@ def _scenario(row: Mapping[str, Any], tracks: Tracks, lights: Lights, features: 
     )
 
 
-def _own_maps(metadata: Sequence[Mapping[str, Any]], maps: Part) -> list[MapFeatures | None]:
+def _own_maps(metadata: Sequence[Mapping[str, Any]], maps: Rows | None) -> list[MapFeatures | None]:
     """The maps that belong to one scenario each; None where it is shared, or there is none."""
     has_own = [row["map_id"] is not None and row["map_crop"] is None for row in metadata]
-    if maps.rows is None:  # a map without features has no rows
-        return [MapFeatures.empty() if own else None for own in has_own]
-    return [found if own else None for found, own in zip(decode_maps(maps.rows, maps.bounds), has_own, strict=True)]
+    # A map without features has no rows.
+    found = decode_maps(maps) if maps else [MapFeatures.empty() for _ in metadata]
+    return [features if own else None for features, own in zip(found, has_own, strict=True)]
 
 
 def _describe(scenario: ScenarioDescription) -> dict[str, Any]:

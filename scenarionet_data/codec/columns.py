@@ -105,15 +105,15 @@ class Columns:
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class Rows:
     """Rows of one table, those of some scenarios (or row groups) one after the other.
 
     Attributes:
-        rows: None when there are none at all.
+        columns: The rows.
         bounds: (scenarios + 1) row at which each scenario begins, and the last one ends.
     """
 
-    rows: Columns | None
+    columns: Columns
     bounds: list[int]
 
 

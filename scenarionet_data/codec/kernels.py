@@ -10,7 +10,7 @@ from numba import njit
 Array = npt.NDArray[Any]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def fill_states(
     first: int, start: Array, lengths: Array, at: int, at_z: int, inputs: tuple[Array, ...], outputs: tuple[Array, ...]
 ) -> None:
@@ -23,49 +23,54 @@ def fill_states(
         at: Where the first object's elements begin.
         at_z: The same of ``z``; negative when the scenario has none.
         inputs: Lists' elements: float32 x, y, z, heading, vx, vy.
-        outputs: (N, T, 3) position, (N, T) heading, (N, T, 2) velocity, all float32, filled.
+        outputs: (N, T, 3) position, (N, T) heading, (N, T, 2) velocity, all float32, filled; 0 beside the spans.
     """
     x, y, z, heading, vx, vy = inputs
     position, headings, velocity = outputs
     for row in range(len(headings)):
         begin = start[first + row]
-        for step in range(begin, begin + lengths[first + row]):
+        end = begin + lengths[first + row]
+        position[row, :begin], headings[row, :begin], velocity[row, :begin] = 0, 0, 0
+        position[row, end:], headings[row, end:], velocity[row, end:] = 0, 0, 0
+        for step in range(begin, end):
             position[row, step, 0] = x[at]
             position[row, step, 1] = y[at]
-            if at_z >= 0:
-                position[row, step, 2] = z[at_z]
-                at_z += 1
+            position[row, step, 2] = 0 if at_z < 0 else z[at_z]
             headings[row, step] = heading[at]
             velocity[row, step, 0] = vx[at]
             velocity[row, step, 1] = vy[at]
             at += 1
+            at_z += at_z >= 0
 
 
-@njit(cache=True)
-def fill_valid(
-    first: int, start: Array, lengths: Array, num_flags: Array, at: int, flags: Array, valid: Array
-) -> None:
+@njit(cache=True, nogil=True)
+def fill_valid(first: int, start: Array, lengths: Array, num_flags: Array, at: int, flags: Array, valid: Array) -> None:
     """Which steps of each span are valid: all of them, or what its flags say.
 
     Args:
         first, start, lengths: As in :func:`fill_states`.
         num_flags: (rows,) int32 as many as the span is long, or 0.
         at: Where the first object's flags begin.
-        flags: int8 or bool.
-        valid: (N, T) bool, filled.
+        flags: bool.
+        valid: (N, T) bool, filled; False beside the spans.
     """
     for row in range(len(valid)):
-        begin, has_flags = start[first + row], num_flags[first + row] > 0
-        for step in range(begin, begin + lengths[first + row]):
-            valid[row, step] = flags[at] if has_flags else True
-            at += has_flags
+        begin = start[first + row]
+        end = begin + lengths[first + row]
+        valid[row, :begin], valid[row, end:] = False, False
+        if num_flags[first + row] == 0:
+            valid[row, begin:end] = True
+        else:
+            for step in range(begin, end):
+                valid[row, step] = flags[at]
+                at += 1
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def fill_sizes(
     first: int, start: Array, spans: Array, lengths: Array, at: int, values: Array, valid: Array, size: Array, axis: int
 ) -> None:
-    """Extents at the valid steps alone; a list of one element holds at all of them.
+    """Extents at the valid steps alone, 0 at the others; a list of one element holds at all of them.
 
     Args:
         first, start: As in :func:`fill_states`.
@@ -79,13 +84,13 @@ def fill_sizes(
     for row in range(len(valid)):
         begin, length = start[first + row], lengths[first + row]
         step_size = 0 if length == 1 else 1
+        size[row, :begin, axis], size[row, begin + spans[first + row] :, axis] = 0, 0
         for step in range(begin, begin + spans[first + row]):
-            if valid[row, step]:
-                size[row, step, axis] = values[at + step_size * (step - begin)]
+            size[row, step, axis] = values[at + step_size * (step - begin)] if valid[row, step] else 0
         at += length
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def find_bounds(offsets: Array, points: Array, bounds: Array) -> None:
     """Extend each row's box by the points of its list.
 

@@ -10,7 +10,7 @@ import pyarrow as pa
 
 from scenarionet_data import tables
 from scenarionet_data.codec.arrow import batch, names_of, string_array
-from scenarionet_data.codec.columns import Columns
+from scenarionet_data.codec.columns import Rows
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario import Lights
 from scenarionet_data.vocabulary import LightState, Provenance
@@ -40,12 +40,11 @@ def encode_lights(scenario_id: str, lights: Lights, has_z: bool) -> pa.RecordBat
     return batch("lights", columns)
 
 
-def decode_lights(rows: Columns | None, bounds: Sequence[int], steps: Sequence[int]) -> list[Lights]:
-    """Lights of scenarios from their rows, one scenario after the other; none for None.
+def decode_lights(rows: Rows | None, steps: Sequence[int]) -> list[Lights]:
+    """Lights of scenarios from their rows, one scenario after the other.
 
     Args:
-        rows: Rows of the lights table.
-        bounds: (scenarios + 1) row at which each scenario begins, and the last one ends.
+        rows: Rows of the lights table; None when no scenario has lights.
         steps: (scenarios) timesteps of each.
 
     Raises:
@@ -53,25 +52,29 @@ def decode_lights(rows: Columns | None, bounds: Sequence[int], steps: Sequence[i
     """
     if rows is None:
         return [Lights.empty(num_steps) for num_steps in steps]
-    column = rows.lists["state"]
-    if not np.array_equal(column.lengths, np.repeat(steps, np.diff(bounds))):
+    columns, bounds = rows.columns, rows.bounds
+    states = columns.lists["state"]
+    if not np.array_equal(states.lengths, np.repeat(np.array(steps), np.diff(bounds))):
         raise LakeError(
-            "lights.state has not a state for each timestep: its file is damaged; `scenarionet check` names every "
+            "lights.state has not one state for each timestep: its file is damaged; `scenarionet check` names every "
             "scenario that is hit; restore the file from a copy of the lake, or convert its recordings again"
         )
-    stop = np.column_stack([rows.flat[f"stop_{axis}"] for axis in "xyz"])
+    stop = np.column_stack([columns.flat[f"stop_{axis}"] for axis in "xyz"])
     # Without heights stop_z is null, and a known stop point lies at z = 0 like everything else.
     stop[np.isnan(stop[:, 2]) & ~np.isnan(stop[:, 0]), 2] = 0
-    state, provenance = rows.codes("state", LightState), rows.codes("provenance", Provenance)
-    ids, lane_ids, is_lane_in_map = rows.strings("light_id"), rows.strings("lane_id"), rows.flat["is_lane_in_map"]
+    kept = {
+        "ids": columns.strings("light_id"),
+        "lane_ids": columns.strings("lane_id"),
+        "stop_point": stop,
+        "is_lane_in_map": columns.flat["is_lane_in_map"],
+        "provenance": columns.codes("provenance", Provenance),
+    }
+    state = columns.codes("state", LightState)
+    # Copies: who keeps one scenario of many keeps that one only.
     return [
         Lights(
-            ids=ids[first:last].copy(),
-            lane_ids=lane_ids[first:last].copy(),
-            stop_point=stop[first:last].copy(),
-            state=state[column.offsets[first] : column.offsets[last]].reshape(-1, num_steps).copy(),
-            is_lane_in_map=is_lane_in_map[first:last].copy(),
-            provenance=provenance[first:last].copy(),
+            state=state[states.offsets[first] : states.offsets[last]].reshape(-1, num_steps).copy(),
+            **{name: values[first:last].copy() for name, values in kept.items()},
         )
         for (first, last), num_steps in zip(pairwise(bounds), steps, strict=True)
     ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from scenarionet_data.codec.arrow import batch, list_array, names_of, string_array
-from scenarionet_data.codec.columns import Columns, Lists
+from scenarionet_data.codec.columns import Columns, Lists, Rows
 from scenarionet_data.codec.kernels import find_bounds
 from scenarionet_data.errors import LakeError
 from scenarionet_data.ragged import Ragged
@@ -79,42 +79,42 @@ def encode_map(
     return batch("maps", columns)
 
 
-def decode_maps(rows: Columns, bounds: Sequence[int]) -> list[MapFeatures]:
+def decode_maps(rows: Rows) -> list[MapFeatures]:
     """Map features of scenarios from their rows, in the rows' frame, one scenario after the other.
 
     Args:
         rows: Rows of the maps table.
-        bounds: (scenarios + 1) row at which each scenario begins, and the last one ends.
 
     Raises:
         LakeError: Lists of coordinates are not equally long: the file is damaged.
     """
-    kept = {
-        "ids": rows.strings("feature_id"),
-        "types": rows.codes("feature_type", MapFeatureType),
-        "speed_limit": rows.flat["speed_limit"],
-        "is_intersection": rows.flat["is_intersection"],
-        "extras": rows.strings("extras"),
-    }
+    columns = rows.columns
     for names in _POINTS.values():
-        _require_alike(rows, names)
-    # Copies: who keeps one scenario of many keeps that one only.
-    return [
-        MapFeatures(
-            **{name: values[first:last].copy() for name, values in kept.items()},
-            **{name: _points(rows, first, last, columns) for name, columns in _POINTS.items()},
-            **{name: _ids(rows.lists[name], first, last) for name in ID_LISTS},
-        )
-        for first, last in pairwise(bounds)
-    ]
+        _require_alike(columns, names)
+    kept = {
+        "ids": columns.strings("feature_id"),
+        "types": columns.codes("feature_type", MapFeatureType),
+        "speed_limit": columns.flat["speed_limit"],
+        "is_intersection": columns.flat["is_intersection"],
+        "extras": columns.strings("extras"),
+    }
+    return [_features(columns, kept, first, last) for first, last in pairwise(rows.bounds)]
 
 
-def _points(rows: Columns, first: int, last: int, names: Sequence[str]) -> Ragged:
+def _features(columns: Columns, kept: Mapping[str, Array], first: int, last: int) -> MapFeatures:
+    """One scenario's; copies, so that who keeps it keeps no other."""
+    fields: dict[str, Any] = {name: values[first:last].copy() for name, values in kept.items()}
+    fields |= {name: _points(columns, first, last, names) for name, names in _POINTS.items()}
+    fields |= {name: _ids(columns.lists[name], first, last) for name in ID_LISTS}
+    return MapFeatures(**fields)
+
+
+def _points(columns: Columns, first: int, last: int, names: Sequence[str]) -> Ragged:
     """Columns of lists side by side, as lists of points; 0 for one without lists."""
-    offsets = rows.lists[names[0]].offsets
+    offsets = columns.lists[names[0]].offsets
     points = np.zeros((offsets[last] - offsets[first], len(names)), np.float32)
     for axis, name in enumerate(names):
-        column = rows.lists[name]
+        column = columns.lists[name]
         start, end = column.offsets[first], column.offsets[last]
         if end > start:
             _require(name, end - start == len(points))
@@ -127,13 +127,12 @@ def _ids(column: Lists, first: int, last: int) -> Ragged:
     return Ragged(column.offsets[first : last + 1] - start, column.values[start:end].copy())
 
 
-def _require_alike(rows: Columns, names: Sequence[str]) -> None:
+def _require_alike(columns: Columns, names: Sequence[str]) -> None:
     """Coordinates have lists of the same lengths; there are none of z without heights."""
-    lengths = rows.lists[names[0]].lengths
+    lengths = columns.lists[names[0]].lengths
     for name in names[1:]:
-        column = rows.lists[name]
-        fits = np.array_equal(column.lengths, lengths) or ((column.lengths == lengths) | (column.lengths == 0)).all()
-        _require(name, bool(fits))
+        found = columns.lists[name].lengths
+        _require(name, bool(((found == lengths) | (found == 0)).all()))
 
 
 def _require(column: str, fits: bool) -> None:

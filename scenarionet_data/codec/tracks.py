@@ -11,7 +11,7 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from scenarionet_data.codec.arrow import batch, dictionary_of, list_array, names_of, offsets_of, string_array
-from scenarionet_data.codec.columns import Columns
+from scenarionet_data.codec.columns import Columns, Lists, Rows
 from scenarionet_data.codec.kernels import fill_sizes, fill_states, fill_valid
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario import Tracks
@@ -21,6 +21,7 @@ Array = npt.NDArray[Any]
 
 _STRINGS = {"track_id": "ids", "source_type": "source_type", "extras": "extras"}
 _EXTENTS = ("length", "width", "height")
+_OVER_TIME = ("x", "y", "z", "heading", "vx", "vy", *_EXTENTS, "valid")
 
 
 def encode_tracks(scenario_id: str, tracks: Tracks, has_z: bool) -> pa.RecordBatch:
@@ -63,37 +64,52 @@ def encode_tracks(scenario_id: str, tracks: Tracks, has_z: bool) -> pa.RecordBat
     return batch("tracks", columns)
 
 
-def decode_tracks(rows: Columns, bounds: Sequence[int], steps: Sequence[int]) -> list[Tracks]:
+def decode_tracks(rows: Rows, steps: Sequence[int]) -> list[Tracks]:
     """Tracks of scenarios from their rows, one scenario after the other.
 
     Args:
         rows: Rows of the tracks table.
-        bounds: (scenarios + 1) row at which each scenario begins, and the last one ends.
         steps: (scenarios) timesteps of each.
 
     Raises:
         LakeError: Lists do not fit their spans, or spans the scenario: the file is damaged.
     """
-    start, lengths = rows.flat["start"], rows.lists["x"].lengths
-    _require("start", bool((start >= 0).all() and (start + lengths <= np.repeat(steps, np.diff(bounds))).all()))
-    _require_spans(rows, lengths, bounds)
-    kept = {name: rows.flat[name] for name in ("is_size_assumed", "is_type_assumed", "is_velocity_estimated")}
-    kept |= {column: rows.strings(name) for name, column in _STRINGS.items()}
-    kept["object_type"] = rows.codes("object_type", ObjectType)
+    columns, bounds = rows.columns, rows.bounds
+    start, spans = columns.flat["start"], columns.lists["x"].lengths
+    ends = np.repeat(np.array(steps), np.diff(bounds))
+    _require("start", bool((start >= 0).all() and (start + spans <= ends).all()))
+    for name in _OVER_TIME:
+        _require(name, _is_like(columns.lists[name], name, spans, bounds))
+    kept = {name: columns.flat[name] for name in ("is_size_assumed", "is_type_assumed", "is_velocity_estimated")}
+    kept |= {field: columns.strings(name) for name, field in _STRINGS.items()}
+    kept["object_type"] = columns.codes("object_type", ObjectType)
     # Copies: who keeps one scenario of many keeps that one only.
     return [
-        Tracks(**_grids(rows, first, last, num_steps), **{name: kept[name][first:last].copy() for name in kept})
+        Tracks(**_grids(columns, first, last, num_steps), **{name: kept[name][first:last].copy() for name in kept})
         for (first, last), num_steps in zip(pairwise(bounds), steps, strict=True)
     ]
 
 
-def _grids(rows: Columns, first: int, last: int, steps: int) -> dict[str, Array]:
+def _is_like(column: Lists, name: str, spans: Array, bounds: Sequence[int]) -> bool:
+    """Whether lists are as long as their spans are: compiled loops do not look at bounds."""
+    fits = column.lengths == spans
+    if name in _EXTENTS:
+        fits |= column.lengths == 1
+    elif name == "valid":  # no flags where all of a span is valid
+        fits |= column.lengths == 0
+    elif name == "z" and not fits.all():  # none in scenarios without heights
+        has_any = np.diff(column.offsets[bounds]) > 0
+        fits |= (column.lengths == 0) & ~np.repeat(has_any, np.diff(bounds))
+    return bool(fits.all()) and column.offsets[-1] <= len(column.values)
+
+
+def _grids(columns: Columns, first: int, last: int, steps: int) -> dict[str, Array]:
     """What a scenario's tracks have over time."""
     shape = (last - first, steps)
-    position, heading = np.zeros((*shape, 3), np.float32), np.zeros(shape, np.float32)
-    velocity, size = np.zeros((*shape, 2), np.float32), np.zeros((*shape, 3), np.float32)
-    valid = np.zeros(shape, np.bool_)
-    start, lists = rows.flat["start"], rows.lists
+    position, heading = np.empty((*shape, 3), np.float32), np.empty(shape, np.float32)
+    velocity, size = np.empty((*shape, 2), np.float32), np.empty((*shape, 3), np.float32)
+    valid = np.empty(shape, np.bool_)
+    start, lists = columns.flat["start"], columns.lists
     spans, heights, flags = lists["x"], lists["z"], lists["valid"]
     has_z = heights.offsets[last] > heights.offsets[first]
     at, at_z = spans.offsets[first], heights.offsets[first] if has_z else -1
@@ -101,26 +117,10 @@ def _grids(rows: Columns, first: int, last: int, steps: int) -> dict[str, Array]
     fill_states(first, start, spans.lengths, at, at_z, states, (position, heading, velocity))
     fill_valid(first, start, spans.lengths, flags.lengths, flags.offsets[first], flags.values, valid)
     for axis, name in enumerate(_EXTENTS):
-        column = lists[name]
-        fill_sizes(
-            first, start, spans.lengths, column.lengths, column.offsets[first], column.values, valid, size, axis
-        )
+        extent = lists[name]
+        at = extent.offsets[first]
+        fill_sizes(first, start, spans.lengths, extent.lengths, at, extent.values, valid, size, axis)
     return {"position": position, "heading": heading, "velocity": velocity, "size": size, "valid": valid}
-
-
-def _require_spans(rows: Columns, lengths: Array, bounds: Sequence[int]) -> None:
-    """Compiled loops do not look at bounds: what they read is made sure of here."""
-    for name in ("x", "y", "z", "heading", "vx", "vy", *_EXTENTS, "valid"):
-        column = rows.lists[name]
-        is_span = column.lengths == lengths
-        if name in _EXTENTS:
-            is_span |= column.lengths == 1
-        elif name == "valid":  # no flags where all of a span is valid
-            is_span |= column.lengths == 0
-        elif name == "z" and not is_span.all():  # none in scenarios without heights
-            has_any = np.diff(column.offsets[bounds]) > 0
-            is_span |= (column.lengths == 0) & ~np.repeat(has_any, np.diff(bounds))
-        _require(name, bool(is_span.all()) and column.offsets[-1] <= len(column.values))
 
 
 def _spans(valid: Array) -> tuple[Array, Array]:

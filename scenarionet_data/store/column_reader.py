@@ -94,14 +94,14 @@ class ColumnReader:
             at = kernels.stage(group.content, group.base, its_chunks, pages[:, place], data, at)
         for column, place in np.argwhere(pages[:, :, kernels.STORED_END] > 0).tolist():
             start, end, *stored = pages[column, place, _PLACES].tolist()
-            if not self._inflate(groups[place].content[slice(*stored)], data[start:end]):
+            if not self._inflate(groups[place].content[slice(*stored)].data, data[start:end]):
                 pages[column, place, kernels.START] = kernels.DAMAGED
         damaged = np.flatnonzero((pages[:, :, kernels.START] == kernels.DAMAGED).any(axis=1))
         if len(damaged):
             raise _Damaged(f"column {self._columns[damaged[0]].column.name} is damaged")
         return pages, data
 
-    def _inflate(self, stored: Array, place: Array) -> bool:
+    def _inflate(self, stored: memoryview, place: Array) -> bool:
         """Inflate a page in zstd; returns whether it fills its place."""
         try:
             # Asked first: what is longer than its place is damaged, too.

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import os
 import re
+import time
 import uuid
+from collections import deque
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -25,6 +27,9 @@ _ENDPOINTS = ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT")
 _PUBLISHER = "publisher"
 _PAGE = 1000
 """Files that a store names in one answer."""
+
+_ANSWERS = 4
+"""Small answers whose quickest tells how far away a store is."""
 
 _first_used_by: int | None = None
 
@@ -68,6 +73,7 @@ class ObjectStore:
             raise LakeError(f"{url}: wanted a folder, s3://BUCKET/PREFIX, gs://BUCKET/PREFIX or file:///FOLDER")
         _refuse_after_fork(url)
         self._obstore: Any = obstore
+        self._answer_times: deque[float] = deque(maxlen=_ANSWERS)
         try:
             self._store: Any = obstore.store.from_url(url, **_options(scheme))
         except (obstore.exceptions.BaseError, ValueError) as error:
@@ -77,7 +83,7 @@ class ObjectStore:
 
     def list(self, folder: str) -> tuple[list[Stored], list[str]]:
         """Files directly in a folder, and the names of the folders in it."""
-        with self._asking(folder):
+        with self._asking(folder), self._timed():
             found = self._obstore.list_with_delimiter(self._store, None if folder == "." else folder)
         return [_stored(each) for each in found["objects"]], [
             each.rstrip("/").rpartition("/")[2] for each in found["common_prefixes"]
@@ -104,7 +110,7 @@ class ObjectStore:
     def find(self, name: str) -> Stored | None:
         """A file; None when it is not there."""
         try:
-            with self._asking(name):
+            with self._asking(name), self._timed():
                 return _stored(self._obstore.head(self._store, name))
         except FileNotFoundError:
             return None
@@ -160,6 +166,19 @@ class ObjectStore:
         """Remove files; those that are not there are as wanted."""
         with self._asking(names[0] if names else ""):
             self._obstore.delete(self._store, list(names))
+
+    # --- how far away it is -----------------------------------------------------------------------------
+
+    @property
+    def answer_time(self) -> float | None:
+        """How long an answer takes [s]: the quickest of the last few small ones; None before the first."""
+        return min(self._answer_times, default=None)
+
+    @contextmanager
+    def _timed(self) -> Iterator[None]:
+        started = time.perf_counter()
+        yield
+        self._answer_times.append(time.perf_counter() - started)
 
     # --- refusals ---------------------------------------------------------------------------------------
 

@@ -24,7 +24,7 @@ DAMAGED = -2
 
 # Columns of an array of chunks: where one begins and ends in its file, its levels, its codec, its size when inflated,
 # and the encodings that are known for it, a bit each.
-_FIRST, _LAST, _LEVELS, _CODEC, CHUNK_SIZE, _KNOWN = range(6)
+CHUNK_START, CHUNK_END, _LEVELS, _CODEC, CHUNK_SIZE, _KNOWN = range(6)
 OTHER_CODEC, LZ4, ZSTD = 0, 1, 2
 
 # Columns of an array of pages: where one begins (or UNKNOWN, DAMAGED) and ends, its size, its levels and encoding,
@@ -37,7 +37,7 @@ PLAIN, BYTE_STREAM_SPLIT, INDICES = 0, 9, 8
 NULLABLE, LIST = 1, 2
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def stage(data: Array, base: int, chunks: Array, pages: Array, scratch: Array, at: int) -> int:
     """Find a row group's pages and inflate those in LZ4; those in zstd get their place.
 
@@ -57,10 +57,10 @@ def stage(data: Array, base: int, chunks: Array, pages: Array, scratch: Array, a
     return at
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _stage(data: Array, base: int, chunk: Array, page: Array, scratch: Array, at: int, limit: int) -> int:
     """One column's page: where it begins in ``scratch``, between ``at`` and ``limit``."""
-    first, end, codec = chunk[_FIRST] - base, chunk[_LAST] - base, chunk[_CODEC]
+    first, end, codec = chunk[CHUNK_START] - base, chunk[CHUNK_END] - base, chunk[_CODEC]
     page[:] = 0
     if first < 0 or end > len(data) or codec == OTHER_CODEC:
         return UNKNOWN
@@ -85,12 +85,12 @@ def _stage(data: Array, base: int, chunk: Array, page: Array, scratch: Array, at
     return at
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _inflate(data: Array, at: int, end: int, target: Array, first: int, stop: int) -> bool:
     """Inflate an LZ4 block into ``target[first:stop]``; returns whether it fills just that."""
     to = first
     while at < end:
-        token = data[at]
+        token = _byte(data, at)
         length, at = _extended(data, at + 1, end, token >> 4)
         if length > end - at or length > stop - to:
             return False
@@ -101,7 +101,7 @@ def _inflate(data: Array, at: int, end: int, target: Array, first: int, stop: in
             return to == stop
         if end - at < 2:
             return False
-        distance = np.int64(data[at]) | np.int64(data[at + 1]) << 8
+        distance = _byte(data, at) | _byte(data, at + 1) << 8
         length, at = _extended(data, at + 2, end, token & 15)
         length += 4
         if distance == 0 or distance > to - first or length > stop - to:
@@ -112,21 +112,21 @@ def _inflate(data: Array, at: int, end: int, target: Array, first: int, stop: in
     return False
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _extended(data: Array, at: int, end: int, nibble: int) -> tuple[int, int]:
     """A length that goes on in further bytes when its four bits are full."""
-    length = np.int64(nibble)
+    length = nibble
     if length == 15:
         while at < end:
-            byte = data[at]
+            byte = _byte(data, at)
             at += 1
-            length += np.int64(byte)
+            length += byte
             if byte != 255:
                 break
     return length, at
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def read_words(data: Array, pages: Array, shape: int, lists: Array, values: Array) -> tuple[int, int]:
     """Values of 4 bytes, PLAIN or in BYTE_STREAM_SPLIT.
 
@@ -155,7 +155,7 @@ def read_words(data: Array, pages: Array, shape: int, lists: Array, values: Arra
     return rows, done
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def read_bits(data: Array, pages: Array, shape: int, lists: Array, values: Array) -> tuple[int, int]:
     """Like :func:`read_words`, truth values: ``values`` is (sum of levels,) int8."""
     rows, done = 0, 0
@@ -170,7 +170,7 @@ def read_bits(data: Array, pages: Array, shape: int, lists: Array, values: Array
     return rows, done
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def read_texts(data: Array, pages: Array, shape: int, lists: Array, offsets: Array, text: Array) -> tuple[int, int]:
     """Like :func:`read_words`, texts.
 
@@ -199,7 +199,7 @@ def read_texts(data: Array, pages: Array, shape: int, lists: Array, offsets: Arr
     return rows, done
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def read_indices(data: Array, pages: Array, shape: int, codes: Array, lists: Array, values: Array) -> tuple[int, int]:
     """Like :func:`read_words`, words of a dictionary: ``values`` is (sum of levels,) int32.
 
@@ -220,7 +220,7 @@ def read_indices(data: Array, pages: Array, shape: int, codes: Array, lists: Arr
     return rows, done
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _add_up(lists: Array, rows: int) -> None:
     """Offsets from lengths."""
     lists[1, 0] = 0
@@ -228,12 +228,12 @@ def _add_up(lists: Array, rows: int) -> None:
         lists[1, row + 1] = lists[1, row] + lists[0, row]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _read_indices(data: Array, at: int, end: int, values: Array) -> bool:
     """Indices of a page: their width, and the hybrid; returns whether all are there."""
     if at >= end:
         return len(values) == 0
-    width = np.int64(data[at])
+    width = _byte(data, at)
     at, done = at + 1, 0
     if width > 24:  # of words, not of rows
         return False
@@ -247,14 +247,14 @@ def _read_indices(data: Array, at: int, end: int, values: Array) -> bool:
             bit = place * width if is_packed else 0
             value = 0
             for k in range(bit, bit + width):
-                value |= (np.int64(data[at + (k >> 3)]) >> (k & 7) & 1) << (k - bit)
+                value |= (_byte(data, at + (k >> 3)) >> (k & 7) & 1) << (k - bit)
             values[done + place] = value
         at += (header >> 1) * width if is_packed else (width + 7) // 8
         done = stop
     return done == len(values)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _join(streams: Array, count: int, values: Array) -> None:
     """Words from their first, second, third and fourth bytes, one stream after the other."""
     first, second = streams[:count], streams[count : 2 * count]
@@ -264,17 +264,18 @@ def _join(streams: Array, count: int, values: Array) -> None:
         values[i] = low | np.uint32(third[i]) << np.uint32(16) | np.uint32(fourth[i]) << np.uint32(24)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _read_levels(data: Array, page: Array, shape: int, lengths: Array) -> tuple[int, int, int]:
     """Lengths of a page's rows; their number (or UNKNOWN), the number of values, and where these begin."""
     at, end, num_levels = page[START], page[END], page[LEVELS]
     rows, empty = num_levels, 0
-    lengths[:num_levels] = 1
-    if shape & LIST:
+    if not shape & LIST:
+        lengths[:num_levels] = 1
+    else:
         stop = _levels_end(data, at, end)
         rows = UNKNOWN if stop == UNKNOWN else _count_levels(data, at + 4, stop, num_levels, lengths)
         at = stop
-    if shape & NULLABLE or shape & LIST and rows != UNKNOWN:
+    if shape & NULLABLE or (shape & LIST and rows != UNKNOWN):
         stop = UNKNOWN if rows == UNKNOWN else _levels_end(data, at, end)
         deepest = 2 if shape == NULLABLE | LIST else 1
         empty = UNKNOWN if stop == UNKNOWN else _mark_empty(data, at + 4, stop, num_levels, deepest, lengths)
@@ -282,7 +283,7 @@ def _read_levels(data: Array, page: Array, shape: int, lengths: Array) -> tuple[
     return UNKNOWN if empty == UNKNOWN else rows, num_levels - empty, at
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _levels_end(data: Array, at: int, end: int) -> int:
     """Where levels end that begin with their size."""
     if end - at < 4:
@@ -291,48 +292,51 @@ def _levels_end(data: Array, at: int, end: int) -> int:
     return stop if stop <= end else UNKNOWN
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _count_levels(data: Array, at: int, end: int, num_levels: int, lengths: Array) -> int:
     """Levels of each list, from repetition levels: 0 where a list begins, else 1; returns the number of lists."""
-    done, rows = 0, 0
+    done, rows, begin = 0, 0, 0
     while done < num_levels and at < end:
-        header, at = count_at(data, at)
-        is_packed = header & 1
-        stop = min(done + (header >> 1) * (8 if is_packed else 1), num_levels)
-        if at + ((stop - done + 7) // 8 if is_packed else 1) > end:
-            return UNKNOWN
-        place = 0
-        while is_packed and place < stop - done:
-            bits = data[at + (place >> 3)]
-            if bits == 255 and place + 8 <= stop - done and rows > 0:
-                lengths[rows - 1] += 8
-                place += 8
-                continue
-            for k in range(min(8, stop - done - place)):
-                if bits >> k & 1 == 0:
-                    lengths[rows] = 0
-                    rows += 1
-                if rows == 0:
-                    return UNKNOWN
-                lengths[rows - 1] += 1
-            place += 8
-        if not is_packed and data[at] == 0:
-            lengths[rows : rows + stop - done] = 1
-            rows += stop - done
-        elif not is_packed and rows > 0:
-            lengths[rows - 1] += stop - done
-        at += header >> 1 if is_packed else 1
+        header, at = _byte(data, at), at + 1
+        if header > 127:
+            header, at = count_at(data, at - 1)
+        if header & 1:
+            stop = min(done + ((header >> 1) << 3), num_levels)
+            if at + ((stop - done + 7) >> 3) > end or (done == 0 and stop > 0 and data[at] & 1):
+                return UNKNOWN
+            for place in range(done, stop, 8):
+                bits = _byte(data, at + ((place - done) >> 3))
+                if bits == 255:
+                    continue
+                for level in range(place, min(place + 8, stop)):
+                    if (bits >> (level - place)) & 1 == 0:
+                        lengths[max(rows - 1, 0)] = level - begin
+                        rows, begin = rows + 1, level
+            at += header >> 1
+        else:
+            stop = min(done + (header >> 1), num_levels)
+            if at >= end or (done == 0 and stop > 0 and data[at] != 0):  # no list begins with the first level
+                return UNKNOWN
+            if data[at] == 0:
+                for level in range(done, stop):
+                    lengths[max(rows - 1, 0)] = level - begin
+                    rows, begin = rows + 1, level
+            at += 1
         done = stop
-    return rows if done == num_levels and rows > 0 else UNKNOWN
+    if done < num_levels or rows == 0:
+        return UNKNOWN
+    lengths[rows - 1] = num_levels - begin
+    return rows
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _mark_empty(data: Array, at: int, end: int, num_levels: int, deepest: int, lengths: Array) -> int:
     """Set lengths of rows without values to 0: their one definition level is not the deepest; returns their number.
 
     Levels have 1 bit each, or 2 where ``deepest`` is 2; both never cross a byte.
     """
     width, mask = deepest, (1 << deepest) - 1
+    in_byte, full = 8 // deepest, 255 if deepest == 1 else 0b10101010
     done, empty, row, next_begin = 0, 0, -1, 0
     while done < num_levels and at < end:
         header, at = count_at(data, at)
@@ -340,20 +344,30 @@ def _mark_empty(data: Array, at: int, end: int, num_levels: int, deepest: int, l
         stop = min(done + (header >> 1) * (8 if is_packed else 1), num_levels)
         if at + (((stop - done) * width + 7) // 8 if is_packed else 1) > end:
             return UNKNOWN
-        for place in range(done, stop if is_packed or data[at] != deepest else done):
-            bit = (place - done) * width
-            if is_packed and data[at + (bit >> 3)] >> (bit & 7) & mask == deepest:
+        for first in range(done, stop, in_byte):
+            bits = data[at + (first - done) // in_byte] if is_packed else data[at]
+            if bits == (full if is_packed else deepest):
                 continue
-            while next_begin <= place:
-                row += 1
-                next_begin += lengths[row]
-            lengths[row] = 0
-            empty += 1
+            for place in range(first, min(first + in_byte, stop)):
+                if is_packed and bits >> ((place - first) * width) & mask == deepest:
+                    continue
+                while next_begin <= place:
+                    row += 1
+                    next_begin += lengths[row]
+                lengths[row] = 0
+                empty += 1
         at += (header >> 1) * width if is_packed else 1
         done = stop
     return empty if done == num_levels else UNKNOWN
 
 
-@njit(cache=True)
-def _uint32(data: Array, at: int) -> int:
-    return np.int64(data[at]) | np.int64(data[at + 1]) << 8 | np.int64(data[at + 2]) << 16 | np.int64(data[at + 3]) << 24
+@njit(cache=True, nogil=True)
+def _uint32(data: Array, at: int) -> Any:
+    low = _byte(data, at) | _byte(data, at + 1) << 8
+    return low | _byte(data, at + 2) << 16 | _byte(data, at + 3) << 24
+
+
+@njit(cache=True, nogil=True)
+def _byte(data: Array, at: int) -> Any:
+    """A byte to reckon with: of an unsigned and a signed number compiled code makes a float."""
+    return np.int64(data[at])

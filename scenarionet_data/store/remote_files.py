@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
@@ -24,9 +24,7 @@ from scenarionet_data.store.file_errors import reading, writing
 from scenarionet_data.store.files import LakeFiles, Listed, open_files
 from scenarionet_data.store.local_copies import LocalCopies, folder_of
 from scenarionet_data.store.object_store import ObjectStore
-
-_AT_ONCE = 32
-"""Requests in flight."""
+from scenarionet_data.store.requests import Requests
 
 FOOTER = 2**17
 """Bytes asked of the end of a file to have its footer: those of 64 row groups are 60-100 kB."""
@@ -67,17 +65,16 @@ class RemoteLakeFiles(LakeFiles):
     # --- many requests at once --------------------------------------------------------------------------
 
     @cached_property
-    def _threads(self) -> ThreadPoolExecutor:
-        return ThreadPoolExecutor(_AT_ONCE, "scenarionet-requests")
+    def _requests(self) -> Requests:
+        return Requests(lambda: self._store.answer_time)
 
     def start(self, do: Callable[..., Made], *given: Any) -> Future[Made]:
         """Do something in another thread; for requests, which mostly wait."""
-        return self._threads.submit(do, *given)
+        return self._requests.start(do, *given)
 
     def side_by_side(self, do: Callable[[Given], Made], given: Iterable[Given]) -> list[Made]:
         """What ``do`` makes of each, many at once."""
-        listed = list(given)
-        return [do(listed[0])] if len(listed) == 1 else list(self._threads.map(do, listed))
+        return self._requests.side_by_side(do, given)
 
     # --- what is there ----------------------------------------------------------------------------------
 

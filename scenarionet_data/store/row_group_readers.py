@@ -19,7 +19,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scenarionet_data import tables
-from scenarionet_data.codec import Part
+from scenarionet_data.codec import Rows
 from scenarionet_data.store.column_reader import ColumnReader
 from scenarionet_data.store.file_errors import reading
 from scenarionet_data.store.files import LakeFiles
@@ -38,13 +38,17 @@ Address = tuple[str, str, int]
 """Table, file and number of a row group."""
 
 
+Span = tuple[int, int, Address]
+"""Where the bytes of a row group begin and end in its file."""
+
+
 class RowGroupReader(Protocol):
     """Reads row groups of many files; for one thread."""
 
     def fetch(self, addresses: Iterable[Address]) -> None:
         """Have row groups at hand that are read next."""
 
-    def read(self, addresses: Sequence[Address]) -> Part:
+    def read(self, addresses: Sequence[Address]) -> Rows:
         """Rows of some row groups of one table, one after the other.
 
         Raises:
@@ -76,9 +80,9 @@ class _Tables:
         declared.check_version(metadata.metadata, url)
         return Footer(metadata, declared, self._columns[table])
 
-    def read(self, table: str, groups: Sequence[RowGroup]) -> Part:
+    def read(self, table: str, groups: Sequence[RowGroup]) -> Rows:
         """Rows of some row groups, one after the other."""
-        return Part(self._readers[table].read(groups), [0, *accumulate(group.num_rows for group in groups)])
+        return Rows(self._readers[table].read(groups), [0, *accumulate(group.num_rows for group in groups)])
 
 
 class _OpenFile:
@@ -113,7 +117,7 @@ class FileReader:
     def fetch(self, addresses: Iterable[Address]) -> None:
         """Nothing: files are mapped."""
 
-    def read(self, addresses: Sequence[Address]) -> Part:
+    def read(self, addresses: Sequence[Address]) -> Rows:
         """Rows of some row groups of one table, one after the other."""
         return self._tables.read(addresses[0][0], [self._row_group(*address) for address in addresses])
 
@@ -191,12 +195,11 @@ class RangeReader:
         for run in sorted(runs, key=lambda run: min(missing[address] for _, _, address in run)):
             (first, _, (_, name, _)), last = run[0], run[-1][1]
             answer = self._files.start(self._files.range, name, first, last)
-            for _, _, address in run:
-                self._coming[address] = _Coming(first, answer)
+            self._coming.update((address, _Coming(first, answer)) for _, _, address in run)
         while len(self._coming) > max(_MOST_COMING, len(missing)):  # nobody has read them
             self._coming.popitem(last=False)
 
-    def read(self, addresses: Sequence[Address]) -> Part:
+    def read(self, addresses: Sequence[Address]) -> Rows:
         """Rows of some row groups of one table, one after the other."""
         self.fetch(addresses)
         self._learn(addresses)
@@ -227,9 +230,6 @@ class RangeReader:
             self._footers.move_to_end(name)
         while len(self._footers) > max(_KEPT_FOOTERS, len(addresses)):
             self._footers.popitem(last=False)
-
-
-Span = tuple[int, int, Address]
 
 
 def _runs(spans: Iterable[Span]) -> list[list[Span]]:

@@ -56,11 +56,9 @@ class Footer:
         return int(self.metadata.row_group(number).num_rows)
 
     def span(self, number: int) -> tuple[int, int]:
-        """Where a row group's bytes begin and end."""
-        group = self.metadata.row_group(number)
-        columns = [group.column(index) for index in range(group.num_columns)]
-        starts = [_start(column) for column in columns]
-        return min(starts), max(s + c.total_compressed_size for s, c in zip(starts, columns, strict=True))
+        """Where the bytes of a row group's columns begin and end."""
+        chunks = self.chunks(number)
+        return int(chunks[:, kernels.CHUNK_START].min()), int(chunks[:, kernels.CHUNK_END].max())
 
     def chunks(self, number: int) -> Array:
         """(columns, 6) int64 where a row group's columns are, see ``page_kernels``."""
