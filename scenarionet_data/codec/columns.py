@@ -40,8 +40,9 @@ class Columns:
 
     Attributes:
         num_rows: Rows.
-        flat: Columns of one value a row, (num_rows,): float32 with NaN for null, int32, bool, int8 with -1 for null
-            where a truth value may be null, str or None; of words, int32 numbers with -1 for null.
+        flat: Columns of one value a row, (num_rows,): float32 with NaN for null, int32, bool, str or None; where they
+            may be null, int8 with -1 for truth values and float64 with NaN for integers; of words, int32 numbers
+            with -1 for null.
         lists: Columns of lists, of such values.
         words: What the numbers in columns of words stand for.
     """
@@ -123,6 +124,8 @@ def _numpy(values: pa.Array, declared: Column) -> Array:
         values = values.fill_null(-1)
     elif declared.type == "bool" and declared.nullable:
         values = values.cast(pa.int8()).fill_null(-1)
+    elif declared.type == "int32" and declared.nullable:
+        values = values.cast(pa.float64())
     found: Array = values.to_numpy(zero_copy_only=False)
     return found
 

@@ -210,7 +210,7 @@ def _strings(offsets: Array, text: Array) -> Array:
     array = pa.Array.from_buffers(pa.large_string(), len(offsets) - 1, buffers)
     try:
         strings: Array = array.to_numpy(zero_copy_only=False)
-    except UnicodeDecodeError as error:
+    except (UnicodeDecodeError, pa.ArrowException) as error:
         raise _Damaged("a text is damaged") from error
     return strings
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 import pyarrow.parquet as pq
 
 from scenarionet_data.store import page_kernels as kernels
-from scenarionet_data.tables import Table
+from scenarionet_data.tables import Column, Table
 
 Array = npt.NDArray[Any]
 
@@ -28,6 +28,11 @@ _KNOWN = {
 """Encodings that compiled loops know, a bit each, by type."""
 _LARGEST = 2**30
 """Bytes of a column in a row group that a damaged footer may ask for; Arrow judges what is larger."""
+
+
+def _known(column: Column) -> int:
+    is_float = column.type == "int32" and column.nullable  # none that is loaded
+    return 0 if is_float else _KNOWN.get(column.element, 0)
 
 
 class Footer:
@@ -48,7 +53,7 @@ class Footer:
         missing = [name for name in names if table.column(name).path not in places]
         if missing:
             raise OSError(f"it has no column {missing[0]}")
-        self._columns = [(places[column.path], _KNOWN.get(column.element, 0)) for column in map(table.column, names)]
+        self._columns = [(places[column.path], _known(column)) for column in map(table.column, names)]
         self._chunks: dict[int, Array] = {}
 
     def num_rows(self, number: int) -> int:
