@@ -13,10 +13,9 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-import polars as pl
-import pyarrow as pa
 
 from scenarionet_data import codec, tables
+from scenarionet_data.arrow_rows import ArrowRows
 from scenarionet_data.catalog.database import Database
 from scenarionet_data.catalog.lake import Lake
 from scenarionet_data.codec import Rows
@@ -59,9 +58,9 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
         holder, rows = opened.resolve(scenarios)
         self._files = opened.files
         self._snapshot = holder.snapshot
-        self._rows = _frame(rows)
+        self._rows = ArrowRows(rows)
         self._shared_maps = SharedMaps(self._files, holder.shared_maps())
-        self.scenario_ids: list[str] = self._rows["scenario_id"].to_list()
+        self.scenario_ids: list[str] = self._rows.table["scenario_id"].to_pylist()
         self._local = threading.local()
 
     def __getstate__(self) -> dict[str, Any]:
@@ -70,7 +69,7 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
     def __setstate__(self, state: dict[str, Any]) -> None:
         self._files, self._snapshot = state["files"], state["snapshot"]
         self._rows, self._shared_maps = state["rows"], state["maps"]
-        self.scenario_ids = self._rows["scenario_id"].to_list()
+        self.scenario_ids = self._rows.table["scenario_id"].to_pylist()
         self._local = threading.local()
 
     def __len__(self) -> int:
@@ -127,7 +126,7 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
         outside = [index for index in indices if not -len(self) <= index < len(self)]
         if outside:
             raise IndexError(f"scenario {outside[0]} of {len(self)}")
-        return [self._rows.row(index % len(self), named=True) for index in indices]
+        return [self._rows[index % len(self)] for index in indices]
 
     def _scenarios(self, known: Sequence[Row]) -> list[ScenarioDescription]:
         """Scenarios whose row groups are at hand."""
@@ -194,14 +193,6 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
             self._local.reader = open_reader(self._files, _NEEDED)
         reader: RowGroupReader = self._local.reader
         return reader
-
-
-def _frame(rows: pa.Table) -> pl.DataFrame:
-    """Rows that are asked for one at a time: 9 us each, of Arrow 75."""
-    frame = pl.from_arrow(rows, rechunk=True)
-    if not isinstance(frame, pl.DataFrame):
-        raise TypeError(f"wanted a table, found {type(rows)}")
-    return frame
 
 
 def _portions(rows: Sequence[Row]) -> Iterator[Sequence[Row]]:

