@@ -5,6 +5,8 @@ RLE/bit-packed hybrid; values PLAIN or in BYTE_STREAM_SPLIT) and LZ4 blocks,
 https://github.com/lz4/lz4/blob/dev/doc/lz4_Block_format.md. Damaged bytes end in ``UNKNOWN``, nothing is read or
 written out of bounds.
 
+They run without Python's lock, so that threads decode side by side.
+
 A column's values are told by ``lengths``, one for each row: of its list, or 1 and 0 for a value and a null.
 """
 
@@ -73,7 +75,7 @@ def _stage(data: Array, base: int, chunk: Array, page: Array, scratch: Array, at
         page[WORDS_START], page[WORDS_END], page[NUM_WORDS] = at, at + size, count
         at += size
         stored, stored_size, size, kind, count, encoding = read_header(data, stored + stored_size)
-    is_whole = stored_size >= 0 and stored + stored_size == end and count == chunk[_LEVELS]
+    is_whole = stored_size >= 0 and stored + stored_size == end and 0 <= count == chunk[_LEVELS]
     is_known = kind == DATA_PAGE and 0 <= encoding < 16 and chunk[_KNOWN] >> encoding & 1
     if not is_whole or not is_known or not 0 <= size <= limit - at:
         return UNKNOWN

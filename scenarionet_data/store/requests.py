@@ -50,9 +50,9 @@ class Requests:
         future: Future[Made] = Future()
         with self._lock:
             self._waiting.append((future, do, given))
-            is_late = self._num_running >= self.at_once
-            self._num_running += not is_late
-        if not is_late:
+            is_full = self._num_running >= self.at_once
+            self._num_running += not is_full
+        if not is_full:
             self._threads.submit(self._run)
         return future
 

@@ -37,7 +37,6 @@ _GAP = 2**20
 Address = tuple[str, str, int]
 """Table, file and number of a row group."""
 
-
 Span = tuple[int, int, Address]
 """Where the bytes of a row group begin and end in its file."""
 

@@ -22,7 +22,7 @@ from scenarionet_data import Lake, ScenarioLoader, codec, tables
 from scenarionet_data.arrow_rows import ArrowRows
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.errors import LakeError, NoSuchSnapshot, ScenarioNotFound
-from scenarionet_data.store import row_group_readers
+from scenarionet_data.store import row_group_readers, row_groups
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.files import LakeFiles, sha256
 from scenarionet_data.store.shard_record import partition
@@ -92,6 +92,12 @@ def test_a_batch_keeps_the_order_asked_for(lake):
     assert loaded.batch([]) == []
     for tracks, seed in zip(loaded.batch_tracks(order), wanted, strict=True):
         assert differences(tracks, made(seed).tracks) == []
+
+
+def test_what_compiled_loops_do_not_know_is_read_by_arrow(lake, monkeypatch):
+    monkeypatch.setattr(row_groups, "_KNOWN", {})
+    for seed, scenario in enumerate(ScenarioLoader(lake)):
+        assert differences(scenario, made(seed)) == []
 
 
 def test_a_batch_reads_in_the_order_on_disk(lake, monkeypatch):

@@ -10,7 +10,7 @@ import pytest
 
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.errors import DatabaseExists, LakeError, MissingDependency, NoSuchSnapshot, QueryError
-from scenarionet_data.store import remote_files, row_group_readers
+from scenarionet_data.store import remote_files, row_group_readers, row_groups
 from scenarionet_data.store.files import LakeFiles, open_files
 from scenarionet_data.testing import differences
 from tests.fixtures.lakes import write_lake
@@ -44,6 +44,15 @@ def test_a_lake_in_a_bucket(url, store, tmp_path):
 @pytest.fixture
 def lake(url):
     return write_lake(url, MADE)
+
+
+def test_what_arrow_reads_comes_by_ranges_too(lake, store, monkeypatch):
+    monkeypatch.setattr(row_groups, "_KNOWN", {"float32": row_groups._KNOWN["float32"]})  # leaves the rest to Arrow
+    loaded = ScenarioLoader(lake)
+    assert [differences(a, b) for a, b in zip(loaded.batch(range(6)), MADE, strict=True)] == [[]] * 6
+    store.set()
+    assert differences(loaded[2], MADE[2]) == []
+    assert len(store.requests()) == 3
 
 
 @pytest.mark.long
