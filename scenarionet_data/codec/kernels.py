@@ -23,16 +23,13 @@ def fill_states(
         at: Where the first object's elements begin.
         at_z: The same of ``z``; negative when the scenario has none.
         inputs: Lists' elements: float32 x, y, z, heading, vx, vy.
-        outputs: (N, T, 3) position, (N, T) heading, (N, T, 2) velocity, all float32, filled; 0 beside the spans.
+        outputs: (N, T, 3) position, (N, T) heading, (N, T, 2) velocity, all float32, 0, filled.
     """
     x, y, z, heading, vx, vy = inputs
     position, headings, velocity = outputs
     for row in range(len(headings)):
         begin = start[first + row]
-        end = begin + lengths[first + row]
-        position[row, :begin], headings[row, :begin], velocity[row, :begin] = 0, 0, 0
-        position[row, end:], headings[row, end:], velocity[row, end:] = 0, 0, 0
-        for step in range(begin, end):
+        for step in range(begin, begin + lengths[first + row]):
             position[row, step, 0] = x[at]
             position[row, step, 1] = y[at]
             position[row, step, 2] = 0 if at_z < 0 else z[at_z]
@@ -52,25 +49,21 @@ def fill_valid(first: int, start: Array, lengths: Array, num_flags: Array, at: i
         num_flags: (rows,) int32 as many as the span is long, or 0.
         at: Where the first object's flags begin.
         flags: bool.
-        valid: (N, T) bool, filled; False beside the spans.
+        valid: (N, T) bool, False, filled.
     """
     for row in range(len(valid)):
         begin = start[first + row]
-        end = begin + lengths[first + row]
-        valid[row, :begin], valid[row, end:] = False, False
-        if num_flags[first + row] == 0:
-            valid[row, begin:end] = True
-        else:
-            for step in range(begin, end):
-                valid[row, step] = flags[at]
-                at += 1
+        has_flags = num_flags[first + row] > 0
+        for step in range(begin, begin + lengths[first + row]):
+            valid[row, step] = flags[at] if has_flags else True
+            at += has_flags
 
 
 @njit(cache=True, nogil=True)
 def fill_sizes(
     first: int, start: Array, spans: Array, lengths: Array, at: int, values: Array, valid: Array, size: Array, axis: int
 ) -> None:
-    """Extents at the valid steps alone, 0 at the others; a list of one element holds at all of them.
+    """Extents at the valid steps alone; a list of one element holds at all of them.
 
     Args:
         first, start: As in :func:`fill_states`.
@@ -79,14 +72,14 @@ def fill_sizes(
         at: Where the first object's elements begin.
         values: float32 elements.
         valid: (N, T) bool.
-        size: (N, T, 3) float32, filled along ``axis``.
+        size: (N, T, 3) float32, 0, filled along ``axis``.
     """
     for row in range(len(valid)):
         begin, length = start[first + row], lengths[first + row]
         step_size = 0 if length == 1 else 1
-        size[row, :begin, axis], size[row, begin + spans[first + row] :, axis] = 0, 0
         for step in range(begin, begin + spans[first + row]):
-            size[row, step, axis] = values[at + step_size * (step - begin)] if valid[row, step] else 0
+            if valid[row, step]:
+                size[row, step, axis] = values[at + step_size * (step - begin)]
         at += length
 
 

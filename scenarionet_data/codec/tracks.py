@@ -106,9 +106,9 @@ def _is_like(column: Lists, name: str, spans: Array, bounds: Sequence[int]) -> b
 def _grids(columns: Columns, first: int, last: int, steps: int) -> dict[str, Array]:
     """What a scenario's tracks have over time."""
     shape = (last - first, steps)
-    position, heading = np.empty((*shape, 3), np.float32), np.empty(shape, np.float32)
-    velocity, size = np.empty((*shape, 2), np.float32), np.empty((*shape, 3), np.float32)
-    valid = np.empty(shape, np.bool_)
+    position, heading = np.zeros((*shape, 3), np.float32), np.zeros(shape, np.float32)
+    velocity, size = np.zeros((*shape, 2), np.float32), np.zeros((*shape, 3), np.float32)
+    valid = np.zeros(shape, np.bool_)
     start, lists = columns.flat["start"], columns.lists
     spans, heights, flags = lists["x"], lists["z"], lists["valid"]
     has_z = heights.offsets[last] > heights.offsets[first]

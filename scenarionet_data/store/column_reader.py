@@ -10,6 +10,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from functools import lru_cache
+from itertools import accumulate
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,6 +36,17 @@ class _Damaged(Exception):
     """Bytes of a column are not what was written."""
 
 
+class _Found(NamedTuple):
+    """A column whose pages are found: its type (or that of its lists' elements), its rows, and the number of values."""
+
+    column: Column
+    element: str
+    pages: Array
+    lengths: Array
+    offsets: Array
+    num_values: int
+
+
 class ColumnReader:
     """Reads columns of one table; for one thread.
 
@@ -44,9 +56,9 @@ class ColumnReader:
     """
 
     def __init__(self, table: Table, names: Sequence[str]) -> None:
-        columns = [table.column(name) for name in names]
-        shapes = [kernels.LIST * column.is_list + kernels.NULLABLE * column.nullable for column in columns]
-        self._columns = [_Wanted(column, column.element, shape) for column, shape in zip(columns, shapes, strict=True)]
+        self._columns = [table.column(name) for name in names]
+        self._shapes = np.array([kernels.LIST * c.is_list + kernels.NULLABLE * c.nullable for c in self._columns])
+        self._elements = [column.element for column in self._columns]
         self._zstd = zstandard.ZstdDecompressor()
 
     def read(self, groups: Sequence[RowGroup]) -> Columns:
@@ -66,29 +78,35 @@ class ColumnReader:
 
     def _read(self, groups: Sequence[RowGroup]) -> Columns:
         pages, data = self._staged(groups)
-        is_known = (pages[:, :, kernels.START] != UNKNOWN).all(axis=1).tolist()
-        num_levels = pages[:, :, kernels.LEVELS].sum(axis=1).tolist()
-        read = _Read(data, sum(group.num_rows for group in groups))
-        texts, others = [], []
-        for wanted, its_pages, known, levels in zip(self._columns, pages, is_known, num_levels, strict=True):
-            if not known:
-                others.append(wanted.column)
-            elif wanted.element in _TEXTS:
-                texts.append((wanted, its_pages, levels))
-            elif wanted.element == "dictionary":
-                read.words(wanted, its_pages, levels)
+        num_rows = sum(group.num_rows for group in groups)
+        found, others = self._found(pages, data, num_rows)
+        texts = [each for each in found if each.element in _TEXTS]
+        values = dict(zip([each.column.name for each in texts], _texts(texts, data), strict=True))
+        words: dict[str, Sequence[str]] = {}
+        for each in found:
+            name = each.column.name
+            if each.element == "dictionary":
+                words[name], values[name] = _numbers_of_words(each, data)
+            elif name not in values:
+                values[name] = _numbers(each, data)
+        flat: dict[str, Array] = {}
+        lists: dict[str, Lists] = {}
+        for each in found:
+            name = each.column.name
+            if each.column.is_list:
+                lists[name] = Lists(each.lengths, each.offsets, values[name])
             else:
-                read.numbers(wanted, its_pages, levels)
-        read.texts(texts)
+                flat[name] = _spread(each, values[name])
         if others:
-            read.by_arrow(groups, others)
-        return Columns(read.num_rows, read.flat, read.lists, read.known_words)
+            read = _read_by_arrow(groups, others)
+            flat, lists, words = flat | {**read.flat}, lists | {**read.lists}, words | {**read.words}
+        return Columns(num_rows, flat, lists, words)
 
     def _staged(self, groups: Sequence[RowGroup]) -> tuple[Array, Array]:
         """Pages of every column and row group, (columns, groups, NUM_PAGE_FIELDS) int64, and their bytes, inflated."""
         chunks = [group.chunks for group in groups]
         data = np.empty(sum(int(each[:, kernels.CHUNK_SIZE].sum()) for each in chunks), np.uint8)
-        pages = np.empty((len(self._columns), len(groups), kernels.NUM_PAGE_FIELDS), np.int64)
+        pages = np.zeros((len(self._columns), len(groups), kernels.NUM_PAGE_FIELDS), np.int64)
         at = 0
         for place, (group, its_chunks) in enumerate(zip(groups, chunks, strict=True)):
             at = kernels.stage(group.content, group.base, its_chunks, pages[:, place], data, at)
@@ -96,9 +114,8 @@ class ColumnReader:
             start, end, *stored = pages[column, place, _PLACES].tolist()
             if not self._inflate(groups[place].content[slice(*stored)].data, data[start:end]):
                 pages[column, place, kernels.START] = kernels.DAMAGED
-        damaged = np.flatnonzero((pages[:, :, kernels.START] == kernels.DAMAGED).any(axis=1))
-        if len(damaged):
-            raise _Damaged(f"column {self._columns[damaged[0]].column.name} is damaged")
+        self._require(pages[:, :, kernels.START] != kernels.DAMAGED)
+        data.flags.writeable = False  # as files are: loops are compiled for each kind of array
         return pages, data
 
     def _inflate(self, stored: memoryview, place: Array) -> bool:
@@ -110,109 +127,53 @@ class ColumnReader:
         except zstandard.ZstdError:
             return False
 
+    def _found(self, pages: Array, data: Array, num_rows: int) -> tuple[list[_Found], list[Column]]:
+        """Columns that compiled loops know, and those that they do not."""
+        is_known = (pages[:, :, kernels.START] != UNKNOWN).all(axis=1)
+        room = pages[:, :, kernels.LEVELS].sum(axis=1) + 1
+        firsts, lists = np.cumsum(room) - room, np.empty((2, int(room.sum())), np.int32)
+        rows = np.empty(len(pages), np.int64)
+        kernels.read_levels(data, pages, self._shapes, firsts, lists, rows)
+        self._require((rows == num_rows) | ~is_known)
+        counts = pages[:, :, kernels.COUNT].sum(axis=1).tolist()
+        found, others = [], []
+        for place, (column, first) in enumerate(zip(self._columns, firsts.tolist(), strict=True)):
+            if is_known[place]:
+                lengths, offsets = lists[0, first : first + num_rows], lists[1, first : first + num_rows + 1]
+                found.append(_Found(column, self._elements[place], pages[place], lengths, offsets, counts[place]))
+            else:
+                others.append(column)
+        return found, others
 
-class _Wanted(NamedTuple):
-    """A column to read: its type, or that of its lists' elements, and its shape for compiled loops."""
-
-    column: Column
-    element: str
-    shape: int
-
-
-class _Read:
-    """Columns as they are decoded.
-
-    Args:
-        data: (n,) uint8 inflated pages.
-        num_rows: Rows that every column has.
-    """
-
-    def __init__(self, data: Array, num_rows: int) -> None:
-        self._data = data
-        self.num_rows = num_rows
-        self.flat: dict[str, Array] = {}
-        self.lists: dict[str, Lists] = {}
-        self.known_words: dict[str, Sequence[str]] = {}
-
-    def numbers(self, wanted: _Wanted, pages: Array, num_levels: int) -> None:
-        """Add a column of numbers or truth values."""
-        lists = np.empty((2, num_levels + 1), np.int32)
-        if wanted.element == "bool":
-            values = np.empty(num_levels, np.int8)
-            rows, done = kernels.read_bits(self._data, pages, wanted.shape, lists, values)
-            values = values if wanted.shape == kernels.NULLABLE else values.view(np.bool_)
-        else:
-            values = np.empty(num_levels, wanted.element)
-            rows, done = kernels.read_words(self._data, pages, wanted.shape, lists, values.view(np.uint32))
-        self._add(wanted, rows, lists, values[:done])
-
-    def words(self, wanted: _Wanted, pages: Array, num_levels: int) -> None:
-        """Add a column of a dictionary's words."""
-        lists, values = np.empty((2, num_levels + 1), np.int32), np.empty(num_levels, np.int32)
-        self.known_words[wanted.column.name], codes = self._unified(pages)
-        rows, done = kernels.read_indices(self._data, pages, wanted.shape, codes, lists, values)
-        self._add(wanted, rows, lists, values[:done])
-
-    def _unified(self, pages: Array) -> tuple[list[str], Array]:
-        """Words of all pages' dictionaries, and which of them each word of each page is."""
-        numbers: dict[str, int] = {}
-        codes = []
-        for page in pages:
-            words = _words(self._data[page[kernels.WORDS_START] : page[kernels.WORDS_END]].tobytes())
-            page[kernels.NUM_WORDS] = len(words)
-            codes += [numbers.setdefault(word, len(numbers)) for word in words]
-        return list(numbers), np.array(codes, np.int32)
-
-    def texts(self, columns: Sequence[tuple[_Wanted, Array, int]]) -> None:
-        """Add columns of texts: all of them as one array, of which each is a part."""
-        if not columns:
-            return
-        size = sum(int(pages[:, kernels.SIZE].sum()) for _, pages, _ in columns)
-        text, ends = np.empty(size, np.uint8), np.zeros(sum(levels for _, _, levels in columns) + 1, np.int64)
-        first, found = 0, []
-        for wanted, pages, num_levels in columns:
-            lists = np.empty((2, num_levels + 1), np.int32)
-            rows, done = kernels.read_texts(self._data, pages, wanted.shape, lists, ends[first:], text)
-            found.append((wanted, rows, lists, slice(first, first + done)))
-            first += done
-        strings = _strings(ends[: first + 1], text)
-        for wanted, rows, lists, place in found:
-            self._add(wanted, rows, lists, strings[place])
-
-    def by_arrow(self, groups: Sequence[RowGroup], columns: Sequence[Column]) -> None:
-        """Add columns that compiled loops do not know."""
-        names, read = [column.name for column in columns], []
-        for group in groups:
-            with reading(group.url):
-                read.append(group.open().read_row_group(group.number, names, use_threads=False))
-        found = Columns.from_arrow(pa.concat_tables(read), columns)
-        self.flat.update(found.flat)
-        self.lists.update(found.lists)
-        self.known_words.update(found.words)
-
-    def _add(self, wanted: _Wanted, rows: int, lists: Array, values: Array) -> None:
-        """Add a column of ``rows`` lists, or values and nulls."""
-        if rows != self.num_rows:
-            raise _Damaged(f"column {wanted.column.name} is damaged")
-        if wanted.shape & kernels.LIST:
-            self.lists[wanted.column.name] = Lists(lists[0, :rows], lists[1, : rows + 1], values)
-        elif len(values) == rows:
-            self.flat[wanted.column.name] = values
-        else:
-            spread = np.full(rows, _NULLS[wanted.element], values.dtype)
-            spread[lists[0, :rows] > 0] = values
-            self.flat[wanted.column.name] = spread
+    def _require(self, is_whole: Array) -> None:
+        """Refuse columns, or their pages, that are not whole."""
+        damaged = np.argwhere(~is_whole)
+        if len(damaged):
+            raise _Damaged(f"column {self._columns[damaged[0, 0]].name} is damaged")
 
 
-def _strings(offsets: Array, text: Array) -> Array:
-    """(n,) str from texts one after the other."""
-    buffers = [None, pa.py_buffer(offsets), pa.py_buffer(text)]
-    array = pa.Array.from_buffers(pa.large_string(), len(offsets) - 1, buffers)
-    try:
-        strings: Array = array.to_numpy(zero_copy_only=False)
-    except (UnicodeDecodeError, pa.ArrowException) as error:
-        raise _Damaged("a text is damaged") from error
-    return strings
+def _numbers(found: _Found, data: Array) -> Array:
+    """Numbers or truth values; int8 where a truth value may be null."""
+    if found.element == "bool":
+        values = np.empty(found.num_values, np.int8)
+        is_whole = kernels.read_bits(data, found.pages, values)
+        values = values if found.column.type == "bool" and found.column.nullable else values.view(np.bool_)
+    else:
+        values = np.empty(found.num_values, found.element)
+        is_whole = kernels.read_words(data, found.pages, values.view(np.uint32))
+    return _whole(found, values, is_whole)
+
+
+def _numbers_of_words(found: _Found, data: Array) -> tuple[list[str], Array]:
+    """Words of all pages' dictionaries, and the number of each value's word among them."""
+    numbers: dict[str, int] = {}
+    codes, values = [], np.empty(found.num_values, np.int32)
+    for page in found.pages:
+        words = _words(data[page[kernels.WORDS_START] : page[kernels.WORDS_END]].tobytes())
+        page[kernels.NUM_WORDS] = len(words)
+        codes += [numbers.setdefault(word, len(numbers)) for word in words]
+    is_whole = kernels.read_indices(data, found.pages, np.array(codes, np.int32), values)
+    return list(numbers), _whole(found, values, is_whole)
 
 
 @lru_cache(1024)
@@ -227,3 +188,52 @@ def _words(page: bytes) -> tuple[str, ...]:
     except (struct.error, UnicodeDecodeError) as error:
         raise _Damaged("a dictionary is damaged") from error
     return tuple(words)
+
+
+def _texts(columns: Sequence[_Found], data: Array) -> list[Array]:
+    """Texts of columns: all are made in one go, and each column has its part of them."""
+    if not columns:
+        return []
+    ends = list(accumulate(found.num_values for found in columns))
+    size = sum(int((found.pages[:, kernels.END] - found.pages[:, kernels.VALUES]).sum()) for found in columns)
+    offsets, text = np.zeros(ends[-1] + 1, np.int64), np.empty(size, np.uint8)
+    for found, end in zip(columns, ends, strict=True):
+        first = end - found.num_values
+        _whole(found, offsets, kernels.read_texts(data, found.pages, offsets[first:], text))
+    strings = _strings(offsets, text)
+    return [strings[end - found.num_values : end] for found, end in zip(columns, ends, strict=True)]
+
+
+def _strings(offsets: Array, text: Array) -> Array:
+    """(n,) str from texts one after the other."""
+    buffers = [None, pa.py_buffer(offsets), pa.py_buffer(text)]
+    array = pa.Array.from_buffers(pa.large_string(), len(offsets) - 1, buffers)
+    try:
+        strings: Array = array.to_numpy(zero_copy_only=False)
+    except (UnicodeDecodeError, pa.ArrowException) as error:
+        raise _Damaged("a text is damaged") from error
+    return strings
+
+
+def _whole(found: _Found, values: Array, is_whole: bool) -> Array:
+    if not is_whole:
+        raise _Damaged(f"column {found.column.name} is damaged")
+    return values
+
+
+def _spread(found: _Found, values: Array) -> Array:
+    """Values with nulls, one a row."""
+    if len(values) == len(found.lengths):
+        return values
+    spread: Array = np.full(len(found.lengths), _NULLS[found.element], values.dtype)
+    spread[found.lengths > 0] = values
+    return spread
+
+
+def _read_by_arrow(groups: Sequence[RowGroup], columns: Sequence[Column]) -> Columns:
+    """Columns that compiled loops do not know."""
+    names, read = [column.name for column in columns], []
+    for group in groups:
+        with reading(group.url):
+            read.append(group.open().read_row_group(group.number, names, use_threads=False))
+    return Columns.from_arrow(pa.concat_tables(read), columns)

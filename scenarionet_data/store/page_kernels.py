@@ -29,10 +29,12 @@ DAMAGED = -2
 CHUNK_START, CHUNK_END, _LEVELS, _CODEC, CHUNK_SIZE, _KNOWN = range(6)
 OTHER_CODEC, LZ4, ZSTD = 0, 1, 2
 
-# Columns of an array of pages: where one begins (or UNKNOWN, DAMAGED) and ends, its size, its levels and encoding,
-# where its dictionary begins and ends and how many words it holds, and where what is not inflated yet is in the file.
-NUM_PAGE_FIELDS = 10
-START, END, SIZE, LEVELS, ENCODING, WORDS_START, WORDS_END, NUM_WORDS, STORED, STORED_END = range(NUM_PAGE_FIELDS)
+# Columns of an array of pages: where one begins (or UNKNOWN, DAMAGED) and ends, its levels and encoding, where its
+# dictionary begins and ends and how many words it holds, where what is not inflated yet is in the file, and where its
+# values begin and how many they are.
+NUM_PAGE_FIELDS = 11
+START, END, LEVELS, ENCODING, WORDS_START, WORDS_END, NUM_WORDS = range(7)
+STORED, STORED_END, VALUES, COUNT = range(7, NUM_PAGE_FIELDS)
 PLAIN, BYTE_STREAM_SPLIT, INDICES = 0, 9, 8
 
 # Shapes of a column.
@@ -46,7 +48,7 @@ def stage(data: Array, base: int, chunks: Array, pages: Array, scratch: Array, a
     Args:
         data: (n,) uint8 bytes of the file, from ``base`` on.
         chunks: (C, 6) int64, see there.
-        pages: (C, NUM_PAGE_FIELDS) int64, filled; UNKNOWN for a column of more than one page, or of another kind.
+        pages: (C, NUM_PAGE_FIELDS) int64, 0, filled; UNKNOWN for a column of more than one page, or of another kind.
         scratch: (m,) uint8, filled from ``at`` on; it has room for the chunks' sizes.
 
     Returns:
@@ -59,11 +61,10 @@ def stage(data: Array, base: int, chunks: Array, pages: Array, scratch: Array, a
     return at
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def _stage(data: Array, base: int, chunk: Array, page: Array, scratch: Array, at: int, limit: int) -> int:
     """One column's page: where it begins in ``scratch``, between ``at`` and ``limit``."""
     first, end, codec = chunk[CHUNK_START] - base, chunk[CHUNK_END] - base, chunk[_CODEC]
-    page[:] = 0
     if first < 0 or end > len(data) or codec == OTHER_CODEC:
         return UNKNOWN
     stored, stored_size, size, kind, count, encoding = read_header(data, first)
@@ -79,7 +80,7 @@ def _stage(data: Array, base: int, chunk: Array, page: Array, scratch: Array, at
     is_known = kind == DATA_PAGE and 0 <= encoding < 16 and chunk[_KNOWN] >> encoding & 1
     if not is_whole or not is_known or not 0 <= size <= limit - at:
         return UNKNOWN
-    page[END], page[SIZE], page[LEVELS], page[ENCODING] = at + size, size, count, encoding
+    page[END], page[LEVELS], page[ENCODING] = at + size, count, encoding
     if codec == ZSTD:
         page[STORED], page[STORED_END] = stored, end
     elif not _inflate(data, stored, end, scratch, at, at + size):
@@ -87,7 +88,7 @@ def _stage(data: Array, base: int, chunk: Array, page: Array, scratch: Array, at
     return at
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _inflate(data: Array, at: int, end: int, target: Array, first: int, stop: int) -> bool:
     """Inflate an LZ4 block into ``target[first:stop]``; returns whether it fills just that."""
     to = first
@@ -114,7 +115,7 @@ def _inflate(data: Array, at: int, end: int, target: Array, first: int, stop: in
     return False
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def _extended(data: Array, at: int, end: int, nibble: int) -> tuple[int, int]:
     """A length that goes on in further bytes when its four bits are full."""
     length = nibble
@@ -129,108 +130,123 @@ def _extended(data: Array, at: int, end: int, nibble: int) -> tuple[int, int]:
 
 
 @njit(cache=True, nogil=True)
-def read_words(data: Array, pages: Array, shape: int, lists: Array, values: Array) -> tuple[int, int]:
+def read_levels(data: Array, pages: Array, shapes: Array, firsts: Array, lists: Array, rows: Array) -> None:
+    """Lengths of all columns' rows, and where the values of their pages are.
+
+    Args:
+        data: (n,) uint8 inflated pages.
+        pages: (C, k, NUM_PAGE_FIELDS) int64 of C columns and k row groups; VALUES and COUNT are filled.
+        shapes: (C,) int64 LIST or 0, plus NULLABLE where a row may be null.
+        firsts: (C,) int64 where each column begins in ``lists``.
+        lists: (2, C + sum of levels) int32, filled: rows' lengths, and the offsets of their values.
+        rows: (C,) int64 numbers of rows, filled; UNKNOWN when the parts of a page do not add up.
+    """
+    lengths, offsets = lists[0], lists[1]
+    for column in range(len(pages)):
+        first, done = firsts[column], 0
+        for number in range(pages.shape[1]):
+            page = pages[column, number]
+            if page[START] < 0:
+                done = UNKNOWN
+                break
+            found, count, at = _read_levels(data, page, shapes[column], lengths[first + done :])
+            page[COUNT], page[VALUES] = count, at
+            if found == UNKNOWN:
+                done = UNKNOWN
+                break
+            done += found
+        rows[column], offsets[first] = done, 0
+        for row in range(first, first + done):
+            offsets[row + 1] = offsets[row] + lengths[row]
+
+
+@njit(cache=True, nogil=True)
+def read_words(data: Array, pages: Array, values: Array) -> bool:
     """Values of 4 bytes, PLAIN or in BYTE_STREAM_SPLIT.
 
     Args:
         data: (n,) uint8 inflated pages.
         pages: (k, NUM_PAGE_FIELDS) int64 the column's, row group by row group.
-        shape: LIST or 0, plus NULLABLE where a row may be null.
-        lists: (2, 1 + sum of levels) int32, filled: rows' lengths, and offsets of their values.
-        values: (sum of levels,) uint32, filled.
+        values: (sum of COUNT,) uint32, filled.
 
     Returns:
-        Numbers of rows and of values, none when the parts of a page do not add up.
+        Whether the parts of all pages add up.
     """
-    rows, done = 0, 0
+    done = 0
     for page in pages:
-        found, count, at = _read_levels(data, page, shape, lists[0, rows:])
-        if found == UNKNOWN or page[END] - at != 4 * count:
-            return 0, 0
+        at, count = page[VALUES], page[COUNT]
+        if page[END] - at != 4 * count:
+            return False
         if page[ENCODING] == BYTE_STREAM_SPLIT:
             _join(data[at:], count, values[done:])
         else:
             for i in range(count):
                 values[done + i] = _uint32(data, at + 4 * i)
-        rows, done = rows + found, done + count
-    _add_up(lists, rows)
-    return rows, done
+        done += count
+    return True
 
 
 @njit(cache=True, nogil=True)
-def read_bits(data: Array, pages: Array, shape: int, lists: Array, values: Array) -> tuple[int, int]:
-    """Like :func:`read_words`, truth values: ``values`` is (sum of levels,) int8."""
-    rows, done = 0, 0
+def read_bits(data: Array, pages: Array, values: Array) -> bool:
+    """Like :func:`read_words`, truth values: ``values`` is (sum of COUNT,) int8."""
+    done = 0
     for page in pages:
-        found, count, at = _read_levels(data, page, shape, lists[0, rows:])
-        if found == UNKNOWN or page[END] - at != (count + 7) // 8:
-            return 0, 0
+        at, count = page[VALUES], page[COUNT]
+        if page[END] - at != (count + 7) >> 3:
+            return False
         for i in range(count):
             values[done + i] = data[at + (i >> 3)] >> (i & 7) & 1
-        rows, done = rows + found, done + count
-    _add_up(lists, rows)
-    return rows, done
+        done += count
+    return True
 
 
 @njit(cache=True, nogil=True)
-def read_texts(data: Array, pages: Array, shape: int, lists: Array, offsets: Array, text: Array) -> tuple[int, int]:
+def read_texts(data: Array, pages: Array, offsets: Array, text: Array) -> bool:
     """Like :func:`read_words`, texts.
 
     Args:
-        offsets: (1 + sum of levels,) int64, filled from the second on: where texts end; the first says where to begin.
+        offsets: (1 + sum of COUNT,) int64, filled from the second on: where texts end; the first says where to begin.
         text: (n,) uint8, filled from there on: texts one after the other.
     """
-    rows, done, size = 0, 0, offsets[0]
+    done, size = 0, offsets[0]
     for page in pages:
-        found, count, at = _read_levels(data, page, shape, lists[0, rows:])
-        if found == UNKNOWN:
-            return 0, 0
-        for i in range(count):
-            length = _uint32(data, at) if at + 4 <= page[END] else page[END]
+        at, end = page[VALUES], page[END]
+        for i in range(page[COUNT]):
+            length = _uint32(data, at) if at + 4 <= end else end
             at += 4
-            if length > page[END] - at:
-                return 0, 0
+            if length > end - at:
+                return False
             for k in range(length):
                 text[size + k] = data[at + k]
             at, size = at + length, size + length
             offsets[done + i + 1] = size
-        if at != page[END]:
-            return 0, 0
-        rows, done = rows + found, done + count
-    _add_up(lists, rows)
-    return rows, done
+        if at != end:
+            return False
+        done += page[COUNT]
+    return True
 
 
 @njit(cache=True, nogil=True)
-def read_indices(data: Array, pages: Array, shape: int, codes: Array, lists: Array, values: Array) -> tuple[int, int]:
-    """Like :func:`read_words`, words of a dictionary: ``values`` is (sum of levels,) int32.
+def read_indices(data: Array, pages: Array, codes: Array, values: Array) -> bool:
+    """Like :func:`read_words`, words of a dictionary: ``values`` is (sum of COUNT,) int32.
 
     Args:
         codes: (sum of NUM_WORDS,) int32 what stands for each page's words, page by page.
     """
-    rows, done, first = 0, 0, 0
+    done, first = 0, 0
     for page in pages:
-        found, count, at = _read_levels(data, page, shape, lists[0, rows:])
-        if found == UNKNOWN or not _read_indices(data, at, page[END], values[done : done + count]):
-            return 0, 0
-        for i in range(done, done + count):
+        stop = done + page[COUNT]
+        if not _read_indices(data, page[VALUES], page[END], values[done:stop]):
+            return False
+        for i in range(done, stop):
             if values[i] >= page[NUM_WORDS]:
-                return 0, 0
+                return False
             values[i] = codes[first + values[i]]
-        rows, done, first = rows + found, done + count, first + page[NUM_WORDS]
-    _add_up(lists, rows)
-    return rows, done
+        done, first = stop, first + page[NUM_WORDS]
+    return True
 
 
-@njit(cache=True, nogil=True)
-def _add_up(lists: Array, rows: int) -> None:
-    """Offsets from lengths."""
-    lists[1, 0] = 0
-    for row in range(rows):
-        lists[1, row + 1] = lists[1, row] + lists[0, row]
-
-
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _read_indices(data: Array, at: int, end: int, values: Array) -> bool:
     """Indices of a page: their width, and the hybrid; returns whether all are there."""
     if at >= end:
@@ -243,7 +259,7 @@ def _read_indices(data: Array, at: int, end: int, values: Array) -> bool:
         header, at = count_at(data, at)
         is_packed = header & 1
         stop = min(done + (header >> 1) * (8 if is_packed else 1), len(values))
-        if at + (((stop - done) * width + 7) // 8 if is_packed else (width + 7) // 8) > end:
+        if at + (((stop - done) * width + 7) >> 3 if is_packed else (width + 7) >> 3) > end:
             return False
         for place in range(stop - done):
             bit = place * width if is_packed else 0
@@ -251,12 +267,12 @@ def _read_indices(data: Array, at: int, end: int, values: Array) -> bool:
             for k in range(bit, bit + width):
                 value |= (_byte(data, at + (k >> 3)) >> (k & 7) & 1) << (k - bit)
             values[done + place] = value
-        at += (header >> 1) * width if is_packed else (width + 7) // 8
+        at += (header >> 1) * width if is_packed else (width + 7) >> 3
         done = stop
     return done == len(values)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _join(streams: Array, count: int, values: Array) -> None:
     """Words from their first, second, third and fourth bytes, one stream after the other."""
     first, second = streams[:count], streams[count : 2 * count]
@@ -266,13 +282,14 @@ def _join(streams: Array, count: int, values: Array) -> None:
         values[i] = low | np.uint32(third[i]) << np.uint32(16) | np.uint32(fourth[i]) << np.uint32(24)
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def _read_levels(data: Array, page: Array, shape: int, lengths: Array) -> tuple[int, int, int]:
     """Lengths of a page's rows; their number (or UNKNOWN), the number of values, and where these begin."""
     at, end, num_levels = page[START], page[END], page[LEVELS]
     rows, empty = num_levels, 0
     if not shape & LIST:
-        lengths[:num_levels] = 1
+        for row in range(num_levels):
+            lengths[row] = 1
     else:
         stop = _levels_end(data, at, end)
         rows = UNKNOWN if stop == UNKNOWN else _count_levels(data, at + 4, stop, num_levels, lengths)
@@ -285,7 +302,7 @@ def _read_levels(data: Array, page: Array, shape: int, lengths: Array) -> tuple[
     return UNKNOWN if empty == UNKNOWN else rows, num_levels - empty, at
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def _levels_end(data: Array, at: int, end: int) -> int:
     """Where levels end that begin with their size."""
     if end - at < 4:
@@ -294,36 +311,27 @@ def _levels_end(data: Array, at: int, end: int) -> int:
     return stop if stop <= end else UNKNOWN
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _count_levels(data: Array, at: int, end: int, num_levels: int, lengths: Array) -> int:
     """Levels of each list, from repetition levels: 0 where a list begins, else 1; returns the number of lists."""
     done, rows, begin = 0, 0, 0
     while done < num_levels and at < end:
-        header, at = _byte(data, at), at + 1
-        if header > 127:
-            header, at = count_at(data, at - 1)
-        if header & 1:
-            stop = min(done + ((header >> 1) << 3), num_levels)
-            if at + ((stop - done + 7) >> 3) > end or (done == 0 and stop > 0 and data[at] & 1):
-                return UNKNOWN
-            for place in range(done, stop, 8):
-                bits = _byte(data, at + ((place - done) >> 3))
-                if bits == 255:
-                    continue
-                for level in range(place, min(place + 8, stop)):
-                    if (bits >> (level - place)) & 1 == 0:
-                        lengths[max(rows - 1, 0)] = level - begin
-                        rows, begin = rows + 1, level
-            at += header >> 1
-        else:
-            stop = min(done + (header >> 1), num_levels)
-            if at >= end or (done == 0 and stop > 0 and data[at] != 0):  # no list begins with the first level
-                return UNKNOWN
-            if data[at] == 0:
-                for level in range(done, stop):
+        header, at = count_at(data, at)
+        is_packed, length = header & 1, header >> 1
+        stop = min(done + (length << 3 if is_packed else length), num_levels)
+        size = (stop - done + 7) >> 3 if is_packed else 1
+        if at + size > end or (done == 0 and size and data[at] & 1):  # no list begins with the first level
+            return UNKNOWN
+        has_none = not is_packed and data[at] & 1
+        for place in range(done, done if has_none else stop, 8):
+            bits = data[at + ((place - done) >> 3)] if is_packed else data[at]
+            if bits == 255:
+                continue
+            for level in range(place, min(place + 8, stop)):
+                if bits >> (level - place) & 1 == 0:
                     lengths[max(rows - 1, 0)] = level - begin
                     rows, begin = rows + 1, level
-            at += 1
+        at += length if is_packed else 1
         done = stop
     if done < num_levels or rows == 0:
         return UNKNOWN
@@ -331,26 +339,26 @@ def _count_levels(data: Array, at: int, end: int, num_levels: int, lengths: Arra
     return rows
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _mark_empty(data: Array, at: int, end: int, num_levels: int, deepest: int, lengths: Array) -> int:
     """Set lengths of rows without values to 0: their one definition level is not the deepest; returns their number.
 
     Levels have 1 bit each, or 2 where ``deepest`` is 2; both never cross a byte.
     """
     width, mask = deepest, (1 << deepest) - 1
-    in_byte, full = 8 // deepest, 255 if deepest == 1 else 0b10101010
+    shift, full = (3, 255) if deepest == 1 else (2, 0b10101010)  # levels in a byte, as a power of two
     done, empty, row, next_begin = 0, 0, -1, 0
     while done < num_levels and at < end:
         header, at = count_at(data, at)
         is_packed = header & 1
         stop = min(done + (header >> 1) * (8 if is_packed else 1), num_levels)
-        if at + (((stop - done) * width + 7) // 8 if is_packed else 1) > end:
+        if at + (((stop - done) * width + 7) >> 3 if is_packed else 1) > end:
             return UNKNOWN
-        for first in range(done, stop, in_byte):
-            bits = data[at + (first - done) // in_byte] if is_packed else data[at]
+        for first in range(done, stop, 1 << shift):
+            bits = data[at + ((first - done) >> shift)] if is_packed else data[at]
             if bits == (full if is_packed else deepest):
                 continue
-            for place in range(first, min(first + in_byte, stop)):
+            for place in range(first, min(first + (1 << shift), stop)):
                 if is_packed and bits >> ((place - first) * width) & mask == deepest:
                     continue
                 while next_begin <= place:
@@ -363,13 +371,13 @@ def _mark_empty(data: Array, at: int, end: int, num_levels: int, deepest: int, l
     return empty if done == num_levels else UNKNOWN
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _uint32(data: Array, at: int) -> Any:
     low = _byte(data, at) | _byte(data, at + 1) << 8
     return low | _byte(data, at + 2) << 16 | _byte(data, at + 3) << 24
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def _byte(data: Array, at: int) -> Any:
     """A byte to reckon with: of an unsigned and a signed number compiled code makes a float."""
     return np.int64(data[at])

@@ -25,7 +25,7 @@ _PAGE_HEADERS = (5, 7)
 """Fields with what only data pages and only dictionary pages have; both begin with values and encoding."""
 
 
-@njit(cache=True)
+@njit(nogil=True)
 def read_header(data: Array, at: int) -> tuple[int, int, int, int, int, int]:
     """A page's header: where the page begins, its compressed and uncompressed size, type, values and encoding.
 
@@ -36,44 +36,49 @@ def read_header(data: Array, at: int) -> tuple[int, int, int, int, int, int]:
     Returns:
         All UNKNOWN when the header holds what neither a data page of version 1 nor a dictionary does.
     """
-    sizes = np.full(3, UNKNOWN, np.int64)  # page type, uncompressed, compressed: fields 1 to 3
-    inner = np.full(2, UNKNOWN, np.int64)  # values, encoding: fields 1 and 2 of the page's own header
-    depth, field, parent = 0, 0, 0
-    fields = np.zeros(8, np.int64)
+    kind_of_page, size, stored_size = UNKNOWN, UNKNOWN, UNKNOWN  # fields 1 to 3
+    num_values, encoding = UNKNOWN, UNKNOWN  # fields 1 and 2 of the page's own header
+    depth, outer, inner = 0, 0, 0
     while at < len(data):
         byte = data[at]
         at += 1
         kind, step = byte & 15, byte >> 4
         if kind == _STOP:
             if depth == 0:
-                return at, sizes[2], sizes[1], sizes[0], inner[0], inner[1]
+                return at, stored_size, size, kind_of_page, num_values, encoding
             depth -= 1
-            field = fields[depth]
             continue
-        if step:
-            field += step
-        else:
+        if step == 0:
             field, at = _zigzag(data, at)
+        else:
+            field = int(step) + (outer if depth == 0 else inner)
+        if depth == 0:
+            outer = field
+        elif depth == 1:  # deeper it does not matter
+            inner = field
         if kind in _VARINTS:
             value, at = _zigzag(data, at)
-            if depth == 0 and 1 <= field <= 3:
-                sizes[field - 1] = value
-            elif depth == 1 and parent in _PAGE_HEADERS and 1 <= field <= 2:
-                inner[field - 1] = value
+            if depth == 0 and field == 1:
+                kind_of_page = value
+            elif depth == 0 and field == 2:
+                size = value
+            elif depth == 0 and field == 3:
+                stored_size = value
+            elif depth == 1 and outer in _PAGE_HEADERS and field == 1:
+                num_values = value
+            elif depth == 1 and outer in _PAGE_HEADERS and field == 2:
+                encoding = value
         elif kind == _BINARY:
             length, at = count_at(data, at)
             at += length
         elif kind == _STRUCT and depth < 7:
-            fields[depth] = field
-            if depth == 0:
-                parent = field
-            depth, field = depth + 1, 0
+            depth, inner = depth + 1, 0
         elif kind > 2:  # 1 and 2 are true and false, without a value
             break
     return UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN
 
 
-@njit(cache=True)
+@njit(nogil=True)
 def _varint(data: Array, at: int) -> tuple[int, int]:
     value, shift = 0, 0
     while at < len(data) and shift < 70:  # ten bytes hold 64 bits
@@ -86,14 +91,16 @@ def _varint(data: Array, at: int) -> tuple[int, int]:
     return value, at
 
 
-@njit(cache=True)
+@njit(nogil=True)
 def count_at(data: Array, at: int) -> tuple[int, int]:
     """A number of bytes or values; what no file can hold, or is negative, becomes a number beyond every end."""
+    if at < len(data) and data[at] < 128:  # as most are
+        return int(data[at]), at + 1
     value, at = _varint(data, at)
     return value if 0 <= value < _BEYOND else _BEYOND, at
 
 
-@njit(cache=True)
+@njit(nogil=True)
 def _zigzag(data: Array, at: int) -> tuple[int, int]:
     value, at = _varint(data, at)
     return (value >> 1) ^ -(value & 1), at
