@@ -24,9 +24,9 @@ Array = npt.NDArray[Any]
 
 DAMAGED = -2
 
-# Columns of an array of chunks: where one begins and ends in its file, its levels, its codec, its size when inflated,
-# and the encodings that are known for it, a bit each.
-CHUNK_START, CHUNK_END, _LEVELS, _CODEC, CHUNK_SIZE, _KNOWN = range(6)
+# Columns of an array of chunks: where one begins in its file, where its data page does and where it ends, its levels,
+# its codec, its size when inflated, and the encodings that are known for it, a bit each.
+CHUNK_START, _DATA, CHUNK_END, _LEVELS, _CODEC, CHUNK_SIZE, _KNOWN = range(7)
 OTHER_CODEC, LZ4, ZSTD = 0, 1, 2
 
 # Columns of an array of pages: where one begins (or UNKNOWN, DAMAGED) and ends, its levels and encoding, where its
@@ -47,7 +47,7 @@ def stage(data: Array, base: int, chunks: Array, pages: Array, scratch: Array, a
 
     Args:
         data: (n,) uint8 bytes of the file, from ``base`` on.
-        chunks: (C, 6) int64, see there.
+        chunks: (C, 7) int64, see there.
         pages: (C, NUM_PAGE_FIELDS) int64, 0, filled; UNKNOWN for a column of more than one page, or of another kind.
         scratch: (m,) uint8, filled from ``at`` on; it has room for the chunks' sizes.
 
@@ -64,26 +64,26 @@ def stage(data: Array, base: int, chunks: Array, pages: Array, scratch: Array, a
 @njit(inline="always")
 def _stage(data: Array, base: int, chunk: Array, page: Array, scratch: Array, at: int, limit: int) -> int:
     """One column's page: where it begins in ``scratch``, between ``at`` and ``limit``."""
-    first, end, codec = chunk[CHUNK_START] - base, chunk[CHUNK_END] - base, chunk[_CODEC]
-    if first < 0 or end > len(data) or codec == OTHER_CODEC:
+    first, middle, end = chunk[CHUNK_START] - base, chunk[_DATA] - base, chunk[CHUNK_END] - base
+    codec = chunk[_CODEC]
+    if not 0 <= first <= middle <= end <= len(data) or codec == OTHER_CODEC:
         return UNKNOWN
-    stored, stored_size, size, kind, count, encoding = read_header(data, first)
-    if kind == DICTIONARY_PAGE and codec == LZ4:
-        if not (0 <= stored_size <= end - stored and 0 <= size <= limit - at):
+    if first < middle:  # a dictionary, up to the data page
+        kind, size, stored_size, count, _ = read_header(data, first)
+        if kind != DICTIONARY_PAGE or codec != LZ4 or stored_size > middle - first or size > limit - at:
             return UNKNOWN
-        if not _inflate(data, stored, stored + stored_size, scratch, at, at + size):
+        if not _inflate(data, middle - stored_size, middle, scratch, at, at + size):
             return DAMAGED
         page[WORDS_START], page[WORDS_END], page[NUM_WORDS] = at, at + size, count
         at += size
-        stored, stored_size, size, kind, count, encoding = read_header(data, stored + stored_size)
-    is_whole = stored_size >= 0 and stored + stored_size == end and 0 <= count == chunk[_LEVELS]
-    is_known = kind == DATA_PAGE and 0 <= encoding < 16 and chunk[_KNOWN] >> encoding & 1
-    if not is_whole or not is_known or not 0 <= size <= limit - at:
+    kind, size, stored_size, count, encoding = read_header(data, middle)
+    is_known = kind == DATA_PAGE and count == chunk[_LEVELS] and encoding < 16 and chunk[_KNOWN] >> encoding & 1
+    if not is_known or stored_size > end - middle or size > limit - at:  # a page of several does not hold all levels
         return UNKNOWN
     page[END], page[LEVELS], page[ENCODING] = at + size, count, encoding
     if codec == ZSTD:
-        page[STORED], page[STORED_END] = stored, end
-    elif not _inflate(data, stored, end, scratch, at, at + size):
+        page[STORED], page[STORED_END] = end - stored_size, end
+    elif not _inflate(data, end - stored_size, end, scratch, at, at + size):
         return DAMAGED
     return at
 

@@ -66,7 +66,7 @@ class Footer:
         return int(chunks[:, kernels.CHUNK_START].min()), int(chunks[:, kernels.CHUNK_END].max())
 
     def chunks(self, number: int) -> Array:
-        """(columns, 6) int64 where a row group's columns are, see ``page_kernels``."""
+        """(columns, 7) int64 where a row group's columns are, see ``page_kernels``."""
         if number not in self._chunks:
             group = self.metadata.row_group(number)
             columns = [_chunk(group.column(index), known) for index, known in self._columns]
@@ -74,15 +74,12 @@ class Footer:
         return self._chunks[number]
 
 
-def _start(chunk: pq.ColumnChunkMetaData) -> int:
-    first: int = chunk.data_page_offset
-    return min(first, chunk.dictionary_page_offset or first)
-
-
-def _chunk(chunk: pq.ColumnChunkMetaData, known: int) -> tuple[int, int, int, int, int, int]:
-    start, size = _start(chunk), chunk.total_uncompressed_size
+def _chunk(chunk: pq.ColumnChunkMetaData, known: int) -> tuple[int, int, int, int, int, int, int]:
+    data, size = chunk.data_page_offset, chunk.total_uncompressed_size
+    start = min(data, chunk.dictionary_page_offset or data)
     codec = _CODECS.get(chunk.compression, kernels.OTHER_CODEC) if 0 <= size < _LARGEST else kernels.OTHER_CODEC
-    return start, start + chunk.total_compressed_size, chunk.num_values, codec, size if codec else 0, known
+    end = start + chunk.total_compressed_size
+    return start, data, end, chunk.num_values, codec, size if codec else 0, known
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,61 +21,41 @@ DATA_PAGE, DICTIONARY_PAGE = 0, 2
 _BEYOND = 1 << 40
 _STOP, _BINARY, _STRUCT = 0, 8, 12
 _VARINTS = (4, 5, 6)
-_PAGE_HEADERS = (5, 7)
-"""Fields with what only data pages and only dictionary pages have; both begin with values and encoding."""
+_NEXT_NUMBER, _DATA_HEADER, _DICTIONARY_HEADER = 0x15, 0x2C, 0x4C
+"""Heads of fields: a number in the next one, and after the third field a struct in the fifth or the seventh."""
 
 
 @njit(nogil=True)
-def read_header(data: Array, at: int) -> tuple[int, int, int, int, int, int]:
-    """A page's header: where the page begins, its compressed and uncompressed size, type, values and encoding.
+def read_header(data: Array, at: int) -> tuple[int, int, int, int, int]:
+    """A page's type, uncompressed and compressed size, values and encoding: what its header begins with.
 
     Args:
         data: (n,) uint8 the file.
         at: Where the header begins.
 
     Returns:
-        All UNKNOWN when the header holds what neither a data page of version 1 nor a dictionary does.
+        All UNKNOWN when the header begins otherwise than those of dictionaries and data pages of version 1.
     """
-    kind_of_page, size, stored_size = UNKNOWN, UNKNOWN, UNKNOWN  # fields 1 to 3
-    num_values, encoding = UNKNOWN, UNKNOWN  # fields 1 and 2 of the page's own header
-    depth, outer, inner = 0, 0, 0
-    while at < len(data):
-        byte = data[at]
-        at += 1
-        kind, step = byte & 15, byte >> 4
-        if kind == _STOP:
-            if depth == 0:
-                return at, stored_size, size, kind_of_page, num_values, encoding
-            depth -= 1
-            continue
-        if step == 0:
-            field, at = _zigzag(data, at)
-        else:
-            field = int(step) + (outer if depth == 0 else inner)
-        if depth == 0:
-            outer = field
-        elif depth == 1:  # deeper it does not matter
-            inner = field
-        if kind in _VARINTS:
-            value, at = _zigzag(data, at)
-            if depth == 0 and field == 1:
-                kind_of_page = value
-            elif depth == 0 and field == 2:
-                size = value
-            elif depth == 0 and field == 3:
-                stored_size = value
-            elif depth == 1 and outer in _PAGE_HEADERS and field == 1:
-                num_values = value
-            elif depth == 1 and outer in _PAGE_HEADERS and field == 2:
-                encoding = value
-        elif kind == _BINARY:
-            length, at = count_at(data, at)
-            at += length
-        elif kind == _STRUCT and depth < 7:
-            depth, inner = depth + 1, 0
-        elif kind > 2:  # 1 and 2 are true and false, without a value
-            break
-    return UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN
+    kind, at = _number(data, at)
+    size, at = _number(data, at)
+    stored_size, at = _number(data, at)
+    inner = _DATA_HEADER if kind == DATA_PAGE else _DICTIONARY_HEADER
+    if at < len(data) and data[at] == inner and kind in (DATA_PAGE, DICTIONARY_PAGE):
+        num_values, at = _number(data, at + 1)
+        encoding, at = _number(data, at)
+        if at < len(data):
+            return kind, size, stored_size, num_values, encoding
+    return UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN
+
+
+@njit(nogil=True)
+def _number(data: Array, at: int) -> tuple[int, int]:
+    """A number of 32 bits in the field after the last one, not negative; else the end of the data."""
+    if at < len(data) and data[at] == _NEXT_NUMBER:
+        value, at = count_at(data, at + 1)
+        if value & 1 == 0:
+            return value >> 1, at
+    return UNKNOWN, len(data)
 
 
 @njit(nogil=True)
@@ -98,12 +78,6 @@ def count_at(data: Array, at: int) -> tuple[int, int]:
         return int(data[at]), at + 1
     value, at = _varint(data, at)
     return value if 0 <= value < _BEYOND else _BEYOND, at
-
-
-@njit(nogil=True)
-def _zigzag(data: Array, at: int) -> tuple[int, int]:
-    value, at = _varint(data, at)
-    return (value >> 1) ^ -(value & 1), at
 
 
 @njit(cache=True)
