@@ -105,7 +105,8 @@ class ColumnReader:
     def _staged(self, groups: Sequence[RowGroup]) -> tuple[Array, Array]:
         """Pages of every column and row group, (columns, groups, NUM_PAGE_FIELDS) int64, and their bytes, inflated."""
         chunks = [group.chunks for group in groups]
-        data = np.empty(sum(int(each[:, kernels.CHUNK_SIZE].sum()) for each in chunks), np.uint8)
+        size = sum(int(each[:, kernels.CHUNK_SIZE].sum()) for each in chunks)
+        data = np.empty(size + kernels.SPARE, np.uint8)
         pages = np.zeros((len(self._columns), len(groups), kernels.NUM_PAGE_FIELDS), np.int64)
         at = 0
         for place, (group, its_chunks) in enumerate(zip(groups, chunks, strict=True)):

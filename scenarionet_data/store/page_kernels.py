@@ -37,6 +37,9 @@ START, END, LEVELS, ENCODING, WORDS_START, WORDS_END, NUM_WORDS = range(7)
 STORED, STORED_END, VALUES, COUNT = range(7, NUM_PAGE_FIELDS)
 PLAIN, BYTE_STREAM_SPLIT, INDICES = 0, 9, 8
 
+SPARE = 4
+"""Bytes after the pages: what is read a word at a time may begin with a page's last byte."""
+
 # Shapes of a column.
 NULLABLE, LIST = 1, 2
 
@@ -134,7 +137,7 @@ def read_levels(data: Array, pages: Array, shapes: Array, firsts: Array, lists: 
     """Lengths of all columns' rows, and where the values of their pages are.
 
     Args:
-        data: (n,) uint8 inflated pages.
+        data: (n,) uint8 inflated pages, and SPARE bytes.
         pages: (C, k, NUM_PAGE_FIELDS) int64 of C columns and k row groups; VALUES and COUNT are filled.
         shapes: (C,) int64 LIST or 0, plus NULLABLE where a row may be null.
         firsts: (C,) int64 where each column begins in ``lists``.
@@ -165,7 +168,7 @@ def read_words(data: Array, pages: Array, values: Array) -> bool:
     """Values of 4 bytes, PLAIN or in BYTE_STREAM_SPLIT.
 
     Args:
-        data: (n,) uint8 inflated pages.
+        data: (n,) uint8 inflated pages, and SPARE bytes.
         pages: (k, NUM_PAGE_FIELDS) int64 the column's, row group by row group.
         values: (sum of COUNT,) uint32, filled.
 
@@ -257,17 +260,15 @@ def _read_indices(data: Array, at: int, end: int, values: Array) -> bool:
         return False
     while done < len(values) and at < end:
         header, at = count_at(data, at)
-        is_packed = header & 1
-        stop = min(done + (header >> 1) * (8 if is_packed else 1), len(values))
-        if at + (((stop - done) * width + 7) >> 3 if is_packed else (width + 7) >> 3) > end:
+        is_packed, length = header & 1, header >> 1
+        stop = min(done + (length << 3 if is_packed else length), len(values))
+        size = ((stop - done) * width if is_packed else width) + 7 >> 3
+        if at + size > end:
             return False
         for place in range(stop - done):
             bit = place * width if is_packed else 0
-            value = 0
-            for k in range(bit, bit + width):
-                value |= (_byte(data, at + (k >> 3)) >> (k & 7) & 1) << (k - bit)
-            values[done + place] = value
-        at += (header >> 1) * width if is_packed else (width + 7) >> 3
+            values[done + place] = _uint32(data, at + (bit >> 3)) >> (bit & 7) & ((1 << width) - 1)
+        at += length * width if is_packed else size
         done = stop
     return done == len(values)
 
@@ -302,7 +303,7 @@ def _read_levels(data: Array, page: Array, shape: int, lengths: Array) -> tuple[
     return UNKNOWN if empty == UNKNOWN else rows, num_levels - empty, at
 
 
-@njit(inline="always")
+@njit(nogil=True)
 def _levels_end(data: Array, at: int, end: int) -> int:
     """Where levels end that begin with their size."""
     if end - at < 4:

@@ -206,7 +206,7 @@ def guarded(size, kind):
     num_words=st.integers(0, 4),
 )
 def test_no_page_whatever_reads_or_writes_out_of_bounds(content, levels, shape, encoding, num_words):
-    data = np.frombuffer(content, np.uint8)
+    data = np.frombuffer(content + bytes(kernels.SPARE), np.uint8)
     pages = np.zeros((1, 1, kernels.NUM_PAGE_FIELDS), np.int64)
     pages[0, 0, kernels.END] = len(content)
     pages[0, 0, [kernels.LEVELS, kernels.ENCODING, kernels.NUM_WORDS]] = levels, encoding, num_words
