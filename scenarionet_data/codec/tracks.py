@@ -77,7 +77,7 @@ def decode_tracks(rows: Rows, steps: Sequence[int]) -> list[Tracks]:
     columns, bounds = rows.columns, rows.bounds
     start, spans = columns.flat["start"], columns.lists["x"].lengths
     ends = np.repeat(np.array(steps), np.diff(bounds))
-    _require("start", bool((start >= 0).all() and (start + spans <= ends).all()))
+    _require("start", bool((start >= 0).all() and (spans <= ends - start).all()))  # int64: no sum overflows
     for name in _OVER_TIME:
         _require(name, _is_like(columns.lists[name], name, spans, bounds))
     kept = {name: columns.flat[name] for name in ("is_size_assumed", "is_type_assumed", "is_velocity_estimated")}

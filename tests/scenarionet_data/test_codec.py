@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from scenarionet_data import codec, tables
 from scenarionet_data.building import MapBuilder
+from scenarionet_data.errors import LakeError
 from scenarionet_data.testing import differences
 from tests.fixtures.scenarios import make_scenario, renamed
 
@@ -96,3 +97,14 @@ def test_decodes_a_slice_of_many(row_groups):
     (tracks,) = codec.decode_tracks(codec.Rows(columns, [0, rows.num_rows]), [scenarios[-1].num_timesteps])
     assert differences(tracks, scenarios[-1].tracks) == []
     assert np.array_equal(tracks.valid, scenarios[-1].tracks.valid)
+
+
+@pytest.mark.parametrize("start", [-1, 31, 2**31 - 1])
+def test_spans_outside_the_scenario_are_refused(start):
+    encoded = codec.encode(make_scenario(1, num_steps=31), "1")
+    rows = encoded.tracks
+    place = rows.schema.get_field_index("start")
+    starts = np.full(rows.num_rows, start, np.int32)
+    moved = replace(encoded, tracks=rows.set_column(place, rows.schema.field(place), pa.array(starts)))
+    with pytest.raises(LakeError, match="tracks.start does not fit"):
+        codec.decode(moved)
