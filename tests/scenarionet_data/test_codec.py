@@ -106,5 +106,5 @@ def test_spans_outside_the_scenario_are_refused(start):
     place = rows.schema.get_field_index("start")
     starts = np.full(rows.num_rows, start, np.int32)
     moved = replace(encoded, tracks=rows.set_column(place, rows.schema.field(place), pa.array(starts)))
-    with pytest.raises(LakeError, match="tracks.start does not fit"):
+    with pytest.raises(LakeError, match=r"tracks\.start does not fit"):
         codec.decode(moved)
