@@ -6,6 +6,7 @@ import io
 import json
 import tempfile
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -13,6 +14,8 @@ from scenarionet_data import converters, plots
 from scenarionet_data.scenario import ScenarioDescription
 from tests.bench.measure import Figure, in_fresh_process, median_ms
 from tests.bench.scale import write_metadata_lake
+from tests.fixtures.drives import make_drive
+from tests.fixtures.towns import make_town
 
 _ROWS = 1_000_000
 
@@ -44,6 +47,8 @@ def figures(recordings: Path | None) -> Iterator[Figure]:
         seconds = median_ms(partial(_thumbnail, scenario), 15) / 1e3
         yield Figure(f"{name}: thumbnails", 1 / seconds, "1/s", ">= 20")
     with tempfile.TemporaryDirectory() as folder:
+        draw = partial(_draw_all, replace(make_drive(), map=make_town(10_000)), Path(folder) / "town.png")
+        yield Figure("a map of 10,000 features: drawn whole", median_ms(draw, 3) / 1e3, "s", "<= 0.5")
         write_metadata_lake(Path(folder) / "lake", _ROWS)
         found = json.loads(in_fresh_process(_OVERVIEW, folder))
         yield Figure(f"{_ROWS // 1000} k rows: overview notebook, imports included", found["seconds"], "s", "<= 10")
@@ -51,6 +56,10 @@ def figures(recordings: Path | None) -> Iterator[Figure]:
 
 def _draw(scenario: ScenarioDescription, _: int) -> None:
     plots.scenario_figure(scenario, size=800).savefig(io.BytesIO(), format="png")
+
+
+def _draw_all(scenario: ScenarioDescription, path: Path, _: int) -> None:
+    plots.Drawing(size=600, view="all").save(path, scenario, now=10)
 
 
 def _thumbnail(scenario: ScenarioDescription, _: int) -> None:
