@@ -139,7 +139,7 @@ class Table:
         return next(column for column in (*self.columns, *self.derived) if column.name == name)
 
     def writer_options(self, sample: pa.Table | pa.RecordBatch | None = None) -> dict[str, Any]:
-        """Options of ``pyarrow.parquet.ParquetWriter`` (measured: see docs/storage.md).
+        """Options of ``pyarrow.parquet.ParquetWriter`` (measured: see docs/architecture.md).
 
         Args:
             sample: The first rows of the file, which tell where the bytes are; everywhere when there are none.
@@ -159,6 +159,8 @@ class Table:
             },
             "write_statistics": [column.path for column in self.columns if column.statistics],
             "version": "2.6",
+            # One page to a column of a row group: the loader's own loops read it, and queries are as fast.
+            "data_page_size": 2**26,
             # Arrow's own copy of the schema is half of a small file's footer, and Parquet's says the same.
             "store_schema": False,
         }
