@@ -20,11 +20,11 @@ import pyarrow.parquet as pq
 
 from scenarionet_data import tables
 from scenarionet_data.codec import Rows
-from scenarionet_data.store.column_reader import ColumnReader
 from scenarionet_data.store.file_errors import reading
 from scenarionet_data.store.files import LakeFiles
+from scenarionet_data.store.parquet.column_reader import ColumnReader
+from scenarionet_data.store.parquet.row_groups import Footer, RowGroup
 from scenarionet_data.store.remote_files import RemoteLakeFiles
-from scenarionet_data.store.row_groups import Footer, RowGroup
 
 Array = npt.NDArray[Any]
 

@@ -24,7 +24,7 @@ from scenarionet_data.store import manifests
 from scenarionet_data.store import snapshot as snapshots
 from scenarionet_data.store.file_errors import writing
 from scenarionet_data.store.files import LakeFiles, sha256
-from scenarionet_data.store.row_group_copy import RowGroupSource, RowGroupWriter
+from scenarionet_data.store.parquet.row_group_copy import RowGroupSource, RowGroupWriter
 from scenarionet_data.store.scenario_rows import Address, ScenarioRows
 from scenarionet_data.store.shard_record import ShardRecord, partition
 from scenarionet_data.store.shard_writer import SCENARIOS_PER_FILE

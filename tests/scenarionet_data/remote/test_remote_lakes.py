@@ -10,8 +10,9 @@ import pytest
 
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.errors import DatabaseExists, LakeError, MissingDependency, NoSuchSnapshot, QueryError
-from scenarionet_data.store import remote_files, row_group_readers, row_groups
+from scenarionet_data.store import remote_files, row_group_readers
 from scenarionet_data.store.files import LakeFiles, open_files
+from scenarionet_data.store.parquet import row_groups
 from scenarionet_data.testing import differences
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import make_scenario

@@ -19,10 +19,10 @@ import pyarrow as pa
 import zstandard
 
 from scenarionet_data.codec.columns import Columns, Lists
-from scenarionet_data.store import page_kernels as kernels
 from scenarionet_data.store.file_errors import reading
-from scenarionet_data.store.row_groups import RowGroup
-from scenarionet_data.store.thrift_kernels import UNKNOWN
+from scenarionet_data.store.parquet import page_kernels as kernels
+from scenarionet_data.store.parquet.row_groups import RowGroup
+from scenarionet_data.store.parquet.thrift_kernels import UNKNOWN
 from scenarionet_data.tables import Column, Table
 
 Array = npt.NDArray[Any]

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import BinaryIO
 
 from scenarionet_data.errors import LakeError
-from scenarionet_data.store import thrift
 from scenarionet_data.store.file_errors import reading, writing
-from scenarionet_data.store.thrift import Struct
+from scenarionet_data.store.parquet import thrift
+from scenarionet_data.store.parquet.thrift import Struct
 
 _MAGIC = b"PAR1"
 # Numbers of fields: of the file's metadata,

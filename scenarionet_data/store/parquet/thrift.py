@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from scenarionet_data.store import thrift_kernels as kernels
+from scenarionet_data.store.parquet import thrift_kernels as kernels
 
 TRUE, FALSE, BYTE, I16, I32, I64, DOUBLE, BINARY, LIST, STRUCT = 1, 2, 3, 4, 5, 6, 7, 8, 9, 12
 

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from scenarionet_data import tables
 from scenarionet_data.codec import Columns
 from scenarionet_data.errors import LakeError
-from scenarionet_data.store import page_kernels as kernels
-from scenarionet_data.store.column_reader import ColumnReader
-from scenarionet_data.store.row_groups import Footer, RowGroup
+from scenarionet_data.store.parquet import page_kernels as kernels
+from scenarionet_data.store.parquet.column_reader import ColumnReader
+from scenarionet_data.store.parquet.row_groups import Footer, RowGroup
 
 READ = ("tracks", "lights", "maps")
 WORDS = ["VEHICLE", "PEDESTRIAN", "", "straße", "自動車", "x" * 300]
@@ -118,6 +118,18 @@ def test_reads_without_arrow_what_our_writer_makes(tmp_path, table):
     pages, _ = ColumnReader(tables.load(table), names(table))._staged(row_groups(path, table))
     unknown = {column.name for column, its in zip(tables.load(table).columns, pages, strict=True) if its[0, 0] < 0}
     assert unknown <= {"origin_x", "origin_y", "origin_z", "tile"}  # which no loader reads
+
+
+@pytest.mark.parametrize(("table", "num_rows"), [("tracks", 19_000), ("maps", 4_000)])
+def test_a_column_of_megabytes_is_one_page(tmp_path, table, num_rows):
+    """As in row groups that many scenarios share."""
+    path = written(tmp_path / "f.parquet", table, [rows_of(table, num_rows, 7)])
+    group = pq.read_metadata(path).row_group(0)
+    assert max(group.column(k).total_uncompressed_size for k in range(group.num_columns)) > 2e6
+    pages, _ = ColumnReader(tables.load(table), names(table))._staged(row_groups(path, table))
+    unknown = {column.name for column, its in zip(tables.load(table).columns, pages, strict=True) if its[0, 0] < 0}
+    assert unknown <= {"origin_x", "origin_y", "origin_z", "tile"}
+    assert_same(table, read(table, row_groups(path, table)), by_arrow(table, [path]))
 
 
 @pytest.mark.parametrize("table", READ)

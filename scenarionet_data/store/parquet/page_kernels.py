@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from scenarionet_data.store.thrift_kernels import DATA_PAGE, DICTIONARY_PAGE, UNKNOWN, count_at, read_header
+from scenarionet_data.store.parquet.thrift_kernels import DATA_PAGE, DICTIONARY_PAGE, UNKNOWN, count_at, read_header
 
 Array = npt.NDArray[Any]
 

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarionet_data.store import thrift
-from scenarionet_data.store import thrift_kernels as kernels
+from scenarionet_data.store.parquet import thrift
+from scenarionet_data.store.parquet import thrift_kernels as kernels
 
 
 @given(header=st.binary(max_size=60))

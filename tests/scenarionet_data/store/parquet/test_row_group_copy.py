@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 
 from scenarionet_data import tables
 from scenarionet_data.errors import LakeError
-from scenarionet_data.store import thrift
-from scenarionet_data.store.row_group_copy import RowGroupSource, RowGroupWriter
-from scenarionet_data.store.thrift_kernels import UNKNOWN, struct_end
+from scenarionet_data.store.parquet import thrift
+from scenarionet_data.store.parquet.row_group_copy import RowGroupSource, RowGroupWriter
+from scenarionet_data.store.parquet.thrift_kernels import UNKNOWN, struct_end
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import make_scenario, renamed
 

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow.parquet as pq
 
-from scenarionet_data.store import page_kernels as kernels
+from scenarionet_data.store.parquet import page_kernels as kernels
 from scenarionet_data.tables import Column, Table
 
 Array = npt.NDArray[Any]
