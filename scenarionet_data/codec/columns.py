@@ -60,9 +60,19 @@ class Columns:
         return strings
 
     def codes(self, name: str, vocabulary: type[IntEnum]) -> Array:
-        """uint8 codes of a column of words, of lists one list after the other."""
+        """uint8 codes of a column of words, of lists one list after the other.
+
+        Raises:
+            LakeError: A word is none of the vocabulary.
+        """
         numbers = self.flat[name] if name in self.flat else self.lists[name].values
         known = _CODES[vocabulary]
+        strange = [word for word in self.words[name] if word not in known]
+        if strange:
+            raise LakeError(
+                f"{name} is {strange[0]!r}, which is no {vocabulary.__name__}: a file is damaged; `scenarionet fsck "
+                "--deep` names it; restore it from a copy of the lake, or convert its recordings again"
+            )
         codes: Array = np.array([known[word] for word in self.words[name]], np.uint8)[numbers]
         return codes
 

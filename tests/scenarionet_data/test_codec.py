@@ -99,6 +99,16 @@ def test_decodes_a_slice_of_many(row_groups):
     assert np.array_equal(tracks.valid, scenarios[-1].tracks.valid)
 
 
+@pytest.mark.parametrize(("table", "column"), [("tracks", "object_type"), ("lights", "provenance")])
+def test_words_of_no_vocabulary_are_refused(table, column):
+    encoded = codec.encode(make_scenario(1, num_lights=2), "1")
+    rows = getattr(encoded, table)
+    place = rows.schema.get_field_index(column)
+    strange = pa.array(["SPACESHIP"] * rows.num_rows).dictionary_encode()
+    with pytest.raises(LakeError, match=f"{column} is 'SPACESHIP'"):
+        codec.decode(replace(encoded, **{table: rows.set_column(place, rows.schema.field(place), strange)}))
+
+
 @pytest.mark.parametrize("start", [-1, 31, 2**31 - 1])
 def test_spans_outside_the_scenario_are_refused(start):
     encoded = codec.encode(make_scenario(1, num_steps=31), "1")
