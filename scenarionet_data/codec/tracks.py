@@ -112,7 +112,7 @@ def _grids(columns: Columns, first: int, last: int, steps: int) -> dict[str, Arr
     start, lists = columns.flat["start"], columns.lists
     spans, heights, flags = lists["x"], lists["z"], lists["valid"]
     has_z = heights.offsets[last] > heights.offsets[first]
-    at, at_z = spans.offsets[first], heights.offsets[first] if has_z else -1
+    at, at_z = int(spans.offsets[first]), int(heights.offsets[first]) if has_z else -1
     states = tuple(lists[name].values for name in ("x", "y", "z", "heading", "vx", "vy"))
     fill_states(first, start, spans.lengths, at, at_z, states, (position, heading, velocity))
     fill_valid(first, start, spans.lengths, flags.lengths, flags.offsets[first], flags.values, valid)

@@ -110,7 +110,7 @@ class ColumnReader:
         pages = np.zeros((len(self._columns), len(groups), kernels.NUM_PAGE_FIELDS), np.int64)
         at = 0
         for place, (group, its_chunks) in enumerate(zip(groups, chunks, strict=True)):
-            at = kernels.stage(group.content, group.base, its_chunks, pages[:, place], data, at)
+            at = kernels.stage(group.content, group.base, its_chunks, pages, place, data, at)
         for column, place in np.argwhere(pages[:, :, kernels.STORED_END] > 0).tolist():
             start, end, *stored = pages[column, place, _PLACES].tolist()
             if not self._inflate(groups[place].content[slice(*stored)].data, data[start:end]):

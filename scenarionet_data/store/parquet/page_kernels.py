@@ -45,13 +45,15 @@ NULLABLE, LIST = 1, 2
 
 
 @njit(cache=True, nogil=True)
-def stage(data: Array, base: int, chunks: Array, pages: Array, scratch: Array, at: int) -> int:
+def stage(data: Array, base: int, chunks: Array, pages: Array, number: int, scratch: Array, at: int) -> int:
     """Find a row group's pages and inflate those in LZ4; those in zstd get their place.
 
     Args:
         data: (n,) uint8 bytes of the file, from ``base`` on.
         chunks: (C, 7) int64, see there.
-        pages: (C, NUM_PAGE_FIELDS) int64, 0, filled; UNKNOWN for a column of more than one page, or of another kind.
+        pages: (C, k, NUM_PAGE_FIELDS) int64, 0, filled at the row group's ``number``; UNKNOWN for a column of more than
+            one page, or of another kind.
+        number: Which of the k row groups it is.
         scratch: (m,) uint8, filled from ``at`` on; it has room for the chunks' sizes.
 
     Returns:
@@ -59,7 +61,8 @@ def stage(data: Array, base: int, chunks: Array, pages: Array, scratch: Array, a
     """
     for column in range(len(chunks)):
         limit = min(at + chunks[column, CHUNK_SIZE], len(scratch))
-        pages[column, START] = _stage(data, base, chunks[column], pages[column], scratch, at, limit)
+        page = pages[column, number]
+        page[START] = _stage(data, base, chunks[column], page, scratch, at, limit)
         at = limit
     return at
 

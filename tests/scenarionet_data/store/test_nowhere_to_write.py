@@ -49,6 +49,7 @@ def test_a_folder_that_may_not_be_written(open_folder):
     """Converting more is refused in one line; reading goes on."""
     raw, root = raw_of(open_folder / "raw", 0, 1), open_folder / "lake"
     run(raw, root)
+    assert len(ScenarioLoader(root)[0].tracks) == 2  # compiled now, where compiled code may be kept
     raw_of(open_folder / "raw", 1, 1)
     for path in [root, *root.rglob("*")]:
         path.chmod(0o555 if path.is_dir() else 0o444)
