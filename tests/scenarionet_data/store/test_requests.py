@@ -20,7 +20,7 @@ def test_a_far_store_is_asked_for_more_at_once(seconds, at_once):
         with lock:
             running += 1
             most = max(most, running)
-        time.sleep(0.01)
+        time.sleep(0.003)
         with lock:
             running -= 1
 

@@ -36,9 +36,11 @@ def rows_of(table, num_rows, seed, nulls=0.2):
     for column in tables.load(table).columns:
         same = draw.random() < 0.3  # lists of one length are written as long runs
         lengths = np.full(num_rows, draw.choice(LENGTHS)) if same else draw.choice(LENGTHS, num_rows)
-        values = some(column.element, num_rows, draw)
         if column.is_list:
-            values = [some(column.element, length, draw) for length in lengths]
+            ends, listed = np.cumsum(lengths), some(column.element, int(lengths.sum()), draw)
+            values = [listed[end - length : end] for end, length in zip(ends, lengths, strict=True)]
+        else:
+            values = some(column.element, num_rows, draw)
         gaps = draw.random(num_rows) < draw.choice([0, nulls, 1])
         kept = [None if gap and column.nullable else value for gap, value in zip(gaps, values, strict=True)]
         columns.append(pa.array(kept, column.arrow_type))
