@@ -29,7 +29,7 @@ install-browser:  ## Debian's chromium, for the tests that look at pages in a br
 		'apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium fonts-dejavu-core'
 
 demo: install  ## From nothing to a lake, a filter, a split and pickles, without a download.
-	$(BIN)/python -m pipelines.demo
+	$(BIN)/python -m scenarionet_pipelines.demo
 
 test: install  ## The tests, in under three minutes (ARGS="-k lake" chooses some).
 	$(PYTEST) $(ARGS)
@@ -89,10 +89,10 @@ _arguments:
 		$(filter nuplan,$(DATASET)),$(comma) or NUPLAN_DATA_ROOT)))
 
 docs: install  ## Write the data dictionary and the README's columns from schemas/.
-	$(BIN)/python -m scenarionet_data.dictionary
+	$(BIN)/python -m scenarionet_data.schema.dictionary
 
 notebooks: install  ## Run the notebooks on generated scenarios and write their pages in docs/notebooks.
-	$(BIN)/python -m pipelines.notebooks $(ARGS)
+	$(BIN)/python -m scenarionet_pipelines.notebooks $(ARGS)
 
 build: install  ## Wheel and source distribution in dist/.
 	$(BIN)/python -m build --no-isolation

@@ -13,18 +13,18 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from scenarionet_data.catalog.database import Database
-    from scenarionet_data.catalog.lake import Lake
     from scenarionet_data.conversion import convert
+    from scenarionet_data.databases.record import Database
+    from scenarionet_data.lake.lake import Lake
     from scenarionet_data.loader import ScenarioLoader
-    from scenarionet_data.scenario import ScenarioDescription
+    from scenarionet_data.scenario.description import ScenarioDescription
 
 __all__ = ["Database", "Lake", "ScenarioDescription", "ScenarioLoader", "convert"]
 
 _HOME = {
-    "Database": "scenarionet_data.catalog.database",
-    "Lake": "scenarionet_data.catalog.lake",
-    "ScenarioDescription": "scenarionet_data.scenario",
+    "Database": "scenarionet_data.databases.record",
+    "Lake": "scenarionet_data.lake.lake",
+    "ScenarioDescription": "scenarionet_data.scenario.description",
     "ScenarioLoader": "scenarionet_data.loader",
     "convert": "scenarionet_data.conversion",
 }

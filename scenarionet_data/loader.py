@@ -14,16 +14,17 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from scenarionet_data import codec, tables
-from scenarionet_data.arrow_rows import ArrowRows
-from scenarionet_data.catalog.database import Database
-from scenarionet_data.catalog.lake import Lake
+from scenarionet_data import codec
 from scenarionet_data.codec import Rows
+from scenarionet_data.databases.record import Database
 from scenarionet_data.errors import LakeError
-from scenarionet_data.scenario import MapFeatures, ScenarioDescription, Tracks
-from scenarionet_data.shared_maps import SharedMaps
-from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.row_group_readers import Address, RowGroupReader, open_reader
+from scenarionet_data.lake.lake import Lake
+from scenarionet_data.scenario.description import MapFeatures, ScenarioDescription, Tracks
+from scenarionet_data.schema import tables
+from scenarionet_data.storage.read.row_group_readers import Address, RowGroupReader, open_reader
+from scenarionet_data.storage.read.row_table import ArrowRows
+from scenarionet_data.storage.read.shared_maps import SharedMaps
+from scenarionet_data.storage.snapshots import snapshot as snapshots
 
 Row = Mapping[str, Any]
 """What a database knows of a scenario: the columns that describe it, and where its rows of the tables are."""

@@ -21,11 +21,11 @@ from typing import Any
 
 import numpy as np
 
+from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.converters.base import Converter, Shard
-from scenarionet_data.converters.facts import PLACEHOLDER
 from scenarionet_data.errors import InvalidScenario, SourceError
-from scenarionet_data.ragged import Ragged
-from scenarionet_data.scenario import ScenarioDescription
+from scenarionet_data.ingest.input_properties import PLACEHOLDER
+from scenarionet_data.scenario.description import ScenarioDescription
 
 
 class ConverterConformance:
@@ -88,8 +88,8 @@ class ConverterConformance:
     def test_contracts_hold(self, raw: Any, tmp_path_factory: Any) -> None:
         """Converted into a lake, nothing breaks a rule of ``sql/checks``; soft ones as far as ``budgets`` allow."""
         from scenarionet_data import Lake
-        from scenarionet_data.catalog.checks import run_checks
         from scenarionet_data.conversion import convert
+        from scenarionet_data.quality.checks import run_checks
 
         lake = tmp_path_factory.mktemp("lake")
         kind = type(self.converter)
@@ -123,7 +123,7 @@ class ConverterConformance:
 
     def test_files_name_all_that_is_read(self, raw: Any, tmp_path_factory: Any) -> None:
         """Whoever has nothing but what ``files`` names makes the same scenarios: a worker, of an object store."""
-        from scenarionet_data.conversion.raw_store import moved
+        from scenarionet_data.conversion.remote_raw.listing import moved
 
         for shard in self.shards(raw)[-1:]:
             here = moved(shard, shard.root, str(tmp_path_factory.mktemp("worker")))

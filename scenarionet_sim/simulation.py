@@ -7,17 +7,17 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Bool, Int32, UInt8
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.scenario import Bool, Codes
 from scenarionet_sim.backends.base import Backend, checked_actions
 from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.kernels.overlap import find_contacts
 from scenarionet_sim.kernels.paths import follow_paths
 from scenarionet_sim.policies import External, Policy, Replay
-from scenarionet_sim.worlds.past import Past
-from scenarionet_sim.worlds.stage import Int32, Stage
+from scenarionet_sim.worlds.history import Past
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world import World
+from scenarionet_sim.worlds.world_batch import Stage
 
 NOBODY = 255
 """In ``Simulation.driver``: a row that no policy drives, and that is never present."""
@@ -67,7 +67,7 @@ class Simulation:
         self.state, self.previous = State.empty(*shape), State.empty(*shape)
         if history:
             self.state.past = self.previous.past = Past.empty(history, *shape)
-        self.driver: Codes = np.full(shape, NOBODY, np.uint8)
+        self.driver: UInt8 = np.full(shape, NOBODY, np.uint8)
         self._session = (backend or Kinematic()).open(self.stage)
         for slot in range(len(worlds)):
             self._begin(slot, worlds[slot], None)

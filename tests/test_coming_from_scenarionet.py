@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 import pytest
 
-from pipelines.cli import cli
+from scenarionet_pipelines.cli import cli
 
 README = (Path(__file__).parents[1] / "README.md").read_text("utf-8")
 SCRIPTS = {

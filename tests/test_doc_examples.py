@@ -16,9 +16,10 @@ import polars as pl
 import pytest
 from click.testing import CliRunner
 
-from pipelines.cli import cli
-from scenarionet_data import Lake, resources
-from scenarionet_data.catalog import rules
+from scenarionet_data import Lake
+from scenarionet_data.quality import rules
+from scenarionet_data.schema import package_data
+from scenarionet_pipelines.cli import cli
 from tests.fixtures.argoverse2 import write_forecasting
 from tests.fixtures.examples import ROOT, blocks, commands, run_blocks
 from tests.fixtures.lakes import write_lake
@@ -113,9 +114,9 @@ def test_maintenance_examples_run(monkeypatch, tmp_path):
 def test_the_page_of_checks_runs(tmp_path, monkeypatch):
     """Its commands, and its rule beside the others."""
     (rule,) = blocks("docs/checks.md", "sql")
-    shutil.copytree(resources.SQL, tmp_path / "sql")
+    shutil.copytree(package_data.SQL, tmp_path / "sql")
     (tmp_path / rule.splitlines()[0].removeprefix("-- ")).write_text(rule.split("\n", 1)[1])
-    monkeypatch.setattr("scenarionet_data.catalog.named_sql.SQL", tmp_path / "sql")
+    monkeypatch.setattr("scenarionet_data.query.named_sql.SQL", tmp_path / "sql")
     monkeypatch.chdir(tmp_path)
     lake = write_lake("lake", [make_scenario(1, num_objects=1, num_lanes=1), make_scenario(2, num_lanes=1)])
     lines = [
@@ -158,7 +159,7 @@ def test_the_example_as_an_installed_package_is_a_dataset_like_every_other(tmp_p
     (tmp_path / "recordings" / "first.csv").write_text("t,id,kind,x,y,heading,speed\n" + rows)
     environment = os.environ | {
         "PYTHONPATH": f"{ROOT}:{tmp_path / 'installed'}",
-        "PATH": f"{commands(tmp_path, 'pip=pip', 'scenarionet=pipelines.cli')}:{os.environ['PATH']}",
+        "PATH": f"{commands(tmp_path, 'pip=pip', 'scenarionet=scenarionet_pipelines.cli')}:{os.environ['PATH']}",
         # pip's own options: what the package needs is here already, and nothing is downloaded.
         "PIP_TARGET": str(tmp_path / "installed"),
         "PIP_NO_DEPS": "1",
@@ -209,7 +210,7 @@ if kind == "derived column":
 elif kind == "filter":
     assert 0 < len(lake.filter(name="crowded", named=["crowded:per_100m=10"])) <= 4
 else:
-    from scenarionet_data.catalog.checks import run_checks
+    from scenarionet_data.quality.checks import run_checks
     (result,) = [r for r in run_checks(lake) if r.name == "ego_moves_backwards"]
     assert result.doc
 """

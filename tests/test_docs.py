@@ -7,11 +7,12 @@ import shlex
 from dataclasses import asdict
 from pathlib import Path
 
-from pipelines import notebooks
-from pipelines.cli import cli
-from pipelines.cluster import profile as profiles
-from scenarionet_data import converters, dictionary, tables
-from scenarionet_data.catalog import rules
+from scenarionet_data import converters
+from scenarionet_data.quality import rules
+from scenarionet_data.schema import dictionary, tables
+from scenarionet_pipelines import notebooks
+from scenarionet_pipelines.cli import cli
+from scenarionet_pipelines.cluster import profile as profiles
 from scenarionet_sim import sensors
 from tests.fixtures.examples import ROOT, blocks
 

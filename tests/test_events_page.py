@@ -9,9 +9,9 @@ import shutil
 import pytest
 from click.testing import CliRunner
 
-from pipelines.cli import cli
-from scenarionet_data.catalog.named_sql import EVENTS
-from scenarionet_data.resources import SQL
+from scenarionet_data.query.named_sql import EVENTS
+from scenarionet_data.schema.package_data import SQL
+from scenarionet_pipelines.cli import cli
 from tests.fixtures.examples import ROOT, blocks
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.moments import along, moment
@@ -50,7 +50,7 @@ def test_the_event_that_the_page_adds_is_found(tmp_path, monkeypatch):
     shutil.copytree(SQL / "events", tmp_path / "events")
     name = re.match(r"-- sql/events/(\w+)\.sql\n", text).group(1)
     (tmp_path / "events" / f"{name}.sql").write_text(text.split("\n", 1)[1])
-    monkeypatch.setattr("scenarionet_data.catalog.named_sql.SQL", tmp_path)
+    monkeypatch.setattr("scenarionet_data.query.named_sql.SQL", tmp_path)
     lake = write_lake(tmp_path / "lake", [moment("standing", along(0, 0, 5), car=along(9, 9))])
     assert [row[1:] for row in lake.mine(name).rows()] == [("car", None, 0, 100, 101.0)]
     assert lake.mine(name, {"min": "102"}).is_empty()

@@ -84,7 +84,11 @@ def test_the_source_distribution_holds_what_one_works_with(built):
     with tarfile.open(archive) as file:
         names = {name.partition("/")[2] for name in file.getnames()}
     assert {"Makefile", "README.md", "LICENSE", "pyproject.toml", "schemas/metadata.toml", "tests/conftest.py"} <= names
-    assert {"docs/architecture.md", "sql/views/metadata.sql", "pipelines/cli/__init__.py"} <= names
+    assert {
+        "docs/architecture.md",
+        "sql/views/metadata.sql",
+        "pipelines/scenarionet_pipelines/cli/__init__.py",
+    } <= names
 
 
 def test_the_installed_command_works_anywhere(installed, tmp_path):
@@ -101,7 +105,7 @@ def test_a_checkout_works_uninstalled(tmp_path):
         shutil.copytree(ROOT / part, tmp_path / "checkout" / part, ignore=shutil.ignore_patterns("*.tmp.*"))
     where = call(python, "-c", "import scenarionet_data as s; print(s.__file__)", cwd=tmp_path / "checkout")
     assert where.startswith(str(tmp_path / "checkout"))
-    check_command(python, "-m", "pipelines.cli", cwd=tmp_path / "checkout")
+    check_command(python, "-m", "scenarionet_pipelines.cli", cwd=tmp_path / "checkout")
 
 
 def check_command(*scenarionet: str | Path, cwd: Path) -> None:

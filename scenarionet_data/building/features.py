@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building.precision import METRES, WIDTHS, rounded
-from scenarionet_data.ragged import Ragged
-from scenarionet_data.scenario import ID_LISTS, Float64, MapFeatures, strings
+from scenarionet_data.scenario.description import ID_LISTS, MapFeatures, strings
 
 
 def make_features(

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-Array = npt.NDArray[Any]
+from scenarionet_data.arrays.dtypes import Array
 
 _PI = np.pi
 _BELOW_PI = np.nextafter(np.float32(np.pi), np.float32(0.0))

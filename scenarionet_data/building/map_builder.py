@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64
+from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building.features import make_features
-from scenarionet_data.jsontext import to_json
-from scenarionet_data.ragged import Ragged
-from scenarionet_data.scenario import ID_LISTS, Bool, Float64, MapFeatures
-from scenarionet_data.vocabulary import MapFeatureType
+from scenarionet_data.scenario.canonical_json import to_json
+from scenarionet_data.scenario.description import ID_LISTS, MapFeatures
+from scenarionet_data.scenario.vocabulary import MapFeatureType
 
 _NO_POINTS, _NO_WIDTHS = np.zeros((0, 3)), np.zeros((0, 2))
 
@@ -111,7 +112,7 @@ class MapBuilder:
         boxes = self.bounds if bounds is None else bounds
         return self.take(np.flatnonzero(meets(boxes, window)))
 
-    def take(self, rows: npt.NDArray[Any]) -> MapBuilder:
+    def take(self, rows: Array) -> MapBuilder:
         """The features at ``rows``, in that order."""
         chosen = MapBuilder()
         chosen._rows = [self._rows[row] for row in rows]

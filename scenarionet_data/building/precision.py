@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
-from scenarionet_data.scenario import Bool, Float32, Float64
+from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64
 
 METRES = 2.0**-14
 """Positions and speeds are multiples of this: 0.06 mm, what float32 resolves half a kilometre from the origin."""
@@ -32,7 +30,7 @@ def rounded(values: npt.ArrayLike, step: float) -> Float32:
     return array
 
 
-def make_origin(position: npt.NDArray[Any], valid: Bool, has_z: bool) -> Float64:
+def make_origin(position: Array, valid: Bool, has_z: bool) -> Float64:
     """Origin of a scenario: the ego's first valid position rounded to whole metres.
 
     Args:
@@ -47,7 +45,7 @@ def make_origin(position: npt.NDArray[Any], valid: Bool, has_z: bool) -> Float64
     return np.array([first[0], first[1], first[2] if has_z else 0.0], dtype=np.float64) + 0.0
 
 
-def offsets_from(origin: Float64, points: npt.NDArray[Any]) -> Float32:
+def offsets_from(origin: Float64, points: Array) -> Float32:
     """Points (..., 3) as float32 offsets, subtracted in float64 without a float64 copy of all of them."""
     offsets = np.empty(points.shape, np.float32)
     with np.errstate(over="ignore"):  # beyond float32 becomes infinite, which validation names

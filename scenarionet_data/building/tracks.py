@@ -8,11 +8,12 @@ from typing import Any, TypedDict, TypeVar, Unpack
 import numpy as np
 import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64
+from scenarionet_data.arrays.geometry import wrap_angle
 from scenarionet_data.building import kernels
 from scenarionet_data.building.precision import METRES, RADIANS, offsets_from, rounded
-from scenarionet_data.geometry import wrap_angle
-from scenarionet_data.jsontext import to_json
-from scenarionet_data.scenario import Bool, Float32, Float64, Tracks, strings
+from scenarionet_data.scenario.canonical_json import to_json
+from scenarionet_data.scenario.description import Tracks, strings
 
 _STEPS = np.array([METRES, RADIANS], np.float32)
 _PI = np.float32(np.pi)
@@ -40,11 +41,11 @@ class TrackFacts(TypedDict, total=False):
 def make_tracks(
     ids: Sequence[str],
     object_type: npt.ArrayLike,
-    position: npt.NDArray[Any],
-    heading: npt.NDArray[Any],
-    velocity: npt.NDArray[Any],
-    size: npt.NDArray[Any],
-    valid: npt.NDArray[Any],
+    position: Array,
+    heading: Array,
+    velocity: Array,
+    size: Array,
+    valid: Array,
     *,
     origin: Float64,
     **facts: Unpack[TrackFacts],
@@ -82,12 +83,12 @@ def make_tracks(
 def make_tracks_of_rows(
     ids: Sequence[str],
     object_type: npt.ArrayLike,
-    position: npt.NDArray[Any],
-    heading: npt.NDArray[Any],
-    velocity: npt.NDArray[Any],
-    size: npt.NDArray[Any],
-    track: npt.NDArray[Any],
-    timestep: npt.NDArray[Any],
+    position: Array,
+    heading: Array,
+    velocity: Array,
+    size: Array,
+    track: Array,
+    timestep: Array,
     num_timesteps: int,
     *,
     origin: Float64,
@@ -110,7 +111,7 @@ def make_tracks_of_rows(
     """
     shape = (len(ids), num_timesteps)
 
-    def grid(rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    def grid(rows: Array) -> Array:
         cells = np.zeros((*shape, *rows.shape[1:]), rows.dtype)
         cells[track, timestep] = rows
         return cells
@@ -148,7 +149,7 @@ def _canonical(values: npt.ArrayLike, step: float) -> Float32:
     return kept
 
 
-def _sizes(size: npt.NDArray[Any], valid: Bool) -> Float32:
+def _sizes(size: Array, valid: Bool) -> Float32:
     """Sizes of an object that never changes stay as they are given; those measured at every step are rounded."""
     shape = (*valid.shape, 3)
     sizes = np.zeros(shape, np.float32)
@@ -165,7 +166,7 @@ def _source(values: npt.ArrayLike, shape: tuple[int, ...], kind: type[Number]) -
     return source
 
 
-def _row_sizes(size: npt.NDArray[Any], track: npt.NDArray[Any], count: int) -> Float32:
+def _row_sizes(size: Array, track: Array, count: int) -> Float32:
     """As :func:`_sizes`, of rows (R, 3) of ``count`` objects."""
     with np.errstate(over="ignore"):
         exact = size.astype(np.float32)

@@ -11,17 +11,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 
-from scenarionet_data import tables
+from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.codec.columns import Columns, Rows
 from scenarionet_data.codec.content_hash import content_hash
 from scenarionet_data.codec.lights import decode_lights, encode_lights
 from scenarionet_data.codec.maps import decode_maps, encode_map
 from scenarionet_data.codec.tracks import decode_tracks, encode_tracks
-from scenarionet_data.jsontext import from_json, to_json
-from scenarionet_data.scenario import Lights, MapFeatures, ScenarioDescription, Source, Tracks
+from scenarionet_data.scenario.canonical_json import from_json, to_json
+from scenarionet_data.scenario.description import Lights, MapFeatures, ScenarioDescription, Source, Tracks
+from scenarionet_data.schema import tables
 from scenarionet_data.statistics import summarise
 
 __all__ = [
@@ -35,8 +35,6 @@ __all__ = [
     "encode",
     "encode_map",
 ]
-
-Array = npt.NDArray[Any]
 
 
 @dataclass(frozen=True)

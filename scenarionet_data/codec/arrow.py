@@ -7,13 +7,12 @@ from enum import IntEnum
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 
-from scenarionet_data import tables, vocabulary
-from scenarionet_data.vocabulary import LightState, MapFeatureType, ObjectType, Provenance
-
-Array = npt.NDArray[Any]
+from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.scenario import vocabulary
+from scenarionet_data.scenario.vocabulary import LightState, MapFeatureType, ObjectType, Provenance
+from scenarionet_data.schema import tables
 
 
 def batch(table: str, columns: Mapping[str, Any]) -> pa.RecordBatch:

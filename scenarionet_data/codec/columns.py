@@ -5,18 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 
+from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.codec.arrow import offsets_of
 from scenarionet_data.errors import LakeError
-from scenarionet_data.tables import Column
-from scenarionet_data.vocabulary import LightState, MapFeatureType, ObjectType, Provenance
-
-Array = npt.NDArray[Any]
+from scenarionet_data.scenario.vocabulary import LightState, MapFeatureType, ObjectType, Provenance
+from scenarionet_data.schema.tables import Column
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from xxhash import xxh3_64
 
-from scenarionet_data.ragged import Ragged
-from scenarionet_data.scenario import ScenarioDescription
+from scenarionet_data.arrays.ragged import Ragged
+from scenarionet_data.scenario.description import ScenarioDescription
 
 
 def content_hash(scenario: ScenarioDescription) -> int:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy.typing as npt
 from numba import njit
 
-Array = npt.NDArray[Any]
+from scenarionet_data.arrays.dtypes import Array
 
 
 @njit(cache=True, nogil=True)

@@ -8,12 +8,12 @@ from itertools import pairwise
 import numpy as np
 import pyarrow as pa
 
-from scenarionet_data import tables
 from scenarionet_data.codec.arrow import batch, names_of, string_array
 from scenarionet_data.codec.columns import Rows
 from scenarionet_data.errors import LakeError
-from scenarionet_data.scenario import Lights
-from scenarionet_data.vocabulary import LightState, Provenance
+from scenarionet_data.scenario.description import Lights
+from scenarionet_data.scenario.vocabulary import LightState, Provenance
+from scenarionet_data.schema import tables
 
 
 def encode_lights(scenario_id: str, lights: Lights, has_z: bool) -> pa.RecordBatch:

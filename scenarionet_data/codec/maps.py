@@ -7,18 +7,16 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 
+from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.codec.arrow import batch, list_array, names_of, string_array
 from scenarionet_data.codec.columns import Columns, Lists, Rows
 from scenarionet_data.codec.kernels import find_bounds
 from scenarionet_data.errors import LakeError
-from scenarionet_data.ragged import Ragged
-from scenarionet_data.scenario import ID_LISTS, MapFeatures
-from scenarionet_data.vocabulary import MapFeatureType
-
-Array = npt.NDArray[Any]
+from scenarionet_data.scenario.description import ID_LISTS, MapFeatures
+from scenarionet_data.scenario.vocabulary import MapFeatureType
 
 _POINTS = {
     "polyline": ("x", "y", "z"),

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 
+from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.codec.arrow import batch, dictionary_of, list_array, names_of, offsets_of, string_array
 from scenarionet_data.codec.columns import Columns, Lists, Rows
 from scenarionet_data.codec.kernels import fill_sizes, fill_states, fill_valid
 from scenarionet_data.errors import LakeError
-from scenarionet_data.scenario import Tracks
-from scenarionet_data.vocabulary import ObjectType
-
-Array = npt.NDArray[Any]
+from scenarionet_data.scenario.description import Tracks
+from scenarionet_data.scenario.vocabulary import ObjectType
 
 _STRINGS = {"track_id": "ids", "source_type": "source_type", "extras": "extras"}
 _EXTENTS = ("length", "width", "height")

@@ -1,4 +1,4 @@
-"""Raw recordings to a lake: ``driver`` plans, has the shards converted by a ``runners.Run``, commits and reports."""
+"""Raw recordings to a lake: ``driver`` plans, has the shards converted by an executor, commits and reports."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from scenarionet_data.conversion.pace import Pace, measure_pace
     from scenarionet_data.conversion.plan import Plan
     from scenarionet_data.conversion.report import Report
-    from scenarionet_data.conversion.runners import Pool, Run, run_here, runner
     from scenarionet_data.conversion.selection import Selection, parse_slice
     from scenarionet_data.conversion.watching import watch
 
@@ -21,16 +20,14 @@ _HOMES = {
     "pace": ("Pace", "measure_pace"),
     "plan": ("Plan",),
     "report": ("Report",),
-    "runners": ("Pool", "Run", "run_here", "runner"),
     "selection": ("Selection", "parse_slice"),
     "watching": ("watch",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
-    "Job", "Outcome", "Pace", "Plan", "Pool", "Progress", "Report", "Run", "Selection", "convert", "convert_shard",
-    "measure_pace", "parse_slice", "plan_conversion", "run_here", "runner",
-    "watch",
+    "Job", "Outcome", "Pace", "Plan", "Progress", "Report", "Selection", "convert", "convert_shard", "measure_pace",
+    "parse_slice", "plan_conversion", "watch",
 ]  # fmt: skip
 
 

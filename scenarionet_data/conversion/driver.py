@@ -14,22 +14,22 @@ from pathlib import Path
 from typing import Any
 
 from scenarionet_data import converters
-from scenarionet_data.conversion.basket import Basket
-from scenarionet_data.conversion.downloads import kept_meanwhile
+from scenarionet_data.conversion.committer import Basket
 from scenarionet_data.conversion.jobs import Job, Outcome, convert_map, convert_shard, lost_shard, run_limited
 from scenarionet_data.conversion.plan import Plan, largest_first, make_plan
-from scenarionet_data.conversion.raw_store import RawPlace, listing
+from scenarionet_data.conversion.remote_raw.downloads import kept_meanwhile
+from scenarionet_data.conversion.remote_raw.listing import RawPlace, listing
 from scenarionet_data.conversion.report import Report
-from scenarionet_data.conversion.runners import Run, runner
 from scenarionet_data.conversion.selection import Choice, Selection
-from scenarionet_data.conversion.tally import Tally
 from scenarionet_data.converters.base import Converter, Options, Shard
 from scenarionet_data.converters.splits import guess_split
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.store import commit as commits
-from scenarionet_data.store import manifests
-from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.files import LakeFiles, open_files
+from scenarionet_data.execution.executors import Run, runner
+from scenarionet_data.execution.worker_stats import Tally
+from scenarionet_data.storage.files.local import LakeFiles, open_files
+from scenarionet_data.storage.snapshots import commit as commits
+from scenarionet_data.storage.snapshots import manifests
+from scenarionet_data.storage.snapshots import snapshot as snapshots
 
 _WORD = re.compile(r"[A-Za-z0-9._-]+")
 

@@ -10,15 +10,15 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from scenarionet_data import converters
-from scenarionet_data.catalog.audit import audit, audit_shared_map
-from scenarionet_data.conversion.downloads import at_hand
-from scenarionet_data.conversion.raw_store import rename
+from scenarionet_data.conversion.remote_raw.downloads import at_hand
+from scenarionet_data.conversion.remote_raw.listing import rename
 from scenarionet_data.converters.base import Converter, Shard
 from scenarionet_data.errors import LakeError, SourceError
-from scenarionet_data.store.files import open_files
-from scenarionet_data.store.shard_record import ShardRecord, find_finished
-from scenarionet_data.store.shard_writer import ShardWriter
-from scenarionet_data.store.shared_map import write_shared_map
+from scenarionet_data.quality.audit import audit, audit_shared_map
+from scenarionet_data.storage.files.local import open_files
+from scenarionet_data.storage.snapshots.shard_record import ShardRecord, find_finished
+from scenarionet_data.storage.write.shard_writer import ShardWriter
+from scenarionet_data.storage.write.shared_map import write_shared_map
 
 
 @dataclass(frozen=True)

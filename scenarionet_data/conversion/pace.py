@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
 
-from scenarionet_data.conversion.downloads import kept_meanwhile
 from scenarionet_data.conversion.jobs import Job, convert_shard
+from scenarionet_data.conversion.remote_raw.downloads import kept_meanwhile
 from scenarionet_data.converters.base import Shard
 
 

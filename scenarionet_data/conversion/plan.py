@@ -6,10 +6,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from scenarionet_data import tables
 from scenarionet_data.converters.base import RawItem, Shard
 from scenarionet_data.errors import DuplicateScenario
-from scenarionet_data.store.shard_record import ShardRecord
+from scenarionet_data.schema import tables
+from scenarionet_data.storage.snapshots.shard_record import ShardRecord
 
 
 @dataclass(frozen=True)

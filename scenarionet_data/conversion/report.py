@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from scenarionet_data.conversion.tally import Share
+from scenarionet_data.execution.worker_stats import Share
 
 
 @dataclass

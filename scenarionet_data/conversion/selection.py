@@ -13,8 +13,8 @@ from fnmatch import fnmatchcase
 from typing import Protocol
 
 from scenarionet_data.converters.base import RawItem, Shard
-from scenarionet_data.converters.facts import is_at_hand
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.ingest.input_properties import is_at_hand
 
 _SLICE = re.compile(r"(\d*):(\d*)")
 _SHOWN = 5

@@ -14,10 +14,10 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
-from scenarionet_data.converters.facts import Facts
 from scenarionet_data.converters.splits import is_of_split
 from scenarionet_data.errors import SourceNotFound
-from scenarionet_data.scenario import ScenarioDescription
+from scenarionet_data.ingest.input_properties import Facts
+from scenarionet_data.scenario.description import ScenarioDescription
 
 if TYPE_CHECKING:
     from scenarionet_data.building import MapBuilder

@@ -12,6 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.building import MapBuilder, make_origin, make_tracks
 from scenarionet_data.converters import base
 from scenarionet_data.converters.base import Budgets, Converter, RawItem, Shard
@@ -21,8 +22,7 @@ from scenarionet_data.procedural.generate import Episode, generate
 from scenarionet_data.procedural.options import GeneratorOptions
 from scenarionet_data.procedural.right_of_way import CAUTION, GO, STOP
 from scenarionet_data.procedural.roadmap import Lane, RoadMap
-from scenarionet_data.scenario import (
-    Float64,
+from scenarionet_data.scenario.description import (
     Lights,
     MapFeatures,
     ScenarioDescription,
@@ -31,7 +31,7 @@ from scenarionet_data.scenario import (
     make_scenario_id,
     strings,
 )
-from scenarionet_data.vocabulary import LightState, MapFeatureType, ObjectType, Provenance
+from scenarionet_data.scenario.vocabulary import LightState, MapFeatureType, ObjectType, Provenance
 
 BLOCK = 64  # seeds a shard
 HISTORY = 10  # timesteps before the current one, as in Waymo

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from scenarionet_data.maintenance.bins import plan_compaction
+from scenarionet_data.maintenance.bin_packing import plan_compaction
 from scenarionet_data.maintenance.compaction import Compaction, compact
 from scenarionet_data.maintenance.fsck import Fsck, fsck, repair
 from scenarionet_data.maintenance.vacuuming import Vacuum, plan_vacuum, vacuum

@@ -12,15 +12,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from scenarionet_data.conversion.runners import Run, runner
 from scenarionet_data.errors import LakeError
-from scenarionet_data.maintenance.bins import Bin, content_sizes, plan_compaction
-from scenarionet_data.store import commit as commits
-from scenarionet_data.store import manifests, profiles, rewriting
-from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.commit import Rewritten
-from scenarionet_data.store.files import LakeFiles, open_files
-from scenarionet_data.store.shard_record import ShardRecord
+from scenarionet_data.execution.executors import Run, runner
+from scenarionet_data.maintenance.bin_packing import Bin, content_sizes, plan_compaction
+from scenarionet_data.storage.files.local import LakeFiles, open_files
+from scenarionet_data.storage.snapshots import commit as commits
+from scenarionet_data.storage.snapshots import manifests
+from scenarionet_data.storage.snapshots import snapshot as snapshots
+from scenarionet_data.storage.snapshots.commit import Rewritten
+from scenarionet_data.storage.snapshots.shard_record import ShardRecord
+from scenarionet_data.storage.write import layouts, rewriting
 
 _ROUNDS = 3
 _COMMIT_EVERY = 3600.0
@@ -125,7 +126,7 @@ def compact(
 def compact_bin(job: Bin) -> Outcome:
     """Rewrite one bin, or take what an earlier run has finished; nothing is committed. Runs on a worker."""
     try:
-        records = rewriting.rewrite(open_files(job.lake), job.records, profiles.load(job.profile))
+        records = rewriting.rewrite(open_files(job.lake), job.records, layouts.load(job.profile))
     except LakeError as error:  # a damaged file must not keep the others from being compacted
         return Outcome(job, (), str(error))
     return Outcome(job, tuple(records))

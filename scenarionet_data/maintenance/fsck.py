@@ -13,15 +13,15 @@ from pathlib import Path
 import pyarrow as pa
 
 from scenarionet_data.errors import LakeError
-from scenarionet_data.maintenance import companions
-from scenarionet_data.maintenance.remedies import Inputs, remedy
+from scenarionet_data.maintenance import database_checks
+from scenarionet_data.maintenance.repair_advice import Inputs, remedy
 from scenarionet_data.maintenance.vacuuming import list_files
-from scenarionet_data.store import commit as commits
-from scenarionet_data.store import manifests, metadata_files
-from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.files import LakeFiles, open_files
-from scenarionet_data.store.snapshot import Snapshot
-from scenarionet_data.store.verifying import Damage, Verifier, Written, listed, unreadable
+from scenarionet_data.storage.files.local import LakeFiles, open_files
+from scenarionet_data.storage.snapshots import commit as commits
+from scenarionet_data.storage.snapshots import manifests, metadata_files
+from scenarionet_data.storage.snapshots import snapshot as snapshots
+from scenarionet_data.storage.snapshots.snapshot import Snapshot
+from scenarionet_data.storage.verifying import Damage, Verifier, Written, listed, unreadable
 
 Progress = Callable[[int, int], None]
 """Called with files read and files to read."""
@@ -107,10 +107,10 @@ def fsck(
     told = {damage.file for damage in damages}
     damages += verifier.files({name: known for name, known in written.items() if name not in told}, on_progress)
     broken = {damage.file for damage in damages}
-    for number in sorted({*companions.bases(files), max(there, default=0)} & set(there)):
+    for number in sorted({*database_checks.bases(files), max(there, default=0)} & set(there)):
         if broken.isdisjoint((*there[number].manifests, *there[number].metadata)):
             damages += verifier.references(there[number], manifests.shard_table(files, there[number]))
-    damages += companions.damages(files, there, broken)
+    damages += database_checks.damages(files, there, broken)
     newest = there[max(there)].manifests if there else ()
     inputs = Inputs(lists[name] for name in newest if name in lists)
     problems = dict.fromkeys(Problem(each.file, _reason(each), remedy(each.file, inputs)) for each in damages)

@@ -13,11 +13,11 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from scenarionet_data.catalog import database as databases
+from scenarionet_data.databases import record as databases
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.store import manifests
-from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.files import LakeFiles, Listed, open_files
+from scenarionet_data.storage.files.local import LakeFiles, Listed, open_files
+from scenarionet_data.storage.snapshots import manifests
+from scenarionet_data.storage.snapshots import snapshot as snapshots
 
 UNCOMMITTED_FOR = 24 * 3600.0
 """How long a file that no snapshot names is left alone [s]: a job at work may be about to commit it."""

@@ -13,7 +13,7 @@ from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_data.plots.drawing import Drawing
 from scenarionet_data.plots.moment import Moment
 from scenarionet_data.plots.scene import Scene
-from scenarionet_data.scenario import ScenarioDescription
+from scenarionet_data.scenario.description import ScenarioDescription
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 
-from scenarionet_data.ragged import Ragged
+from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.arrays.ragged import Ragged
 
 
 def points_per_metre(artist: Artist) -> float:
@@ -54,7 +55,7 @@ class Pieces(LineCollection):
         least: Their width is never below [1/72 inch].
     """
 
-    def __init__(self, lines: npt.NDArray[Any], metres: float, least: float = 0.8, **style: Any) -> None:
+    def __init__(self, lines: Array, metres: float, least: float = 0.8, **style: Any) -> None:
         super().__init__(list(lines), capstyle="butt", **style)
         self._metres, self._least = metres, least
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from scenarionet_data.catalog.comparison import Statistics
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.operations.comparison import Statistics
 from scenarionet_data.plots.files import PICTURES, write_figure
 from scenarionet_data.plots.palette import SERIES
 from scenarionet_data.plots.style import new_figure, plain, styled

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from scenarionet_data import tables
+from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.plots.palette import SERIES
 from scenarionet_data.plots.style import new_figure, plain, styled
-from scenarionet_data.scenario import Float64
+from scenarionet_data.schema import tables
 
 if TYPE_CHECKING:
-    from scenarionet_data.catalog.database import Database
-    from scenarionet_data.catalog.lake import Lake
+    from scenarionet_data.databases.record import Database
+    from scenarionet_data.lake.lake import Lake
 
 MEASURES = ("ego_distance", "ego_mean_speed", "ego_cumulative_curvature", "num_objects", "num_map_features", "duration")
 """What is drawn unless something else is asked for."""

@@ -24,7 +24,7 @@ from scenarionet_data.plots.scene import Scene
 from scenarionet_data.plots.style import new_figure
 from scenarionet_data.plots.topdown import DPI, TRAIL, TopDown
 from scenarionet_data.plots.window import Window
-from scenarionet_data.scenario import ScenarioDescription
+from scenarionet_data.scenario.description import ScenarioDescription
 
 _RATIOS = 0.75, 1.8
 """Width over height of a picture, at least and at most, unless asked for."""

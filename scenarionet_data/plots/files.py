@@ -11,14 +11,12 @@ from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
+from scenarionet_data.arrays.dtypes import UInt8
 from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_data.plots.palette import MEANINGFUL
-
-Picture = npt.NDArray[np.uint8]
 
 PICTURES = (".png", ".pdf", ".svg")
 VIDEOS = (".gif", ".mp4")
@@ -42,7 +40,7 @@ def write_figure(path: Path | str, figure: Figure) -> None:
 
 def write_video(
     path: Path | str,
-    frames: Iterable[Picture],
+    frames: Iterable[UInt8],
     rate: float,
     on_frame: Callable[[int], None] | None = None,
 ) -> None:
@@ -88,13 +86,13 @@ def as_webp(video: bytes, rate: float = 7.0, seconds: float = 12.0) -> bytes:
     return done.getvalue()
 
 
-def _counted(frames: Iterable[Picture], on_frame: Callable[[int], None]) -> Iterator[Picture]:
+def _counted(frames: Iterable[UInt8], on_frame: Callable[[int], None]) -> Iterator[UInt8]:
     for number, frame in enumerate(frames):
         on_frame(number)
         yield frame
 
 
-def _write_gif(path: Path, frames: Iterator[Picture], rate: float) -> None:
+def _write_gif(path: Path, frames: Iterator[UInt8], rate: float) -> None:
     """All frames with the same colours, the first one's and those that mean something: what stands still is still."""
     from PIL import Image
 
@@ -108,7 +106,7 @@ def _write_gif(path: Path, frames: Iterator[Picture], rate: float) -> None:
     begin.save(path, save_all=True, append_images=done, duration=round(1000 / rate), loop=0, optimize=False)
 
 
-def _write_mp4(path: Path, frames: Iterator[Picture], rate: float) -> None:
+def _write_mp4(path: Path, frames: Iterator[UInt8], rate: float) -> None:
     try:
         import av
     except ImportError as error:

@@ -6,17 +6,17 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Array, Float64
+from scenarionet_data.arrays.geometry import box_corners
+from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.errors import MissingDependency
-from scenarionet_data.geometry import box_corners
 from scenarionet_data.plots.map_layer import painted, stripes
 from scenarionet_data.plots.object_layer import heading_arrows
 from scenarionet_data.plots.palette import EDGE, EGO, GROUND, INK, LIGHTS, NAMES, OBJECTS, OTHER, ROAD, WHITE, YELLOW
 from scenarionet_data.plots.scene import Scene
-from scenarionet_data.ragged import Ragged
-from scenarionet_data.scenario import MapFeatures, ScenarioDescription
-from scenarionet_data.vocabulary import (
+from scenarionet_data.scenario.description import MapFeatures, ScenarioDescription
+from scenarionet_data.scenario.vocabulary import (
     AREAS_TO_DRIVE_ON,
     LIGHT_COLORS,
     LightColor,
@@ -190,7 +190,7 @@ def _apart(lines: Ragged, *, is_closed: bool) -> tuple[list[float | None], list[
     return x, y
 
 
-def _rounded(points: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+def _rounded(points: Array) -> Float64:
     return np.asarray(points, np.float64).reshape(-1, 2).round(2)
 
 

@@ -18,7 +18,7 @@ from scenarionet_data.plots.artists import Marks
 from scenarionet_data.plots.moment import Moment
 from scenarionet_data.plots.palette import EGO, INK, LIGHTS, NAMES, OTHER, ROUTE, WHITE, object_color
 from scenarionet_data.plots.scene import Scene
-from scenarionet_data.vocabulary import LIGHT_COLORS, LightColor, ObjectType
+from scenarionet_data.scenario.vocabulary import LIGHT_COLORS, LightColor, ObjectType
 
 _HALO: list[AbstractPathEffect] = [withStroke(linewidth=2.5, foreground=WHITE)]
 _LIGHT_NAMES = {

@@ -7,12 +7,12 @@ from itertools import chain
 import numpy as np
 from matplotlib.artist import Artist
 
+from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.plots.artists import Strokes, areas
 from scenarionet_data.plots.paint import arrows, paint, zebra
 from scenarionet_data.plots.palette import ARROW, EDGE, LINE, ROAD, STOP_LINE, WHITE, YELLOW
 from scenarionet_data.plots.shapes import MapShapes
-from scenarionet_data.ragged import Ragged
-from scenarionet_data.vocabulary import AREAS_TO_DRIVE_ON, MapFeatureType, is_lane, is_road_edge
+from scenarionet_data.scenario.vocabulary import AREAS_TO_DRIVE_ON, MapFeatureType, is_lane, is_road_edge
 
 
 def map_artists(shapes: MapShapes) -> list[Artist]:

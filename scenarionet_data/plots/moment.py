@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from scenarionet_data.scenario import Bool, Float64
+from scenarionet_data.arrays.dtypes import Bool, Float64
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.plots.drawing import COLORS, color_limit, draw_scenario, style_colors
 from scenarionet_data.plots.scene import Scene
 from scenarionet_data.plots.style import new_figure, plain, styled
-from scenarionet_data.scenario import ScenarioDescription
+from scenarionet_data.scenario.description import ScenarioDescription
 
 
 def small_multiples(

@@ -10,16 +10,14 @@ from matplotlib.artist import Artist
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgba
 
-from scenarionet_data.geometry import box_corners
+from scenarionet_data.arrays.dtypes import Bool, Float64, IntP
+from scenarionet_data.arrays.geometry import box_corners
+from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.plots.artists import Marks, Pieces, Strokes
 from scenarionet_data.plots.moment import Moment
 from scenarionet_data.plots.palette import EGO, INK, LIGHTS, ROUTE, WHITE, object_color
 from scenarionet_data.plots.scene import Scene
-from scenarionet_data.ragged import Ragged
-from scenarionet_data.vocabulary import LIGHT_COLORS, LightColor
-
-Points = npt.NDArray[np.float64]
-Rows = npt.NDArray[np.intp]
+from scenarionet_data.scenario.vocabulary import LIGHT_COLORS, LightColor
 
 LEAST_SIDE = 0.8
 """Shortest side of a drawn box [m]: pedestrians and cones would hardly be seen."""
@@ -109,7 +107,7 @@ def lights(scene: Scene, timestep: int) -> list[Artist]:
     return artists
 
 
-def heading_arrows(corners: Points) -> Points:
+def heading_arrows(corners: Float64) -> Float64:
     """(N, 3, 2) triangles that fill the front third of boxes (N, 4, 2), corners from the front left."""
     front_left, back_left, back_right, front_right = np.moveaxis(corners, 1, 0)
     tip = (front_left + front_right) / 2
@@ -118,14 +116,14 @@ def heading_arrows(corners: Points) -> Points:
     return np.stack([tip - 0.08 * ahead, middle + 0.34 * side, middle - 0.34 * side], axis=1)
 
 
-def _pieces(position: npt.NDArray[np.floating], present: npt.NDArray[np.bool_]) -> tuple[Rows, Rows, Points]:
+def _pieces(position: npt.NDArray[np.floating], present: Bool) -> tuple[IntP, IntP, Float64]:
     """Steps, rows and pieces (K, 2, 2) of the ways (T, N, 2) of what moves, where it is present on both ends."""
     is_piece = present[1:] & present[:-1] & (np.hypot(*np.moveaxis(np.diff(position, axis=0), -1, 0)) > 0.01)
     step, row = np.nonzero(is_piece)
     return step, row, np.stack([position[step, row], position[step + 1, row]], axis=1)
 
 
-def _colors(scene: Scene) -> Points:
+def _colors(scene: Scene) -> Float64:
     """(N, 4) RGBA of every object."""
     colors = np.array([to_rgba(object_color(int(kind))) for kind in scene.object_type]).reshape(-1, 4)
     colors[scene.ego] = to_rgba(EGO)

@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.plots.palette import ARROW_EVERY, DASH, GAP, LINE, STRIPE
-from scenarionet_data.ragged import Ragged
-from scenarionet_data.vocabulary import MapFeatureType
-
-Points = npt.NDArray[np.float64]
+from scenarionet_data.scenario.vocabulary import MapFeatureType
 
 
 class Stroke(NamedTuple):
@@ -110,7 +108,7 @@ def arrows(lanes: Ragged) -> Ragged:
     return Ragged.from_flat(np.full(len(triangles), 3), triangles.reshape(-1, 2))
 
 
-def _arcs(points: Points, lines: Ragged) -> tuple[Points, Points, Points]:
+def _arcs(points: Float64, lines: Ragged) -> tuple[Float64, Float64, Float64]:
     """Distance of each point (P,) from its line's start, lengths of the lines (K,), and (P,) where its line starts.
 
     The last when all are laid one after the other, 1 m apart; all in metres.
@@ -123,11 +121,11 @@ def _arcs(points: Points, lines: Ragged) -> tuple[Points, Points, Points]:
     return arc, arc[lines.offsets[1:] - 1], start
 
 
-def _along(points: Points, walked: Points, places: Points) -> Points:
+def _along(points: Float64, walked: Float64, places: Float64) -> Float64:
     return np.stack([np.interp(places, walked, points[:, axis]) for axis in (0, 1)], axis=1)
 
 
-def zebra(outline: Points) -> list[Points]:
+def zebra(outline: Float64) -> list[Float64]:
     """Stripes (n, 2) [m] across a crosswalk, in the direction of the traffic that it stops."""
     area = shapely.Polygon(outline)
     frame = shapely.minimum_rotated_rectangle(area)

@@ -5,7 +5,7 @@ Source: M. Okabe, K. Ito, "Color universal design", 2008. Lights also differ in 
 
 from __future__ import annotations
 
-from scenarionet_data.vocabulary import LightColor, ObjectType
+from scenarionet_data.scenario.vocabulary import LightColor, ObjectType
 
 GROUND = "#e8eae5"
 ROAD = "#b9bfc7"

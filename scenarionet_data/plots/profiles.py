@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
+from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.plots.palette import EGO, SERIES
 from scenarionet_data.plots.style import new_figure, plain, styled
-from scenarionet_data.scenario import Float64, ScenarioDescription
+from scenarionet_data.scenario.description import ScenarioDescription
 
 _LEAST_SPEED = 1.0
 """Below it a heading says little about a way's curvature [m/s]."""

@@ -7,12 +7,13 @@ from functools import cached_property
 
 import numpy as np
 
-from scenarionet_data.geometry import median_sizes
-from scenarionet_data.light_places import light_places
+from scenarionet_data.arrays.dtypes import Bool, Float32, Object, UInt8
+from scenarionet_data.arrays.geometry import median_sizes
 from scenarionet_data.plots.moment import Moment
 from scenarionet_data.plots.shapes import MapShapes
-from scenarionet_data.scenario import Bool, Codes, Float32, ScenarioDescription, Strings
-from scenarionet_data.vocabulary import is_lane
+from scenarionet_data.scenario.description import ScenarioDescription
+from scenarionet_data.scenario.stop_points import light_places
+from scenarionet_data.scenario.vocabulary import is_lane
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,15 +41,15 @@ class Scene:
     dt: float
     current_timestep: int
     ego: int
-    track_ids: Strings
-    object_type: Codes
+    track_ids: Object
+    object_type: UInt8
     size: Float32
     position: Float32
     heading: Float32
     speed: Float32
     present: Bool
     light_stop: Float32
-    light_state: Codes
+    light_state: UInt8
     map: MapShapes
 
     @classmethod
@@ -100,7 +101,7 @@ class Scene:
         """All that is recorded, in order."""
         return [self.moment(timestep) for timestep in range(self.num_steps)]
 
-    def lights_at(self, timestep: int) -> Codes:
+    def lights_at(self, timestep: int) -> UInt8:
         """(L,) codes of ``LightState``; past the recording's end what they showed last."""
-        states: Codes = self.light_state[:, min(timestep, self.num_steps - 1)]
+        states: UInt8 = self.light_state[:, min(timestep, self.num_steps - 1)]
         return states

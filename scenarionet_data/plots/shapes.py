@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarionet_data.outlines import lane_outlines
-from scenarionet_data.ragged import Ragged
-from scenarionet_data.scenario import Codes, MapFeatures
-from scenarionet_data.vocabulary import MapFeatureType, is_lane, is_road_edge, is_road_line
+from scenarionet_data.arrays.dtypes import UInt8
+from scenarionet_data.arrays.ragged import Ragged
+from scenarionet_data.scenario.description import MapFeatures
+from scenarionet_data.scenario.lane_polygons import lane_outlines
+from scenarionet_data.scenario.vocabulary import MapFeatureType, is_lane, is_road_edge, is_road_line
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,9 +26,9 @@ class MapShapes:
     """
 
     areas: Ragged
-    area_type: Codes
+    area_type: UInt8
     lines: Ragged
-    line_type: Codes
+    line_type: UInt8
     lanes: Ragged
 
     @classmethod

@@ -15,7 +15,7 @@ from scenarionet_data.plots.scene import Scene
 from scenarionet_data.plots.style import new_figure
 from scenarionet_data.plots.topdown import DPI
 from scenarionet_data.plots.window import Window
-from scenarionet_data.scenario import ScenarioDescription
+from scenarionet_data.scenario.description import ScenarioDescription
 
 _LEAST_EGO = 9.0
 """The ego's length, at least [pixel]."""

@@ -7,19 +7,17 @@ from collections import OrderedDict
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from scenarionet_data.arrays.dtypes import UInt8
 from scenarionet_data.plots import labels, object_layer
 from scenarionet_data.plots.map_layer import map_artists
 from scenarionet_data.plots.moment import Moment
 from scenarionet_data.plots.palette import GROUND
 from scenarionet_data.plots.scene import Scene
 from scenarionet_data.plots.window import Window
-
-Picture = npt.NDArray[np.uint8]
 
 TRAIL = 20
 """Moments that trails show."""
@@ -52,14 +50,14 @@ class TopDown:
         self.scale = size / max(self.window.width, self.window.height)  # pixels per metre
         self._width = 2 * round(self.window.width * self.scale / 2)  # videos want even numbers
         self._height = 2 * round(self.window.height * self.scale / 2)
-        self._tiles: OrderedDict[tuple[int, int], Picture] = OrderedDict()
+        self._tiles: OrderedDict[tuple[int, int], UInt8] = OrderedDict()
         self._map_axes, self._map_canvas = _axes(TILE, TILE)
         for artist in map_artists(scene.map):
             self._map_axes.add_artist(artist)
         self._axes, self._canvas = _axes(self._width, self._height)
         self._last = self.window.x, self.window.y
 
-    def frame(self, moments: Sequence[Moment]) -> Picture:
+    def frame(self, moments: Sequence[Moment]) -> UInt8:
         """A picture (H, W, 3) uint8.
 
         Args:
@@ -89,7 +87,7 @@ class TopDown:
         x, y = self._last
         return round(x * self.scale - self._width / 2), round(y * self.scale - self._height / 2)
 
-    def _paste_map(self, buffer: Picture, left: int, bottom: int) -> None:
+    def _paste_map(self, buffer: UInt8, left: int, bottom: int) -> None:
         """Copy the parts of tiles that lie in the frame whose lower left corner is given, rows from the top."""
         top = bottom + self._height
         for column in range(math.floor(left / TILE), math.ceil((left + self._width) / TILE)):
@@ -101,7 +99,7 @@ class TopDown:
                 part = self._tile(column, row)[rows, columns]
                 buffer[top - end_y : top - first_y, first_x - left : end_x - left] = part
 
-    def _tile(self, column: int, row: int) -> Picture:
+    def _tile(self, column: int, row: int) -> UInt8:
         """A square of the map (TILE, TILE, 4), the least recently used of many forgotten."""
         key = column, row
         if key not in self._tiles:

@@ -10,8 +10,6 @@ import numpy.typing as npt
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.plots.scene import Scene
 
-Float64 = npt.NDArray[np.float64]
-
 MARGIN = 30.0
 """Around what has to be seen [m]."""
 

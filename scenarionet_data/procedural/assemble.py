@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely import Polygon
 
+from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.procedural import blocks
 from scenarionet_data.procedural.intersection import intersection, t_intersection
@@ -87,7 +87,7 @@ def _draw_block(
     return None
 
 
-def _fitting(options: GeneratorOptions, end: Socket) -> tuple[list[str], npt.NDArray[np.float64]]:
+def _fitting(options: GeneratorOptions, end: Socket) -> tuple[list[str], Float64]:
     """Kinds of block that fit the number of lanes, and their probabilities."""
     forward, backward = len(end.forward), len(end.backward)
     excluded = set()

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from scenarionet_data.procedural.jit import entry, part
-from scenarionet_data.procedural.path import Float64
-
-Int32 = npt.NDArray[np.int32]
-Bool = npt.NDArray[np.bool_]
+from scenarionet_data.arrays.compiled import device_function, kernel
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int32
 
 CROSS, SPLIT, MERGE = 0, 1, 2
 _SAME_POINT = 0.5  # [m]
 _MARGIN = 1.5  # [m] added to both ends of a zone: points are up to 2 m apart
 
 
-@entry
+@kernel
 def find_conflicts(
     first: Int32,
     points: Float64,
@@ -76,12 +72,12 @@ def find_conflicts(
     return conflict_first, conflicts, conflict_zones, needs_grant
 
 
-@part
+@device_function
 def _distance(a: Float64, b: Float64) -> float:
     return float(np.hypot(a[0] - b[0], a[1] - b[1]))
 
 
-@part
+@device_function
 def _is_linked(a: int, b: int, exit_first: Int32, exit_to: Int32) -> bool:
     found = False
     for e in range(exit_first[a], exit_first[a + 1]):
@@ -91,7 +87,7 @@ def _is_linked(a: int, b: int, exit_first: Int32, exit_to: Int32) -> bool:
     return found
 
 
-@part
+@device_function
 def _zone(a: Float64, b: Float64, clearance: float) -> tuple[int, int, int, int]:
     """First and last point of ``a`` and of ``b`` nearer than ``clearance`` to the other; -1 when none is."""
     low_a, high_a, low_b, high_b = -1, -1, len(b), -1

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.procedural.graph import NONE, LaneGraph, close_lane
-from scenarionet_data.procedural.path import Float64
 from scenarionet_data.procedural.roadmap import NO_JUNCTION, Lane, RoadMap
 from scenarionet_data.procedural.routes import LANE_CHANGE_COST
-from scenarionet_data.vocabulary import ObjectType
+from scenarionet_data.scenario.vocabulary import ObjectType
 
 CONE = (0.35, 0.35, 0.7)  # [m] length, width, height
 BARRIER = (1.6, 0.4, 1.0)

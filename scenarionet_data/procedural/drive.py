@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from scenarionet_data.arrays.compiled import device_function, kernel
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int32
 from scenarionet_data.procedural.following import acceleration, room_needed
-from scenarionet_data.procedural.graph import NONE, Bool, Int32, LaneGraph
-from scenarionet_data.procedural.jit import entry, part
+from scenarionet_data.procedural.graph import NONE, LaneGraph
 from scenarionet_data.procedural.lane_change import carry_on, consider
-from scenarionet_data.procedural.path import Float64
 from scenarionet_data.procedural.right_of_way import update_grant
 from scenarionet_data.procedural.vehicles import (
     Fleet,
@@ -26,7 +26,7 @@ _CONSIDER_EVERY = 5  # timesteps between thoughts of a lane change
 _GENTLE = 2.0  # [m/s2] nobody has to brake harder at the start
 
 
-@entry
+@kernel
 def drive(graph: LaneGraph, fleet: Fleet, state: State, lights: Int32, dt: float, motion: Float64, valid: Bool) -> int:
     """Drive until the ego arrives or time is over.
 
@@ -70,7 +70,7 @@ def drive(graph: LaneGraph, fleet: Fleet, state: State, lights: Int32, dt: float
     return int(steps)
 
 
-@part
+@device_function
 def _calm_start(graph: LaneGraph, fleet: Fleet, state: State, places: Places, lights: Int32) -> None:
     """Lower the speeds drawn at random until nobody has to brake hard in the first step."""
     for i in range(len(state.lane)):
@@ -81,7 +81,7 @@ def _calm_start(graph: LaneGraph, fleet: Fleet, state: State, places: Places, li
                 state.speed[i] *= 0.9
 
 
-@part
+@device_function
 def _decide(graph: LaneGraph, fleet: Fleet, state: State, places: Places, lights: Int32, t: int, i: int) -> None:
     """Lane change, destination and right of way of one vehicle; others see the outcome at once."""
     if (t + i) % _CONSIDER_EVERY == 0:
@@ -91,7 +91,7 @@ def _decide(graph: LaneGraph, fleet: Fleet, state: State, places: Places, lights
     update_grant(graph, fleet, state, places, lights, t, i)
 
 
-@part
+@device_function
 def _reroute(graph: LaneGraph, state: State, i: int) -> None:
     """Whoever is too late to change lanes goes where its lane leads, except the ego."""
     lane, destination = state.lane[i], state.destination[i]
@@ -105,7 +105,7 @@ def _reroute(graph: LaneGraph, state: State, i: int) -> None:
                 return
 
 
-@part
+@device_function
 def _move(graph: LaneGraph, state: State, i: int, acceleration_now: float, dt: float) -> None:
     """Move one vehicle by a step of constant acceleration, along its curve and over lane ends."""
     speed = max(0.0, state.speed[i] + acceleration_now * dt)
@@ -119,7 +119,7 @@ def _move(graph: LaneGraph, state: State, i: int, acceleration_now: float, dt: f
         _enter_next(graph, state, i)
 
 
-@part
+@device_function
 def _enter_next(graph: LaneGraph, state: State, i: int) -> None:
     lane = state.lane[i]
     following = graph.next_lane[state.destination[i], lane]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.procedural.conflicts import CROSS, SPLIT
 from scenarionet_data.procedural.graph import NONE, LaneGraph
 from scenarionet_data.procedural.idm import free_acceleration, interaction
-from scenarionet_data.procedural.jit import part
 from scenarionet_data.procedural.vehicles import PLACES, Fleet, Places, State
 
 HORIZON = 30.0, 5.0  # [m], [s] drivers look ahead: the first, and the way in the second
@@ -16,7 +16,7 @@ HARDEST_BRAKING = 8.0  # [m/s2]
 _MANY_HOPS = 30
 
 
-@part
+@device_function
 def acceleration(graph: LaneGraph, fleet: Fleet, state: State, places: Places, i: int) -> float:
     """What vehicle ``i`` does now [m/s2]."""
     lane, s = state.lane[i], state.s[i]
@@ -29,7 +29,7 @@ def acceleration(graph: LaneGraph, fleet: Fleet, state: State, places: Places, i
     return float(max(wanted, -HARDEST_BRAKING))
 
 
-@part
+@device_function
 def braking_along(
     graph: LaneGraph, fleet: Fleet, state: State, places: Places, i: int, lane: int, s: float, stops: bool
 ) -> float:
@@ -56,7 +56,7 @@ def braking_along(
     return braking
 
 
-@part
+@device_function
 def nearest_on(
     graph: LaneGraph, fleet: Fleet, state: State, places: Places, i: int, lane: int, before: float
 ) -> tuple[float, float]:
@@ -84,7 +84,7 @@ def nearest_on(
     return gap, speed
 
 
-@part
+@device_function
 def _distance_beside(
     graph: LaneGraph, fleet: Fleet, places: Places, j: int, place: int, lane: int, before: float
 ) -> float:
@@ -101,7 +101,7 @@ def _distance_beside(
     return -np.inf
 
 
-@part
+@device_function
 def _stop_on(graph: LaneGraph, state: State, i: int, lane: int, before: float, following: int) -> float:
     """Distance to where vehicle ``i`` must stop on ``lane``: before road works, a closed junction, a wrong way."""
     end = before + graph.length[lane]
@@ -115,7 +115,7 @@ def _stop_on(graph: LaneGraph, state: State, i: int, lane: int, before: float, f
     return stop
 
 
-@part
+@device_function
 def room_needed(graph: LaneGraph, state: State, i: int, lane: int) -> float:
     """How far before the end of ``lane`` vehicle ``i`` has to leave it [m]: room for each lane change it needs."""
     if graph.exit_first[lane] == graph.exit_first[lane + 1]:
@@ -131,7 +131,7 @@ def room_needed(graph: LaneGraph, state: State, i: int, lane: int) -> float:
     return ROOM_TO_CHANGE
 
 
-@part
+@device_function
 def _braking(fleet: Fleet, state: State, i: int, gap: float, speed: float) -> float:
     if gap == np.inf:
         return 0.0
@@ -146,7 +146,7 @@ def _braking(fleet: Fleet, state: State, i: int, gap: float, speed: float) -> fl
     )
 
 
-@part
+@device_function
 def _braking_for_bend(graph: LaneGraph, fleet: Fleet, state: State, i: int, lane: int, ahead: float) -> float:
     """Braking that slows vehicle ``i`` to a bend's speed when it gets there; 0 while there is time."""
     slow = graph.speed[lane] * fleet.eagerness[i]

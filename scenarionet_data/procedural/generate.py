@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int32
 from scenarionet_data.procedural.assemble import make_map
 from scenarionet_data.procedural.construction import Obstacle, place_construction
 from scenarionet_data.procedural.drive import drive
 from scenarionet_data.procedural.graph import LaneGraph, make_graph, signal_rows
 from scenarionet_data.procedural.options import GeneratorOptions
-from scenarionet_data.procedural.path import Float64
 from scenarionet_data.procedural.population import Population, populate
 from scenarionet_data.procedural.roadmap import RoadMap
 from scenarionet_data.procedural.signals import make_lights
@@ -36,8 +35,8 @@ class Episode:
     graph: LaneGraph
     population: Population
     motion: Float64
-    valid: npt.NDArray[np.bool_]
-    lights: npt.NDArray[np.int32]
+    valid: Bool
+    lights: Int32
     obstacles: list[Obstacle]
 
 

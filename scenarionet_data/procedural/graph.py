@@ -5,15 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int32
 from scenarionet_data.procedural.conflicts import find_conflicts
-from scenarionet_data.procedural.path import Float64
 from scenarionet_data.procedural.roadmap import Lane, RoadMap
 from scenarionet_data.procedural.routes import find_routes
-
-Int32 = npt.NDArray[np.int32]
-Bool = npt.NDArray[np.bool_]
 
 NONE = -1
 AVOIDED_LANE_COST = 120.0  # [m] of detour a driver accepts to avoid a lane that ends or is closed

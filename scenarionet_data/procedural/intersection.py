@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from shapely import Polygon
 
-from scenarionet_data.procedural.path import Float64, Pose, connect
+from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.procedural.path import Pose, connect
 from scenarionet_data.procedural.roadmap import Block, Lane, Socket
 from scenarionet_data.procedural.sections import EDGE, add_road
-from scenarionet_data.vocabulary import MapFeatureType
+from scenarionet_data.scenario.vocabulary import MapFeatureType
 
 CORNER = 8.0  # [m] radius of a curb return
 LEAD = 5.5  # [m] from the stop line to where turning starts: room for the crosswalk

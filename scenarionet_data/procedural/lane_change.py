@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.procedural.following import braking_along, nearest_on, room_needed
 from scenarionet_data.procedural.graph import NONE, LaneGraph
 from scenarionet_data.procedural.idm import free_acceleration, interaction, is_worth_changing
-from scenarionet_data.procedural.jit import part
 from scenarionet_data.procedural.routes import LANE_CHANGE_COST
 from scenarionet_data.procedural.vehicles import PLACES, Fleet, Places, State
 
@@ -23,7 +23,7 @@ _GAP = 2.0  # [m] bumper to bumper, at least
 _HOPS = 3
 
 
-@part
+@device_function
 def consider(graph: LaneGraph, fleet: Fleet, state: State, places: Places, i: int) -> None:
     """Start a lane change of vehicle ``i`` if it must or should, and can."""
     if state.lateral[i] != 0.0:
@@ -47,7 +47,7 @@ def consider(graph: LaneGraph, fleet: Fleet, state: State, places: Places, i: in
             return
 
 
-@part
+@device_function
 def _must(graph: LaneGraph, state: State, i: int, lane: int, target: int) -> bool:
     """Whether the route leads over ``target``, or road works close this lane."""
     ahead = graph.blocked[lane, 0] - state.s[i]
@@ -57,20 +57,20 @@ def _must(graph: LaneGraph, state: State, i: int, lane: int, target: int) -> boo
     return bool(cost[target] + LANE_CHANGE_COST / 2.0 < cost[lane])
 
 
-@part
+@device_function
 def _is_detour(graph: LaneGraph, state: State, i: int, lane: int, target: int) -> bool:
     cost = graph.cost[state.destination[i]]
     return bool(cost[target] > cost[lane] + LANE_CHANGE_COST / 2.0)
 
 
-@part
+@device_function
 def _is_closed(graph: LaneGraph, target: int, s: float) -> bool:
     """Whether road works on ``target`` are near ``s``."""
     begin, end = graph.blocked[target, 0], graph.blocked[target, 1]
     return bool(begin - 60.0 < s < end + 8.0)
 
 
-@part
+@device_function
 def _span(graph: LaneGraph, state: State, i: int, lane: int, target: int, s: float, side: float) -> float:
     """Distance over which vehicle ``i`` would change lanes [m]; 0 when there is not enough."""
     span = max(SHORTEST, DURATION * state.speed[i])
@@ -87,7 +87,7 @@ def _span(graph: LaneGraph, state: State, i: int, lane: int, target: int, s: flo
     return 0.0 if room < shortest else float(min(span, room))
 
 
-@part
+@device_function
 def _is_way_clear(
     graph: LaneGraph, fleet: Fleet, state: State, places: Places, i: int, target: int, s: float, span: float
 ) -> bool:
@@ -99,7 +99,7 @@ def _is_way_clear(
     return bool(gap + _FORESIGHT * speed > 0.5 * span)
 
 
-@part
+@device_function
 def _is_accepted(
     graph: LaneGraph, fleet: Fleet, state: State, places: Places, i: int, target: int, s: float, must: bool
 ) -> bool:
@@ -130,7 +130,7 @@ def _is_accepted(
     return is_worth_changing(now - braking, loss, fleet.politeness[i], THRESHOLD)
 
 
-@part
+@device_function
 def _gap_behind(
     graph: LaneGraph, fleet: Fleet, state: State, places: Places, i: int, j: int, target: int, s: float
 ) -> float:
@@ -154,7 +154,7 @@ def _gap_behind(
     return np.inf
 
 
-@part
+@device_function
 def _start(graph: LaneGraph, state: State, i: int, target: int, s: float, span: float, side: float) -> None:
     state.origin[i] = state.lane[i]
     state.lane[i], state.s[i] = target, s
@@ -165,7 +165,7 @@ def _start(graph: LaneGraph, state: State, i: int, target: int, s: float, span: 
     state.granted[i] = NONE
 
 
-@part
+@device_function
 def carry_on(state: State, i: int, travelled: float, dt: float) -> None:
     """Advance the lane change of vehicle ``i`` by ``travelled`` [m], and its patience by ``dt`` [s]."""
     state.patience[i] = max(0.0, state.patience[i] - dt)

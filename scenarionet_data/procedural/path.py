@@ -11,11 +11,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
-from scenarionet_data.procedural.jit import entry
+from scenarionet_data.arrays.compiled import kernel
+from scenarionet_data.arrays.dtypes import Float64
 
-Float64 = npt.NDArray[np.float64]
 Pieces = tuple[tuple[float, float], ...]
 
 
@@ -116,7 +115,7 @@ def connect(start: Pose, end: Pose, lead: float) -> Path:
     return Path(start, tuple(piece for piece in pieces if piece[0] > 1e-9))
 
 
-@entry
+@kernel
 def _advance(x: float, y: float, heading: float, length: float, curvature: float) -> tuple[float, float, float]:
     """Pose after ``length`` on a circle, or straight on."""
     turn = curvature * length
@@ -125,7 +124,7 @@ def _advance(x: float, y: float, heading: float, length: float, curvature: float
     return x + chord * math.cos(heading + half), y + chord * math.sin(heading + half), heading + turn
 
 
-@entry
+@kernel
 def _trace(start: Float64, pieces: Float64, step: float, count: int) -> Float64:
     """(count, 3) x, y, heading every ``step`` metres along ``pieces`` (k, 2)."""
     samples = np.empty((count, 3))

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.procedural.graph import NONE, LaneGraph
 from scenarionet_data.procedural.options import GeneratorOptions
-from scenarionet_data.procedural.path import Float64
 from scenarionet_data.procedural.roadmap import NO_JUNCTION, RoadMap
 from scenarionet_data.procedural.vehicles import Fleet, State
 

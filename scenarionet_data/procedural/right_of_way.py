@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from scenarionet_data.arrays.compiled import device_function
+from scenarionet_data.arrays.dtypes import Int32
 from scenarionet_data.procedural.conflicts import SPLIT
-from scenarionet_data.procedural.graph import NONE, Int32, LaneGraph
-from scenarionet_data.procedural.jit import part
+from scenarionet_data.procedural.graph import NONE, LaneGraph
 from scenarionet_data.procedural.vehicles import PLACES, Fleet, Places, State
 
 GO, CAUTION, STOP = 1, 2, 3
@@ -23,7 +24,7 @@ _AT_THE_LINE = 8.0  # [m]
 _HOPS = 4
 
 
-@part
+@device_function
 def update_grant(graph: LaneGraph, fleet: Fleet, state: State, places: Places, lights: Int32, t: int, i: int) -> None:
     """Grant vehicle ``i`` the next lane that needs it; take that back when its light turns and it can stop.
 
@@ -46,7 +47,7 @@ def update_grant(graph: LaneGraph, fleet: Fleet, state: State, places: Places, l
         state.granted[i] = following
 
 
-@part
+@device_function
 def _next_to_grant(graph: LaneGraph, state: State, i: int) -> tuple[int, float]:
     """The first lane ahead of vehicle ``i`` that it may not simply enter, and the distance to it [m]."""
     where, ahead = state.lane[i], -state.s[i]
@@ -58,7 +59,7 @@ def _next_to_grant(graph: LaneGraph, state: State, i: int) -> tuple[int, float]:
     return NONE, np.inf
 
 
-@part
+@device_function
 def is_closed(graph: LaneGraph, lights: Int32, t: int, lane: int, ahead: float, speed: float) -> bool:
     """Whether a light ``ahead`` metres forbids entering ``lane`` to who drives at ``speed``."""
     if graph.signal[lane] == NONE:
@@ -68,7 +69,7 @@ def is_closed(graph: LaneGraph, lights: Int32, t: int, lane: int, ahead: float, 
     return bool(can_stop and light != GO)
 
 
-@part
+@device_function
 def _is_free(
     graph: LaneGraph,
     fleet: Fleet,
@@ -99,7 +100,7 @@ def _is_free(
     return True
 
 
-@part
+@device_function
 def _is_in(fleet: Fleet, state: State, places: Places, j: int, lane: int, zone_end: float) -> bool:
     """Whether vehicle ``j`` has a grant for ``lane`` or is on it, its rear not yet past ``zone_end``."""
     if state.granted[j] == lane:
@@ -110,7 +111,7 @@ def _is_in(fleet: Fleet, state: State, places: Places, j: int, lane: int, zone_e
     return False
 
 
-@part
+@device_function
 def _arrival(graph: LaneGraph, state: State, j: int, lane: int, zone_begin: float) -> float:
     """Time until vehicle ``j`` is at ``zone_begin`` of ``lane`` [s]; infinite when its route avoids it.
 

@@ -13,8 +13,9 @@ from functools import cached_property
 import numpy as np
 from shapely import Polygon
 
-from scenarionet_data.procedural.path import Float64, Path, Pose
-from scenarionet_data.vocabulary import MapFeatureType
+from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.procedural.path import Path, Pose
+from scenarionet_data.scenario.vocabulary import MapFeatureType
 
 NO_JUNCTION = -1
 LINE_SPACING = 2.0  # [m] between the points of lines and lanes

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from shapely import Polygon
 
-from scenarionet_data.procedural.path import Float64, Path, Pose, bend
+from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.procedural.path import Path, Pose, bend
 from scenarionet_data.procedural.roadmap import LINE_SPACING, Block, Lane, Socket
 from scenarionet_data.procedural.sections import EDGE, SEPARATOR, add_road
-from scenarionet_data.vocabulary import MapFeatureType
+from scenarionet_data.scenario.vocabulary import MapFeatureType
 
 ENTRY_RADIUS = 12.0  # [m] of the arcs that lead into and out of the ring
 

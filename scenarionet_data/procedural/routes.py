@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from scenarionet_data.procedural.jit import entry
-from scenarionet_data.procedural.path import Float64
-
-Int32 = npt.NDArray[np.int32]
+from scenarionet_data.arrays.compiled import kernel
+from scenarionet_data.arrays.dtypes import Float64, Int32
 
 LANE_CHANGE_COST = 80.0  # [m] of detour a driver accepts rather than change lanes
 
 
-@entry
+@kernel
 def find_routes(
     length: Float64, exit_first: Int32, exit_to: Int32, left: Int32, right: Int32, destination: Int32, count: int
 ) -> tuple[Float64, Int32]:

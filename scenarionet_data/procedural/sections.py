@@ -7,7 +7,7 @@ from shapely import Polygon
 
 from scenarionet_data.procedural.path import Path, Pieces, shift
 from scenarionet_data.procedural.roadmap import LINE_SPACING, Block, Lane, Socket
-from scenarionet_data.vocabulary import MapFeatureType
+from scenarionet_data.scenario.vocabulary import MapFeatureType
 
 EDGE = MapFeatureType.ROAD_EDGE_BOUNDARY
 DIVIDER = MapFeatureType.ROAD_LINE_SOLID_DOUBLE_YELLOW

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Int32
 from scenarionet_data.procedural.right_of_way import CAUTION, GO, STOP
 
 YELLOW = 3.0  # [s]
@@ -12,7 +12,7 @@ ALL_RED = 2.0  # [s]
 GREEN = (9.0, 16.0)  # [s] shortest and longest
 
 
-def make_lights(rows: list[tuple[int, int]], steps: int, dt: float, rng: np.random.Generator) -> npt.NDArray[np.int32]:
+def make_lights(rows: list[tuple[int, int]], steps: int, dt: float, rng: np.random.Generator) -> Int32:
     """(rows, steps) GO, CAUTION or STOP for the (junction, axis) of each row."""
     lights = np.full((max(len(rows), 1), steps), STOP, dtype=np.int32)
     for junction in sorted({junction for junction, _ in rows}):

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scenarionet_data.procedural.graph import NONE, Bool, Int32, LaneGraph
-from scenarionet_data.procedural.jit import part
-from scenarionet_data.procedural.path import Float64
+from scenarionet_data.arrays.compiled import device_function
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int32
+from scenarionet_data.procedural.graph import NONE, LaneGraph
 
 STRADDLE = 0.3  # [m] from the new lane's centre until which a vehicle still blocks the lane it leaves
 PLACES = 3  # a vehicle is on its lane, on the lane it leaves, and with its tail on the lane before
@@ -65,7 +65,7 @@ class Places(NamedTuple):
     s: Float64
 
 
-@part
+@device_function
 def lateral_offset(state: State, i: int) -> tuple[float, float]:
     """Offset from the lane's centre [m] and its slope along the lane, of a smooth (quintic) lane change."""
     if state.lateral[i] == 0.0:
@@ -76,7 +76,7 @@ def lateral_offset(state: State, i: int) -> tuple[float, float]:
     return state.lateral[i] * (1.0 - blend), -state.lateral[i] * slope
 
 
-@part
+@device_function
 def occupy(graph: LaneGraph, fleet: Fleet, state: State, places: Places, i: int) -> None:
     """Write where vehicle ``i`` is."""
     places.lane[i] = NONE
@@ -92,14 +92,14 @@ def occupy(graph: LaneGraph, fleet: Fleet, state: State, places: Places, i: int)
         places.lane[i, 2], places.s[i, 2] = previous, graph.length[previous] + s
 
 
-@part
+@device_function
 def curvature_at(graph: LaneGraph, lane: int, s: float) -> float:
     """Curvature of a lane's centreline [1/m]."""
     row = graph.first[lane] + _segment(graph, lane, s)
     return float((graph.heading[row + 1] - graph.heading[row]) / graph.step[lane])
 
 
-@part
+@device_function
 def pose_at(graph: LaneGraph, lane: int, s: float) -> tuple[float, float, float]:
     """x, y, heading on a lane's centreline: cubic Hermite between its points, true to arcs within 0.1 mm."""
     segment = _segment(graph, lane, s)
@@ -113,13 +113,13 @@ def pose_at(graph: LaneGraph, lane: int, s: float) -> tuple[float, float, float]
     return x, y, h0 + u * (h1 - h0)
 
 
-@part
+@device_function
 def _segment(graph: LaneGraph, lane: int, s: float) -> int:
     last = graph.first[lane + 1] - graph.first[lane] - 2
     return int(min(max(int(s / graph.step[lane]), 0), last))
 
 
-@part
+@device_function
 def record(graph: LaneGraph, state: State, i: int, motion: Float64) -> None:
     """Write x, y, heading, speed of vehicle ``i`` into ``motion`` (4,)."""
     x, y, heading = pose_at(graph, state.lane[i], state.s[i])

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from math import cos, hypot, inf, sin, sqrt
-from typing import Any
 
-import numpy.typing as npt
 from numba import njit
 
-Array = npt.NDArray[Any]
+from scenarionet_data.arrays.dtypes import Array
 
 
 @njit(cache=True)

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-from scenarionet_data import vocabulary
-from scenarionet_data.scenario import MapFeatures
-
-Array = npt.NDArray[Any]
+from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.scenario import vocabulary
+from scenarionet_data.scenario.description import MapFeatures
 
 _SAME_PLACE = 1e-6
 """Metres from a lane's end within which lanes touch there and do not cross."""

@@ -9,17 +9,15 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-from scenarionet_data import vocabulary
-from scenarionet_data.geometry import wrap_angle
-from scenarionet_data.scenario import MapFeatures, ScenarioDescription, Tracks
+from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.arrays.geometry import wrap_angle
+from scenarionet_data.scenario import vocabulary
+from scenarionet_data.scenario.description import MapFeatures, ScenarioDescription, Tracks
+from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_data.statistics.gaps import nearest_box
 from scenarionet_data.statistics.intersections import lanes_cross_near
-from scenarionet_data.vocabulary import ObjectType
-
-Array = npt.NDArray[Any]
 
 
 def summarise(scenario: ScenarioDescription) -> dict[str, Any]:

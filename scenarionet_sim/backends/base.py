@@ -14,14 +14,13 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Float64, Int32
 from scenarionet_data.errors import BadParameter
 
 if TYPE_CHECKING:
-    from scenarionet_sim.worlds.stage import Stage
     from scenarionet_sim.worlds.state import State
+    from scenarionet_sim.worlds.world_batch import Stage
 
-Agents = npt.NDArray[np.int32]
-Actions = npt.NDArray[np.float64]
 
 CONTROL_STEP = 0.1
 """Seconds from one action to the next."""
@@ -61,7 +60,7 @@ class Session(Protocol):
         """
         ...
 
-    def drive(self, state: State, agents: Agents, actions: Actions, dt: float) -> None:
+    def drive(self, state: State, agents: Int32, actions: Float64, dt: float) -> None:
         """Move the agents by one control step, in place.
 
         Args:
@@ -91,13 +90,13 @@ class Backend(Protocol):
         ...
 
 
-def checked_actions(actions: npt.ArrayLike) -> Actions:
+def checked_actions(actions: npt.ArrayLike) -> Float64:
     """Actions within [-1, 1], as an array (A, 2) of float64; what lies outside is clipped.
 
     Raises:
         BadParameter: One is not a number.
     """
-    clipped: Actions = np.minimum(np.maximum(np.asarray(actions, np.float64).reshape(-1, 2), -1.0), 1.0)
+    clipped: Float64 = np.minimum(np.maximum(np.asarray(actions, np.float64).reshape(-1, 2), -1.0), 1.0)
     if math.isnan(clipped.sum()):
         raise BadParameter(f"an action is not a number: {clipped[np.isnan(clipped).any(axis=1)][0].tolist()}")
     return clipped

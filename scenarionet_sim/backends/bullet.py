@@ -16,17 +16,17 @@ from dataclasses import dataclass, field
 from types import ModuleType
 from typing import TYPE_CHECKING
 
+from scenarionet_data.arrays.dtypes import Float64, Int32
 from scenarionet_data.errors import BadParameter, MissingDependency
-from scenarionet_data.scenario import Float64
-from scenarionet_data.software import PACKAGE
-from scenarionet_sim.backends.base import SUBSTEPS, Actions, Agents, Drive
-from scenarionet_sim.backends.storey import Key, Storey
+from scenarionet_data.version import PACKAGE
+from scenarionet_sim.backends.base import SUBSTEPS, Drive
+from scenarionet_sim.backends.world_bodies import Key, Storey
 from scenarionet_sim.kernels.bodies import find_bodies, read_motion, write_motion
 from scenarionet_sim.kernels.tyres import apply_tyres
 
 if TYPE_CHECKING:
-    from scenarionet_sim.worlds.stage import Stage
     from scenarionet_sim.worlds.state import State
+    from scenarionet_sim.worlds.world_batch import Stage
 
 _GRAVITY = 9.81  # [m/s²]
 
@@ -100,7 +100,7 @@ class BulletSession:
         """Remove a world's bodies; the next step makes those it needs."""
         self._storeys[world].clear()
 
-    def drive(self, state: State, agents: Agents, actions: Actions, dt: float) -> None:
+    def drive(self, state: State, agents: Int32, actions: Float64, dt: float) -> None:
         """Move the agents by one control step, see :class:`~scenarionet_sim.backends.base.Session`."""
         if not len(agents):
             return
@@ -115,7 +115,7 @@ class BulletSession:
 
     # --- one step -------------------------------------------------------------------------------------
 
-    def _place(self, rows: Agents, num_agents: int, size: Float64, motion: Float64) -> list[int]:
+    def _place(self, rows: Int32, num_agents: int, size: Float64, motion: Float64) -> list[int]:
         """Bodies of some objects, the agents first, in their places and with their velocities."""
         keys: list[list[Key]] = [[] for _ in self._storeys]
         for number, (world, row) in enumerate(rows.tolist()):
@@ -135,7 +135,7 @@ class BulletSession:
             bodies.append(body)
         return bodies
 
-    def _simulate(self, bodies: list[int], motion: Float64, size: Float64, actions: Actions, step: float) -> None:
+    def _simulate(self, bodies: list[int], motion: Float64, size: Float64, actions: Float64, step: float) -> None:
         """The physics steps, with the wheels at work in each; changes the agents' motion."""
         bullet, client, spec = self._bullet, self._client, self._spec
         car, friction = spec.drive, spec.tyre_friction * _GRAVITY

@@ -6,10 +6,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from scenarionet_sim.backends.base import SUBSTEPS, Actions, Agents, Drive
+from scenarionet_data.arrays.dtypes import Float64, Int32
+from scenarionet_sim.backends.base import SUBSTEPS, Drive
 from scenarionet_sim.kernels.bicycle import drive_bicycles
-from scenarionet_sim.worlds.stage import Stage
 from scenarionet_sim.worlds.state import State
+from scenarionet_sim.worlds.world_batch import Stage
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class KinematicSession:
     def reset(self, world: int, state: State) -> None:
         """Nothing to forget."""
 
-    def drive(self, state: State, agents: Agents, actions: Actions, dt: float) -> None:
+    def drive(self, state: State, agents: Int32, actions: Float64, dt: float) -> None:
         """Move the agents by one control step, in place; see :class:`scenarionet_sim.backends.base.Session`."""
         arrays = state.size, state.position, state.heading, state.velocity, state.yaw_rate
         drive_bicycles(agents, actions, dt, self._substeps, self._limits, *arrays)

@@ -8,21 +8,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int32, UInt8
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.environments.config import EnvConfig
 from scenarionet_sim.environments.observation import Observation
-from scenarionet_sim.judging import tally, task
-from scenarionet_sim.judging.watched import Agents, Egos
 from scenarionet_sim.policies import External
 from scenarionet_sim.simulation import Simulation
+from scenarionet_sim.task import episode_stats, task
+from scenarionet_sim.task.evaluated import Agents, Egos
 from scenarionet_sim.worlds.world import World
 
-Array = npt.NDArray[Any]
-Codes = npt.NDArray[np.uint8]
-Float64 = npt.NDArray[np.float64]
-Int32 = npt.NDArray[np.int32]
-
-NUMBERS = (*task.TERMS, "route_completion", "lateral", *tally.COLUMNS)
+NUMBERS = (*task.TERMS, "route_completion", "lateral", *episode_stats.COLUMNS)
 """What ``Arena.numbers`` says about an agent."""
 
 ENDS = {"success": task.ARRIVED, "out_of_road": task.OFF_ROUTE, "timeout": task.TIMED_OUT}
@@ -51,7 +47,7 @@ class Arena:
         self.simulation = Simulation(worlds, config.policies, config.backend, history)
         self._is_driven = any(isinstance(policy, External) for policy in config.policies)
         self._watched = Agents(self.simulation) if self._is_driven else Egos(self.simulation)
-        self._tally = tally.Tally.of(len(worlds), self.simulation.stage.max_objects)
+        self._tally = episode_stats.Tally.of(len(worlds), self.simulation.stage.max_objects)
         self.numbers: Float64
         self._make_room()
 
@@ -66,7 +62,7 @@ class Arena:
         return self._verdict.terms
 
     @property
-    def status(self) -> Codes:
+    def status(self) -> UInt8:
         """(A,)."""
         return self._verdict.status
 
@@ -76,17 +72,17 @@ class Arena:
         return np.asarray(self.terms.sum(axis=1))
 
     @property
-    def terminated(self) -> npt.NDArray[np.bool_]:
+    def terminated(self) -> Bool:
         """(A,) whose episode came to an end of its own."""
         return np.asarray((self.status != task.DRIVING) & (self.status != task.TIMED_OUT))
 
     @property
-    def truncated(self) -> npt.NDArray[np.bool_]:
+    def truncated(self) -> Bool:
         """(A,) whose time is over."""
         return np.asarray(self.status == task.TIMED_OUT)
 
     @property
-    def contacts(self) -> npt.NDArray[np.bool_]:
+    def contacts(self) -> Bool:
         """(A, N) what each agent's box overlaps."""
         return self._watched.contacts
 
@@ -142,12 +138,12 @@ class Arena:
         else:
             self._judge_newcomers_too(acting, steering)
 
-    def retire(self, agents: npt.NDArray[Any]) -> None:
+    def retire(self, agents: Array) -> None:
         """Take agents (by their place in ``agents``) out of their worlds."""
         self.simulation.retire(self.agents[agents])
         self._make_room()
 
-    def observe(self, rng: np.random.Generator, rows: npt.NDArray[Any] | None = None) -> Any:
+    def observe(self, rng: np.random.Generator, rows: Array | None = None) -> Any:
         """What the agents (some of them, by their place in ``agents``) observe, in arrays of their own."""
         agents = self.agents if rows is None else self.agents[rows]
         return self._observation.of(self.simulation.stage, self._watched.state, agents, rng)
@@ -172,7 +168,7 @@ class Arena:
         count = len(self.agents)
         self._touched = self._watched.contacts.copy()
         self._verdict = task.Verdict.of(count)
-        self._board = np.zeros((count, len(tally.COLUMNS)))
+        self._board = np.zeros((count, len(episode_stats.COLUMNS)))
         self.numbers = np.zeros((count, len(NUMBERS)))
 
     def _judge_newcomers_too(self, acting: Int32, steering: Float64) -> None:
@@ -196,7 +192,7 @@ class Arena:
             state.timestep, stage.num_steps, steering, watched.hits, self._config.reward.numbers,
             self._config.ending.numbers, self.terms, self.status, self._verdict.completion,
         )  # fmt: skip
-        tally.count(
+        episode_stats.count(
             agents, state.position, state.velocity, state.object_type, state.timestep, stage.num_steps, stage.log,
             watched.contacts, self._touched, self._tally.crashes, self._tally.sums, self._board,
         )  # fmt: skip

@@ -5,17 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-import numpy as np
-import numpy.typing as npt
-
+from scenarionet_data.arrays.dtypes import Bool
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.backends.base import Backend
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
-from scenarionet_sim.judging.task import MULTI_AGENT, SINGLE_AGENT, Ending, Reward
 from scenarionet_sim.policies import External, Policy, Replay, vehicles
 from scenarionet_sim.scenarios import Scenarios
 from scenarionet_sim.sensors import BoundaryDetector, EgoState, Lidar, Navigation, Sensor
+from scenarionet_sim.task.task import MULTI_AGENT, SINGLE_AGENT, Ending, Reward
 from scenarionet_sim.worlds.world import World
 
 PAPER_OBSERVATION: tuple[Sensor, ...] = (Lidar(rays=120), EgoState(), Navigation(points=10, spacing=2.0))
@@ -25,7 +23,7 @@ BOUNDARY: tuple[Sensor, ...] = (BoundaryDetector(rays=12, range=50.0),)
 """What the paper adds to the observation where the road's boundary matters."""
 
 
-def travelling_vehicles(world: World) -> npt.NDArray[np.bool_]:
+def travelling_vehicles(world: World) -> Bool:
     """Vehicles whose route is not complete from the beginning; parked ones stay where they were recorded."""
     return vehicles(world) & (world.paths.length() >= MULTI_AGENT[1].short_route)
 

@@ -5,18 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from gymnasium.utils import seeding
 
+from scenarionet_data.arrays.dtypes import Array
 from scenarionet_sim.environments.arena import Arena
 from scenarionet_sim.environments.config import EnvConfig
 from scenarionet_sim.environments.observation import Observation
 from scenarionet_sim.scenarios.stream import Stream
 from scenarionet_sim.worlds.world import World
-
-Array = npt.NDArray[Any]
 
 
 def action_space() -> spaces.Box:

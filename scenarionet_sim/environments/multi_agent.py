@@ -11,16 +11,16 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from pettingzoo import ParallelEnv
 
+from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.environments.arena import Arena
 from scenarionet_sim.environments.config import MultiAgentConfig, configured
 from scenarionet_sim.environments.episodes import Episodes, action_space
 from scenarionet_sim.environments.view import METADATA, View
-from scenarionet_sim.judging.task import ARRIVED
 from scenarionet_sim.policies import External
+from scenarionet_sim.task.task import ARRIVED
 from scenarionet_sim.worlds.world import World
 
-Array = npt.NDArray[Any]
 Named = dict[str, Any]
 
 

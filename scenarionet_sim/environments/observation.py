@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 from gymnasium import spaces
 
-from scenarionet_sim.sensors.base import Agents, Array, Sensor
-from scenarionet_sim.worlds.stage import Stage
+from scenarionet_data.arrays.dtypes import Array, Int32
+from scenarionet_sim.sensors.base import Sensor
 from scenarionet_sim.worlds.state import State
+from scenarionet_sim.worlds.world_batch import Stage
 
 
 class Observation:
@@ -39,7 +39,7 @@ class Observation:
             _joined([sensor.space() for sensor in self._sensors]) if self._is_flat else spaces.Dict(parts)
         )
 
-    def of(self, stage: Stage, state: State, agents: Agents, rng: np.random.Generator) -> Any:
+    def of(self, stage: Stage, state: State, agents: Int32, rng: np.random.Generator) -> Any:
         """What agents observe now, in arrays of their own: (A, D) float32, or (A, ...) by name."""
         count = len(agents)
         seen = [sensor.observe(stage, state, agents, rng, sensor.empty(count)) for sensor in self._sensors]
@@ -58,11 +58,11 @@ class Observation:
         agents = range(len(observed[self.names[0]]))
         return [{name: values[agent] for name, values in observed.items()} for agent in agents]
 
-    def take(self, observed: Any, rows: npt.NDArray[Any]) -> Any:
+    def take(self, observed: Any, rows: Array) -> Any:
         """What some of the agents observe, in arrays of their own."""
         return observed[rows] if self._is_flat else {name: values[rows] for name, values in observed.items()}
 
-    def put(self, observed: Any, rows: npt.NDArray[Any], others: Any) -> None:
+    def put(self, observed: Any, rows: Array, others: Any) -> None:
         """Overwrite what some of the agents observe."""
         if self._is_flat:
             observed[rows] = others
@@ -84,7 +84,7 @@ def _joined(parts: list[spaces.Box]) -> spaces.Box:
     return spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
 
 
-def _bounds(box: spaces.Box) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+def _bounds(box: spaces.Box) -> tuple[Array, Array]:
     return box.low, box.high
 
 

@@ -10,14 +10,13 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium.error import ResetNeeded
 
+from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.environments.arena import Arena
 from scenarionet_sim.environments.config import EnvConfig, configured
 from scenarionet_sim.environments.episodes import Episodes, action_space
 from scenarionet_sim.environments.view import METADATA, View
-from scenarionet_sim.judging.task import ARRIVED, DRIVING, TIMED_OUT
-
-Array = npt.NDArray[Any]
+from scenarionet_sim.task.task import ARRIVED, DRIVING, TIMED_OUT
 
 
 class ScenarioNetEnv(gymnasium.Env[Any, Array]):

@@ -10,15 +10,12 @@ import numpy.typing as npt
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.environments.arena import ENDS, NUMBERS, Arena
 from scenarionet_sim.environments.config import VectorConfig, configured
 from scenarionet_sim.environments.episodes import Episodes, action_space
-from scenarionet_sim.judging.task import ARRIVED
-
-Array = npt.NDArray[Any]
-Bool = npt.NDArray[np.bool_]
-Float64 = npt.NDArray[np.float64]
+from scenarionet_sim.task.task import ARRIVED
 
 _LOADED_AHEAD = 8  # at most, by default: many worlds tend to end at once
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
-import numpy as np
-import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import UInt8
 from scenarionet_data.errors import BadParameter
 
 if TYPE_CHECKING:
@@ -33,7 +32,7 @@ class View:
         self.mode = mode
         self._live: Live | None = None
 
-    def render(self, arena: Arena) -> npt.NDArray[np.uint8] | None:
+    def render(self, arena: Arena) -> UInt8 | None:
         """The moment as a picture (H, W, 3), or None when it is shown in a window.
 
         Raises:

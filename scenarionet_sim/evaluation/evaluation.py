@@ -14,16 +14,16 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from scenarionet_data import Lake, ScenarioLoader, software
-from scenarionet_data.conversion.runners import Run
+from scenarionet_data import Lake, ScenarioLoader, version
 from scenarionet_data.errors import MissingDependency
-from scenarionet_data.store import runs
-from scenarionet_data.store.files import open_files
+from scenarionet_data.execution.executors import Run
+from scenarionet_data.storage import evaluation_runs
+from scenarionet_data.storage.files.local import open_files
 from scenarionet_sim.evaluation.drivers import Cast, cast, find_backend
+from scenarionet_sim.evaluation.environment_cache import Theatre
 from scenarionet_sim.evaluation.parts import Part, Progress, do_parts, parts_of
 from scenarionet_sim.evaluation.rollout import roll_out
 from scenarionet_sim.evaluation.rollout_table import rollout_rows, together
-from scenarionet_sim.evaluation.theatre import Theatre
 from scenarionet_sim.metrics.measure import measure
 from scenarionet_sim.worlds.world import World
 
@@ -60,7 +60,7 @@ class Evaluation:
     def description(self) -> dict[str, Any]:
         """All that the results depend on."""
         spec = {name: value for name, value in asdict(self).items() if name != "lake"}
-        return spec | {"part": PART, "software": software.name_and_version()}
+        return spec | {"part": PART, "software": version.name_and_version()}
 
 
 @dataclass
@@ -86,7 +86,7 @@ class Report:
 class _Job:
     evaluation: Evaluation
     part: Part
-    run: runs.Run | None
+    run: evaluation_runs.Run | None
 
 
 def prepare(
@@ -143,7 +143,7 @@ def evaluate(
     """
     started = time.monotonic()
     written = ("rollouts", "results") if with_rollouts else ("results",)
-    run = runs.claim(open_files(evaluation.lake), name, written, evaluation.description)
+    run = evaluation_runs.claim(open_files(evaluation.lake), name, written, evaluation.description)
     total, done = len(_scenarios(evaluation)), run.done()
     jobs = [_Job(evaluation, part, run) for part in parts_of(total, PART) if part.number not in done]
     report = Report(name, total, total - sum(len(job.part) for job in jobs))

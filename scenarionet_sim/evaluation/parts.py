@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from scenarionet_data.conversion.runners import Lost, Run, runner
+from scenarionet_data.execution.executors import Lost, Run, runner
 
 Work = TypeVar("Work")
 Done = TypeVar("Done", bound=Sequence[object])

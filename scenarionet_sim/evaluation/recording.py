@@ -13,19 +13,20 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from scenarionet_data import Lake, ScenarioLoader, software, tables
+from scenarionet_data import Lake, ScenarioLoader, version
+from scenarionet_data.arrays.dtypes import Int32
 from scenarionet_data.codec.arrow import list_array, offsets_of, string_array
-from scenarionet_data.conversion.runners import Run
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.store import runs
-from scenarionet_data.store.files import open_files
+from scenarionet_data.execution.executors import Run
+from scenarionet_data.schema import tables
+from scenarionet_data.storage import evaluation_runs
+from scenarionet_data.storage.files.local import open_files
 from scenarionet_sim.environments.config import PAPER_OBSERVATION
 from scenarionet_sim.environments.observation import Observation
 from scenarionet_sim.evaluation.parts import Part, Progress, do_parts, parts_of
 from scenarionet_sim.kernels.paths import follow_paths
 from scenarionet_sim.policies import Replay, ego, vehicles
 from scenarionet_sim.simulation import LOOK_AHEAD, LOOK_BACK, Simulation
-from scenarionet_sim.worlds.stage import Int32
 from scenarionet_sim.worlds.world import World
 
 PART = 8
@@ -57,14 +58,14 @@ class Recording:
         """All that the observations depend on."""
         spec = {name: value for name, value in asdict(self).items() if name != "lake"}
         sensors = [repr(sensor) for sensor in PAPER_OBSERVATION]
-        return spec | {"part": PART, "sensors": sensors, "software": software.name_and_version()}
+        return spec | {"part": PART, "sensors": sensors, "software": version.name_and_version()}
 
 
 @dataclass(frozen=True)
 class _Job:
     recording: Recording
     part: Part
-    run: runs.Run
+    run: evaluation_runs.Run
 
 
 def prepare(lake: Lake, database: str | None, agents: str = "vehicles", seed: int = 0) -> Recording:
@@ -105,7 +106,7 @@ def record(
         LakeError: A scenario cannot be read.
         WorkerLost: A part kills its worker, also when it runs alone; finished parts are kept.
     """
-    run = runs.claim(open_files(recording.lake), name, ("observations",), recording.description)
+    run = evaluation_runs.claim(open_files(recording.lake), name, ("observations",), recording.description)
     parts, done = parts_of(len(_scenarios(recording)), PART), run.done()
     jobs = [_Job(recording, part, run) for part in parts if part.number not in done]
     for _ in do_parts(jobs, record_part, workers, on_progress, run_jobs):

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from scenarionet_data.scenario import Bool, Float64
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64
 from scenarionet_sim.environments.arena import ENDS, Arena
 from scenarionet_sim.evaluation.drivers import Driver
-from scenarionet_sim.judging.task import DRIVING
+from scenarionet_sim.task.task import DRIVING
 from scenarionet_sim.worlds.world import World
 
 _ENDS = {code: name for name, code in ENDS.items()}
@@ -87,7 +85,7 @@ class Film:
 
     def __init__(self, num_objects: int) -> None:
         self._rows = slice(0, num_objects)
-        self._moments: list[tuple[npt.NDArray[Any], ...]] = []
+        self._moments: list[tuple[Array, ...]] = []
 
     def add(self, arena: Arena) -> None:
         """Keep the moment."""

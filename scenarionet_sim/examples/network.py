@@ -8,7 +8,8 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-Float64 = npt.NDArray[np.float64]
+from scenarionet_data.arrays.dtypes import Float64
+
 Layers = list[Float64]
 
 

@@ -17,7 +17,8 @@ import click
 import numpy as np
 from gymnasium.spaces import flatdim
 
-from scenarionet_sim.examples.network import Adam, Float64, Perceptron
+from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_sim.examples.network import Adam, Perceptron
 
 if TYPE_CHECKING:
     from gymnasium.vector import VectorEnv

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from scenarionet_data.procedural.jit import entry
-from scenarionet_sim.kernels.order import larger, smaller
-
-Float64 = npt.NDArray[np.float64]
-Int32 = npt.NDArray[np.int32]
+from scenarionet_data.arrays.compiled import kernel
+from scenarionet_data.arrays.dtypes import Float64, Int32
+from scenarionet_sim.kernels.minmax import larger, smaller
 
 MAX_STEER, ACCELERATION, BRAKING, MAX_SPEED, WHEELBASE, GRIP = range(6)
 """Places of a vehicle's numbers in ``limits``, see ``backends.base.Drive`` and ``backends.Kinematic``."""
 
 
-@entry
+@kernel
 def drive_bicycles(
     agents: Int32,
     actions: Float64,

@@ -5,19 +5,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-from scenarionet_data.procedural.jit import entry, part
-
-Float64 = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
-Rows = npt.NDArray[np.int32]
+from scenarionet_data.arrays.compiled import device_function, kernel
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int32
 
 
-@entry
+@kernel
 def find_bodies(
-    position: Float64, velocity: Float64, size: Float64, present: Bool, agents: Rows, slack: float, dt: float
-) -> Rows:
+    position: Float64, velocity: Float64, size: Float64, present: Bool, agents: Int32, slack: float, dt: float
+) -> Int32:
     """The agents, and after them every other object whose circle can meet an agent's within ``dt``.
 
     Args:
@@ -49,18 +45,18 @@ def find_bodies(
     return _listed(agents, near)
 
 
-@part
+@device_function
 def _radius(size: Float64, world: int, row: int) -> float:
     return 0.5 * math.hypot(size[world, row, 0], size[world, row, 1])
 
 
-@part
+@device_function
 def _speed(velocity: Float64, world: int, row: int) -> float:
     return math.hypot(velocity[world, row, 0], velocity[world, row, 1])
 
 
-@part
-def _listed(agents: Rows, near: Bool) -> Rows:
+@device_function
+def _listed(agents: Int32, near: Bool) -> Int32:
     listed = np.empty((len(agents) + near.sum(), 2), np.int32)
     listed[: len(agents)] = agents
     count = len(agents)
@@ -72,9 +68,9 @@ def _listed(agents: Rows, near: Bool) -> Rows:
     return listed
 
 
-@entry
+@kernel
 def read_motion(
-    position: Float64, heading: Float64, velocity: Float64, yaw_rate: Float64, rows: Rows, num_agents: int, dt: float
+    position: Float64, heading: Float64, velocity: Float64, yaw_rate: Float64, rows: Int32, num_agents: int, dt: float
 ) -> Float64:
     """Where bodies start: agents where they are, the others where their motion had them ``dt`` earlier.
 
@@ -100,9 +96,9 @@ def read_motion(
     return motion
 
 
-@entry
+@kernel
 def write_motion(
-    position: Float64, heading: Float64, velocity: Float64, yaw_rate: Float64, agents: Rows, motion: Float64
+    position: Float64, heading: Float64, velocity: Float64, yaw_rate: Float64, agents: Int32, motion: Float64
 ) -> None:
     """Write what :func:`read_motion` returns back into the rows of the agents; headings into [-pi, pi)."""
     for a in range(len(agents)):

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-import numpy.typing as npt
-
-from scenarionet_data.procedural.jit import entry
-
-Int32 = npt.NDArray[np.int32]
+from scenarionet_data.arrays.compiled import kernel
+from scenarionet_data.arrays.dtypes import Int32
 
 
-@entry
+@kernel
 def fill_cells(first: Int32, last: Int32, columns: int, start: Int32, items: Int32) -> None:
     """Write which boxes lie in which cell, in two calls: the first counts, the second writes.
 

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from scenarionet_data.procedural.jit import entry, part
-
-Int32 = npt.NDArray[np.int32]
-Float32 = npt.NDArray[np.float32]
-Float64 = npt.NDArray[np.float64]
+from scenarionet_data.arrays.compiled import device_function, kernel
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32
 
 
-@part
+@device_function
 def winding_number(x: float, y: float, outline: Float32, start: int, end: int) -> int:
     """How often the closed outline ``outline[start:end]`` (P, 2) turns around a point; 0 outside.
 
@@ -32,12 +28,12 @@ def winding_number(x: float, y: float, outline: Float32, start: int, end: int) -
     return turns
 
 
-@entry
+@kernel
 def find_polygon(
     points: Float64,
     outlines: Float32,
     offsets: Int32,
-    is_wanted: npt.NDArray[np.bool_],
+    is_wanted: Bool,
     origin: Float32,
     shape: Int32,
     cell_size: float,

@@ -9,21 +9,15 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from scenarionet_data.arrays.compiled import device_function, kernel
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, UInt8
 from scenarionet_data.procedural.idm import free_acceleration, interaction
-from scenarionet_data.procedural.jit import entry, part
 from scenarionet_sim.kernels.log import HEADING, VALID, X, Y, Z
+from scenarionet_sim.kernels.minmax import larger, smaller
 from scenarionet_sim.kernels.motion import place_as_recorded
-from scenarionet_sim.kernels.order import larger, smaller
 from scenarionet_sim.kernels.overlap import is_overlapping
 from scenarionet_sim.kernels.paths import Path, direction, nearest, pose_at, segment_at, wrapped
-
-Bool = npt.NDArray[np.bool_]
-Codes = npt.NDArray[np.uint8]
-Float32 = npt.NDArray[np.float32]
-Float64 = npt.NDArray[np.float64]
-Int32 = npt.NDArray[np.int32]
 
 
 class Law(NamedTuple):
@@ -46,13 +40,13 @@ _SX, _SY, _ARC, _HEADING = range(4)  # columns of stations
 _BX, _BY, _BZ, _COS, _SIN, _VX, _VY, _HALF_LENGTH, _HALF_WIDTH, _HALF_HEIGHT, _RADIUS = range(11)  # rows of boxes
 
 
-@entry
+@kernel
 def drive_along_paths(
-    driver: Codes,
+    driver: UInt8,
     me: int,
     dt: float,
     law: Law,
-    colors: Codes,
+    colors: UInt8,
     log: Float32,
     num_steps: Int32,
     timestep: Int32,
@@ -65,7 +59,7 @@ def drive_along_paths(
     stop_arc: Float32,
     stop_light: Int32,
     stop_offsets: Int32,
-    light_state: Codes,
+    light_state: UInt8,
     size: Float64,
     position: Float64,
     heading: Float64,
@@ -133,7 +127,7 @@ def drive_along_paths(
             next_arc[w, n], next_present[w, n] = s, True
 
 
-@part
+@device_function
 def _boxes(
     w: int, position: Float64, heading: Float64, velocity: Float64, z: Float64, present: Bool, size: Float64
 ) -> Float64:
@@ -155,7 +149,7 @@ def _boxes(
     return boxes
 
 
-@part
+@device_function
 def _is_free(row: Float32, size: Float64, boxes: Float64) -> bool:
     """Whether the log has an object of that size in this row, and nothing is there yet."""
     if row[VALID] == 0.0:
@@ -170,13 +164,13 @@ def _is_free(row: Float32, size: Float64, boxes: Float64) -> bool:
     return True
 
 
-@part
+@device_function
 def _horizon(speed: float, law: Law) -> float:
     """How far to look ahead [m]: braking in comfort, the headway, and some room."""
     return float(10.0 + speed * law.headway + speed * speed / (2.0 * law.deceleration))
 
 
-@part
+@device_function
 def _look_ahead(path: Path, s: float, horizon: float, stations: Float64) -> int:
     """Writes stations (x, y, arc, heading) from ``s`` to the horizon or the path's end; returns how many."""
     spacing = larger(_SPACING, horizon / (_STATIONS - 2))
@@ -193,7 +187,7 @@ def _look_ahead(path: Path, s: float, horizon: float, stations: Float64) -> int:
     return count
 
 
-@part
+@device_function
 def _braking_for_boxes(boxes: Float64, mine: int, stations: Float64, count: int, speed: float, law: Law) -> float:
     """The strongest braking that what is on the strip ahead asks for [m/s2]."""
     half_width = boxes[_HALF_WIDTH, mine] - law.overlap
@@ -215,7 +209,7 @@ def _braking_for_boxes(boxes: Float64, mine: int, stations: Float64, count: int,
     return braking
 
 
-@part
+@device_function
 def _meet(boxes: Float64, b: int, stations: Float64, count: int, half_width: float) -> tuple[float, float]:
     """How far along the stations the strip meets box ``b`` [m], infinite if never, and the box's speed along it.
 
@@ -241,12 +235,12 @@ def _meet(boxes: Float64, b: int, stations: Float64, count: int, half_width: flo
     return np.inf, 0.0
 
 
-@part
+@device_function
 def _braking(speed: float, gap: float, closing: float, law: Law) -> float:
     return interaction(speed, gap, closing, law.headway, law.acceleration, law.deceleration, law.standstill)
 
 
-@part
+@device_function
 def _braking_for_light(color: int, gap: float, speed: float, law: Law) -> float:
     """Braking for a red light ahead that can still be stopped for, or a yellow one in comfort [m/s2]."""
     if gap < -0.5 or (color != _RED and color != _YELLOW):
@@ -257,7 +251,7 @@ def _braking_for_light(color: int, gap: float, speed: float, law: Law) -> float:
     return _braking(speed, gap, speed, law)
 
 
-@part
+@device_function
 def _speed_for_bends(stations: Float64, count: int, law: Law) -> float:
     """The speed that every bend ahead can still be slowed down for, with half the comfortable braking [m/s]."""
     highest = np.inf

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from scenarionet_data.procedural.jit import entry, part
-from scenarionet_sim.kernels.order import larger, smaller
-
-Float32 = npt.NDArray[np.float32]
-Float64 = npt.NDArray[np.float64]
-Int32 = npt.NDArray[np.int32]
+from scenarionet_data.arrays.compiled import device_function, kernel
+from scenarionet_data.arrays.dtypes import Float32, Float64, Int32
+from scenarionet_sim.kernels.minmax import larger, smaller
 
 _ACROSS = np.cos(np.pi / 4)  # how far a lane's direction may be from an object's heading
 
 
-@entry
+@kernel
 def find_lanes(places: Float32, headings: Float32, points: Float32, offsets: Int32, found: Float64) -> None:
     """The lane nearest to each place that leads its way.
 
@@ -38,7 +34,7 @@ def find_lanes(places: Float32, headings: Float32, points: Float32, offsets: Int
                 _look_on(m, x, y, np.float64(headings[q]), points, offsets[m], offsets[m + 1], found[q])
 
 
-@part
+@device_function
 def _look_on(m: int, x: float, y: float, heading: float, points: Float32, first: int, end: int, found: Float64) -> None:
     """Write to ``found`` the place of lane ``m`` nearest to a point, if it is nearer than what is there."""
     cos, sin, arc = np.cos(heading), np.sin(heading), 0.0
@@ -54,7 +50,7 @@ def _look_on(m: int, x: float, y: float, heading: float, points: Float32, first:
         arc += length
 
 
-@entry
+@kernel
 def follow_lanes(
     found: Float64,
     points: Float32,
@@ -96,7 +92,7 @@ def follow_lanes(
             m = _straightest(successors, successor_offsets[m], successor_offsets[m + 1], turn)
 
 
-@part
+@device_function
 def _straightest(successors: Int32, first: int, end: int, turn: Float64) -> int:
     """The successor that turns least; -1 without any."""
     best, least = -1, np.inf

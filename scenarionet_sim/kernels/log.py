@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from scenarionet_data.procedural.jit import entry
-
-Bool = npt.NDArray[np.bool_]
-Float32 = npt.NDArray[np.float32]
-Float64 = npt.NDArray[np.float64]
+from scenarionet_data.arrays.compiled import kernel
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64
 
 X, Y, Z, HEADING, VX, VY, YAW_RATE, VALID = range(8)
 """Columns of a log."""
 
 
-@entry
+@kernel
 def pack_log(
     position: Float32, heading: Float32, velocity: Float32, valid: Bool, timestamps: Float64, log: Float32
 ) -> None:
@@ -43,7 +39,7 @@ def pack_log(
             row[VALID] = 1.0
 
 
-@entry
+@kernel
 def thin(log: Float32, spacing: float, is_kept: Bool) -> None:
     """Which recorded positions make an object's path: the first, then each at least ``spacing`` from the last kept.
 

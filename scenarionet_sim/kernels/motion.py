@@ -2,21 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
-import numpy.typing as npt
-
-from scenarionet_data.procedural.jit import entry, part
+from scenarionet_data.arrays.compiled import device_function, kernel
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, UInt8
 from scenarionet_sim.kernels.log import HEADING, VALID, VX, VY, YAW_RATE, X, Y, Z
-from scenarionet_sim.kernels.order import smaller
-
-Bool = npt.NDArray[np.bool_]
-Codes = npt.NDArray[np.uint8]
-Float32 = npt.NDArray[np.float32]
-Float64 = npt.NDArray[np.float64]
-Int32 = npt.NDArray[np.int32]
+from scenarionet_sim.kernels.minmax import smaller
 
 
-@part
+@device_function
 def place_as_recorded(
     row: Float32,
     w: int,
@@ -35,12 +27,12 @@ def place_as_recorded(
     present[w, n] = True
 
 
-@entry
+@kernel
 def replay(
     log: Float32,
     num_steps: Int32,
     timestep: Int32,
-    driver: Codes,
+    driver: UInt8,
     me: int,
     position: Float64,
     heading: Float64,
@@ -70,12 +62,12 @@ def replay(
                 velocity[w, n, 0], velocity[w, n, 1], yaw_rate[w, n] = 0.0, 0.0, 0.0
 
 
-@entry
+@kernel
 def carry_on(
     log: Float32,
     num_steps: Int32,
     timestep: Int32,
-    driver: Codes,
+    driver: UInt8,
     me: int,
     dt: float,
     position: Float64,

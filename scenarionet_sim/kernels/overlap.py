@@ -5,15 +5,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from scenarionet_data.procedural.jit import entry, part
-
-Bool = npt.NDArray[np.bool_]
-Codes = npt.NDArray[np.uint8]
-Float64 = npt.NDArray[np.float64]
-Int32 = npt.NDArray[np.int32]
+from scenarionet_data.arrays.compiled import device_function, kernel
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8
 
 
-@part
+@device_function
 def is_overlapping(
     dx: float, dy: float, cos: float, sin: float, length: float, width: float,
     other_cos: float, other_sin: float, other_length: float, other_width: float,
@@ -31,14 +27,14 @@ def is_overlapping(
     return 2.0 * across < other_width + s * length + c * width
 
 
-@entry
+@kernel
 def find_contacts(
     agents: Int32,
     position: Float64,
     heading: Float64,
     z: Float64,
     size: Float64,
-    object_type: Codes,
+    object_type: UInt8,
     present: Bool,
     contacts: Bool,
     hits: npt.NDArray[np.uint32],

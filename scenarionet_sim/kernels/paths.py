@@ -9,14 +9,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from scenarionet_data.procedural.jit import entry, part
-from scenarionet_sim.kernels.order import larger, smaller
-
-Float32 = npt.NDArray[np.float32]
-Float64 = npt.NDArray[np.float64]
-Int32 = npt.NDArray[np.int32]
+from scenarionet_data.arrays.compiled import device_function, kernel
+from scenarionet_data.arrays.dtypes import Float32, Float64, Int32
+from scenarionet_sim.kernels.minmax import larger, smaller
 
 _LANE_HALF = 1.75  # [m] a path closer than this to a lane's centreline drives on that lane
 _BEYOND = 10.0  # [m] after a stop point lanes that start together have parted by more than that
@@ -33,13 +29,13 @@ class Path(NamedTuple):
     end: int
 
 
-@part
+@device_function
 def wrapped(angle: float) -> float:
     """An angle in [-pi, pi)."""
     return float(angle - 2.0 * np.pi * np.floor((angle + np.pi) / (2.0 * np.pi)))
 
 
-@part
+@device_function
 def segment_at(path: Path, s: float) -> int:
     """The segment that holds arc length ``s``, as its first point: the first or the last for what lies beyond."""
     low, high = path.first, path.end - 1
@@ -52,7 +48,7 @@ def segment_at(path: Path, s: float) -> int:
     return low
 
 
-@part
+@device_function
 def direction(path: Path, k: int) -> tuple[float, float, float]:
     """Unit vector along segment ``k``, and its length [m]."""
     dx = np.float64(path.points[k + 1, 0]) - path.points[k, 0]
@@ -61,7 +57,7 @@ def direction(path: Path, k: int) -> tuple[float, float, float]:
     return dx / length, dy / length, length
 
 
-@part
+@device_function
 def pose_at(path: Path, s: float) -> tuple[float, float, float, float]:
     """x, y, z [m] and heading [rad] at an arc length on a path of two points or more."""
     k = segment_at(path, s)
@@ -73,7 +69,7 @@ def pose_at(path: Path, s: float) -> tuple[float, float, float, float]:
     return x, y, z, wrapped(path.heading[k] + share * turn)
 
 
-@part
+@device_function
 def nearest(path: Path, x: float, y: float, low: float, high: float) -> tuple[float, float]:
     """Arc length of the place of a path nearest to a point, and how far to its left the point lies [m].
 
@@ -104,7 +100,7 @@ def nearest(path: Path, x: float, y: float, low: float, high: float) -> tuple[fl
     return best_s, best_lateral
 
 
-@entry
+@kernel
 def follow_paths(
     agents: Int32,
     position: Float64,
@@ -140,7 +136,7 @@ def follow_paths(
         z[w, n] = path.z[path.first] if path.end - path.first == 1 else pose_at(path, along[w, n])[2]
 
 
-@entry
+@kernel
 def find_stops(
     points: Float32,
     arc: Float32,
@@ -180,7 +176,7 @@ def find_stops(
                 stops[n, light] = _stop_on(path, way, x, y)
 
 
-@part
+@device_function
 def _arcs(points: Float32, offsets: Int32) -> Float32:
     """(P,) arc lengths of all centrelines."""
     arc = np.zeros(len(points), np.float32)
@@ -191,7 +187,7 @@ def _arcs(points: Float32, offsets: Int32) -> Float32:
     return arc
 
 
-@part
+@device_function
 def _bounds(path: Path) -> tuple[float, float, float, float]:
     """Least and greatest x, least and greatest y of the lane that a path drives on [m]."""
     low_x, high_x, low_y, high_y = np.inf, -np.inf, np.inf, -np.inf
@@ -201,7 +197,7 @@ def _bounds(path: Path) -> tuple[float, float, float, float]:
     return low_x - _LANE_HALF, high_x + _LANE_HALF, low_y - _LANE_HALF, high_y + _LANE_HALF
 
 
-@part
+@device_function
 def _stop_on(path: Path, way: Path, x: float, y: float) -> float:
     """Arc length of the stop point (x, y) of a lane's light on a path, NaN when the path takes another lane."""
     s, lateral = nearest(path, x, y, -np.inf, np.inf)

@@ -8,22 +8,14 @@ a type, and ``channel_of`` and ``value_of`` (256,) say into which picture it goe
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from scenarionet_data.procedural.jit import entry, part
-from scenarionet_sim.kernels.order import larger, smaller
-
-Bool = npt.NDArray[np.bool_]
-Codes = npt.NDArray[np.uint8]
-Int8 = npt.NDArray[np.int8]
-Int16 = npt.NDArray[np.int16]
-Int32 = npt.NDArray[np.int32]
-Float32 = npt.NDArray[np.float32]
-Float64 = npt.NDArray[np.float64]
+from scenarionet_data.arrays.compiled import device_function, kernel
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int8, Int16, Int32, UInt8
+from scenarionet_sim.kernels.minmax import larger, smaller
 
 
-@part
-def fill(outline: Float64, count: int, value: int, picture: Codes, turns: Int16) -> None:
+@device_function
+def fill(outline: Float64, count: int, value: int, picture: UInt8, turns: Int16) -> None:
     """Fill a closed outline: the pixels around whose centre it turns.
 
     Args:
@@ -61,8 +53,8 @@ def fill(outline: Float64, count: int, value: int, picture: Codes, turns: Int16)
         turns[row, width + 1], turns[row, width + 2] = 0, 0
 
 
-@part
-def draw_line(x0: float, y0: float, x1: float, y1: float, value: int, picture: Codes) -> None:
+@device_function
+def draw_line(x0: float, y0: float, x1: float, y1: float, value: int, picture: UInt8) -> None:
     """Draw a line one pixel wide: its two ends, and a pixel in every column (or row, if it is steep) between."""
     height, width = picture.shape
     for x, y in ((x0, y0), (x1, y1)):
@@ -86,13 +78,13 @@ def draw_line(x0: float, y0: float, x1: float, y1: float, value: int, picture: C
                 picture[int(beside), at] = value
 
 
-@part
+@device_function
 def to_pixel(view: Float64, x: float, y: float) -> tuple[float, float]:
     """Column and row of a place."""
     return view[0] * x + view[1] * y + view[2], view[3] * x + view[4] * y + view[5]
 
 
-@entry
+@kernel
 def list_in_window(
     window: Float64, origin: Float32, shape: Int32, cell_size: float, cell_start: Int32, cell_items: Int32, found: Bool
 ) -> None:
@@ -114,16 +106,16 @@ def list_in_window(
                 found[cell_items[place]] = True
 
 
-@entry
+@kernel
 def draw_polygons(
     outlines: Float32,
     offsets: Int32,
-    types: Codes,
+    types: UInt8,
     is_near: Bool,
     channel_of: Int8,
-    value_of: Codes,
+    value_of: UInt8,
     view: Float64,
-    pictures: Codes,
+    pictures: UInt8,
     turns: Int16,
 ) -> None:
     """Fill polygons.
@@ -148,15 +140,15 @@ def draw_polygons(
         fill(pixels, offsets[m + 1] - offsets[m], value_of[types[m]], pictures[channel], turns)
 
 
-@entry
+@kernel
 def draw_segments(
     segments: Float32,
-    types: Codes,
+    types: UInt8,
     is_near: Bool,
     channel_of: Int8,
-    value_of: Codes,
+    value_of: UInt8,
     view: Float64,
-    pictures: Codes,
+    pictures: UInt8,
 ) -> None:
     """Draw segments (S, 4) [m] of types (S,), one pixel wide; the rest as in :func:`draw_polygons`."""
     for s in range(len(types)):

@@ -7,27 +7,21 @@ Rays start at the agent's centre and turn with it: ray k has the direction ``dir
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from scenarionet_data.procedural.jit import entry, part
-from scenarionet_sim.kernels.order import larger, smaller
-
-Bool = npt.NDArray[np.bool_]
-Codes = npt.NDArray[np.uint8]
-Int32 = npt.NDArray[np.int32]
-Float32 = npt.NDArray[np.float32]
-Float64 = npt.NDArray[np.float64]
+from scenarionet_data.arrays.compiled import device_function, kernel
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, UInt8
+from scenarionet_sim.kernels.minmax import larger, smaller
 
 _HUGE = 1e300
 """Stands for 1 / 0: times 0 it is 0, where infinity would give NaN."""
 
 
-@part
+@device_function
 def _inverse(value: float) -> float:
     return 1.0 / value if value != 0.0 else _HUGE
 
 
-@part
+@device_function
 def ray_through_box(x: float, y: float, dx: float, dy: float, half_x: float, half_y: float) -> tuple[float, float]:
     """Where a line enters and leaves a box around 0 [its direction's length]; it misses it if it leaves first."""
     over_x, over_y = _inverse(dx), _inverse(dy)
@@ -36,7 +30,7 @@ def ray_through_box(x: float, y: float, dx: float, dy: float, half_x: float, hal
     return larger(smaller(x0, x1), smaller(y0, y1)), smaller(larger(x0, x1), larger(y0, y1))
 
 
-@part
+@device_function
 def rays_at_circle(x: float, y: float, radius: float, count: int) -> tuple[int, int]:
     """First and last of ``count`` evenly spread rays that may meet a circle at (x, y); -1 is the last ray of all."""
     apart = np.sqrt(x * x + y * y)
@@ -49,7 +43,7 @@ def rays_at_circle(x: float, y: float, radius: float, count: int) -> tuple[int, 
     return first, smaller(last, first + count - 1)
 
 
-@part
+@device_function
 def box_ahead(
     dx: float, dy: float, cos: float, sin: float, turn: float, half_x: float, half_y: float, reach: float, count: int
 ) -> tuple[int, int, float, float, float, float]:
@@ -75,13 +69,13 @@ def box_ahead(
     return first, last, -(cos * ahead + sin * left), -(cos * left - sin * ahead), cos, sin
 
 
-@entry
+@kernel
 def cast_at_boxes(
     agents: Int32,
     position: Float64,
     heading: Float64,
     size: Float64,
-    object_type: Codes,
+    object_type: UInt8,
     present: Bool,
     is_seen: Bool,
     directions: Float64,
@@ -122,7 +116,7 @@ def cast_at_boxes(
                     out[a, k] = share
 
 
-@part
+@device_function
 def nearest_segment(
     x: float,
     y: float,
@@ -130,7 +124,7 @@ def nearest_segment(
     dy: float,
     reach: float,
     segments: Float32,
-    segment_type: Codes,
+    segment_type: UInt8,
     is_seen: Bool,
     origin: Float32,
     shape: Int32,
@@ -173,7 +167,7 @@ def nearest_segment(
     return best
 
 
-@part
+@device_function
 def _ray_to_segment(x: float, y: float, dx: float, dy: float, segments: Float32, s: int, otherwise: float) -> float:
     ax, ay = segments[s, 0] - x, segments[s, 1] - y
     bx, by = segments[s, 2] - x, segments[s, 3] - y
@@ -185,13 +179,13 @@ def _ray_to_segment(x: float, y: float, dx: float, dy: float, segments: Float32,
     return along if along >= 0.0 else otherwise
 
 
-@entry
+@kernel
 def cast_at_segments(
     agents: Int32,
     position: Float64,
     heading: Float64,
     segments: Float32,
-    segment_type: Codes,
+    segment_type: UInt8,
     is_seen: Bool,
     origin: Float32,
     shape: Int32,

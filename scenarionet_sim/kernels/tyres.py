@@ -9,19 +9,16 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-import numpy.typing as npt
+from scenarionet_data.arrays.compiled import device_function, kernel
+from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_sim.kernels.minmax import larger, smaller
 
-from scenarionet_data.procedural.jit import entry, part
-from scenarionet_sim.kernels.order import larger, smaller
-
-Float64 = npt.NDArray[np.float64]
 Vehicle = tuple[float, float, float, float, float, float]
 """Angle of the front wheels at steering 1 [rad]; acceleration by the engine, by the brakes, and the most that
 friction gives [m/s²]; fastest speed that the engine drives at [m/s]; wheelbase as a share of the length."""
 
 
-@entry
+@kernel
 def apply_tyres(motion: Float64, size: Float64, actions: Float64, vehicle: Vehicle, step: float) -> None:
     """Change velocities by what the wheels do in one step; in place.
 
@@ -50,19 +47,19 @@ def apply_tyres(motion: Float64, size: Float64, actions: Float64, vehicle: Vehic
         motion[a, 4] = sin * forward + cos * left
 
 
-@part
+@device_function
 def _engine(forward: float, change: float, max_speed: float) -> float:
     """Change of speed by the engine: nothing beyond the fastest."""
     return smaller(change, larger(0.0, max_speed - forward))
 
 
-@part
+@device_function
 def _brake(forward: float, change: float) -> float:
     """Change of speed by the brakes: no more than stops."""
     return -math.copysign(smaller(change, abs(forward)), forward)
 
 
-@part
+@device_function
 def _roll(
     forward: float, left: float, yaw_rate: float, steer: float, frame: tuple[float, float], axle: tuple[float, float]
 ) -> tuple[float, float, float]:

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarionet_data.scenario import Bool, Codes
-from scenarionet_data.vocabulary import ObjectType
+from scenarionet_data.arrays.dtypes import Bool, UInt8
+from scenarionet_data.scenario.vocabulary import ObjectType
 
 _HUMANS = (ObjectType.PEDESTRIAN, ObjectType.CYCLIST)
 
@@ -33,7 +33,7 @@ class Collisions:
     first: int | None
 
 
-def count_collisions(contacts: Bool, object_type: Codes) -> Collisions:
+def count_collisions(contacts: Bool, object_type: UInt8) -> Collisions:
     """Collisions of one agent.
 
     Args:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarionet_data.scenario import Float64
+from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_sim.metrics.smoothing import savitzky_golay
 
 _DECIMALS = 8

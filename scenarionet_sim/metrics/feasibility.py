@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_data.scenario import Bool, Float64
+from scenarionet_data.arrays.dtypes import Bool, Float64
 
 MAX_ACCELERATION, MAX_CURVATURE = 10.4, 0.3
 _TOLERANCE = 1e-3

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from scenarionet_data.scenario import Bool, Float64
-from scenarionet_data.vocabulary import LIGHT_COLORS, LightColor, MapFeatureType
+from scenarionet_data.arrays.dtypes import Bool, Float64
+from scenarionet_data.scenario.vocabulary import LIGHT_COLORS, LightColor, MapFeatureType
 from scenarionet_sim.backends.base import Drive
 from scenarionet_sim.evaluation.rollout import Rollout
 from scenarionet_sim.metrics.collisions import count_collisions

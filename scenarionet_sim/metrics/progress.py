@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_data.scenario import Bool, Float64
+from scenarionet_data.arrays.dtypes import Bool, Float64
 
 _MIN_PROGRESS = 2.0
 """[m] Less than that by the recording counts as that, and driving back further than that is no progress at all."""

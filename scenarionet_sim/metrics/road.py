@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from scenarionet_data.procedural.jit import entry
-from scenarionet_data.scenario import Bool, Float32, Float64
+from scenarionet_data.arrays.compiled import kernel
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32
 from scenarionet_sim.roads.roads import Roads
-from scenarionet_sim.worlds.stage import Int32
 
 OFF_ROAD_TOLERANCE = 0.3
 """[m] A corner this far from everything to drive on is off the road (nuPlan's ``drivable_area_compliance``)."""
@@ -37,7 +36,7 @@ def is_off_road(corners: Float64, roads: Roads) -> Bool:
     return off
 
 
-@entry
+@kernel
 def lane_progress(position: Float64, lanes: Float32, offsets: Int32, reach: float) -> Float64:
     """Way made along the lanes in each step: of those a vehicle is on, the one that it follows best.
 

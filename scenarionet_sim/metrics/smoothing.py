@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from scenarionet_data.scenario import Float64
+from scenarionet_data.arrays.dtypes import Float64
 
 
 def savitzky_golay(values: Float64, window: int, order: int, dt: float, derivative: int = 0) -> Float64:

@@ -12,8 +12,8 @@ import math
 
 import numpy as np
 
-from scenarionet_data.procedural.jit import entry
-from scenarionet_data.scenario import Bool, Float64
+from scenarionet_data.arrays.compiled import kernel
+from scenarionet_data.arrays.dtypes import Bool, Float64
 from scenarionet_sim.kernels.overlap import is_overlapping
 
 STEP, HORIZON, BOUND = 0.1, 3.0, 0.95
@@ -23,7 +23,7 @@ _AHEAD, _BEHIND = math.cos(math.radians(30.0)), math.cos(math.radians(150.0))
 _STANDING = 5e-3
 
 
-@entry
+@kernel
 def time_to_collision(
     position: Float64, heading: Float64, velocity: Float64, size: Float64, present: Bool, touched: Bool,
     between_lanes: Bool, ego: int, rear: float,

@@ -5,11 +5,11 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
-from scenarionet_data.scenario import Bool, Codes
+from scenarionet_data.arrays.dtypes import Bool, UInt8
 from scenarionet_sim.policies.who import Who, everyone
-from scenarionet_sim.worlds.stage import Stage
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world import World
+from scenarionet_sim.worlds.world_batch import Stage
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Policy(ABC):
         return world
 
     @abstractmethod
-    def advance(self, stage: Stage, now: State, then: State, driver: Codes, me: int, dt: float) -> None:
+    def advance(self, stage: Stage, now: State, then: State, driver: UInt8, me: int, dt: float) -> None:
         """Write the objects that it drives into the next moment.
 
         Every policy reads the same moment, so the order of policies and objects changes nothing.

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from scenarionet_data.scenario import Codes
+from scenarionet_data.arrays.dtypes import UInt8
 from scenarionet_sim.kernels.motion import carry_on
 from scenarionet_sim.policies.base import Policy
 from scenarionet_sim.policies.who import Who, ego
-from scenarionet_sim.worlds.stage import Stage
 from scenarionet_sim.worlds.state import State
+from scenarionet_sim.worlds.world_batch import Stage
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class External(Policy):
 
     who: Who = ego
 
-    def advance(self, stage: Stage, now: State, then: State, driver: Codes, me: int, dt: float) -> None:
+    def advance(self, stage: Stage, now: State, then: State, driver: UInt8, me: int, dt: float) -> None:
         """Puts the agents where they are, for the backend to move; others of its objects appear."""
         del dt
         log = stage.log, stage.num_steps, now.timestep

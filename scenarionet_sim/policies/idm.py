@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from scenarionet_data.arrays.dtypes import Bool, UInt8
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.scenario import Bool, Codes
-from scenarionet_data.vocabulary import LIGHT_COLORS
+from scenarionet_data.scenario.vocabulary import LIGHT_COLORS
 from scenarionet_sim.kernels.idm import Law, drive_along_paths
 from scenarionet_sim.policies.base import Policy
 from scenarionet_sim.policies.who import Who, other_vehicles
-from scenarionet_sim.worlds.stage import Stage
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world import World
+from scenarionet_sim.worlds.world_batch import Stage
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Idm(Policy):
         """Those of its objects that drive at all."""
         return self.who(world) & (world.paths.length() >= self.shortest)
 
-    def advance(self, stage: Stage, now: State, then: State, driver: Codes, me: int, dt: float) -> None:
+    def advance(self, stage: Stage, now: State, then: State, driver: UInt8, me: int, dt: float) -> None:
         """One step of the law for each."""
         law = Law(
             self.headway, self.acceleration, self.deceleration, self.standstill,

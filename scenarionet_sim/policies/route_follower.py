@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from scenarionet_data.scenario import Bool
+from scenarionet_data.arrays.dtypes import Bool
 from scenarionet_sim.policies.idm import Idm
 from scenarionet_sim.worlds.routes import continued
 from scenarionet_sim.worlds.world import World

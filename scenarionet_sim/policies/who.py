@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarionet_data.scenario import Bool
-from scenarionet_data.vocabulary import ObjectType
+from scenarionet_data.arrays.dtypes import Bool
+from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.worlds.world import World
 
 Who = Callable[[World], Bool]

@@ -5,17 +5,13 @@ from __future__ import annotations
 from collections import deque
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
+from scenarionet_data.arrays.dtypes import UInt8
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.plots import Moment, TopDown, Window
 from scenarionet_data.plots.topdown import TRAIL
 from scenarionet_sim.render.scenes import moment_of, scene_of
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world import World
-
-Picture = npt.NDArray[np.uint8]
 
 
 class Live:
@@ -38,7 +34,7 @@ class Live:
         self._moments: deque[Moment] = deque(maxlen=TRAIL)
         self._image: Any = None
 
-    def picture(self, world: World, state: State, slot: int = 0) -> Picture:
+    def picture(self, world: World, state: State, slot: int = 0) -> UInt8:
         """The moment (H, W, 3) uint8; one that is not later than the one before begins a new episode."""
         if self._view is None or self._world is not world:
             self._view, self._world = TopDown(scene_of(world), self._window, self._size), world
@@ -49,7 +45,7 @@ class Live:
         self._moments.append(now)
         return self._view.frame(self._moments)
 
-    def show(self, picture: Picture) -> None:
+    def show(self, picture: UInt8) -> None:
         """Show a picture in a window, which opens the first time; one that somebody closed stays closed.
 
         Raises:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.plots import Moment, Scene
 from scenarionet_data.plots.shapes import MapShapes
-from scenarionet_data.ragged import Ragged
 from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world import World

@@ -5,12 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from scenarionet_data.scenario import Float32
+from scenarionet_data.arrays.dtypes import Float32, Int32
 from scenarionet_sim.kernels.cells import fill_cells
-
-Int32 = npt.NDArray[np.int32]
 
 CELL = 10.0
 """Side of a cell [m]."""

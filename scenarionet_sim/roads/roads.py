@@ -10,13 +10,20 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Bool, Float32, Int32, IntP, Object, UInt8
+from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import MapBuilder
-from scenarionet_data.outlines import lane_outlines
-from scenarionet_data.ragged import Ragged
-from scenarionet_data.scenario import Bool, Codes, Float32, MapFeatures, Strings
-from scenarionet_data.vocabulary import AREAS_TO_DRIVE_ON, MapFeatureType, is_lane, is_road_edge, is_road_line
+from scenarionet_data.scenario.description import MapFeatures
+from scenarionet_data.scenario.lane_polygons import lane_outlines
+from scenarionet_data.scenario.vocabulary import (
+    AREAS_TO_DRIVE_ON,
+    MapFeatureType,
+    is_lane,
+    is_road_edge,
+    is_road_line,
+)
 from scenarionet_sim.kernels.containment import find_polygon
-from scenarionet_sim.roads.grid import Grid, Int32
+from scenarionet_sim.roads.grid import Grid
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,16 +48,16 @@ class Roads:
     """
 
     segments: Float32
-    segment_type: Codes
+    segment_type: UInt8
     segment_feature: Int32
     segment_grid: Grid
-    lane_ids: Strings
-    lane_type: Codes
+    lane_ids: Object
+    lane_type: UInt8
     lanes: Ragged
     successors: Ragged
     speed_limit: Float32
     polygons: Ragged
-    polygon_type: Codes
+    polygon_type: UInt8
     polygon_grid: Grid
     is_road: Bool = field(init=False, repr=False)
     """(Q,) polygons that may be driven on."""
@@ -138,7 +145,7 @@ def _between(lines: Ragged, *, is_closed: bool) -> Float32:
     return np.concatenate([start, end], axis=1)
 
 
-def _successors(features: MapFeatures, lane_rows: npt.NDArray[np.intp]) -> Ragged:
+def _successors(features: MapFeatures, lane_rows: IntP) -> Ragged:
     """M x rows of lanes, int32."""
     row_of = {lane: row for row, lane in enumerate(features.ids[lane_rows])}
     named = features.exit_lanes.take(lane_rows)

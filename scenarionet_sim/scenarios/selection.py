@@ -15,8 +15,8 @@ import numpy as np
 import pyarrow as pa
 
 from scenarionet_data import Lake, ScenarioLoader
-from scenarionet_data.catalog.statements import check_expression
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.query.statements import check_expression
 from scenarionet_sim.scenarios.sampling import Curriculum, Rising, Sampler, Sequential, Shuffled, Weighted
 
 Order = Literal["sequential", "random", "weighted"]

@@ -12,7 +12,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Generic, TypeVar
 
 from scenarionet_data.errors import BadParameter, ScenarioNotFound
-from scenarionet_data.scenario import ScenarioDescription
+from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_sim.scenarios.sampling import Sampler
 
 Prepared = TypeVar("Prepared")

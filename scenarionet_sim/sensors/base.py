@@ -14,21 +14,17 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int32
 from scenarionet_data.errors import BadParameter, MissingDependency
-from scenarionet_data.vocabulary import MapFeatureType
-from scenarionet_sim.kernels.ahead import find_lost
-from scenarionet_sim.worlds.stage import Stage
+from scenarionet_data.scenario.vocabulary import MapFeatureType
+from scenarionet_sim.kernels.route_observation import find_lost
 from scenarionet_sim.worlds.state import State
+from scenarionet_sim.worlds.world_batch import Stage
 
 if TYPE_CHECKING:
     from gymnasium.spaces import Box
 
-Array = npt.NDArray[Any]
-Agents = npt.NDArray[np.int32]
-Bool = npt.NDArray[np.bool_]
-Float64 = npt.NDArray[np.float64]
 
 OBJECT_TYPES = 256
 """Length of tables by type code."""
@@ -52,7 +48,7 @@ class Sensor(ABC):
         """Shape of what one agent observes."""
 
     @abstractmethod
-    def observe(self, stage: Stage, state: State, agents: Agents, rng: np.random.Generator, out: Array) -> Array:
+    def observe(self, stage: Stage, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:
         """Write what agents observe.
 
         Args:
@@ -83,7 +79,7 @@ class Sensor(ABC):
         return np.zeros((num_agents, *self.shape), self.dtype)
 
 
-def require_arcs(state: State, agents: Agents) -> None:
+def require_arcs(state: State, agents: Int32) -> None:
     """Refuse agents whose place on their paths is not known.
 
     Raises:

@@ -7,11 +7,11 @@ from enum import IntEnum
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int8, Int32
+from scenarionet_data.arrays.geometry import box_corners
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.geometry import box_corners
-from scenarionet_data.vocabulary import (
+from scenarionet_data.scenario.vocabulary import (
     AREAS_TO_DRIVE_ON,
     LIGHT_COLORS,
     LightColor,
@@ -22,12 +22,10 @@ from scenarionet_data.vocabulary import (
     is_road_line,
 )
 from scenarionet_sim.kernels.raster import draw_polygons, draw_segments, list_in_window
-from scenarionet_sim.sensors.base import Agents, Array, Bool, Float64, Sensor, map_types, require
-from scenarionet_sim.worlds.past import Past
-from scenarionet_sim.worlds.stage import Stage
+from scenarionet_sim.sensors.base import Sensor, map_types, require
+from scenarionet_sim.worlds.history import Past
 from scenarionet_sim.worlds.state import State
-
-Int8 = npt.NDArray[np.int8]
+from scenarionet_sim.worlds.world_batch import Stage
 
 
 class Channel(IntEnum):
@@ -112,7 +110,7 @@ class BirdView(Sensor):
         """(channels, size, size)."""
         return len(Channel) + self.history, self.size, self.size
 
-    def observe(self, stage: Stage, state: State, agents: Agents, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
+    def observe(self, stage: Stage, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
         """See the class.
 
         Raises:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from scenarionet_data.vocabulary import MapFeatureType, is_road_edge
+from scenarionet_data.scenario.vocabulary import MapFeatureType, is_road_edge
 from scenarionet_sim.sensors.base import map_types
 from scenarionet_sim.sensors.line_rays import LineRays
 

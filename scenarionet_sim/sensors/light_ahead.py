@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarionet_data.vocabulary import LIGHT_COLORS
-from scenarionet_sim.kernels.ahead import observe_light
-from scenarionet_sim.sensors.base import Agents, Array, Sensor, require, require_arcs
-from scenarionet_sim.worlds.stage import Stage
+from scenarionet_data.arrays.dtypes import Array, Int32
+from scenarionet_data.scenario.vocabulary import LIGHT_COLORS
+from scenarionet_sim.kernels.route_observation import observe_light
+from scenarionet_sim.sensors.base import Sensor, require, require_arcs
 from scenarionet_sim.worlds.state import State
+from scenarionet_sim.worlds.world_batch import Stage
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ class LightAhead(Sensor):
         """(4,)."""
         return (4,)
 
-    def observe(self, stage: Stage, state: State, agents: Agents, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
+    def observe(self, stage: Stage, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
         """See the class."""
         require_arcs(state, agents)
         stops = stage.stop_arc, stage.stop_light, stage.stop_offsets

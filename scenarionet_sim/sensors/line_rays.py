@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarionet_data.vocabulary import MapFeatureType
+from scenarionet_data.arrays.dtypes import Array, Int32
+from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.kernels.rays import cast_at_segments
-from scenarionet_sim.sensors.base import Agents, Array, Sensor, directions, require, table
+from scenarionet_sim.sensors.base import Sensor, directions, require, table
 from scenarionet_sim.sensors.noise import add_noise
-from scenarionet_sim.worlds.stage import Stage
 from scenarionet_sim.worlds.state import State
+from scenarionet_sim.worlds.world_batch import Stage
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class LineRays(Sensor):
         """(rays,)."""
         return (self.rays,)
 
-    def observe(self, stage: Stage, state: State, agents: Agents, rng: np.random.Generator, out: Array) -> Array:
+    def observe(self, stage: Stage, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:
         """See the class."""
         cast_at_segments(
             agents,

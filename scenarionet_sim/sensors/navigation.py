@@ -7,10 +7,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from scenarionet_sim.kernels.ahead import points_ahead
-from scenarionet_sim.sensors.base import Agents, Array, Sensor, require, require_arcs
-from scenarionet_sim.worlds.stage import Stage
+from scenarionet_data.arrays.dtypes import Array, Int32
+from scenarionet_sim.kernels.route_observation import points_ahead
+from scenarionet_sim.sensors.base import Sensor, require, require_arcs
 from scenarionet_sim.worlds.state import State
+from scenarionet_sim.worlds.world_batch import Stage
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class Navigation(Sensor):
         """(points, 2)."""
         return self.points, 2
 
-    def observe(self, stage: Stage, state: State, agents: Agents, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
+    def observe(self, stage: Stage, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
         """See the class."""
         require_arcs(state, agents)
         ahead = np.empty((len(agents), self.points, 2))

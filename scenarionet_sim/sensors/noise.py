@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-Float32 = npt.NDArray[np.float32]
+from scenarionet_data.arrays.dtypes import Float32
 
 
 def add_noise(shares: Float32, spread: float, dropout: float, rng: np.random.Generator) -> None:

@@ -7,12 +7,13 @@ from functools import cached_property
 
 import numpy as np
 
-from scenarionet_data.vocabulary import ObjectType
-from scenarionet_sim.kernels.cloud import spin
-from scenarionet_sim.sensors.base import Agents, Array, Float64, Sensor, directions, require, table
+from scenarionet_data.arrays.dtypes import Array, Float64, Int32
+from scenarionet_data.scenario.vocabulary import ObjectType
+from scenarionet_sim.kernels.point_cloud import spin
+from scenarionet_sim.sensors.base import Sensor, directions, require, table
 from scenarionet_sim.sensors.noise import add_noise
-from scenarionet_sim.worlds.stage import Stage
 from scenarionet_sim.worlds.state import State
+from scenarionet_sim.worlds.world_batch import Stage
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ class PointCloud(Sensor):
         """(rings,) [rad]."""
         return np.linspace(self.lowest, self.highest, self.rings)
 
-    def observe(self, stage: Stage, state: State, agents: Agents, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
+    def observe(self, stage: Stage, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
         """See the class."""
         boxes = state.position, state.z, state.heading, state.size, state.object_type, state.present
         rays = directions(self.azimuths), np.tan(self.elevations)

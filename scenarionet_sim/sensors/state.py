@@ -8,10 +8,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from scenarionet_sim.kernels.ahead import observe_self
-from scenarionet_sim.sensors.base import Agents, Array, Float64, Sensor, require, require_arcs
-from scenarionet_sim.worlds.stage import Stage
+from scenarionet_data.arrays.dtypes import Array, Float64, Int32
+from scenarionet_sim.kernels.route_observation import observe_self
+from scenarionet_sim.sensors.base import Sensor, require, require_arcs
 from scenarionet_sim.worlds.state import State
+from scenarionet_sim.worlds.world_batch import Stage
 
 WHEELBASE = 0.6
 """Between the axles, as a share of the length: what a steering angle is derived with."""
@@ -52,7 +53,7 @@ class EgoState(Sensor):
         """(7,)."""
         return (7,)
 
-    def observe(self, stage: Stage, state: State, agents: Agents, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
+    def observe(self, stage: Stage, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
         """See the class."""
         require_arcs(state, agents)
         motion = state.heading, state.velocity, state.yaw_rate, state.size, state.arc, state.lateral

@@ -8,14 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from scenarionet_data.scenario import Float32
+from scenarionet_data.arrays.dtypes import Float32, Int32
 from scenarionet_sim.kernels.log import HEADING, Z, thin
 from scenarionet_sim.kernels.paths import find_stops
 from scenarionet_sim.roads.roads import Roads
-
-Int32 = npt.NDArray[np.int32]
 
 SPACING = 0.1
 """Points of a path are at least this far apart [m]: a standing object's noise makes no path."""

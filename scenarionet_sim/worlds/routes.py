@@ -5,16 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
-from scenarionet_data.geometry import wrap_angle
-from scenarionet_data.scenario import Bool, Float64
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, IntP
+from scenarionet_data.arrays.geometry import wrap_angle
 from scenarionet_sim.kernels.lanes import find_lanes, follow_lanes
 from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.worlds.paths import Paths, Stops
 from scenarionet_sim.worlds.world import World
-
-Rows = npt.NDArray[np.intp]
 
 _BESIDE = 2.5  # [m] from a centreline an object is still on the lane
 _STEP = 2.0  # [m] between points
@@ -38,7 +35,7 @@ def continued(world: World, rows: Bool, beyond: float) -> World:
     return replace(world, paths=longer, stops=Stops.on(longer, world.light_lane, world.light_stop, world.roads))
 
 
-def _ways(roads: Roads, paths: Paths, owners: Rows, beyond: float) -> tuple[Float64, npt.NDArray[np.int32]]:
+def _ways(roads: Roads, paths: Paths, owners: IntP, beyond: float) -> tuple[Float64, Int32]:
     """(Q, K, 2) points every ``_STEP`` behind the ends of these objects' paths, and how many of them there are.
 
     A way that begins beside its lane comes back to the lane's middle.
@@ -67,7 +64,7 @@ def _turns(roads: Roads) -> Float64:
     return turns
 
 
-def _lengthened(paths: Paths, owners: Rows, way: Float64, count: npt.NDArray[np.int32]) -> Paths:
+def _lengthened(paths: Paths, owners: IntP, way: Float64, count: Int32) -> Paths:
     """The paths with ``count`` points of each owner's way behind its own."""
     own = np.diff(paths.path_offsets)
     added = np.zeros_like(own)

@@ -6,15 +6,10 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from scenarionet_sim.worlds.past import Past
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8
+from scenarionet_sim.worlds.history import Past
 from scenarionet_sim.worlds.world import World
-
-Bool = npt.NDArray[np.bool_]
-Codes = npt.NDArray[np.uint8]
-Float64 = npt.NDArray[np.float64]
-Int32 = npt.NDArray[np.int32]
 
 
 @dataclass(eq=False)
@@ -48,7 +43,7 @@ class State:
     arc: Float64
     lateral: Float64
     size: Float64
-    object_type: Codes
+    object_type: UInt8
     timestep: Int32
     past: Past | None = None
 

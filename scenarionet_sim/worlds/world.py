@@ -1,7 +1,8 @@
 """One recorded scenario as the arrays a simulation runs on: the log, every object's path, the roads, the lights.
 
 A world is immutable and holds nothing of an episode; that is :class:`~scenarionet_sim.worlds.state.State`. Frame and
-units are the scenario's (:mod:`scenarionet_data.scenario`). N objects, T timesteps, P path points, L lights.
+units are the scenario's (:mod:`scenarionet_data.scenario.description`).
+N objects, T timesteps, P path points, L lights.
 """
 
 from __future__ import annotations
@@ -10,16 +11,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
-from scenarionet_data.geometry import median_sizes
-from scenarionet_data.light_places import light_places
-from scenarionet_data.scenario import Bool, Codes, Float32, ScenarioDescription, Strings, Tracks
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, Object, UInt8
+from scenarionet_data.arrays.geometry import median_sizes
+from scenarionet_data.scenario.description import ScenarioDescription, Tracks
+from scenarionet_data.scenario.stop_points import light_places
 from scenarionet_sim.kernels.log import HEADING, VALID, VX, YAW_RATE, Z, pack_log
 from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.worlds.paths import Paths, Stops
-
-Int32 = npt.NDArray[np.int32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +47,8 @@ class World:
     scenario_id: str
     dt: float
     ego: int
-    track_ids: Strings
-    object_type: Codes
+    track_ids: Object
+    object_type: UInt8
     size: Float32
     log: Float32
     top_speed: Float32
@@ -57,7 +56,7 @@ class World:
     stops: Stops
     light_lane: Int32
     light_stop: Float32
-    light_state: Codes
+    light_state: UInt8
     roads: Roads
     extents: Float32
 
@@ -128,7 +127,7 @@ class World:
         )
 
 
-def _log(tracks: Tracks, timestamps: npt.NDArray[np.float64]) -> Float32:
+def _log(tracks: Tracks, timestamps: Float64) -> Float32:
     log = np.zeros((len(timestamps), len(tracks), 8), np.float32)
     pack_log(tracks.position, tracks.heading, tracks.velocity, tracks.valid, timestamps, log)
     return log

@@ -18,10 +18,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pipelines.cluster import open_cluster
-from scenarionet_data.conversion import Job, Outcome, Pool, Run, convert, plan_conversion
+from scenarionet_data.conversion import Job, Outcome, convert, plan_conversion
 from scenarionet_data.conversion.jobs import lost_shard
 from scenarionet_data.conversion.plan import largest_first
+from scenarionet_data.execution.executors import Pool, Run
+from scenarionet_pipelines.cluster import open_cluster
 from tests.bench.measure import Figure
 from tests.fixtures import waymo
 from tests.fixtures.made import NAME, write_raw

@@ -16,8 +16,8 @@ import pyarrow.parquet as pq
 
 from scenarionet_data import ScenarioLoader
 from scenarionet_data.conversion import convert
-from scenarionet_data.converters.tfrecord import masked_crc
-from scenarionet_data.pickle_compat import export
+from scenarionet_data.converters.formats.tfrecord import masked_crc
+from scenarionet_data.export import export
 from tests.bench.measure import Figure, in_fresh_process
 from tests.fixtures import argoverse1, scenarionet_pickles
 

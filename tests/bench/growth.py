@@ -13,15 +13,15 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from scenarionet_data import tables
 from scenarionet_data.conversion import Job
 from scenarionet_data.conversion.plan import make_plan
 from scenarionet_data.converters.base import Options, RawItem, Shard
-from scenarionet_data.store import commit as commits
-from scenarionet_data.store import manifests
-from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.files import LakeFiles
-from scenarionet_data.store.shard_record import ShardRecord, metadata_name, partition
+from scenarionet_data.schema import tables
+from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.snapshots import commit as commits
+from scenarionet_data.storage.snapshots import manifests
+from scenarionet_data.storage.snapshots import snapshot as snapshots
+from scenarionet_data.storage.snapshots.shard_record import ShardRecord, metadata_name, partition
 from tests.bench.measure import Figure
 from tests.fixtures.lakes import write_shard
 from tests.fixtures.scenarios import make_scenario

@@ -13,7 +13,7 @@ import numpy as np
 
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.conversion import convert
-from scenarionet_data.pickle_compat import export
+from scenarionet_data.export import export
 from tests.bench.converting import waymo_raw
 from tests.bench.measure import Figure, median_ms
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scenarionet_data.converters.lyft.zarr_reader import ChunkedTable
+from scenarionet_data.converters.formats.zarr2 import ChunkedTable
 from tests.bench.measure import Figure, in_fresh_process
 from tests.fixtures import lyft as fixture
 from tests.fixtures import lyft_world as world

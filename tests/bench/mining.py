@@ -10,11 +10,11 @@ from pathlib import Path
 from statistics import median
 
 from scenarionet_data import Lake, ScenarioLoader
-from scenarionet_data.catalog.named_sql import EVENTS
 from scenarionet_data.conversion import convert
-from scenarionet_data.scenario import ScenarioDescription
-from scenarionet_data.store import commit as commits
-from scenarionet_data.store.files import LakeFiles
+from scenarionet_data.query.named_sql import EVENTS
+from scenarionet_data.scenario.description import ScenarioDescription
+from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.snapshots import commit as commits
 from tests.bench.converting import waymo_raw
 from tests.bench.measure import Figure
 from tests.fixtures.lakes import write_shard

@@ -14,7 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scenarionet_data import Lake
-from scenarionet_data.catalog.packs.verifying import verify_pack
+from scenarionet_data.packs.verifying import verify_pack
 from tests.bench.measure import Figure
 from tests.bench.mining import recorded_lake
 

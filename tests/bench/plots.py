@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 
 from scenarionet_data import converters, plots
-from scenarionet_data.scenario import ScenarioDescription
+from scenarionet_data.scenario.description import ScenarioDescription
 from tests.bench.measure import Figure, in_fresh_process, median_ms
 from tests.bench.scale import write_metadata_lake
 from tests.fixtures.drives import make_drive
@@ -22,7 +22,7 @@ _ROWS = 1_000_000
 _OVERVIEW = """
 import ast, json, os, sys, time
 os.chdir(sys.argv[1])
-from pipelines.notebooks.execution import read
+from scenarionet_pipelines.notebooks.execution import read
 cells = [cell for cell in read("overview").cells if cell.cell_type == "code"]
 started, known, shown = time.perf_counter(), {}, 0
 for cell in cells:

@@ -10,14 +10,15 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from scenarionet_data import codec, tables
-from scenarionet_data.store import commit as commits
-from scenarionet_data.store import manifests
-from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.files import LakeFiles
-from scenarionet_data.store.shard_record import ShardRecord, partition
-from scenarionet_data.store.snapshot import Snapshot
-from scenarionet_data.store.table_file import write_table
+from scenarionet_data import codec
+from scenarionet_data.schema import tables
+from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.snapshots import commit as commits
+from scenarionet_data.storage.snapshots import manifests
+from scenarionet_data.storage.snapshots import snapshot as snapshots
+from scenarionet_data.storage.snapshots.shard_record import ShardRecord, partition
+from scenarionet_data.storage.snapshots.snapshot import Snapshot
+from scenarionet_data.storage.write.table_file import write_table
 from tests.bench.measure import Figure, in_fresh_process
 from tests.fixtures.scenarios import make_scenario
 

@@ -25,11 +25,11 @@ from scenarionet_sim.environments.config import PAPER_OBSERVATION
 from scenarionet_sim.environments.multi_agent import ScenarioNetParallelEnv
 from scenarionet_sim.environments.single_agent import ScenarioNetEnv
 from scenarionet_sim.environments.vector import ScenarioNetVectorEnv
-from scenarionet_sim.judging.task import Ending
 from scenarionet_sim.policies import External, Idm, Policy, Replay
 from scenarionet_sim.scenarios import Scenarios
 from scenarionet_sim.sensors import BirdView, BoundaryDetector, EgoState, Lidar, Navigation
 from scenarionet_sim.simulation import Simulation
+from scenarionet_sim.task.task import Ending
 from scenarionet_sim.worlds.world import World
 from tests.bench.measure import Figure, in_fresh_process
 

@@ -11,8 +11,8 @@ from statistics import median
 from typing import Any
 from urllib.parse import urlencode
 
-from pipelines.web import rows
 from scenarionet_data import Lake
+from scenarionet_pipelines.web import rows
 from tests.bench.measure import Figure, in_fresh_process
 from tests.bench.mining import recorded_lake
 from tests.bench.scale import write_metadata_lake
@@ -23,8 +23,8 @@ from tests.fixtures.scenarios import make_scenario
 _REPORT = """
 import json, resource, sys, time
 started = time.perf_counter()
-from pipelines.report import gather, write
-from pipelines.web import rows
+from scenarionet_pipelines.report import gather, write
+from scenarionet_pipelines.web import rows
 from scenarionet_data import Lake
 write(gather(Lake(sys.argv[1])), sys.argv[2])
 used = resource.getrusage(resource.RUSAGE_SELF)

@@ -10,8 +10,8 @@ import shapely
 import shapely.affinity
 
 from scenarionet_data.converters.argoverse2 import Argoverse2
-from scenarionet_data.scenario import ScenarioDescription
-from scenarionet_data.vocabulary import MapFeatureType, is_lane
+from scenarionet_data.scenario.description import ScenarioDescription
+from scenarionet_data.scenario.vocabulary import MapFeatureType, is_lane
 from tests.devkits.environments import read_with
 from tests.fixtures import argoverse2 as fixture
 from tests.fixtures.reading import scenarios

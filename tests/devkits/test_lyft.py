@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from scenarionet_data.converters.formats.zarr2 import ChunkedTable
 from scenarionet_data.converters.lyft import Lyft
 from scenarionet_data.converters.lyft.recording import Recording
-from scenarionet_data.converters.lyft.zarr_reader import ChunkedTable
 from tests.devkits.environments import read_with
 from tests.fixtures import lyft as fixture
 from tests.fixtures.reading import scenarios

@@ -10,7 +10,7 @@ import pytest
 from pyproj import Transformer
 
 from scenarionet_data.converters.nuplan.map_features import read_city
-from scenarionet_data.scenario import MapFeatures
+from scenarionet_data.scenario.description import MapFeatures
 from tests.devkits.environments import read_with
 from tests.fixtures import nuplan as fixture
 from tests.fixtures import nuplan_drive as drives

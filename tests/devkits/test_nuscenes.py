@@ -12,7 +12,7 @@ import shapely
 
 from scenarionet_data.converters.nuscenes import NuScenes
 from scenarionet_data.converters.nuscenes.map_features import read_map
-from scenarionet_data.vocabulary import MapFeatureType
+from scenarionet_data.scenario.vocabulary import MapFeatureType
 from tests.devkits.environments import read_with
 from tests.fixtures import nuscenes as fixture
 from tests.fixtures.nuscenes_recorded import read_pickles, write_recorded

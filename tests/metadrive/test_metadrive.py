@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from scenarionet_data import converters
-from scenarionet_data.pickle_compat import export
-from scenarionet_data.pickle_compat.describe import identify
-from scenarionet_data.scenario import ScenarioDescription
-from scenarionet_data.vocabulary import is_lane
+from scenarionet_data.export import export
+from scenarionet_data.export.describe import identify
+from scenarionet_data.scenario.description import ScenarioDescription
+from scenarionet_data.scenario.vocabulary import is_lane
 from tests.fixtures import scenarionet_pickles as made
 from tests.fixtures.scenarios import make_scenario
 

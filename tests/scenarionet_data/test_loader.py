@@ -18,16 +18,17 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 
-from scenarionet_data import Lake, ScenarioLoader, codec, tables
-from scenarionet_data.arrow_rows import ArrowRows
+from scenarionet_data import Lake, ScenarioLoader, codec
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.errors import LakeError, NoSuchSnapshot, ScenarioNotFound
-from scenarionet_data.store import row_group_readers
-from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.files import LakeFiles, sha256
-from scenarionet_data.store.parquet import row_groups
-from scenarionet_data.store.shard_record import partition
-from scenarionet_data.store.table_file import write_table
+from scenarionet_data.schema import tables
+from scenarionet_data.storage.files.local import LakeFiles, sha256
+from scenarionet_data.storage.read import row_group_readers
+from scenarionet_data.storage.read.parquet import row_groups
+from scenarionet_data.storage.read.row_table import ArrowRows
+from scenarionet_data.storage.snapshots import snapshot as snapshots
+from scenarionet_data.storage.snapshots.shard_record import partition
+from scenarionet_data.storage.write.table_file import write_table
 from scenarionet_data.testing import differences
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import make_scenario

@@ -10,7 +10,7 @@ import pytest
 
 from scenarionet_data.converters.scenarionet import ScenarioNetPickles
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.vocabulary import ObjectType
+from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.backends.base import Drive
 from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.policies import (

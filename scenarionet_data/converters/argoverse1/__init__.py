@@ -28,9 +28,9 @@ from scenarionet_data.converters.base import (
     find_files,
     fingerprint,
 )
-from scenarionet_data.converters.facts import Facts, FactsOnDemand, is_at_hand
 from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario, SourceNotFound
-from scenarionet_data.scenario import ScenarioDescription, make_scenario_id
+from scenarionet_data.ingest.input_properties import Facts, FactsOnDemand, is_at_hand
+from scenarionet_data.scenario.description import ScenarioDescription, make_scenario_id
 
 _FINGERPRINT_SAMPLE = 4096
 """Bytes: a file has 90 kB, and there are 300,000 of them to list."""

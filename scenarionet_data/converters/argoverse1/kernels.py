@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from math import sqrt
-from typing import Any
 
-import numpy.typing as npt
 from numba import njit
 
-Array = npt.NDArray[Any]
+from scenarionet_data.arrays.dtypes import Array
 
 _LEAST_SPREAD = 1e-6
 """s² below which the frames of a fit lie at one time."""

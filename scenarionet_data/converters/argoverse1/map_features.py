@@ -17,16 +17,14 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
-import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import METRES, MapBuilder, meets, rounded
 from scenarionet_data.converters.argoverse1.neighbors import Sides, sort_sides
 from scenarionet_data.errors import CorruptSource
-from scenarionet_data.ragged import Ragged
-from scenarionet_data.scenario import MapFeatures
-from scenarionet_data.vocabulary import MapFeatureType
-
-Float64 = npt.NDArray[np.float64]
+from scenarionet_data.scenario.description import MapFeatures
+from scenarionet_data.scenario.vocabulary import MapFeatureType
 
 WIDTH = 3.8
 """Metres (argoverse-api, ``utils/centerline_utils.py`` and ``utils/manhattan_search.py`` assume it)."""

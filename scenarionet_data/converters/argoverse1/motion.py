@@ -11,14 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Bool, Complex128, Float64, Int64
 from scenarionet_data.converters.argoverse1.kernels import fit_slopes
-
-Float64 = npt.NDArray[np.float64]
-Int64 = npt.NDArray[np.int64]
-Bool = npt.NDArray[np.bool_]
-Plane = npt.NDArray[np.complex128]
 
 DT = 0.1
 """Seconds from one timestep to the next."""
@@ -88,12 +83,12 @@ def resample(track: Int64, frame: Int64, position: Float64, times: Float64) -> M
     )
 
 
-def _xy(points: Plane) -> Float64:
+def _xy(points: Complex128) -> Float64:
     """(..., 2)."""
     return points.view(np.float64).reshape(*points.shape, 2)
 
 
-def _pieces(track: Int64, time: Float64, points: Plane) -> Int64:
+def _pieces(track: Int64, time: Float64, points: Complex128) -> Int64:
     """(R,) number of the piece each row belongs to: tracks, cut where they jump."""
     same = track[1:] == track[:-1]
     step = np.divide(np.diff(points), np.diff(time), out=np.zeros(len(same), np.complex128), where=same)
@@ -112,7 +107,7 @@ def _middle(a: Float64, b: Float64, c: Float64) -> Float64:
     return middle
 
 
-def _fitted_velocity(place: Plane, piece: Int64, times: Float64) -> tuple[Plane, Float64]:
+def _fitted_velocity(place: Complex128, piece: Int64, times: Float64) -> tuple[Complex128, Float64]:
     """Slopes of lines fitted to the frames around each one, within its piece.
 
     Returns:
@@ -124,7 +119,7 @@ def _fitted_velocity(place: Plane, piece: Int64, times: Float64) -> tuple[Plane,
     return slope, certainty
 
 
-def _from_nearest(values: Plane, known: Bool) -> Plane:
+def _from_nearest(values: Complex128, known: Bool) -> Complex128:
     """Values (N, S) with those of the nearest known frame of the same track in place of unknown ones."""
     here, far = np.arange(known.shape[1]), 2 * known.shape[1]
     last = np.maximum.accumulate(np.where(known, here, -far), axis=1)
@@ -133,10 +128,10 @@ def _from_nearest(values: Plane, known: Bool) -> Plane:
     return _at(values, np.where((nearest < 0) | (nearest >= known.shape[1]), here, nearest))
 
 
-def _at(values: Plane, frames: Int64) -> Plane:
+def _at(values: Complex128, frames: Int64) -> Complex128:
     """Values (N, S) at each track's frames (N, T)."""
     rows = np.arange(len(values))[:, None] * values.shape[1]
-    taken: Plane = values.ravel().take(rows + frames)  # faster than take_along_axis
+    taken: Complex128 = values.ravel().take(rows + frames)  # faster than take_along_axis
     return taken
 
 
@@ -167,10 +162,10 @@ class _Steps:
         self._share = np.where(bridged, fraction, 0.0)
         self._beyond = np.where(bridged, 0.0, self.timestamps - times[self._first])
 
-    def between(self, values: Plane, slope: Plane | None = None) -> Plane:
+    def between(self, values: Complex128, slope: Complex128 | None = None) -> Complex128:
         """Values (N, S) of frames at the timesteps (N, T); ``slope`` continues them at the ends."""
         first = _at(values, self._first)
-        between: Plane = first + self._share * (_at(values, self._second) - first)
+        between: Complex128 = first + self._share * (_at(values, self._second) - first)
         return between if slope is None else between + self._beyond * _at(slope, self._first)
 
 

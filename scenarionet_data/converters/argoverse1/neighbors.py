@@ -10,11 +10,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
-from scenarionet_data.ragged import Ragged
-
-Float64 = npt.NDArray[np.float64]
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int64
+from scenarionet_data.arrays.ragged import Ragged
 
 _ASIDE = 0.5
 """Metres a neighbour has to lie off a lane's centreline for its side to be told from geometry."""
@@ -71,9 +69,7 @@ def _put(sides: Sides, name: str, side: int) -> None:
         chosen.append(name)
 
 
-def _beside(
-    centers: Ragged, lanes: npt.NDArray[np.int64], others: npt.NDArray[np.int64]
-) -> tuple[Float64, npt.NDArray[np.bool_]]:
+def _beside(centers: Ragged, lanes: Int64, others: Int64) -> tuple[Float64, Bool]:
     """How far to the left of the middle of a lane the other one lies [m], and whether it leads the other way."""
     if not len(lanes):
         return np.zeros(0), np.zeros(0, np.bool_)

@@ -5,18 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Bool, Float64
+from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import make_origin, make_tracks
 from scenarionet_data.converters.argoverse1.map_features import City
 from scenarionet_data.converters.argoverse1.motion import DT, Motion, resample, step_of
 from scenarionet_data.converters.argoverse1.table import EGO, FOCAL, NUM_OBSERVED, Recording
 from scenarionet_data.converters.base import Shard
-from scenarionet_data.ragged import Ragged
-from scenarionet_data.scenario import Lights, MapFeatures, ScenarioDescription, Source, Tracks
-from scenarionet_data.vocabulary import ObjectType
-
-Float64 = npt.NDArray[np.float64]
+from scenarionet_data.scenario.description import Lights, MapFeatures, ScenarioDescription, Source, Tracks
+from scenarionet_data.scenario.vocabulary import ObjectType
 
 _EGO_SIZE = (4.877, 2.0, 1.473)
 """Length, width, height [m] of a Ford Fusion: the recording vehicle's box in the owner's later dataset."""
@@ -119,7 +117,7 @@ def _heading_note(has_course: bool, is_from_lane: bool) -> dict[str, Any] | None
     return None if has_course else {"heading_from": "lane" if is_from_lane else "nothing"}
 
 
-def _lane_headings(motion: Motion, origin: Float64, roads: MapFeatures | None) -> tuple[Float64, npt.NDArray[np.bool_]]:
+def _lane_headings(motion: Motion, origin: Float64, roads: MapFeatures | None) -> tuple[Float64, Bool]:
     """Direction of the lane nearest to each track that never moves, and whether there is one near: both (N,)."""
     heading, is_near = np.zeros(len(motion.valid)), np.zeros(len(motion.valid), np.bool_)
     standing = np.flatnonzero(~motion.has_course)

@@ -13,14 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.csv
 
+from scenarionet_data.arrays.dtypes import Float64, Int64
 from scenarionet_data.errors import CorruptSource
-
-Float64 = npt.NDArray[np.float64]
-Int64 = npt.NDArray[np.int64]
 
 EGO = "AV"
 FOCAL = "AGENT"

@@ -35,9 +35,9 @@ from scenarionet_data.converters.base import (
     bucket,
     fingerprint,
 )
-from scenarionet_data.converters.facts import Facts, FactsOnDemand
 from scenarionet_data.errors import BadParameter, SourceNotFound
-from scenarionet_data.scenario import ScenarioDescription
+from scenarionet_data.ingest.input_properties import Facts, FactsOnDemand
+from scenarionet_data.scenario.description import ScenarioDescription
 
 _SPLITS = {"train", "val", "test"}
 _FINGERPRINT_SAMPLE = 4096

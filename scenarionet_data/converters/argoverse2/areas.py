@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-Float64 = npt.NDArray[np.float64]
+from scenarionet_data.arrays.dtypes import Bool, Float64
 
 TILE = 30.0
 """The owner cuts drivable areas along lines x or y = a multiple of 30 m: where two areas meet and where a
@@ -38,24 +37,24 @@ def road_edges(outlines: list[Float64]) -> list[list[Float64]]:
     return [_runs(ring, part) for ring, part in zip(outlines, parts, strict=True)]
 
 
-def _is_cut(start: Float64, end: Float64) -> npt.NDArray[np.bool_]:
+def _is_cut(start: Float64, end: Float64) -> Bool:
     on_tile = np.abs(start - TILE * np.round(start / TILE)) < 1e-6
-    cut: npt.NDArray[np.bool_] = ((start == end) & on_tile).any(axis=1)
+    cut: Bool = ((start == end) & on_tile).any(axis=1)
     return cut
 
 
-def _is_repeated(start: Float64, end: Float64) -> npt.NDArray[np.bool_]:
+def _is_repeated(start: Float64, end: Float64) -> Bool:
     """True for segments that two outlines (or one, twice) have, in either direction: areas touch there."""
     points = np.concatenate([start, end])
     nodes = points[:, 0] + 1.0j * points[:, 1]
     code = np.unique(nodes, return_inverse=True)[1].astype(np.int64).reshape(2, -1)
     keys = code.min(axis=0) * len(nodes) + code.max(axis=0)
     _, inverse, counts = np.unique(keys, return_inverse=True, return_counts=True)
-    repeated: npt.NDArray[np.bool_] = counts[inverse] > 1
+    repeated: Bool = counts[inverse] > 1
     return repeated
 
 
-def _runs(ring: Float64, kept: npt.NDArray[np.bool_]) -> list[Float64]:
+def _runs(ring: Float64, kept: Bool) -> list[Float64]:
     """Parts of a ring whose segments are ``kept``; segment i starts at point i."""
     if kept.all():
         return [np.concatenate([ring, ring[:1]])]

@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.building import make_origin, make_tracks
 from scenarionet_data.converters.argoverse2.map_features import RoadMap, read_map
+from scenarionet_data.converters.argoverse2.polylines import ground_height
 from scenarionet_data.converters.argoverse2.table import Grid, column, numbers, read_parquet, text
 from scenarionet_data.converters.argoverse2.types import (
     EGO,
@@ -24,9 +26,14 @@ from scenarionet_data.converters.argoverse2.types import (
     Kind,
 )
 from scenarionet_data.converters.base import RawItem, Shard
-from scenarionet_data.converters.lines import Float64, ground_height
 from scenarionet_data.errors import CorruptSource, InvalidScenario
-from scenarionet_data.scenario import Lights, ScenarioDescription, Source, Tracks, make_scenario_id
+from scenarionet_data.scenario.description import (
+    Lights,
+    ScenarioDescription,
+    Source,
+    Tracks,
+    make_scenario_id,
+)
 
 
 def read_scenario(shard: Shard, item: RawItem, licence: str) -> ScenarioDescription:

@@ -17,14 +17,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.argoverse2.areas import outline, road_edges
+from scenarionet_data.converters.argoverse2.polylines import between, midlines
 from scenarionet_data.converters.argoverse2.types import INEXACT_MARKS, LANES, MARKS, NO_MARK
-from scenarionet_data.converters.lines import Float64, between, midlines
 from scenarionet_data.errors import CorruptSource
-from scenarionet_data.ragged import Ragged
-from scenarionet_data.scenario import MapFeatures
-from scenarionet_data.vocabulary import MapFeatureType
+from scenarionet_data.scenario.description import MapFeatures
+from scenarionet_data.scenario.vocabulary import MapFeatureType
 
 Points = Sequence[Mapping[str, float]]
 _XYZ = itemgetter("x", "y", "z")

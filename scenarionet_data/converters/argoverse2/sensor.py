@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Float64, Int64
+from scenarionet_data.arrays.geometry import estimate_velocity
 from scenarionet_data.building import make_origin, make_tracks
 from scenarionet_data.converters.argoverse2.map_features import RoadMap, read_map
 from scenarionet_data.converters.argoverse2.poses import (
@@ -31,12 +32,14 @@ from scenarionet_data.converters.argoverse2.table import Grid, numbers, read_fea
 from scenarionet_data.converters.argoverse2.types import EGO, EGO_CENTER, EGO_SIZE, SENSOR_CATEGORIES
 from scenarionet_data.converters.base import Shard
 from scenarionet_data.errors import CorruptSource
-from scenarionet_data.geometry import estimate_velocity
-from scenarionet_data.scenario import Lights, ScenarioDescription, Source, Tracks, make_scenario_id
-from scenarionet_data.vocabulary import ObjectType
-
-Float64 = npt.NDArray[np.float64]
-Int64 = npt.NDArray[np.int64]
+from scenarionet_data.scenario.description import (
+    Lights,
+    ScenarioDescription,
+    Source,
+    Tracks,
+    make_scenario_id,
+)
+from scenarionet_data.scenario.vocabulary import ObjectType
 
 _POSES = "city_SE3_egovehicle.feather"
 _MAP = "map/log_map_archive_*.json"

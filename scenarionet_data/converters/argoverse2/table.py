@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.feather
 import pyarrow.parquet
 
+from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.errors import CorruptSource
-
-Array = npt.NDArray[Any]
 
 
 def read_parquet(path: Path) -> pa.Table:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from scenarionet_data.vocabulary import MapFeatureType, ObjectType
+from scenarionet_data.scenario.vocabulary import MapFeatureType, ObjectType
 
 EGO = "AV"
 EGO_SIZE = (4.877, 2.0, 1.473)

@@ -35,7 +35,7 @@ from scenarionet_data.converters.lyft.options import LyftOptions
 from scenarionet_data.converters.lyft.recording import Recording, Scene
 from scenarionet_data.converters.lyft.scenario import CITY, MAP_ID, Window, describe, windows
 from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario
-from scenarionet_data.scenario import ScenarioDescription
+from scenarionet_data.scenario.description import ScenarioDescription
 
 __all__ = ["Lyft", "LyftOptions"]
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-Float64 = npt.NDArray[np.float64]
+from scenarionet_data.arrays.dtypes import Float64
 
 SEMI_MAJOR_AXIS = 6_378_137.0
 """[m] of the WGS 84 ellipsoid."""

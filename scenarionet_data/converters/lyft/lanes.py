@@ -7,11 +7,9 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from scenarionet_data.geometry import path_length
-
-Float64 = npt.NDArray[np.float64]
+from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.arrays.geometry import path_length
 
 
 class Side(NamedTuple):

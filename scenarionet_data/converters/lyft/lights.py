@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Float64, UInt8
 from scenarionet_data.converters.lyft.map_features import City
 from scenarionet_data.converters.lyft.recording import Content
-from scenarionet_data.scenario import Float64, Lights, strings
-from scenarionet_data.vocabulary import LIGHT_COLORS, LightState, Provenance
+from scenarionet_data.scenario.description import Lights, strings
+from scenarionet_data.scenario.vocabulary import LIGHT_COLORS, LightState, Provenance
 
 _UNKNOWN = LightState.LANE_STATE_UNKNOWN
 _CODES = 16
@@ -61,7 +61,7 @@ def _targets(city: City | None, kind: str) -> list[tuple[str, str]]:
     return [(light, lane) for lane in lanes or [light]]
 
 
-def _made(keys: list[tuple[str, str]], state: npt.NDArray[np.uint8], city: City | None, origin: Float64) -> Lights:
+def _made(keys: list[tuple[str, str]], state: UInt8, city: City | None, origin: Float64) -> Lights:
     lanes = [lane for _, lane in keys]
     exits = city.exits if city else {}
     unknown = np.full(2, np.nan)

@@ -14,19 +14,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import MapBuilder
-from scenarionet_data.converters.lines import between, midlines
+from scenarionet_data.converters.argoverse2.polylines import between, midlines
 from scenarionet_data.converters.lyft.lanes import Side, Sides, in_driving_direction
 from scenarionet_data.converters.lyft.wire import Side as WireSide
 from scenarionet_data.converters.lyft.wire import WireControls, WireLanes, WireMap, read_map
 from scenarionet_data.errors import CorruptSource
-from scenarionet_data.ragged import Ragged
-from scenarionet_data.vocabulary import LightState
-from scenarionet_data.vocabulary import MapFeatureType as Type
-
-Float64 = npt.NDArray[np.float64]
+from scenarionet_data.scenario.vocabulary import LightState
+from scenarionet_data.scenario.vocabulary import MapFeatureType as Type
 
 _ACCESS = ("UNKNOWN", "NO_RESTRICTION", "ONLY_HOV", "ONLY_BUS", "ONLY_BIKE", "ONLY_TURN")
 _TURNS = ("UNKNOWN", "THROUGH", "LEFT", "SHARP_LEFT", "RIGHT", "SHARP_RIGHT", "U_TURN")

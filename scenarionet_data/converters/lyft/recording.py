@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from scenarionet_data.converters.lyft.zarr_reader import ChunkedTable, Records, read_attributes
+from scenarionet_data.arrays.dtypes import Array, Float64, Int64
+from scenarionet_data.converters.formats.zarr2 import ChunkedTable, read_attributes
 from scenarionet_data.errors import CorruptSource, InvalidScenario
 
 _FIELDS = {
@@ -81,12 +81,12 @@ class Content:
         agents, faces: (R,) and (K,) records.
     """
 
-    times: npt.NDArray[np.int64]
-    ego: npt.NDArray[np.float64]
-    frame: npt.NDArray[np.int64]
-    agents: Records
-    faces_frame: npt.NDArray[np.int64]
-    faces: Records
+    times: Int64
+    ego: Float64
+    frame: Int64
+    agents: Array
+    faces_frame: Int64
+    faces: Array
 
 
 class Recording:
@@ -163,18 +163,18 @@ class Recording:
             path for name in names for path in self._tables[name].chunk_files(*self._range(name, frames, where)[1:])
         ]
 
-    def _frames(self, first: int, last: int, where: str) -> Records:
+    def _frames(self, first: int, last: int, where: str) -> Array:
         if not 0 <= first < last <= self.num_frames:
             wanted = f"wanted frames within 0 ... {self.num_frames}"
             raise InvalidScenario(where, "frame_index_interval", f"{wanted}, found {first} ... {last}")
         return self._tables["frames"].rows(first, last)
 
-    def _parts(self, name: str, frames: Records, where: str) -> tuple[npt.NDArray[np.int64], Records]:
+    def _parts(self, name: str, frames: Array, where: str) -> tuple[Int64, Array]:
         """Frame of each row and the rows that successive frames own in a table."""
         lengths, first, last = self._range(name, frames, where)
         return np.repeat(np.arange(len(lengths)), lengths), self._tables[name].rows(first, last)
 
-    def _range(self, name: str, frames: Records, where: str) -> tuple[npt.NDArray[np.int64], int, int]:
+    def _range(self, name: str, frames: Array, where: str) -> tuple[Int64, int, int]:
         """How many rows of a table each of successive frames owns, the first row, and the one after the last."""
         table, ranges = self._tables[name], frames[_RANGES[name]].astype(np.int64)
         first, last = int(ranges[0, 0]), int(ranges[-1, 1])

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.building import make_origin
 from scenarionet_data.converters.base import Shard
 from scenarionet_data.converters.lyft.lights import lights
@@ -14,7 +15,7 @@ from scenarionet_data.converters.lyft.map_features import City
 from scenarionet_data.converters.lyft.options import DT, LyftOptions
 from scenarionet_data.converters.lyft.recording import Content, Recording, Scene
 from scenarionet_data.converters.lyft.tracks import EGO, tracks
-from scenarionet_data.scenario import Float64, ScenarioDescription, Source, make_scenario_id
+from scenarionet_data.scenario.description import ScenarioDescription, Source, make_scenario_id
 
 Box = tuple[float, float, float, float]
 """min_x, min_y, max_x, max_y [m]."""

@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from copy import copy
 
 import numpy as np
-import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64
+from scenarionet_data.arrays.geometry import estimate_velocity
 from scenarionet_data.building import make_tracks_of_rows
 from scenarionet_data.converters.lyft.recording import Content
 from scenarionet_data.errors import InvalidScenario
-from scenarionet_data.geometry import estimate_velocity
-from scenarionet_data.scenario import Bool, Float64, Tracks
-from scenarionet_data.vocabulary import ObjectType
+from scenarionet_data.scenario.description import Tracks
+from scenarionet_data.scenario.vocabulary import ObjectType
 
 EGO = "ego"
 EGO_SIZE = (4.87, 1.85, 1.8)
@@ -120,7 +120,7 @@ class _Rows:
         return chosen
 
 
-def _repaired(rows: _Rows, is_road_user: Bool, times: Float64) -> tuple[npt.NDArray[np.float32], Bool]:
+def _repaired(rows: _Rows, is_road_user: Bool, times: Float64) -> tuple[Float32, Bool]:
     """Velocities (R, 2), and whether each is estimated: a road user's (N,) that moves at exactly 0 m/s.
 
     It is estimated over ``_REACH`` timesteps to either side, fewer at the ends of what was observed in one go.

@@ -13,14 +13,12 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int64, UInt64
+from scenarionet_data.arrays.ragged import Ragged
+from scenarionet_data.converters.formats.protowire import DamagedMessage, Fields, Messages, enums, floats
 from scenarionet_data.converters.lyft.geodesy import local_to_earth
-from scenarionet_data.converters.protowire import DamagedMessage, Fields, Messages, enums, floats
 from scenarionet_data.errors import CorruptSource
-from scenarionet_data.ragged import Ragged
 
-Float64 = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
-Bools = npt.NDArray[np.bool_]
 T = TypeVar("T")
 
 _SEGMENT, _LANE, _CONTROL, _JUNCTION = 1, 3, 4, 5
@@ -67,10 +65,10 @@ class WireLanes:
     left_neighbors: list[str]
     right_neighbors: list[str]
     controls: list[list[str]]
-    access: Ints
-    orientations: Ints
-    turns: Ints
-    can_have_parked_cars: Bools
+    access: Int64
+    orientations: Int64
+    turns: Int64
+    can_have_parked_cars: Bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +83,7 @@ class WireControls:
     """
 
     ids: list[str]
-    kinds: Ints
+    kinds: Int64
     points: Ragged
     faces: list[list[str]]
 
@@ -196,7 +194,7 @@ def _controls(messages: Messages, ids: list[str]) -> WireControls:
     return WireControls(ids, kinds, _filled(points, bare, places), faces)
 
 
-def _filled(points: Ragged, rows: Ints, places: Float64) -> Ragged:
+def _filled(points: Ragged, rows: Int64, places: Float64) -> Ragged:
     """``points`` with one point in each of the empty lists ``rows``."""
     values = np.insert(points.values, points.offsets[rows], places, axis=0)
     lengths = points.lengths.copy()
@@ -253,10 +251,10 @@ def _points(
     return Ragged(lines.offsets, local_to_earth(local / 100.0, latitude, longitude))
 
 
-def _zigzag(bits: npt.NDArray[np.uint64]) -> Ints:
+def _zigzag(bits: UInt64) -> Int64:
     """sint32 as protobuf writes them: 0, -1, 1, -2, ... are 0, 1, 2, 3, ...."""
     values = bits.astype(np.int64)
-    signed: Ints = (values >> 1) ^ -(values & 1)
+    signed: Int64 = (values >> 1) ^ -(values & 1)
     return signed
 
 

@@ -35,7 +35,7 @@ from scenarionet_data.converters.nuplan.map_features import read_city
 from scenarionet_data.converters.nuplan.scenario import Cut, describe
 from scenarionet_data.converters.nuplan.windows import Window, scenes, tag_windows
 from scenarionet_data.errors import BadParameter, CorruptSource
-from scenarionet_data.scenario import ScenarioDescription
+from scenarionet_data.scenario.description import ScenarioDescription
 
 
 @dataclass(frozen=True)

@@ -15,17 +15,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from scenarionet_data.arrays.dtypes import Array, Bool, Int64
 from scenarionet_data.converters.nuplan.log import Log, unreadable, uri
 from scenarionet_data.converters.nuplan.types import LIGHTS
 from scenarionet_data.errors import MissingDependency
-
-Array = npt.NDArray[Any]
-Bool = npt.NDArray[np.bool_]
-Int64 = npt.NDArray[np.int64]
 
 BOX = np.dtype([("sweep", "i4"), ("track", "i4"), ("position", "f8", 2), ("state", "f4", 6)])
 """A box: its sweep, row of its track or -1, x, y [m], and heading [rad], length, width, height [m], vx, vy [m/s];

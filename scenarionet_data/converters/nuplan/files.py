@@ -9,9 +9,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from scenarionet_data.converters.facts import Facts, FactsOnDemand, is_at_hand
 from scenarionet_data.converters.nuplan.log import Place, opened, read_place, read_tag_types
 from scenarionet_data.errors import CorruptSource, SourceNotFound
+from scenarionet_data.ingest.input_properties import Facts, FactsOnDemand, is_at_hand
 
 _SPLITS = {"mini", "train", "val", "test"}
 SENSORS = frozenset({"sensor_blobs"})

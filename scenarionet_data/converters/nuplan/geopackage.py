@@ -15,12 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from scenarionet_data.arrays.dtypes import Float64, Int64, Object
 from scenarionet_data.errors import CorruptSource, MissingDependency
-
-Float64 = npt.NDArray[np.float64]
 
 _ENVELOPE = (0, 32, 48, 48, 64)
 """Bytes of the bounds in a geometry's header, by their kind."""
@@ -39,7 +37,7 @@ class Layer:
 
     fids: list[int]
     points: list[Float64]
-    num_holes: npt.NDArray[np.int64]
+    num_holes: Int64
     columns: dict[str, list[Any]]
 
     def __getitem__(self, column: str) -> list[Any]:
@@ -88,7 +86,7 @@ class GeoPackage:
             columns={column: list(cells) for column, cells in zip(columns, values, strict=True)},
         )
 
-    def _projected(self, name: str, shapes: npt.NDArray[np.object_], system: int) -> list[Float64]:
+    def _projected(self, name: str, shapes: Object, system: int) -> list[Float64]:
         """Coordinates of lines, or of polygons' exterior rings without the point that closes them."""
         rings = shapely.get_exterior_ring(shapes)
         lines = np.where(shapely.is_missing(rings), shapes, rings)

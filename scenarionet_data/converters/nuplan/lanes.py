@@ -10,17 +10,14 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
 import shapely
 
+from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.nuplan.geopackage import GeoPackage, Layer
 from scenarionet_data.converters.nuplan.types import LANES, TURNS
 from scenarionet_data.errors import CorruptSource
-from scenarionet_data.vocabulary import MapFeatureType
-
-Float64 = npt.NDArray[np.float64]
+from scenarionet_data.scenario.vocabulary import MapFeatureType
 
 
 def add_lanes(builder: MapBuilder, package: GeoPackage, boundaries: Layer) -> dict[str, Float64]:

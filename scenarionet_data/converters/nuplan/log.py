@@ -14,14 +14,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Float64, Int64
+from scenarionet_data.arrays.geometry import rotate, yaw_from_quaternion
 from scenarionet_data.converters.nuplan.types import REAR_AXLE_TO_CENTER
 from scenarionet_data.errors import CorruptSource
-from scenarionet_data.geometry import rotate, yaw_from_quaternion
-
-Float64 = npt.NDArray[np.float64]
-Int64 = npt.NDArray[np.int64]
 
 _SWEEPS = """
     SELECT lower(hex(p.token)), p.timestamp, lower(hex(p.scene_token)), e.epsg,

@@ -13,17 +13,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-import numpy as np
-import numpy.typing as npt
-
+from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.nuplan.geopackage import GeoPackage, Layer, opened
 from scenarionet_data.converters.nuplan.lanes import add_lanes, identifier, identifiers
 from scenarionet_data.converters.nuplan.types import INTERSECTIONS, LINES, STOPS
 from scenarionet_data.errors import CorruptSource
-from scenarionet_data.vocabulary import MapFeatureType
-
-Float64 = npt.NDArray[np.float64]
+from scenarionet_data.scenario.vocabulary import MapFeatureType
 
 _AREAS = (
     ("road_segments", "segment", MapFeatureType.DRIVABLE_AREA),

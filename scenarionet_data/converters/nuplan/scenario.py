@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64, Int64
+from scenarionet_data.arrays.geometry import estimate_velocity
 from scenarionet_data.building import make_origin, make_tracks_of_rows
 from scenarionet_data.converters.base import Shard
 from scenarionet_data.converters.nuplan.content import Content
@@ -18,14 +19,15 @@ from scenarionet_data.converters.nuplan.map_features import City
 from scenarionet_data.converters.nuplan.types import EGO, EGO_SIZE, OBJECTS, STATIC
 from scenarionet_data.converters.nuplan.windows import SWEEP, Window
 from scenarionet_data.errors import InvalidScenario
-from scenarionet_data.geometry import estimate_velocity
-from scenarionet_data.scenario import Lights, ScenarioDescription, Source, Tracks, make_scenario_id, strings
-from scenarionet_data.vocabulary import LightState, ObjectType, Provenance
-
-Array = npt.NDArray[Any]
-Bool = npt.NDArray[np.bool_]
-Float64 = npt.NDArray[np.float64]
-Int64 = npt.NDArray[np.int64]
+from scenarionet_data.scenario.description import (
+    Lights,
+    ScenarioDescription,
+    Source,
+    Tracks,
+    make_scenario_id,
+    strings,
+)
+from scenarionet_data.scenario.vocabulary import LightState, ObjectType, Provenance
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,9 +200,7 @@ def _check_boxes(scenario_id: str, boxes: Array, cell: Int64) -> None:
         raise InvalidScenario(scenario_id, "lidar_box", "wanted one box per track and sweep, found two")
 
 
-def _velocity(
-    boxes: Array, row: Int64, step: Int64, timestamps: Float64, is_static: Bool
-) -> tuple[npt.NDArray[np.float32], Bool]:
+def _velocity(boxes: Array, row: Int64, step: Int64, timestamps: Float64, is_static: Bool) -> tuple[Float32, Bool]:
     """Velocity of each box (R, 2), and which tracks' (N,) had to be completed.
 
     What the log leaves out is 0 for objects that stand, and estimated from positions for others.

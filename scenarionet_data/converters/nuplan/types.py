@@ -6,7 +6,7 @@ Words and numbers from the owner's code (nuplan-devkit: ``nuplan/database/utils/
 
 from __future__ import annotations
 
-from scenarionet_data.vocabulary import LightState, MapFeatureType, ObjectType
+from scenarionet_data.scenario.vocabulary import LightState, MapFeatureType, ObjectType
 
 EGO = "ego"
 EGO_SIZE = (5.176, 2.297, 1.777)

@@ -6,11 +6,9 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Int64
 from scenarionet_data.converters.nuplan.log import Log
-
-Int64 = npt.NDArray[np.int64]
 
 SWEEP = 50_000
 """Nominal time between sweeps [us]."""

@@ -33,10 +33,10 @@ from scenarionet_data.converters.nuscenes.files import (
     map_file,
     map_id,
 )
+from scenarionet_data.converters.nuscenes.keyframes import nominal_period
 from scenarionet_data.converters.nuscenes.map_features import read_map
 from scenarionet_data.converters.nuscenes.recording import Recording, read_recording
 from scenarionet_data.converters.nuscenes.scenario import City, describe
-from scenarionet_data.converters.nuscenes.steps import nominal_period
 from scenarionet_data.converters.nuscenes.tables import TABLES, log_name, read_release, read_scenes, table_files
 from scenarionet_data.converters.nuscenes.types import PLACES, is_in_split
 from scenarionet_data.converters.nuscenes.windows import (
@@ -47,7 +47,7 @@ from scenarionet_data.converters.nuscenes.windows import (
     whole,
 )
 from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario, SourceNotFound
-from scenarionet_data.scenario import ScenarioDescription, make_scenario_id
+from scenarionet_data.scenario.description import ScenarioDescription, make_scenario_id
 
 _GET_MAPS = "download nuScenes' map expansion v1.3, or leave maps out with -O has_map=false"
 _SCENES_PER_SHARD = {"scene": 64, "window": 8}

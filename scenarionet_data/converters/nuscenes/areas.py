@@ -10,11 +10,10 @@ from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely.geometry.polygon import orient
 
-Float64 = npt.NDArray[np.float64]
+from scenarionet_data.arrays.dtypes import Float64
 
 CELL = 100.0
 """Largest extent of a part of an area, and length of a piece of road edge [m]."""

@@ -15,12 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Bool, Float64
 from scenarionet_data.converters.base import fingerprint
 from scenarionet_data.errors import CorruptSource
-
-Float64 = npt.NDArray[np.float64]
 
 FOLDER = "can_bus"
 MEASURED = {
@@ -95,7 +93,7 @@ def signals_at(messages: Mapping[str, Messages], times: Float64) -> dict[str, li
     return found
 
 
-def _listed(values: Float64, is_known: npt.NDArray[np.bool_]) -> list[Any]:
+def _listed(values: Float64, is_known: Bool) -> list[Any]:
     rows = np.round(values, _DIGITS).tolist()
     told = [row[0] if len(row) == 1 else row for row in rows]
     return [value if known else None for value, known in zip(told, is_known.tolist(), strict=True)]

@@ -4,18 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from scenarionet_data.geometry import yaw_from_quaternion
-
-Array = npt.NDArray[Any]
-Float64 = npt.NDArray[np.float64]
-Int64 = npt.NDArray[np.int64]
+from scenarionet_data.arrays.dtypes import Array, Float64, Int64, UInt64
+from scenarionet_data.arrays.geometry import yaw_from_quaternion
 
 TEXT, NUMBER, NUMBERS, TEXTS = pa.string(), pa.float64(), pa.list_(pa.float64()), pa.list_(pa.string())
 
@@ -91,7 +86,7 @@ def poses(rows: pa.Table) -> Float64:
     return np.column_stack([vectors(rows["translation"], 3), heading])
 
 
-def bits(lists: pa.ChunkedArray, known: Sequence[str]) -> npt.NDArray[np.uint64]:
+def bits(lists: pa.ChunkedArray, known: Sequence[str]) -> UInt64:
     """(R,) which of at most 63 ``known`` words each list holds, bit by bit."""
     array = lists.combine_chunks()
     place = index(pc.list_flatten(array), known)

@@ -12,13 +12,12 @@ from itertools import groupby, pairwise
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.converters.nuscenes.expansion import Expansion, Record
 from scenarionet_data.converters.nuscenes.types import INEXACT_LINES, LINES, UNTYPED_DIVIDER
-from scenarionet_data.vocabulary import MapFeatureType
+from scenarionet_data.scenario.vocabulary import MapFeatureType
 
-Float64 = npt.NDArray[np.float64]
 Place = tuple[int, int]
 Edge = frozenset[Place]
 

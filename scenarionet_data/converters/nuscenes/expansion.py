@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-Float64 = npt.NDArray[np.float64]
+from scenarionet_data.arrays.dtypes import Float64
+
 Record = dict[str, Any]
 
 _VERSION = "1.3"

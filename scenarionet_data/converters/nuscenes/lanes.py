@@ -7,14 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
-from scenarionet_data.converters.nuscenes.arcs import centerlines
+from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.converters.nuscenes.dividers import Divider, Place, places
+from scenarionet_data.converters.nuscenes.dubins import centerlines
 from scenarionet_data.converters.nuscenes.expansion import Expansion
-
-Float64 = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,13 +14,14 @@ import numpy as np
 import shapely
 from shapely.errors import ShapelyError
 
+from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.building import MapBuilder
-from scenarionet_data.converters.nuscenes.areas import CELL, Float64, outlines, road_edges
+from scenarionet_data.converters.nuscenes.areas import CELL, outlines, road_edges
 from scenarionet_data.converters.nuscenes.dividers import Divider, read_dividers
 from scenarionet_data.converters.nuscenes.expansion import Expansion, Record, read_expansion
 from scenarionet_data.converters.nuscenes.lanes import Lane, lanes_across, lanes_inside, neighbors, read_lanes
 from scenarionet_data.errors import CorruptSource
-from scenarionet_data.vocabulary import MapFeatureType
+from scenarionet_data.scenario.vocabulary import MapFeatureType
 
 _AREAS = {
     "ped_crossing": MapFeatureType.CROSSWALK,

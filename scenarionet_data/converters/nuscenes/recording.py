@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from scenarionet_data.converters.nuscenes.columns import UNKNOWN_BIT, Array, Float64
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64
+from scenarionet_data.converters.nuscenes.columns import UNKNOWN_BIT
 from scenarionet_data.converters.nuscenes.tables import Release
 from scenarionet_data.errors import InvalidScenario
-from scenarionet_data.scenario import Bool
 
 _REACH = 1e5
 """How far [us] the ego's poses may begin after the first keyframe, or end before the last."""

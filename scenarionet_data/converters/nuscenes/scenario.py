@@ -10,12 +10,13 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Bool, Float64
+from scenarionet_data.arrays.geometry import estimate_velocity
 from scenarionet_data.building import MapBuilder, make_origin, make_tracks
 from scenarionet_data.converters.base import Shard
 from scenarionet_data.converters.nuscenes.can_bus import Messages, signals_at
-from scenarionet_data.converters.nuscenes.steps import Steps, boxes_at, make_steps, nominal_period, poses_at
+from scenarionet_data.converters.nuscenes.keyframes import Steps, boxes_at, make_steps, nominal_period, poses_at
 from scenarionet_data.converters.nuscenes.tables import log_name
 from scenarionet_data.converters.nuscenes.types import (
     CATEGORIES,
@@ -26,9 +27,7 @@ from scenarionet_data.converters.nuscenes.types import (
     RENAULT_ZOE,
 )
 from scenarionet_data.converters.nuscenes.windows import Window
-from scenarionet_data.geometry import estimate_velocity
-from scenarionet_data.scenario import (
-    Bool,
+from scenarionet_data.scenario.description import (
     Lights,
     MapFeatures,
     ScenarioDescription,
@@ -36,9 +35,8 @@ from scenarionet_data.scenario import (
     Tracks,
     make_scenario_id,
 )
-from scenarionet_data.vocabulary import ObjectType
+from scenarionet_data.scenario.vocabulary import ObjectType
 
-Float64 = npt.NDArray[np.float64]
 Box = tuple[float, float, float, float]
 
 

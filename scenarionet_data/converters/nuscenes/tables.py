@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.converters.formats.json_blocks import read_list, read_rows
 from scenarionet_data.converters.nuscenes.columns import (
     NUMBER,
     NUMBERS,
@@ -22,7 +24,6 @@ from scenarionet_data.converters.nuscenes.columns import (
     TEXT,
     TEXTS,
     UNKNOWN_BIT,
-    Array,
     Rows,
     bits,
     by_scene,
@@ -31,7 +32,6 @@ from scenarionet_data.converters.nuscenes.columns import (
     poses,
     vectors,
 )
-from scenarionet_data.converters.nuscenes.json_reader import read_list, read_rows
 from scenarionet_data.errors import CorruptSource
 
 Records = dict[str, dict[str, Any]]

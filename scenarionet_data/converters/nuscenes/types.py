@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
-from scenarionet_data.vocabulary import MapFeatureType, ObjectType
+from scenarionet_data.scenario.vocabulary import MapFeatureType, ObjectType
 
 _GROUPS = {
     ObjectType.VEHICLE: """vehicle.bus.bendy vehicle.bus.rigid vehicle.car vehicle.construction

@@ -18,7 +18,7 @@ import numpy as np
 from scenarionet_data.converters.nuscenes.recording import Recording
 from scenarionet_data.converters.nuscenes.types import CATEGORIES
 from scenarionet_data.errors import CorruptSource, InvalidScenario
-from scenarionet_data.vocabulary import ObjectType
+from scenarionet_data.scenario.vocabulary import ObjectType
 
 _MOVES = 1.0
 """Metres that a vehicle has to travel in the future to count as moving."""

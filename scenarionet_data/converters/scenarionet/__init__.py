@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.converters.base import (
     Converter,
     Options,
@@ -42,7 +43,7 @@ from scenarionet_data.converters.scenarionet.tracks import (
 )
 from scenarionet_data.converters.scenarionet.unpickling import load
 from scenarionet_data.errors import CorruptSource, InvalidScenario, SourceNotFound
-from scenarionet_data.scenario import Float64, ScenarioDescription, Source, make_scenario_id
+from scenarionet_data.scenario.description import ScenarioDescription, Source, make_scenario_id
 
 _DT = 0.1
 _MAPPING = "dataset_mapping.pkl"

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64
 from scenarionet_data.building import make_origin
-from scenarionet_data.scenario import Bool, Float64
 
 
 @dataclass(frozen=True)
@@ -49,7 +48,7 @@ class Frame:
         return float(-self.shift[2])
 
 
-def find_frame(description: Mapping[str, Any], ego_position: npt.NDArray[Any], ego_valid: Bool, has_z: bool) -> Frame:
+def find_frame(description: Mapping[str, Any], ego_position: Array, ego_valid: Bool, has_z: bool) -> Frame:
     """The frame of a pickle.
 
     Our own export names the scenario's ``origin``. MetaDrive moves a scenario to the ego's first position when it

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.converters.scenarionet.frame import Frame
 from scenarionet_data.errors import InvalidScenario
-from scenarionet_data.scenario import Float64, Lights, strings
-from scenarionet_data.vocabulary import LightState, Provenance
+from scenarionet_data.scenario.description import Lights, strings
+from scenarionet_data.scenario.vocabulary import LightState, Provenance
 
 _LIGHT_STATES: dict[str | None, int] = {None: LightState.ABSENT, **{s.name: s for s in LightState if s}}
 

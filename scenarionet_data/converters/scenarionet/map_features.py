@@ -8,15 +8,15 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Array, Float64
+from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import flat_points, make_features
+from scenarionet_data.converters.boundary_segments import to_rows
 from scenarionet_data.converters.scenarionet.frame import Frame
-from scenarionet_data.converters.stretches import to_rows
-from scenarionet_data.jsontext import to_json
-from scenarionet_data.ragged import Ragged
-from scenarionet_data.scenario import Float64, MapFeatures, strings
-from scenarionet_data.vocabulary import MapFeatureType
+from scenarionet_data.scenario.canonical_json import to_json
+from scenarionet_data.scenario.description import MapFeatures, strings
+from scenarionet_data.scenario.vocabulary import MapFeatureType
 
 # Limits that ScenarioNet and MetaDrive write where the source has none [km/h].
 _INVENTED_LIMITS = {"nuscenes": (100.0,), "av2": (85.0 * 1.609344,), "metadrive": (1000.0, 100.0)}
@@ -114,7 +114,7 @@ def _widths(features: Sequence[Feature]) -> Ragged:
     return Ragged.from_flat(np.where(wide, pairs.lengths, 0), pairs.values[np.repeat(wide, pairs.lengths)])
 
 
-def _pairs(width: Any) -> npt.NDArray[Any]:
+def _pairs(width: Any) -> Array:
     """(k, 2) of a list or array of them, or of one; (0, 2) of None and of a bare 0."""
     if np.ndim(width) == 2:
         return np.asarray(width)

@@ -6,9 +6,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from scenarionet_data.converters.facts import Facts, FactsOnDemand
 from scenarionet_data.converters.scenarionet.unpickling import load
 from scenarionet_data.errors import InvalidScenario
+from scenarionet_data.ingest.input_properties import Facts, FactsOnDemand
 
 SUMMARISED = {"dataset": "dataset", "location": "map", "log": "log_name", "date": "date"}
 """Facts, and what the summary's metadata call them."""

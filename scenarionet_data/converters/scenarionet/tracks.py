@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64, UInt8
 from scenarionet_data.building import make_tracks
 from scenarionet_data.errors import InvalidScenario
-from scenarionet_data.scenario import Bool, Codes, Float64, Tracks
-from scenarionet_data.vocabulary import ObjectType
+from scenarionet_data.scenario.description import Tracks
+from scenarionet_data.scenario.vocabulary import ObjectType
 
 _STORED = {"position", "heading", "velocity", "valid", "length", "width", "height"}
 # Length, width, height [m] of objects that MetaDrive pickles without size: a common cone, and its own barrier.
@@ -26,7 +26,6 @@ _ASSUMED_SIZES: dict[int, tuple[float, float, float]] = {
 }
 _ASSUMED_SIZE = (1.0, 1.0, 1.0)
 
-Array = npt.NDArray[Any]
 TrackDicts = Mapping[Any, Mapping[str, Any]]
 
 
@@ -44,7 +43,7 @@ class States:
         is_size_assumed: (N,) the pickle has no size for the track.
     """
 
-    object_type: Codes
+    object_type: UInt8
     position: Array
     heading: Array
     velocity: Array

@@ -14,14 +14,14 @@ from pathlib import Path
 
 import numpy as np
 
+from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.building import make_origin, make_tracks
 from scenarionet_data.converters.base import Converter, Options, RawItem, Shard, find_files, fingerprint
-from scenarionet_data.converters.tfrecord import Record, read_records
+from scenarionet_data.converters.formats.tfrecord import Record, read_records
 from scenarionet_data.converters.waymo.map_features import map_features
 from scenarionet_data.converters.waymo.wire import WireLights, WireScenario, WireTracks, decode
 from scenarionet_data.errors import InvalidScenario
-from scenarionet_data.scenario import (
-    Float64,
+from scenarionet_data.scenario.description import (
     Lights,
     MapFeatures,
     ScenarioDescription,
@@ -30,7 +30,7 @@ from scenarionet_data.scenario import (
     make_scenario_id,
     strings,
 )
-from scenarionet_data.vocabulary import LightState, ObjectType, Provenance
+from scenarionet_data.scenario.vocabulary import LightState, ObjectType, Provenance
 
 _EXAMPLE = "training.tfrecord-00000-of-01000"
 

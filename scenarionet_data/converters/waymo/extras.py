@@ -7,16 +7,12 @@ everything else in a record.
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from scenarionet_data.arrays.dtypes import Array, Int64, Object
 from scenarionet_data.converters.waymo.wire import WireMap
-from scenarionet_data.scenario import Strings
-
-Array = npt.NDArray[Any]
 
 _LONGEST_ROW = 6 * 21 + 20  # six numbers of 20 characters and a comma, and what stands around them
 _NAMES = tuple(
@@ -31,7 +27,7 @@ _NAMES = tuple(
 )
 
 
-def write_extras(features: WireMap, boundary_codes: npt.NDArray[np.int64]) -> Strings:
+def write_extras(features: WireMap, boundary_codes: Int64) -> Object:
     """(M,) JSON text per feature, None where there is nothing to say.
 
     Args:

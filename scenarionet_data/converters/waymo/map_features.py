@@ -7,8 +7,9 @@ between them, and is to take three milliseconds.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, Int64, UInt8
+from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import METRES, offsets_from, rounded
 from scenarionet_data.converters.waymo.extras import write_extras
 from scenarionet_data.converters.waymo.wire import (
@@ -21,12 +22,8 @@ from scenarionet_data.converters.waymo.wire import (
     STOP_SIGN,
     WireMap,
 )
-from scenarionet_data.ragged import Ragged
-from scenarionet_data.scenario import Codes, Float64, MapFeatures, strings
-from scenarionet_data.vocabulary import MapFeatureType as Type
-
-Bools = npt.NDArray[np.bool_]
-Ints = npt.NDArray[np.int64]
+from scenarionet_data.scenario.description import MapFeatures, strings
+from scenarionet_data.scenario.vocabulary import MapFeatureType as Type
 
 MPH = 0.44704
 """One mile per hour in m/s."""
@@ -73,7 +70,7 @@ def map_features(features: WireMap, origin: Float64) -> MapFeatures | None:
     is_line = features.kinds <= STOP_SIGN
     limit = np.where(features.speed_limit > 0, features.speed_limit * MPH, np.nan)
 
-    def ids(links: Ints, column: int) -> Ragged:
+    def ids(links: Int64, column: int) -> Ragged:
         return Ragged(_offsets(np.bincount(links[:, 0], minlength=count)), strings(links[:, column].tolist()))
 
     return MapFeatures(
@@ -95,7 +92,7 @@ def map_features(features: WireMap, origin: Float64) -> MapFeatures | None:
     )
 
 
-def _codes(kinds: Ints, types: Ints) -> Codes:
+def _codes(kinds: Int64, types: Int64) -> UInt8:
     codes = np.zeros(len(kinds), np.uint8)
     for kind, table in _TYPES.items():
         mask = kinds == kind
@@ -103,10 +100,10 @@ def _codes(kinds: Ints, types: Ints) -> Codes:
     return codes
 
 
-def _geometry(points: npt.NDArray[np.float32], num_points: Ints, mask: Bools) -> Ragged:
+def _geometry(points: Float32, num_points: Int64, mask: Bool) -> Ragged:
     """The points of the features where ``mask`` (M,) holds; the others get empty lists."""
     return Ragged(_offsets(np.where(mask, num_points, 0)), points.compress(np.repeat(mask, num_points), axis=0))
 
 
-def _offsets(lengths: Ints) -> npt.NDArray[np.int32]:
+def _offsets(lengths: Int64) -> Int32:
     return np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)

@@ -10,9 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from scenarionet_data.converters.protowire import (
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int64
+from scenarionet_data.converters.formats.protowire import (
     DamagedMessage,
     Fields,
     Messages,
@@ -23,11 +23,6 @@ from scenarionet_data.converters.protowire import (
     int64s,
 )
 from scenarionet_data.errors import InvalidScenario
-
-Bools = npt.NDArray[np.bool_]
-Doubles = npt.NDArray[np.float64]
-Floats = npt.NDArray[np.float32]
-Ints = npt.NDArray[np.int64]
 
 LANE, ROAD_LINE, ROAD_EDGE, STOP_SIGN, CROSSWALK, SPEED_BUMP, DRIVEWAY = 3, 4, 5, 7, 8, 9, 10
 """Kinds of map features: their field numbers in MapFeature."""
@@ -52,13 +47,13 @@ class WireTracks:
         valid: (N, T) bool; the others hold anything where it is False.
     """
 
-    ids: Ints
-    types: Ints
-    center: Doubles
-    size: Floats
-    heading: Floats
-    velocity: Floats
-    valid: Bools
+    ids: Int64
+    types: Int64
+    center: Float64
+    size: Float32
+    heading: Float32
+    velocity: Float32
+    valid: Bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,10 +65,10 @@ class WireLights:
         stop_point: (K, 3) float64 [m], NaN where there is none.
     """
 
-    step: Ints
-    lane: Ints
-    state: Ints
-    stop_point: Doubles
+    step: Int64
+    lane: Int64
+    state: Int64
+    stop_point: Float64
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,22 +90,22 @@ class WireMap:
         num_unknown: How many features are of a kind that is not known here; they are left out.
     """
 
-    ids: Ints
-    kinds: Ints
-    types: Ints
-    speed_limit: Doubles
-    is_interpolating: Bools
-    points: Doubles
-    num_points: Ints
-    entry_lanes: Ints
-    exit_lanes: Ints
-    controlled_lanes: Ints
-    left_boundaries: Ints
-    right_boundaries: Ints
-    left_neighbors: Ints
-    right_neighbors: Ints
-    left_neighbor_boundaries: Ints
-    right_neighbor_boundaries: Ints
+    ids: Int64
+    kinds: Int64
+    types: Int64
+    speed_limit: Float64
+    is_interpolating: Bool
+    points: Float64
+    num_points: Int64
+    entry_lanes: Int64
+    exit_lanes: Int64
+    controlled_lanes: Int64
+    left_boundaries: Int64
+    right_boundaries: Int64
+    left_neighbors: Int64
+    right_neighbors: Int64
+    left_neighbor_boundaries: Int64
+    right_neighbor_boundaries: Int64
     num_unknown: int
 
 
@@ -127,11 +122,11 @@ class WireScenario:
     """
 
     scenario_id: str
-    timestamps: Doubles
+    timestamps: Float64
     current_time_index: int
     sdc_track_index: int
-    objects_of_interest: Ints
-    tracks_to_predict: Ints
+    objects_of_interest: Int64
+    tracks_to_predict: Int64
     tracks: WireTracks
     lights: WireLights
     map: WireMap
@@ -254,7 +249,7 @@ def _map(features: Messages) -> WireMap:
     )
 
 
-def _bodies(features: Messages) -> tuple[Ints, Ints, Messages]:
+def _bodies(features: Messages) -> tuple[Int64, Int64, Messages]:
     """Rows of the features of a known kind, their kinds, what stands in them; of a one-of the last one counts."""
     fields = features.fields()
     (known,) = np.nonzero(np.isin(fields.number, _KINDS) & fields.is_part)
@@ -266,23 +261,23 @@ def _bodies(features: Messages) -> tuple[Ints, Ints, Messages]:
     return rows, fields.number[chosen].astype(np.int64), fields.messages(chosen)
 
 
-def _points(points: Messages, kinds: Ints) -> Messages:
+def _points(points: Messages, kinds: Int64) -> Messages:
     """All but a stop sign's earlier positions: it has a single one, the last."""
     superseded = (kinds[points.owner[:-1]] == STOP_SIGN) & (points.owner[:-1] == points.owner[1:])
     return points[np.flatnonzero(~np.append(superseded, False))] if superseded.any() else points
 
 
-def _ids(fields: Fields, number: int) -> Ints:
+def _ids(fields: Fields, number: int) -> Int64:
     owner, ids = fields.lists(number, "v")
     return np.stack([owner, int64s(ids)], axis=1)
 
 
-def _boundaries(segments: Messages) -> Ints:
+def _boundaries(segments: Messages) -> Int64:
     bits = segments.scalars("vvvv")
     indices, types = int32s(bits[:, :2]), enums(bits[:, 3:], 9)
     return np.concatenate([segments.owner[:, None], indices, int64s(bits[:, 2:3]), types], axis=1)
 
 
-def _neighbors(neighbors: Messages) -> Ints:
+def _neighbors(neighbors: Messages) -> Int64:
     bits = neighbors.scalars("vvvvv")
     return np.concatenate([neighbors.owner[:, None], int64s(bits[:, :1]), int32s(bits[:, 1:])], axis=1)

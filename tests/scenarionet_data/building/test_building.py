@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from scenarionet_data.building import METRES, MapBuilder, kernels, make_origin, make_tracks, make_tracks_of_rows
 from scenarionet_data.errors import InvalidScenario
+from scenarionet_data.scenario.vocabulary import MapFeatureType, ObjectType
 from scenarionet_data.testing import differences
-from scenarionet_data.vocabulary import MapFeatureType, ObjectType
 from tests.fixtures.scenarios import make_scenario
 
 ORIGIN = np.array([4_000_000.0, 600_000.0, 30.0])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_data.geometry import estimate_velocity
+from scenarionet_data.arrays.geometry import estimate_velocity
 
 
 def test_a_parabola_has_its_exact_derivative_inside() -> None:

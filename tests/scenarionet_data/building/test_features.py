@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import MapBuilder, flat_points, make_features
-from scenarionet_data.ragged import Ragged
-from scenarionet_data.scenario import MapFeatures
+from scenarionet_data.scenario.description import MapFeatures
+from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_data.testing import differences
-from scenarionet_data.vocabulary import MapFeatureType
 
 coordinate = st.floats(-1e6, 1e6)
 NOTHING = [None, [], np.zeros((0, 3))]

@@ -16,7 +16,7 @@ import pytest
 
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.errors import WorkerLost
-from scenarionet_data.store.files import LakeFiles
+from scenarionet_data.storage.files.local import LakeFiles
 from tests.fixtures.lakes import content
 from tests.fixtures.made import raw_of, run, write_raw
 

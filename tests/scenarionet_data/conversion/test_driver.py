@@ -141,8 +141,8 @@ def test_finished_shards_are_adopted(raw, root):
 
 
 def test_many_shards_give_few_metadata_files_whatever_the_order(raw, tmp_path, monkeypatch):
-    monkeypatch.setattr("scenarionet_data.store.metadata_files.MAX_METADATA_FILES", 4)
-    monkeypatch.setattr("scenarionet_data.store.metadata_files.MERGED_FILES", 2)
+    monkeypatch.setattr("scenarionet_data.storage.snapshots.metadata_files.MAX_METADATA_FILES", 4)
+    monkeypatch.setattr("scenarionet_data.storage.snapshots.metadata_files.MERGED_FILES", 2)
     write_raw(raw, {f"s{k}": [k] for k in range(4, 9)})
     run(raw, tmp_path / "parts")
     write_raw(raw, {f"s{k}": [k] for k in range(4)})
@@ -154,7 +154,7 @@ def test_many_shards_give_few_metadata_files_whatever_the_order(raw, tmp_path, m
 
 
 def test_long_jobs_commit_now_and_then(raw, root, monkeypatch):
-    monkeypatch.setattr("scenarionet_data.conversion.basket._COMMIT_EVERY", 0.0)
+    monkeypatch.setattr("scenarionet_data.conversion.committer._COMMIT_EVERY", 0.0)
     write_raw(raw, {"a": [1], "b": [2], "c": [3]})
     seen = []
     run(raw, root, on_progress=lambda done, *_: done and seen.append(len(Lake(root))))

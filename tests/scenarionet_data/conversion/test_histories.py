@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from scenarionet_data import Lake, ScenarioLoader, convert
 from scenarionet_data.errors import DuplicateScenario
-from scenarionet_data.store import metadata_files
+from scenarionet_data.storage.snapshots import metadata_files
 from tests.fixtures import made
 from tests.fixtures.made import BUCKETED, NAME, Made, MadeOptions
 from tests.fixtures.scenarios import make_scenario

@@ -7,9 +7,9 @@ import pytest
 from scenarionet_data import Lake
 from scenarionet_data.conversion import plan_conversion
 from scenarionet_data.errors import DuplicateScenario, LakeError
-from scenarionet_data.store import manifests
-from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.files import LakeFiles
+from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.snapshots import manifests
+from scenarionet_data.storage.snapshots import snapshot as snapshots
 from tests.fixtures.lakes import content
 from tests.fixtures.made import BUCKETED, FEW, NAME, NEWER, Made, MadeOptions, ids, run, wanted, write_raw
 
@@ -73,7 +73,7 @@ def test_a_newer_converter_replaces_only_when_told(raw, root):
 def test_another_contract_is_refused_until_replaced(raw, root, monkeypatch):
     write_raw(raw, {"a": [1]})
     run(raw, root)
-    tag = "scenarionet_data.tables.content_tag"
+    tag = "scenarionet_data.schema.tables.content_tag"
     monkeypatch.setattr(tag, lambda: "tracks/2")
     with pytest.raises(
         LakeError, match=r"shard a was written under .*tracks/1, this version reads tracks/2; .*--replace"

@@ -8,13 +8,13 @@ import numpy as np
 import pyarrow.csv
 import pytest
 
+from scenarionet_data.arrays.geometry import wrap_angle
 from scenarionet_data.converters.argoverse1 import Argoverse1, Argoverse1Options
 from scenarionet_data.converters.argoverse1.map_features import read_city
-from scenarionet_data.geometry import wrap_angle
-from scenarionet_data.jsontext import from_json
-from scenarionet_data.scenario import MapFeatures, ScenarioDescription
+from scenarionet_data.scenario.canonical_json import from_json
+from scenarionet_data.scenario.description import MapFeatures, ScenarioDescription
+from scenarionet_data.scenario.vocabulary import MapFeatureType, ObjectType
 from scenarionet_data.testing import ConverterConformance, differences
-from scenarionet_data.vocabulary import MapFeatureType, ObjectType
 from tests.fixtures import argoverse1 as fixture
 from tests.fixtures.argoverse1 import branch_id, lane_id
 from tests.fixtures.reading import scenarios

@@ -16,7 +16,7 @@ import pytest
 
 from scenarionet_data.converters.argoverse2 import Argoverse2
 from scenarionet_data.errors import InvalidScenario
-from scenarionet_data.vocabulary import ObjectType
+from scenarionet_data.scenario.vocabulary import ObjectType
 from tests.fixtures import argoverse2 as fixture
 from tests.fixtures import argoverse2_world as world
 from tests.fixtures.reading import scenarios, shards

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from scenarionet_data.converters.argoverse2 import Argoverse2
-from scenarionet_data.vocabulary import MapFeatureType, is_lane, is_road_edge, is_road_line
+from scenarionet_data.scenario.vocabulary import MapFeatureType, is_lane, is_road_edge, is_road_line
 from tests.fixtures import argoverse2 as fixture
 from tests.fixtures import argoverse2_world as world
 from tests.fixtures.reading import scenarios

@@ -14,9 +14,9 @@ import pytest
 
 from scenarionet_data.converters.argoverse2 import Argoverse2
 from scenarionet_data.converters.argoverse2.map_features import read_map
-from scenarionet_data.converters.lines import midlines
-from scenarionet_data.scenario import ScenarioDescription
-from scenarionet_data.vocabulary import MapFeatureType, is_lane, is_road_line
+from scenarionet_data.converters.argoverse2.polylines import midlines
+from scenarionet_data.scenario.description import ScenarioDescription
+from scenarionet_data.scenario.vocabulary import MapFeatureType, is_lane, is_road_line
 from tests.fixtures.reading import scenarios
 
 CONVERTER = Argoverse2()

@@ -15,8 +15,8 @@ from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.conversion import convert
 from scenarionet_data.converters.lyft import Lyft, LyftOptions
 from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario, MissingDependency, SourceNotFound
+from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_data.testing import ConverterConformance, differences
-from scenarionet_data.vocabulary import ObjectType
 from tests.fixtures import lyft as fixture
 from tests.fixtures import lyft_world as world
 from tests.fixtures.reading import scenarios, shards

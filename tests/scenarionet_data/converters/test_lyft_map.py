@@ -13,8 +13,14 @@ from scenarionet_data.converters.lyft import Lyft
 from scenarionet_data.converters.lyft.geodesy import local_to_earth, on_ellipsoid
 from scenarionet_data.converters.lyft.map_features import FACES, City, read_city
 from scenarionet_data.errors import CorruptSource
-from scenarionet_data.scenario import MapFeatures
-from scenarionet_data.vocabulary import LIGHT_COLORS, LightColor, LightState, MapFeatureType, is_lane
+from scenarionet_data.scenario.description import MapFeatures
+from scenarionet_data.scenario.vocabulary import (
+    LIGHT_COLORS,
+    LightColor,
+    LightState,
+    MapFeatureType,
+    is_lane,
+)
 from tests.fixtures import lyft as fixture
 from tests.fixtures import lyft_world as world
 from tests.fixtures.lyft_messages import FACES as FACE_FIELDS

@@ -9,8 +9,8 @@ import pytest
 
 from scenarionet_data.converters.lyft import Lyft
 from scenarionet_data.converters.lyft.recording import Content, Recording
-from scenarionet_data.scenario import ScenarioDescription
-from scenarionet_data.vocabulary import LightState, ObjectType
+from scenarionet_data.scenario.description import ScenarioDescription
+from scenarionet_data.scenario.vocabulary import LightState, ObjectType
 from tests.fixtures.reading import scenarios
 
 

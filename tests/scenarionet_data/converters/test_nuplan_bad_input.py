@@ -17,7 +17,7 @@ import shapely
 from scenarionet_data.conversion import convert
 from scenarionet_data.converters.nuplan import NuPlan, content
 from scenarionet_data.errors import CorruptSource, InvalidScenario, MissingDependency, SourceError
-from scenarionet_data.scenario import ScenarioDescription
+from scenarionet_data.scenario.description import ScenarioDescription
 from tests.fixtures import geopackage
 from tests.fixtures import nuplan as fixture
 from tests.fixtures import nuplan_drive as drives

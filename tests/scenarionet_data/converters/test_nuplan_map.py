@@ -13,8 +13,8 @@ import shapely
 
 from scenarionet_data.converters.nuplan import NuPlan, NuPlanOptions
 from scenarionet_data.converters.nuplan.map_features import City, read_city
-from scenarionet_data.scenario import MapFeatures
-from scenarionet_data.vocabulary import MapFeatureType, is_lane
+from scenarionet_data.scenario.description import MapFeatures
+from scenarionet_data.scenario.vocabulary import MapFeatureType, is_lane
 from tests.fixtures import geopackage
 from tests.fixtures import nuplan as fixture
 from tests.fixtures import nuplan_city as world

@@ -15,8 +15,8 @@ import pytest
 
 from scenarionet_data import codec
 from scenarionet_data.converters.nuplan import NuPlan
-from scenarionet_data.scenario import ScenarioDescription
-from scenarionet_data.vocabulary import LightState, ObjectType
+from scenarionet_data.scenario.description import ScenarioDescription
+from scenarionet_data.scenario.vocabulary import LightState, ObjectType
 from tests.fixtures import nuplan as fixture
 from tests.fixtures import nuplan_drive as drives
 from tests.fixtures.motion import motion_errors

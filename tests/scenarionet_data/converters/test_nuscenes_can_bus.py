@@ -11,8 +11,8 @@ import pytest
 
 from scenarionet_data.converters.nuscenes import NuScenes
 from scenarionet_data.errors import InvalidScenario
-from scenarionet_data.jsontext import from_json
-from scenarionet_data.scenario import ScenarioDescription
+from scenarionet_data.scenario.canonical_json import from_json
+from scenarionet_data.scenario.description import ScenarioDescription
 from tests.fixtures import nuscenes as fixture
 from tests.fixtures.reading import scenarios, shards
 

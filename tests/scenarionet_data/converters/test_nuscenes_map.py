@@ -17,8 +17,8 @@ from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.nuscenes import NuScenes
 from scenarionet_data.converters.nuscenes.areas import CELL, outlines, road_edges
 from scenarionet_data.converters.nuscenes.map_features import read_map
-from scenarionet_data.scenario import MapFeatures
-from scenarionet_data.vocabulary import MapFeatureType, is_lane
+from scenarionet_data.scenario.description import MapFeatures
+from scenarionet_data.scenario.vocabulary import MapFeatureType, is_lane
 from tests.fixtures import nuscenes as fixture
 from tests.fixtures.nuscenes_world import CENTER, HALF, REACH, WIDTH, District, token, write_district
 from tests.fixtures.reading import scenarios

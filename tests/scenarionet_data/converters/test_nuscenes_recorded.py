@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from scenarionet_data.converters.nuscenes import NuScenes
-from scenarionet_data.scenario import ScenarioDescription
-from scenarionet_data.vocabulary import MapFeatureType, ObjectType, is_lane
+from scenarionet_data.scenario.description import ScenarioDescription
+from scenarionet_data.scenario.vocabulary import MapFeatureType, ObjectType, is_lane
 from tests.fixtures.motion import motion_errors, one_way_links
 from tests.fixtures.nuscenes_recorded import read_pickles, write_recorded
 from tests.fixtures.reading import scenarios

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from scenarionet_data.converters.nuscenes import NuScenes
-from scenarionet_data.converters.nuscenes.steps import boxes_at, make_steps, nominal_period, poses_at
+from scenarionet_data.converters.nuscenes.keyframes import boxes_at, make_steps, nominal_period, poses_at
 from scenarionet_data.errors import InvalidScenario
-from scenarionet_data.scenario import ScenarioDescription
-from scenarionet_data.vocabulary import ObjectType
+from scenarionet_data.scenario.description import ScenarioDescription
+from scenarionet_data.scenario.vocabulary import ObjectType
 from tests.fixtures import nuscenes as fixture
 from tests.fixtures.reading import scenarios
 

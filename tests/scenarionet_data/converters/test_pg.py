@@ -9,8 +9,8 @@ import pytest
 
 from scenarionet_data.converters.pg import Procedural, ProceduralOptions, parse_seeds
 from scenarionet_data.errors import BadParameter, SourceNotFound
+from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_data.testing import ConverterConformance
-from scenarionet_data.vocabulary import ObjectType
 
 
 class TestProcedural(ConverterConformance):

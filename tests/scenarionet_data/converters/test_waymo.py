@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenarionet_data.converters.stretches import to_records
+from scenarionet_data.converters.boundary_segments import to_records
 from scenarionet_data.converters.waymo import Waymo
 from scenarionet_data.errors import SourceNotFound
-from scenarionet_data.jsontext import from_json, to_json
-from scenarionet_data.scenario import ScenarioDescription
+from scenarionet_data.scenario.canonical_json import from_json, to_json
+from scenarionet_data.scenario.description import ScenarioDescription
+from scenarionet_data.scenario.vocabulary import LightState, MapFeatureType, ObjectType
 from scenarionet_data.testing import ConverterConformance
-from scenarionet_data.vocabulary import LightState, MapFeatureType, ObjectType
 from tests.fixtures import waymo as fixture
 from tests.fixtures.reading import scenarios, shards
 from tests.fixtures.waymo import field, points, scenario_bytes, state, write_tfrecord

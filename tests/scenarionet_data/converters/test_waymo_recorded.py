@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from scenarionet_data.converters.waymo import Waymo
-from scenarionet_data.jsontext import to_json
-from scenarionet_data.scenario import ScenarioDescription
-from scenarionet_data.vocabulary import LightState, MapFeatureType
+from scenarionet_data.scenario.canonical_json import to_json
+from scenarionet_data.scenario.description import ScenarioDescription
+from scenarionet_data.scenario.vocabulary import LightState, MapFeatureType
 from tests.fixtures.reading import scenarios
 
 CONVERTER = Waymo()

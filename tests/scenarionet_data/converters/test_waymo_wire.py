@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenarionet_data.converters.tfrecord import read_records
+from scenarionet_data.converters.formats.tfrecord import read_records
 from scenarionet_data.converters.waymo.wire import WireMap, WireScenario, decode
 from scenarionet_data.errors import InvalidScenario
 from tests.fixtures.waymo import OTHER_RELEASES, field, points, scenario_bytes

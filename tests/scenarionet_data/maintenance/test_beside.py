@@ -18,7 +18,7 @@ from scenarionet_data import Lake, ScenarioLoader, convert
 from scenarionet_data.codec.content_hash import content_hash
 from scenarionet_data.errors import NoSuchSnapshot
 from scenarionet_data.maintenance import compact, fsck, vacuum
-from scenarionet_data.store import profiles
+from scenarionet_data.storage import profiles
 from tests.fixtures import made
 from tests.fixtures.made import NAME, MadeOptions, write_raw
 from tests.fixtures.scenarios import make_scenario

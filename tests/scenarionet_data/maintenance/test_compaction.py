@@ -6,13 +6,13 @@ import pyarrow.parquet as pq
 import pytest
 
 from scenarionet_data import Lake, ScenarioLoader, convert
-from scenarionet_data.catalog.checks import run_checks
-from scenarionet_data.catalog.packs.verifying import verify_pack
 from scenarionet_data.errors import BadParameter, NoSuchSnapshot
-from scenarionet_data.maintenance import bins, compact, compaction, plan_compaction, vacuum
-from scenarionet_data.store import manifests, metadata_files
-from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.files import LakeFiles
+from scenarionet_data.maintenance import bin_packing, compact, compaction, plan_compaction, vacuum
+from scenarionet_data.packs.verifying import verify_pack
+from scenarionet_data.quality.checks import run_checks
+from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.snapshots import manifests, metadata_files
+from scenarionet_data.storage.snapshots import snapshot as snapshots
 from tests.fixtures.made import NAME, write_raw
 from tests.scenarionet_data.maintenance.conftest import OPTIONS, check_whole, content, convert_to, rows
 
@@ -81,7 +81,7 @@ def test_new_shards_join_files_that_are_not_full(raw, root):
 
 
 def test_bins_are_no_larger_than_told_and_large_shards_are_cut_evenly(raw, root, monkeypatch):
-    monkeypatch.setattr(bins, "_SCENARIOS_PER_BIN", 5)
+    monkeypatch.setattr(bin_packing, "_SCENARIOS_PER_BIN", 5)
     assert [each.num_scenarios for each in plan_compaction(root, "analytics")] == [4, 4]
     convert_to(write_raw(raw, {"large": list(range(100, 118))}), root)
     plan = plan_compaction(root, "analytics", where={"split": "train"})
@@ -126,7 +126,7 @@ def test_converting_again_skips_and_replacing_one_shard_leaves_the_others(raw, r
 
 def test_replacing_all_that_shares_a_file_rewrites_nothing(raw, root, monkeypatch):
     compact(root, "analytics")
-    monkeypatch.setattr("scenarionet_data.store.rewriting.rewrite", None)
+    monkeypatch.setattr("scenarionet_data.storage.write.rewriting.rewrite", None)
     write_raw(raw, {f"s{k}": [500 + k] for k in range(4)})
     assert convert(NAME, str(raw), root, options=OPTIONS, replace_old=True, is_checked=False).replaced == 4
     check_whole(root)
@@ -191,7 +191,7 @@ def test_what_is_replaced_meanwhile_is_planned_anew(raw, root):
 
 def test_files_that_are_vacuumed_meanwhile_are_no_damage(raw, root, monkeypatch):
     """The second bin's files are gone when its turn comes: what they held has been replaced."""
-    monkeypatch.setattr(bins, "_SCENARIOS_PER_BIN", 4)
+    monkeypatch.setattr(bin_packing, "_SCENARIOS_PER_BIN", 4)
     happened = []
 
     def replaces():
@@ -223,7 +223,7 @@ def test_rivals_that_never_end_are_reported(raw, root):
 
 
 def test_what_a_killed_run_has_finished_is_taken(root, monkeypatch):
-    monkeypatch.setattr(bins, "_SCENARIOS_PER_BIN", 4)
+    monkeypatch.setattr(bin_packing, "_SCENARIOS_PER_BIN", 4)
 
     def killed(jobs, do, lost=None):
         yield do(next(iter(jobs)))
@@ -240,7 +240,7 @@ def test_what_a_killed_run_has_finished_is_taken(root, monkeypatch):
 
 
 def test_a_damaged_file_keeps_only_its_own_bin(root, monkeypatch):
-    monkeypatch.setattr(bins, "_SCENARIOS_PER_BIN", 4)
+    monkeypatch.setattr(bin_packing, "_SCENARIOS_PER_BIN", 4)
     record = records(root)["s3"]
     (root / record.files[0]).write_bytes(b"PAR1")
     done = compact(root, "analytics")
@@ -273,7 +273,7 @@ def test_packs_of_compacted_lakes_hold_their_members_alone(root, tmp_path):
 
 
 def test_a_file_that_reads_back_otherwise_is_refused(root, monkeypatch):
-    from scenarionet_data.store.scenario_rows import ScenarioRows
+    from scenarionet_data.storage.read.scenario_rows import ScenarioRows
 
     read = ScenarioRows.read
     wrong = lambda self, name, number, first, num_rows: read(self, name, 0, first, num_rows)  # noqa: E731

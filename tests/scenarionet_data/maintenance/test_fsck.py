@@ -9,10 +9,10 @@ import pytest
 from scenarionet_data import Lake
 from scenarionet_data.errors import NoSuchSnapshot, ScenarioNetError
 from scenarionet_data.maintenance import compact, fsck, repair, vacuum
-from scenarionet_data.store import commit as commits
-from scenarionet_data.store import metadata_files
-from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.files import LakeFiles
+from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.snapshots import commit as commits
+from scenarionet_data.storage.snapshots import metadata_files
+from scenarionet_data.storage.snapshots import snapshot as snapshots
 from tests.fixtures.lakes import write_shard
 from tests.fixtures.made import write_raw
 from tests.fixtures.scenarios import make_scenario

@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, consumes, invariant, rule, run_state_machine_as_test
 
 from scenarionet_data import Lake, ScenarioLoader
-from scenarionet_data.catalog.operations.pool import StaleDatabaseWarning
 from scenarionet_data.codec.content_hash import content_hash
 from scenarionet_data.maintenance import compact, fsck, plan_compaction, vacuum
-from scenarionet_data.store import commit as commits
-from scenarionet_data.store import metadata_files
-from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.files import LakeFiles
+from scenarionet_data.operations.database_query import StaleDatabaseWarning
+from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.snapshots import commit as commits
+from scenarionet_data.storage.snapshots import metadata_files
+from scenarionet_data.storage.snapshots import snapshot as snapshots
 from tests.fixtures.made import MadeOptions, write_raw
 from tests.fixtures.scenarios import make_scenario
 from tests.scenarionet_data.maintenance.conftest import SMALL, age, check_whole, convert_to

@@ -11,8 +11,8 @@ import pytest
 
 from scenarionet_data import Lake
 from scenarionet_data.maintenance import compact, fsck, vacuum
-from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.files import LakeFiles
+from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.snapshots import snapshot as snapshots
 from tests.fixtures.made import write_raw
 from tests.scenarionet_data.maintenance.conftest import age, check_whole, content, convert_to
 
@@ -140,8 +140,8 @@ def test_replacing_in_a_compacted_lake_stopped_at_every_step(lake):
 KILL = """
 import os, signal, sys
 from scenarionet_data.maintenance import compact, vacuum
-from scenarionet_data.store import profiles
-from scenarionet_data.store.files import LakeFiles
+from scenarionet_data.storage import profiles
+from scenarionet_data.storage.files.local import LakeFiles
 profiles.PROFILES["analytics"] = profiles.Profile("analytics", 3, 8)
 what, root, number, steps = sys.argv[1], sys.argv[2], int(sys.argv[3]), sys.argv[4].split()
 count = 0

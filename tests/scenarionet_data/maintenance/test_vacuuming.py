@@ -8,16 +8,16 @@ import pickle
 import pytest
 
 from scenarionet_data import Lake, ScenarioLoader, convert
-from scenarionet_data.catalog.operations.pool import StaleDatabaseWarning
 from scenarionet_data.conversion import plan_conversion
 from scenarionet_data.conversion.jobs import Job, convert_shard
 from scenarionet_data.errors import BadParameter, LakeError, NoSuchSnapshot
 from scenarionet_data.maintenance import compact, plan_vacuum, vacuum
-from scenarionet_data.store import commit as commits
-from scenarionet_data.store import manifests, metadata_files
-from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.files import LakeFiles
-from scenarionet_data.store.snapshot import Snapshot
+from scenarionet_data.operations.database_query import StaleDatabaseWarning
+from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.snapshots import commit as commits
+from scenarionet_data.storage.snapshots import manifests, metadata_files
+from scenarionet_data.storage.snapshots import snapshot as snapshots
+from scenarionet_data.storage.snapshots.snapshot import Snapshot
 from tests.fixtures.made import NAME, write_raw
 from tests.scenarionet_data.maintenance.conftest import OPTIONS, age, check_whole, content, convert_to
 

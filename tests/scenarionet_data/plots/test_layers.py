@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
 
+from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.plots import Scene, object_layer
 from scenarionet_data.plots.paint import arrows, beside, dashes, paint, zebra
 from scenarionet_data.plots.palette import DASH, EGO, GAP, LIGHTS, LINE
-from scenarionet_data.ragged import Ragged
-from scenarionet_data.vocabulary import MapFeatureType
+from scenarionet_data.scenario.vocabulary import MapFeatureType
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.scenarios import make_scenario
 

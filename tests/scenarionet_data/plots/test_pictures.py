@@ -29,7 +29,7 @@ from scenarionet_data.plots import (
     write_video,
 )
 from scenarionet_data.plots.palette import EGO, GROUND, LIGHTS, OBJECTS, ROAD, object_color
-from scenarionet_data.vocabulary import LightColor, LightState
+from scenarionet_data.scenario.vocabulary import LightColor, LightState
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.simulations import alone, generated
 from tests.fixtures.towns import make_town

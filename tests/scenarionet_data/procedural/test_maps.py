@@ -12,7 +12,7 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.procedural.assemble import make_map
 from scenarionet_data.procedural.graph import make_graph
 from scenarionet_data.procedural.options import BLOCK_NAMES, GeneratorOptions
-from scenarionet_data.vocabulary import MapFeatureType
+from scenarionet_data.scenario.vocabulary import MapFeatureType
 
 
 def draw(seed, **options):

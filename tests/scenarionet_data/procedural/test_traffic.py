@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarionet_data.geometry import box_corners
+from scenarionet_data.arrays.geometry import box_corners
 from scenarionet_data.procedural.construction import boxes
 from scenarionet_data.procedural.generate import generate
 from scenarionet_data.procedural.idm import free_acceleration, interaction, is_worth_changing

@@ -12,7 +12,7 @@ from scenarionet_data.conversion import Selection, driver, watch
 from scenarionet_data.converters.argoverse1 import Argoverse1Options
 from scenarionet_data.converters.nuplan import NuPlanOptions
 from scenarionet_data.errors import BadParameter, DuplicateScenario, SourceNotFound
-from scenarionet_data.store.object_store import ObjectStore
+from scenarionet_data.storage.files.object_store import ObjectStore
 from tests.fixtures import argoverse1, lyft, nuplan, nuplan_drive, nuscenes, scenarionet_pickles, waymo
 from tests.fixtures.buckets import fetched, put, same, upload
 from tests.fixtures.made import NAME, NEWER, MadeOptions, write_raw

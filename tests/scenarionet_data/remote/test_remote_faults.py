@@ -15,8 +15,8 @@ import pytest
 
 from scenarionet_data import Lake, ScenarioLoader, convert
 from scenarionet_data.errors import LakeError
-from scenarionet_data.store import snapshot as snapshots
-from scenarionet_data.store.files import open_files
+from scenarionet_data.storage.files.local import open_files
+from scenarionet_data.storage.snapshots import snapshot as snapshots
 from tests.fixtures.lakes import content, write_shard
 from tests.fixtures.made import NAME, MadeOptions, write_raw
 from tests.fixtures.scenarios import make_scenario
@@ -33,8 +33,8 @@ if __name__ == "__main__":
 
 COMMIT_MANY = """
 import sys
-from scenarionet_data.store import commit as commits
-from scenarionet_data.store.files import open_files
+from scenarionet_data.storage import commit as commits
+from scenarionet_data.storage.files.local import open_files
 from tests.fixtures.lakes import write_shard
 from tests.fixtures.scenarios import make_scenario, renamed
 url, who = sys.argv[1:]
@@ -138,8 +138,8 @@ def test_two_clients_commit_at_once(url, store):
 
 def test_a_damaged_upload_is_found(url, store):
     """What is put over a file later, by whomever, is no longer what was written: checks say so."""
-    from scenarionet_data.store import commit as commits
-    from scenarionet_data.store.verifying import verify
+    from scenarionet_data.storage.snapshots import commit as commits
+    from scenarionet_data.storage.verifying import verify
 
     files = open_files(url)
     record = write_shard(url, [make_scenario(1)])

@@ -10,9 +10,10 @@ import pytest
 
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.errors import DatabaseExists, LakeError, MissingDependency, NoSuchSnapshot, QueryError
-from scenarionet_data.store import remote_files, row_group_readers
-from scenarionet_data.store.files import LakeFiles, open_files
-from scenarionet_data.store.parquet import row_groups
+from scenarionet_data.storage.files import remote
+from scenarionet_data.storage.files.local import LakeFiles, open_files
+from scenarionet_data.storage.read import row_group_readers
+from scenarionet_data.storage.read.parquet import row_groups
 from scenarionet_data.testing import differences
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import make_scenario
@@ -83,7 +84,7 @@ def test_batches_load_while_footers_make_way(url, monkeypatch):
 
 @pytest.mark.long
 def test_long_footers_are_read_whole(lake, monkeypatch):
-    monkeypatch.setattr(remote_files, "FOOTER", 64)
+    monkeypatch.setattr(remote, "FOOTER", 64)
     assert differences(ScenarioLoader(lake)[2], MADE[2]) == []
 
 

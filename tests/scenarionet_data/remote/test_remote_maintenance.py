@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from scenarionet_data import Lake, ScenarioLoader, maintenance
-from scenarionet_data.store import commit as commits
-from scenarionet_data.store import remote_files
-from scenarionet_data.store.files import open_files
+from scenarionet_data.storage.files import remote
+from scenarionet_data.storage.files.local import open_files
+from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.testing import differences
 from tests.fixtures.lakes import write_lake, write_shard
 from tests.fixtures.scenarios import make_scenario
@@ -52,7 +52,7 @@ def test_files_that_are_no_longer_young_are_put_again(url, monkeypatch):
     files = open_files(url)
     record = write_shard(url, MADE[:1])
     before = {each.name: each.modified for each in files.listing("tracks")}
-    monkeypatch.setattr(remote_files, "_YOUNG", -2.0)  # what was put a moment ago is old
+    monkeypatch.setattr(remote, "_YOUNG", -2.0)  # what was put a moment ago is old
     commits.commit(files, [record], "test")
     after = {each.name: each.modified for each in files.listing("tracks")}
     assert list(after) == list(before)

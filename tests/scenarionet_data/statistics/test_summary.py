@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from scenarionet_data.arrays.geometry import wrap_angle
 from scenarionet_data.building import MapBuilder, make_tracks
-from scenarionet_data.geometry import wrap_angle
-from scenarionet_data.resources import SCHEMAS
-from scenarionet_data.scenario import Lights, ScenarioDescription
+from scenarionet_data.scenario.description import Lights, ScenarioDescription
+from scenarionet_data.scenario.vocabulary import MapFeatureType, ObjectType
+from scenarionet_data.schema.package_data import SCHEMAS
 from scenarionet_data.statistics.summary import ego_path, has_intersection, path_curvature, path_distance, summarise
-from scenarionet_data.vocabulary import MapFeatureType, ObjectType
 from tests.fixtures import oracle
 from tests.fixtures.scenarios import make_scenario
 

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 from scenarionet_sim.backends.base import CONTROL_STEP, Backend, Drive
-from scenarionet_sim.worlds.stage import Stage
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world import World
+from scenarionet_sim.worlds.world_batch import Stage
 from tests.fixtures.scenarios import make_scenario
 
 SIZE = 4.5, 1.8, 1.5

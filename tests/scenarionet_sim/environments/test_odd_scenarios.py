@@ -11,7 +11,7 @@ import pytest
 from gymnasium.error import ResetNeeded
 
 from scenarionet_data.errors import BadParameter, DatabaseNotFound, LakeError, NoSuchSnapshot, ScenarioNotFound
-from scenarionet_data.vocabulary import ObjectType
+from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.environments.config import BOUNDARY, PAPER_OBSERVATION

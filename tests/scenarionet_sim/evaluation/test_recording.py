@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.vocabulary import ObjectType
+from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.environments.config import PAPER_OBSERVATION, EnvConfig
 from scenarionet_sim.environments.single_agent import ScenarioNetEnv
 from scenarionet_sim.evaluation import recording as recordings_module

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scenarionet_data.geometry import wrap_angle
+from scenarionet_data.arrays.geometry import wrap_angle
 from scenarionet_sim.kernels.bodies import find_bodies, read_motion, write_motion
 
 NUM_WORLDS, NUM_OBJECTS, DT, SLACK = 3, 40, 0.1, 0.4

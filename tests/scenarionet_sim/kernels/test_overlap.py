@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from scenarionet_data.geometry import box_corners
+from scenarionet_data.arrays.geometry import box_corners
 from scenarionet_data.statistics.gaps import nearest_box
 from scenarionet_sim.kernels.overlap import find_contacts
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scenarionet_data.vocabulary import ObjectType
+from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.metrics.collisions import Collisions, count_collisions
 from scenarionet_sim.metrics.feasibility import is_infeasible
 from scenarionet_sim.metrics.progress import displacement, mean_speed, progress_ratio

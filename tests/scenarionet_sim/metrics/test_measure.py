@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarionet_data import tables
-from scenarionet_data.scenario import ScenarioDescription
-from scenarionet_data.vocabulary import ObjectType
+from scenarionet_data.scenario.description import ScenarioDescription
+from scenarionet_data.scenario.vocabulary import ObjectType
+from scenarionet_data.schema import tables
 from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.evaluation.drivers import cast
+from scenarionet_sim.evaluation.environment_cache import Theatre
 from scenarionet_sim.evaluation.rollout import Rollout, roll_out
-from scenarionet_sim.evaluation.theatre import Theatre
 from scenarionet_sim.metrics.measure import measure
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scenarionet_data.building import MapBuilder
-from scenarionet_data.vocabulary import MapFeatureType
+from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.metrics.road import ON_LANE, is_off_road, lane_progress, runs_red_light, wrong_way
 from scenarionet_sim.roads.roads import Roads
 

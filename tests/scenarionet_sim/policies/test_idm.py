@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.scenario import ScenarioDescription
-from scenarionet_data.vocabulary import LightState, ObjectType
+from scenarionet_data.scenario.description import ScenarioDescription
+from scenarionet_data.scenario.vocabulary import LightState, ObjectType
 from scenarionet_sim.policies import External, Idm, Replay, ego, vehicles
 from scenarionet_sim.simulation import Simulation
 from scenarionet_sim.worlds.world import World

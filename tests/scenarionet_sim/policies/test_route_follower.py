@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scenarionet_data.building import MapBuilder
-from scenarionet_data.vocabulary import MapFeatureType
+from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.policies import Idm, Replay, RouteFollower, ego
 from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.simulation import Simulation

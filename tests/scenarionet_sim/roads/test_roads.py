@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from scenarionet_data import converters
 from scenarionet_data.building import MapBuilder
-from scenarionet_data.vocabulary import MapFeatureType, is_lane, is_road_edge, is_road_line
+from scenarionet_data.scenario.vocabulary import MapFeatureType, is_lane, is_road_edge, is_road_line
 from scenarionet_sim.roads.grid import Grid
 from scenarionet_sim.roads.roads import Roads
 from tests.fixtures.scenarios import make_scenario

@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.vocabulary import MapFeatureType, ObjectType
+from scenarionet_data.scenario.vocabulary import MapFeatureType, ObjectType
 from scenarionet_sim.sensors import BirdView, Channel
 from scenarionet_sim.sensors.bird_view import LIGHT_VALUES, LightColor
 from tests.fixtures.drives import Other, make_drive

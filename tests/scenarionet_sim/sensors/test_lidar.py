@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from scenarionet_data.errors import BadParameter, MissingDependency
-from scenarionet_data.vocabulary import ObjectType
+from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.kernels.rays import cast_at_boxes
 from scenarionet_sim.sensors import Lidar
 from scenarionet_sim.sensors.base import directions, table

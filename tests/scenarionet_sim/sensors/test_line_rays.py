@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.vocabulary import MapFeatureType
+from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.kernels.rays import cast_at_segments
 from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.sensors import BoundaryDetector, LaneLineDetector

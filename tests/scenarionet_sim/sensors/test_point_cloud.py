@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_data.vocabulary import ObjectType
-from scenarionet_sim.kernels.cloud import spin
+from scenarionet_data.scenario.vocabulary import ObjectType
+from scenarionet_sim.kernels.point_cloud import spin
 from scenarionet_sim.sensors import PointCloud
 from scenarionet_sim.sensors.base import directions, table
 from tests.fixtures.drives import Other, make_drive

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from scenarionet_data.arrays.geometry import wrap_angle
 from scenarionet_data.converters.scenarionet import ScenarioNetPickles
-from scenarionet_data.geometry import wrap_angle
 from scenarionet_sim.worlds.paths import SPACING
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive

@@ -1,0 +1,101 @@
+"""The converter a person names on the command line, and its options as they type them."""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Iterable
+from dataclasses import MISSING, Field, dataclass, fields
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+
+from scenarionet_data.converters.base import Converter, Options
+from scenarionet_data.errors import BadParameter
+from scenarionet_pipelines.cli.parameters import look_in_current_folder, pairs
+
+_WORDS = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
+
+
+@dataclass(frozen=True)
+class Option:
+    """One option of a converter.
+
+    Attributes:
+        name: Its field.
+        type: Its type.
+        default: Its default.
+        doc: What it does.
+    """
+
+    name: str
+    type: Any
+    default: Any
+    doc: str
+
+    @property
+    def type_text(self) -> str:
+        """Its type as a person writes it."""
+        return self.type.__name__ if isinstance(self.type, type) else str(self.type).replace("typing.", "")
+
+
+def find(name: str) -> Converter[Any]:
+    """The converter of that name; ``module:Class`` is also looked for in the current folder.
+
+    Raises:
+        SourceNotFound: There is none.
+    """
+    from scenarionet_data import converters
+
+    look_in_current_folder(name)
+    return converters.get(name)
+
+
+def options(converter: Converter[Any]) -> list[Option]:
+    """What a converter can be told, in the order of its fields."""
+    hints = get_type_hints(converter.Options)
+    return [
+        Option(field.name, hints[field.name], _default(field), field.metadata.get("doc", ""))
+        for field in fields(converter.Options)
+    ]
+
+
+def parse_options(converter: Converter[Any], words: Iterable[str]) -> Options:
+    """A converter's options from ``key=value`` words.
+
+    Raises:
+        BadParameter: No such option, or no such value; the message lists the options.
+    """
+    known = {option.name: option for option in options(converter)}
+    given = {}
+    for key, word in pairs(words, "-O").items():
+        if key not in known:
+            raise BadParameter(f"{converter.name} has no option {key!r}; it has {', '.join(known) or 'none'}")
+        try:
+            given[key] = _convert(known[key].type, word)
+        except (ValueError, KeyError) as error:
+            wanted = f"{known[key].type_text}, for example {known[key].default!r}"
+            raise BadParameter(f"{converter.name}: option {key} wants {wanted}; found {word!r}") from error
+    return converter.Options(**given)
+
+
+def _convert(wanted: Any, word: str) -> Any:
+    """A typed word as a value of the wanted type; ValueError or KeyError when it is none."""
+    origin, inner = get_origin(wanted), get_args(wanted)
+    if origin in (Union, types.UnionType):
+        if type(None) in inner and word.lower() == "none":
+            return None
+        return _convert(next(kind for kind in inner if kind is not type(None)), word)
+    if origin is Literal:
+        return next(value for value in inner if str(value) == word) if word in map(str, inner) else int("?")
+    if origin is tuple:
+        return _convert_tuple(inner, word.split(",") if word else [])
+    if wanted is bool:
+        return _WORDS[word.lower()]
+    return wanted(word)
+
+
+def _convert_tuple(inner: tuple[Any, ...], words: list[str]) -> tuple[Any, ...]:
+    kinds = [inner[0]] * len(words) if inner[-1] is Ellipsis else list(inner)
+    return tuple(_convert(kind, word) for kind, word in zip(kinds, words, strict=True))
+
+
+def _default(field: Field[Any]) -> Any:
+    return field.default_factory() if field.default_factory is not MISSING else field.default

@@ -1,0 +1,106 @@
+"""Progress of long tasks on standard error: a bar on a terminal, a line now and then elsewhere, or nothing."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+import click
+
+from scenarionet_pipelines.cli.output import count, duration
+
+if TYPE_CHECKING:
+    from rich.progress import Progress as Bar
+
+_LINE_EVERY = 10.0
+
+
+class Progress:
+    """A long task's progress.
+
+    Args:
+        task: What is going on, for example ``"convert waymo"``.
+        step: What is counted, for example ``"shard"``.
+        is_quiet: Say nothing.
+    """
+
+    def __init__(self, task: str, step: str = "scenario", *, is_quiet: bool = False) -> None:
+        self.done = self.total = self.scenarios = 0
+        self._task = task
+        self._step = step
+        self._started = time.monotonic()
+        is_terminal = sys.stderr.isatty()
+        self._bar = _bar(task) if is_terminal and not is_quiet else None
+        self._has_ended = threading.Event()
+        self._lines = None if is_terminal or is_quiet else threading.Thread(target=self._print_lines, daemon=True)
+
+    def __enter__(self) -> Self:
+        if self._bar:
+            self._bar.start()
+        if self._lines:
+            self._lines.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._has_ended.set()
+        if self._bar:
+            self._bar.stop()
+        if self._lines:
+            self._lines.join()
+
+    def update(self, done: int, total: int, scenarios: int) -> None:
+        """Note progress.
+
+        Args:
+            done: Steps done.
+            total: Steps there are.
+            scenarios: Scenarios finished.
+        """
+        self.done, self.total, self.scenarios = done, total, scenarios
+        if self._bar:
+            self._bar.update(self._bar.task_ids[0], completed=done, total=total, rate=self._rate)
+
+    def _print_lines(self) -> None:
+        """Also while nothing gets done: who waits wants to know that it goes on."""
+        while not self._has_ended.wait(_LINE_EVERY):
+            click.echo(self.line, err=True)
+
+    @property
+    def line(self) -> str:
+        """The progress in a line."""
+        elapsed = time.monotonic() - self._started
+        steps = f"{self._task}: {self.done:,} of {count(self.total, self._step)} after {duration(elapsed)}"
+        if not self.done:
+            return steps if self.total else f"{self._task}: listing what there is to do"
+        left = elapsed / self.done * (self.total - self.done)
+        return ", ".join(filter(None, (steps, self._rate, f"about {duration(left)} left")))
+
+    @property
+    def _rate(self) -> str:
+        elapsed = max(time.monotonic() - self._started, 1e-9)
+        return f"{self.scenarios / elapsed:,.1f} scenarios/s" if self.scenarios else ""
+
+
+def _bar(task: str) -> Bar:
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
+
+    bar = Bar(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    )
+    bar.add_task(task, total=None, rate="")
+    return bar

@@ -1,0 +1,216 @@
+"""``scenarionet check``: whether a lake's content satisfies the rules."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from scenarionet_data.errors import BadParameter
+from scenarionet_pipelines.cli.execution import crew, share_facts, share_rows
+from scenarionet_pipelines.cli.group import one_line, verb
+from scenarionet_pipelines.cli.output import count, print_json, print_table
+from scenarionet_pipelines.cli.parameters import (
+    cluster_option,
+    json_option,
+    lake_argument,
+    new_version_option,
+    quiet_option,
+    snapshot_option,
+)
+from scenarionet_pipelines.cli.progress import Progress
+from scenarionet_pipelines.cli.table_file import check_suffix, write_table
+
+if TYPE_CHECKING:
+    from scenarionet_data import Lake
+    from scenarionet_data.databases.record import Database
+    from scenarionet_data.execution.executors import Run
+    from scenarionet_data.quality.report import CheckResult, Findings
+    from scenarionet_data.quality.scorecard import Partition, Scorecard
+
+_REPLAYS = "Every recording replays to its destination."
+
+
+@verb(
+    "check",
+    "scenarionet check lake",
+    "scenarionet check lake busy --only ids_are_unique --only nobody_teleports",
+    "scenarionet check lake --scorecard -o scorecard.csv",
+    "scenarionet check lake busy --to good --broken broken.parquet",
+    "scenarionet check lake --strict --json",
+    "scenarionet check lake busy --simulate --workers 4",
+    "scenarionet check lake --scorecard --cluster local",
+)
+@lake_argument
+@click.argument("database", metavar="DB", required=False)
+@click.option("--only", multiple=True, metavar="NAME", help="Run this check and no others; repeatable.")
+@click.option("--strict", is_flag=True, help="Let plausibility count like structure.")
+@click.option(
+    "--scorecard", is_flag=True, help="Count by dataset, version and split, and compare with what is published."
+)
+@click.option("-o", "output", metavar="FILE", help="Write the scorecard to a .parquet, .csv or .json file.")
+@click.option("--to", "good", metavar="NAME", help="Save what breaks no hard rule (with --strict: none) as a database.")
+@new_version_option
+@click.option("--broken", metavar="FILE", help="Write what breaks a rule to a .parquet, .csv or .json file.")
+@click.option("--simulate", is_flag=True, help="Replay every scenario in the simulator too; names the broken ones.")
+@click.option("--workers", type=click.IntRange(1), help="Processes that simulate; one a core unless given.")
+@cluster_option
+@snapshot_option
+@json_option
+@quiet_option
+def command(
+    lake: str,
+    database: str | None,
+    only: tuple[str, ...],
+    strict: bool,
+    scorecard: bool,
+    output: str | None,
+    good: str | None,
+    replace: bool,
+    broken: str | None,
+    simulate: bool,
+    workers: int | None,
+    cluster: str | None,
+    snapshot: int | None,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Check a lake, or a database of it, rule by rule.
+
+    The rules are files in sql/checks. Hard ones are structural: scenarios that break them cannot be trusted; they are
+    asked while converting, too. Soft ones ask whether recorded motion is plausible. Recordings break them now and
+    then: each dataset has its budgets, and a share of its scenarios that may stray; they fail the command with
+    --strict only.
+
+    --simulate replays every recording in the simulator: what cannot be replayed to its destination counts as broken.
+
+    --scorecard says for each split how many scenarios break which rule and how much of what its owner publishes is
+    there. --to saves the good scenarios, --broken writes the others with rule and reason.
+    """
+    from scenarionet_data import Lake
+    from scenarionet_data.quality.checks import find
+    from scenarionet_data.quality.passing import save_good
+    from scenarionet_data.quality.scorecard import make_scorecard
+
+    _refuse(output, broken, scorecard)
+    opened = Lake(lake, snapshot)
+    with crew(cluster, workers, quiet=quiet) as hands:
+        with Progress(f"check {lake}", "check", is_quiet=quiet) as progress:
+            findings = find(
+                opened, database, only or None, lambda done, total: progress.update(done, total, 0), hands.tallied
+            )
+        if simulate:
+            findings = findings.adding("replays", _REPLAYS, _simulate(opened, database, workers, hands.tallied, quiet))
+    card = make_scorecard(findings) if scorecard else None
+    made = save_good(findings, good, is_strict=strict, replace=replace) if good else None
+    if broken:
+        _write(findings.rows, broken)
+    if card and output:
+        _write(card.rows, output)
+    has_failed = any(not result.is_met and (result.is_hard or strict) for result in findings.results)
+    if as_json:
+        print_json(_content(findings, card, made) | {"is_ok": not has_failed} | share_facts(hands.shares))
+    else:
+        _print(findings, card, made)
+        print_table(share_rows(hands.shares, "part"))
+    click.get_current_context().exit(1 if has_failed else 0)
+
+
+def _simulate(
+    lake: Lake, database: str | None, workers: int | None, run: Run | None, quiet: bool
+) -> list[tuple[str, str]]:
+    from scenarionet_pipelines.machine import default_workers
+    from scenarionet_sim.evaluation.evaluation import find_broken
+
+    with Progress("simulate", "part", is_quiet=quiet) as progress:
+        processes = workers or default_workers()
+        return find_broken(lake, database, workers=processes, run_jobs=run, on_progress=progress.update)
+
+
+def _refuse(output: str | None, broken: str | None, scorecard: bool) -> None:
+    """Refuse what cannot be written before anything is asked."""
+    if output and not scorecard:
+        raise BadParameter("-o writes the scorecard: add --scorecard, or write the broken ones with --broken FILE")
+    for path, option in ((output, "-o"), (broken, "--broken")):
+        if path:
+            check_suffix(path, option)
+
+
+def _write(rows: Any, path: str) -> None:
+    import polars
+
+    table = polars.DataFrame(rows)
+    write_table(table, path)
+    click.echo(f"{count(len(table), 'row')} in {path}", err=True)
+
+
+def _content(findings: Findings, card: Scorecard | None, made: Database | None) -> dict[str, Any]:
+    content: dict[str, Any] = {"checks": [asdict(result) for result in findings.results]}
+    if card:
+        content["scorecard"] = card.to_dict()
+    if made:
+        content["good"] = {"reference": made.reference} | asdict(made.lineage)
+    return content
+
+
+# --- for a person -----------------------------------------------------------------------------------------
+
+
+def _print(findings: Findings, card: Scorecard | None, made: Database | None) -> None:
+    if card:
+        _print_card(card)
+    else:
+        print_table((_mark(result), result.name, result.doc) for result in findings.results)
+        for result in findings.results:
+            _print_examples(result)
+    if made:
+        total = sum(findings.totals["scenarios"].to_pylist())
+        click.echo(f"\n{made.reference}: {len(made):,} of {count(total, 'scenario')}")
+
+
+def _print_examples(result: CheckResult) -> None:
+    if not result.examples:
+        return
+    broken = [count(result.num_scenarios, "scenario")] if result.num_scenarios else []
+    broken += [count(result.num_others, "map or shard").replace("shards", "shard")] if result.num_others else []
+    within = ", as many as the budget allows" if result.is_met else ""
+    click.echo(f"\n{result.name}: {' and '.join(broken)}{within}, for example")
+    print_table(("", scenario_id or "-", detail) for scenario_id, detail in result.examples)
+
+
+def _mark(result: CheckResult) -> str:
+    return _word(result.is_met, result.is_hard)
+
+
+def _word(is_met: bool, is_hard: bool) -> str:
+    if is_met:
+        return "ok"
+    return "FAILED" if is_hard else "doubtful"
+
+
+def _print_card(card: Scorecard) -> None:
+    for number, partition in enumerate(card.partitions):
+        click.echo(("\n" if number else "") + "/".join((partition.dataset, partition.version, partition.split)))
+        print_table(_facts(partition))
+        print_table(
+            (
+                "",
+                _word(mark.is_met, mark.is_hard),
+                mark.check,
+                mark.broken,
+                f"{mark.share:.2%}",
+                one_line(": ".join(mark.examples[0])) if mark.examples else "",
+            )
+            for mark in partition.marks
+        )
+    for check, detail in card.others:
+        click.echo(f"\n{check}: {detail}")
+
+
+def _facts(partition: Partition) -> list[tuple[str, str, str]]:
+    found = f"{count(partition.scenarios, 'scenario')}, {partition.quarantined:,} in quarantine"
+    budgets = ", ".join(f"{name} {value:g}" for name, value in asdict(partition.budgets).items())
+    coverage = partition.coverage
+    published = f"{coverage.text} ({coverage.release.source})" if coverage else "nothing is published about this split"
+    return [("", "holds", found), ("", "split", published), ("", "budgets", budgets)]

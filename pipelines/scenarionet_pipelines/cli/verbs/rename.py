@@ -1,0 +1,28 @@
+"""``scenarionet rename``: another name for a database."""
+
+from __future__ import annotations
+
+import click
+
+from scenarionet_pipelines.cli.group import verb
+from scenarionet_pipelines.cli.output import print_json
+from scenarionet_pipelines.cli.parameters import json_option, lake_argument
+
+
+@verb("rename", "scenarionet rename lake busy crowded", "scenarionet rename lake tmp train --json")
+@lake_argument
+@click.argument("database", metavar="DB")
+@click.argument("name", metavar="NAME")
+@json_option
+def command(lake: str, database: str, name: str, as_json: bool) -> None:
+    """Give a database, with all its versions, another name.
+
+    Refused where other databases were made from it, which name it in their lineage.
+    """
+    from scenarionet_data import Lake
+
+    Lake(lake).rename(database, name)
+    if as_json:
+        print_json({"before": database, "name": name})
+    else:
+        click.echo(f"{database} -> {name}")

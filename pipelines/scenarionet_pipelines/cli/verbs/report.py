@@ -1,0 +1,71 @@
+"""``scenarionet report``: a lake on one page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from scenarionet_data.errors import BadParameter
+from scenarionet_pipelines.cli import output
+from scenarionet_pipelines.cli.group import verb
+from scenarionet_pipelines.cli.parameters import (
+    json_option,
+    lake_argument,
+    quiet_option,
+    replace_option,
+    snapshot_option,
+)
+from scenarionet_pipelines.cli.progress import Progress
+
+
+@verb(
+    "report",
+    "scenarionet report lake -o report.html",
+    "scenarionet report lake busy_train busy_val -o splits.html --replace",
+    "scenarionet report lake -o quick.html --no-checks",
+)
+@lake_argument
+@click.argument("databases", metavar="[DB]...", nargs=-1)
+@click.option("-o", "--output", "file", required=True, metavar="FILE", help="The page to write, .html.")
+@click.option("--checks/--no-checks", "is_checked", default=True, help="Ask which scenarios break which rule.")
+@snapshot_option
+@replace_option
+@json_option
+@quiet_option
+def command(
+    lake: str,
+    databases: tuple[str, ...],
+    file: str,
+    is_checked: bool,
+    snapshot: int | None,
+    replace: bool,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Write a page about a lake, or about some of its databases side by side.
+
+    What it holds, the databases compared, distributions, which scenarios break which rule, and pictures of typical,
+    extreme and random scenarios. One HTML file that holds everything and opens without a network; send it to a
+    colleague as it is. Needs the extra `plots`.
+    """
+    from scenarionet_data import Lake
+    from scenarionet_pipelines.report import gather, write
+
+    path = Path(file)
+    if path.suffix not in (".html", ".htm"):
+        raise BadParameter(f"{file}: a report is a web page; give a name that ends in .html")
+    if path.exists() and not replace:
+        raise BadParameter(f"{file} is there already; give another name, or --replace")
+    with Progress(f"report {path.name}", "percent", is_quiet=quiet) as progress:
+        opened = Lake(lake, snapshot)
+        contents = gather(
+            opened, databases, is_checked=is_checked, on_progress=lambda done, of: progress.update(done, of, 0)
+        )
+        write(contents, path)
+    num_bytes, count = path.stat().st_size, sum(part.statistics.count for part in contents.parts)
+    if as_json:
+        names = [part.name for part in contents.parts]
+        output.print_json({"file": file, "bytes": num_bytes, "databases": names, "scenarios": count})
+    else:
+        click.echo(f"{file}: {output.count(count, 'scenario')}, {output.size(num_bytes)}")

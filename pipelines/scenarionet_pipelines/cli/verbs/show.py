@@ -1,0 +1,62 @@
+"""``scenarionet show``: what is known about one scenario."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from scenarionet_data.errors import BadParameter
+from scenarionet_pipelines.cli.group import verb
+from scenarionet_pipelines.cli.output import print_json, print_table
+from scenarionet_pipelines.cli.parameters import json_option, lake_argument, replace_option, snapshot_option
+
+if TYPE_CHECKING:
+    from scenarionet_data import Lake
+
+
+@verb(
+    "show",
+    "scenarionet show lake waymo/v1.2/637f20cafde22ff8",
+    "scenarionet show lake 637f20caf --json",
+    "scenarionet show lake 637f20caf --picture scenario.png",
+)
+@lake_argument
+@click.argument("scenario_id", metavar="ID")
+@click.option("--picture", type=click.Path(dir_okay=False), help="Draw it into this .png, .svg or .pdf file, too.")
+@snapshot_option
+@replace_option
+@json_option
+def command(
+    lake: str, scenario_id: str, picture: str | None, snapshot: int | None, replace: bool, as_json: bool
+) -> None:
+    """Show one scenario's facts, with their units, and a picture of it.
+
+    ID is the scenario's id, or a part of it that only this scenario has. The picture shows the current timestep
+    from above, and needs the extra `plots`; `scenarionet render` draws other moments, and videos.
+    """
+    from scenarionet_data import Lake
+    from scenarionet_data.schema import tables
+
+    opened = Lake(lake, snapshot)
+    facts = opened.facts(scenario_id)
+    if picture:
+        _draw(opened, facts["scenario_id"], picture, replace=replace)
+        click.echo(f"drawn in {picture}", err=True)
+    if as_json:
+        print_json(facts)
+        return
+    metadata = tables.load("metadata")
+    units = {column.name: column.unit for column in (*metadata.columns, *metadata.derived)}
+    rows = [(name, value, units.get(name, "")) for name, value in facts.items() if value is not None]
+    print_table(rows, max_cell=100)
+
+
+def _draw(lake: Lake, scenario_id: str, picture: str, *, replace: bool) -> None:
+    from scenarionet_data import ScenarioLoader
+    from scenarionet_data.plots import scenario_figure, write_figure
+
+    if Path(picture).exists() and not replace:
+        raise BadParameter(f"{picture} is there already; give another name, or --replace")
+    write_figure(picture, scenario_figure(ScenarioLoader(lake, [scenario_id])[0]))

@@ -1,0 +1,114 @@
+"""``scenarionet tag``: columns of one's own."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+import click
+
+from scenarionet_data.errors import BadParameter
+from scenarionet_pipelines.cli.group import verb
+from scenarionet_pipelines.cli.output import count, print_json, print_table
+from scenarionet_pipelines.cli.parameters import json_option, lake_argument, new_version_option
+
+if TYPE_CHECKING:
+    from scenarionet_data import Lake
+    from scenarionet_data.databases.user_columns import Layer
+
+
+@verb(
+    "tag",
+    'scenarionet tag lake fast --where "ego_max_speed > 20"',
+    "scenarionet tag lake cut_ins --event cut_in:max_gap=20",
+    'scenarionet tag lake red_seconds --sql "SELECT scenario_id, 0.1 * count(*) FROM at_red GROUP BY scenario_id"',
+    "scenarionet tag lake score --file scores.csv --column score",
+    "scenarionet tag lake",
+    "scenarionet tag lake --drop score",
+    "scenarionet tag lake --drop score@1 --force",
+)
+@lake_argument
+@click.argument("name", required=False)
+@click.option("--where", metavar="EXPR", help="A label: whether this condition over the columns of metadata holds.")
+@click.option("--event", metavar="NAME:KEY=VALUE,...", help="A count: how often this event happens.")
+@click.option("--sql", "query", metavar="SELECT", help="A SELECT of scenario_id and one more column.")
+@click.option(
+    "--file", type=click.Path(dir_okay=False), help="A .csv or .parquet file with scenario_id and one more column."
+)
+@click.option("--column", metavar="NAME", help="With --file: the column, where there are several.")
+@new_version_option
+@click.option("--drop", metavar="NAME", help="Remove this column, or a version of it: NAME@VERSION.")
+@click.option("--force", is_flag=True, help="With --drop: also when databases need it; they cannot be rebuilt then.")
+@json_option
+def command(
+    lake: str,
+    name: str | None,
+    where: str | None,
+    event: str | None,
+    query: str | None,
+    file: str | None,
+    column: str | None,
+    replace: bool,
+    drop: str | None,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Add a column to scenarios: a label, a count, a score, an embedding; or remove it.
+
+    It is a side table, keyed by scenario id; nothing is rewritten. `--where`, `sql` and every filter know it like any
+    other column; scenarios without a value have null. Without a NAME, the lake's columns of this kind are listed.
+    A column that queries of databases asked is not removed without --force.
+    """
+    from scenarionet_data import Lake
+
+    opened = Lake(lake)
+    given = {"--where": where, "--event": event, "--sql": query, "--file": file}
+    chosen = [(option, value) for option, value in given.items() if value is not None]
+    if (drop and (name or chosen or column or replace)) or (force and not drop):
+        raise BadParameter("--drop NAME stands alone, or with --force")
+    if drop:
+        _drop(opened, drop, force, as_json)
+        return
+    if name is None and not chosen:
+        _list(opened, as_json)
+        return
+    if name is None:
+        raise BadParameter("wanted a NAME for the column: scenarionet tag LAKE NAME ...")
+    if len(chosen) != 1 or (column and not file):
+        raise BadParameter(f"wanted one of {', '.join(given)} (and --column only with --file)")
+    layer = _tag(opened, name, *chosen[0], column, replace)
+    if as_json:
+        print_json(asdict(layer) | {"reference": layer.reference})
+    else:
+        click.echo(f"{layer.reference}: {layer.type} for {layer.count:,} of {count(len(opened), 'scenario')}")
+
+
+def _tag(lake: Lake, name: str, option: str, value: str, column: str | None, replace: bool) -> Layer:
+    if option == "--where":
+        return lake.tag_where(name, value, replace=replace)
+    if option == "--event":
+        return lake.tag_event(name, value, replace=replace)
+    if option == "--sql":
+        return lake.tag_by_sql(name, value, replace=replace)
+    return lake.tag_from_file(name, value, column, replace=replace)
+
+
+def _drop(lake: Lake, reference: str, force: bool, as_json: bool) -> None:
+    lake.untag(reference, force=force)
+    if as_json:
+        print_json({"dropped": reference})
+    else:
+        click.echo(f"dropped {reference}")
+
+
+def _list(lake: Lake, as_json: bool) -> None:
+    from scenarionet_data.databases import user_columns
+
+    found = [user_columns.read(lake.files, name, version) for name, version in lake.layers.items()]
+    if as_json:
+        print_json({"layers": [asdict(layer) | {"reference": layer.reference} for layer in found]})
+    elif found:
+        rows = [(layer.reference, layer.type, layer.count, layer.source, layer.created_at) for layer in found]
+        print_table(rows, ("column", "type", "scenarios", "from", "at"), max_cell=60)
+    else:
+        click.echo("No columns yet: scenarionet tag LAKE NAME --where ...")

@@ -1,0 +1,162 @@
+"""Opens the cluster that a profile describes, and closes what it started."""
+
+from __future__ import annotations
+
+import importlib
+import logging
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from scenarionet_data import version
+from scenarionet_data.errors import BadParameter, ClusterLost, MissingDependency
+from scenarionet_pipelines.cluster import profile as profiles
+from scenarionet_pipelines.cluster.profile import Profile
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+    from scenarionet_pipelines.cluster.dask_executor import Crew
+
+_CONNECT_WITHIN = 15.0
+
+_CLASSES = {
+    "local": ("distributed", "LocalCluster", "cluster"),
+    "ssh": ("distributed", "SSHCluster", "ssh"),
+    "slurm": ("dask_jobqueue", "SLURMCluster", "slurm"),
+    "kubernetes": ("dask_kubernetes.operator", "KubeCluster", "kubernetes"),
+}
+"""Dask's class for each kind: module, name, and our extra that installs it."""
+
+
+@contextmanager
+def open_cluster(name: str, workers: int | None = None) -> Iterator[Crew]:
+    """The workers of a cluster, until the block ends.
+
+    Args:
+        name: A profile's name, a profile's file, or a scheduler's address.
+        workers: How many to start, in place of the profile's number.
+
+    Raises:
+        BadParameter: There is no such profile, or an existing scheduler was to have other workers.
+        MissingDependency: A package that this kind of cluster needs is not installed.
+        ClusterLost: The scheduler does not answer, it has no workers, or they have other software.
+    """
+    found = profiles.find(name)
+    if workers is not None and found.kind == "scheduler":
+        raise BadParameter(f"--workers: {found.address} has the workers that it has; start more with `dask worker`")
+    found = found if workers is None else replace(found, workers=workers)
+    with ExitStack() as stack:
+        dask, crew_class = _load()
+        # Warnings about busy event loops and lost workers; what matters of them is reported as a shard's fate.
+        stack.enter_context(_quiet("distributed"))
+        stack.enter_context(dask.config.set(dict(found.config)))
+        where = found.address or stack.enter_context(_start(found))
+        client = stack.enter_context(_connected(where))
+        crew: Crew = crew_class(client, found.in_flight, found.patience)
+        crew.wait_for_worker()
+        _check_software(client)
+        yield crew
+
+
+def _load() -> tuple[Any, type[Crew]]:
+    try:
+        dask = importlib.import_module("dask")
+        importlib.import_module("distributed")
+    except ImportError as error:
+        raise _missing("cluster") from error
+    from scenarionet_pipelines.cluster.dask_executor import Crew
+
+    return dask, Crew
+
+
+def _missing(extra: str) -> MissingDependency:
+    return MissingDependency(
+        f"this cluster needs packages that are not installed: pip install 'scenarionet-lake[{extra}]'"
+    )
+
+
+def _start(profile: Profile) -> Any:
+    """The started cluster of a profile; its workers may still be on their way."""
+    module, name, extra = _CLASSES[profile.kind]
+    try:
+        make = getattr(importlib.import_module(module), name)
+    except ImportError as error:
+        raise _missing(extra) from error
+    try:
+        return _STARTS[profile.kind](make, profile)
+    except Exception as error:  # asyncssh's, Kubernetes', Dask's own: they have no base in common
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise ClusterLost(f"the cluster of kind {profile.kind} does not start: {reason}; see its profile") from error
+
+
+def _start_local(make: Callable[..., Any], profile: Profile) -> Any:
+    from scenarionet_pipelines.machine import default_workers
+
+    return make(n_workers=profile.workers or default_workers(), **profile.options)
+
+
+def _start_ssh(make: Callable[..., Any], profile: Profile) -> Any:
+    return make(**profile.options)
+
+
+def _start_scaled(make: Callable[..., Any], profile: Profile) -> Any:
+    cluster = make(**profile.options)
+    cluster.scale(max(1, profile.workers))
+    return cluster
+
+
+_STARTS = {"local": _start_local, "ssh": _start_ssh, "slurm": _start_scaled, "kubernetes": _start_scaled}
+
+
+@contextmanager
+def _connected(where: Any) -> Iterator[Client]:
+    from distributed import Client
+
+    try:
+        client = Client(where, timeout=_CONNECT_WITHIN, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise ClusterLost(
+            f"{where}: no scheduler answers there; start one with `dask scheduler`, and workers with "
+            "`dask worker ADDRESS --nthreads 1 --memory-limit 2GiB`"
+        ) from error
+    try:
+        yield client
+    finally:
+        client.close(timeout=2)
+
+
+def _check_software(client: Client) -> None:
+    """Workers with another version would write what this version does not expect.
+
+    Raises:
+        ClusterLost: Naming a worker and what it has.
+    """
+    wanted = version.name_and_version()
+    try:
+        answers = client.run(version.name_and_version, on_error="return")
+    except OSError:  # a worker that left just now; the run goes on with the others
+        return
+    for worker, found in answers.items():
+        if isinstance(found, OSError):
+            continue
+        if found != wanted:
+            raise ClusterLost(
+                f"worker {worker} has {found!r}, this is {wanted}: install the same version on every worker "
+                "and start it again"
+            )
+
+
+@contextmanager
+def _quiet(name: str) -> Iterator[None]:
+    """Silence a package's loggers, each of which may have a level of its own."""
+    loggers = [logging.getLogger(each) for each in (name, *logging.root.manager.loggerDict) if each.startswith(name)]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)

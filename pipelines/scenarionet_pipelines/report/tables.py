@@ -1,0 +1,186 @@
+"""The tables of a report."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from scenarionet_pipelines.report.markup import Markup, joined, tag
+
+if TYPE_CHECKING:
+    from scenarionet_data.operations.comparison import Measure, Statistics
+    from scenarionet_data.quality.scorecard import Mark, Partition, Scorecard
+    from scenarionet_pipelines.report.contents import Part
+
+
+_LEAST = 0.001
+
+
+def number(value: float | None) -> str:
+    """A number as people read it; a dash where there is none.
+
+    Example:
+        >>> number(12345), number(0.123456), number(float("nan"))
+        ('12,345', '0.123', '-')
+    """
+    if value is None or not math.isfinite(value):
+        return "-"
+    if float(value).is_integer():
+        return f"{value:,.0f}"
+    if abs(value) < _LEAST:
+        return f"< {_LEAST}"
+    return f"{value:,.1f}" if abs(value) >= 100 else f"{value:.3g}"
+
+
+def plural(count: int, noun: str) -> str:
+    """A number with its noun."""
+    return f"{count:,} {noun}{'' if count == 1 else 's'}"
+
+
+def table(head: Iterable[str], rows: Iterable[Iterable[Markup]], label: str) -> Markup:
+    """A table that scrolls sideways where it is wider than the page.
+
+    Args:
+        head: Of the columns; one that ends in ``#`` is of numbers.
+        rows: Cells, elements already.
+        label: What it is, for who does not see it.
+    """
+    heads = (tag("th", name.rstrip("#"), scope="col", class_="number" if name.endswith("#") else None) for name in head)
+    body = tag("tbody", *(tag("tr", *row) for row in rows))
+    whole = tag("table", tag("thead", tag("tr", *heads)), body, aria_label=label)
+    return tag("div", whole, class_="scroll", tabindex=0, role="region", aria_label=label)
+
+
+def summary(rows: Sequence[dict[str, Any]]) -> Markup:
+    """Datasets, versions and splits."""
+    numbers = ("scenarios", "hours", "total_objects", "mean_ego_distance", "mean_vehicles")
+    head = (
+        "dataset",
+        "version",
+        "split",
+        "scenarios#",
+        "hours#",
+        "objects#",
+        "ego distance [m], mean#",
+        "vehicles, mean#",
+    )
+    cells = (
+        (
+            _row_head(row["dataset"]), tag("td", row["version"]), tag("td", row["split"]),
+            *(_number(row[name]) for name in numbers),
+        )
+        for row in rows
+    )  # fmt: skip
+    return table(head, cells, "What the lake holds")
+
+
+def comparison(statistics: Sequence[Statistics]) -> Markup:
+    """Measures of databases side by side."""
+    full = next(each.measures for each in statistics if each.measures)
+    if len(statistics) == 1:
+        return _one(full, statistics[0].name)
+    counts = (_row_head("scenarios"), *(_number(each.count) for each in statistics))
+    rows = [
+        (_measure_head(measure), *(_measured(each.measures[place : place + 1]) for each in statistics))
+        for place, measure in enumerate(full)
+    ]
+    return table(("measure", *(f"{each.name}#" for each in statistics)), (counts, *rows), "Comparison")
+
+
+def _one(measures: Sequence[Measure], name: str) -> Markup:
+    """Measures of one database, a column a statistic."""
+    head = ("measure", "mean#", "standard deviation#", "smallest#", "largest#", "scenarios#")
+    rows = [
+        (
+            _measure_head(measure),
+            *([_ratio(measure.mean), *[tag("td")] * 3] if measure.unit == "ratio"
+              else [_number(value) for value in (measure.mean, measure.std, measure.min, measure.max)]),
+            _number(measure.scenarios),
+        )
+        for measure in measures
+    ]  # fmt: skip
+    return table(head, rows, f"Measures of {name}")
+
+
+def _ratio(value: float | None) -> Markup:
+    return tag("td", "-" if value is None else f"{value:.1%}", class_="number")
+
+
+def _measure_head(measure: Measure) -> Markup:
+    unit = tag("span", f" [{measure.unit}]", class_="unit") if measure.unit not in ("", "ratio") else None
+    return tag("th", measure.measure, unit, scope="row")
+
+
+def _measured(measures: tuple[Measure, ...]) -> Markup:
+    if not measures or measures[0].mean is None:
+        return tag("td", "-", class_="number")
+    (measure,) = measures
+    if measure.unit == "ratio":
+        return _ratio(measure.mean)
+    spread = f" ± {number(measure.std)}" if measure.std is not None else ""
+    between = tag("small", f"{number(measure.min)} to {number(measure.max)}")
+    return tag("td", number(measure.mean) + spread, between, class_="number")
+
+
+def missing(parts: Sequence[Part]) -> Markup | None:
+    """Columns that some scenarios have no value in; None when there are none."""
+    names = dict.fromkeys(name for part in parts for name in part.missing)
+    if not names:
+        return None
+    rows = (
+        (_row_head(name), *(_share(part.missing.get(name, 0), part.statistics.count) for part in parts))
+        for name in names
+    )
+    return table(("column", *(f"{part.name}#" for part in parts)), rows, "Missing values")
+
+
+def _share(count: int, of: int) -> Markup:
+    said = f"{number(count)} ({count / of:.1%})" if 0 < count < of else "all" if count else "none"
+    return tag("td", said, class_="number")
+
+
+def scorecard(card: Scorecard) -> Markup:
+    """What breaks which rule, split by split."""
+    others = (tag("p", tag("strong", check), ": ", detail) for check, detail in card.others)
+    return joined(*map(_partition, card.partitions), *others)
+
+
+def _partition(partition: Partition) -> Markup:
+    name = "/".join((partition.dataset, partition.version, partition.split))
+    said = f"{plural(partition.scenarios, 'scenario')}, {partition.quarantined:,} in quarantine"
+    published = f"; {partition.coverage.text}" if partition.coverage else ""
+    broken = [mark for mark in partition.marks if mark.broken]
+    held = [mark.check for mark in partition.marks if not mark.broken]
+    rules = table(("rule", "", "broken by#", "share#", "for example"), map(_mark, broken), f"Rules that {name} breaks")
+    return joined(
+        tag("h3", name),
+        tag("p", f"{said}{published}.", class_="note"),
+        rules if broken else None,
+        tag(
+            "details", tag("summary", f"{plural(len(held), 'rule')} that no scenario breaks"), tag("p", ", ".join(held))
+        )
+        if held
+        else None,
+    )
+
+
+def _mark(mark: Mark) -> tuple[Markup, ...]:
+    word = "ok" if mark.is_met else "failed" if mark.is_hard else "doubtful"
+    said = {"ok": "within budget", "failed": "failed", "doubtful": "doubtful"}[word]
+    example = ": ".join(mark.examples[0]) if mark.examples else ""
+    return (
+        _row_head(mark.check),
+        tag("td", said, class_=word),
+        _number(mark.broken),
+        tag("td", f"{mark.share:.2%}", class_="number"),
+        tag("td", example, class_="wide"),
+    )
+
+
+def _row_head(name: str) -> Markup:
+    return tag("th", name, scope="row")
+
+
+def _number(value: float | None) -> Markup:
+    return tag("td", number(value), class_="number")

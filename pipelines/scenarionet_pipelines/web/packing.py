@@ -1,0 +1,145 @@
+"""A scenario as bytes for the browser: a JSON header, then plain arrays that JavaScript views without parsing.
+
+Layout: the header's length (uint32, little-endian), the header (UTF-8, padded with spaces to a multiple of 4),
+then the arrays one after the other, each beginning at a multiple of 4. ``header["arrays"]`` gives dtype, shape and
+first byte after the header of each. ``static/scene.js`` reads it.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from typing import Any
+
+import numpy as np
+
+from scenarionet_data.arrays.dtypes import Array, UInt8
+from scenarionet_data.arrays.geometry import median_sizes
+from scenarionet_data.arrays.ragged import Ragged
+from scenarionet_data.scenario.description import Lights, MapFeatures, ScenarioDescription, Tracks
+from scenarionet_data.scenario.stop_points import light_places
+from scenarionet_data.scenario.vocabulary import (
+    LIGHT_COLORS,
+    LightColor,
+    LightState,
+    MapFeatureType,
+    ObjectType,
+    is_lane,
+    is_road_edge,
+    is_road_line,
+    names,
+)
+
+_ALIGNMENT = 4
+_KINDS = ("lane", "line", "edge", "crosswalk", "stop", "area")
+_TYPES = names(ObjectType)
+_FEATURES = names(MapFeatureType)
+_STATES = names(LightState)
+
+
+def pack(scenario: ScenarioDescription) -> bytes:
+    """The scenario's motion, lights and map as bytes.
+
+    Positions are float32 metres in the scenario frame, headings radians; a timestep is a row's second axis.
+    """
+    features = scenario.map
+    arrays: dict[str, Array] = {"time": scenario.timestamps.astype(np.float32)}
+    arrays |= _motion(scenario.tracks) | _shown(scenario.lights, features)
+    header: dict[str, Any] = {
+        "id": scenario.id,
+        "dt": scenario.dt,
+        "now": scenario.current_timestep,
+        "ego": scenario.ego_index,
+        "objects": _objects(scenario),
+        "lights": [str(name) for name in scenario.lights.ids],
+        "lightStates": list(_STATES),
+        "lightColors": [LightColor(color).name for color in LIGHT_COLORS],
+        "features": [],
+    }
+    if features is not None:
+        header["features"] = _features(features)
+        arrays |= _points("line", features.polyline) | _points("area", features.polygon)
+    return _layout(header, arrays)
+
+
+def _motion(tracks: Tracks) -> dict[str, Array]:
+    return {
+        "position": tracks.position[..., :2],
+        "heading": tracks.heading,
+        "velocity": tracks.velocity,
+        "size": median_sizes(tracks.size, tracks.valid),
+        "valid": tracks.valid.astype(np.uint8),
+    }
+
+
+def _objects(scenario: ScenarioDescription) -> list[dict[str, Any]]:
+    tracks, predicted = scenario.tracks, {track_id for track_id, _ in scenario.tracks_to_predict}
+    interesting = set(scenario.objects_of_interest)
+    return [
+        {
+            "id": str(track_id),
+            "type": _TYPES[code],
+            "source": None if source is None else str(source),
+            "interesting": track_id in interesting,
+            "predicted": track_id in predicted,
+        }
+        for track_id, code, source in zip(tracks.ids, tracks.object_type, tracks.source_type, strict=True)
+    ]
+
+
+def _shown(lights: Lights, features: MapFeatures | None) -> dict[str, Array]:
+    """Where lights stand and what they show."""
+    stop = lights.stop_point[:, :2]
+    if features is not None:
+        rows = np.flatnonzero(is_lane(features.types))
+        stop = light_places(lights, features.ids[rows], features.polyline.take(rows))[1]
+    return {"lightPosition": stop, "lightState": lights.state}
+
+
+def _features(features: MapFeatures) -> list[dict[str, Any]]:
+    """Facts of map features; a speed limit in m/s, None where unknown."""
+    return [
+        {
+            "id": str(name),
+            "type": _FEATURES[code] or str(code),
+            "kind": kind,
+            "limit": None if np.isnan(limit) else round(float(limit), 2),
+        }
+        for name, code, kind, limit in zip(
+            features.ids, features.types, _kinds(features.types), features.speed_limit, strict=True
+        )
+    ]
+
+
+def _kinds(types: UInt8) -> list[str]:
+    """What each feature is drawn as."""
+    chosen = np.select(
+        [
+            is_lane(types),
+            is_road_line(types),
+            is_road_edge(types),
+            types == MapFeatureType.CROSSWALK,
+            np.isin(types, (MapFeatureType.STOP_LINE, MapFeatureType.STOP_SIGN)),
+        ],
+        range(len(_KINDS) - 1),
+        len(_KINDS) - 1,
+    )
+    return [_KINDS[number] for number in chosen]
+
+
+def _points(name: str, lists: Ragged) -> dict[str, Array]:
+    return {f"{name}Points": lists.values[:, :2].astype(np.float32), f"{name}Offsets": lists.offsets}
+
+
+def _layout(header: dict[str, Any], arrays: dict[str, Array]) -> bytes:
+    chunks: list[bytes] = []
+    described, offset = {}, 0
+    for name, array in arrays.items():
+        little = np.ascontiguousarray(array, array.dtype.newbyteorder("<"))
+        chunk = little.tobytes()
+        described[name] = {"type": little.dtype.name, "shape": list(little.shape), "offset": offset}
+        chunks += [chunk, b"\0" * (-len(chunk) % _ALIGNMENT)]
+        offset += len(chunk) + -len(chunk) % _ALIGNMENT
+    text = json.dumps(header | {"arrays": described}, allow_nan=False).encode()
+    text += b" " * (-len(text) % _ALIGNMENT)
+    return b"".join([struct.pack("<I", len(text)), text, *chunks])

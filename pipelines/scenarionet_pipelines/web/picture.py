@@ -1,0 +1,26 @@
+"""Colours and measures of pictures, for the browser: the player shows what thumbnails and videos show."""
+
+from __future__ import annotations
+
+from scenarionet_data.plots import palette
+from scenarionet_data.scenario.vocabulary import ObjectType, names
+
+PICTURE = {
+    "ground": palette.GROUND,
+    "road": palette.ROAD,
+    "arrow": palette.ARROW,
+    "edge": palette.EDGE,
+    "white": palette.WHITE,
+    "yellow": palette.YELLOW,
+    "ink": palette.INK,
+    "ego": palette.EGO,
+    "objects": {name: palette.object_color(code) for code, name in enumerate(names(ObjectType))},
+    "lights": {color.name: {"fill": fill, "shape": shape} for color, (fill, shape) in palette.LIGHTS.items()},
+    "lineWidth": palette.LINE,
+    "stopLineWidth": palette.STOP_LINE,
+    "dashes": [palette.DASH, palette.GAP],
+    "stripes": [palette.STRIPE, palette.STRIPE],
+    "arrowEvery": palette.ARROW_EVERY,
+    "routeWidth": palette.ROUTE,
+}
+"""Colours in hexadecimal, objects by type, lights by colour with the shape that tells them apart; measures in m."""

@@ -1,0 +1,93 @@
+"""The server that runs while somebody browses: a port of this machine, found before anything is said about it."""
+
+from __future__ import annotations
+
+import socket
+
+from scenarionet_data import Lake
+from scenarionet_data.errors import BadParameter, MissingDependency
+from scenarionet_pipelines.web.app import make_app
+
+USUAL_PORT = 8642
+"""Taken unless it is in use: an address to come back to."""
+
+try:
+    import uvicorn
+except ImportError as error:
+    raise MissingDependency("browsing needs a web server: pip install 'scenarionet-lake[web]'") from error
+
+
+class Server:
+    """A lake's pages at an address of this machine.
+
+    Args:
+        lake: What is shown.
+        host: Address to listen at; ``127.0.0.1`` is reached from this machine alone.
+        port: Port to listen at, 0 for any free one; None for the usual one, or any when that is taken.
+        is_writable: Whether the page may save databases.
+
+    Raises:
+        BadParameter: The address cannot be had.
+
+    Example:
+        with Server(Lake("lake")) as server:
+            print(server.address)
+            server.run()
+    """
+
+    def __init__(
+        self, lake: Lake, host: str = "127.0.0.1", port: int | None = None, *, is_writable: bool = False
+    ) -> None:
+        self._socket = _listen(host, port)
+        app = make_app(lake, is_writable=is_writable, names=frozenset({host, socket.gethostname()}))
+        self._server = uvicorn.Server(
+            uvicorn.Config(
+                app,
+                log_level="warning",
+                access_log=False,
+                server_header=False,
+                lifespan="off",
+                ws="none",
+                timeout_graceful_shutdown=2,
+            )
+        )
+        shown = f"[{host}]" if ":" in host else host
+        self.address = f"http://{shown}:{self._socket.getsockname()[1]}/"
+
+    def __enter__(self) -> Server:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._socket.close()
+
+    def run(self) -> None:
+        """Answer until interrupted, or told to :meth:`stop`."""
+        self._server.run(sockets=[self._socket])
+
+    def stop(self) -> None:
+        """Make :meth:`run` return, from another thread."""
+        self._server.should_exit = True
+
+
+def _listen(host: str, port: int | None) -> socket.socket:
+    if port is None:
+        try:
+            return _bound(host, USUAL_PORT)
+        except OSError:
+            port = 0
+    try:
+        return _bound(host, port)
+    except OSError as error:
+        raise BadParameter(f"{host}:{port} cannot be listened at: {error.strerror}; try another --port") from error
+
+
+def _bound(host: str, port: int) -> socket.socket:
+    found = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET)
+    try:
+        found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        found.bind((host, port))
+        found.listen(128)
+    except OSError:
+        found.close()
+        raise
+    return found

@@ -1,0 +1,1 @@
+"""Arrays of numbers: dtypes, ragged arrays, plane geometry, and how loops are compiled."""

@@ -1,0 +1,1 @@
+"""Raw recordings in an object store: listing, download and temporary folders."""

@@ -1,0 +1,1 @@
+"""Readers of raw file formats that several datasets share."""

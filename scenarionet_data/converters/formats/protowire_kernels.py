@@ -1,0 +1,134 @@
+"""The compiled part of ``protowire``: a walk over the fields of messages and one over the elements of lists.
+
+Reading never leaves a message. Damage moves the position to ``_BAD``, beyond every end, so that loops stop by
+themselves, and a loop that does not stop exactly at its end has met damage. Indices are unsigned because the test
+for Python's negative ones takes time, and a walk is one long function because handing its arrays on to others takes
+four times as long. All of it is one file because the compiler's cache does not see changes in other files.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from scenarionet_data.arrays.dtypes import Int32, Int64, UInt8, UInt64
+
+VARINT, DOUBLE, BYTES, FLOAT = 0, 1, 2, 5
+"""Wire types."""
+
+_BAD = np.int64(1 << 62)
+
+
+@njit(cache=True)
+def walk(buffer: UInt8, firsts: Int32, ends: Int32, wires: Int64, values: UInt64, fields: Int32) -> np.int64:
+    """Goes through the fields of messages.
+
+    Args:
+        buffer: All bytes.
+        firsts, ends: (n,) where each message begins and ends.
+        wires: (w,) wire types; number f of message m goes to ``values[m, f - 1]`` if ``wires[f - 1]`` is its own.
+        values: (n, w).
+        fields: (5, k) message, field number, wire type, first byte and end of the content; may be too short.
+
+    Returns:
+        How many fields there are; -1 - b if the message that begins at byte b is damaged.
+    """
+    count = np.int64(0)
+    for message in range(len(firsts)):
+        pos, end = np.int64(firsts[message]), np.int64(ends[message])
+        while pos < end:
+            tag, pos = _read_varint(buffer, pos, end)
+            number, wire = tag >> 3, tag & 7
+            is_wanted = 0 < number <= len(wires) and wires[number - 1] == wire
+            first = pos
+            if wire == VARINT:
+                value, pos = _read_varint(buffer, pos, end)
+                if is_wanted:
+                    values[message, number - 1] = np.uint64(value)
+            elif wire == DOUBLE and end - pos >= 8:
+                if is_wanted:
+                    values[message, number - 1] = _bits(buffer, pos, 8)
+                pos += 8
+            elif wire == FLOAT and end - pos >= 4:
+                if is_wanted:
+                    values[message, number - 1] = _bits(buffer, pos, 4)
+                pos += 4
+            elif wire == BYTES:
+                size, first = _read_varint(buffer, pos, end)
+                pos = first + size if 0 <= size <= end - first else _BAD
+            else:
+                pos = _BAD
+            if number < 1 or number >= 1 << 29:
+                pos = _BAD
+            if count < fields.shape[1] and pos <= end:
+                fields[0, count] = message
+                fields[1, count] = number
+                fields[2, count] = wire
+                fields[3, count] = first
+                fields[4, count] = pos
+            count += 1
+        if pos != end:
+            return -1 - np.int64(firsts[message])
+    return count
+
+
+@njit(cache=True)
+def unpack(buffer: UInt8, firsts: Int32, ends: Int32, wire: int, elements: Int64) -> np.int64:
+    """Goes through the elements of lists.
+
+    Args:
+        buffer: All bytes.
+        firsts, ends: (n,) where each list begins and ends.
+        wire: Wire type of an element, VARINT or DOUBLE.
+        elements: (2, k) row of the list and bits of each element; k must be the number of bytes or more.
+
+    Returns:
+        How many elements there are; -1 - b if the list that begins at byte b is damaged.
+    """
+    count = np.int64(0)
+    for run in range(len(firsts)):
+        pos, end = np.int64(firsts[run]), np.int64(ends[run])
+        while pos < end:
+            bits = np.int64(0)
+            if wire == VARINT:
+                bits, pos = _read_varint(buffer, pos, end)
+            elif end - pos >= 8:
+                bits, pos = np.int64(_bits(buffer, pos, 8)), pos + 8
+            else:
+                pos = _BAD
+            elements[0, count] = run
+            elements[1, count] = bits
+            count += 1
+        if pos != end:
+            return -1 - np.int64(firsts[run])
+    return count
+
+
+@njit(cache=True, forceinline=True)
+def _read_varint(buffer: UInt8, pos: np.int64, end: np.int64) -> tuple[np.int64, np.int64]:
+    """Value, as 64 signed bits, and the position behind it; nearly all are one byte long."""
+    if pos < end and buffer[np.uint64(pos)] < 0x80:
+        return np.int64(buffer[np.uint64(pos)]), pos + 1
+    return _read_long_varint(buffer, pos, end)
+
+
+@njit(cache=True)
+def _read_long_varint(buffer: UInt8, pos: np.int64, end: np.int64) -> tuple[np.int64, np.int64]:
+    value, shift = np.int64(0), np.int64(0)
+    while pos < end and shift < 70:
+        byte = np.int64(buffer[np.uint64(pos)])
+        pos += 1
+        value |= (byte & 0x7F) << shift
+        if byte < 0x80 and (shift < 63 or byte < 2):
+            return value, pos
+        shift += 7
+    return np.int64(0), _BAD
+
+
+@njit(cache=True, forceinline=True)
+def _bits(buffer: UInt8, pos: np.int64, size: int) -> np.uint64:
+    """``size`` bytes as a number, the lowest first; becomes a single load."""
+    bits = np.uint64(0)
+    for i in range(size):
+        bits |= np.uint64(buffer[np.uint64(pos) + np.uint64(i)]) << np.uint64(8 * i)
+    return bits

@@ -1,0 +1,93 @@
+"""Timesteps between nuScenes' keyframes (2 Hz; Lyft's 5 Hz), and what is seen at keyframes at those steps.
+
+The time from one keyframe to the next is cut into equal steps, so that every keyframe is a timestep and what was
+annotated there is kept as it is; keyframes come up to 50 ms early or late, so that steps last 0.09 to 0.11 s. In
+between, positions and sizes go in a straight line, headings the shorter way round. Where an object is not
+annotated at both keyframes around a step, or a keyframe is missing there, it is not valid.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int64
+from scenarionet_data.arrays.geometry import wrap_angle
+
+HEADING = 3
+"""Column of boxes and poses that is an angle."""
+_GAP = 1e6
+"""Time [us] between poses over which the ego is not interpolated; they come every 0.05 s."""
+_PERIOD = 0.5
+"""Time [s] between keyframes that a scene of a single one is taken to have."""
+
+
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """T timesteps over K keyframes.
+
+    Attributes:
+        dt: Nominal step [s].
+        times: (T,) [us], as the keyframes' are given.
+        keyframe: (T,) last keyframe at or before each step.
+        share: (T,) way from there to the next keyframe, 0 at a keyframe.
+        is_gap: (T,) whether a keyframe is missing between the two.
+    """
+
+    dt: float
+    times: Float64
+    keyframe: Int64
+    share: Float64
+    is_gap: Bool
+
+    @property
+    def at_keyframes(self) -> Int64:
+        """(K,) timestep of each keyframe."""
+        return np.flatnonzero(self.share == 0)
+
+
+def nominal_period(times: Float64) -> float:
+    """Nominal time [s] between keyframes at ``times`` (K,) [us], in whole twentieths of a second."""
+    return max(round(float(np.median(np.diff(times))) * 20e-6), 1) / 20 if len(times) > 1 else _PERIOD
+
+
+def make_steps(times: Float64, period: float, rate: int) -> Steps:
+    """Steps over keyframes at ``times`` (K,) [us], about ``rate`` a second, but a keyframe is never left out."""
+    spans = np.diff(times)
+    num_parts = max(1, round(rate * period))
+    num_periods = np.maximum(1, np.round(spans * 1e-6 / period).astype(np.int64))
+    counts = np.append(num_periods * num_parts, 1)
+    keyframe = np.repeat(np.arange(len(times)), counts)
+    share = (np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[keyframe]
+    return Steps(
+        dt=period / num_parts,
+        times=times[keyframe] + share * np.append(spans, 0.0)[keyframe],
+        keyframe=keyframe,
+        share=share,
+        is_gap=np.append(num_periods > 1, False)[keyframe] & (share > 0),
+    )
+
+
+def boxes_at(steps: Steps, boxes: Float64, seen: Bool) -> tuple[Float64, Bool]:
+    """Boxes (N, T, 7) and validity (N, T) at the steps, from those at keyframes, (N, K, 7) and (N, K)."""
+    before, after = steps.keyframe, np.minimum(steps.keyframe + 1, boxes.shape[1] - 1)
+    valid = seen[:, before] & (seen[:, after] | (steps.share == 0)) & ~steps.is_gap
+    return _blend(boxes[:, before], boxes[:, after], steps.share), valid
+
+
+def poses_at(times: Float64, pose_times: Float64, poses: Float64) -> tuple[Float64, Bool]:
+    """Poses (T, 4) and validity (T,) at ``times`` (T,) [us], from recorded ones (P, 4) at ``pose_times`` (P,)."""
+    after = np.searchsorted(pose_times, times).clip(0, len(pose_times) - 1)
+    before = np.where(pose_times[after] > times, np.maximum(after - 1, 0), after)
+    span = pose_times[after] - pose_times[before]
+    share = np.where(span > 0, (times - pose_times[before]) / np.where(span > 0, span, 1.0), 0.0)
+    return _blend(poses[before], poses[after], share), span <= _GAP
+
+
+def _blend(before: Float64, after: Float64, share: Float64) -> Float64:
+    """(..., T, C) between ``before`` and ``after``; exactly ``before`` where ``share`` (T,) is 0."""
+    change = after - before
+    change[..., HEADING] = wrap_angle(change[..., HEADING])
+    blended: Float64 = before + share[:, None] * change
+    return blended

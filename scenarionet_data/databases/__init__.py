@@ -1,0 +1,1 @@
+"""Records of databases and user columns: names, versions, lineage and their files."""

@@ -1,0 +1,126 @@
+"""What a notebook shows of a scenario, a lake or a database: a small picture and the facts, as HTML.
+
+Everything that comes from a recording or a name is escaped; pictures are part of the page.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable, Iterable, Sequence
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+from scenarionet_data.errors import MissingDependency, ScenarioNetError
+
+if TYPE_CHECKING:
+    from scenarionet_data.databases.record import Database
+    from scenarionet_data.lake.lake import Lake
+    from scenarionet_data.scenario.description import ScenarioDescription
+
+_PICTURES = 4
+_CELL = "padding:2px 12px 2px 0;text-align:left;vertical-align:top;font-size:12px"
+
+_HOLDS = """
+SELECT dataset, version, split, count(*) AS scenarios, round(sum(duration) / 3600, 2) AS hours,
+    round(avg(ego_distance), 1) AS mean_ego_distance, round(avg(num_objects), 1) AS mean_num_objects
+FROM metadata GROUP BY ALL ORDER BY ALL
+"""
+
+_SPREAD = """
+SELECT scenario_id FROM metadata ORDER BY hash(scenario_id) LIMIT $count
+"""
+"""Some scenarios, the same ones every time."""
+
+
+def scenario_card(scenario: ScenarioDescription) -> str:
+    """A scenario's picture and facts."""
+    tracks, source = scenario.tracks, scenario.source
+    seconds = float(scenario.timestamps[-1] - scenario.timestamps[0])
+    facts = {
+        "scenario": scenario.id,
+        "split": scenario.split,
+        "time": f"{scenario.num_timesteps} timesteps, {seconds:.1f} s, now at {scenario.current_timestep}",
+        "objects": f"{len(tracks)}, the ego is {scenario.ego_id}",
+        "lights": f"{len(scenario.lights)}",
+        "map": f"{len(scenario.map):,} features" if scenario.map else "none",
+        "place": ", ".join(filter(None, (source.city, source.date))) or "unknown",
+        "licence": source.licence,
+    }
+    return _card(_facts(facts), [_picture(scenario)])
+
+
+def database_card(database: Database) -> str:
+    """A database's facts and its first scenarios."""
+    lineage = database.lineage
+    facts = {
+        "database": database.reference,
+        "scenarios": f"{len(database):,}",
+        "made by": lineage.operation + (f" of {', '.join(lineage.parents)}" if lineage.parents else ""),
+        "with": " ".join(lineage.sql.split())[:300],
+        "when": f"{lineage.created_at}, on snapshot {lineage.snapshot}",
+    }
+    from scenarionet_data.lake.lake import Lake
+
+    first = database.members["scenario_id"][:_PICTURES].to_pylist()
+    root, snapshot = database.files.root, lineage.snapshot
+    return _card(_facts(facts), _pictures(lambda: Lake(root, snapshot), first))
+
+
+def lake_card(lake: Lake) -> str:
+    """A lake's facts: what it holds by dataset and split, its databases, and some of its scenarios."""
+    rows = lake.sql(_HOLDS)
+    table = (
+        _table(rows.columns, rows.rows()) if len(rows) else "<p>no scenarios yet: <code>scenarionet convert</code></p>"
+    )
+    databases = ", ".join(lake.databases) or "none yet"
+    facts = {"lake": str(lake.root), "snapshot": f"{lake.snapshot.number}", "databases": databases}
+    spread = lake.sql(_SPREAD, {"count": _PICTURES})["scenario_id"].to_list()
+    return _card(_facts(facts) + table, _pictures(lambda: lake, spread))
+
+
+def _pictures(open_lake: Callable[[], Lake], ids: Sequence[str]) -> list[str]:
+    from scenarionet_data.loader import ScenarioLoader
+
+    try:
+        return [_picture(scenario) for scenario in ScenarioLoader(open_lake(), ids)] if ids else []
+    except ScenarioNetError as error:  # the facts are there all the same
+        return [f"<small>no pictures: {escape(str(error))}</small>"]
+
+
+def _picture(scenario: ScenarioDescription) -> str:
+    try:
+        from scenarionet_data.plots import thumbnail
+
+        data = base64.b64encode(thumbnail(scenario, (220, 165))).decode("ascii")
+    except MissingDependency as error:
+        return f"<small>{escape(str(error))}</small>"
+    words = escape(scenario.id, quote=True)
+    return f'<img src="data:image/png;base64,{data}" width="220" height="165" alt="{words}" title="{words}">'
+
+
+def _facts(facts: dict[str, str]) -> str:
+    rows = "".join(
+        f'<tr><th style="{_CELL}">{escape(name)}</th>'
+        f'<td style="{_CELL};word-break:break-word">{escape(words)}</td></tr>'
+        for name, words in facts.items()
+    )
+    return f"<table>{rows}</table>"
+
+
+def _table(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    head = "".join(f'<th style="{_CELL}">{escape(name)}</th>' for name in columns)
+    body = "".join(
+        "<tr>" + "".join(f'<td style="{_CELL}">{escape(_word(value))}</td>' for value in row) + "</tr>" for row in rows
+    )
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _word(value: Any) -> str:
+    if value is None:
+        return "-"
+    return f"{value:,}" if isinstance(value, int | float) else str(value)
+
+
+def _card(facts: str, pictures: list[str]) -> str:
+    row = f'<div style="display:flex;gap:6px;flex-wrap:wrap">{"".join(pictures)}</div>' if pictures else ""
+    return f'<div style="display:flex;gap:16px;flex-wrap:wrap;align-items:flex-start">{row}<div>{facts}</div></div>'

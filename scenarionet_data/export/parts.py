@@ -1,0 +1,79 @@
+"""A database of pickles written in parts, by whoever runs them: each part into a folder of its own, then joined.
+
+Workers find the scenarios in a file of the database that is being written, so that a job is two numbers; who does a
+part again, because a worker was lost, writes into another folder.
+"""
+
+from __future__ import annotations
+
+import pickle
+import shutil
+import tempfile
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, cast
+
+from scenarionet_data.errors import InvalidScenario
+from scenarionet_data.execution.executors import Run
+from scenarionet_data.export.pickling import Written, write_scenarios
+from scenarionet_data.scenario.description import ScenarioDescription
+
+PART = 64
+
+_SOURCE = ".scenarios"
+
+Entries = list[Written | InvalidScenario]
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Scenarios ``first`` to before ``end``, to be written below ``draft``."""
+
+    draft: Path
+    first: int
+    end: int
+
+
+def write_parts(scenarios: Iterable[ScenarioDescription], draft: Path, run: Run) -> Iterator[Written | InvalidScenario]:
+    """Pickle scenarios in parts; what became of each, in their order.
+
+    Args:
+        scenarios: A sequence that can be pickled, such as a ScenarioLoader.
+        draft: The database being written; a place that every worker sees.
+        run: Who writes.
+    """
+    sequence = cast(Sequence[ScenarioDescription], scenarios)
+    (draft / _SOURCE).write_bytes(pickle.dumps(sequence))
+    total = len(sequence)
+    parts = [_Part(draft, first, min(first + PART, total)) for first in range(0, total, PART)]
+    waiting: dict[int, Entries] = {}
+    following = 0
+    for first, entries in run(parts, _write_part, _lost_part):
+        waiting[first] = entries
+        while following in waiting:
+            yield from waiting.pop(following)
+            following += PART
+    for path in draft.glob(".*"):
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+
+
+def _write_part(part: _Part) -> tuple[int, Entries]:
+    """Write a part, on a worker; its number and what became of each scenario."""
+    scenarios = _source(part.draft / _SOURCE)
+    folder = Path(tempfile.mkdtemp(prefix=f".{part.first}-", dir=part.draft))
+    chosen = (scenarios[number] for number in range(part.first, part.end))
+    return part.first, [*write_scenarios(chosen, folder)]
+
+
+def _lost_part(part: _Part, reason: str) -> tuple[int, Entries]:
+    return part.first, [
+        InvalidScenario(f"scenario {k} of the database", "-", reason) for k in range(part.first, part.end)
+    ]
+
+
+@lru_cache(maxsize=1)
+def _source(path: Path) -> Any:
+    """The scenarios: opened once a process."""
+    return pickle.loads(path.read_bytes())  # noqa: S301  # written a moment ago by who asks for the part

@@ -1,0 +1,87 @@
+"""The statistics that ScenarioNet keeps in a pickle's metadata and that its filters read.
+
+Same definitions as ``ScenarioDescription.update_summaries`` of MetaDrive 0.4.3, from the dictionary that is
+written, so that merging or copying a database there changes nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from scenarionet_data.arrays.dtypes import Bool
+
+_ROAD_LINES = ("ROAD_LINE_", "UNKNOWN_LINE")
+_MOVING_DISTANCE = 1.0
+_MAX_HEIGHT_DIFF = 10.0
+
+
+def summarize(description: Mapping[str, Any]) -> dict[str, Any]:
+    """``object_summary`` and ``number_summary`` of a description."""
+    objects = {track_id: summarize_object(track_id, track) for track_id, track in description["tracks"].items()}
+    return {"object_summary": objects, "number_summary": _summarize_numbers(description, objects)}
+
+
+def summarize_object(track_id: str, track: Mapping[str, Any]) -> dict[str, Any]:
+    """Length and distance of one track.
+
+    ``moving_distance`` [m] adds the steps between consecutive valid timesteps, over gaps too;
+    ``continuous_valid_length`` is the number of timesteps of the first unbroken run.
+    """
+    valid = np.asarray(track["state"]["valid"]).astype(bool).reshape(-1)
+    position = track["state"]["position"]
+    steps = np.diff(position[valid][:, :2], axis=0)
+    return {
+        "type": track["type"],
+        "object_id": track_id,
+        "track_length": len(position),
+        "moving_distance": float(np.sqrt((steps * steps).sum(axis=1)).sum(dtype=np.float64)),
+        "valid_length": int(np.count_nonzero(valid)),
+        "continuous_valid_length": _first_run(valid),
+    }
+
+
+def _first_run(valid: Bool) -> int:
+    rest = valid[int(np.argmax(valid)) :] if valid.any() else valid[:0]
+    return int(np.argmin(rest)) if not rest.all() else len(rest)
+
+
+def _summarize_numbers(description: Mapping[str, Any], objects: Mapping[str, Any]) -> dict[str, Any]:
+    types = [str(track["type"]) for track in description["tracks"].values()]
+    moving = [str(o["type"]) for o in objects.values() if o["moving_distance"] > _MOVING_DISTANCE]
+    lights = description["dynamic_map_states"]
+    shown = Counter(state for light in lights.values() for state in light["state"]["object_state"] if state is not None)
+    return {
+        "num_objects": len(types),
+        "object_types": set(types),
+        "num_objects_each_type": dict(Counter(types)),
+        "num_moving_objects": len(moving),
+        "num_moving_objects_each_type": dict(Counter(moving)),
+        "num_traffic_lights": len(lights),
+        "num_traffic_light_types": set(shown),
+        "num_traffic_light_each_step": dict(shown),
+        "num_map_features": len(description["map_features"]),
+        "map_height_diff": map_height_diff(description["map_features"]),
+    }
+
+
+def map_height_diff(map_features: Mapping[str, Any]) -> float:
+    """Highest minus lowest point of the road lines [m]; -inf when none has a z.
+
+    Like MetaDrive's, it stops at the first line that takes it above 10 m: a flag for overpasses, no measurement.
+    """
+    highest, lowest = -math.inf, math.inf
+    for feature in map_features.values():
+        if not feature["type"].startswith(_ROAD_LINES):
+            continue
+        polyline = np.asarray(feature["polyline"])
+        if polyline.shape[-1] == 3:
+            highest = max(highest, float(polyline[:, 2].max()))
+            lowest = min(lowest, float(polyline[:, 2].min()))
+        if highest - lowest > _MAX_HEIGHT_DIFF:
+            break
+    return highest - lowest

@@ -1,0 +1,161 @@
+"""A database of pickles on disk: one file per scenario, the summary of all metadata, the mapping to folders.
+
+It is written beside its place and renamed when complete, so that nobody ever sees half of it. Scenarios stream
+through; only the summary, which MetaDrive wants as one pickle, grows with their number.
+"""
+
+from __future__ import annotations
+
+import secrets
+import shutil
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scenarionet_data.errors import BadParameter, DatabaseExists, InvalidScenario, LakeError, ScenarioNetError
+from scenarionet_data.execution.executors import Run
+from scenarionet_data.export.parts import write_parts
+from scenarionet_data.export.pickling import Written, dump, twice, write_scenarios
+from scenarionet_data.scenario.description import ScenarioDescription
+
+SUMMARY_FILE = "dataset_summary.pkl"
+MAPPING_FILE = "dataset_mapping.pkl"
+
+
+@dataclass(frozen=True)
+class ExportReport:
+    """What :func:`export` did.
+
+    Attributes:
+        directory: The database.
+        num_scenarios, num_bytes: Pickled scenarios and their size.
+        refused: Scenarios that the format cannot hold, left out of the database.
+    """
+
+    directory: Path
+    num_scenarios: int
+    num_bytes: int
+    refused: tuple[InvalidScenario, ...]
+
+
+def export(
+    scenarios: Iterable[ScenarioDescription],
+    directory: Path,
+    *,
+    replace: bool = False,
+    run: Run | None = None,
+    on_progress: Callable[[int], None] | None = None,
+) -> ExportReport:
+    """Write a ScenarioNet database.
+
+    Args:
+        scenarios: In the order of MetaDrive's scenario index.
+        directory: The database; new or empty, unless ``replace``.
+        replace: Replace a database of pickles that is there.
+        run: Writes parts of it, for example on a cluster; ``scenarios`` is a sequence that can be pickled then.
+        on_progress: Called with the number of scenarios done.
+
+    Raises:
+        DatabaseExists: ``directory`` is not empty, or holds other things than a database.
+        BadParameter: There was no scenario to write.
+        InvalidScenario: None of the scenarios could be written; the first one's reason.
+        LakeError: The disk is full, or ``directory`` may not be written.
+    """
+    directory = Path(directory)
+    _check_target(directory, replace)
+    summary: dict[str, Any] = {}
+    refused: list[InvalidScenario] = []
+    num_bytes = 0
+    with _new_directory(directory) as draft:
+        entries = write_scenarios(scenarios, draft) if run is None else write_parts(scenarios, draft, run)
+        for done, entry in enumerate(entries, start=1):
+            try:
+                num_bytes += _take(entry, draft, summary)
+            except InvalidScenario as error:
+                refused.append(error)
+            if on_progress:
+                on_progress(done)
+        if not summary:
+            raise refused[0] if refused else BadParameter(f"{directory}: there is no scenario to export")
+        dump(_without_arrays(summary), draft / SUMMARY_FILE)
+        dump(dict.fromkeys(summary, ""), draft / MAPPING_FILE)
+    return ExportReport(directory, len(summary), num_bytes, tuple(refused))
+
+
+def _take(entry: Written | InvalidScenario, draft: Path, summary: dict[str, Any]) -> int:
+    """Take a pickled scenario into the database; returns its size."""
+    if isinstance(entry, InvalidScenario):
+        raise entry
+    name = entry.path.name
+    if name in summary:
+        raise twice(entry.scenario_id, name)
+    entry.path.replace(draft / name)
+    summary[name] = entry.metadata
+    return entry.num_bytes
+
+
+def _without_arrays(value: Any) -> Any:
+    """As ScenarioNet's summaries: arrays as lists, sets as tuples."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, set):
+        return tuple(sorted(value))
+    if isinstance(value, dict):
+        return {key: _without_arrays(inner) for key, inner in value.items()}
+    return value
+
+
+def _check_target(directory: Path, replace: bool) -> None:
+    if not directory.exists() or (directory.is_dir() and not any(directory.iterdir())):
+        return
+    foreign = [p.name for p in directory.iterdir() if not _is_ours(p)] if directory.is_dir() else [directory.name]
+    if foreign:
+        raise DatabaseExists(f"{directory}: holds {foreign[0]!r}, no database of pickles; give another directory")
+    if not replace:
+        raise DatabaseExists(f"{directory}: is not empty; --replace it, or give another directory")
+
+
+def _is_ours(path: Path) -> bool:
+    is_scenario = path.suffix == ".pkl" and (path.stem.startswith("sd_") or path.stem.isdigit())
+    return path.is_file() and (is_scenario or path.name in (SUMMARY_FILE, MAPPING_FILE))
+
+
+@contextmanager
+def _new_directory(directory: Path) -> Iterator[Path]:
+    """A sibling that takes ``directory``'s place when the block ends, and vanishes when it fails.
+
+    Raises:
+        LakeError: The disk is full, or does not allow it; whoever writes the parts.
+    """
+    mark = secrets.token_hex(4)
+    draft = directory.with_name(f".{directory.name}.{mark}.new")
+    try:
+        draft.mkdir(parents=True)
+        yield draft
+        _swap_in(draft, directory, directory.with_name(f".{directory.name}.{mark}.old"))
+    except ScenarioNetError:
+        raise
+    except OSError as error:
+        raise LakeError(
+            f"cannot write {directory}: {error.strerror or error}; nothing of it is left: free some space or choose "
+            "another directory, and run the same command again"
+        ) from error
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+
+
+def _swap_in(draft: Path, directory: Path, old: Path) -> None:
+    if not directory.exists():
+        draft.replace(directory)
+        return
+    directory.replace(old)
+    try:
+        draft.replace(directory)
+    except OSError:
+        old.replace(directory)
+        raise
+    shutil.rmtree(old)

@@ -1,0 +1,1 @@
+"""Units of conversion work and the properties of raw input."""

@@ -1,0 +1,1 @@
+"""The handles ``Lake`` and ``Database``."""

@@ -1,0 +1,138 @@
+"""Whether a pack is whole: every checksum, footer, row, member and reference in it."""
+
+from __future__ import annotations
+
+import tarfile
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path, PurePosixPath
+
+import pyarrow as pa
+
+from scenarionet_data.databases import record as databases
+from scenarionet_data.errors import BadParameter
+from scenarionet_data.packs.contents import SUMS
+from scenarionet_data.schema import tables
+from scenarionet_data.storage.files.local import LakeFiles, sha256
+from scenarionet_data.storage.snapshots import snapshot as snapshots
+from scenarionet_data.storage.verifying import Damage, verify
+
+_LISTS = ("snapshots", "metadata", "databases")
+
+Progress = Callable[[int, int], None]
+"""Called with files read and files to read."""
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What the verification of a pack has found.
+
+    Attributes:
+        path: The pack.
+        num_files: Files that SHA256SUMS lists.
+        references: ``name@version`` of the databases in it.
+        damages: What is wrong, one for each file.
+    """
+
+    path: Path
+    num_files: int
+    references: tuple[str, ...]
+    damages: tuple[Damage, ...]
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether nothing is wrong."""
+        return not self.damages
+
+
+def verify_pack(path: str | Path, on_progress: Progress | None = None) -> Verification:
+    """Verify a pack: a folder, or a tar, which is unpacked below the system's temporary folder for it.
+
+    Args:
+        path: The pack.
+        on_progress: Told after each file.
+
+    Raises:
+        BadParameter: There is nothing at ``path``, or no pack.
+    """
+    path = Path(path)
+    if path.is_dir():
+        return _verify_folder(path, path, on_progress)
+    if not path.is_file():
+        raise BadParameter(f"{path}: no such pack; make one with `scenarionet pack LAKE DB {path}`")
+    with tempfile.TemporaryDirectory(prefix="scenarionet-") as folder:
+        try:
+            with tarfile.open(path) as archive:
+                archive.extractall(folder, filter="data")
+        except (tarfile.TarError, EOFError) as error:
+            return Verification(path, 0, (), (Damage(path.name, f"cannot be unpacked: {error}"),))
+        inner = sorted(Path(folder).iterdir())
+        if len(inner) != 1:
+            raise BadParameter(f"{path}: no pack; wanted a tar with one folder in it, found {len(inner)}")
+        return _verify_folder(inner[0], path, on_progress)
+
+
+def _verify_folder(folder: Path, path: Path, on_progress: Progress | None) -> Verification:
+    files = LakeFiles(folder)
+    if not files.has(SUMS):
+        if not files.folders("snapshots") and not files.names("snapshots"):
+            raise BadParameter(f"{path}: no pack; wanted a folder with {SUMS}, or a tar of it")
+        return Verification(path, 0, (), (Damage(SUMS, "gone"),))
+    sums = _read_sums(files)
+    references = tuple(_references(sums))
+    damages: dict[str, Damage] = {}
+    for damage in _damages(files, sums, on_progress):
+        damages.setdefault(damage.file, damage)
+    return Verification(path, len(sums), references, tuple(damages.values()))
+
+
+def _damages(files: LakeFiles, sums: dict[str, str], on_progress: Progress | None) -> Iterator[Damage]:
+    digest = cache(lambda name: sha256(files.path(name)))
+    are_lists_whole = bool(sums)
+    if not sums:
+        yield Damage(SUMS, "lists no files, or is damaged")
+    for done, (name, wanted) in enumerate(sums.items(), start=1):
+        found = digest(name) if files.has(name) else None
+        if found != wanted:
+            yield Damage(name, "its bytes are not those that were packed: another checksum" if found else "gone")
+            are_lists_whole &= name.split("/")[0] not in _LISTS
+        if on_progress:
+            on_progress(done, len(sums))
+    if are_lists_whole:  # else nobody can say what belongs together
+        snapshot = snapshots.read(files)
+        unlisted = sorted({*snapshot.manifests, *snapshot.metadata} - set(sums))
+        if unlisted or not _references(sums):
+            yield Damage(SUMS, f"does not list {unlisted[0] if unlisted else 'the database'}")
+        yield from verify(files, snapshot, digest)
+        yield from _lost_members(files, _references(sums))
+
+
+def _read_sums(files: LakeFiles) -> dict[str, str]:
+    """SHA-256 by file name; what is no line of such a list, or leads out of the pack, is left out."""
+    text = files.path(SUMS).read_bytes().decode("utf-8", errors="replace")
+    pairs = [line.split("  ", 1) for line in text.splitlines() if "  " in line]
+    return {name: digest for digest, name in pairs if ".." not in PurePosixPath(name).parts and name[:1] != "/"}
+
+
+def _references(sums: dict[str, str]) -> list[str]:
+    """``name@version`` of the databases that were packed."""
+    paths = [PurePosixPath(name) for name in sums if name.startswith("databases/")]
+    return [f"{path.parent.name}@{path.stem}" for path in paths]
+
+
+def _lost_members(files: LakeFiles, references: list[str]) -> Iterator[Damage]:
+    """Databases with members that the snapshot does not hold as they were."""
+    snapshot = snapshots.read(files)
+    columns = ["scenario_id", "content_hash"]
+    empty = tables.load("metadata").schema.empty_table().select(columns)
+    there = pa.concat_tables([empty, *(files.read(name, columns) for name in snapshot.metadata if files.has(name))])
+    for reference in references:
+        name, version = databases.parse_reference(reference)
+        found = databases.read(files, name, version)
+        lost = found.members.select(columns).join(there, columns, join_type="left anti")
+        if lost.num_rows or not len(found):
+            example = f", for example {lost['scenario_id'][0]}" if lost.num_rows else ""
+            reason = f"{lost.num_rows:,} of {len(found):,} members are not in the pack{example}"
+            yield Damage(f"databases/{name}/{version}.parquet", reason)

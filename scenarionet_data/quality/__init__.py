@@ -1,0 +1,1 @@
+"""Checks of content: rules, reports, and the expected counts of releases."""

@@ -1,0 +1,199 @@
+"""Views over a snapshot's files, made when a query names them; their SQL lies in ``sql/views`` and ``sql/macros``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from scenarionet_data.query.statements import quoted, shows_every_column, words
+from scenarionet_data.schema import tables
+from scenarionet_data.schema.package_data import SQL
+from scenarionet_data.storage import evaluation_runs
+from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.snapshots import manifests
+from scenarionet_data.storage.snapshots.snapshot import Snapshot
+
+if TYPE_CHECKING:
+    import duckdb
+
+FILE_TABLES = ("metadata", "tracks", "lights", "maps", "quarantine", "shards", *evaluation_runs.RUN_TABLES)
+_FOLDER_COLUMNS = ("tracks", "lights", "maps")
+_TELL_COMMENTS = {"duckdb_columns", "duckdb_views", "information_schema", "pg_description"}
+_KEYS = {"metadata": "scenario_id", "tracks": "scenario_id", "lights": "scenario_id", "maps": "map_id"}
+
+
+def table_files(files: LakeFiles, snapshot: Snapshot, table: str) -> list[str]:
+    """Files of one of FILE_TABLES in a snapshot; what runs left belongs to every snapshot."""
+    if table == "metadata":
+        return list(snapshot.metadata)
+    if table in evaluation_runs.RUN_TABLES:
+        return evaluation_runs.part_files(files, table)
+    if table == "shards":
+        return list(snapshot.manifests)
+    listed = pc.unique(pc.list_flatten(manifests.column(files, snapshot, "files")))  # shards may share files
+    return sorted(listed.filter(pc.starts_with(listed, f"{table}/")).to_pylist())
+
+
+class Views:
+    """The views and macros of one connection.
+
+    Args:
+        connection: Where they are made.
+        files: The lake's files.
+        snapshot: What the views show.
+        without: Files of the snapshot that they leave out.
+        given: Tables that every question brings along, in place of the snapshot's.
+        layers: Version of each layer of users' columns that the view metadata has for queries that ask for it.
+        only: Scenarios that the views show, with their addresses; all of the snapshot's for None.
+    """
+
+    def __init__(
+        self,
+        connection: duckdb.DuckDBPyConnection,
+        files: LakeFiles,
+        snapshot: Snapshot,
+        *,
+        without: Iterable[str],
+        given: Iterable[str],
+        layers: Mapping[str, int],
+        only: pa.Table | None,
+    ) -> None:
+        self._connection = connection
+        self._files = files
+        self._snapshot = snapshot
+        self._without = set(without)
+        self._made = set(given)
+        self._commented = set(given)
+        self._layers = layers
+        self._joined: frozenset[str] = frozenset()
+        self._only = only
+        if only is not None:
+            connection.register("chosen", only.select(["scenario_id", "map_id"]))
+
+    def make(self, sql: str, layers: Iterable[str] | None = None) -> None:
+        """Create the views and macros whose names occur in a query, those they need first.
+
+        Args:
+            sql: The query.
+            layers: Those it asks; told from the query unless given.
+        """
+        if self._layers and "metadata" in words(sql):
+            self._join_layers(frozenset(self._asked_layers(sql) if layers is None else layers))
+        defined = _definitions()
+        for name in sorted(words(sql) & set(defined)):
+            self._make(name, defined)
+        if words(sql) & _TELL_COMMENTS:  # not before: they take a third of the time of a first question
+            for name in sorted(self._made - self._commented):
+                self._comment(name)
+
+    def _asked_layers(self, sql: str) -> Iterable[str]:
+        """Layers that a query names; all, where it asks for every column or for whole rows."""
+        return self._layers if shows_every_column(self._connection, sql) else words(sql) & set(self._layers)
+
+    def _join_layers(self, names: frozenset[str]) -> None:
+        """Let the view metadata have these layers: a join of a layer takes time, whether it is looked at or not."""
+        if names != self._joined and "metadata" in self._made:
+            self._connection.execute("DROP VIEW metadata")
+            self._made.remove("metadata")
+            self._commented.discard("metadata")
+        self._joined = names
+
+    def _make(self, name: str, defined: Mapping[str, Path]) -> None:
+        if name in self._made:
+            return
+        text = defined[name].read_text("utf-8")
+        needs = re.search(r"^-- needs: (.*)$", text, re.MULTILINE)
+        for needed in needs.group(1).split(", ") if needs else []:
+            self._make(needed, defined)
+        table = name.removesuffix("_rows")
+        if table in FILE_TABLES:
+            text = text.replace("{files}", self._relation(table)).replace("{derived}", _derived(table))
+            text = text.replace("{layers}", self._layer_joins())
+        self._connection.execute(text)
+        self._made.add(name)
+
+    def _comment(self, name: str) -> None:
+        """Give a view and its columns the contract's words."""
+        self._commented.add(name)
+        if name not in FILE_TABLES:
+            return
+        table = tables.load(name)
+        comments = [f"COMMENT ON VIEW {name} IS {quoted(table.doc)}"]
+        for column in (*table.columns, *table.derived):
+            meaning = column.doc + (f" [{column.unit}]" if column.unit else "")
+            comments.append(f"COMMENT ON COLUMN {name}.{column.name} IS {quoted(meaning)}")
+        self._connection.execute("; ".join(comments))
+
+    def _relation(self, table: str) -> str:
+        """SQL for a table's files: a scan, or no rows of the right types when there are none."""
+        listed = self._chosen_files(table)
+        names = [name for name in listed if name not in self._without]
+        if not names:
+            columns = [f"NULL::{_sql_type(c)} AS {c.name}" for c in tables.load(table).columns]
+            folders = ["NULL::VARCHAR AS " + name for name in _hive_columns(table)]
+            return f"(SELECT {', '.join(columns + folders)} WHERE false)"
+        paths = self._files.scans(names)
+        self._connection.execute(f"SET VARIABLE {table}_files = $paths", {"paths": paths})
+        hive = str(table in _FOLDER_COLUMNS).lower()
+        scan = f"read_parquet(getvariable('{table}_files'), hive_partitioning = {hive}" + (
+            ", hive_types_autocast = false)" if table in _FOLDER_COLUMNS else ")"
+        )
+        if self._only is None or table not in _KEYS:
+            return scan
+        return f"(SELECT * FROM {scan} SEMI JOIN chosen USING ({_KEYS[table]}))"
+
+    def _chosen_files(self, table: str) -> list[str]:
+        """A table's files; of chosen scenarios, those that hold a part of one."""
+        listed = table_files(self._files, self._snapshot, table)
+        if self._only is None or table not in ("tracks", "lights"):  # maps may be shared: their files have no address
+            return listed
+        wanted = set(pc.unique(self._only[f"{table}_file"]).to_pylist())
+        return [name for name in listed if name in wanted]
+
+    def _layer_joins(self) -> str:
+        """SQL that joins the layers to metadata."""
+        paths = {name: self._files.path(f"layers/{name}/{self._layers[name]}.parquet") for name in sorted(self._joined)}
+        joins = [
+            f"LEFT JOIN read_parquet({quoted(str(path))}) AS layer_{name} USING (scenario_id)"
+            for name, path in paths.items()
+        ]
+        return " ".join(joins)
+
+
+def _definitions() -> dict[str, Path]:
+    """File of each view and macro by name."""
+    return {path.stem: path for folder in ("macros", "views") for path in (SQL / folder).glob("*.sql")}
+
+
+def _derived(table: str) -> str:
+    """SQL of the contract's derived columns, each with a comma before."""
+    return "".join(f", {column.sql} AS {column.name}" for column in tables.load(table).derived)
+
+
+def _hive_columns(table: str) -> Sequence[str]:
+    if table not in _FOLDER_COLUMNS:
+        return ()
+    return ("dataset", "version") if table == "maps" else ("dataset", "split", "version")
+
+
+_SQL_TYPES = {
+    "bool": "BOOLEAN",
+    "int8": "TINYINT",
+    "int32": "INTEGER",
+    "int64": "BIGINT",
+    "uint64": "UBIGINT",
+    "float32": "FLOAT",
+    "float64": "DOUBLE",
+    "string": "VARCHAR",
+    "json": "VARCHAR",
+    "dictionary": "VARCHAR",
+}
+
+
+def _sql_type(column: tables.Column) -> str:
+    return _SQL_TYPES[column.element] + ("[]" if column.is_list else "")

@@ -1,0 +1,1 @@
+"""One scenario as frozen, typed arrays, with its vocabulary and validation."""

@@ -1,0 +1,11 @@
+"""Finds the contract and the SQL, which stand beside the packages in a checkout and inside them in a wheel."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+_HERE = Path(__file__).parents[1]
+_ROOT = _HERE if (_HERE / "schemas").is_dir() else _HERE.parent
+
+SCHEMAS = _ROOT / "schemas"
+SQL = _ROOT / "sql"

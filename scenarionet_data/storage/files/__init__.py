@@ -1,0 +1,1 @@
+"""Files of a lake, in a local folder or in an object store."""

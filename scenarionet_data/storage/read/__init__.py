@@ -1,0 +1,1 @@
+"""Reading of scenarios and shared maps from Parquet files."""

@@ -1,0 +1,1 @@
+"""Snapshots: immutable lists of the shards of a lake, and how commits publish them."""

@@ -1,0 +1,125 @@
+"""Manifests: the Parquet files of a snapshot that list its shards, and what is asked of them together."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+from functools import cache
+
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from scenarionet_data.errors import NoSuchSnapshot, SchemaMismatch
+from scenarionet_data.schema import tables
+from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.snapshots import snapshot as snapshots
+from scenarionet_data.storage.snapshots.shard_record import ShardRecord
+from scenarionet_data.storage.snapshots.snapshot import Snapshot
+from scenarionet_data.storage.write.table_file import write_table
+
+_MAX_MANIFESTS = 16
+
+
+def shard_table(files: LakeFiles, snapshot: Snapshot) -> pa.Table:
+    """Every shard of a snapshot as rows of ``schemas/shards.toml``, in order of partition and name."""
+    schema = tables.load("shards").schema
+    with snapshots.reading_from(files, snapshot):
+        parts = _read_all(files, snapshot.manifests)
+    together = pa.concat_tables([schema.empty_table(), *(part.cast(schema) for part in parts)])
+    return together.sort_by([(name, "ascending") for name in ("dataset", "version", "split", "name", "key")])
+
+
+def column(files: LakeFiles, snapshot: Snapshot, name: str) -> pa.ChunkedArray:
+    """One column of :func:`shard_table`, in any order."""
+    with snapshots.reading_from(files, snapshot):
+        parts = [rows[name] for rows in _read_all(files, snapshot.manifests, [name])]
+    return pa.chunked_array(
+        [chunk for part in parts for chunk in part.chunks], tables.load("shards").schema.field(name).type
+    )
+
+
+def shards(files: LakeFiles, snapshot: Snapshot) -> list[ShardRecord]:
+    """Every shard of a snapshot as records."""
+    return [ShardRecord(**row) for row in shard_table(files, snapshot).to_pylist()]
+
+
+def read(files: LakeFiles, name: str, columns: list[str] | None = None) -> pa.Table:
+    """The shards that a manifest lists.
+
+    Raises:
+        LakeError: It is gone or damaged, or of another version of the contract.
+    """
+    return _read_all(files, [name], columns)[0]
+
+
+def _read_all(files: LakeFiles, names: Sequence[str], columns: list[str] | None = None) -> list[pa.Table]:
+    found = files.read_all(names, columns)
+    for name, rows in zip(names, found, strict=True):
+        tables.load("shards").check_version(rows.schema.metadata, name)
+    return found
+
+
+def check_schemas(files: LakeFiles, snapshot: Snapshot) -> None:
+    """Refuse a snapshot with files of another version of the contract.
+
+    Raises:
+        SchemaMismatch: Naming a shard, what was found and what to do.
+    """
+    names, found = (column(files, snapshot, name).to_pylist() for name in ("name", "schemas"))
+    for name, tag in zip(names, found, strict=True):
+        if tag != tables.content_tag():
+            raise SchemaMismatch(
+                f"{files.root}: shard {name} was written under {tag}, this version reads {tables.content_tag()}; "
+                "convert its recordings again with --replace, or use the version that wrote them"
+            )
+
+
+def write(files: LakeFiles, base: Snapshot, added: Iterable[ShardRecord], removed: frozenset[str]) -> tuple[str, ...]:
+    """Manifests of ``base`` with shards added and (by key) removed.
+
+    Usually one new manifest beside the old ones; folded into one when shards go or too many gather.
+    """
+    fresh = [asdict(record) for record in added]
+    if not removed and len(base.manifests) < _MAX_MANIFESTS:
+        return (*base.manifests, _write_file(files, fresh)) if fresh else base.manifests
+    kept = [row for row in shard_table(files, base).to_pylist() if row["key"] not in removed]
+    return (_write_file(files, kept + fresh),)
+
+
+def _write_file(files: LakeFiles, rows: list[dict[str, object]]) -> str:
+    ordered = sorted(rows, key=lambda row: str(row["key"]))
+    # The same shard may lie in other files since it was converted: its metadata file's name tells.
+    told = "\n".join(f"{row['key']} {row['metadata_file']}" for row in ordered)
+    name = f"{snapshots.FOLDER}/manifest-{hashlib.blake2b(told.encode(), digest_size=8).hexdigest()}.parquet"
+    files.publish(write_table(files, "shards", ordered, {}), name)
+    return name
+
+
+class NamedFiles:
+    """Which files snapshots name; each manifest is read once.
+
+    Args:
+        files: The lake.
+    """
+
+    def __init__(self, files: LakeFiles) -> None:
+        self._files = files
+        self._listed = cache(self._read)
+
+    def of(self, number: int) -> set[str]:
+        """Every file that a snapshot needs: what is read, and what its next consolidation falls back to.
+
+        Empty when it has expired meanwhile.
+        """
+        try:
+            snapshot = snapshots.read(self._files, number)
+        except NoSuchSnapshot:
+            return set()
+        return set().union(snapshot.metadata, snapshot.manifests, *map(self._listed, snapshot.manifests))
+
+    def _read(self, manifest: str) -> frozenset[str]:
+        """Files of the shards that a manifest lists."""
+        rows = read(self._files, manifest, ["metadata_file", "files"])
+        names = rows["metadata_file"].drop_null().to_pylist()
+        return frozenset(names).union(pc.unique(pc.list_flatten(rows["files"])).to_pylist())

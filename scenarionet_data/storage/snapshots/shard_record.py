@@ -1,0 +1,73 @@
+"""What a shard has become: its record, and the names of its files."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from scenarionet_data.converters.base import Shard
+from scenarionet_data.schema import tables
+from scenarionet_data.storage.files.local import LakeFiles
+
+
+@dataclass(frozen=True)
+class ShardRecord:
+    """A finished shard: a row of ``schemas/shards.toml``, described there."""
+
+    key: str
+    dataset: str
+    version: str
+    split: str
+    name: str
+    options: str
+    converter_version: str
+    schemas: str
+    max_scenarios: int | None
+    items: list[str]
+    fingerprints: list[str]
+    num_scenarios: int
+    num_quarantined: int
+    metadata_file: str | None
+    files: list[str]
+    sizes: list[int]
+    checksums: list[str]
+
+
+def partition(table: str, dataset: str, version: str, split: str) -> str:
+    """Folder of a partition; maps have no split."""
+    folder = f"{table}/dataset={dataset}/version={version}"
+    return folder if table == "maps" else f"{folder}/split={split}"
+
+
+def shard_key(shard: Shard, converter_version: str) -> str:
+    """The shard's key under this version of the contract: other columns make other files."""
+    return shard.key(f"{converter_version} {tables.content_tag()}")
+
+
+def metadata_name(shard: Shard, key: str) -> str:
+    """Name of a shard's own metadata file: known before it is written, so that a finished shard is found."""
+    return f"{partition('metadata', shard.dataset, shard.version, shard.split)}/{shard.name}-{key}.parquet"
+
+
+def find_finished(files: LakeFiles, shard: Shard, converter_version: str) -> ShardRecord | None:
+    """The record of a shard that an earlier job finished, whether it was committed or not."""
+    return find_record(files, metadata_name(shard, shard_key(shard, converter_version)))
+
+
+def find_record(files: LakeFiles, name: str) -> ShardRecord | None:
+    """The record in a shard's own metadata file; None unless that and every file of the shard is there.
+
+    They are renewed, so that no ``vacuum`` takes them before they are committed.
+    """
+    if not files.has(name):
+        return None
+    try:
+        footer = pq.read_metadata(files.path(name)).metadata
+    except pa.ArrowInvalid:  # damaged since it was published: the shard is converted again
+        return None
+    record = ShardRecord(**json.loads(footer[b"scenarionet.shard"]))
+    is_whole = files.sizes(record.files) == record.sizes
+    return record if is_whole and not files.renew([name, *record.files]) else None

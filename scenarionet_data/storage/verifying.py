@@ -1,0 +1,267 @@
+"""Whether a snapshot's files are what was written: sizes, checksums, footers, and every row that is referred to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from scenarionet_data.arrays.dtypes import Int64, Object
+from scenarionet_data.errors import LakeError
+from scenarionet_data.schema import tables
+from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.snapshots import manifests
+from scenarionet_data.storage.snapshots.snapshot import Snapshot
+
+_ADDRESSED = ("tracks", "lights", "maps")
+_PARTITION = ["dataset", "version", "split"]
+
+
+@dataclass(frozen=True)
+class Written:
+    """What is known about a file since it was written; None where nothing is.
+
+    Attributes:
+        size: Bytes.
+        checksum: SHA-256, hexadecimal.
+    """
+
+    size: int | None = None
+    checksum: str | None = None
+
+
+@dataclass(frozen=True)
+class Damage:
+    """What is wrong with a file.
+
+    Attributes:
+        file: Its name, relative to the lake.
+        reason: What was wanted and what was found.
+    """
+
+    file: str
+    reason: str
+
+
+def verify(
+    files: LakeFiles,
+    snapshot: Snapshot,
+    digest: Callable[[str], str] | None = None,
+    on_progress: Callable[[int, int], None] | None = None,
+) -> Iterator[Damage]:
+    """Everything that is wrong with the files of a snapshot; each file of the lake is read once.
+
+    Args:
+        files: The lake.
+        snapshot: Which version of it.
+        digest: SHA-256 of a file by its name; computed unless given.
+        on_progress: Called with files read and files to read.
+    """
+    lists = [*snapshot.manifests, *snapshot.metadata]
+    broken = [damage for name in lists for damage in unreadable(files, name)]
+    yield from broken
+    if {damage.file for damage in broken} & set(snapshot.manifests):
+        return  # nobody can say what belongs to the snapshot
+    verifier = Verifier(files, digest=digest)
+    shards = manifests.shard_table(files, snapshot)
+    yield from verifier.files(listed(shards), on_progress)
+    if not broken:
+        yield from verifier.references(snapshot, shards)
+
+
+def listed(shards: pa.Table) -> dict[str, Written]:
+    """What is known about each file of some shards, by its name; shards may share files."""
+    columns = (pc.list_flatten(shards[name]).to_pylist() for name in ("files", "sizes", "checksums"))
+    return {name: Written(size, checksum) for name, size, checksum in zip(*columns, strict=True)}
+
+
+class Verifier:
+    """Checks files of a lake, and then whether what refers to them is true.
+
+    Args:
+        files: The lake.
+        is_deep: Whether every byte is read, and who lies in every row.
+        workers: Threads that read files.
+        digest: SHA-256 of a file by its name; computed unless given.
+    """
+
+    def __init__(
+        self,
+        files: LakeFiles,
+        *,
+        is_deep: bool = True,
+        workers: int = 1,
+        digest: Callable[[str], str] | None = None,
+    ) -> None:
+        self._files = files
+        self._is_deep = is_deep
+        self._workers = workers
+        self._digest = digest or files.digest
+        self._groups: dict[str, Int64] = {}
+
+    def files(
+        self, written: Mapping[str, Written], on_progress: Callable[[int, int], None] | None = None
+    ) -> Iterator[Damage]:
+        """What is wrong with files of tables.
+
+        Args:
+            written: What is known about each by its name.
+            on_progress: Called with files read and files to read.
+        """
+        with ThreadPoolExecutor(self._workers) as pool:
+            found = pool.map(self._file, written, written.values())
+            for done, (name, result) in enumerate(zip(written, found, strict=True), start=1):
+                if isinstance(result, Damage):
+                    yield result
+                else:
+                    self._groups[name] = result
+                if on_progress:
+                    on_progress(done, len(written))
+
+    def _file(self, name: str, written: Written) -> Damage | Int64:
+        """Rows of each row group of a file, or what is wrong with it."""
+        digest = self._digest if self._is_deep else None
+        damage = _changed(self._files, name, written, digest)
+        if damage:
+            return damage
+        try:
+            return _row_groups(self._files, name)
+        except LakeError as error:
+            return Damage(name, str(error))
+
+    def references(self, snapshot: Snapshot, shards: pa.Table) -> Iterator[Damage]:
+        """What a snapshot says that is not so, after its files have been checked.
+
+        Args:
+            snapshot: Which version of the lake.
+            shards: Its shards.
+        """
+        rows = pa.concat_tables(self._files.read_all(snapshot.metadata, _columns()) or [_no_rows()])
+        # Nobody has the rows of a shared map as an address.
+        shared = set(listed(shards.filter(pc.equal(shards["split"], ""))))
+        yield from self._wrong_addresses(rows, set(listed(shards)), shared)
+        yield from _missing_maps(rows, shards)
+        yield from _wrong_counts(rows, shards)
+
+    def _wrong_addresses(self, rows: pa.Table, known: set[str], shared: set[str]) -> Iterator[Damage]:
+        """Scenarios whose rows are not where their metadata say, one of each file; and rows of nobody."""
+        for table in _ADDRESSED:
+            addressed = rows.filter(pc.greater(rows[f"{table}_num_rows"], 0))
+            names = addressed[f"{table}_file"].cast(pa.string()).combine_chunks().dictionary_encode()
+            ids = addressed["scenario_id"].to_numpy(zero_copy_only=False)
+            parts = (addressed[f"{table}_{part}"].fill_null(-1) for part in ("row_group", "first_row", "num_rows"))
+            places = np.column_stack([part.to_numpy() for part in parts]).reshape(-1, 3)
+            codes = names.indices.fill_null(-1).to_numpy()
+            for row in np.flatnonzero(codes < 0)[:1]:
+                yield Damage(f"{table}/", f"{ids[row]} has rows, but no file that holds them")
+            for code, name in enumerate(names.dictionary.to_pylist()):
+                chosen = np.flatnonzero(codes == code)
+                if name not in known:
+                    yield Damage(name, f"holds {ids[chosen[0]]}, but no shard of the snapshot lists it")
+                if name in self._groups:  # else it is told already
+                    yield from self._wrong_file(name, ids[chosen], places[chosen])
+            left = sorted((known - shared - set(names.dictionary.to_pylist())) & set(self._groups))
+            yield from (Damage(name, "no scenario has its rows here") for name in left if name.startswith(f"{table}/"))
+
+    def _wrong_file(self, name: str, ids: Object, places: Int64) -> Iterator[Damage]:
+        """Scenarios that a file does not hold where they should be, one of them.
+
+        Args:
+            name: The file.
+            ids: (n,) of the scenarios.
+            places: (n, 3) row group, first row, number of rows of each.
+        """
+        number, first, count = places.T
+        held = self._groups[name]
+        there = np.append(held, 0)  # the last for numbers that there are none of
+        wrong = (first < 0) | (first + count > there[np.where((number >= 0) & (number < len(held)), number, -1)])
+        for row in np.flatnonzero(wrong)[:1]:
+            yield Damage(name, f"row group {number[row]} does not hold the {count[row]} rows of {ids[row]}")
+        if wrong.any():
+            return
+        if count.sum() != held.sum():
+            yield Damage(name, f"{held.sum():,} rows, but its scenarios have {count.sum():,} of them")
+        elif self._is_deep:
+            start = np.append(0, np.cumsum(held))[number] + first
+            yield from self._strangers(name, ids, start, count)
+
+    def _strangers(self, name: str, ids: Object, start: Int64, count: Int64) -> Iterator[Damage]:
+        """Rows that belong to another scenario than the one that has its rows there, one of them."""
+        key = "map_id" if name.startswith("maps/") else "scenario_id"
+        found = self._files.read(name, [key])[key].to_numpy()
+        offsets = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        differs = found[np.repeat(start, count) + offsets] != np.repeat(ids, count)
+        for row in np.flatnonzero(differs)[:1]:
+            wanted = np.repeat(ids, count)[row]
+            yield Damage(name, f"rows of another scenario where {wanted} should be")
+
+
+def unreadable(files: LakeFiles, name: str) -> Iterator[Damage]:
+    """What is wrong with a file that is read whole."""
+    try:
+        files.read(name)
+    except LakeError as error:
+        yield Damage(name, str(error))
+
+
+def _changed(files: LakeFiles, name: str, written: Written, digest: Callable[[str], str] | None) -> Damage | None:
+    """What is wrong with the bytes of a file."""
+    found = files.size(name)
+    if found is None:
+        return Damage(name, "gone")
+    if written.size is not None and found != written.size:
+        return Damage(name, f"{found:,} bytes long, was written with {written.size:,}")
+    if digest and written.checksum is not None and digest(name) != written.checksum:
+        return Damage(name, "its bytes are not those that were written: another checksum")
+    return None
+
+
+def _row_groups(files: LakeFiles, name: str) -> Int64:
+    """Rows of each row group.
+
+    Raises:
+        LakeError: The footer cannot be read, or is of another version of the contract.
+    """
+    footer = files.footer(name)
+    tables.load(name.split("/")[0]).check_version(footer.metadata, files.url(name))
+    return np.array([footer.row_group(number).num_rows for number in range(footer.num_row_groups)], np.int64)
+
+
+# --- references -------------------------------------------------------------------------------------------
+
+
+def _columns() -> list[str]:
+    parts = ("file", "row_group", "first_row", "num_rows")
+    return ["scenario_id", *_PARTITION, "map_id", "map_crop", *(f"{t}_{part}" for t in _ADDRESSED for part in parts)]
+
+
+def _no_rows() -> pa.Table:
+    return tables.load("metadata").schema.empty_table().select(_columns())
+
+
+def _missing_maps(rows: pa.Table, shards: pa.Table) -> Iterator[Damage]:
+    """Shared maps that scenarios are windows on and no shard has."""
+    keys = ["dataset", "version", "map_id"]
+    shared = shards.filter(pc.equal(shards["split"], ""))
+    there = set(zip(*(shared[name].to_pylist() for name in ("dataset", "version", "name")), strict=True))
+    seen = rows.filter(pc.is_valid(rows["map_crop"]))
+    wanted = set(zip(*(seen[name].to_pylist() for name in keys), strict=True))
+    for dataset, version, map_id in sorted(wanted - there):
+        yield Damage(f"maps/dataset={dataset}/version={version}/", f"no map {map_id!r}, which scenarios are windows on")
+
+
+def _wrong_counts(rows: pa.Table, shards: pa.Table) -> Iterator[Damage]:
+    """Partitions with other scenarios than their shards say."""
+    texts = pa.table({name: rows[name].cast(pa.string()) for name in _PARTITION})
+    held = texts.group_by(_PARTITION).aggregate([([], "count_all")])
+    said = shards.group_by(_PARTITION).aggregate([("num_scenarios", "sum")])
+    found = {tuple(row[name] for name in _PARTITION): row["count_all"] for row in held.to_pylist()}
+    for row in said.to_pylist():
+        key = tuple(row[name] for name in _PARTITION)
+        if found.get(key, 0) != row["num_scenarios_sum"]:
+            folder = "metadata/" + "/".join(f"{n}={value}" for n, value in zip(_PARTITION, key, strict=True))
+            yield Damage(folder, f"{found.get(key, 0):,} scenarios, its shards have {row['num_scenarios_sum']:,}")

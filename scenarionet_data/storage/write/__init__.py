@@ -1,0 +1,1 @@
+"""Writing of Parquet files: shards, shared maps, rewritten files."""

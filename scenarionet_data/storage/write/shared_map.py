@@ -1,0 +1,79 @@
+"""Writes a map that many scenarios share: once, in square tiles with an origin and a row group each.
+
+Coordinates are float32 offsets from their tile's origin, so a city of any size keeps the precision of a
+scenario. A feature longer than a tile stands in a row group of its own kind, so that it does not widen others.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scenarionet_data import codec
+from scenarionet_data.arrays.dtypes import Float64, Int64
+from scenarionet_data.building import MapBuilder
+from scenarionet_data.converters.base import Shard
+from scenarionet_data.schema import tables
+from scenarionet_data.storage.files.errors import writing
+from scenarionet_data.storage.files.local import LakeFiles, sha256
+from scenarionet_data.storage.snapshots.shard_record import ShardRecord, partition, shard_key
+
+TILE = 200.0
+"""Edge of a tile [m]."""
+
+
+def write_shared_map(
+    files: LakeFiles, shard: Shard, features: MapBuilder, converter_version: str, licence: str
+) -> ShardRecord:
+    """Publish a shared map and return its record; it becomes part of the lake by a commit.
+
+    Args:
+        files: The lake.
+        shard: Of ``Converter.maps``; its name is the map's id.
+        features: In the source frame.
+        converter_version: Version of the converter.
+        licence: Licence of the source.
+    """
+    declared = tables.load("maps")
+    has_z = features.has_heights
+    temporary = files.temporary()
+    footer = {"scenarionet.map": shard.name, "scenarionet.licence": licence}
+    with writing(temporary, temporary), declared.writer(temporary, footer) as writer:
+        for number, (rows, origin) in enumerate(_tiles(features.bounds)):
+            tile = features.take(rows).build(origin, has_z)
+            batch = codec.encode_map(shard.name, tile, origin, has_z, tile=number, index=rows)
+            writer.write_batch(batch, row_group_size=max(batch.num_rows, 1))
+    checksum, size = sha256(temporary), temporary.stat().st_size
+    name = f"{partition('maps', shard.dataset, shard.version, '')}/{shard.name}-{checksum[:16]}.parquet"
+    files.publish(temporary, name)
+    return ShardRecord(
+        key=shard_key(shard, converter_version),
+        dataset=shard.dataset,
+        version=shard.version,
+        split="",
+        name=shard.name,
+        options=shard.options_text,
+        converter_version=converter_version,
+        schemas=tables.content_tag(),
+        max_scenarios=None,
+        items=[item.name for item in shard.items],
+        fingerprints=[item.fingerprint for item in shard.items],
+        num_scenarios=0,
+        num_quarantined=0,
+        metadata_file=None,
+        files=[name],
+        sizes=[size],
+        checksums=[checksum],
+    )
+
+
+def _tiles(bounds: Float64) -> list[tuple[Int64, Float64]]:
+    """Rows and origin of every tile, long features apart from the others; those without geometry lie at 0."""
+    boxes = np.nan_to_num(bounds)
+    cell = np.floor((boxes[:, :2] + boxes[:, 2:]) / 2 / TILE).astype(np.int64)
+    is_long = (boxes[:, 2:] - boxes[:, :2]).max(axis=1, initial=0.0) > TILE
+    keys = np.column_stack([is_long, cell])
+    if not len(keys):
+        return [(np.zeros(0, np.int64), np.zeros(3))]
+    distinct, tile = np.unique(keys, axis=0, return_inverse=True)
+    origins = np.column_stack([(distinct[:, 1:] + 0.5) * TILE, np.zeros(len(distinct))])
+    return [(np.flatnonzero(tile.ravel() == number), origins[number]) for number in range(len(distinct))]

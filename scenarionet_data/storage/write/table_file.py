@@ -1,0 +1,29 @@
+"""Whole tables as files of the lake: metadata, shard lists, members of databases."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+
+from scenarionet_data.schema import tables
+from scenarionet_data.storage.files.errors import writing
+from scenarionet_data.storage.files.local import LakeFiles
+
+
+def write_table(
+    files: LakeFiles,
+    table: str,
+    rows: list[dict[str, Any]] | pa.Table,
+    footer: Mapping[str, str],
+    row_group_size: int | None = None,
+) -> Path:
+    """Write rows of a contract table to a temporary file and return its path."""
+    declared = tables.load(table)
+    content = rows if isinstance(rows, pa.Table) else pa.Table.from_pylist(rows, schema=declared.schema)
+    temporary = files.temporary()
+    with writing(temporary, temporary), declared.writer(temporary, footer) as writer:
+        writer.write_table(content.cast(declared.schema), row_group_size=row_group_size)
+    return temporary

@@ -1,0 +1,110 @@
+"""The rigid bodies of one world in a Bullet client that many worlds share.
+
+Worlds lie above each other like storeys, with the same x and y: what happens in one depends neither on its storey
+nor on the others. Bodies turn about the vertical axis only, and are tall, so that they touch at their sides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from types import ModuleType
+
+from scenarionet_data.arrays.dtypes import Float64
+
+Key = tuple[int, bool]
+"""Row of an object, and whether it is driven."""
+
+_STOREY = 128.0  # [m] from one world to the next
+_HALF_HEIGHT = 16.0  # [m] of every body
+_DENSITY = 120.0  # [kg/m³]: a car of 1,500 kg, a bus of 12 t, a pedestrian of 75 kg
+_MIN_SIZE = 0.1  # [m]
+_DRIVEN, _MOVED = 1, 2  # collision groups: what policies move collides with driven vehicles alone
+
+
+class Storey:
+    """Bodies of one world: made when first wanted, asleep while they are not.
+
+    Args:
+        bullet: The module pybullet.
+        client: Number of the physics client.
+        level: Which storey.
+        friction: Between bodies that touch.
+        restitution: Of a collision.
+        max_asleep: Bodies kept for their return; to make one takes as long as ten physics steps.
+    """
+
+    def __init__(
+        self, bullet: ModuleType, client: int, level: int, friction: float, restitution: float, max_asleep: int
+    ) -> None:
+        self.height = level * _STOREY
+        self._bullet = bullet
+        self._client = client
+        self._friction = friction
+        self._restitution = restitution
+        self._max_asleep = max_asleep
+        self._awake: dict[Key, int] = {}
+        self._asleep: dict[Key, int] = {}
+
+    def gather(self, keys: list[Key], size: Float64) -> list[int]:
+        """Numbers of the bodies of some objects, awake; every other one goes to sleep.
+
+        Args:
+            keys: Which, in the order of the result.
+            size: (N, 3) of every object of the world [m].
+        """
+        awake = {key: self._wake(key, size[key[0]]) for key in keys}
+        self._put_to_sleep(key for key in self._awake if key not in awake)
+        self._awake = awake
+        return list(awake.values())
+
+    def clear(self) -> None:
+        """Remove every body."""
+        for body in (*self._awake.values(), *self._asleep.values()):
+            self._bullet.removeBody(body, self._client)
+        self._awake, self._asleep = {}, {}
+
+    def _wake(self, key: Key, size: Float64) -> int:
+        if key in self._awake:
+            return self._awake[key]
+        if key not in self._asleep:
+            return self._make(key, size)
+        body = self._asleep.pop(key)
+        self._activate(body, self._bullet.ACTIVATION_STATE_DISABLE_SLEEPING)
+        return body
+
+    def _put_to_sleep(self, keys: Iterable[Key]) -> None:
+        """A body asleep costs next to nothing; half a storey up nothing runs into it."""
+        for key in keys:
+            body, place = self._awake[key], (0.0, 0.0, self.height + 0.5 * _STOREY)
+            self._bullet.resetBasePositionAndOrientation(body, place, (0.0, 0.0, 0.0, 1.0), self._client)
+            self._activate(body, self._bullet.ACTIVATION_STATE_SLEEP)
+            self._asleep[key] = body
+        while len(self._asleep) > self._max_asleep:
+            self._bullet.removeBody(self._asleep.pop(next(iter(self._asleep))), self._client)
+
+    def _activate(self, body: int, state: int) -> None:
+        self._bullet.changeDynamics(body, -1, activationState=state, physicsClientId=self._client)
+
+    def _make(self, key: Key, size: Float64) -> int:
+        length, width, height = (max(float(metres), _MIN_SIZE) for metres in size)
+        mass = _DENSITY * length * width * height
+        extents = (0.5 * length, 0.5 * width, _HALF_HEIGHT)
+        shape = self._bullet.createCollisionShape(
+            self._bullet.GEOM_BOX, halfExtents=extents, physicsClientId=self._client
+        )
+        body: int = self._bullet.createMultiBody(mass, shape, useMaximalCoordinates=1, physicsClientId=self._client)
+        self._bullet.changeDynamics(
+            body,
+            -1,
+            mass=mass,
+            localInertiaDiagonal=(0.0, 0.0, mass * (length**2 + width**2) / 12.0),  # 0: does not turn about it
+            linearDamping=0.0,
+            angularDamping=0.0,
+            lateralFriction=self._friction,
+            restitution=self._restitution,
+            activationState=self._bullet.ACTIVATION_STATE_DISABLE_SLEEPING,
+            physicsClientId=self._client,
+        )
+        group, mask = (_DRIVEN, _DRIVEN | _MOVED) if key[1] else (_MOVED, _DRIVEN)
+        self._bullet.setCollisionFilterGroupMask(body, -1, group, mask, self._client)
+        return body

@@ -1,0 +1,121 @@
+"""Typed arrays to rows and back, bit for bit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scenarionet_data import codec
+from scenarionet_data.building import MapBuilder
+from scenarionet_data.errors import LakeError
+from scenarionet_data.schema import tables
+from scenarionet_data.testing import differences
+from tests.fixtures.scenarios import make_scenario, renamed
+
+
+@given(
+    seed=st.integers(0, 10_000),
+    num_objects=st.integers(1, 20),
+    num_steps=st.integers(1, 40),
+    num_lanes=st.integers(0, 8),
+    num_lights=st.integers(0, 3),
+    has_z=st.booleans(),
+    has_map=st.booleans(),
+)
+@settings(max_examples=100, deadline=None)
+def test_round_trip_is_bit_exact(seed, num_objects, num_steps, num_lanes, num_lights, has_z, has_map):
+    scenario = make_scenario(
+        seed,
+        num_objects=num_objects,
+        num_steps=num_steps,
+        num_lanes=num_lanes,
+        num_lights=num_lights,
+        has_z=has_z,
+        has_map=has_map,
+    )
+    scenario.validate()
+    assert differences(scenario, codec.decode(codec.encode(scenario, "1"))) == []
+
+
+@pytest.mark.parametrize("has_z", [True, False])
+def test_a_map_without_features_is_not_no_map(has_z):
+    empty = replace(make_scenario(1, has_map=False, has_z=has_z), map=MapBuilder().build(np.zeros(3)))
+    empty.validate()
+    encoded = codec.encode(empty, "1")
+    for maps in (encoded.maps, None):
+        assert differences(empty, codec.decode(replace(encoded, maps=maps))) == []
+
+
+def test_rows_satisfy_the_schemas():
+    encoded = codec.encode(make_scenario(1), "1")
+    for name, batch in (("tracks", encoded.tracks), ("lights", encoded.lights), ("maps", encoded.maps)):
+        assert batch.schema.equals(tables.load(name).schema)
+        batch.validate(full=True)
+        for field in batch.schema:
+            assert field.nullable or not batch.column(field.name).null_count, field.name
+
+
+def test_metadata_row_has_every_column_but_the_addresses():
+    columns = {column.name for column in tables.load("metadata").columns}
+    row = codec.encode(make_scenario(1), "1").metadata
+    addresses = {
+        f"{table}_{part}"
+        for table in ("tracks", "lights", "maps")
+        for part in ("file", "row_group", "first_row", "num_rows")
+    }
+    assert set(row) == columns - addresses
+
+
+def test_content_hash_knows_content_only():
+    scenario = make_scenario(4)
+    same = codec.encode(renamed(scenario, "other"), "2").metadata["content_hash"]
+    assert codec.encode(scenario, "1").metadata["content_hash"] == same
+    scenario.tracks.position[0, 3, 0] += 1e-3
+    assert codec.encode(scenario, "1").metadata["content_hash"] != same
+
+
+def test_sizes_that_never_change_are_stored_once():
+    scenario = make_scenario(2, num_objects=8)
+    lengths = codec.encode(scenario, "1").tracks.column("length")
+    constant = [len(value) for value in lengths.to_pylist()[:4]]
+    assert max(constant) <= 1
+
+
+@pytest.mark.parametrize("row_groups", [1, 3])
+def test_decodes_a_slice_of_many(row_groups):
+    """Compacted files hold several scenarios a row group: offsets then do not start at 0."""
+    scenarios = [make_scenario(seed, num_objects=5) for seed in range(row_groups + 1)]
+    encoded = [codec.encode(scenario, "1") for scenario in scenarios]
+    together = pa.Table.from_batches([e.tracks for e in encoded]).combine_chunks()
+    first = sum(e.tracks.num_rows for e in encoded[:-1])
+    rows = together.slice(first, encoded[-1].tracks.num_rows).to_batches()[0]
+    columns = codec.Columns.from_arrow(rows, tables.load("tracks").columns)
+    (tracks,) = codec.decode_tracks(codec.Rows(columns, [0, rows.num_rows]), [scenarios[-1].num_timesteps])
+    assert differences(tracks, scenarios[-1].tracks) == []
+    assert np.array_equal(tracks.valid, scenarios[-1].tracks.valid)
+
+
+@pytest.mark.parametrize(("table", "column"), [("tracks", "object_type"), ("lights", "provenance")])
+def test_words_of_no_vocabulary_are_refused(table, column):
+    encoded = codec.encode(make_scenario(1, num_lights=2), "1")
+    rows = getattr(encoded, table)
+    place = rows.schema.get_field_index(column)
+    strange = pa.array(["SPACESHIP"] * rows.num_rows).dictionary_encode()
+    with pytest.raises(LakeError, match=f"{column} is 'SPACESHIP'"):
+        codec.decode(replace(encoded, **{table: rows.set_column(place, rows.schema.field(place), strange)}))
+
+
+@pytest.mark.parametrize("start", [-1, 31, 2**31 - 1])
+def test_spans_outside_the_scenario_are_refused(start):
+    encoded = codec.encode(make_scenario(1, num_steps=31), "1")
+    rows = encoded.tracks
+    place = rows.schema.get_field_index("start")
+    starts = np.full(rows.num_rows, start, np.int32)
+    moved = replace(encoded, tracks=rows.set_column(place, rows.schema.field(place), pa.array(starts)))
+    with pytest.raises(LakeError, match=r"tracks\.start does not fit"):
+        codec.decode(moved)

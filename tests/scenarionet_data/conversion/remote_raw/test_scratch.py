@@ -1,0 +1,71 @@
+"""Folders for a while go with their process, however it ends."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from contextlib import closing
+
+import pytest
+
+from scenarionet_data.conversion.remote_raw.scratch import Scratch
+
+HOLD = """
+import sys
+from scenarionet_data.conversion.remote_raw.scratch import Scratch
+scratch = Scratch()
+(scratch.path / "deep").mkdir()
+(scratch.path / "deep" / "file").write_text("half a do")
+print(scratch.path, flush=True)
+sys.stdin.readline()
+"""
+
+
+@pytest.fixture(autouse=True)
+def temporary(monkeypatch, tmp_path):
+    """A folder of temporary ones that no other test uses, for this process and those it starts."""
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    return tmp_path
+
+
+def holder():
+    return subprocess.Popen(
+        [sys.executable, "-c", HOLD], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=os.environ
+    )
+
+
+def test_what_a_killed_process_left_goes_with_the_next(temporary):
+    with holder() as process:
+        assert process.stdout.readline().startswith(str(temporary))
+        process.send_signal(signal.SIGKILL)
+    (left,) = temporary.iterdir()
+    assert (left / "deep" / "file").is_file()
+    with closing(Scratch()) as scratch:
+        assert list(temporary.iterdir()) == [scratch.path] != [left]
+    assert list(temporary.iterdir()) == []
+
+
+def test_what_a_process_holds_stays_until_it_ends(temporary):
+    with holder() as process:
+        held = process.stdout.readline().strip()
+        with closing(Scratch()) as scratch, closing(Scratch()) as other:
+            assert {str(path) for path in temporary.iterdir()} == {held, str(scratch.path), str(other.path)}
+        assert [str(path) for path in temporary.iterdir()] == [held]
+        process.stdin.write("\n")
+        process.stdin.flush()
+    assert process.returncode == 0
+    assert list(temporary.iterdir()) == []
+
+
+def test_a_forked_process_leaves_it_alone(temporary):
+    with closing(Scratch()) as scratch:
+        child = os.fork()
+        if not child:
+            scratch.close()
+            os._exit(0)
+        assert os.waitpid(child, 0) == (child, 0)
+        assert scratch.path.is_dir()

@@ -1,0 +1,84 @@
+"""Reading nuScenes' tables in blocks gives what reading them whole gives, however they are laid out."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from scenarionet_data.converters.formats.json_blocks import read_list, read_rows
+from scenarionet_data.errors import CorruptSource
+
+SCHEMA = pa.schema({"token": pa.string(), "x": pa.float64(), "v": pa.list_(pa.float64()), "flag": pa.bool_()})
+WORDS = st.text(st.characters(blacklist_categories=["Cs"], blacklist_characters="{}"), max_size=6)
+RECORDS = st.fixed_dictionaries(
+    {
+        "token": st.sampled_from(["a", "b", "c", "long-token"]),
+        "x": st.integers(-5, 5) | st.floats(-1e15, 1e15),
+        "v": st.lists(st.floats(-9, 9), max_size=3),
+        "flag": st.booleans(),
+        "other": WORDS | st.lists(WORDS, max_size=2) | st.none(),
+    }
+)
+
+
+@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(records=st.lists(RECORDS, max_size=12), indent=st.sampled_from([None, 0, 2]), block=st.integers(1, 300))
+def test_blocks_are_the_whole(records: list[dict[str, Any]], indent: int | None, block: int, tmp_path: Path) -> None:
+    path = tmp_path / "table.json"
+    path.write_text(json.dumps(records, indent=indent), "utf-8")
+    wanted = [{name: record[name] for name in SCHEMA.names} for record in records]
+    found = [row for rows in read_rows(path, SCHEMA, block=block) for row in rows.to_pylist()]
+    assert found == wanted
+    chosen = read_rows(path, SCHEMA, "token", {b"a", b"long-token"}, block=block)
+    assert [row for rows in chosen for row in rows.to_pylist()] == [
+        row for row in wanted if row["token"] in ("a", "long-token")
+    ]
+
+
+ROW = {"token": "a", "x": 1.0, "v": [1.0], "flag": True}
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        ("", "starts with"),
+        ("  ", "starts with"),
+        (json.dumps(ROW), "starts with"),
+        (json.dumps([ROW, ROW])[:-1], "cut off"),
+        (json.dumps([ROW, ROW])[:-20], "cut off"),
+        (json.dumps([ROW, {"token": 5}]), "changed from string to number"),
+        (json.dumps([ROW, ROW | {"v": "text"}]), "changed from array to string"),
+        (json.dumps([{"name": "x"}]), "no 'token'"),
+        (json.dumps([ROW]).replace(":", ";"), "colon"),
+        (json.dumps([ROW]) + "garbage", "cut off"),
+    ],
+)
+def test_damage_is_named(tmp_path: Path, content: str, reason: str) -> None:
+    path = tmp_path / "table.json"
+    path.write_text(content)
+    with pytest.raises(CorruptSource, match=reason):
+        list(read_rows(path, SCHEMA))
+
+
+def test_a_missing_key_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "table.json"
+    path.write_text(json.dumps([ROW]))
+    with pytest.raises(CorruptSource, match="no 'kind'"):
+        list(read_rows(path, SCHEMA, "kind", {b"a"}))
+    assert list(read_rows(path, SCHEMA, "token", {b"z"})) == []
+
+
+@pytest.mark.parametrize("content", ["", "{}", "[1]", "[{}", "\x00\x01"])
+def test_small_tables_are_lists_of_records(tmp_path: Path, content: str) -> None:
+    path = tmp_path / "table.json"
+    path.write_text(content)
+    with pytest.raises(CorruptSource, match=r"table.json"):
+        read_list(path)
+    with pytest.raises(CorruptSource, match="no such table"):
+        read_list(tmp_path / "none.json")

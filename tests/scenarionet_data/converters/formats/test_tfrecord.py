@@ -1,0 +1,96 @@
+"""TFRecord framing: checksums, streaming, and what is said about damaged files."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenarionet_data.converters.formats.tfrecord import Record, masked_crc, read_records
+from scenarionet_data.errors import CorruptSource
+from tests.fixtures.waymo import frame, write_tfrecord
+
+PAYLOADS = [b"first", b"", bytes(range(256)) * 40]
+
+
+def bitwise_crc32c(data: bytes) -> int:
+    """The definition: polynomial division, bit by bit."""
+    crc = 0xFFFFFFFF
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = crc >> 1 ^ (0x82F63B78 if crc & 1 else 0)
+    return crc ^ 0xFFFFFFFF
+
+
+@given(st.binary(max_size=200))
+def test_checksum_is_the_division_turned_by_15_bits(data):
+    crc = bitwise_crc32c(data)
+    assert masked_crc(data) == (((crc >> 15) | (crc << 17)) + 0xA282EAD8) % 2**32
+
+
+def test_records_of_a_file(tmp_path):
+    path = write_tfrecord(tmp_path / "a.tfrecord", PAYLOADS)
+    offsets = [0, 16 + len(PAYLOADS[0]), 32 + len(PAYLOADS[0])]
+    assert list(read_records(path)) == [Record(o, p, True) for o, p in zip(offsets, PAYLOADS, strict=True)]
+
+
+def test_real_checksums(recordings):
+    (record,) = read_records(recordings / "waymo/training/motion_data_one_scenario.tfrecord")
+    assert record.is_intact
+    assert len(record.payload) == 952_947
+
+
+def test_records_are_read_one_by_one(tmp_path):
+    """What lies behind a record is not looked at before it is asked for."""
+    path = write_tfrecord(tmp_path / "a.tfrecord", PAYLOADS)
+    path.write_bytes(path.read_bytes() + b"damage beyond the last record")
+    records = read_records(path)
+    assert [next(records).payload for _ in PAYLOADS] == PAYLOADS
+    with pytest.raises(CorruptSource, match="damaged record length"):
+        next(records)
+
+
+def test_damaged_payload_is_marked_and_the_next_is_read(tmp_path):
+    path = write_tfrecord(tmp_path / "a.tfrecord", PAYLOADS)
+    data = bytearray(path.read_bytes())
+    data[12] ^= 1
+    path.write_bytes(data)
+    assert [record.is_intact for record in read_records(path)] == [False, True, True]
+
+
+@pytest.mark.parametrize(
+    ("keep", "message"),
+    [
+        (0, "empty file"),
+        (5, "truncated inside the record header at byte 0"),
+        (20, "record at byte 0 should end at byte 21, the file ends at byte 20"),
+        (25, "truncated inside the record header at byte 21"),
+    ],
+)
+def test_truncated_file_says_where(tmp_path: Path, keep: int, message: str):
+    path = tmp_path / "a.tfrecord"
+    path.write_bytes((frame(PAYLOADS[0]) + frame(PAYLOADS[1]))[:keep])
+    with pytest.raises(CorruptSource, match=message) as caught:
+        list(read_records(path))
+    assert str(path) in str(caught.value)
+    assert "download it again" in str(caught.value)
+
+
+def test_other_format_is_named(tmp_path):
+    path = tmp_path / "a.tfrecord"
+    path.write_bytes(b"PAR1" + bytes(100))
+    with pytest.raises(CorruptSource, match="not a TFRecord file"):
+        list(read_records(path))
+
+
+def test_length_beyond_the_file_is_not_allocated(tmp_path):
+    """A length with a right checksum that promises more than there is."""
+    length = struct.pack("<Q", 1 << 60)
+    path = tmp_path / "a.tfrecord"
+    path.write_bytes(length + struct.pack("<I", masked_crc(length)) + b"x")
+    with pytest.raises(CorruptSource, match="truncated: the record at byte 0"):
+        list(read_records(path))

@@ -1,0 +1,117 @@
+"""Databases have names and versions; those of a lake that moved on are found stale."""
+
+from __future__ import annotations
+
+import warnings
+
+import pytest
+
+from scenarionet_data import Lake, ScenarioLoader, convert
+from scenarionet_data.errors import (
+    BadParameter,
+    DatabaseExists,
+    DatabaseNotFound,
+    EmptyResult,
+    NoSuchSnapshot,
+    ScenarioNotFound,
+)
+from scenarionet_data.operations.database_query import StaleDatabaseWarning
+from tests.fixtures.made import NAME, MadeOptions, write_raw
+from tests.fixtures.scenarios import NUM_VARIED
+
+
+def test_databases_have_versions_and_are_not_overwritten_by_accident(own):
+    first = own.filter("num_objects > 3", name="busy")
+    with pytest.raises(DatabaseExists, match="--replace"):
+        own.filter("num_objects > 4", name="busy")
+    second = own.filter("num_objects > 4", name="busy", replace=True)
+    assert (first.reference, second.reference) == ("busy@1", "busy@2")
+    assert own.databases == ["busy"]
+    assert own.database("busy").scenario_ids == second.scenario_ids != first.scenario_ids
+    assert own.database("busy@1").scenario_ids == first.scenario_ids
+    assert len(ScenarioLoader(own, "busy@1")) == len(first)
+
+
+@pytest.mark.parametrize("name", ["", "a b", "../x", "a/b", ".x", "-x", "ü", "a@1"])
+def test_names_are_plain_words(own, name):
+    with pytest.raises(BadParameter, match="is no database name"):
+        own.filter("true", name=name)
+
+
+def test_databases_that_are_not_there_are_named_with_those_that_are(own):
+    with pytest.raises(DatabaseNotFound, match="no database 'x'; databases: none yet"):
+        own.database("x")
+    own.filter("true", name="all")
+    with pytest.raises(DatabaseNotFound, match="no database 'x'; databases: all"):
+        own.filter("true", name="y", parent="x")
+    with pytest.raises(DatabaseNotFound, match=r"no database 'all@7'; versions \[1\]"):
+        own.database("all@7")
+    with pytest.raises(BadParameter, match="wanted name or name@version, with a number"):
+        own.database("all@new")
+
+
+def test_an_empty_database_is_one_when_it_is_asked_for(own):
+    with pytest.raises(
+        EmptyResult, match=rf"none: no scenario is left of {NUM_VARIED}; loosen the conditions, or --al"
+    ):
+        own.filter("false", name="none")
+    assert own.databases == []
+    none = own.filter("false", name="none", allow_empty=True)
+    assert len(none) == 0
+    assert len(own.filter("true", name="still", parent="none", allow_empty=True)) == 0
+    assert len(ScenarioLoader(own, "none")) == 0
+    with pytest.raises(EmptyResult, match="no scenario of 0 falls into a, b; other fractions, another seed, or --al"):
+        own.split("none", {"a": 0.5, "b": 0.5})
+    parts = own.split("none", {"a": 0.5, "b": 0.5}, allow_empty=True)
+    assert [len(part) for part in parts.values()] == [0, 0]
+
+
+def test_scenarios_are_located_in_the_order_asked_for(own):
+    ids = own.sql("SELECT scenario_id FROM metadata ORDER BY 1 DESC")["scenario_id"].to_list()
+    assert own.locate([*ids, ids[0]])["scenario_id"].to_pylist() == [*ids, ids[0]]
+    with pytest.raises(ScenarioNotFound, match="no scenario made/v1/x in snapshot 1; 1 of 2 are missing"):
+        own.locate([ids[0], "made/v1/x"])
+
+
+@pytest.fixture
+def changed(tmp_path):
+    """A lake whose scenarios 1 and 2 were replaced after database ``old`` was made, and the database of 3 was."""
+    raw = write_raw(tmp_path / "raw", {"a": [1, 2], "b": [3]})
+    root = tmp_path / "lake"
+    convert(NAME, str(raw), root, options=MadeOptions(num_objects=2))
+    Lake(root).filter("true", name="old")
+    Lake(root).filter("ends_with(scenario_id, '3')", name="same")
+    (raw / "a.made").write_text("1\n4")
+    convert(NAME, str(raw), root, options=MadeOptions(num_objects=2), replace_old=True)
+    return Lake(root)
+
+
+def test_a_stale_database_is_read_from_its_own_snapshot_with_a_warning(changed):
+    assert changed.snapshot.number > 1
+    with pytest.warns(StaleDatabaseWarning, match=r"1 of 3 members of old@1 changed after snapshot 1"):
+        loader = ScenarioLoader(changed, "old")
+    assert [scenario.id[-1] for scenario in loader] == ["1", "2", "3"]
+
+
+def test_what_is_made_from_a_stale_database_can_be_read(changed):
+    with pytest.warns(StaleDatabaseWarning):
+        child = changed.filter("true", name="child", parent="old")
+    with pytest.warns(StaleDatabaseWarning):
+        parts = changed.split("old", {"a": 0.5, "b": 0.5}, allow_empty=True)
+    assert child.lineage.snapshot == 1
+    assert {part.lineage.snapshot for part in parts.values()} == {1}
+    with pytest.warns(StaleDatabaseWarning):
+        assert len(list(ScenarioLoader(changed, "child"))) == 3
+
+
+def test_a_database_of_unchanged_members_moves_with_the_lake(changed):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert [scenario.id[-1] for scenario in ScenarioLoader(changed, "same")] == ["3"]
+
+
+def test_a_database_whose_snapshot_is_gone_names_what_is_missing(changed):
+    changed.files.path("snapshots/00000001.json").unlink()
+    remedy = "old@1 was made on snapshot 1, which is gone, and members of it have changed since; `scenarionet rebase"
+    with pytest.raises(NoSuchSnapshot, match=remedy):
+        ScenarioLoader(changed, "old")

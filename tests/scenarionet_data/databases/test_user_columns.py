@@ -1,0 +1,263 @@
+"""Columns of users: added from Python, SQL, events and files, asked like any other, pinned by lineage."""
+
+from __future__ import annotations
+
+import shutil
+
+import polars as pl
+import pyarrow as pa
+import pytest
+
+from scenarionet_data import Lake
+from scenarionet_data.databases import user_columns
+from scenarionet_data.errors import (
+    BadParameter,
+    LayerExists,
+    LayerInUse,
+    LayerNotFound,
+    QueryError,
+    ScenarioNotFound,
+    UnsafeSql,
+)  # fmt: skip
+from scenarionet_data.storage.snapshots import commit as commits
+from tests.fixtures.lakes import write_lake
+from tests.fixtures.scenarios import make_scenario
+
+SCENARIOS = [make_scenario(seed, num_objects=2 + seed % 3, num_steps=12, num_lanes=1) for seed in range(6)]
+IDS = [scenario.id for scenario in SCENARIOS]
+
+
+@pytest.fixture
+def lake(tmp_path) -> Lake:
+    return write_lake(tmp_path / "lake", SCENARIOS)
+
+
+def files(lake):
+    return {path: path.read_bytes() for path in lake.root.rglob("*.parquet")}
+
+
+def column(lake, name):
+    return dict(lake.refresh().sql(f"SELECT scenario_id, {name} FROM metadata").rows())
+
+
+def test_a_tag_is_a_column_and_nothing_is_rewritten(lake):
+    before = files(lake)
+    made = lake.tag("score", dict(zip(IDS[:4], [1.5, 2.5, 3.5, None], strict=True)))
+    assert (made.reference, made.type, made.count, made.source) == ("score@1", "double", 3, "python")
+    assert column(lake, "score") == dict.fromkeys(IDS) | dict(zip(IDS[:3], [1.5, 2.5, 3.5], strict=True))
+    after = files(lake)
+    (added,) = after.keys() - before.keys()
+    assert added.relative_to(lake.root).as_posix() == "layers/score/1.parquet"
+    assert {path: after[path] for path in before} == before
+    assert len(lake.refresh()) == len(IDS)
+    assert lake.refresh().facts(IDS[0])["score"] == 1.5
+
+
+def test_a_tag_is_filtered_split_and_sampled_by(lake):
+    lake.tag("score", {name: float(k) for k, name in enumerate(IDS)})
+    lake.refresh().tag("kind", {name: "ab"[k % 2] for k, name in enumerate(IDS)})
+    lake = lake.refresh()
+    found = lake.filter("score >= 2 AND kind = 'a'", name="best")
+    assert found.scenario_ids == [IDS[2], IDS[4]]
+    assert found.lineage.layers == ["kind@1", "score@1"]
+    assert lake.filter("num_objects > 0", name="all").lineage.layers == []
+    parts = lake.split("all", {"x": 0.5, "y": 0.5}, by="kind", allow_empty=True)
+    kinds = [{column(lake, "kind")[name] for name in part.scenario_ids} for part in parts.values()]
+    assert kinds[0].isdisjoint(kinds[1])
+
+
+def test_an_embedding_is_searched(lake):
+    vectors = [[1.0, 0.0], [0.0, 1.0], [0.8, 0.6], [-1.0, 0.0], [0.6, 0.8], [0.0, -1.0]]
+    table = pa.table({"scenario_id": IDS, "vector": pa.array(vectors, pa.list_(pa.float32()))})
+    assert lake.tag("embedding", table).type == "list<item: float>"
+    query = """
+        SELECT scenario_id FROM metadata ORDER BY list_cosine_similarity(embedding, $like::FLOAT[]) DESC LIMIT 2
+    """
+    near = lake.refresh().sql(query, {"like": [1.0, 0.1]})
+    assert near["scenario_id"].to_list() == [IDS[0], IDS[2]]
+
+
+def test_tags_from_sql_conditions_and_events(lake):
+    made = lake.tag_by_sql("steps_seen", "SELECT scenario_id, count(*) FROM states GROUP BY scenario_id")
+    assert column(lake, "steps_seen") == {s.id: int(s.tracks.valid.sum()) for s in SCENARIOS}
+    assert "FROM states" in made.source
+    lake.refresh().tag_where("crowded", "num_objects > 3")
+    counted = column(lake, "num_objects")
+    assert column(lake, "crowded") == {name: number > 3 for name, number in counted.items()}
+    lake.tag_event("approaches", "closest_approach:max=30")
+    hits = lake.mine("closest_approach", {"max": "30"})["scenario_id"].to_list()
+    assert column(lake, "approaches") == {name: hits.count(name) for name in IDS}
+    lake.refresh().tag_by_sql("twice", "SELECT scenario_id, 2 * approaches AS v FROM metadata")
+    assert column(lake, "twice") == {name: 2 * hits.count(name) for name in IDS}
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_tags_from_files(lake, suffix, tmp_path):
+    path = tmp_path / f"scores.{suffix}"
+    rows = pl.DataFrame({"scenario_id": IDS[::-1], "score": range(6), "word": list("abcdef")})
+    rows.write_csv(path) if suffix == "csv" else rows.write_parquet(path)
+    assert lake.tag_from_file("score", path, "score").source == path.name
+    assert column(lake, "score") == dict(zip(IDS[::-1], range(6), strict=True))
+    lake.tag_from_file("letter", path, "word")
+    assert column(lake, "letter")[IDS[0]] == "f"
+    with pytest.raises(BadParameter, match="no column points; there are scenario_id, score, word"):
+        lake.tag_from_file("other", path, "points")
+    with pytest.raises(BadParameter, match="--column"):
+        lake.tag_from_file("other", path)
+
+
+def test_files_that_are_no_table_are_refused(lake, tmp_path):
+    (tmp_path / "x.parquet").write_bytes(b"PAR1")
+    (tmp_path / "x.csv").write_bytes(b'a,"\n')
+    (tmp_path / "x.txt").write_text("a")
+    for name in ("x.parquet", "x.txt", "gone.csv"):
+        with pytest.raises(BadParameter, match=name):
+            lake.tag_from_file("score", tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("num_objects", "is a column of every lake"),
+        ("objects_per_100m", "is a column of every lake"),
+        ("weight", "is a column of every lake"),
+        ("Score", "no layer name"),
+        ("my-score", "no layer name"),
+        ("../x", "no layer name"),
+        ("", "no layer name"),
+        ("select", "a word of SQL"),
+    ],
+)
+def test_names_that_cannot_be_columns_are_refused(lake, name, reason):
+    with pytest.raises(BadParameter, match=reason):
+        lake.tag(name, {IDS[0]: 1})
+
+
+def test_rows_that_do_not_fit_are_refused(lake):
+    with pytest.raises(ScenarioNotFound, match=r"1 of 2 ids .* made/v1/s00000x; ids look like made/v1/s00000"):
+        lake.tag("score", {IDS[0]: 1, "made/v1/s00000x": 2})
+    with pytest.raises(BadParameter, match="each scenario_id once"):
+        lake.tag("score", pa.table({"scenario_id": [IDS[0], IDS[0]], "v": [1, 2]}))
+    with pytest.raises(BadParameter, match="each scenario_id once"):
+        lake.tag("score", pa.table({"scenario_id": pa.array([None], pa.string()), "v": [1]}))
+    with pytest.raises(BadParameter, match="one more column, found a, b"):
+        lake.tag("score", pa.table({"a": [1], "b": [1]}))
+    with pytest.raises(UnsafeSql):
+        lake.tag_by_sql("score", "COPY (SELECT 1) TO 'x'")
+    with pytest.raises(UnsafeSql):
+        lake.tag_where("score", "1; SELECT 2")
+    with pytest.raises(QueryError):
+        lake.tag_where("score", "nothing > 1")
+    assert user_columns.shown(lake.files, {}) == {}
+
+
+def test_versions_stay_and_lineage_pins_the_one_it_asked(lake):
+    lake.tag("score", {name: float(k) for k, name in enumerate(IDS)})
+    lake = lake.refresh()
+    lake.filter("score >= 4", name="best")
+    with pytest.raises(LayerExists, match="--replace"):
+        lake.tag("score", {IDS[0]: 9.0})
+    assert lake.tag("score", {IDS[0]: 9.0}, replace=True).reference == "score@2"
+    newest = lake.refresh()
+    assert newest.filter("score >= 4", name="again").scenario_ids == [IDS[0]]
+    assert newest.database("best").lineage.layers == ["score@1"]
+    assert newest.rebuild("best").is_same
+    assert newest.rebuild("again").is_same
+    assert Lake(lake.root, layers={"score": 1}).sql("SELECT max(score) FROM metadata").item() == 5.0
+    found = user_columns.read(lake.files, "score", 1)
+    assert (found.count, found.snapshot) == (6, 1)
+
+
+@pytest.mark.parametrize(
+    ("query", "joined"),
+    [
+        ("SELECT count(*) AS n FROM metadata", set()),
+        ("SELECT 2 * num_objects AS score FROM metadata", {"score"}),
+        ("SELECT scenario_id FROM metadata WHERE Score > 1", {"score"}),
+        ("SELECT * FROM metadata", {"score", "kind"}),
+        ("FROM metadata", {"score", "kind"}),
+        ("SELECT m.* FROM metadata AS m WHERE num_objects > 0", {"score", "kind"}),
+        ("SELECT COLUMNS('s.*') FROM metadata", {"score", "kind"}),
+        ("SELECT metadata FROM metadata", {"score", "kind"}),
+        ("SELECT to_json(m) FROM metadata AS m", {"score", "kind"}),
+        ("SELECT t.x FROM tracks AS t JOIN metadata AS m ON m.scenario_id = t.scenario_id", set()),
+        ("SELECT max(each) FROM (SELECT M AS each FROM tracks JOIN Metadata m USING (scenario_id))", {"score", "kind"}),
+        ("SELECT num_objects AS n FROM metadata AS m ORDER BY n", set()),
+        ("SELECT x FROM tracks", set()),
+    ],
+)
+def test_only_layers_that_a_query_asks_are_joined(lake, query, joined):
+    lake.tag("score", {name: k for k, name in enumerate(IDS)})
+    lake.tag("kind", dict.fromkeys(IDS, "a"))
+    lake = lake.refresh()
+    lake.sql("SELECT kind, score FROM metadata")
+    lake.arrow(query)
+    views = lake.arrow("SELECT sql FROM duckdb_views() WHERE view_name LIKE 'meta%a'")["sql"].to_pylist()
+    assert {name for name in ("score", "kind") if f"/{name}/" in "".join(views)} == joined | (
+        set() if "metadata" in query else {"score", "kind"}  # who does not ask metadata leaves it as it was
+    )
+
+
+def test_a_database_asks_only_layers_that_it_names(lake):
+    lake.tag("score", {name: float(k) for k, name in enumerate(IDS)})
+    lake.tag("kind", dict.fromkeys(IDS, "a"))
+    lake = lake.refresh()
+    kind = lake.root / "layers" / "kind" / "1.parquet"
+    whole = kind.read_bytes()
+    kind.write_bytes(b"damaged")
+    assert lake.filter("score >= 2", name="best").scenario_ids == IDS[2:]
+    kind.write_bytes(whole)
+    assert lake.filter("COLUMNS('sc.re') >= 4", name="few", allow_empty=True, parent="best").lineage.layers == [
+        "kind@1", "score@1",
+    ]  # fmt: skip
+
+
+def test_layers_are_dropped_but_those_that_lineages_need(lake):
+    lake.tag("score", {name: float(k) for k, name in enumerate(IDS)})
+    lake.tag("score", {IDS[0]: 9.0}, replace=True)
+    lake.tag("kind", dict.fromkeys(IDS, "a"))
+    lake = Lake(lake.root, layers={"score": 1})
+    lake.filter("score >= 4", name="best")
+    with pytest.raises(LayerInUse, match=r"score is needed .*: best@1 asked score@1; drop those first, or --force"):
+        lake.untag("score")
+    with pytest.raises(LayerNotFound, match=r"no layer 'score@7'; versions \[1, 2\]"):
+        lake.untag("score@7")
+    with pytest.raises(LayerNotFound, match="no layer 'scores'; layers: kind, score"):
+        lake.untag("scores")
+    lake.untag("score@2")
+    lake.untag("kind")
+    assert lake.refresh().layers == {"score": 1}
+    with pytest.raises(QueryError, match="kind"):
+        lake.refresh().sql("SELECT kind FROM metadata")
+    lake.untag("score", force=True)
+    assert lake.refresh().layers == {}
+    lake = lake.refresh()
+    assert lake.database("best").scenario_ids == IDS[4:]
+    with pytest.raises(LayerNotFound, match=r"best@1 cannot be made again as it was: .*no layer 'score@1'"):
+        lake.rebuild("best")
+    assert lake.tag("score", {IDS[0]: 1.0}).reference == "score@2"  # not what best asked
+    with pytest.raises(LayerNotFound, match="score@1"):
+        lake.refresh().rebuild("best")
+
+
+def test_a_layer_that_is_nearly_meant_is_named(lake):
+    lake.tag("loneliness", {IDS[0]: 1.0})
+    with pytest.raises(QueryError, match=r"no column lonelines at character 1 .* near are loneliness"):
+        lake.refresh().filter("lonelines > 0", name="x")
+
+
+def test_folders_that_are_no_layers_are_left_alone(lake):
+    lake.tag("score", {IDS[0]: 1})
+    shutil.copytree(lake.root / "layers" / "score", lake.root / "layers" / "a JOIN b")
+    (lake.root / "layers" / "empty").mkdir()
+    assert lake.refresh().layers == {"score": 1}
+    assert column(lake, "score")[IDS[0]] == 1
+
+
+def test_layers_survive_what_rewrites_the_metadata(lake):
+    lake.tag("score", {name: k for k, name in enumerate(IDS)})
+    before = column(lake, "score")
+    commits.consolidate(lake.files)
+    assert column(lake, "score") == before
+    more = [make_scenario(99, num_objects=2, num_steps=4)]
+    assert column(write_lake(lake.root, more, name="b"), "score") == before | {more[0].id: None}

@@ -1,0 +1,98 @@
+"""Databases while they are written: what a query gives, row group by row group, or nothing at all."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from scenarionet_data import Lake
+from scenarionet_data.databases import writer
+from scenarionet_data.errors import LakeError, QueryError
+from tests.fixtures.lakes import write_lake
+from tests.fixtures.scenarios import make_scenario
+
+
+@pytest.fixture
+def lake(tmp_path) -> Lake:
+    made = [make_scenario(seed, num_objects=1 + seed, num_steps=5, num_lanes=0, has_map=False) for seed in range(3)]
+    return write_lake(tmp_path / "lake", made)
+
+
+def left_over(lake):
+    return list((lake.root / ".tmp").iterdir())
+
+
+def test_members_come_in_any_portions_and_lie_in_full_row_groups(lake):
+    lineage = lake.filter(name="all").lineage
+    count = 150_000
+    rows = pa.table(
+        {
+            "scenario_id": [f"s{k}" for k in range(count)],
+            "weight": np.ones(count),
+            "content_hash": np.arange(count, dtype=np.uint64),
+        }
+    )
+    portions = [1, 70_000, 0, 65_535, 14_464]
+    with writer.drafts(lake.files, ["many"]) as made:
+        draft, start = made["many"], 0
+        for portion in portions:
+            for batch in rows.slice(start, portion).to_batches():
+                draft.add(batch)
+            start += portion
+        draft.finish(lineage)
+        assert [name for ids in draft.ids() for name in ids.to_pylist()] == rows["scenario_id"].to_pylist()
+        found = draft.publish("many", replace=False)
+    footer = pq.read_metadata(lake.root / found.file)
+    assert [footer.row_group(k).num_rows for k in range(footer.num_row_groups)] == [65_536, 65_536, 18_928]
+    assert len(found) == found.lineage.count == count
+    assert found.members["position"].to_pylist() == list(range(count))
+    assert found.members.select(["scenario_id", "weight", "content_hash"]).cast(rows.schema).equals(rows)
+
+
+def test_a_query_that_fails_half_way_leaves_nothing(lake):
+    with pytest.raises(QueryError, match="Could not convert string"):
+        lake.filter("num_objects = 1 OR dataset::INTEGER > 0", name="never")
+    assert lake.databases == []
+    assert left_over(lake) == []
+
+
+def test_what_goes_wrong_between_two_batches_is_told_like_any_mistake(lake):
+    late = "SELECT range AS n FROM range(300000) WHERE range < 250000 OR concat(range, 'x')::INTEGER > 0"
+    with pytest.raises(QueryError, match="Could not convert string '250000x'"):
+        list(lake.batches(late))
+    assert len(lake) == 3
+
+
+def test_a_question_waits_no_longer_than_the_rows_of_another_are_read(lake):
+    rows = lake.batches("SELECT range AS n FROM range(300000)")
+    assert next(rows).num_rows > 0
+    rows.close()
+    assert len(lake) == 3
+
+
+def test_a_draft_that_cannot_be_written_is_an_error_and_the_lake_goes_on(lake, monkeypatch):
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(pq.ParquetWriter, "write_table", full)
+        with pytest.raises(LakeError, match="No space left on device; free some space") as failed:
+            lake.filter(name="never")
+    assert failed.traceback  # while the error is looked at, the connection answers
+    assert lake.databases == []
+    assert left_over(lake) == []
+    assert len(lake.filter(name="all")) == 3
+
+
+def test_to_open_and_to_filter_a_lake_compiles_nothing(lake):
+    code = (
+        "import sys\nfrom scenarionet_data import Lake\nLake(sys.argv[1]).filter(name='all')\n"
+        "print([name for name in ('numba', 'polars', 'shapely') if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(lake.root)], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -1,0 +1,185 @@
+"""Databases of pickles are written whole, and come back as they were."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scenarionet_data.arrays.ragged import Ragged
+from scenarionet_data.converters.base import Options
+from scenarionet_data.converters.scenarionet import ScenarioNetPickles
+from scenarionet_data.converters.scenarionet.unpickling import load
+from scenarionet_data.errors import BadParameter, DatabaseExists, InvalidScenario
+from scenarionet_data.export import export
+from scenarionet_data.scenario.description import ScenarioDescription, make_scenario_id
+from scenarionet_data.scenario.vocabulary import MapFeatureType
+from scenarionet_data.testing import differences
+from tests.fixtures import scenarionet_pickles as made
+from tests.fixtures.scenarios import make_scenario, renamed
+
+CONVERTER = ScenarioNetPickles()
+
+
+def import_all(directory: Path) -> list[ScenarioDescription]:
+    shards = CONVERTER.shards(str(directory), "train", "v1", Options())
+    return [CONVERTER.scenario(shard, record) for shard in shards for record in CONVERTER.records(shard)]
+
+
+def test_a_database(tmp_path: Path) -> None:
+    scenarios = [make_scenario(seed) for seed in (3, 1, 2)]
+    done: list[int] = []
+    report = export(iter(scenarios), tmp_path / "new" / "db", on_progress=done.append)
+    names = [f"sd_made_v1_s00000{seed}.pkl" for seed in (3, 1, 2)]
+    assert report.directory == tmp_path / "new" / "db"
+    assert (report.num_scenarios, report.refused, done) == (3, (), [1, 2, 3])
+    assert report.num_bytes == sum((report.directory / name).stat().st_size for name in names)
+    assert {p.name for p in report.directory.iterdir()} == {*names, "dataset_summary.pkl", "dataset_mapping.pkl"}
+    assert [p.name for p in report.directory.parent.iterdir()] == ["db"]
+    summary = load(report.directory / "dataset_summary.pkl", "summary")
+    assert list(summary) == names
+    assert load(report.directory / "dataset_mapping.pkl", "mapping") == dict.fromkeys(names, "")
+    assert not any(isinstance(value, np.ndarray | set) for _, value in made.walk(summary))
+    assert summary[names[0]]["ts"] == scenarios[0].timestamps.tolist()
+    assert summary[names[0]]["object_summary"]["t0"]["moving_distance"] == pytest.approx(30, rel=0.02)
+
+
+def test_pickles_load_in_both_numpys(tmp_path: Path) -> None:
+    """Names that numpy 1.26 and 2 share; protocol 4, whose arrays come back writable."""
+    directory = export([make_scenario(1)], tmp_path / "db").directory
+    for path in directory.iterdir():
+        data = path.read_bytes()
+        assert data[:2] == b"\x80\x04"
+        assert b"_core" not in data and b"multiarray" not in data
+        for where, value in made.walk(pickle.loads(data)):
+            assert not isinstance(value, np.ndarray) or value.flags.writeable, where
+            assert not isinstance(value, np.ndarray) or value.dtype.isnative, where
+
+
+def test_file_names_are_scenario_files(tmp_path: Path) -> None:
+    odd = replace(make_scenario(1), id=make_scenario_id("made", "v 1", "log/7 é", start=12))
+    (path,) = [p for p in export([odd], tmp_path / "db").directory.iterdir() if p.name.startswith("sd_")]
+    assert path.name == "sd_made_v%201_log%2F7%20%C3%A9@12.pkl"
+    imported = made.metadrive(3)
+    made.write_pickle(imported, tmp_path / "pg" / "sd_x.pkl")
+    report = export(import_all(tmp_path / "pg"), tmp_path / "again")
+    assert (report.directory / "sd_metadrive_MetaDrive%20v0.4.3_PGMap-3.pkl").is_file()
+
+
+def test_an_existing_directory_is_refused(tmp_path: Path) -> None:
+    db = tmp_path / "db"
+    export([make_scenario(1)], db)
+    with pytest.raises(DatabaseExists, match="is not empty"):
+        export([make_scenario(2)], db)
+    assert (db / "sd_made_v1_s000001.pkl").is_file()
+    export([make_scenario(2)], db, replace=True)
+    assert {p.name for p in db.glob("sd_*")} == {"sd_made_v1_s000002.pkl"}
+    (tmp_path / "empty").mkdir()
+    export([make_scenario(2)], tmp_path / "empty")
+    assert (tmp_path / "empty" / "dataset_summary.pkl").is_file()
+
+
+def test_overwriting_spares_what_is_no_database(tmp_path: Path) -> None:
+    (tmp_path / "home").mkdir()
+    (tmp_path / "home" / "thesis.tex").write_text("x")
+    with pytest.raises(DatabaseExists, match=r"thesis\.tex"):
+        export([make_scenario(1)], tmp_path / "home", replace=True)
+    with pytest.raises(DatabaseExists):
+        export([make_scenario(1)], tmp_path / "home" / "thesis.tex", replace=True)
+    assert (tmp_path / "home" / "thesis.tex").read_text() == "x"
+
+
+def test_a_broken_run_leaves_everything_as_it_was(tmp_path: Path) -> None:
+    def broken() -> Iterator[ScenarioDescription]:
+        yield make_scenario(2)
+        raise RuntimeError("the disk is on fire")
+
+    export([make_scenario(1)], tmp_path / "db")
+    for name in ("db", "other"):
+        with pytest.raises(RuntimeError):
+            export(broken(), tmp_path / name, replace=True)
+    assert [p.name for p in tmp_path.iterdir()] == ["db"]
+    assert [s.source.scenario_id for s in import_all(tmp_path / "db")] == ["s000001"]
+
+
+def test_what_cannot_be_written_is_reported(tmp_path: Path) -> None:
+    same = renamed(make_scenario(2), "s000001")
+    report = export([make_scenario(1), same, make_scenario(3)], tmp_path / "db")
+    assert report.num_scenarios == 2
+    assert [error.scenario_id for error in report.refused] == ["made/v1/s000001"]
+    assert "a second time" in report.refused[0].reason
+    nameless = replace(make_scenario(1), dataset="scenarionet", extras={})
+    with pytest.raises(InvalidScenario, match=r"extras\.dataset"):
+        export([nameless], tmp_path / "none")
+    with pytest.raises(BadParameter, match="no scenario to export"):
+        export([], tmp_path / "none")
+    assert not (tmp_path / "none").exists()
+
+
+def assert_same(first: ScenarioDescription, second: ScenarioDescription) -> None:
+    """Everything but the name, and a lane's width, which the format holds per point."""
+    names = ("id", "dataset", "version", "source", "extras", "map", "split")
+    for name in set(first.__dataclass_fields__) - set(names):
+        assert differences(getattr(first, name), getattr(second, name), name) == []
+    for name in ("scenario_id", "licence", "log", "city", "date", "crs"):
+        assert getattr(first.source, name) == getattr(second.source, name)
+    assert (first.map is None) == (second.map is None)
+    if first.map is not None:
+        lists = [
+            np.broadcast_to(w, (len(p), 2)) if len(w) else w
+            for w, p in zip(first.map.width, first.map.polyline, strict=True)
+        ]
+        wide = replace(first.map, width=Ragged.from_lists(lists, width=2))
+        assert differences(wide, second.map, "map") == []
+
+
+@given(
+    seed=st.integers(0, 10_000),
+    num_objects=st.integers(2, 12),
+    num_steps=st.integers(2, 40),
+    num_lights=st.integers(0, 3),
+    has_z=st.booleans(),
+    has_map=st.booleans(),
+)
+@settings(max_examples=40, deadline=None)
+def test_export_and_import_give_the_same_arrays(
+    tmp_path_factory, seed, num_objects, num_steps, num_lights, has_z, has_map
+):
+    scenario = make_scenario(
+        seed, num_objects=num_objects, num_steps=num_steps, num_lights=num_lights, has_z=has_z, has_map=has_map
+    )
+    (again,) = import_all(export([scenario], tmp_path_factory.mktemp("round") / "db").directory)
+    again.validate()
+    assert_same(scenario, again)
+    assert again.id == f"scenarionet/v1/made_s{seed:06d}"
+    assert again.extras == {**scenario.extras, "dataset": "made", "version": "v1", "id": f"s{seed:06d}"}
+
+
+def test_nuscenes_comes_back_with_its_true_ego(tmp_path: Path) -> None:
+    scenario = make_scenario(2, dataset="nuscenes", version="v1.0-mini")
+    (again,) = import_all(export([scenario], tmp_path / "db").directory)
+    assert_same(scenario, again)
+
+
+@pytest.mark.parametrize("source", ["made", "recorded"])
+def test_imported_pickles_survive_another_round(source: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    if source == "made":
+        raw = made.write_vintages(tmp_path / "raw")
+    else:
+        raw = request.getfixturevalue("recordings") / "scenarionet"
+    first = {scenario.id: scenario for scenario in import_all(raw)}
+    report = export(first.values(), tmp_path / "db")
+    assert not report.refused
+    second = {scenario.id: scenario for scenario in import_all(report.directory)}
+    assert second.keys() == first.keys()
+    for scenario_id, scenario in first.items():
+        assert_same(scenario, second[scenario_id])
+        assert second[scenario_id].extras == scenario.extras
+        assert scenario.map.types.tolist() == second[scenario_id].map.types.tolist()
+        assert MapFeatureType.LANE_SURFACE_STREET in scenario.map.types

@@ -1,0 +1,179 @@
+"""Sets of databases against Python's sets, names that move, and versions that come back."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from scenarionet_data.databases import record as databases
+from scenarionet_data.databases import writer
+from scenarionet_data.errors import (
+    BadParameter,
+    DatabaseExists,
+    DatabaseInUse,
+    DatabaseNotFound,
+    EmptyResult,
+    ScenarioNotFound,
+)
+from scenarionet_data.operations.database_query import StaleDatabaseWarning
+
+
+def ids(numbers):
+    return [f"made/v1/s{number:03d}" for number in numbers]
+
+
+def make(lake, name, numbers):
+    return lake.filter(name=name, ids=ids(numbers), replace=True, allow_empty=True)
+
+
+NUMBERS = st.sets(st.integers(0, 20), max_size=8)
+
+
+@settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(a=NUMBERS, b=NUMBERS, c=NUMBERS)
+def test_sets_are_sets(logs, a, b, c):
+    for name, numbers in (("a", a), ("b", b), ("c", c)):
+        make(logs, name, sorted(numbers))
+    saving = {"replace": True, "allow_empty": True}
+    merged = logs.merge(["a", "b", "c"], name="merged", **saving)
+    assert merged.scenario_ids == ids([*sorted(a), *sorted(b - a), *sorted(c - a - b)])
+    assert logs.intersect(["a", "b", "c"], name="both", **saving).scenario_ids == ids(sorted(a & b & c))
+    assert logs.subtract(["a", "b", "c"], name="rest", **saving).scenario_ids == ids(sorted(a - b - c))
+    for name in ("merged", "both", "rest"):
+        assert logs.rebuild(name).is_same
+    assert merged.lineage.parents == [logs.database(name).reference for name in "abc"]
+    for name in ("merged", "both", "rest", "a", "b", "c"):
+        logs.drop(name, force=True)
+
+
+def test_one_database_is_no_set_of_them(logs):
+    make(logs, "a", [1])
+    for operation in (logs.merge, logs.intersect, logs.subtract):
+        with pytest.raises(BadParameter, match="wanted two databases or more, found 1"):
+            operation(["a"], name="x")
+    with pytest.raises(DatabaseNotFound, match="no database 'b'; databases: a"):
+        logs.merge(["a", "b"], name="x")
+    with pytest.raises(EmptyResult, match="x: no scenario is left of 1"):
+        logs.subtract(["a", "a"], name="x")
+    with pytest.raises(DatabaseExists, match="'a' exists; give another name, or --replace"):
+        logs.merge(["a", "a"], name="a")
+
+
+def test_databases_of_several_snapshots_are_merged_where_one_snapshot_holds_them(changed):
+    changed.filter(name="new", ids=["made/v1/s000004"])
+    assert len(changed.merge(["same", "new"], name="both")) == 2
+    with pytest.warns(StaleDatabaseWarning, match="2 of 3 members of old@1 changed after snapshot 1 and are read fr"):
+        assert changed.merge(["old", "same"], name="earlier").lineage.snapshot == 1
+    with pytest.raises(ScenarioNotFound, match=r"no snapshot holds the members of old@1 and new@1 .*rebase .* old"):
+        changed.merge(["old", "new"], name="never")
+    assert changed.subtract(["new", "old"], name="unseen").scenario_ids == ["made/v1/s000004"]
+
+
+def test_members_that_the_lake_never_had_are_named(logs):
+    made = make(logs, "a", [1, 2])
+    foreign = made.members.set_column(0, "scenario_id", [["made/v1/s001", "made/v1/elsewhere"]])
+    writer.save(logs.files, "foreign", foreign, made.lineage, replace=False)
+    says = "members of foreign@1 as they were: 1 of 2 of foreign@1 are not in snapshot 1, for example made/v1/elsewhere"
+    for use in (
+        lambda: logs.filter("true", name="x", parent="foreign"),
+        lambda: logs.sample("foreign", name="x", n=1),
+        lambda: logs.merge(["a", "foreign"], name="x"),
+        lambda: logs.members("foreign"),
+    ):
+        with pytest.raises(ScenarioNotFound, match=says.replace("of foreign@1 as", ".*foreign@1 as")):
+            use()
+
+
+# --- names ---------------------------------------------------------------------------------------------------
+
+
+def test_a_copy_stays_as_it_was(logs):
+    first = make(logs, "a", [1, 2])
+    copy = logs.copy("a", "b")
+    make(logs, "a", [3])
+    assert logs.database("b").members.equals(first.members)
+    assert copy.lineage.operation == "copy"
+    assert copy.lineage.parents == ["a@1"]
+    assert logs.rebuild("b").is_same
+    assert logs.copy("a@1", "c").scenario_ids == ids([1, 2])
+    with pytest.raises(DatabaseExists):
+        logs.copy("a", "b")
+    make(logs, "none", [])
+    assert len(logs.copy("none", "none_too")) == 0
+
+
+def test_a_database_moves_with_all_its_versions(logs):
+    make(logs, "a", [1])
+    make(logs, "a", [2])
+    make(logs, "c", [3])
+    with pytest.raises(DatabaseExists, match="'c' exists"):
+        logs.rename("a", "c")
+    with pytest.raises(BadParameter, match="is no database name"):
+        logs.rename("a", "../c")
+    with pytest.raises(DatabaseNotFound):
+        logs.rename("x", "y")
+    logs.rename("a", "b")
+    assert logs.databases == ["b", "c"]
+    assert logs.database("b@1").scenario_ids == ids([1])
+    assert logs.database("b").scenario_ids == ids([2])
+    logs.filter("true", name="child", parent="b")
+    with pytest.raises(DatabaseInUse, match=r"child@1 was made from b; `scenarionet copy .* b d` leaves it in place"):
+        logs.rename("b", "d")
+
+
+def test_what_others_were_made_from_is_not_dropped_by_accident(logs):
+    make(logs, "a", [1])
+    make(logs, "a", [2])
+    logs.filter("true", name="child", parent="a@1")
+    with pytest.raises(DatabaseInUse, match=r"child@1 was made from a; drop them first, or --force"):
+        logs.drop("a")
+    with pytest.raises(DatabaseInUse):
+        logs.drop("a@1")
+    logs.drop("a@2")  # nobody was made from this one
+    assert logs.database("a").reference == "a@1"
+    logs.drop("a", force=True)
+    assert logs.databases == ["child"]
+    assert len(logs.database("child")) == 1
+    with pytest.raises(DatabaseNotFound, match="no database 'a'; databases: child"):
+        logs.drop("a")
+    assert list((logs.root / ".tmp").iterdir()) == []
+
+
+def test_the_last_version_takes_the_name_with_it(logs):
+    make(logs, "a", [1])
+    logs.drop("a@1")
+    assert logs.databases == []
+
+
+def test_an_old_version_comes_back_with_its_lineage(logs):
+    first, second = make(logs, "a", [1]), make(logs, "a", [2])
+    back = logs.checkout("a@1")
+    assert back.reference == "a@3"
+    assert back.members.equals(first.members)
+    assert logs.database("a@3").lineage == logs.database("a@1").lineage
+    assert logs.database("a@2").members.equals(second.members)
+    assert logs.rebuild("a").is_same
+    with pytest.raises(BadParameter, match="wanted an old version, for example a@1"):
+        logs.checkout("a")
+    with pytest.raises(DatabaseNotFound, match=r"no database 'a@7'; versions \[1, 2, 3\]"):
+        logs.checkout("a@7")
+
+
+def test_of_two_that_save_the_same_name_one_is_told_and_with_replace_both_are_kept(logs):
+    made = make(logs, "a", [1, 2])
+
+    def save(name, replace):
+        try:
+            return writer.save(logs.files, name, made.members, made.lineage, replace=replace).version
+        except DatabaseExists:
+            return None
+
+    with ThreadPoolExecutor(8) as pool:
+        assert sorted(filter(None, pool.map(lambda _: save("one", False), range(8)))) == [1]
+        assert sorted(pool.map(lambda _: save("many", True), range(8))) == list(range(1, 9))
+    assert databases.versions(logs.files, "one") == [1]
+    assert databases.versions(logs.files, "many") == list(range(1, 9))
+    assert len(logs.database("many")) == 2

@@ -1,0 +1,18 @@
+"""A lake to be, and a small scenario to fill it with."""
+
+from __future__ import annotations
+
+import pytest
+
+from scenarionet_data.storage.files.local import LakeFiles
+from tests.fixtures.scenarios import small
+
+
+@pytest.fixture(scope="session")
+def template():
+    return small(1)
+
+
+@pytest.fixture
+def files(tmp_path):
+    return LakeFiles(tmp_path / "lake")

@@ -1,0 +1,262 @@
+"""What compiled loops read is what Arrow reads, and damage is an error, never a crash."""
+
+import mmap
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenarionet_data.codec import Columns
+from scenarionet_data.errors import LakeError
+from scenarionet_data.schema import tables
+from scenarionet_data.storage.read.parquet import page_kernels as kernels
+from scenarionet_data.storage.read.parquet.column_reader import ColumnReader
+from scenarionet_data.storage.read.parquet.row_groups import Footer, RowGroup
+
+READ = ("tracks", "lights", "maps")
+WORDS = ["VEHICLE", "PEDESTRIAN", "", "straße", "自動車", "x" * 300]
+LENGTHS = [0, 0, 1, 2, 7, 8, 9, 64, 200]
+
+
+def some(kind, count, draw):
+    """Values of a type of the contract."""
+    if kind in ("string", "json", "dictionary"):
+        return [WORDS[number] for number in draw.integers(len(WORDS), size=count)]
+    if kind == "bool":
+        return draw.integers(2, size=count).astype(bool).tolist()
+    return draw.integers(-5, 5, count).tolist() if kind.startswith("int") else draw.normal(size=count).tolist()
+
+
+def rows_of(table, num_rows, seed, nulls=0.2):
+    """Rows of a table, every column at random."""
+    draw, columns = np.random.default_rng(seed), []
+    for column in tables.load(table).columns:
+        same = draw.random() < 0.3  # lists of one length are written as long runs
+        lengths = np.full(num_rows, draw.choice(LENGTHS)) if same else draw.choice(LENGTHS, num_rows)
+        if column.is_list:
+            ends, listed = np.cumsum(lengths), some(column.element, int(lengths.sum()), draw)
+            values = [listed[end - length : end] for end, length in zip(ends, lengths, strict=True)]
+        else:
+            values = some(column.element, num_rows, draw)
+        gaps = draw.random(num_rows) < draw.choice([0, nulls, 1])
+        kept = [None if gap and column.nullable else value for gap, value in zip(gaps, values, strict=True)]
+        columns.append(pa.array(kept, column.arrow_type))
+    return pa.RecordBatch.from_arrays(columns, schema=tables.load(table).schema)
+
+
+def written(path, table, batches, **options):
+    declared = tables.load(table)
+    settings = {**declared.writer_options(), **options}
+    with pq.ParquetWriter(path, declared.schema, **settings) as writer:
+        for batch in batches:
+            writer.write_batch(batch)
+    return path
+
+
+def row_groups(path, table, content=None):
+    """A file's row groups, the file as it is or with other bytes."""
+    metadata = pq.read_metadata(path)
+    footer = Footer(metadata, tables.load(table), names(table))
+    if content is None:
+        with path.open("rb") as file:
+            content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    else:
+        path.write_bytes(content)
+    data = np.frombuffer(bytes(content), np.uint8)
+    return [
+        RowGroup(str(path), footer, number, data, 0, lambda: pq.ParquetFile(path))
+        for number in range(metadata.num_row_groups)
+    ]
+
+
+def names(table):
+    return [column.name for column in tables.load(table).columns]
+
+
+def read(table, groups):
+    return ColumnReader(tables.load(table), names(table)).read(groups)
+
+
+def by_arrow(table, paths):
+    return Columns.from_arrow(pa.concat_tables(pq.read_table(p) for p in paths), tables.load(table).columns)
+
+
+def assert_same(table, found, expected):
+    assert found.num_rows == expected.num_rows
+    for column in tables.load(table).columns:
+        name = column.name
+        if column.is_list:
+            assert np.array_equal(found.lists[name].lengths, expected.lists[name].lengths), name
+            assert np.array_equal(found.lists[name].offsets, expected.lists[name].offsets), name
+            ours, theirs = found.lists[name].values, expected.lists[name].values
+        else:
+            ours, theirs = found.flat[name], expected.flat[name]
+        if column.element == "dictionary":
+            ours = np.array([*found.words[name], None], dtype=object)[ours]
+            theirs = np.array([*expected.words[name], None], dtype=object)[theirs]
+        assert ours.dtype == theirs.dtype, name
+        assert ours.tobytes() == theirs.tobytes() if ours.dtype != object else ours.tolist() == theirs.tolist(), name
+
+
+@pytest.mark.parametrize("table", READ)
+@given(sizes=st.lists(st.integers(1, 30), min_size=1, max_size=3), seed=st.integers(0, 2**32))
+def test_reads_what_arrow_reads(tmp_path_factory, table, sizes, seed):
+    folder = tmp_path_factory.mktemp("files")
+    first = [rows_of(table, size, seed + number) for number, size in enumerate(sizes)]
+    paths = [
+        written(folder / "1.parquet", table, first),  # in zstd where the bytes are, and in lz4
+        written(folder / "2.parquet", table, [rows_of(table, 3, seed)], compression="lz4", compression_level=None),
+    ]
+    groups = [group for path in paths for group in row_groups(path, table)]
+    assert_same(table, read(table, groups), by_arrow(table, paths))
+
+
+@pytest.mark.parametrize("table", READ)
+def test_reads_without_arrow_what_our_writer_makes(tmp_path, table):
+    path = written(tmp_path / "f.parquet", table, [rows_of(table, 30, seed) for seed in range(3)])
+    pages, _ = ColumnReader(tables.load(table), names(table))._staged(row_groups(path, table))
+    unknown = {column.name for column, its in zip(tables.load(table).columns, pages, strict=True) if its[0, 0] < 0}
+    assert unknown <= {"origin_x", "origin_y", "origin_z", "tile"}  # which no loader reads
+
+
+@pytest.mark.parametrize(("table", "num_rows"), [("tracks", 19_000), ("maps", 4_000)])
+def test_a_column_of_megabytes_is_one_page(tmp_path, table, num_rows):
+    """As in row groups that many scenarios share."""
+    path = written(tmp_path / "f.parquet", table, [rows_of(table, num_rows, 7)])
+    group = pq.read_metadata(path).row_group(0)
+    assert max(group.column(k).total_uncompressed_size for k in range(group.num_columns)) > 2e6
+    pages, _ = ColumnReader(tables.load(table), names(table))._staged(row_groups(path, table))
+    unknown = {column.name for column, its in zip(tables.load(table).columns, pages, strict=True) if its[0, 0] < 0}
+    assert unknown <= {"origin_x", "origin_y", "origin_z", "tile"}
+    assert_same(table, read(table, row_groups(path, table)), by_arrow(table, [path]))
+
+
+@pytest.mark.parametrize("table", READ)
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"compression": "snappy", "compression_level": None},
+        {"compression": "none", "compression_level": None},
+        {"data_page_size": 64},
+        {"data_page_version": "2.0"},
+        {"use_dictionary": True, "column_encoding": None},
+        {"compression": "zstd", "compression_level": 1},
+    ],
+    ids=["snappy", "plain", "many-pages", "version-2", "dictionaries", "zstd"],
+)
+def test_what_our_writer_does_not_make_is_left_to_arrow(tmp_path, table, options):
+    paths = [
+        written(tmp_path / "1.parquet", table, [rows_of(table, 30, 1), rows_of(table, 90, 2)], **options),
+        written(tmp_path / "2.parquet", table, [rows_of(table, 5, 3)]),
+    ]
+    groups = [group for path in paths for group in row_groups(path, table)]
+    assert_same(table, read(table, groups), by_arrow(table, paths))
+
+
+@pytest.mark.parametrize("table", READ)
+@given(data=st.data())
+def test_damage_is_an_error_and_never_a_crash(tmp_path_factory, table, data):
+    path = written(tmp_path_factory.mktemp("t") / "f.parquet", table, [rows_of(table, 20, 4), rows_of(table, 9, 5)])
+    whole, content = row_groups(path, table), bytearray(path.read_bytes())
+    start, end = whole[0].footer.span(0)
+    for _ in range(data.draw(st.integers(1, 8))):
+        content[data.draw(st.integers(start, end - 1))] = data.draw(st.integers(0, 255))
+    try:
+        found = read(table, row_groups(path, table, content))
+    except LakeError as error:
+        assert f"cannot read {path}: " in str(error)
+        return
+    assert found.num_rows == 29
+    for column in found.lists.values():
+        assert 0 <= column.offsets[-1] <= len(column.values)
+
+
+def test_the_damaged_one_of_many_files_is_named(tmp_path):
+    paths = [written(tmp_path / f"{k}.parquet", "tracks", [rows_of("tracks", 20, k)]) for k in range(3)]
+    content = bytearray(paths[1].read_bytes())
+    start, end = row_groups(paths[1], "tracks")[0].footer.span(0)
+    content[start:end] = bytes(end - start)
+    groups = [
+        *row_groups(paths[0], "tracks"),
+        *row_groups(paths[1], "tracks", content),
+        *row_groups(paths[2], "tracks"),
+    ]
+    with pytest.raises(LakeError, match=f"cannot read {paths[1]}: "):
+        read("tracks", groups)
+
+
+@pytest.mark.parametrize("table", READ)
+@given(first=st.lists(st.integers(0, 20), min_size=1, max_size=4), count=st.integers(0, 9))
+def test_picks_as_arrow_slices(table, first, count):
+    batch = rows_of(table, 29, 6)
+    columns = tables.load(table).columns
+    picked = Columns.from_arrow(batch, columns).pick([(start, count) for start in first])
+    expected = pa.concat_tables(pa.Table.from_batches([batch.slice(start, count)]) for start in first)
+    assert_same(table, picked, Columns.from_arrow(expected, columns))
+
+
+def test_rows_that_are_not_there_are_refused():
+    columns = Columns.from_arrow(rows_of("lights", 5, 1), tables.load("lights").columns)
+    with pytest.raises(LakeError, match="fewer rows than its lake says"):
+        columns.pick([(3, 3)])
+
+
+GUARD = 8
+
+
+def guarded(size, kind):
+    """Room for ``size`` values, and behind it some that nobody may touch."""
+    return np.full(size + GUARD, -7 if np.dtype(kind).kind != "u" else 7, kind)
+
+
+@given(
+    content=st.binary(max_size=200),
+    levels=st.integers(0, 60),
+    shape=st.sampled_from([0, kernels.NULLABLE, kernels.LIST, kernels.LIST | kernels.NULLABLE]),
+    encoding=st.sampled_from([kernels.PLAIN, kernels.BYTE_STREAM_SPLIT]),
+    num_words=st.integers(0, 4),
+)
+def test_no_page_whatever_reads_or_writes_out_of_bounds(content, levels, shape, encoding, num_words):
+    data = np.frombuffer(content + bytes(kernels.SPARE), np.uint8)
+    pages = np.zeros((1, 1, kernels.NUM_PAGE_FIELDS), np.int64)
+    pages[0, 0, kernels.END] = len(content)
+    pages[0, 0, [kernels.LEVELS, kernels.ENCODING, kernels.NUM_WORDS]] = levels, encoding, num_words
+    lists, rows = np.full((3, levels + 1), -7, np.int32), np.zeros(1, np.int64)
+    kernels.read_levels(data, pages, np.array([shape]), np.zeros(1, np.int64), lists[:2], rows)
+    assert (lists[2] == -7).all()
+    if rows[0] < 0:
+        return
+    (page,), (count,) = pages, pages[0, :, kernels.COUNT].tolist()
+    assert rows[0] <= levels
+    assert 0 <= lists[1, rows[0]] <= count <= levels
+    words, bits, indices = guarded(count, np.uint32), guarded(count, np.int8), guarded(count, np.int32)
+    offsets, text = guarded(count + 1, np.int64), guarded(len(content), np.uint8)
+    offsets[0] = 0
+    rooms = words, bits, indices, offsets, text
+    inner = [room[: len(room) - GUARD] for room in rooms]
+    kernels.read_words(data, page, inner[0])
+    kernels.read_bits(data, page, inner[1])
+    kernels.read_indices(data, page, np.arange(num_words, dtype=np.int32), inner[2])
+    kernels.read_texts(data, page, inner[3], inner[4])
+    for room in rooms:
+        assert (room[len(room) - GUARD :] == (7 if room.dtype.kind == "u" else -7)).all()
+
+
+@given(content=st.binary(max_size=80), size=st.integers(0, 200))
+def test_no_block_whatever_inflates_out_of_bounds(content, size):
+    data, target = np.frombuffer(content, np.uint8), guarded(size + GUARD, np.uint8)
+    kernels._inflate(data, 0, len(data), target, GUARD, GUARD + size)
+    assert (target[:GUARD] == 7).all()
+    assert (target[GUARD + size :] == 7).all()
+
+
+@given(texts=st.lists(st.sampled_from([b"a" * 20, b"scenario", bytes(range(40)), b"ab"]), max_size=40))
+def test_inflates_what_arrow_deflates(texts):
+    content = b"".join(texts)
+    block = np.frombuffer(pa.Codec("lz4_raw").compress(content, asbytes=True), np.uint8)
+    target = np.zeros(len(content), np.uint8)
+    assert kernels._inflate(block, 0, len(block), target, 0, len(content))
+    assert target.tobytes() == content

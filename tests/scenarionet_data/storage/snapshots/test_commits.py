@@ -1,0 +1,155 @@
+"""Commits add up, whoever else commits meanwhile."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+from scenarionet_data import Lake
+from scenarionet_data.errors import SnapshotConflict
+from scenarionet_data.storage.snapshots import commit as commits
+from scenarionet_data.storage.snapshots import manifests
+from scenarionet_data.storage.snapshots import snapshot as snapshots
+from tests.fixtures.lakes import stored_ids, write_shard
+from tests.fixtures.scenarios import renamed, small
+
+
+def names_of(files):
+    return [record.name for record in manifests.shards(files, snapshots.read(files))]
+
+
+def test_commits_add_up_and_old_snapshots_stay(files, template):
+    for k in range(3):
+        record = write_shard(files.root, [renamed(template, f"s{k}")], name=f"shard{k}")
+        done = commits.commit(files, [record], f"step {k}")
+        assert done.snapshot.number == k + 1
+        assert done.snapshot.operation == f"step {k}"
+    assert snapshots.numbers(files) == [1, 2, 3]
+    assert len(stored_ids(files)) == 3
+    assert len(snapshots.read(files, 1).metadata) == 1
+    assert names_of(files) == ["shard0", "shard1", "shard2"]
+    assert len(Lake(files.root, snapshot=2)) == 2
+
+
+def test_committing_again_changes_nothing(files, template):
+    record = write_shard(files.root, [template])
+    first = commits.commit(files, [record], "test")
+    assert commits.commit(files, [record], "test") == first
+    assert commits.commit(files, [], "test") == first
+    assert snapshots.numbers(files) == [1]
+
+
+def test_a_duplicate_is_refused_and_the_rest_committed(files, template):
+    commits.commit(files, [write_shard(files.root, [template], name="old")], "test")
+    again = write_shard(files.root, [renamed(template, "x"), template], name="again")
+    twice = [write_shard(files.root, [renamed(template, "y")], name=name) for name in ("one", "two")]
+    fresh = write_shard(files.root, [renamed(template, "z")], name="fresh")
+    done = commits.commit(files, [again, *twice, fresh], "test")
+    assert [(record.name, scenario_id) for record, scenario_id in done.refused] == [
+        ("again", template.id),
+        ("two", "made/v1/y"),
+    ]
+    assert names_of(files) == ["fresh", "old", "one"]
+    assert stored_ids(files) == sorted([template.id, "made/v1/y", "made/v1/z"])
+
+
+def test_the_same_id_in_another_split_is_a_duplicate_and_in_another_version_is_not(files):
+    commits.commit(files, [write_shard(files.root, [small(1)])], "test")
+    other_split = write_shard(files.root, [small(1, split="val")], name="b")
+    other_version = write_shard(files.root, [small(1, version="v2")], name="c")
+    done = commits.commit(files, [other_split, other_version], "test")
+    assert [record.name for record, _ in done.refused] == ["b"]
+    assert stored_ids(files) == ["made/v1/s000001", "made/v2/s000001"]
+
+
+def test_replaced_shards_vanish_from_the_newest_snapshot_only(files, template):
+    old = [write_shard(files.root, [renamed(template, f"s{k}")], name=f"shard{k}") for k in range(3)]
+    commits.commit(files, old, "test")
+    new = write_shard(files.root, [renamed(template, "s1"), renamed(template, "s9")], name="new")
+    commits.commit(files, [new], "test", frozenset([old[1].key]))
+    assert stored_ids(files) == ["made/v1/s0", "made/v1/s1", "made/v1/s2", "made/v1/s9"]
+    assert names_of(files) == ["new", "shard0", "shard2"]
+    assert len(Lake(files.root, snapshot=1)) == 3
+
+
+def test_nothing_is_replaced_when_what_takes_its_place_is_refused(files, template):
+    old = [write_shard(files.root, [renamed(template, f"s{k}")], name=f"shard{k}") for k in range(2)]
+    commits.commit(files, old, "test")
+    new = write_shard(files.root, [renamed(template, "s0"), renamed(template, "s1")], name="new")
+    done = commits.commit(files, [new], "test", frozenset([old[0].key]))
+    assert [record.name for record, _ in done.refused] == ["new"]
+    assert names_of(files) == ["shard0", "shard1"]
+    assert snapshots.numbers(files) == [1]
+
+
+def test_many_commits_fold_their_manifests(files, template, monkeypatch):
+    monkeypatch.setattr(manifests, "_MAX_MANIFESTS", 3)
+    for k in range(8):
+        commits.commit(files, [write_shard(files.root, [renamed(template, f"s{k}")], name=f"shard{k}")], "test")
+        assert len(snapshots.read(files).manifests) <= 3
+        assert names_of(files) == [f"shard{j}" for j in range(k + 1)]
+
+
+def test_threads_lose_nothing(files, template):
+    records = [write_shard(files.root, [renamed(template, f"s{k}")], name=f"shard{k}") for k in range(10)]
+    threads = [threading.Thread(target=commits.commit, args=(files, [record], "test")) for record in records]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(stored_ids(files)) == 10
+    assert len(names_of(files)) == 10
+    numbers = snapshots.numbers(files)
+    assert numbers == list(range(1, len(numbers) + 1))
+
+
+COMMIT_MANY = """
+import sys
+from pathlib import Path
+from scenarionet_data.storage import commit as commits
+from scenarionet_data.storage.files.local import LakeFiles
+from tests.fixtures.lakes import write_shard
+from tests.fixtures.scenarios import renamed, small
+root, who = Path(sys.argv[1]), sys.argv[2]
+template = small(1)
+records = [write_shard(root, [renamed(template, f"{who}{k}")], name=f"{who}{k}") for k in range(12)]
+print("ready", flush=True)
+sys.stdin.readline()
+for record in records:
+    commits.commit(LakeFiles(root), [record], who)
+"""
+
+
+@pytest.mark.long
+def test_processes_lose_nothing(files):
+    jobs = [
+        subprocess.Popen(
+            [sys.executable, "-c", COMMIT_MANY, str(files.root), who],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        for who in ("a", "b")
+    ]
+    for job in jobs:
+        assert job.stdout.readline() == "ready\n"
+    for job in jobs:
+        job.stdin.write("go\n")
+        job.stdin.flush()
+    for job in jobs:
+        job.communicate(timeout=60)
+        assert job.returncode == 0
+    assert stored_ids(files) == sorted(f"made/v1/{who}{k}" for who in "ab" for k in range(12))
+    assert snapshots.read(files).number == 24
+
+
+def test_endless_rivals_are_a_conflict_with_the_remedy(files, template, monkeypatch):
+    record = write_shard(files.root, [template])
+    monkeypatch.setattr(snapshots, "publish", lambda files, snapshot: False)
+    monkeypatch.setattr(time, "sleep", lambda seconds: None)
+    with pytest.raises(SnapshotConflict, match="run the same command again, nothing is lost"):
+        commits.commit(files, [record], "test")

@@ -1,0 +1,84 @@
+"""Runs of simulations in a lake: claimed once, part by part, joined in SQL."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from scenarionet_data import Lake
+from scenarionet_data.errors import BadParameter, SchemaMismatch
+from scenarionet_data.storage import evaluation_runs
+from scenarionet_data.storage.files.local import LakeFiles
+from tests.fixtures.lakes import write_lake
+from tests.fixtures.scenarios import make_scenario
+
+SCENARIOS = [make_scenario(seed, num_steps=11) for seed in range(3)]
+
+
+@pytest.fixture
+def lake(tmp_path) -> Lake:
+    return write_lake(tmp_path / "lake", SCENARIOS)
+
+
+def rollout(scenario_id: str) -> dict:
+    facts = {"track_id": "t0", "object_type": "VEHICLE", "is_judged": True, "start": 0}
+    return {"scenario_id": scenario_id} | facts | {name: [0.0, 1.0] for name in ("x", "y", "heading", "vx", "vy")}
+
+
+def publish(run: evaluation_runs.Run, part: int, scenario_id: str, cost: int) -> None:
+    results = [{"scenario_id": scenario_id, "track_id": "t0", "cost": cost}]
+    run.publish(part, {"rollouts": [rollout(scenario_id)], "results": results})
+
+
+def test_results_are_one_join_from_what_is_known(lake):
+    run = evaluation_runs.claim(lake.files, "mine", ("rollouts", "results"), {"policy": "idm"})
+    assert run.done() == set()
+    for part, scenario in enumerate(SCENARIOS[:2]):
+        publish(run, part, scenario.id, cost=part)
+    assert run.done() == {0, 1}
+    rows = lake.refresh().sql(
+        "SELECT run, num_timesteps, cost, len(x) AS steps FROM results "
+        "JOIN metadata USING (scenario_id) JOIN rollouts USING (run, scenario_id, track_id) ORDER BY cost"
+    )
+    assert rows.rows() == [("mine", 11, 0, 2), ("mine", 11, 1, 2)]
+
+
+def test_without_runs_the_views_are_empty(lake):
+    for table in evaluation_runs.RUN_TABLES:
+        assert lake.sql(f"SELECT * FROM {table}").is_empty()
+    assert evaluation_runs.names(lake.files) == []
+
+
+def test_only_the_same_work_goes_on_with_a_run(lake):
+    first = evaluation_runs.claim(lake.files, "mine", ("results",), {"policy": "idm", "backend": "Kinematic()"})
+    assert evaluation_runs.claim(lake.files, "mine", ("results",), {"backend": "Kinematic()", "policy": "idm"}) == first
+    with pytest.raises(BadParameter, match="'mine' is there with policy 'idm', not 'replay'; choose another name"):
+        evaluation_runs.claim(lake.files, "mine", ("results",), {"policy": "replay", "backend": "Kinematic()"})
+    with pytest.raises(BadParameter, match="no name of a run"):
+        evaluation_runs.claim(lake.files, "../mine", ("results",), {})
+
+
+def test_a_part_is_done_when_its_last_table_is_there(lake):
+    run = evaluation_runs.claim(lake.files, "mine", ("rollouts", "results"), {})
+    run.publish(0, {"rollouts": [rollout(SCENARIOS[0].id)], "results": []})
+    half = evaluation_runs.Run(lake.files, "mine", ("rollouts",))
+    half.publish(1, {"rollouts": [rollout(SCENARIOS[1].id)]})
+    assert run.done() == {0}
+
+
+def test_a_run_of_another_contract_is_named(tmp_path, lake):
+    run = evaluation_runs.claim(lake.files, "old", ("results",), {})
+    run.publish(0, {"results": []})
+    description = tmp_path / "lake" / "results" / "old" / "run.json"
+    description.write_text(json.dumps({"tables": ["results/0"]}))
+    with pytest.raises(SchemaMismatch, match=r"results/old: written under another version .* reads results/1"):
+        Lake(tmp_path / "lake").sql("SELECT * FROM results")
+
+
+def test_runs_are_not_files_of_a_snapshot(lake):
+    run = evaluation_runs.claim(LakeFiles(lake.root), "mine", ("rollouts", "results"), {})
+    publish(run, 0, SCENARIOS[0].id, 0)
+    older = Lake(lake.root, lake.snapshot.number)
+    assert len(older.sql("SELECT * FROM results")) == 1
+    assert older.snapshot == lake.snapshot

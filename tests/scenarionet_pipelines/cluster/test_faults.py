@@ -1,0 +1,226 @@
+"""What goes wrong on a cluster, with real schedulers, workers and clients: nothing is lost, nothing is double."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import resource
+import signal
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+from scenarionet_data import Lake, convert
+from tests.fixtures.lakes import content
+from tests.fixtures.made import NAME, write_raw
+from tests.scenarionet_pipelines.cluster.conftest import Dask, Processes, until
+
+pytestmark = pytest.mark.long
+
+ENDS_WITHIN = 120.0
+
+
+def slow_raw(folder: Path, shards: int = 10, **others: list[str]) -> Path:
+    """Shards of three scenarios that take long enough to be caught at work, and others."""
+    lines = {f"s{k:02d}": [f"{10 * k + i} slow" for i in range(3)] for k in range(shards)}
+    return write_raw(folder, {**lines, **others})
+
+
+def start(processes: Processes, raw: Path, lake: Path, *words: object) -> tuple[subprocess.Popen[bytes], Path]:
+    options = ("--json", "--quiet", *map(str, words))
+    return processes.start("scenarionet_pipelines.cli", "convert", NAME, str(raw), str(lake), *options)
+
+
+def report_of(process: subprocess.Popen[bytes], log: Path, code: int = 0) -> dict[str, Any]:
+    """What a command reports at its end."""
+    process.wait(ENDS_WITHIN)
+    assert process.returncode == code, log.read_text()
+    report: dict[str, Any] = json.loads(log.read_text())
+    return report
+
+
+def finished(lake: Path) -> int:
+    return len(list(lake.glob("metadata/**/*.parquet")))
+
+
+def assert_equals_undisturbed(lake: Path, raw: Path) -> None:
+    undisturbed = lake.with_name("undisturbed")
+    convert(NAME, str(raw), undisturbed)
+    assert content(lake) == content(undisturbed)
+
+
+# --- workers ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("nanny", ["--nanny", "--no-nanny"])
+def test_a_worker_killed_in_the_middle_of_a_shard(dask: Dask, tmp_path, nanny):
+    raw, lake = slow_raw(tmp_path / "raw"), tmp_path / "lake"
+    first = dask.start_worker(nanny)
+    dask.start_worker(nanny)
+    command = start(dask, raw, lake, "--cluster", dask.address)
+    until(lambda: finished(lake) >= 2, "two shards")
+    worker = psutil.Process(first.pid)
+    victim = next((p for p in worker.children(recursive=True) if "spawn_main" in " ".join(p.cmdline())), worker)
+    (victim if nanny == "--nanny" else worker).kill()
+    report = report_of(*command)
+    assert (report["converted"], report["shards"], report["failed"]) == (30, 10, [])
+    assert sum(share["jobs"] for share in report["workers"].values()) == 10
+    assert_equals_undisturbed(lake, raw)
+
+
+def test_a_shard_that_kills_its_workers_is_named_and_the_others_go_on(dask: Dask, tmp_path):
+    raw, lake = slow_raw(tmp_path / "raw", bad=["99 deadly"]), tmp_path / "lake"
+    dask.start_worker("--nanny")
+    dask.start_worker("--nanny")
+    report = report_of(*start(dask, raw, lake, "--cluster", dask.address), code=1)
+    (failed,) = report["failed"]
+    assert failed["shard"] == "bad"
+    assert re.match(r"2 workers were lost while they did it, most often for memory", failed["reason"])
+    assert (report["converted"], report["shards"]) == (30, 10)
+    (raw / "bad.made").unlink()
+    assert_equals_undisturbed(lake, raw)
+
+
+def test_a_worker_that_runs_out_of_memory(dask: Dask, tmp_path):
+    raw, lake = slow_raw(tmp_path / "raw", shards=4, large=["99 hungry"]), tmp_path / "lake"
+    dask.start_worker("--nanny", "--memory-limit", "1200MB")
+    report = report_of(*start(dask, raw, lake, "--cluster", dask.address), code=1)
+    (failed,) = report["failed"]
+    assert failed["shard"] == "large"
+    assert "give workers more memory" in failed["reason"]
+    assert report["converted"] == 12
+    assert len(Lake(lake)) == 12
+
+
+def test_a_full_disk_of_a_worker(dask: Dask, tmp_path):
+    """Files that may not grow: what a full disk is where nothing can be mounted."""
+    raw, lake = slow_raw(tmp_path / "raw", shards=3), tmp_path / "lake"
+    limited = dask.start_worker(
+        "--no-nanny", preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+    )
+    command, log = start(dask, raw, lake, "--cluster", dask.address)
+    assert command.wait(ENDS_WITHIN) == 1
+    assert "File too large; free some space and run the same command again: finished shards are kept" in log.read_text()
+    assert not list(lake.glob("snapshots/*.json"))
+    limited.kill()
+    dask.start_worker("--no-nanny")
+    assert report_of(*start(dask, raw, lake, "--cluster", dask.address))["converted"] == 9
+    assert_equals_undisturbed(lake, raw)
+
+
+def test_a_corrupt_shard_among_fifty(dask: Dask, tmp_path):
+    lines = {f"s{k:02d}": [k] for k in range(49)}
+    raw, lake = write_raw(tmp_path / "raw", {**lines, "torn": ["99 corrupt"]}), tmp_path / "lake"
+    dask.start_worker("--no-nanny")
+    dask.start_worker("--no-nanny")
+    report = report_of(*start(dask, raw, lake, "--cluster", dask.address), code=1)
+    assert [failed["shard"] for failed in report["failed"]] == ["torn"]
+    assert "torn.made: corrupt; copy it again" in report["failed"][0]["reason"]
+    assert (report["converted"], report["shards"]) == (49, 49)
+    (raw / "torn.made").write_text("99")
+    again = report_of(*start(dask, raw, lake, "--cluster", dask.address))
+    assert (again["converted"], again["skipped"]) == (1, 49)
+    assert_equals_undisturbed(lake, raw)
+
+
+# --- the scheduler ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_the_scheduler_ends(dask: Dask, tmp_path, number):
+    raw, lake = slow_raw(tmp_path / "raw"), tmp_path / "lake"
+    dask.start_worker("--no-nanny")
+    command, log = start(dask, raw, lake, "--cluster", dask.address)
+    until(lambda: finished(lake) >= 3, "three shards")
+    dask.scheduler.send_signal(number)
+    assert command.wait(ENDS_WITHIN) == 1
+    (line,) = log.read_text().splitlines()
+    assert line.startswith(f"error: {dask.address}: the scheduler is gone; what is finished is kept: start it again")
+    assert len(Lake(lake)) >= 6
+    dask.start_scheduler()
+    dask.start_worker("--no-nanny")
+    again = report_of(*start(dask, raw, lake, "--cluster", dask.address))
+    assert again["skipped"] + again["adopted"] >= 3
+    assert again["skipped"] + again["shards"] == 10
+    assert_equals_undisturbed(lake, raw)
+
+
+def test_no_worker_comes(dask: Dask, tmp_path):
+    profile = tmp_path / "mine.toml"
+    profile.write_text(f'kind = "scheduler"\naddress = "{dask.address}"\npatience = 1.0\n')
+    raw = slow_raw(tmp_path / "raw", shards=1)
+    command, log = start(dask, raw, tmp_path / "lake", "--cluster", profile)
+    assert command.wait(ENDS_WITHIN) == 1
+    assert "no worker for 1 s; what is finished is kept: start workers (`dask worker tcp://" in log.read_text()
+
+
+# --- the client ---------------------------------------------------------------------------------------
+
+
+def test_a_client_killed_between_writing_and_committing(dask: Dask, tmp_path):
+    raw, lake = slow_raw(tmp_path / "raw"), tmp_path / "lake"
+    dask.start_worker("--no-nanny")
+    command, _ = start(dask, raw, lake, "--cluster", dask.address)
+    until(lambda: finished(lake) >= 3, "three shards")
+    command.kill()
+    command.wait()
+    assert not list(lake.glob("snapshots/*.json"))  # written, renamed, and in no snapshot
+    again = report_of(*start(dask, raw, lake, "--cluster", dask.address))
+    assert again["adopted"] >= 3
+    assert again["shards"] == 10
+    assert_equals_undisturbed(lake, raw)
+
+
+@pytest.mark.parametrize("where", ["local", "existing"])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_client(processes: Processes, tmp_path, number, where):
+    raw, lake = slow_raw(tmp_path / "raw"), tmp_path / "lake"
+    cluster = ["local", "--workers", 2]
+    if where == "existing":
+        processes = Dask(tmp_path)
+        cluster = [processes.start_scheduler()]
+        processes.start_worker("--no-nanny")
+    command, log = start(processes, raw, lake, "--cluster", *cluster)
+    until(lambda: finished(lake) >= 3, "three shards")
+    started = psutil.Process(command.pid).children(recursive=True)
+    if number == signal.SIGINT:
+        os.killpg(command.pid, number)  # as a terminal does: its workers too
+    else:
+        command.send_signal(number)
+    command.wait(ENDS_WITHIN)
+    lines = log.read_text().splitlines()
+    assert command.returncode == 130, lines
+    assert len(lines) == 1, lines
+    assert lines[0].startswith("interrupted: ")
+    assert "the same command goes on from there" in lines[0]
+    assert psutil.wait_procs(started, timeout=60)[1] == []
+    kept = len(Lake(lake))
+    assert kept >= 3
+    again = report_of(*start(processes, raw, lake, "--workers", 1))
+    assert again["skipped"] == kept // 3
+    assert_equals_undisturbed(lake, raw)
+    processes.end()
+
+
+@pytest.mark.parametrize("kind", ["the same recordings", "different recordings"])
+def test_two_clients_at_once(dask: Dask, tmp_path, kind):
+    raw, lake = slow_raw(tmp_path / "raw"), tmp_path / "lake"
+    sources = [raw, raw]
+    if kind == "different recordings":
+        half = [path for path in sorted(raw.iterdir()) if path.stem >= "s05"]
+        sources[1] = write_raw(tmp_path / "second", {path.stem: path.read_text().splitlines() for path in half})
+        for path in half:
+            path.unlink()
+    dask.start_worker("--no-nanny")
+    dask.start_worker("--no-nanny")
+    commands = [start(dask, source, lake, "--cluster", dask.address) for source in sources]
+    reports = [report_of(*command) for command in commands]
+    assert all(report["failed"] == [] for report in reports)
+    scenarios = Lake(lake).sql("SELECT count(*), count(DISTINCT scenario_id) FROM metadata").row(0)
+    assert scenarios == (30, 30)
+    slow_raw(raw)
+    assert_equals_undisturbed(lake, raw)

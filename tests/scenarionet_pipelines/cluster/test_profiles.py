@@ -1,0 +1,92 @@
+"""Profiles: how a cluster is named and described, and that Dask takes what they say."""
+
+from __future__ import annotations
+
+import inspect
+
+import pytest
+
+from scenarionet_data.errors import BadParameter, ClusterLost
+from scenarionet_pipelines.cluster import open_cluster
+from scenarionet_pipelines.cluster import profile as profiles
+
+
+def test_an_address_is_a_scheduler():
+    found = profiles.find("tcp://10.0.0.5:8786")
+    assert (found.kind, found.address) == ("scheduler", "tcp://10.0.0.5:8786")
+
+
+@pytest.mark.parametrize("name", profiles.names())
+def test_profiles_that_come_along_are_documented(name):
+    found = profiles.find(name)
+    assert found.doc.endswith(".")
+    text = (profiles.FOLDER / f"{name}.toml").read_text("utf-8")
+    assert "--cluster" in text.split("kind =")[0]
+
+
+def test_there_is_one_of_each_kind():
+    assert {profiles.find(name).kind for name in profiles.names()} == set(profiles.KINDS)
+
+
+def test_a_profile_of_ones_own(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text('kind = "local"\nworkers = 3\n[options]\nmemory_limit = "1GiB"\n')
+    found = profiles.find(str(path))
+    assert (found.workers, found.options) == (3, {"memory_limit": "1GiB"})
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("kind = ", "Invalid value"),
+        ('kind = "cloud"', "wanted a kind out of scheduler, local, ssh, slurm, kubernetes, found 'cloud'"),
+        ('kind = "local"\nworker = 3', "unknown key 'worker'; a profile has kind,"),
+        ('kind = "scheduler"', "wanted the scheduler's address"),
+    ],
+)
+def test_mistakes_are_named(text, message):
+    with pytest.raises(BadParameter, match=message):
+        profiles.parse(text, "mine.toml")
+
+
+def test_an_unknown_name_is_told_what_there_is():
+    with pytest.raises(
+        BadParameter, match=r"no cluster 'locall'; did you mean local\? there are existing, .*tcp://HOST"
+    ):
+        profiles.find("locall")
+
+
+def test_options_are_those_of_dasks_classes():
+    from distributed import LocalCluster, SSHCluster, Worker
+
+    assert set(profiles.find("ssh").options) <= set(inspect.signature(SSHCluster).parameters)
+    takes = {*inspect.signature(LocalCluster).parameters, *inspect.signature(Worker).parameters}
+    assert set(profiles.find("local").options) <= takes
+
+
+@pytest.mark.long
+def test_slurm_would_be_given_this_script(tmp_path):
+    from dask_jobqueue import SLURMCluster
+
+    here = {"scheduler_options": {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"}}
+    with SLURMCluster(**profiles.find("slurm").options, **here, log_directory=str(tmp_path)) as cluster:
+        script = cluster.job_script()
+    assert "#SBATCH --cpus-per-task=16" in script
+    assert "#SBATCH --mem=32G" in script
+    assert "--nthreads 1 --memory-limit 2.00GiB --nworkers 16" in script
+
+
+def test_who_has_workers_is_not_given_others():
+    with pytest.raises(BadParameter, match=r"--workers: tcp://127\.0\.0\.1:1 has the workers that it has"):
+        open_cluster("tcp://127.0.0.1:1", workers=3).__enter__()
+
+
+def test_nobody_answers(monkeypatch):
+    monkeypatch.setattr("scenarionet_pipelines.cluster.opening._CONNECT_WITHIN", 0.3)
+    with (
+        pytest.raises(
+            ClusterLost, match=r"tcp://127.0.0.1:1: no scheduler answers there; start one with `dask scheduler`"
+        ),
+        open_cluster("tcp://127.0.0.1:1"),
+    ):
+        pass

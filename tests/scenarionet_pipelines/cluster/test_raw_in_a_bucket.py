@@ -1,0 +1,47 @@
+"""Workers of a cluster convert recordings in a bucket: each fetches once what its shards share, and leaves nothing."""
+
+from __future__ import annotations
+
+import signal
+
+import pytest
+
+from scenarionet_data import convert, converters
+from scenarionet_pipelines.cluster import open_cluster
+from tests.fixtures import nuplan, nuplan_drive
+from tests.fixtures.buckets import fetched, same, upload
+from tests.scenarionet_pipelines.cluster.conftest import until
+
+pytestmark = pytest.mark.long
+
+
+@pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGKILL])
+def test_a_worker_keeps_what_its_shards_share(store, dask, tmp_path, monkeypatch, end):
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setenv("TMPDIR", str(temporary))
+    raw = nuplan.write_raw(tmp_path / "raw", [nuplan_drive.invented(seed, seconds=4.0) for seed in range(4)])
+    place = upload(raw, f"cluster/{end.name}")
+    worker = dask.start_worker()
+    store.set()
+    how = {"split": "mini", "options": converters.get("nuplan").Options(past=0.5)}
+    with open_cluster(dask.address) as crew:
+        remote = convert("nuplan", place, tmp_path / "remote", run=crew, **how)
+    shared = {path: times for path, times in fetched(store, f"cluster/{end.name}").items() if "splits" not in path}
+    assert shared == {  # by the client for the list and the shared map, then by the worker
+        "maps/nuplan-maps-v1.0.json": 2,
+        f"maps/{nuplan.LOCATION}/{nuplan.VERSION}/map.gpkg": 2,
+    }
+    assert remote.converted == convert("nuplan", str(raw), tmp_path / "local", **how).converted > 0
+    assert same(tmp_path / "remote", tmp_path / "local")
+    (kept,) = temporary.glob("scenarionet-raw-*")
+    assert len(list(kept.rglob("*.db"))) == 1
+    worker.send_signal(end)
+    worker.wait()
+    if end is signal.SIGKILL:
+        dask.start_worker()
+        with open_cluster(dask.address) as crew:
+            convert("nuplan", place, tmp_path / "again", run=crew, **how)
+        assert not kept.exists()
+    else:
+        until(lambda: not kept.exists(), "the worker's folder")

@@ -1,0 +1,60 @@
+"""A small lake and a way to type commands at it."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from scenarionet_data.conversion import convert
+from scenarionet_pipelines.cli import cli
+from tests.fixtures.made import NAME, write_raw
+
+SHARDS = {"a": ["1", "2", "3", "4", "5", "6"], "b": ["11", "12", "13", "7 invalid"]}
+
+
+def run(*words: str | Path) -> Result:
+    """Type a command; standard output and error of the result are apart."""
+    return CliRunner().invoke(cli, [str(word) for word in words])
+
+
+@pytest.fixture
+def raw(tmp_path: Path) -> Path:
+    """Raw recordings: nine good scenarios, one that is quarantined."""
+    return write_raw(tmp_path / "raw", SHARDS)
+
+
+@pytest.fixture(scope="session")
+def _converted(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("converted")
+    convert(NAME, str(write_raw(folder / "raw", SHARDS)), folder / "lake")
+    return folder / "lake"
+
+
+@pytest.fixture
+def lake(_converted: Path, tmp_path: Path) -> Path:
+    """A lake of one's own with the raw recordings converted."""
+    return Path(shutil.copytree(_converted, tmp_path / "lake"))
+
+
+@pytest.fixture
+def ok() -> Callable[..., str]:
+    """Type a command that has to succeed; returns what it prints."""
+
+    def type_it(*words: str | Path) -> str:
+        result = run(*words)
+        assert result.exit_code == 0, result.output
+        return result.stdout
+
+    return type_it
+
+
+@pytest.fixture
+def as_json(ok: Callable[..., str]) -> Callable[..., Any]:
+    """Type a command with ``--json``; returns the one object it prints."""
+    return lambda *words: json.loads(ok(*words, "--json"))

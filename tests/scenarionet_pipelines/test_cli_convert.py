@@ -1,0 +1,200 @@
+"""``scenarionet convert``: the report, resuming, options, progress, interruption."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+
+from scenarionet_data import Lake
+from tests.fixtures.made import NAME, write_raw
+from tests.scenarionet_pipelines.conftest import run
+
+
+def test_report(raw, tmp_path):
+    result = run("convert", NAME, raw, tmp_path / "lake", "--workers", 1, "--split", "val")
+    assert result.exit_code == 1  # one scenario is in quarantine
+    lines = dict(line.split(maxsplit=1) for line in result.stdout.splitlines()[:3])
+    assert lines["converted"].startswith("9 scenarios in 2 shards, ")
+    assert lines["into"] == "made/v1/val"
+    assert lines["quarantined"] == "1 scenario"
+    assert "1 x InvalidScenario: wanted a positive timestep, found -1.0" in result.stdout
+    assert " scenarios/s" in result.stdout
+    assert "SELECT * FROM quarantine" in result.stdout.splitlines()[-1]
+
+
+def test_running_again_skips_and_succeeds(raw, lake, ok):
+    text = ok("convert", NAME, raw, lake)
+    assert "skipped    2 shards that the lake had already" in text
+    assert text.splitlines()[-1].startswith("See what the lake holds: scenarionet list")
+
+
+def test_json_report(raw, tmp_path):
+    write_raw(raw, {"c": ["1 corrupt"]})
+    result = run("convert", NAME, raw, tmp_path / "lake", "--json", "--quiet", "--workers", 1)
+    assert result.exit_code == 1
+    assert result.stderr == ""
+    report = json.loads(result.stdout)
+    assert (report["converted"], report["quarantined"], report["shards"]) == (9, 1, 2)
+    assert report["partitions"] == ["made/v1/train"]
+    assert report["reasons"][0]["field"] == "dt"
+    (share,) = report["workers"].values()
+    assert share["counts"] == {"scenarios": 9, "bytes": report["size"], "failed": 1}
+    (failed,) = report["failed"]
+    assert failed["shard"] == "c"
+    assert "corrupt" in failed["reason"]
+    assert report["is_clean"] is False
+    assert report["next"].startswith("Mend what failed")
+
+
+def test_failed_shards_are_named(raw, tmp_path):
+    write_raw(raw, {"c": ["1 corrupt"]})
+    text = run("convert", NAME, raw, tmp_path / "lake", "--workers", 1).stdout
+    assert "failed       1 shard\n" in text
+    assert "c.made: corrupt; copy it again" in text
+
+
+def test_dry_run_writes_nothing(raw, lake, tmp_path, ok, as_json):
+    text = ok("convert", NAME, raw, tmp_path / "new", "--dry-run")
+    assert "would convert  2 shards with 2 raw inputs" in text
+    assert "would take     about " in text
+    assert not (tmp_path / "new").exists()
+    write_raw(raw, {"c": ["21"]})
+    found = as_json("convert", NAME, raw, lake, "--dry-run")
+    assert found.pop("seconds") > 0
+    assert found == {"shards": ["made/v1/train/c"], "inputs": 1, "skipped": 2, "replaced": 0, "stale": 0}
+    assert Lake(lake).snapshot.number == 1
+
+
+def test_where_and_files_choose(raw, tmp_path, ok):
+    text = ok("convert", NAME, raw, tmp_path / "new", "--dry-run", "--where", "file=a*")
+    assert "would convert  1 shard with 1 raw input" in text
+    text = ok("convert", NAME, raw, tmp_path / "new", "--dry-run", "--files", "1:")
+    assert "would convert  1 shard with 1 raw input" in text
+    for words, message in (
+        (["--where", "city=pit"], "known before reading are file, name"),
+        (["--where", "city"], "wants name=value"),
+        (["--files", "5"], "wants START:END"),
+    ):
+        refused = run("convert", NAME, raw, tmp_path / "new", *words)
+        assert refused.exit_code == 2
+        assert message in refused.stderr
+
+
+def test_options_replace_and_limit(raw, lake, ok):
+    refused = run("convert", NAME, raw, lake, "-O", "num_objects=7")
+    assert refused.exit_code == 1
+    assert "--replace" in refused.stderr
+    (raw / "b.made").unlink()
+    again = run("convert", NAME, raw, lake, "-O", "num_objects=7", "--replace")
+    assert again.exit_code == 0
+    assert "replaced   1 shard" in again.stdout
+    assert Lake(lake).sql("SELECT max(num_objects) AS n FROM metadata")["n"].item() > 5
+    limited = ok("convert", NAME, raw, lake, "--version", "v2", "--limit", "2")
+    assert "converted  2 scenarios in 1 shard" in limited
+
+
+@pytest.mark.long
+def test_progress_goes_to_standard_error(tmp_path, monkeypatch):
+    from scenarionet_pipelines.cli import progress
+
+    monkeypatch.setattr(progress, "_LINE_EVERY", 0.02)
+    raw = write_raw(tmp_path / "raw", {"a": ["1 slow", "2 slow"], "b": ["3 slow", "4 slow"]})
+    lines = run("convert", NAME, raw, tmp_path / "lake", "--workers", 1).stderr.splitlines()
+    assert any(line.startswith(f"convert {NAME}: 0 of 2 shards after ") for line in lines)
+    assert any("1 of 2 shards" in line and " scenarios/s, about " in line for line in lines)
+    assert run("convert", NAME, raw, tmp_path / "other", "--quiet").stderr == ""
+
+
+# --- real processes -------------------------------------------------------------------------------------------
+
+
+def start(*words: str | Path, **options) -> subprocess.Popen:
+    return subprocess.Popen(
+        [sys.executable, "-m", "scenarionet_pipelines.cli", *map(str, words)],
+        stdout=subprocess.PIPE, stderr=options.pop("stderr", subprocess.PIPE), text=True, **options,
+    )  # fmt: skip
+
+
+def wait_for_shards(lake: Path, number: int) -> None:
+    deadline = time.monotonic() + 60
+    while len(list(lake.glob("metadata/*/*/*/*.parquet"))) < number and time.monotonic() < deadline:
+        time.sleep(0.02)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.long
+def test_an_interrupted_run_says_what_it_kept_and_is_continued(number, tmp_path, ok):
+    raw = write_raw(tmp_path / "raw", {f"s{k}": [f"{10 * k + i} slow" for i in range(3)] for k in range(10)})
+    lake = tmp_path / "lake"
+    # A session of its own: Ctrl-C reaches the workers too.
+    running = start("convert", NAME, raw, lake, "--workers", 2, start_new_session=True)
+    wait_for_shards(lake, 3)
+    if number == signal.SIGINT:
+        os.killpg(running.pid, number)
+    else:
+        running.send_signal(number)
+    output, errors = running.communicate(timeout=60)
+    assert running.returncode == 130
+    assert output == ""
+    line = errors.splitlines()[-1]  # after lines of progress, where it takes long
+    assert line.startswith("interrupted: ")
+    assert "the same command goes on from there" in line
+    kept = len(Lake(lake))
+    assert 0 < kept < 30
+    assert f"({kept} scenarios)" in line
+    ok("convert", NAME, raw, lake, "--workers", 1)
+    assert len(Lake(lake)) == 30
+
+
+@pytest.mark.long
+def test_workers_end_with_a_killed_command_and_the_next_adopts_what_they_finished(tmp_path, as_json):
+    raw = write_raw(tmp_path / "raw", {f"s{k}": [f"{10 * k + i} slow" for i in range(3)] for k in range(10)})
+    lake = tmp_path / "lake"
+    running = start("convert", NAME, raw, lake, "--workers", 2)
+    wait_for_shards(lake, 3)
+    workers = psutil.Process(running.pid).children(recursive=True)
+    running.kill()
+    running.communicate()
+    assert workers
+    assert psutil.wait_procs(workers, timeout=60)[1] == []
+    report = as_json("convert", NAME, raw, lake, "--workers", 1, "--quiet")
+    assert report["adopted"] >= 3
+    assert report["shards"] == 10
+    assert len(Lake(lake)) == 30
+
+
+def test_a_bar_on_a_terminal(tmp_path):
+    raw = write_raw(tmp_path / "raw", {"a": [1, 2], "b": ["3 slow"]})
+    terminal, other_end = os.openpty()
+    running = start("convert", NAME, raw, tmp_path / "lake", "--workers", 1, stderr=other_end)
+    os.close(other_end)
+    shown = b""
+    try:
+        while part := os.read(terminal, 4096):
+            shown += part
+    except OSError:  # how Linux says that the other end was closed
+        pass
+    output, _ = running.communicate(timeout=20)
+    os.close(terminal)
+    assert running.returncode == 0
+    assert "converted" in output
+    assert b"scenarios/s" in shown
+    assert b"2/2" in shown
+
+
+def test_a_broken_contract_is_quarantined_unless_told_otherwise(tmp_path):
+    raw = write_raw(tmp_path / "raw", {"a": ["1", "2 oneway", "3"]})
+    name = "tests.scenarionet_data.quality.test_audit:OneWay"
+    result = run("convert", name, raw, tmp_path / "lake", "--quiet")
+    assert result.exit_code == 1
+    assert "1 x InvalidScenario" in result.stdout
+    assert "links are one-way" in result.stdout
+    assert run("convert", name, raw, tmp_path / "other", "--quiet", "--no-check").exit_code == 0

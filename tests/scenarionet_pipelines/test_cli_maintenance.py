@@ -1,0 +1,106 @@
+"""compact, vacuum and fsck, as they are typed."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from scenarionet_data import Lake
+from scenarionet_data.errors import BadParameter
+from scenarionet_pipelines.cli.verbs.vacuum import parse_time
+from tests.scenarionet_pipelines.conftest import run
+
+
+def test_compact_says_what_it_did_and_then_that_there_is_nothing_to_do(lake, ok):
+    assert ok("compact", lake, "--dry-run") == "would rewrite 9 scenarios of 2 shards, in 1 bin\n"
+    words = ok("compact", lake, "--profile", "analytics", "--workers", "1")
+    assert "rewritten  9 scenarios of 2 shards for analytics" in words
+    assert "files      6 before, 3 now" in words
+    assert f"scenarionet vacuum {lake} --keep-last 1" in words
+    assert ok("compact", lake, "--profile", "analytics") == "nothing to do: everything lies well for analytics\n"
+    assert len(Lake(lake)) == 9
+
+
+def test_compact_as_json(lake, as_json):
+    planned = as_json("compact", lake, "--where", "split=train", "--dry-run")
+    assert planned == {"profile": "training", "bins": 1, "shards": 2, "scenarios": 9}
+    done = as_json("compact", lake)
+    assert (done["shards"], done["files_before"], done["files_after"], done["failed"]) == (2, 6, 3, [])
+
+
+@pytest.mark.long
+def test_compact_on_a_cluster(lake, as_json):
+    done = as_json("compact", lake, "--profile", "analytics", "--cluster", "local", "--workers", "2", "--quiet")
+    assert (done["shards"], done["files_after"], done["failed"]) == (2, 3, [])
+    assert len(Lake(lake)) == 9
+
+
+def test_compact_names_what_is_damaged(lake):
+    next(lake.glob("tracks/**/a-*")).write_bytes(b"PAR1")
+    result = run("compact", lake)
+    assert result.exit_code == 1
+    assert "failed     a and what is with it: cannot read" in result.stdout
+    assert f"scenarionet fsck {lake}" in result.stdout
+
+
+def test_vacuum_asks_first(lake, ok, as_json):
+    ok("filter", lake, "--to", "all")
+    ok("compact", lake)
+    planned = ok("vacuum", lake, "--keep-last", "1")
+    assert "would expire  0 snapshots" in planned
+    assert "needed        snapshot 1 by all@1; rebase it and drop this version" in planned
+    ok("drop", lake, "all")
+    planned = ok("vacuum", lake, "--keep-last", "1", "--dry-run")
+    assert "would expire  1 snapshot: 1" in planned
+    assert "would delete  2 files of tracks" in planned
+    assert "--yes does it" in planned
+    content = as_json("vacuum", lake, "--keep-last", "1", "--yes")
+    assert (content["is_done"], content["expired"], content["kept"]) == (True, [1], [2])
+    assert content["tables"]["tracks"]["files"] == 2
+    assert ok("vacuum", lake, "--older-than", "0s").splitlines()[-1] == "nothing to do"
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ((), "--keep-last N, --older-than 30d, or both"),
+        (("--keep-last", "0"), "Invalid value for '--keep-last'"),
+        (("--older-than", "a month"), "wanted a number and s, min, h, d or w, for example 30d"),
+        (("--keep-last", "1", "--yes", "--dry-run"), "contradict each other"),
+    ],
+)
+def test_vacuum_says_what_it_must_be_told(lake, words, says):
+    result = run("vacuum", lake, *words)
+    assert result.exit_code == 2
+    assert says in result.stderr
+
+
+def test_times():
+    assert [parse_time(text) for text in ("45s", "90min", "12h", "1.5d", "2w")] == [45, 5400, 43200, 129600, 1209600]
+    with pytest.raises(BadParameter):
+        parse_time("30")
+
+
+def test_fsck_of_a_whole_lake(lake, ok, as_json):
+    assert ok("fsck", lake, "--deep") == "checked  9 files of 1 snapshot: whole\n"
+    assert as_json("fsck", lake)["is_whole"]
+
+
+def test_fsck_names_file_reason_and_remedy_and_repairs(lake, raw, ok):
+    path = next(lake.glob("tracks/**/a-*"))
+    path.write_bytes(path.read_bytes()[:-1])
+    result = run("fsck", lake)
+    assert result.exit_code == 1
+    file, reason, remedy, verdict = result.stdout.splitlines()
+    assert file == path.relative_to(lake).as_posix()
+    assert "bytes long, was written with" in reason
+    assert remedy.endswith(f"`scenarionet fsck {lake} --repair` and convert again made v1 train: a.made")
+    assert verdict == "checked  9 files of 1 snapshot: 1 problem"
+    repaired = run("fsck", lake, "--repair", "--json")
+    assert repaired.exit_code == 1
+    assert json.loads(repaired.stdout)["convert_again"] == ["a"]
+    assert len(Lake(lake)) == 3
+    run("convert", "tests.fixtures.made:Made", raw, lake)
+    assert len(Lake(lake)) == 9
+    ok("fsck", lake, "--deep")

@@ -1,0 +1,83 @@
+"""``scenarionet render``."""
+
+from __future__ import annotations
+
+import pytest
+from PIL import Image
+
+from scenarionet_data import Lake
+from tests.fixtures.drives import make_drive
+from tests.fixtures.lakes import write_lake
+from tests.scenarionet_pipelines.conftest import run
+
+
+def test_a_picture(lake, ok, as_json, tmp_path):
+    text = ok("render", lake, "s000001", "-o", tmp_path / "s.png", "--size", "200", "--at", "1.5")
+    assert "made/v1/s000001, 1 frame" in text
+    with Image.open(tmp_path / "s.png") as picture:
+        assert max(picture.size) == 200
+    found = as_json("render", lake, "s000001", "-o", tmp_path / "s.png", "--size", "100", "--replace")
+    assert found["scenario_id"] == "made/v1/s000001"
+    assert found["bytes"] == (tmp_path / "s.png").stat().st_size
+
+
+def test_a_video(lake, as_json, tmp_path):
+    words = ("--size", "80", "--view", "all", "--speed", "2", "--quiet")
+    assert as_json("render", lake, "s000001", "-o", tmp_path / "s.gif", *words)["frames"] == 31
+    with Image.open(tmp_path / "s.gif") as video:
+        assert video.info["duration"] == 50
+
+
+def test_what_happened_in_a_run(tmp_path, ok, as_json):
+    """A car that keeps its speed, drawn where it drove and not where it was recorded."""
+    lake = write_lake(tmp_path / "lake", [make_drive(num_steps=12)]).root
+    ok("filter", lake, "--where", "true", "--to", "all")
+    ok("sim", lake, "all", "--policy", "constant", "--backend", "kinematic", "--to", "straight_on", "--quiet")
+    words = ("--size", "64", "--run", "straight_on", "--quiet")
+    frames = as_json("render", lake, "drive", "-o", tmp_path / "s.gif", *words)["frames"]
+    (steps,) = Lake(lake).sql("SELECT len(x) AS n FROM rollouts")["n"]
+    assert frames == steps
+    missing = run("render", lake, "drive", "-o", tmp_path / "s.png", "--run", "other")
+    assert missing.exit_code == 2
+    assert "runs of this lake: straight_on" in missing.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        (("s000001", "-o", "s.bmp"), 2, "ends with one of"),
+        (("s000001", "-o", "there.png"), 2, "--replace"),
+        (("nobody", "-o", "s.png"), 1, "no one scenario 'nobody'"),
+    ],
+)
+def test_what_goes_wrong_is_said(lake, tmp_path, monkeypatch, words, code, message):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "there.png").touch()
+    result = run("render", lake, *words)
+    assert result.exit_code == code
+    assert message in result.stderr
+
+
+def test_ways_coloured_by_speed(lake, ok, tmp_path):
+    ok("render", lake, "s000001", "-o", tmp_path / "plain.png", "--size", "200", "--quiet")
+    ok("render", lake, "s000001", "-o", tmp_path / "speed.png", "--size", "200", "--color-by", "speed", "--quiet")
+    assert (tmp_path / "plain.png").read_bytes() != (tmp_path / "speed.png").read_bytes()
+
+
+def test_show_draws_beside_the_facts(lake, as_json, tmp_path):
+    facts = as_json("show", lake, "s000001", "--picture", tmp_path / "s.svg")
+    assert facts["scenario_id"] == "made/v1/s000001"
+    assert (tmp_path / "s.svg").read_bytes().startswith(b"<?xml")
+    again = run("show", lake, "s000001", "--picture", tmp_path / "s.svg")
+    assert again.exit_code == 2
+    assert "--replace" in again.stderr
+    assert run("show", lake, "s000001", "--picture", tmp_path / "s.mp4").exit_code == 2
+
+
+@pytest.mark.parametrize("words", ["'; DROP TABLE metadata; --", "../../etc/passwd", "<script>alert(1)</script>", "%"])
+def test_hostile_ids_are_no_scenarios(lake, tmp_path, words):
+    for command in (("show", lake, words), ("render", lake, words, "-o", tmp_path / "s.png")):
+        result = run(*command)
+        assert result.exit_code == 1
+        assert "no one scenario" in result.stderr
+    assert list(tmp_path.glob("*.png")) == []

@@ -1,0 +1,98 @@
+"""The verbs that simulate: sim, record, check --simulate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.fixtures.drives import Other, make_drive
+from tests.fixtures.lakes import write_lake
+from tests.scenarionet_pipelines.conftest import run
+
+SCENARIOS = [make_drive(f"d{k}", speed=8.0 + k, others=(Other(15.0, vx=4.0),)) for k in range(3)]
+
+
+@pytest.fixture
+def lake(tmp_path) -> Path:
+    return write_lake(tmp_path / "lake", SCENARIOS).root
+
+
+def test_sim_prints_how_it_went_and_where_to_look(lake, ok):
+    text = ok("sim", lake, "--policy", "replay", "--workers", "1")
+    assert "run                     all-replay-replay-kinematic\n" in text
+    assert "success                 1\n" in text
+    assert "collided_vehicles       3\n" in text
+    query = text.partition("Where it fails: scenarionet sql ")[2].partition(' "')[2].strip().removesuffix('"')
+    assert "JOIN metadata" in query
+    ok("sql", lake, query)
+    assert "skipped    3 scenarios" in ok("sim", lake, "--policy", "replay", "--workers", "1")
+    assert "all-replay-replay-kinematic" in ok("sql", lake, "runs")
+
+
+def test_sim_of_a_database_as_json(lake, ok, as_json):
+    ok("filter", lake, "--where", "ego_mean_speed > 8.5", "--to", "fast")
+    found = as_json("sim", lake, "fast", "--policy", "idm", "--traffic", "idm", "--to", "mine", "--workers", "1")
+    assert (found["run"], found["scenarios"], found["not_simulated"], found["broken"]) == ("mine", 2, 0, [])
+    assert 0.0 < found["route_completion"] <= 1.0
+
+
+def test_sim_with_a_driver_in_the_current_folder(lake, tmp_path, monkeypatch, as_json):
+    (tmp_path / "my_planner.py").write_text(
+        "class Planner:\n"
+        "    def act(self, observation):\n"
+        "        return [0.0, -1.0]\n"
+        "class Broken:\n"
+        "    def act(self, observation):\n"
+        "        raise RuntimeError('no plan')\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    words = "sim", lake, "--backend", "kinematic", "--workers", "1"
+    found = as_json(*words, "--policy", "my_planner:Planner")
+    assert (found["run"], found["timeout"]) == ("all-my_planner.Planner-replay-kinematic", 1.0)
+    failed = run(*words, "--policy", "my_planner:Broken")
+    assert failed.exit_code == 1
+    assert f"could not be simulated: {SCENARIOS[0].id}: RuntimeError: no plan" in failed.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--policy", "idn"), "no policy 'idn'"),
+        (("nothing", "--policy", "idm"), "no database 'nothing'"),
+        ((), "Missing option '--policy'"),
+        (("--policy", "idm", "--to", "a/b"), "'a/b' is no name of a run"),
+    ],
+)
+def test_sim_says_what_was_typed_wrong(lake, words, message):
+    result = run("sim", lake, *words)
+    assert result.exit_code == 2
+    assert message in result.stderr
+
+
+def test_a_run_of_another_kind_is_refused(lake, ok):
+    ok("sim", lake, "--policy", "replay", "--to", "mine", "--workers", "1")
+    result = run("sim", lake, "--policy", "constant", "--to", "mine")
+    assert result.exit_code == 2
+    assert "a run 'mine' is there with policy 'replay', not 'constant'; choose another name" in result.stderr
+
+
+def test_record(lake, as_json, ok):
+    words = "record", lake, "--agents", "ego", "--workers", "1"
+    found = as_json(*words)
+    assert (found["run"], found["scenarios"], found["observations"]) == ("all-ego-observed", 3, 3 * 41)
+    assert as_json(*words)["skipped"] == 3
+    assert "all-ego-observed: 123 observations of 3 scenarios" in ok(*words)
+
+
+def test_check_simulate_names_the_broken(lake, ok):
+    words = "check", lake, "--simulate", "--only", "ids_are_unique", "--workers", "1"
+    assert "ok  replays         Every recording replays to its destination.\n" in ok(*words)
+    path = next((lake / "tracks").rglob("*.parquet"))
+    damaged = bytearray(path.read_bytes())
+    damaged[200:400] = bytes(200)
+    path.write_bytes(bytes(damaged))
+    result = run(*words)
+    assert result.exit_code == 1
+    assert "FAILED  replays" in result.stdout
+    assert SCENARIOS[0].id in result.stdout

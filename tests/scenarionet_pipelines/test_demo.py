@@ -1,0 +1,42 @@
+"""``make demo``: does the main job, again and again, and touches nothing that is not its own."""
+
+from __future__ import annotations
+
+import shlex
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from scenarionet_data import Lake, ScenarioLoader
+from scenarionet_pipelines import demo
+
+
+@pytest.mark.long  # compiling the generator takes half a minute
+def test_demo_twice(tmp_path):
+    for _ in range(2):
+        result = CliRunner().invoke(click.command()(lambda: demo.run(str(tmp_path / "demo"), 12)))
+        assert result.exit_code == 0, result.output
+    lake = Lake(tmp_path / "demo" / "lake")
+    assert len(lake) == 12
+    assert {"busy", "busy_train", "busy_val"} == set(lake.databases)
+    assert len(ScenarioLoader(lake, "busy_train")) + len(ScenarioLoader(lake, "busy_val")) == len(lake.database("busy"))
+    assert (tmp_path / "demo" / "pickles" / "dataset_summary.pkl").exists()
+    typed = [line.removeprefix("$ ") for line in result.stdout.splitlines() if line.startswith("$ scenarionet ")]
+    assert [shlex.split(line)[1] for line in typed] == ["convert", "list", "sql", "filter", "split", "export"]
+    assert "together" in result.stdout
+
+
+def test_a_step_is_a_command_line_and_its_failure_ends_the_demo(tmp_path, capsys):
+    with pytest.raises(SystemExit) as ended:
+        demo._type("list", str(tmp_path))()
+    assert ended.value.code == 1
+    assert capsys.readouterr().out == f"$ scenarionet list {tmp_path}\n"
+
+
+def test_a_folder_of_somebody_else_stays(tmp_path):
+    (tmp_path / "precious").touch()
+    result = CliRunner().invoke(demo.main, [str(tmp_path)])
+    assert result.exit_code == 2
+    assert "was not made by the demo" in result.stderr
+    assert (tmp_path / "precious").exists()

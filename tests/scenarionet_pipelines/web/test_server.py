@@ -1,0 +1,181 @@
+"""What the server answers and what it refuses, byte by byte: no browser would send some of this."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import socket
+from urllib.parse import quote, urlsplit
+
+import pytest
+
+from scenarionet_data import Lake
+from scenarionet_data.errors import BadParameter
+from scenarionet_pipelines.web.server import Server
+from tests.fixtures.lakes import write_lake
+from tests.fixtures.pages import HOSTILE, serving
+from tests.fixtures.scenarios import make_scenario
+
+
+def request(address, path, method="GET", body=None, **headers):
+    """Status, headers and body; the path is sent as it is."""
+    place = urlsplit(address)
+    connection = http.client.HTTPConnection(place.hostname, place.port, timeout=30)
+    given = {name.replace("_", "-"): value for name, value in headers.items()}
+    try:
+        connection.request(method, path, None if body is None else json.dumps(body), given)
+        response = connection.getresponse()
+        return response.status, response.headers, response.read()
+    finally:
+        connection.close()
+
+
+def said(answer):
+    return answer[0], json.loads(answer[2])
+
+
+def test_every_answer_binds_the_page_to_this_server(served):
+    for path in ("/", "/static/main.js", "/api/about", "/nowhere", "/api/rows?where=1%2B"):
+        _, headers, _ = request(served, path)
+        assert headers["content-security-policy"].startswith("default-src 'self';")
+        assert headers["x-content-type-options"] == "nosniff"
+        assert "access-control-allow-origin" not in headers
+
+
+def test_the_page_names_nothing_elsewhere(served):
+    _, _, page = request(served, "/")
+    assert b"http:" not in page
+    assert b"https:" not in page
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/static/../app.py",
+        "/static/../../../../../../etc/passwd",
+        "/static/%2e%2e/app.py",
+        "/static/..%2f..%2fcli/__init__.py",
+        "/static//etc/passwd",
+        "/static/%5c..%5capp.py",
+        "/../etc/passwd",
+    ],
+)
+def test_paths_out_of_the_folder_lead_nowhere(served, path):
+    status, _, body = request(served, path)
+    assert status in (404, 405)
+    assert b"root:" not in body
+    assert b"import" not in body
+
+
+NOBODY = ["../../etc/passwd", "made/v1/../../x", HOSTILE + "x", "", "\0", "made/v1/nobody"]
+
+
+@pytest.mark.parametrize("scenario_id", NOBODY)
+@pytest.mark.parametrize("what", ["scene", "thumbnail", "facts"])
+def test_ids_that_nobody_has(served, what, scenario_id):
+    status, answer = said(request(served, f"/api/{what}?id={quote(scenario_id, safe='')}"))
+    assert status == 404
+    assert "no " in answer["error"]
+
+
+def test_a_scenario_with_a_hostile_name_is_one_like_every_other(served, lake):
+    (scenario_id,) = lake.sql("SELECT scenario_id FROM metadata WHERE city LIKE '<%'")["scenario_id"]
+    assert "<" not in scenario_id
+    for what in ("scene", "thumbnail", "facts"):
+        assert request(served, f"/api/{what}?id={quote(scenario_id, safe='')}")[0] == 200
+
+
+def test_a_page_of_another_name_gets_nothing(served):
+    """DNS rebinding: the name of another page leads to this machine."""
+    for host in ("evil.example", "localhost.evil.example", "127.0.0.1.evil.example", "", "a b", "[::1"):
+        assert request(served, "/api/about", Host=host)[0] in (400, 403), host
+    port = urlsplit(served).port
+    for host in (f"localhost:{port}", f"127.0.0.1:{port}", f"[::1]:{port}"):
+        assert request(served, "/api/about", Host=host)[0] == 200
+
+
+def test_mistakes_in_a_filter_come_with_their_place(served):
+    status, answer = said(request(served, "/api/rows?where=" + quote("num_objects > 1 AND ego_dist > 3")))
+    assert (status, answer["character"]) == (400, 21)
+    assert "near are ego_distance" in answer["error"]
+    status, answer = said(request(served, "/api/rows?where=" + quote("num_objects > > 1 )")))
+    assert (status, answer["character"]) == (400, 15)
+
+
+def test_sizes_and_places_have_limits(served):
+    for question in ("count=0", "count=201", "first=-1", "count=x", "sort=nothing", "columns=a"):
+        assert request(served, f"/api/rows?{question}")[0] == 400, question
+    for path in ("thumbnail?width=100000&id=x", "thumbnail?height=1&id=x"):
+        assert request(served, f"/api/{path}")[0] == 400, path
+    assert request(served, "/api/rows?database=nobody")[0] == 404
+
+
+def test_a_database_shows_its_members_alone(served, lake):
+    _, answer = said(request(served, "/api/rows?database=several"))
+    assert answer["total"] == len(lake.database("several"))
+
+
+def test_nobody_waits_for_a_filter_that_was_given_up(served):
+    """Its client has gone, so it is stopped: the next one is answered."""
+    endless = quote("(SELECT sum(a.range * b.range) FROM range(10000000) a, range(10000000) b) > 0")
+    place = urlsplit(served)
+    with socket.create_connection((place.hostname, place.port)) as client:
+        client.sendall(f"GET /api/rows?where={endless} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
+        client.settimeout(0.5)
+        with pytest.raises(TimeoutError):
+            client.recv(1)
+    assert said(request(served, "/api/rows"))[1]["total"] == 59
+
+
+SAVED = {"name": "mine", "where": "num_objects > 5", "database": "several"}
+
+
+def test_without_write_nothing_is_saved(served, lake):
+    assert said(request(served, "/api/about"))[1]["secret"] is None
+    assert request(served, "/api/databases", "POST", SAVED)[0] == 403
+    assert request(served, "/api/databases", "POST", SAVED, Origin=served, x_scenarionet_secret="None")[0] == 403
+    assert lake.databases == ["several"]
+
+
+def test_without_write_the_right_secret_does_not_help(lake, monkeypatch):
+    monkeypatch.setattr("secrets.token_urlsafe", lambda: "known")
+    with serving(lake) as address:
+        right = {"Origin": address, "x_scenarionet_secret": "known"}
+        status, answer = said(request(address, "/api/databases", "POST", SAVED, **right))
+    assert status == 403
+    assert "--write" in answer["error"]
+    assert lake.databases == ["several"]
+
+
+def test_saving_takes_our_own_page_and_its_secret(tmp_path):
+    lake = write_lake(tmp_path / "lake", [make_scenario(seed) for seed in range(6)])
+    lake.filter(name="several")
+    with serving(lake, is_writable=True) as address:
+        secret = said(request(address, "/api/about"))[1]["secret"]
+        post = ("/api/databases", "POST")
+        own = {"Origin": address, "x_scenarionet_secret": secret}
+        assert request(address, *post, SAVED)[0] == 403
+        assert request(address, *post, SAVED, Origin="http://evil.example", x_scenarionet_secret=secret)[0] == 403
+        assert request(address, *post, SAVED, Origin="null", x_scenarionet_secret=secret)[0] == 403
+        assert request(address, *post, SAVED, Origin=address, x_scenarionet_secret="guessed")[0] == 403
+        assert request(address, "/api/databases", "DELETE", **own)[0] == 405
+        assert lake.databases == ["several"]
+        status, answer = said(request(address, *post, SAVED, **own))
+        assert (status, answer["reference"]) == (200, "mine@1")
+        assert answer["databases"] == ["mine", "several"]
+        assert Lake(lake.root).database("mine").lineage.parents == ["several@1"]
+        for wrong in (SAVED, SAVED | {"name": "../out"}, SAVED | {"name": "b", "where": "true; DROP VIEW metadata"}):
+            status, answer = said(request(address, *post, wrong, **own))
+            assert status in (400, 409)
+            assert answer["error"]
+        for wrong in ([], {"name": 3}, {"name": "b"}, "text"):
+            assert request(address, *post, wrong, **own)[0] == 400
+        assert lake.databases == ["mine", "several"]
+
+
+def test_a_port_that_is_taken_is_said_so(lake):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        with pytest.raises(BadParameter, match="try another --port"):
+            Server(lake, port=taken.getsockname()[1])

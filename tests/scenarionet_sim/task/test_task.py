@@ -1,0 +1,163 @@
+"""The paper's formulas, computed by hand."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scenarionet_data.scenario.vocabulary import ObjectType
+from scenarionet_sim.task.task import MULTI_AGENT, SINGLE_AGENT, TERMS, Status, Verdict, is_terminated, judge
+
+VEHICLE, PERSON, CYCLIST, CONE, BARRIER = (
+    1 << kind
+    for kind in (
+        ObjectType.VEHICLE, ObjectType.PEDESTRIAN, ObjectType.CYCLIST, ObjectType.TRAFFIC_CONE,
+        ObjectType.TRAFFIC_BARRIER,
+    )
+)  # fmt: skip
+STEP = {
+    "arc": 11.0, "arc_before": 10.0, "lateral": 0.5, "length": 100.0, "speed": 4.0, "steering": 0.0, "hits": 0,
+    "timestep": 5, "num_steps": 90,
+}  # fmt: skip
+
+
+def judged(task=SINGLE_AGENT, **changes):
+    """Verdict about agents at an ordinary step with some of its numbers changed; of one agent unless arrays."""
+    numbers = {name: np.atleast_1d(value) for name, value in (STEP | changes).items()}
+    count = max(map(len, numbers.values()))
+    step = {name: np.broadcast_to(values, count) for name, values in numbers.items()}
+    column = {name: np.array(step[name], np.float64)[:, None] for name in ("arc", "arc_before", "lateral", "speed")}
+    verdict, (reward, ending) = Verdict.of(count), task
+    judge(
+        np.stack([np.arange(count), np.zeros(count)], axis=1).astype(np.int32),
+        *(column[name] for name in ("arc", "arc_before", "lateral")),
+        np.stack([0.6 * column["speed"], -0.8 * column["speed"]], axis=2),
+        np.stack([np.zeros(count), step["length"]], axis=1).astype(np.float32),
+        np.tile(np.array([0, 2], np.int32), (count, 1)),
+        np.array(step["timestep"], np.int32),
+        np.array(step["num_steps"], np.int32),
+        np.array(step["steering"], np.float64),
+        np.array(step["hits"], np.uint32),
+        reward.numbers,
+        ending.numbers,
+        verdict.terms,
+        verdict.status,
+        verdict.completion,
+    )
+    if count > 1:
+        return verdict
+    return dict(zip(TERMS, verdict.terms[0].tolist(), strict=True)), Status(verdict.status[0]), verdict.completion[0]
+
+
+def test_displacement_counts_twice():
+    """R_disp = d_t - d_(t-1), c1 = 2; also backwards."""
+    assert judged()[0] == {"displacement": 2.0, "smoothness": 0.0, "collision": 0.0, "terminal": 0.0}
+    assert judged(arc=9.5)[0]["displacement"] == -1.0
+
+
+@pytest.mark.parametrize(
+    ("speed", "steering", "smoothness"),
+    [
+        (4.0, 0.25, 0.0),  # 1/4 - 1/4
+        (4.0, 0.5, -0.25),
+        (4.0, -0.5, -0.25),  # |a[0]|
+        (10.0, 1.0, -0.9),
+        (1.0, 1.0, 0.0),  # min(0, ...)
+        (0.5, 1.0, 0.0),
+        (0.099, 20.0, 0.0),  # 0 below 0.1 m/s
+        (0.0, 1.0, 0.0),  # no division by zero
+    ],
+)
+def test_smoothness(speed, steering, smoothness):
+    """P_smooth = min(0, 1/v_t - |a[0]|)."""
+    assert judged(speed=speed, steering=steering)[0]["smoothness"] == pytest.approx(smoothness, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("hits", "single", "multi"),
+    [
+        (0, 0.0, 0.0),
+        (VEHICLE, -2.0, -1.0),
+        (PERSON, -2.0, -1.0),
+        (CYCLIST, -2.0, -1.0),
+        (CONE, -0.5, -1.0),
+        (BARRIER, -0.5, -1.0),
+        (CONE | PERSON | BARRIER, -2.0, -1.0),  # the largest, once
+    ],
+)
+def test_collision_does_not_end_an_episode(hits, single, multi):
+    terms, status, _ = judged(hits=hits)
+    assert (terms["collision"], status) == (single, Status.DRIVING)
+    terms, status, _ = judged(MULTI_AGENT, hits=hits)
+    assert (terms["collision"], status) == (multi, Status.DRIVING)
+
+
+@pytest.mark.parametrize(
+    ("changes", "status", "single", "multi"),
+    [
+        ({"arc": 95.1, "arc_before": 94.0}, Status.ARRIVED, 10.0, 10.0),
+        ({"lateral": 2.51}, Status.OFF_ROUTE, -5.0, None),
+        ({"lateral": -10.01}, Status.OFF_ROUTE, -5.0, -1.0),
+        ({"arc": 100.0, "lateral": 11.0}, Status.OFF_ROUTE, -5.0, -1.0),
+        ({"timestep": 140}, Status.TIMED_OUT, 0.0, 0.0),
+    ],
+)
+def test_the_last_step(changes, status, single, multi):
+    """R_term by how the episode ended, and R_disp = 0."""
+    terms, found, _ = judged(**changes)
+    assert (found, terms["terminal"], terms["displacement"]) == (status, single, 0.0)
+    terms, found, _ = judged(MULTI_AGENT, **changes)
+    if multi is None:  # 2.5 m do not matter there
+        assert (found, terms["terminal"], terms["displacement"]) == (Status.DRIVING, 0.0, 1.0)
+    else:
+        assert (found, terms["terminal"], terms["displacement"]) == (status, multi, 0.0)
+
+
+def test_limits_themselves_are_inside():
+    assert judged(lateral=2.5)[1] is Status.DRIVING
+    assert judged(arc=95.0)[1] is Status.DRIVING
+    assert judged(timestep=139)[1] is Status.DRIVING
+    assert judged(MULTI_AGENT, lateral=10.0)[1] is Status.DRIVING
+
+
+def test_multi_agent_weighs_displacement_once_and_smoothness_not():
+    terms = judged(MULTI_AGENT, steering=1.0, speed=10.0)[0]
+    assert terms == {"displacement": 1.0, "smoothness": 0.0, "collision": 0.0, "terminal": 0.0}
+
+
+def test_completion_is_a_share():
+    assert judged(arc=25.0)[2] == 0.25
+    assert judged(arc=-3.0)[2] == 0.0
+    assert judged(arc=120.0)[2] == 1.0
+
+
+@pytest.mark.parametrize("length", [0.0, 1.99])
+def test_a_route_under_two_metres_counts_as_reached(length):
+    assert judged(length=length, arc=0.0)[1:] == (Status.ARRIVED, 1.0)
+
+
+def test_agents_are_judged_each_by_itself():
+    rng, count = np.random.default_rng(0), 40
+    columns = {
+        "arc": rng.uniform(-5, 105, count), "arc_before": rng.uniform(0, 100, count),
+        "lateral": rng.uniform(-4, 4, count), "length": rng.choice([1.0, 50.0, 100.0], count),
+        "speed": rng.uniform(0, 20, count), "steering": rng.uniform(-1, 1, count),
+        "hits": rng.choice([0, CONE, PERSON], count), "timestep": rng.integers(1, 150, count),
+    }  # fmt: skip
+    verdict = judged(**columns)
+    for agent in range(count):
+        terms, status, completion = judged(**{name: values[agent] for name, values in columns.items()})
+        assert list(terms.values()) == verdict.terms[agent].tolist()
+        assert (status, completion) == (verdict.status[agent], verdict.completion[agent])
+    assert set(verdict.status.tolist()) == {0, 1, 2, 3}
+    assert is_terminated(verdict.status).tolist() == [code in (1, 2) for code in verdict.status]
+
+
+def test_weights_are_a_specification():
+    reward, _ = SINGLE_AGENT
+    assert pickle.loads(pickle.dumps(reward)) == reward
+    softer = replace(reward, road_user=-1.0)
+    assert judged((softer, SINGLE_AGENT[1]), hits=PERSON)[0]["collision"] == -1.0

@@ -1,0 +1,94 @@
+"""Worlds side by side: every array of every world is there, whatever came before it in its slot."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from functools import cache
+
+import numpy as np
+
+from scenarionet_data.arrays.ragged import Ragged
+from scenarionet_sim.roads.grid import Grid
+from scenarionet_sim.roads.roads import Roads
+from scenarionet_sim.worlds.paths import Paths, Stops
+from scenarionet_sim.worlds.world import World
+from scenarionet_sim.worlds.world_batch import Stage
+from tests.fixtures.scenarios import make_scenario
+
+
+@cache
+def small() -> World:
+    return World.from_scenario(make_scenario(1, num_objects=3, num_lanes=2, num_lights=0))
+
+
+@cache
+def middle() -> World:
+    return World.from_scenario(make_scenario(2))
+
+
+@cache
+def large() -> World:
+    return World.from_scenario(make_scenario(3, num_objects=40, num_steps=60, num_lanes=20, num_lights=9))
+
+
+@cache
+def bare() -> World:
+    return World.from_scenario(make_scenario(4, num_objects=1, num_lights=0, has_map=False))
+
+
+def check(stage: Stage, slot: int, value: object, prefix: str = "") -> int:
+    """Compares a world with its slot; returns how many arrays there were."""
+    count = 0
+    for column in fields(value):
+        part, name = getattr(value, column.name), prefix + column.name
+        if isinstance(part, Roads | Paths | Stops):
+            count += check(stage, slot, part)
+        elif isinstance(part, Grid):
+            count += check(stage, slot, part, f"{name}_")
+        elif isinstance(part, Ragged):
+            offsets = getattr(stage, f"{name}_offsets")[slot]
+            np.testing.assert_array_equal(offsets[: len(part.offsets)], part.offsets)
+            assert (offsets[len(part.offsets) :] == part.offsets[-1]).all()
+            np.testing.assert_array_equal(getattr(stage, name)[slot, : len(part.values)], part.values)
+            count += 1
+        elif not isinstance(part, str) and np.asarray(part).dtype != object:
+            array, stack = np.asarray(part), getattr(stage, name)
+            assert stack.flags.c_contiguous
+            np.testing.assert_array_equal(stack[(slot, *map(slice, array.shape))], array)
+            count += 1
+    return count
+
+
+def test_every_array_of_every_world_is_stacked():
+    stage = Stage([small(), large(), bare()])
+    for slot, world in enumerate(stage.worlds):
+        assert check(stage, slot, world) > 30
+    assert stage.num_objects.tolist() == [3, 40, 1]
+    assert stage.num_steps.tolist() == [31, 60, 31]
+    assert stage.num_lights.tolist() == [0, 9, 0]
+    assert stage.num_lanes.tolist() == [2, 20, 0]
+    assert stage.max_objects == 40
+
+
+def test_a_larger_world_makes_room_and_a_smaller_one_leaves_nothing_of_it():
+    stage = Stage([small(), middle()])
+    for world in (large(), small(), bare(), middle()):
+        stage.replace(0, world)
+        check(stage, 0, world)
+        check(stage, 1, middle())
+    assert stage.worlds == [middle(), middle()]
+    assert not stage.log[0, middle().num_steps :].any() and not stage.log[0, :, middle().num_objects :].any()
+
+
+def test_room_is_kept_so_that_long_runs_stop_copying():
+    stage = Stage([small()])
+    stage.replace(0, large())
+    log = stage.log
+    for world in (small(), bare(), large(), middle()):
+        stage.replace(0, world)
+    assert stage.log is log
+
+
+def test_annotations_are_the_arrays():
+    stage = Stage([middle()])
+    assert {name for name in vars(stage) if isinstance(getattr(stage, name), np.ndarray)} == set(Stage.__annotations__)
