@@ -22,9 +22,10 @@ from typing import Any
 import numpy as np
 
 from scenarionet_data.arrays.ragged import Ragged
-from scenarionet_data.converters.base import Converter, Shard
+from scenarionet_data.converters.base import Converter
 from scenarionet_data.errors import InvalidScenario, SourceError
 from scenarionet_data.ingest.input_properties import PLACEHOLDER
+from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.description import ScenarioDescription
 
 

@@ -21,11 +21,12 @@ from scenarionet_data.conversion.remote_raw.downloads import kept_meanwhile
 from scenarionet_data.conversion.remote_raw.listing import RawPlace, listing
 from scenarionet_data.conversion.report import Report
 from scenarionet_data.conversion.selection import Choice, Selection
-from scenarionet_data.converters.base import Converter, Options, Shard
+from scenarionet_data.converters.base import Converter
 from scenarionet_data.converters.splits import guess_split
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.executors import Run, runner
 from scenarionet_data.execution.worker_stats import Tally
+from scenarionet_data.ingest.shard import Options, Shard
 from scenarionet_data.storage.files.local import LakeFiles, open_files
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests

@@ -12,8 +12,9 @@ from typing import Any
 from scenarionet_data import converters
 from scenarionet_data.conversion.remote_raw.downloads import at_hand
 from scenarionet_data.conversion.remote_raw.listing import rename
-from scenarionet_data.converters.base import Converter, Shard
+from scenarionet_data.converters.base import Converter
 from scenarionet_data.errors import LakeError, SourceError
+from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.quality.audit import audit, audit_shared_map
 from scenarionet_data.storage.files.local import open_files
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord, find_finished

@@ -10,7 +10,7 @@ from itertools import islice
 
 from scenarionet_data.conversion.jobs import Job, convert_shard
 from scenarionet_data.conversion.remote_raw.downloads import kept_meanwhile
-from scenarionet_data.converters.base import Shard
+from scenarionet_data.ingest.shard import Shard
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from scenarionet_data.converters.base import RawItem, Shard
 from scenarionet_data.errors import DuplicateScenario
+from scenarionet_data.ingest.shard import RawItem, Shard
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord
 

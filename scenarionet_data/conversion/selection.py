@@ -12,9 +12,9 @@ from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from typing import Protocol
 
-from scenarionet_data.converters.base import RawItem, Shard
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.ingest.input_properties import is_at_hand
+from scenarionet_data.ingest.shard import RawItem, Shard
 
 _SLICE = re.compile(r"(\d*):(\d*)")
 _SHOWN = 5

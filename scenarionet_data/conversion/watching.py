@@ -11,8 +11,8 @@ from typing import Any
 from scenarionet_data.conversion.driver import convert
 from scenarionet_data.conversion.report import Report
 from scenarionet_data.conversion.selection import Selection
-from scenarionet_data.converters.base import RawItem, Shard
 from scenarionet_data.errors import SourceNotFound
+from scenarionet_data.ingest.shard import RawItem, Shard
 
 Mark = tuple[str, int, int]
 """Fingerprint, size [bytes] and time of change [ns] of a raw input."""

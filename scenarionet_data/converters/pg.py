@@ -14,9 +14,9 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.building import MapBuilder, make_origin, make_tracks
-from scenarionet_data.converters import base
-from scenarionet_data.converters.base import Budgets, Converter, RawItem, Shard
+from scenarionet_data.converters.base import Budgets, Converter
 from scenarionet_data.errors import SourceNotFound
+from scenarionet_data.ingest.shard import Options, RawItem, Shard
 from scenarionet_data.procedural.construction import boxes
 from scenarionet_data.procedural.generate import Episode, generate
 from scenarionet_data.procedural.options import GeneratorOptions
@@ -45,7 +45,7 @@ _LIGHT_STATES = {
 
 
 @dataclass(frozen=True)
-class ProceduralOptions(GeneratorOptions, base.Options):
+class ProceduralOptions(GeneratorOptions, Options):
     """Parameters of maps and traffic."""
 
 
@@ -57,7 +57,7 @@ class Procedural(Converter[int]):
     release: ClassVar[str] = "v1"
     licence: ClassVar[str] = "Apache-2.0 (generated)"
     raw: ClassVar[str] = "a range of seeds FIRST:END (END excluded), or their number"
-    Options: ClassVar[type[base.Options]] = ProceduralOptions
+    Options = ProceduralOptions
     budgets: ClassVar[Budgets] = Budgets(velocity_median=0.02, velocity_p99=0.2, heading_p99=0.02)
 
     def shards(self, raw: str, split: str, version: str, options: ProceduralOptions) -> Iterator[Shard]:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from scenarionet_data.conversion import Job
 from scenarionet_data.conversion.plan import make_plan
-from scenarionet_data.converters.base import Options, RawItem, Shard
+from scenarionet_data.ingest.shard import Options, RawItem, Shard
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.local import LakeFiles
 from scenarionet_data.storage.snapshots import commit as commits

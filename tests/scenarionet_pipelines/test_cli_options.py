@@ -8,8 +8,8 @@ from typing import Literal
 
 import pytest
 
-from scenarionet_data.converters.base import Options
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.ingest.shard import Options
 from scenarionet_pipelines.cli.converter import find, options, parse_options
 from tests.fixtures.made import Made
 

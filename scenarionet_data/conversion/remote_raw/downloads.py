@@ -11,8 +11,9 @@ from typing import Any
 
 from scenarionet_data.conversion.remote_raw.listing import AT_ONCE, bucket_of, moved, rename
 from scenarionet_data.conversion.remote_raw.scratch import Scratch, sweep
-from scenarionet_data.converters.base import Converter, Shard
+from scenarionet_data.converters.base import Converter
 from scenarionet_data.errors import FileGone, SourceNotFound
+from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.local import is_url
 from scenarionet_data.storage.files.object_store import ObjectStore

@@ -13,9 +13,10 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from scenarionet_data.conversion.remote_raw.scratch import Scratch
-from scenarionet_data.converters.base import Converter, Options, Shard
+from scenarionet_data.converters.base import Converter
 from scenarionet_data.errors import BadParameter, FileGone, ScenarioNetError, SourceNotFound
 from scenarionet_data.ingest.input_properties import PLACEHOLDER
+from scenarionet_data.ingest.shard import Options, Shard
 from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.local import is_url
 from scenarionet_data.storage.files.object_store import ObjectStore, Stored

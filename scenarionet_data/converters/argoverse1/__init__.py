@@ -18,18 +18,10 @@ from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.argoverse1.map_features import City, find_maps, map_id, maps_by_city, read_city
 from scenarionet_data.converters.argoverse1.scenario import describe
 from scenarionet_data.converters.argoverse1.table import city_of, is_recording, read_recording
-from scenarionet_data.converters.base import (
-    Budgets,
-    Converter,
-    Options,
-    RawItem,
-    Shard,
-    bucket,
-    find_files,
-    fingerprint,
-)
+from scenarionet_data.converters.base import Budgets, Converter, find_files
 from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario, SourceNotFound
 from scenarionet_data.ingest.input_properties import Facts, FactsOnDemand, is_at_hand
+from scenarionet_data.ingest.shard import Options, RawItem, Shard, bucket, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription, make_scenario_id
 
 _FINGERPRINT_SAMPLE = 4096

@@ -12,7 +12,7 @@ from scenarionet_data.building import make_origin, make_tracks
 from scenarionet_data.converters.argoverse1.map_features import City
 from scenarionet_data.converters.argoverse1.motion import DT, Motion, resample, step_of
 from scenarionet_data.converters.argoverse1.table import EGO, FOCAL, NUM_OBSERVED, Recording
-from scenarionet_data.converters.base import Shard
+from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.description import Lights, MapFeatures, ScenarioDescription, Source, Tracks
 from scenarionet_data.scenario.vocabulary import ObjectType
 

@@ -26,17 +26,10 @@ from scenarionet_data.converters.argoverse2.sensor import (
     windows,
 )
 from scenarionet_data.converters.argoverse2.table import word_in_footer
-from scenarionet_data.converters.base import (
-    Budgets,
-    Converter,
-    Options,
-    RawItem,
-    Shard,
-    bucket,
-    fingerprint,
-)
+from scenarionet_data.converters.base import Budgets, Converter
 from scenarionet_data.errors import BadParameter, SourceNotFound
 from scenarionet_data.ingest.input_properties import Facts, FactsOnDemand
+from scenarionet_data.ingest.shard import Options, RawItem, Shard, bucket, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription
 
 _SPLITS = {"train", "val", "test"}

@@ -25,8 +25,8 @@ from scenarionet_data.converters.argoverse2.types import (
     UNKNOWN_OBJECT,
     Kind,
 )
-from scenarionet_data.converters.base import RawItem, Shard
 from scenarionet_data.errors import CorruptSource, InvalidScenario
+from scenarionet_data.ingest.shard import RawItem, Shard
 from scenarionet_data.scenario.description import (
     Lights,
     ScenarioDescription,

@@ -30,8 +30,8 @@ from scenarionet_data.converters.argoverse2.poses import (
 )
 from scenarionet_data.converters.argoverse2.table import Grid, numbers, read_feather, text
 from scenarionet_data.converters.argoverse2.types import EGO, EGO_CENTER, EGO_SIZE, SENSOR_CATEGORIES
-from scenarionet_data.converters.base import Shard
 from scenarionet_data.errors import CorruptSource
+from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.description import (
     Lights,
     ScenarioDescription,

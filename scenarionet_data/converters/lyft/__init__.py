@@ -19,7 +19,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from scenarionet_data.building import MapBuilder
-from scenarionet_data.converters.base import Budgets, Converter, Options, RawItem, Shard, fingerprint
+from scenarionet_data.converters.base import Budgets, Converter
 from scenarionet_data.converters.lyft.files import (
     DESCRIPTIONS,
     damaged_item,
@@ -35,6 +35,7 @@ from scenarionet_data.converters.lyft.options import LyftOptions
 from scenarionet_data.converters.lyft.recording import Recording, Scene
 from scenarionet_data.converters.lyft.scenario import CITY, MAP_ID, Window, describe, windows
 from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario
+from scenarionet_data.ingest.shard import Options, RawItem, Shard, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription
 
 __all__ = ["Lyft", "LyftOptions"]

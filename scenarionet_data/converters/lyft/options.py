@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from scenarionet_data.converters.base import Options
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.ingest.shard import Options
 
 DT = 0.1
 """Nominal time between frames [s]."""

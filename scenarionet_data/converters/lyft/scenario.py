@@ -9,12 +9,12 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.building import make_origin
-from scenarionet_data.converters.base import Shard
 from scenarionet_data.converters.lyft.lights import lights
 from scenarionet_data.converters.lyft.map_features import City
 from scenarionet_data.converters.lyft.options import DT, LyftOptions
 from scenarionet_data.converters.lyft.recording import Content, Recording, Scene
 from scenarionet_data.converters.lyft.tracks import EGO, tracks
+from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.description import ScenarioDescription, Source, make_scenario_id
 
 Box = tuple[float, float, float, float]

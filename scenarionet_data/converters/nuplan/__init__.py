@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from scenarionet_data.building import MapBuilder
-from scenarionet_data.converters.base import Budgets, Converter, Options, RawItem, Shard, fingerprint
+from scenarionet_data.converters.base import Budgets, Converter
 from scenarionet_data.converters.nuplan.content import read_content
 from scenarionet_data.converters.nuplan.files import (
     MANIFESTS,
@@ -35,6 +35,7 @@ from scenarionet_data.converters.nuplan.map_features import read_city
 from scenarionet_data.converters.nuplan.scenario import Cut, describe
 from scenarionet_data.converters.nuplan.windows import Window, scenes, tag_windows
 from scenarionet_data.errors import BadParameter, CorruptSource
+from scenarionet_data.ingest.shard import Options, RawItem, Shard, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription
 
 

@@ -12,13 +12,13 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64, Int64
 from scenarionet_data.arrays.geometry import estimate_velocity
 from scenarionet_data.building import make_origin, make_tracks_of_rows
-from scenarionet_data.converters.base import Shard
 from scenarionet_data.converters.nuplan.content import Content
 from scenarionet_data.converters.nuplan.log import Log, Scene
 from scenarionet_data.converters.nuplan.map_features import City
 from scenarionet_data.converters.nuplan.types import EGO, EGO_SIZE, OBJECTS, STATIC
 from scenarionet_data.converters.nuplan.windows import SWEEP, Window
 from scenarionet_data.errors import InvalidScenario
+from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.description import (
     Lights,
     ScenarioDescription,

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from scenarionet_data.building import MapBuilder
-from scenarionet_data.converters.base import Budgets, Converter, Options, RawItem, Shard, bucket, fingerprint
+from scenarionet_data.converters.base import Budgets, Converter
 from scenarionet_data.converters.nuscenes.can_bus import Messages, can_bus_files, can_bus_mark, read_can_bus
 from scenarionet_data.converters.nuscenes.files import (
     CHALLENGE,
@@ -47,6 +47,7 @@ from scenarionet_data.converters.nuscenes.windows import (
     whole,
 )
 from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario, SourceNotFound
+from scenarionet_data.ingest.shard import Options, RawItem, Shard, bucket, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription, make_scenario_id
 
 _GET_MAPS = "download nuScenes' map expansion v1.3, or leave maps out with -O has_map=false"

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64
-from scenarionet_data.converters.base import fingerprint
 from scenarionet_data.errors import CorruptSource
+from scenarionet_data.ingest.shard import fingerprint
 
 FOLDER = "can_bus"
 MEASURED = {

@@ -14,7 +14,6 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Bool, Float64
 from scenarionet_data.arrays.geometry import estimate_velocity
 from scenarionet_data.building import MapBuilder, make_origin, make_tracks
-from scenarionet_data.converters.base import Shard
 from scenarionet_data.converters.nuscenes.can_bus import Messages, signals_at
 from scenarionet_data.converters.nuscenes.keyframes import Steps, boxes_at, make_steps, nominal_period, poses_at
 from scenarionet_data.converters.nuscenes.tables import log_name
@@ -27,6 +26,7 @@ from scenarionet_data.converters.nuscenes.types import (
     RENAULT_ZOE,
 )
 from scenarionet_data.converters.nuscenes.windows import Window
+from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.description import (
     Lights,
     MapFeatures,

@@ -21,15 +21,7 @@ from typing import Any
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64
-from scenarionet_data.converters.base import (
-    Converter,
-    Options,
-    RawItem,
-    Shard,
-    bucket,
-    find_files,
-    fingerprint,
-)
+from scenarionet_data.converters.base import Converter, find_files
 from scenarionet_data.converters.scenarionet.frame import Frame, find_frame
 from scenarionet_data.converters.scenarionet.lights import make_lights
 from scenarionet_data.converters.scenarionet.map_features import make_map
@@ -43,6 +35,7 @@ from scenarionet_data.converters.scenarionet.tracks import (
 )
 from scenarionet_data.converters.scenarionet.unpickling import load
 from scenarionet_data.errors import CorruptSource, InvalidScenario, SourceNotFound
+from scenarionet_data.ingest.shard import Options, RawItem, Shard, bucket, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription, Source, make_scenario_id
 
 _DT = 0.1

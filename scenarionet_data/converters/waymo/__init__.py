@@ -16,11 +16,12 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.building import make_origin, make_tracks
-from scenarionet_data.converters.base import Converter, Options, RawItem, Shard, find_files, fingerprint
+from scenarionet_data.converters.base import Converter, find_files
 from scenarionet_data.converters.formats.tfrecord import Record, read_records
 from scenarionet_data.converters.waymo.map_features import map_features
 from scenarionet_data.converters.waymo.wire import WireLights, WireScenario, WireTracks, decode
 from scenarionet_data.errors import InvalidScenario
+from scenarionet_data.ingest.shard import Options, RawItem, Shard, fingerprint
 from scenarionet_data.scenario.description import (
     Lights,
     MapFeatures,

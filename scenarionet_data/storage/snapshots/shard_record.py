@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from scenarionet_data.converters.base import Shard
+from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.local import LakeFiles
 

@@ -18,8 +18,8 @@ import pyarrow.parquet as pq
 
 from scenarionet_data import codec
 from scenarionet_data.codec import Encoded
-from scenarionet_data.converters.base import Shard
 from scenarionet_data.errors import InvalidScenario, LakeError
+from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import writing

@@ -11,7 +11,7 @@ import numpy as np
 from scenarionet_data import codec
 from scenarionet_data.arrays.dtypes import Float64, Int64
 from scenarionet_data.building import MapBuilder
-from scenarionet_data.converters.base import Shard
+from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.local import LakeFiles, sha256

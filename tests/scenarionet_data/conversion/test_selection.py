@@ -9,8 +9,8 @@ import pytest
 
 from scenarionet_data import Lake, convert
 from scenarionet_data.conversion import Pace, Selection, measure_pace, parse_slice, plan_conversion
-from scenarionet_data.converters.base import Options, RawItem, Shard
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.ingest.shard import Options, RawItem, Shard
 from tests.fixtures.made import BUCKETED, NAME, MadeOptions, write_raw
 
 FEW = MadeOptions(num_objects=2)

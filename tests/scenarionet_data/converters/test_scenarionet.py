@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenarionet_data.converters.base import Options
 from scenarionet_data.converters.boundary_segments import to_records
 from scenarionet_data.converters.scenarionet import ScenarioNetPickles
 from scenarionet_data.errors import InvalidScenario
+from scenarionet_data.ingest.shard import Options
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.vocabulary import LightState, MapFeatureType, ObjectType
 from scenarionet_data.testing import ConverterConformance, differences

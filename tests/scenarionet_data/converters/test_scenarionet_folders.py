@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from scenarionet_data import converters
-from scenarionet_data.converters.base import Options
 from scenarionet_data.converters.scenarionet import ScenarioNetPickles
 from scenarionet_data.errors import CorruptSource, SourceNotFound
+from scenarionet_data.ingest.shard import Options
 from tests.fixtures import scenarionet_pickles as made
 
 CONVERTER = ScenarioNetPickles()

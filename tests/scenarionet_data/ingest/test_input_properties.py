@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from scenarionet_data.conversion import Selection
-from scenarionet_data.converters.base import Options, RawItem, Shard
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.ingest.input_properties import PLACEHOLDER, FactsOnDemand, is_at_hand
+from scenarionet_data.ingest.shard import Options, RawItem, Shard
 
 
 def first_word(path: Path, key: str) -> str:

@@ -10,8 +10,8 @@ import pytest
 from scenarionet_data import Lake
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.conversion import convert
-from scenarionet_data.converters.base import Shard
 from scenarionet_data.errors import BrokenContract, LakeError
+from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.quality.checks import run_checks
 from scenarionet_data.scenario.description import Lights, ScenarioDescription
 from scenarionet_data.scenario.vocabulary import MapFeatureType

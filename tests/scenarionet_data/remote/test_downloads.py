@@ -11,8 +11,8 @@ import pytest
 
 from scenarionet_data import Lake, convert
 from scenarionet_data.conversion.remote_raw.downloads import at_hand, forget
-from scenarionet_data.converters.base import RawItem, Shard
 from scenarionet_data.errors import LakeError, SourceNotFound
+from scenarionet_data.ingest.shard import RawItem, Shard
 from scenarionet_data.storage.files.object_store import ObjectStore
 from tests.fixtures.buckets import fetched, put, upload
 from tests.fixtures.made import NAME, Made, MadeOptions, write_raw
