@@ -1,0 +1,46 @@
+"""Lakes that earlier versions wrote are read as they were then; see ``tests/golden/lakes/README.md``."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.fixtures.golden_lakes import describe
+
+LAKES = Path(__file__).parents[1] / "golden" / "lakes"
+EXPECTED = sorted(LAKES.glob("format-*/*/expected.json"))
+
+
+def test_there_are_lakes_of_the_first_format():
+    assert [path.parent.name for path in EXPECTED if path.parts[-3] == "format-1"] == [
+        "generated",
+        "packed",
+        "recorded",
+    ]
+
+
+@pytest.mark.parametrize("path", EXPECTED, ids=lambda path: f"{path.parts[-3]}-{path.parts[-2]}")
+def test_a_lake_says_what_it_said(path: Path, tmp_path: Path):
+    expected = json.loads(path.read_text())
+    root = Path(shutil.copytree(path.parent / "lake", tmp_path / "lake"))
+    found = json.loads(json.dumps(describe(root, **expected["asked"]), default=str))
+    assert _differences(expected["said"], found, "") == []
+
+
+def _differences(expected: Any, found: Any, place: str) -> list[str]:
+    """Where a description says other than expected; it may say more, for example of a column that is new."""
+    if isinstance(expected, dict) and isinstance(found, dict):
+        there = [key for key in expected if key in found]
+        missing = [f"{place}/{key}: missing" for key in expected if key not in found]
+        return missing + [d for key in there for d in _differences(expected[key], found[key], f"{place}/{key}")]
+    if isinstance(expected, list) and isinstance(found, list) and len(expected) == len(found):
+        pairs = enumerate(zip(expected, found, strict=True))
+        return [d for number, (one, other) in pairs for d in _differences(one, other, f"{place}/{number}")]
+    is_near = expected == found
+    if isinstance(expected, float) and isinstance(found, (int, float)):
+        is_near = found == pytest.approx(expected, rel=1e-9, abs=1e-6)  # computed in SQL
+    return [] if is_near else [f"{place}: wanted {expected!r}, found {found!r}"]
