@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from click.testing import CliRunner
-
 from pipelines.cli import cli
+
 from scenarionet_data import Lake, convert
 from scenarionet_data.store import metadata_files
 from tests.fixtures import argoverse2, lyft, made, nuplan, nuplan_drive, nuscenes, waymo
