@@ -77,7 +77,7 @@ def test_examples_of_looking_run(monkeypatch, tmp_path):
     """The commands that serve a page are parsed: they would go on until Ctrl-C."""
     assert run_blocks("docs/guides/browse.md", monkeypatch, tmp_path) == 1
     assert (tmp_path / "compared.html").stat().st_size > 10_000
-    served = [line for block in blocks("docs/guides/browse.md", "sh") for line in block.splitlines() if "browse" in line]
+    served = [line for line in "".join(blocks("docs/guides/browse.md", "sh")).splitlines() if "browse" in line]
     assert len(served) == 2
     for command in served:
         words = shlex.split(command)[1:]
@@ -119,9 +119,8 @@ def test_the_page_of_checks_runs(tmp_path, monkeypatch):
     monkeypatch.setattr("scenarionet_data.query.named_sql.SQL", tmp_path / "sql")
     monkeypatch.chdir(tmp_path)
     lake = write_lake("lake", [make_scenario(1, num_objects=1, num_lanes=1), make_scenario(2, num_lanes=1)])
-    lines = [
-        line.partition("#")[0].split() for block in blocks("docs/guides/checks.md", "bash") for line in block.splitlines()
-    ]
+    typed = "".join(blocks("docs/guides/checks.md", "bash")).splitlines()
+    lines = [line.partition("#")[0].split() for line in typed]
     results = [CliRunner().invoke(cli, line[1:]) for line in lines]
     assert [result.exit_code for result in results] == [0] * 3, results[0].output
     assert "ego_is_alone             1  50.00%  made/v1/s000001: nobody else is there" in results[0].output
@@ -189,7 +188,7 @@ def test_what_the_architecture_page_adds_in_one_place_works(kind, tmp_path):
     code = """
 import shutil, sys
 from pathlib import Path
-from scenarionet_data import resources
+from scenarionet_data.schema import package_data as resources
 copy = Path(sys.argv[1])
 shutil.copytree(resources.SCHEMAS, copy / "schemas"); shutil.copytree(resources.SQL, copy / "sql")
 resources.SCHEMAS, resources.SQL = copy / "schemas", copy / "sql"
@@ -214,8 +213,9 @@ else:
     (result,) = [r for r in run_checks(lake) if r.name == "ego_moves_backwards"]
     assert result.doc
 """
-    sql = blocks("docs/explanation/architecture.md", "sql")
-    text = {"derived column": blocks("docs/explanation/architecture.md", "toml")[0], "filter": sql[0], "check": sql[1]}[kind]
+    page = "docs/explanation/architecture.md"
+    (column,), (filter_, check) = blocks(page, "toml"), blocks(page, "sql")
+    text = {"derived column": column, "filter": filter_, "check": check}[kind]
     done = subprocess.run(
         [sys.executable, "-c", code, str(tmp_path), kind, text],
         cwd=ROOT,
