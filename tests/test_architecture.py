@@ -41,17 +41,31 @@ def test_imports_go_one_way():
     wrong = []
     for path in modules("scenarionet_data"):
         wrong += reaches(
-            path, "scenarionet_sim", "pipelines", "click", "rich", "dask", "pybullet", "gymnasium", "tests"
+            path, "scenarionet_sim", "scenarionet_pipelines", "click", "rich", "dask", "pybullet", "gymnasium", "tests"
         )
     for path in modules("scenarionet_sim"):
-        wrong += reaches(path, "pipelines", "tests")
+        wrong += reaches(path, "scenarionet_pipelines", "tests")
     for path in modules("pipelines"):
         wrong += reaches(path, "tests")
     assert wrong == []
 
 
 def test_converters_know_nothing_of_the_lake():
-    lake = [f"scenarionet_data.{name}" for name in ("tables", "codec", "store", "catalog", "loader", "conversion")]
+    lake = [
+        f"scenarionet_data.{name}"
+        for name in (
+            "schema",
+            "codec",
+            "storage",
+            "query",
+            "databases",
+            "operations",
+            "lake",
+            "loader",
+            "conversion",
+            "execution",
+        )
+    ]
     sources = [*modules("scenarionet_data/converters"), *modules("scenarionet_data/procedural")]
     assert [line for path in sources for line in reaches(path, *lake)] == []
 
@@ -63,7 +77,7 @@ def test_no_converter_needs_a_devkit():
 
 def test_duckdb_stays_behind_the_engine():
     users = {str(path.relative_to(ROOT)) for path in modules("scenarionet_data") if reaches(path, "duckdb")}
-    assert users == {f"scenarionet_data/catalog/{name}.py" for name in ("engine", "statements", "views")}
+    assert users == {f"scenarionet_data/query/{name}.py" for name in ("engine", "statements", "views")}
 
 
 def test_top_level_is_as_described():
