@@ -189,10 +189,10 @@ def test_what_the_architecture_page_adds_in_one_place_works(kind, tmp_path):
     code = """
 import shutil, sys
 from pathlib import Path
-from scenarionet_data import resources
+from scenarionet_data.schema import package_data
 copy = Path(sys.argv[1])
-shutil.copytree(resources.SCHEMAS, copy / "schemas"); shutil.copytree(resources.SQL, copy / "sql")
-resources.SCHEMAS, resources.SQL = copy / "schemas", copy / "sql"
+shutil.copytree(package_data.SCHEMAS, copy / "schemas"); shutil.copytree(package_data.SQL, copy / "sql")
+package_data.SCHEMAS, package_data.SQL = copy / "schemas", copy / "sql"
 kind, text = sys.argv[2], sys.argv[3]
 if kind == "derived column":
     with (copy / "schemas/metadata.toml").open("a") as file: file.write(text)
