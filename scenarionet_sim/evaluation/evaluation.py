@@ -18,7 +18,7 @@ from scenarionet_data import Lake, ScenarioLoader, version
 from scenarionet_data.errors import MissingDependency
 from scenarionet_data.execution.executors import Run
 from scenarionet_data.storage import evaluation_runs
-from scenarionet_data.storage.files.local import open_files
+from scenarionet_data.storage.files.opening import open_files
 from scenarionet_sim.evaluation.drivers import Cast, cast, find_backend
 from scenarionet_sim.evaluation.environment_cache import Theatre
 from scenarionet_sim.evaluation.parts import Part, Progress, do_parts, parts_of
