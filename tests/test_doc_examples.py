@@ -123,7 +123,7 @@ def test_the_page_of_checks_runs(tmp_path, monkeypatch):
     lines = [line.partition("#")[0].split() for line in typed]
     results = [CliRunner().invoke(cli, line[1:]) for line in lines]
     assert [result.exit_code for result in results] == [0] * 3, results[0].output
-    assert "ego_is_alone             1  50.00%  made/v1/s000001: nobody else is there" in results[0].output
+    assert "ego_is_alone             1  50.00%  made/v1/s000001: no other object" in results[0].output
     assert pl.read_csv("scorecard.csv").height == len(rules.names())
     assert len(lake.database("good")) == 2
     assert pl.read_parquet("broken.parquet")["scenario_id"].to_list() == [make_scenario(1).id]
