@@ -98,7 +98,7 @@ def test_where_chooses_partitions(raw, root):
     assert compact(root, where={"version": "v9"}).shards == 0
     with pytest.raises(BadParameter, match="--where city: choose by dataset, version, split"):
         compact(root, where={"city": "x"})
-    with pytest.raises(BadParameter, match="no profile 'speed'; there are training, analytics"):
+    with pytest.raises(BadParameter, match="no profile 'speed'; choose one of training, analytics"):
         compact(root, "speed")
     with pytest.raises(NoSuchSnapshot, match="no lake there"):
         compact(raw)
@@ -276,7 +276,7 @@ def test_a_file_that_reads_back_otherwise_is_refused(root, monkeypatch):
     from scenarionet_data.storage.read.scenario_rows import ScenarioRows
 
     read = ScenarioRows.read
-    wrong = lambda self, name, number, first, num_rows: read(self, name, 0, first, num_rows)  # noqa: E731
+    wrong = lambda self, address: read(self, address._replace(row_group=0))  # noqa: E731
     monkeypatch.setattr(ScenarioRows, "read", wrong)
     done = compact(root, "analytics")
     assert "read back other rows than were written" in done.failed[0][1]

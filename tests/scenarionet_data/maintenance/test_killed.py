@@ -140,9 +140,9 @@ def test_replacing_in_a_compacted_lake_stopped_at_every_step(lake):
 KILL = """
 import os, signal, sys
 from scenarionet_data.maintenance import compact, vacuum
-from scenarionet_data.storage import profiles
+from scenarionet_data.storage.write import layouts
 from scenarionet_data.storage.files.local import LocalLakeFiles
-profiles.PROFILES["analytics"] = profiles.Profile("analytics", 3, 8)
+layouts.LAYOUTS["analytics"] = layouts.Layout("analytics", 3, 8)
 what, root, number, steps = sys.argv[1], sys.argv[2], int(sys.argv[3]), sys.argv[4].split()
 count = 0
 def killing(step):
