@@ -19,7 +19,7 @@ from scenarionet_data.errors import MissingDependency
 from scenarionet_data.execution.executors import Executor
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.storage import evaluation_runs
-from scenarionet_data.storage.files.local import open_files
+from scenarionet_data.storage.files.opening import open_files
 from scenarionet_sim.evaluation.drivers import Cast, cast, find_backend
 from scenarionet_sim.evaluation.environment_cache import Theatre
 from scenarionet_sim.evaluation.parts import Part, do_parts, parts_of
