@@ -86,9 +86,7 @@ def test_who_has_workers_is_not_given_others():
 def test_no_scheduler_answers(monkeypatch):
     monkeypatch.setattr("scenarionet_pipelines.cluster.opening._CONNECT_WITHIN", 0.3)
     with (
-        pytest.raises(
-            ClusterLost, match=r"tcp://127.0.0.1:1: no scheduler answers; start one with `dask scheduler`"
-        ),
+        pytest.raises(ClusterLost, match=r"tcp://127.0.0.1:1: no scheduler answers; start one with `dask scheduler`"),
         open_cluster("tcp://127.0.0.1:1"),
     ):
         pass
