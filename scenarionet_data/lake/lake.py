@@ -132,7 +132,7 @@ class Lake:
         """Rows of one SELECT over the lake's views.
 
         They are metadata, tracks, lights, maps, states, steps, objects, shards, quarantine, and those of
-        docs/events.md.
+        docs/guides/events.md.
 
         Args:
             query: The SELECT.

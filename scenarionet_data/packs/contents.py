@@ -6,7 +6,7 @@ import hashlib
 import json
 import shutil
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 
 from scenarionet_data.databases import user_columns
 from scenarionet_data.databases.record import Database
+from scenarionet_data.execution.progress import Progress
 from scenarionet_data.packs import origins, tiles
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import reading, writing
@@ -36,9 +37,6 @@ SUMS = "SHA256SUMS"
 _SHARD = ("dataset", "version", "split", "converter_version", "options")
 _MAP_FOOTER = ("scenarionet.map", "scenarionet.licence")
 _ROWS_PER_GROUP = 65_536
-
-Progress = Callable[[int, int], None]
-"""Called with steps done and steps to do: each scenario is copied, and read back."""
 
 
 class Contents:
@@ -84,7 +82,7 @@ class Contents:
         """Note progress."""
         self._num_done += num_scenarios
         if self._on_progress:
-            self._on_progress(self._num_done, 2 * len(self._database))
+            self._on_progress(self._num_done, 2 * len(self._database), self._num_done // 2)
 
     def _publish(self, temporary: Path, name: str, digest: str | None = None) -> None:
         self.sums[name] = digest or sha256(temporary)

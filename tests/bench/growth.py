@@ -1,6 +1,6 @@
 """What a lake's own books cost as it grows: records of shards that nobody converted, as many as are asked for.
 
-From these figures ``docs/cluster.md`` reckons where today's design ends.
+From these figures ``docs/guides/cluster.md`` reckons where today's design ends.
 """
 
 from __future__ import annotations

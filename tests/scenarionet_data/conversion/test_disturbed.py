@@ -73,14 +73,15 @@ def test_a_shard_that_kills_its_workers_is_named_and_the_others_go_on(tmp_path):
     ((shard, reason),) = report.failed
     assert (shard, len(Lake(tmp_path / "lake"))) == ("s099", 12)
     assert (
-        reason == "a worker process was killed, most often for memory, also when nothing else ran; give it more memory"
+        reason == "a worker process was killed, usually because the machine ran out of memory, even with no other job "
+        "running; give it more memory"
     )
 
 
 @pytest.mark.long
 def test_workers_that_are_always_killed_end_the_run(tmp_path):
     raw = write_raw(tmp_path / "raw", {f"s{k:03d}": [f"{k} deadly"] for k in range(20)})
-    with pytest.raises(WorkerLost, match="run the same command again, with fewer --workers: what is finished is kept"):
+    with pytest.raises(WorkerLost, match="finished work is kept: run the same command again with fewer workers"):
         run(raw, tmp_path / "lake", workers=2)
 
 

@@ -169,7 +169,7 @@ def test_a_conversion_that_commits_meanwhile_loses_nothing(raw, root):
     def converts():
         convert_to(write_raw(raw, {"new": [77]}), root)
 
-    done = compact(root, "analytics", run=beside(converts))
+    done = compact(root, "analytics", executor=beside(converts))
     assert (done.shards, done.left) == (4, 0)
     assert len(content(Lake(root))) == 9
     check_whole(root)
@@ -182,7 +182,7 @@ def test_what_is_replaced_meanwhile_is_planned_anew(raw, root):
         if not happened:
             happened.append(convert_to(write_raw(raw, {"s2": [20, 98]}), root, replace_old=True))
 
-    done = compact(root, "analytics", run=beside(replaces))
+    done = compact(root, "analytics", executor=beside(replaces))
     assert (done.shards, done.left) == (4, 0)
     assert "made/v1/s000098" in content(Lake(root))
     assert "made/v1/s000021" not in content(Lake(root))
@@ -199,13 +199,13 @@ def test_files_that_are_vacuumed_meanwhile_are_no_damage(raw, root, monkeypatch)
             happened.append(convert_to(write_raw(raw, {"s2": [20], "s3": [30]}), root, replace_old=True))
             vacuum(root, keep_last=1)
 
-    done = compact(root, "analytics", run=beside(replaces))
+    done = compact(root, "analytics", executor=beside(replaces))
     assert (done.shards, done.left, done.failed) == (4, 0, [])
     check_whole(root)
 
 
 def test_two_compactions_at_once_are_one(root):
-    done = compact(root, "analytics", run=beside(lambda: compact(root, "analytics")))
+    done = compact(root, "analytics", executor=beside(lambda: compact(root, "analytics")))
     assert (done.shards, done.left, done.snapshot) == (0, 0, 2)
     check_whole(root)
 
@@ -217,7 +217,7 @@ def test_rivals_that_never_end_are_reported(raw, root):
     def replaces():
         convert_to(write_raw(raw, {"s2": [next(seeds)]}), root, replace_old=True)
 
-    done = compact(root, "analytics", run=beside(replaces))
+    done = compact(root, "analytics", executor=beside(replaces))
     assert done.left == 4
     check_whole(root)
 
@@ -230,7 +230,7 @@ def test_what_a_killed_run_has_finished_is_taken(root, monkeypatch):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        compact(root, "analytics", run=killed)
+        compact(root, "analytics", executor=killed)
     assert snapshots.read(LocalLakeFiles(root)).number == 1
     written = {path.name: path.stat().st_ino for path in root.rglob("*.parquet")}
     done = compact(root, "analytics")
