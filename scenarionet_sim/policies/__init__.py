@@ -10,7 +10,7 @@ from scenarionet_sim.policies.external import External
 from scenarionet_sim.policies.idm import Idm
 from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.policies.route_follower import RouteFollower
-from scenarionet_sim.policies.who import OfType, Tracks, ego, everyone, other_vehicles, others, vehicles
+from scenarionet_sim.policies.objects import OfType, TrackIds, ego, all_objects, other_vehicles, others, vehicles
 
 __all__ = [
     "ConstantVelocity",
@@ -20,9 +20,9 @@ __all__ = [
     "Policy",
     "Replay",
     "RouteFollower",
-    "Tracks",
+    "TrackIds",
     "ego",
-    "everyone",
+    "all_objects",
     "other_vehicles",
     "others",
     "vehicles",

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8
-from scenarionet_sim.worlds.history import Past
+from scenarionet_sim.worlds.history import History
 from scenarionet_sim.worlds.world import World
 
 
@@ -45,7 +45,7 @@ class State:
     size: Float64
     object_type: UInt8
     timestep: Int32
-    past: Past | None = None
+    past: History | None = None
 
     @property
     def motion(self) -> tuple[Any, ...]:

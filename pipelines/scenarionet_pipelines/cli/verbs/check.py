@@ -125,7 +125,7 @@ def _simulate(
 
     with Progress("simulate", "part", is_quiet=quiet) as progress:
         processes = workers or default_workers()
-        return find_broken(lake, database, workers=processes, run_jobs=run, on_progress=progress.update)
+        return find_broken(lake, database, workers=processes, executor=run, on_progress=progress.update)
 
 
 def _refuse(output: str | None, broken: str | None, scorecard: bool) -> None:

@@ -44,15 +44,21 @@ def command(
     """
     from scenarionet_data import Lake
     from scenarionet_pipelines.machine import default_workers
-    from scenarionet_sim.evaluation.recording import prepare, record
+    from scenarionet_sim import record
 
-    recording = prepare(Lake(lake), database, agents, seed)
     run = name or f"{database or 'all'}-{agents}-observed".replace("@", ".")
     started = time.monotonic()
     with crew(cluster, workers, quiet=quiet) as hands, Progress(f"record {run}", "part", is_quiet=quiet) as progress:
         try:
             skipped = record(
-                recording, run, workers=workers or default_workers(), run_jobs=hands.run, on_progress=progress.update
+                lake,
+                database,
+                name=run,
+                agents=agents,
+                seed=seed,
+                workers=workers or default_workers(),
+                executor=hands.run,
+                on_progress=progress.update,
             )
         except KeyboardInterrupt as error:
             raise Interrupted(f"what is finished is kept in run {run}; the same command goes on from there") from error
