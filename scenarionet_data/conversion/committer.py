@@ -7,7 +7,7 @@ import time
 from scenarionet_data.conversion.jobs import Outcome
 from scenarionet_data.conversion.plan import Plan
 from scenarionet_data.conversion.report import Report
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord
 

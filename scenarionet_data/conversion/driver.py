@@ -27,7 +27,8 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.executors import Run, runner
 from scenarionet_data.execution.worker_stats import Tally
 from scenarionet_data.ingest.shard import Options, Shard
-from scenarionet_data.storage.files.local import LakeFiles, open_files
+from scenarionet_data.storage.files.lake_files import LakeFiles
+from scenarionet_data.storage.files.opening import open_files
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots

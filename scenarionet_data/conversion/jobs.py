@@ -16,7 +16,7 @@ from scenarionet_data.converters.base import Converter
 from scenarionet_data.errors import LakeError, SourceError
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.quality.audit import audit, audit_shared_map
-from scenarionet_data.storage.files.local import open_files
+from scenarionet_data.storage.files.opening import open_files
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord, find_finished
 from scenarionet_data.storage.write.shard_writer import ShardWriter
 from scenarionet_data.storage.write.shared_map import write_shared_map

@@ -15,7 +15,8 @@ from pathlib import Path
 from scenarionet_data.errors import LakeError
 from scenarionet_data.execution.executors import Run, runner
 from scenarionet_data.maintenance.bin_packing import Bin, content_sizes, plan_compaction
-from scenarionet_data.storage.files.local import LakeFiles, open_files
+from scenarionet_data.storage.files.lake_files import LakeFiles
+from scenarionet_data.storage.files.opening import open_files
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots

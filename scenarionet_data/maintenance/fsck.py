@@ -16,7 +16,8 @@ from scenarionet_data.errors import LakeError
 from scenarionet_data.maintenance import database_checks
 from scenarionet_data.maintenance.repair_advice import Inputs, remedy
 from scenarionet_data.maintenance.vacuuming import list_files
-from scenarionet_data.storage.files.local import LakeFiles, open_files
+from scenarionet_data.storage.files.lake_files import LakeFiles
+from scenarionet_data.storage.files.opening import open_files
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests, metadata_files
 from scenarionet_data.storage.snapshots import snapshot as snapshots

@@ -15,7 +15,8 @@ from pathlib import Path
 
 from scenarionet_data.databases import record as databases
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.storage.files.local import LakeFiles, Listed, open_files
+from scenarionet_data.storage.files.lake_files import LakeFiles, Listed
+from scenarionet_data.storage.files.opening import open_files
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 

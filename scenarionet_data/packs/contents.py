@@ -21,7 +21,7 @@ from scenarionet_data.databases.record import Database
 from scenarionet_data.packs import origins, tiles
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import writing
-from scenarionet_data.storage.files.local import LakeFiles, sha256
+from scenarionet_data.storage.files.lake_files import LakeFiles, sha256
 from scenarionet_data.storage.read.parquet.row_group_copy import RowGroupSource, RowGroupWriter
 from scenarionet_data.storage.read.scenario_rows import Address, ScenarioRows
 from scenarionet_data.storage.snapshots import manifests

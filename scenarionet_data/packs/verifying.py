@@ -15,7 +15,8 @@ from scenarionet_data.databases import record as databases
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.packs.contents import SUMS
 from scenarionet_data.schema import tables
-from scenarionet_data.storage.files.local import LakeFiles, sha256
+from scenarionet_data.storage.files.lake_files import LakeFiles, sha256
+from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.verifying import Damage, verify
 
@@ -75,7 +76,7 @@ def verify_pack(path: str | Path, on_progress: Progress | None = None) -> Verifi
 
 
 def _verify_folder(folder: Path, path: Path, on_progress: Progress | None) -> Verification:
-    files = LakeFiles(folder)
+    files = LocalLakeFiles(folder)
     if not files.has(SUMS):
         if not files.folders("snapshots") and not files.names("snapshots"):
             raise BadParameter(f"{path}: no pack; wanted a folder with {SUMS}, or a tar of it")

@@ -20,7 +20,7 @@ from scenarionet_data.quality import rules
 from scenarionet_data.quality.report import CheckResult, Findings
 from scenarionet_data.quality.rules import BROKEN, Check
 from scenarionet_data.query.engine import Engine
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
 

@@ -139,7 +139,7 @@ class Table:
         return next(column for column in (*self.columns, *self.derived) if column.name == name)
 
     def writer_options(self, sample: pa.Table | pa.RecordBatch | None = None) -> dict[str, Any]:
-        """Options of ``pyarrow.parquet.ParquetWriter`` (measured: see docs/architecture.md).
+        """Options of ``pyarrow.parquet.ParquetWriter`` (measured: see docs/explanation/architecture.md).
 
         Args:
             sample: The first rows of the file, which tell where the bytes are; everywhere when there are none.

@@ -20,7 +20,7 @@ from scenarionet_data import Database, Lake, ScenarioLoader, version
 from scenarionet_data.errors import MissingDependency
 from scenarionet_data.execution.executors import Run
 from scenarionet_data.storage import evaluation_runs
-from scenarionet_data.storage.files.local import open_files
+from scenarionet_data.storage.files.opening import open_files
 from scenarionet_sim.evaluation.drivers import find_backend, resolve_drivers
 from scenarionet_sim.evaluation.environment_cache import EnvironmentCache
 from scenarionet_sim.evaluation.parts import Part, PartProgress, parts_of, run_parts

@@ -22,7 +22,7 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.executors import Run
 from scenarionet_data.schema import tables
 from scenarionet_data.storage import evaluation_runs
-from scenarionet_data.storage.files.local import open_files
+from scenarionet_data.storage.files.opening import open_files
 from scenarionet_sim.environments.config import PAPER_OBSERVATION
 from scenarionet_sim.environments.observation import Observation
 from scenarionet_sim.evaluation.evaluation import describe_database
@@ -165,7 +165,11 @@ def observe_log(world: World, observation: Observation, agents: str, rng: np.ran
     simulation.reset(0, start=0)
     batch = simulation.batch
     paths = batch.path_points, batch.path_arc, batch.path_heading, batch.path_z, batch.path_offsets
-    arc, lateral, height = np.full((1, len(is_agent)), np.nan), np.zeros((1, len(is_agent))), np.zeros((1, len(is_agent)))
+    arc, lateral, height = (
+        np.full((1, len(is_agent)), np.nan),
+        np.zeros((1, len(is_agent))),
+        np.zeros((1, len(is_agent))),
+    )
     for timestep in range(world.num_steps):  # each moment depends on the one before
         if timestep:
             simulation.step()

@@ -8,9 +8,9 @@ from scenarionet_sim.policies.base import Policy
 from scenarionet_sim.policies.constant_velocity import ConstantVelocity
 from scenarionet_sim.policies.external import External
 from scenarionet_sim.policies.idm import Idm
+from scenarionet_sim.policies.objects import OfType, TrackIds, all_objects, ego, other_vehicles, others, vehicles
 from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.policies.route_follower import RouteFollower
-from scenarionet_sim.policies.objects import OfType, TrackIds, ego, all_objects, other_vehicles, others, vehicles
 
 __all__ = [
     "ConstantVelocity",
@@ -21,8 +21,8 @@ __all__ = [
     "Replay",
     "RouteFollower",
     "TrackIds",
-    "ego",
     "all_objects",
+    "ego",
     "other_vehicles",
     "others",
     "vehicles",

@@ -91,7 +91,7 @@ class Weighted:
     def __init__(self, weights: npt.ArrayLike) -> None:
         values = np.asarray(weights, dtype=np.float64)
         if not np.isfinite(values).all() or (values < 0).any() or values.sum() <= 0:
-            raise BadParameter("weights of scenarios must be finite and non-negative, at least one positive; correct the expression")
+            raise BadParameter("weights must be finite and non-negative, at least one positive; correct the expression")
         self._cumulative = np.cumsum(values)
         self.restart(0)
 
@@ -143,9 +143,7 @@ class CurriculumSampler:
 
     def __init__(self, count: int, curriculum: Curriculum) -> None:
         if not 1 <= curriculum.levels <= count:
-            raise BadParameter(
-                f"curriculum: {curriculum.levels} levels of {count} scenarios; expected 1 to {count}"
-            )
+            raise BadParameter(f"curriculum: {curriculum.levels} levels of {count} scenarios; expected 1 to {count}")
         if not 0.0 < curriculum.success <= 1.0:
             raise BadParameter(f"curriculum: expected 0 < success <= 1, found {curriculum.success}")
         if curriculum.episodes is not None and curriculum.episodes < 1:

@@ -58,7 +58,7 @@ class Scenarios:
         if self.order not in get_args(Order):
             raise BadParameter(f"order={self.order!r}; expected {', '.join(get_args(Order))}")
         if self.curriculum is not None and self.order != "sequential":
-            raise BadParameter(f"order={self.order!r} conflicts with curriculum, which sorts by itself; drop one of them")
+            raise BadParameter(f"order={self.order!r} conflicts with curriculum; drop one of them")
         if self.weight and self.order != "weighted":
             raise BadParameter(f"weight={self.weight!r} has no effect with order={self.order!r}; pass order='weighted'")
         if not 0 <= self.worker < self.num_workers:

@@ -156,7 +156,7 @@ def judge(
         terms, status, completion: Written; see ``Verdict``.
     """
     c1, c2, c3, p_road_user, p_object, r_arrived, r_off_route, slow = reward
-    max_lateral, min_completion, short_route, extra_steps = ending
+    max_lateral, min_completion, short_route, extra_steps = termination
     for a in range(len(agents)):
         w, n = agents[a, 0], agents[a, 1]
         first, end = path_offsets[w, n], path_offsets[w, n + 1]

@@ -103,7 +103,12 @@ def test_reset_begins_where_it_is_told():
 
 
 def test_the_last_policy_that_wants_an_object_drives_it():
-    policies = (Replay(), ConstantVelocity(objects=OfType((ObjectType.VEHICLE,))), Idm(objects=TrackIds(("t2",))), External())
+    policies = (
+        Replay(),
+        ConstantVelocity(objects=OfType((ObjectType.VEHICLE,))),
+        Idm(objects=TrackIds(("t2",))),
+        External(),
+    )
     simulation = Simulation([drive()], policies)
     assert simulation.driver[0].tolist() == [3, 1, 2, 1]
     nobody = Simulation([drive()], [Replay(objects=ego)])

@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import reading
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.lake_files import LakeFiles
 
 Address = tuple[str, int, int, int]
 """File, row group, first row and number of rows of a scenario in a table."""

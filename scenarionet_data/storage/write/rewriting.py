@@ -22,7 +22,7 @@ import pyarrow.parquet as pq
 from scenarionet_data.errors import LakeError
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import reading, writing
-from scenarionet_data.storage.files.local import LakeFiles, sha256
+from scenarionet_data.storage.files.lake_files import LakeFiles, sha256
 from scenarionet_data.storage.read.scenario_rows import Address, ScenarioRows
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord, find_record, partition
 from scenarionet_data.storage.write.layouts import Profile, new_unit, rewritten_name

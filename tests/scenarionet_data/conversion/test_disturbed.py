@@ -16,7 +16,7 @@ import pytest
 
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.errors import WorkerLost
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.local import LocalLakeFiles
 from tests.fixtures.lakes import content
 from tests.fixtures.made import raw_of, run, write_raw
 
@@ -123,7 +123,7 @@ def test_links_in_the_path_of_a_lake(tmp_path):
     run(raw, tmp_path / "link" / "lake")
     assert run(raw, tmp_path / "real" / "lake").skipped == 1
     assert len(Lake(tmp_path / "link" / "lake")) == 2
-    assert LakeFiles(tmp_path / "link" / "lake").root == (tmp_path / "real" / "lake").resolve()
+    assert LocalLakeFiles(tmp_path / "link" / "lake").root == (tmp_path / "real" / "lake").resolve()
 
 
 @pytest.mark.parametrize("name", ['it\'s a "lake"', "ü 100% a=b", "[x]*?"])

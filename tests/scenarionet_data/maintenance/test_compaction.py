@@ -10,7 +10,7 @@ from scenarionet_data.errors import BadParameter, NoSuchSnapshot
 from scenarionet_data.maintenance import bin_packing, compact, compaction, plan_compaction, vacuum
 from scenarionet_data.packs.verifying import verify_pack
 from scenarionet_data.quality.checks import run_checks
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import manifests, metadata_files
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from tests.fixtures.made import NAME, write_raw
@@ -24,7 +24,7 @@ def groups(root, table="tracks"):
 
 
 def records(root):
-    files = LakeFiles(root)
+    files = LocalLakeFiles(root)
     return {record.name: record for record in manifests.shards(files, snapshots.read(files))}
 
 
@@ -36,7 +36,7 @@ def test_nothing_changes_but_where_scenarios_lie(root):
     assert (done.shards, done.scenarios, done.files_before, done.files_after) == (4, 8, 12, 3)
     assert done.bytes_after < done.bytes_before
     assert (done.failed, done.left, done.snapshot) == ([], 0, 2)
-    assert snapshots.read(LakeFiles(root)).operation == "compact for analytics"
+    assert snapshots.read(LocalLakeFiles(root)).operation == "compact for analytics"
     assert groups(root) == [[6, 6, 4]]
     after = Lake(root)
     assert content(after) == before
@@ -231,7 +231,7 @@ def test_what_a_killed_run_has_finished_is_taken(root, monkeypatch):
 
     with pytest.raises(KeyboardInterrupt):
         compact(root, "analytics", run=killed)
-    assert snapshots.read(LakeFiles(root)).number == 1
+    assert snapshots.read(LocalLakeFiles(root)).number == 1
     written = {path.name: path.stat().st_ino for path in root.rglob("*.parquet")}
     done = compact(root, "analytics")
     assert done.shards == 4
@@ -280,4 +280,4 @@ def test_a_file_that_reads_back_otherwise_is_refused(root, monkeypatch):
     monkeypatch.setattr(ScenarioRows, "read", wrong)
     done = compact(root, "analytics")
     assert "read back other rows than were written" in done.failed[0][1]
-    assert snapshots.read(LakeFiles(root)).number == 1
+    assert snapshots.read(LocalLakeFiles(root)).number == 1

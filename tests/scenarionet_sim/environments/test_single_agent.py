@@ -228,7 +228,6 @@ def test_info_names_everything(only):
         ({}, "needs scenarios"),
         ({"scenario": 1}, "needs scenarios"),
         ({"scenarios": "lake"}, "wanted Scenarios"),
-        ({"scenarios": Scenarios("lake"), "backends": 1}, "no setting 'backends'"),
         ({"scenarios": Scenarios("lake"), "observation": "list"}, "flat or dict"),
         ({"scenarios": Scenarios("lake"), "sensors": ()}, "at least one"),
         ({"scenarios": Scenarios("lake"), "render_mode": "ansi"}, "rgb_array"),
@@ -239,6 +238,11 @@ def test_settings_that_are_none(settings, message):
         ScenarioNetEnv(**settings)
 
 
+def test_an_unknown_setting_is_a_type_error():
+    with pytest.raises(TypeError, match="unknown setting 'backends'"):
+        ScenarioNetEnv(scenarios=Scenarios("lake"), backends=1)
+
+
 def test_a_configuration_or_its_fields(only):
     config = EnvConfig(only("wall"), backend=Kinematic())
     assert ScenarioNetEnv(config).config == config
@@ -246,7 +250,9 @@ def test_a_configuration_or_its_fields(only):
     with pytest.raises(BadParameter, match="not both"):
         ScenarioNetEnv(config, cache_size=2)
     with pytest.raises(BadParameter, match="ego alone"):
-        ScenarioNetEnv(scenarios=only("crowd"), policies=(External(objects=lambda world: world.object_type == 1),)).reset()
+        ScenarioNetEnv(
+            scenarios=only("crowd"), policies=(External(objects=lambda world: world.object_type == 1),)
+        ).reset()
 
 
 def test_pictures(only):

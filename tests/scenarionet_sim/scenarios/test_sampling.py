@@ -24,7 +24,9 @@ def test_every_round_has_every_scenario_once(count, seed):
 
 
 @pytest.mark.parametrize(
-    "sampler", [Sequential(9), Shuffled(9), Weighted(np.arange(9)), CurriculumSampler(9, Curriculum(levels=3))], ids=type
+    "sampler",
+    [Sequential(9), Shuffled(9), Weighted(np.arange(9)), CurriculumSampler(9, Curriculum(levels=3))],
+    ids=type,
 )
 def test_a_restart_repeats_the_series(sampler):
     sampler.restart(7)

@@ -228,7 +228,9 @@ def test_numbers_of_scenarios():
 
 def test_streams_of_scenarios(lake):
     loader, sampler = replace(scenarios(lake, "many"), order="random").open()
-    stream = ScenarioStream(loader.scenario_ids, loader.__getitem__, lambda scenario: scenario.id, sampler, prefetch=2, cache_size=4)
+    stream = ScenarioStream(
+        loader.scenario_ids, loader.__getitem__, lambda scenario: scenario.id, sampler, prefetch=2, cache_size=4
+    )
     drawn = [stream.next() for _ in range(20)]
     assert [loader.scenario_ids[index] for index, _ in drawn] == [name for _, name in drawn]
     assert len(np.unique([index for index, _ in drawn])) == len(loader)

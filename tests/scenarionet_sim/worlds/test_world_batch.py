@@ -91,4 +91,6 @@ def test_room_is_kept_so_that_long_runs_stop_copying():
 
 def test_annotations_are_the_arrays():
     batch = WorldBatch([middle()])
-    assert {name for name in vars(batch) if isinstance(getattr(batch, name), np.ndarray)} == set(WorldBatch.__annotations__)
+    assert {name for name in vars(batch) if isinstance(getattr(batch, name), np.ndarray)} == set(
+        WorldBatch.__annotations__
+    )

@@ -102,7 +102,7 @@ def command(
     to say how long the rest will take.
 
     --cluster lets a Dask cluster convert: `local` starts one on this machine, an address is that of a scheduler that
-    runs already, other names and files are profiles (docs/cluster.md).
+    runs already, other names and files are profiles (docs/guides/cluster.md).
 
     --watch looks for new recordings again and again, and converts each as soon as it has not changed between two looks.
     """
