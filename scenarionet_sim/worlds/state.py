@@ -31,7 +31,7 @@ class State:
         size: (W, N, 3) float64 [m] length, width, height.
         object_type: (W, N) uint8 codes of ``ObjectType``.
         timestep: (W,) int32.
-        past: The moments before, where somebody wants them remembered.
+        history: The moments before, where somebody wants them remembered.
     """
 
     position: Float64
@@ -45,7 +45,7 @@ class State:
     size: Float64
     object_type: UInt8
     timestep: Int32
-    past: History | None = None
+    history: History | None = None
 
     @property
     def motion(self) -> tuple[Any, ...]:

@@ -227,8 +227,8 @@ def test_info_names_everything(only):
     [
         ({}, "needs scenarios"),
         ({"scenario": 1}, "needs scenarios"),
-        ({"scenarios": "lake"}, "wanted Scenarios"),
-        ({"scenarios": Scenarios("lake"), "observation": "list"}, "flat or dict"),
+        ({"scenarios": "lake"}, "expected Scenarios"),
+        ({"scenarios": Scenarios("lake"), "observation": "list"}, "'flat' or 'dict'"),
         ({"scenarios": Scenarios("lake"), "sensors": ()}, "at least one"),
         ({"scenarios": Scenarios("lake"), "render_mode": "ansi"}, "rgb_array"),
     ],

@@ -100,14 +100,14 @@ def test_a_specification_pickles_and_takes_paths_and_lists(lake):
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
-        ({"scenarios": "nothing"}, DatabaseNotFound, "many"),
-        ({"scenarios": ("made/v1/x",)}, ScenarioNotFound, "made/v1/x"),
-        ({"scenarios": ()}, BadParameter, "is empty"),
+        ({"database": "nothing"}, DatabaseNotFound, "many"),
+        ({"database": ("made/v1/x",)}, ScenarioNotFound, "made/v1/x"),
+        ({"database": ()}, BadParameter, "is empty"),
         ({"where": "num_objects > 1000"}, BadParameter, "none of 9 .* satisfies 'num_objects > 1000'"),
         ({"where": "num_object > 1"}, QueryError, "num_object"),
         ({"where": "true) UNION SELECT (1"}, UnsafeSql, "one condition"),
         ({"order": "weighted", "weight": "-1"}, BadParameter, "weights"),
-        ({"worker": 9, "num_workers": 10}, BadParameter, "fewer workers"),
+        ({"worker": 9, "num_workers": 10}, BadParameter, "at most 9 workers"),
         ({"curriculum": Curriculum(levels=10)}, BadParameter, "10 levels of 9 scenarios"),
     ],
 )
@@ -220,7 +220,7 @@ def test_a_closed_stream_has_no_thread_and_can_go_on():
 def test_numbers_of_scenarios():
     stream = Source().stream()
     assert stream.index("s4") == 4
-    with pytest.raises(ScenarioNotFound, match="none of the 10"):
+    with pytest.raises(ScenarioNotFound, match="not among the 10"):
         stream.index("x")
     with pytest.raises(BadParameter, match="cache_size=0"):
         Source().stream(cache_size=0)
