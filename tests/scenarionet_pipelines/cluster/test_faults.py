@@ -197,7 +197,7 @@ def test_an_interrupted_client(processes: Processes, tmp_path, number, where):
     command.wait(HANGS_AFTER)
     *progress, line = log.read_text().splitlines()
     assert command.returncode == 130, line
-    assert all(each.startswith(f"convert {NAME}: ") for each in progress), progress
+    assert all(each.startswith(("cluster ", f"convert {NAME}: ")) for each in progress), progress
     assert line.startswith("interrupted: ")
     assert "the same command goes on from there" in line
     assert psutil.wait_procs(started, timeout=HANGS_AFTER)[1] == []
