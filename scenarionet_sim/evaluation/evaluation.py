@@ -18,12 +18,13 @@ import pyarrow as pa
 
 from scenarionet_data import Database, Lake, ScenarioLoader, version
 from scenarionet_data.errors import MissingDependency
-from scenarionet_data.execution.executors import Run
+from scenarionet_data.execution.executors import Executor
+from scenarionet_data.execution.progress import Progress
 from scenarionet_data.storage import evaluation_runs
 from scenarionet_data.storage.files.opening import open_files
 from scenarionet_sim.evaluation.drivers import find_backend, resolve_drivers
 from scenarionet_sim.evaluation.environment_cache import EnvironmentCache
-from scenarionet_sim.evaluation.parts import Part, PartProgress, parts_of, run_parts
+from scenarionet_sim.evaluation.parts import Part, parts_of, run_parts
 from scenarionet_sim.evaluation.rollout import roll_out
 from scenarionet_sim.evaluation.rollout_table import concat_rollouts, rollout_rows
 from scenarionet_sim.metrics.measure import measure
@@ -113,9 +114,9 @@ def evaluate(
     backend: str | None = None,
     seed: int = 0,
     workers: int = 1,
-    executor: Run | None = None,
+    executor: Executor | None = None,
     rollouts: bool = True,
-    on_progress: PartProgress | None = None,
+    on_progress: Progress | None = None,
 ) -> EvaluationReport:
     """Drive a policy through every scenario of a database and write the results into the lake.
 
@@ -173,9 +174,9 @@ def run_evaluation(
     name: str | None = None,
     *,
     workers: int = 1,
-    executor: Run | None = None,
+    executor: Executor | None = None,
     rollouts: bool = True,
-    on_progress: PartProgress | None = None,
+    on_progress: Progress | None = None,
 ) -> EvaluationReport:
     """Simulate the parts that are not done yet; arguments and errors as in :func:`evaluate`."""
     started, name = time.monotonic(), name or evaluation.default_name
@@ -195,8 +196,8 @@ def find_broken(
     database: Database | str | list[str] | tuple[str, ...] | None = None,
     *,
     workers: int = 1,
-    executor: Run | None = None,
-    on_progress: PartProgress | None = None,
+    executor: Executor | None = None,
+    on_progress: Progress | None = None,
 ) -> list[tuple[str, str]]:
     """Return the scenarios whose replay does not reach the destination, with the reason; writes nothing."""
     evaluation = plan_evaluation(lake, database, "replay")

@@ -6,13 +6,11 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from scenarionet_data.execution.executors import Lost, Run, runner
+from scenarionet_data.execution.executors import Executor, OnLost, executor_for
+from scenarionet_data.execution.progress import Progress
 
 Work = TypeVar("Work")
 Done = TypeVar("Done", bound=Sequence[object])
-
-PartProgress = Callable[[int, int, int], None]
-"""Called with the number of finished parts, of all parts, and of finished scenarios."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +39,9 @@ def run_parts(
     jobs: Sequence[Work],
     run_job: Callable[[Work], Done],
     workers: int,
-    on_progress: PartProgress | None,
-    executor: Run | None = None,
-    on_lost: Lost[Work, Done] | None = None,
+    on_progress: Progress | None,
+    executor: Executor | None = None,
+    on_lost: OnLost[Work, Done] | None = None,
 ) -> Iterator[Done]:
     """Yield the result of each job, in completion order.
 
@@ -59,7 +57,7 @@ def run_parts(
         WorkerLost: A part kills its worker also when it runs alone, and ``on_lost`` is None.
     """
     scenarios = 0
-    executor = executor or runner(min(workers, len(jobs)))
+    executor = executor or executor_for(min(workers, len(jobs)))
     for number, result in enumerate(executor(jobs, run_job, on_lost), start=1):
         scenarios += len(result)
         if on_progress:

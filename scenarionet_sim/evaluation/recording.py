@@ -19,14 +19,15 @@ from scenarionet_data import Database, Lake, ScenarioLoader, version
 from scenarionet_data.arrays.dtypes import Int32
 from scenarionet_data.codec.arrow import list_array, offsets_of, string_array
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.execution.executors import Run
+from scenarionet_data.execution.executors import Executor
+from scenarionet_data.execution.progress import Progress
 from scenarionet_data.schema import tables
 from scenarionet_data.storage import evaluation_runs
 from scenarionet_data.storage.files.opening import open_files
 from scenarionet_sim.environments.config import PAPER_OBSERVATION
 from scenarionet_sim.environments.observation import Observation
 from scenarionet_sim.evaluation.evaluation import describe_database
-from scenarionet_sim.evaluation.parts import Part, PartProgress, parts_of, run_parts
+from scenarionet_sim.evaluation.parts import Part, parts_of, run_parts
 from scenarionet_sim.kernels.paths import follow_paths
 from scenarionet_sim.policies import Replay, ego, vehicles
 from scenarionet_sim.scenarios.selection import database_reference
@@ -81,8 +82,8 @@ def record(
     agents: str = "vehicles",
     seed: int = 0,
     workers: int = 1,
-    executor: Run | None = None,
-    on_progress: PartProgress | None = None,
+    executor: Executor | None = None,
+    on_progress: Progress | None = None,
 ) -> int:
     """Write the observations of recorded vehicles into the lake.
 

@@ -76,7 +76,7 @@ class Scenarios:
             UnsafeSql, QueryError: A condition is not a single valid SQL expression.
             BadParameter: No scenario is left.
         """
-        lake, rows = Lake(self.lake).resolve(self.database)
+        lake, rows = Lake(str(self.lake)).resolve(self.database)
         selected = self._select(lake, rows["scenario_id"])
         share = selected.take(np.arange(self.worker, len(selected), self.num_workers))
         if not len(share):

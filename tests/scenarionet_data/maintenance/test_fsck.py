@@ -44,7 +44,7 @@ def test_a_whole_lake_is_whole_and_progress_is_told(root):
     told = []
     result = fsck(root, is_deep=True, workers=2, on_progress=lambda *counts: told.append(counts))
     assert (result.is_whole, result.snapshots, result.num_files, result.notes) == (True, (1, 2), 23, ())
-    assert told == [(done, 23) for done in range(1, 24)]
+    assert told == [(done, 23, 0) for done in range(1, 24)]
 
 
 @pytest.mark.parametrize("table", ["tracks", "maps"])
