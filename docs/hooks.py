@@ -15,8 +15,8 @@ from typing import Any
 import click
 
 from scenarionet_data import Lake
-from scenarionet_data.query import named_sql
 from scenarionet_data.quality import rules
+from scenarionet_data.query import named_sql
 from scenarionet_data.schema.package_data import SQL
 from scenarionet_pipelines.cli import VERBS, cli
 
@@ -32,7 +32,8 @@ def command_line() -> Iterator[str]:
         yield f"\n## {section}\n"
         for name in names:
             verb = cli.get_command(click.Context(cli), name)
-            assert verb is not None, name
+            if verb is None:
+                raise KeyError(name)
             context = click.Context(verb, info_name=f"scenarionet {name}")
             yield f"\n### `{name}`\n"
             yield f"```text\n{' '.join([context.command_path, *verb.collect_usage_pieces(context)])}\n```\n"

@@ -19,12 +19,12 @@ from typing import TYPE_CHECKING
 
 from scenarionet_data.databases.record import Database
 from scenarionet_data.errors import BadParameter, LakeError
+from scenarionet_data.execution.progress import Progress
 from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.local import LocalLakeFiles
 
 if TYPE_CHECKING:
     from scenarionet_data.lake.lake import Lake
-    from scenarionet_data.packs.contents import Progress
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def _read_back(draft: Path, wanted: Database, on_progress: Progress | None) -> N
                 "lake, or convert its recordings again"
             )
         if on_progress:
-            on_progress(len(wanted) + done, 2 * len(wanted))
+            on_progress(len(wanted) + done, 2 * len(wanted), (len(wanted) + done) // 2)
 
 
 @contextmanager

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tarfile
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path, PurePosixPath
@@ -13,6 +13,7 @@ import pyarrow as pa
 
 from scenarionet_data.databases import record as databases
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.execution.progress import Progress
 from scenarionet_data.packs.contents import SUMS
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.lake_files import LakeFiles, sha256
@@ -21,9 +22,6 @@ from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.verifying import Damage, verify
 
 _LISTS = ("snapshots", "metadata", "databases")
-
-Progress = Callable[[int, int], None]
-"""Called with files read and files to read."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +98,7 @@ def _damages(files: LakeFiles, sums: dict[str, str], on_progress: Progress | Non
             yield Damage(name, "its bytes are not those that were packed: another checksum" if found else "gone")
             are_lists_whole &= name.split("/")[0] not in _LISTS
         if on_progress:
-            on_progress(done, len(sums))
+            on_progress(done, len(sums), 0)
     if are_lists_whole:  # else nobody can say what belongs together
         snapshot = snapshots.read(files)
         unlisted = sorted({*snapshot.manifests, *snapshot.metadata} - set(sums))

@@ -192,6 +192,23 @@ class Table:
                 "convert the recordings again with --replace, or use the version that wrote the lake"
             )
 
+    def conform(self, rows: pa.Table) -> pa.Table:
+        """Rows cast to this table's schema; nullable columns they lack are filled with null.
+
+        Raises:
+            SchemaMismatch: A required column is missing.
+        """
+        schema = self.schema
+        columns = []
+        for field in schema:
+            if field.name in rows.column_names:
+                columns.append(rows[field.name].cast(field.type))
+            elif field.nullable:
+                columns.append(pa.chunked_array([pa.nulls(rows.num_rows, field.type)]))
+            else:
+                raise SchemaMismatch(f"the table {self.name} lacks the required column {field.name}")
+        return pa.Table.from_arrays(columns, schema=schema)
+
     @property
     def tag(self) -> str:
         """Name and version, as files carry it."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import errno
 import importlib
+import re
 import warnings
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -100,7 +101,8 @@ def one_line(error: BaseException | str) -> str:
     """An error's message in one line, without the excerpt of the query that DuckDB appends."""
     lines = str(error).splitlines()
     end = next((number for number, line in enumerate(lines) if line.startswith("LINE ")), len(lines))
-    return " ".join(" ".join(lines[:end]).split())
+    text = " ".join(" ".join(lines[:end]).split())
+    return re.sub(r"\b([a-z]\w*)=True\b", lambda found: f"--{found[1].replace('_', '-')}", text)
 
 
 def _show_warning(message: Warning | str, category: type[Warning], *rest: Any) -> None:  # noqa: ARG001

@@ -44,7 +44,7 @@ def test_a_whole_lake_is_whole_and_progress_is_told(root):
     told = []
     result = fsck(root, is_deep=True, workers=2, on_progress=lambda *counts: told.append(counts))
     assert (result.is_whole, result.snapshots, result.num_files, result.notes) == (True, (1, 2), 23, ())
-    assert told == [(done, 23) for done in range(1, 24)]
+    assert told == [(done, 23, 0) for done in range(1, 24)]
 
 
 @pytest.mark.parametrize("table", ["tracks", "maps"])
@@ -159,7 +159,7 @@ def test_databases_users_columns_and_runs(root):
 
 def test_a_database_whose_members_have_changed_needs_its_snapshot(raw, root):
     Lake(root).filter(name="old")
-    convert_to(write_raw(raw, {"s0": [0, 55]}), root, replace_old=True)
+    convert_to(write_raw(raw, {"s0": [0, 55]}), root, replace=True)
     assert found(root) == {}
     snapshots.expire(LocalLakeFiles(root), 1)
     assert found(root) == {

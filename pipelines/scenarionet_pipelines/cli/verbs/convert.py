@@ -9,7 +9,7 @@ import click
 
 from scenarionet_data.errors import BadParameter
 from scenarionet_pipelines.cli.conversion_report import print_report, stale_row
-from scenarionet_pipelines.cli.execution import crew
+from scenarionet_pipelines.cli.execution import executor_from_options
 from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.interrupt import Interrupted
 from scenarionet_pipelines.cli.output import count, duration, print_json, print_table
@@ -21,10 +21,10 @@ from scenarionet_pipelines.cli.parameters import (
     quiet_option,
     seconds,
 )
-from scenarionet_pipelines.cli.progress import Progress
+from scenarionet_pipelines.cli.progress import ProgressDisplay
 
 if TYPE_CHECKING:
-    from scenarionet_data.conversion import Plan, Report
+    from scenarionet_data.conversion import ConversionPlan, ConversionReport
 
 _LISTED = 20
 
@@ -106,7 +106,7 @@ def command(
 
     --watch looks for new recordings again and again, and converts each as soon as it has not changed between two looks.
     """
-    from scenarionet_data.conversion import Selection, parse_slice, plan_conversion
+    from scenarionet_data.conversion import InputSelection, parse_slice, plan_conversion
     from scenarionet_pipelines.cli import converter
     from scenarionet_pipelines.machine import default_workers
 
@@ -115,9 +115,9 @@ def command(
         "split": split,
         "version": version,
         "options": chosen,
-        "selection": Selection(pairs(where, "--where"), parse_slice(files or ":")),
-        "replace_old": replace,
-        "stale": stale,
+        "selection": InputSelection(pairs(where, "--where"), parse_slice(files or ":")),
+        "replace": replace,
+        "reconvert_stale": stale,
     }
     if limit and (cluster or is_watching):
         raise BadParameter("--limit is a quick look, one shard after the other: leave out --cluster and --watch")
@@ -126,21 +126,23 @@ def command(
         return
     if stale and not yes:
         _ask_about(plan_conversion(dataset, raw, lake, **common))
-    how = {"workers": workers or default_workers(), "is_checked": not no_check, **common}
-    with crew(cluster, workers, quiet=quiet) as hands:
+    how = {"workers": workers or default_workers(), "check": not no_check, **common}
+    with executor_from_options(cluster, workers, quiet=quiet) as execution:
         if is_watching:
-            is_clean = _watch(dataset, raw, lake, seconds(every, "--every"), as_json, run=hands.run, **how)
+            is_clean = _watch(
+                dataset, raw, lake, seconds(every, "--every"), as_json, executor=execution.executor, **how
+            )
         else:
-            report = _convert(dataset, raw, lake, quiet, run=hands.run, limit=limit, **how)
+            report = _convert(dataset, raw, lake, quiet, executor=execution.executor, limit=limit, **how)
             print_report(report, lake, as_json)
             is_clean = report.is_clean
     click.get_current_context().exit(0 if is_clean else 1)
 
 
-def _convert(dataset: str, raw: str, lake: str, quiet: bool, **how: Any) -> Report:
+def _convert(dataset: str, raw: str, lake: str, quiet: bool, **how: Any) -> ConversionReport:
     from scenarionet_data.conversion import convert
 
-    with Progress(f"convert {dataset}", "shard", is_quiet=quiet) as progress:
+    with ProgressDisplay(f"convert {dataset}", "shard", is_quiet=quiet) as progress:
         try:
             return convert(dataset, raw, lake, on_progress=progress.update, **how)
         except KeyboardInterrupt as error:
@@ -162,11 +164,11 @@ def _watch(dataset: str, raw: str, lake: str, every: float, as_json: bool, **how
     return is_clean
 
 
-def _ask_about(plan: Plan) -> None:
+def _ask_about(plan: ConversionPlan) -> None:
     """List what would be converted again, and go on only if that is wanted."""
     if not plan.replaced:
         return
-    anew = [f"{shard.dataset}/{shard.version}/{shard.split}/{shard.name}" for shard in plan.anew]
+    anew = [f"{shard.dataset}/{shard.version}/{shard.split}/{shard.name}" for shard in plan.replacing]
     click.echo(
         f"would convert again {count(len(anew), 'shard')} that another version of the converter wrote:", err=True
     )
@@ -184,13 +186,13 @@ def _is_there() -> bool:
     return sys.stdin.isatty()
 
 
-def _kept(progress: Progress, lake: str) -> str:
+def _kept(progress: ProgressDisplay, lake: str) -> str:
     done = f"{progress.done:,} of {count(progress.total, 'shard')} ({count(progress.scenarios, 'scenario')})"
     kept = f"{done} converted and kept in {lake}" if progress.done else "no shard was finished"
     return f"{kept}; the same command goes on from there"
 
 
-def _print_plan(dataset: str, plan: Plan, workers: int, as_json: bool) -> None:
+def _print_plan(dataset: str, plan: ConversionPlan, workers: int, as_json: bool) -> None:
     from scenarionet_data.conversion import measure_pace
 
     num_inputs = sum(len(shard.items) for shard in plan.shards)

@@ -57,7 +57,7 @@ def _explain(name: str, as_json: bool) -> None:
         for option in converter.options(found)
     ]
     facts = {"name": name} | {fact: getattr(found, fact) for fact in _FACTS}
-    facts["where"] = ["file", "name", *found.facts]
+    facts["where"] = ["file", "name", *found.properties]
     if as_json:
         print_json(facts | {"options": options})
         return

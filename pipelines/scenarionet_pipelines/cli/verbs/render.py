@@ -17,7 +17,7 @@ from scenarionet_pipelines.cli.parameters import (
     replace_option,
     snapshot_option,
 )
-from scenarionet_pipelines.cli.progress import Progress
+from scenarionet_pipelines.cli.progress import ProgressDisplay
 
 if TYPE_CHECKING:
     from scenarionet_data import Lake
@@ -81,10 +81,10 @@ def command(
     opened = Lake(lake, snapshot)
     scenario = ScenarioLoader(opened, [opened.facts(scenario_id)["scenario_id"]])[0]
     scene = Scene.of(scenario)
-    moments = scene.moments() if run is None else _rolled_out(opened, run, scene)
+    moments = scene.moments() if run is None else _rollout_moments(opened, run, scene)
     now = scenario.current_timestep if at is None else round(at / scene.dt)
     now = min(max(now - moments[0].timestep, 0), len(moments) - 1)
-    with Progress(f"render {path.name}", "frame", is_quiet=quiet) as progress:
+    with ProgressDisplay(f"render {path.name}", "frame", is_quiet=quiet) as progress:
         drawing = Drawing(view, width, size, speed, color_by)
         frames = drawing.save(path, scene, moments, now, lambda done: progress.update(done, len(moments), 0))
     num_bytes = path.stat().st_size
@@ -94,7 +94,7 @@ def command(
         click.echo(f"{file}: {scenario.id}, {output.count(frames, 'frame')}, {output.size(num_bytes)}")
 
 
-def _rolled_out(lake: Lake, run: str, scene: Scene) -> list[Moment]:
-    from scenarionet_sim.render import rolled_out
+def _rollout_moments(lake: Lake, run: str, scene: Scene) -> list[Moment]:
+    from scenarionet_sim import rollout_moments
 
-    return rolled_out(lake, run, scene)
+    return rollout_moments(lake, run, scene)
