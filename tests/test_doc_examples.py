@@ -29,11 +29,32 @@ from tests.fixtures.waymo import scenario_bytes, write_tfrecord
 
 
 def test_readme_examples_run(monkeypatch, tmp_path):
-    """With recordings beside it."""
+    assert run_blocks("README.md", monkeypatch, tmp_path) == 7
+
+
+@pytest.mark.long
+def test_first_tutorial_runs(monkeypatch, tmp_path):
+    pytest.importorskip("matplotlib", reason="the extra `plots` is not installed")
+    assert run_blocks("docs/tutorials/first_lake.md", monkeypatch, tmp_path) == 9
+
+
+@pytest.mark.long
+def test_driving_tutorial_runs(monkeypatch, tmp_path):
+    assert run_blocks("docs/tutorials/drive_and_evaluate.md", monkeypatch, tmp_path) == 6
+
+
+@pytest.mark.long
+def test_loading_examples_run(monkeypatch, tmp_path):
+    assert run_blocks("docs/guides/load.md", monkeypatch, tmp_path) == 2
+
+
+@pytest.mark.long
+def test_conversion_examples_run(monkeypatch, tmp_path):
+    """With recordings beside the lake."""
     write_tfrecord(tmp_path / "recordings/waymo/training/training.tfrecord-00000-of-01000", [scenario_bytes(1)])
     write_forecasting(tmp_path / "recordings/argoverse2/val", num_scenarios=2, seed=0)
     write_vintages(tmp_path / "recordings/pickles")
-    assert run_blocks("README.md", monkeypatch, tmp_path) >= 9
+    assert run_blocks("docs/guides/convert.md", monkeypatch, tmp_path) == 4
 
 
 @pytest.mark.long

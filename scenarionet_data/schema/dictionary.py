@@ -12,9 +12,9 @@ def markdown() -> str:
     parts = [
         "# Tables",
         "",
-        "Generated from `schemas/*.toml` by `make docs`; edit those files. Units are SI; headings are radians,",
-        "counter-clockwise from +x, in [-π, π); the scenario frame is the source frame moved near the ego, never rotated.",
-        "Queries read these tables as [views](views.md) of the same names.",
+        "Generated from `schemas/*.toml` by `make docs`; edit those files. Units are SI. Headings are radians,",
+        "counter-clockwise from +x, in [-π, π). The scenario frame is the source frame moved near the ego, never",
+        "rotated. Queries read these tables as [views](views.md) of the same names.",
         "",
     ]
     for name in tables.TABLES:
