@@ -72,7 +72,11 @@ def test_the_wheel_holds_the_packages_the_contract_and_the_questions(built):
     (wheel,) = built.glob("*.whl")
     names = set(zipfile.ZipFile(wheel).namelist())
     files = (path for part in PARTS[:3] for path in (ROOT / part).rglob("*") if path.is_file())
-    expected = {path.relative_to(ROOT).as_posix() for path in files if "__pycache__" not in path.parts}
+    expected = {
+        path.relative_to(ROOT).as_posix().removeprefix("pipelines/")
+        for path in files
+        if "__pycache__" not in path.parts
+    }
     expected |= {f"scenarionet_data/{p.relative_to(ROOT).as_posix()}" for p in (ROOT / "schemas").glob("*.toml")}
     expected |= {f"scenarionet_data/{p.relative_to(ROOT).as_posix()}" for p in (ROOT / "sql").rglob("*.sql")}
     own = {name for name in names if ".dist-info/" not in name}

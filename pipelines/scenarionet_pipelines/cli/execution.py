@@ -1,10 +1,10 @@
-"""Who does the jobs of a verb, as --workers and --cluster say, and what each of them did, for a person."""
+"""Executors selected by ``--workers`` and ``--cluster``, and what each worker did."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -16,72 +16,70 @@ if TYPE_CHECKING:
     from scenarionet_data.execution.executors import Run
     from scenarionet_data.execution.worker_stats import Share
 
-_SHOWN = 8
+_MAX_WORKER_ROWS = 8
 
 
-class Hands:
-    """Who does the jobs of a verb.
+@dataclass(frozen=True)
+class Execution:
+    """Where the jobs of a verb run.
 
     Attributes:
-        run: The workers of a cluster; None for processes of this machine.
-        shares: What each of them did of what was done by :attr:`tallied`.
+        executor: The executor of ``--cluster``; None for processes on this machine.
+        measured: The same executor, which also fills :attr:`workers`.
+        workers: Jobs, time and memory by worker, of the jobs given to :attr:`measured`.
     """
 
-    def __init__(self, run: Run | None) -> None:
-        self.run = run
-        self.tallied: Run | None = None
-        self.shares: Mapping[str, Share] = {}
-        if run is not None:
-            from scenarionet_data.execution.worker_stats import Tally
-
-            tally = Tally()
-            self.tallied, self.shares = partial(tally, run), tally.shares
+    executor: Run | None = None
+    measured: Run | None = None
+    workers: Mapping[str, Share] = field(default_factory=dict)
 
 
 @contextmanager
-def crew(cluster: str | None, workers: int | None, *, quiet: bool = False) -> Iterator[Hands]:
-    """Who does the jobs, until the block ends.
+def executor_from_options(cluster: str | None, workers: int | None, *, quiet: bool = False) -> Iterator[Execution]:
+    """Open the executor that the options select; a cluster it started is closed at the end of the block.
 
     Args:
-        cluster: As typed.
-        workers: As typed.
-        quiet: Do not say where the cluster is.
+        cluster: Value of ``--cluster``.
+        workers: Value of ``--workers``.
+        quiet: Do not print the cluster's addresses.
     """
     if cluster is None:
-        yield Hands(None)
+        yield Execution()
         return
+    from scenarionet_data.execution.worker_stats import Tally
     from scenarionet_pipelines.cluster import open_cluster
 
-    with open_cluster(cluster, workers) as opened:
+    with open_cluster(cluster, workers) as executor:
         if not quiet:
-            there = f"{count(opened.workers, 'worker')} at {opened.address}"
-            click.echo(f"cluster {cluster}: {there}, dashboard {opened.dashboard}", err=True)
-        yield Hands(opened)
+            where = f"{count(executor.workers, 'worker')} at {executor.address}"
+            click.echo(f"cluster {cluster}: {where}, dashboard {executor.dashboard}", err=True)
+        stats = Tally()
+        yield Execution(executor, partial(stats, executor), stats.shares)
 
 
-def share_facts(shares: Mapping[str, Share]) -> dict[str, Any]:
-    """What each worker did, as an entry of a JSON object; none without a cluster."""
-    return {"workers": {name: asdict(share) for name, share in shares.items()}} if shares else {}
+def workers_as_json(workers: Mapping[str, Share]) -> dict[str, Any]:
+    """Return what each worker did as an entry of a JSON object; empty without a cluster."""
+    return {"workers": {name: asdict(share) for name, share in workers.items()}} if workers else {}
 
 
-def share_rows(shares: Mapping[str, Share], noun: str = "shard") -> list[tuple[str, str]]:
-    """A line for each worker, or one for all when there are many.
+def worker_rows(workers: Mapping[str, Share], noun: str = "shard") -> list[tuple[str, str]]:
+    """Return table rows: one per worker, or a summary if there are many.
 
     Args:
-        shares: By worker.
-        noun: What a job is.
+        workers: Statistics by worker.
+        noun: What one job handles, for example ``"shard"``.
     """
-    if not shares:
+    if not workers:
         return []
-    if len(shares) > _SHOWN:
-        jobs = sorted(share.jobs for share in shares.values())
+    if len(workers) > _MAX_WORKER_ROWS:
+        jobs = sorted(share.jobs for share in workers.values())
         each = f"{jobs[0]:,} to {jobs[-1]:,} {noun}s each"
-        most = size(max(share.peak_memory for share in shares.values()))
-        return [("workers", f"{count(len(shares), 'worker')}, {each}, at most {most} of memory")]
-    return [("worker", f"{name}: {_share(shares[name], noun)}") for name in sorted(shares)]
+        peak = size(max(share.peak_memory for share in workers.values()))
+        return [("workers", f"{count(len(workers), 'worker')}, {each}, peak memory at most {peak}")]
+    return [("worker", f"{name}: {_worker(workers[name], noun)}") for name in sorted(workers)]
 
 
-def _share(share: Share, noun: str) -> str:
+def _worker(share: Share, noun: str) -> str:
     parts = [count(share.jobs, noun)]
     parts += [count(share.counts["scenarios"], "scenario")] if "scenarios" in share.counts else []
     parts += [size(share.counts["bytes"])] if "bytes" in share.counts else []
