@@ -45,7 +45,7 @@ def test_compact_names_what_is_damaged(lake):
 
 
 def test_vacuum_asks_first(lake, ok, as_json):
-    ok("filter", lake, "--to", "all")
+    ok("filter", lake, "--name", "all")
     ok("compact", lake)
     planned = ok("vacuum", lake, "--keep-last", "1")
     assert "would expire  0 snapshots" in planned

@@ -9,7 +9,7 @@ from tests.scenarionet_pipelines.conftest import run
 
 @pytest.fixture
 def picked(lake, ok):
-    ok("filter", lake, "--where", "num_objects > 0", "--to", "picked")
+    ok("filter", lake, "--where", "num_objects > 0", "--name", "picked")
     return lake
 
 

@@ -1,4 +1,4 @@
-"""``convert --watch``, and ``--stale``, which asks."""
+"""``convert --watch``, and ``--reconvert-stale``, which asks."""
 
 from __future__ import annotations
 
@@ -44,22 +44,22 @@ def test_watching_ends_cleanly(number, tmp_path):
 
 @pytest.mark.long
 def test_stale_lists_first_what_it_would_convert_again(raw, lake):
-    refused = run("convert", NEWER, raw, lake, "--stale")
+    refused = run("convert", NEWER, raw, lake, "--reconvert-stale")
     assert refused.exit_code == 2
     assert "would convert again 2 shards that another version of the converter wrote:" in refused.stderr
     assert "  made/v1/train/a\n  made/v1/train/b\n" in refused.stderr
     assert "add --yes to convert them again" in refused.stderr
     assert "2 shards written by another version of the converter" in run("convert", NEWER, raw, lake).stdout
-    report = json.loads(run("convert", NEWER, raw, lake, "--stale", "--yes", "--json", "--quiet").stdout)
+    report = json.loads(run("convert", NEWER, raw, lake, "--reconvert-stale", "--yes", "--json", "--quiet").stdout)
     assert (report["replaced"], report["stale"]) == (2, 0)
-    assert run("convert", NEWER, raw, lake, "--stale").exit_code == 0  # nothing left to ask about
+    assert run("convert", NEWER, raw, lake, "--reconvert-stale").exit_code == 0  # nothing left to ask about
 
 
 @pytest.mark.parametrize(("answer", "replaced"), [("y", True), ("n", False)])
 def test_stale_asks(raw, lake, monkeypatch, answer, replaced):
     monkeypatch.setattr("scenarionet_pipelines.cli.verbs.convert._is_there", lambda: True)
     before = Lake(lake).snapshot.number
-    asked = CliRunner().invoke(cli, ["convert", NEWER, str(raw), str(lake), "--stale"], input=f"{answer}\n")
+    asked = CliRunner().invoke(cli, ["convert", NEWER, str(raw), str(lake), "--reconvert-stale"], input=f"{answer}\n")
     assert "go on? [y/N]" in asked.stderr
     assert (Lake(lake).snapshot.number > before) == replaced
 

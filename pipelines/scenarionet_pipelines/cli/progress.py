@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _SECONDS_BETWEEN_LINES = 10.0
 
 
-class TaskProgress:
+class ProgressDisplay:
     """Progress display of one task, as a context manager.
 
     Args:

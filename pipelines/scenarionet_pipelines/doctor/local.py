@@ -144,7 +144,13 @@ def examine_lake(root: str) -> Iterator[Finding]:
             lake = Lake(root)
             yield Finding("lake", root, "ok", f"snapshot {lake.snapshot.number}, {len(lake):,} scenarios")
         except (ScenarioNetError, OSError) as error:
-            yield Finding("lake", root, "bad", f"cannot be read: {error}", "restore it from a backup, or convert the recordings into a new lake")
+            yield Finding(
+                "lake",
+                root,
+                "bad",
+                f"cannot be read: {error}",
+                "restore it from a backup, or convert again into a new lake",
+            )
     place = path
     while not place.exists():
         place = place.parent

@@ -9,7 +9,7 @@ import click
 
 from scenarionet_data.errors import BadParameter
 from scenarionet_pipelines.cli.advice import one_line
-from scenarionet_pipelines.cli.execution import executor_from_options, worker_rows, workers_as_json
+from scenarionet_pipelines.cli.execution import executor_from_options, worker_facts, worker_rows
 from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import count, print_json, print_table
 from scenarionet_pipelines.cli.parameters import (
@@ -22,13 +22,13 @@ from scenarionet_pipelines.cli.parameters import (
     snapshot_option,
     workers_option,
 )
-from scenarionet_pipelines.cli.progress import TaskProgress
+from scenarionet_pipelines.cli.progress import ProgressDisplay
 from scenarionet_pipelines.cli.table_file import check_suffix, write_table
 
 if TYPE_CHECKING:
     from scenarionet_data import Lake
     from scenarionet_data.databases.record import Database
-    from scenarionet_data.execution.executors import Run
+    from scenarionet_data.execution.executors import Executor
     from scenarionet_data.quality.report import CheckResult, Findings
     from scenarionet_data.quality.scorecard import Partition, Scorecard
 
@@ -102,10 +102,8 @@ def command(
     _check_outputs(output, broken, scorecard)
     opened = Lake(lake, snapshot)
     with executor_from_options(cluster, workers, quiet=quiet) as execution:
-        with TaskProgress(f"check {lake}", "check", is_quiet=quiet) as progress:
-            findings = find(
-                opened, database, only or None, lambda done, total: progress.update(done, total, 0), execution.measured
-            )
+        with ProgressDisplay(f"check {lake}", "check", is_quiet=quiet) as progress:
+            findings = find(opened, database, only or None, progress.update, execution.measured)
         if simulate:
             findings = findings.adding(
                 "replays", _REPLAYS, _simulate(opened, database, workers, execution.measured, quiet)
@@ -118,22 +116,22 @@ def command(
         _write(card.rows, output)
     has_failed = any(not result.is_met and (result.is_hard or strict) for result in findings.results)
     if as_json:
-        print_json(_content(findings, card, made) | {"is_ok": not has_failed} | workers_as_json(execution.workers))
+        print_json(_content(findings, card, made) | {"is_ok": not has_failed} | worker_facts(execution.stats))
     else:
         _print(findings, card, made)
-        print_table(worker_rows(execution.workers, "part"))
+        print_table(worker_rows(execution.stats, "part"))
     click.get_current_context().exit(1 if has_failed else 0)
 
 
 def _simulate(
-    lake: Lake, database: str | None, workers: int | None, run: Run | None, quiet: bool
+    lake: Lake, database: str | None, workers: int | None, executor: Executor | None, quiet: bool
 ) -> list[tuple[str, str]]:
     from scenarionet_pipelines.machine import default_workers
     from scenarionet_sim.evaluation.evaluation import find_broken
 
-    with TaskProgress("simulate", "part", is_quiet=quiet) as progress:
+    with ProgressDisplay("simulate", "part", is_quiet=quiet) as progress:
         processes = workers or default_workers()
-        return find_broken(lake, database, workers=processes, run_jobs=run, on_progress=progress.update)
+        return find_broken(lake, database, workers=processes, executor=executor, on_progress=progress.update)
 
 
 def _check_outputs(output: str | None, broken: str | None, scorecard: bool) -> None:

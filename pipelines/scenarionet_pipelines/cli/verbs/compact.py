@@ -20,7 +20,7 @@ from scenarionet_pipelines.cli.parameters import (
     quiet_option,
     workers_option,
 )
-from scenarionet_pipelines.cli.progress import TaskProgress
+from scenarionet_pipelines.cli.progress import ProgressDisplay
 
 if TYPE_CHECKING:
     from scenarionet_data.maintenance.bin_packing import Bin
@@ -79,7 +79,7 @@ def command(
         return
     with (
         executor_from_options(cluster, workers, quiet=quiet) as execution,
-        TaskProgress(f"compact {lake}", "bin", is_quiet=quiet) as progress,
+        ProgressDisplay(f"compact {lake}", "bin", is_quiet=quiet) as progress,
     ):
         try:
             done = compact(
@@ -87,7 +87,7 @@ def command(
                 profile,
                 where=chosen,
                 workers=workers or default_workers(),
-                run=execution.executor,
+                executor=execution.executor,
                 on_progress=progress.update,
             )
         except KeyboardInterrupt as error:

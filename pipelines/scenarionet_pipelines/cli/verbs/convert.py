@@ -22,7 +22,7 @@ from scenarionet_pipelines.cli.parameters import (
     seconds,
     workers_option,
 )
-from scenarionet_pipelines.cli.progress import TaskProgress
+from scenarionet_pipelines.cli.progress import ProgressDisplay
 
 if TYPE_CHECKING:
     from scenarionet_data.conversion import Plan, Report
@@ -138,9 +138,11 @@ def command(
     how = {"workers": workers or default_workers(), "is_checked": not no_check, **common}
     with executor_from_options(cluster, workers, quiet=quiet) as execution:
         if is_watching:
-            is_clean = _watch(dataset, raw, lake, seconds(every, "--every"), as_json, run=execution.executor, **how)
+            is_clean = _watch(
+                dataset, raw, lake, seconds(every, "--every"), as_json, executor=execution.executor, **how
+            )
         else:
-            report = _convert(dataset, raw, lake, quiet, run=execution.executor, limit=limit, **how)
+            report = _convert(dataset, raw, lake, quiet, executor=execution.executor, limit=limit, **how)
             print_report(report, lake, as_json)
             is_clean = report.is_clean
     click.get_current_context().exit(0 if is_clean else 1)
@@ -149,7 +151,7 @@ def command(
 def _convert(dataset: str, raw: str, lake: str, quiet: bool, **how: Any) -> Report:
     from scenarionet_data.conversion import convert
 
-    with TaskProgress(f"convert {dataset}", "shard", is_quiet=quiet) as progress:
+    with ProgressDisplay(f"convert {dataset}", "shard", is_quiet=quiet) as progress:
         try:
             return convert(dataset, raw, lake, on_progress=progress.update, **how)
         except KeyboardInterrupt as error:
@@ -195,7 +197,7 @@ def _is_interactive() -> bool:
     return sys.stdin.isatty()
 
 
-def _kept(progress: TaskProgress, lake: str) -> str:
+def _kept(progress: ProgressDisplay, lake: str) -> str:
     done = f"{progress.done:,} of {count(progress.total, 'shard')} ({count(progress.scenarios, 'scenario')})"
     kept = f"{done} converted and kept in {lake}" if progress.done else "no shard was finished"
     return f"{kept}; run the same command again to continue"

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from scenarionet_pipelines.cli.advice import one_line
-from scenarionet_pipelines.cli.execution import executor_from_options, worker_rows, workers_as_json
+from scenarionet_pipelines.cli.execution import executor_from_options, worker_facts, worker_rows
 from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import count, print_json, print_table, size
 from scenarionet_pipelines.cli.parameters import (
@@ -18,7 +18,7 @@ from scenarionet_pipelines.cli.parameters import (
     quiet_option,
     replace_option,
 )
-from scenarionet_pipelines.cli.progress import TaskProgress
+from scenarionet_pipelines.cli.progress import ProgressDisplay
 
 _FORMATS = ("scenarionet",)
 
@@ -55,20 +55,20 @@ def command(
     pickles, run `scenarionet convert scenarionet DIR LAKE`.
     """
     from scenarionet_data import ScenarioLoader
-    from scenarionet_data.execution.executors import Pool
+    from scenarionet_data.execution.executors import ProcessExecutor
     from scenarionet_data.export import export
 
     scenarios = ScenarioLoader(lake, database)
     with (
         executor_from_options(cluster, workers, quiet=quiet) as execution,
-        TaskProgress(f"export {database}", is_quiet=quiet) as progress,
+        ProgressDisplay(f"export {database}", is_quiet=quiet) as progress,
     ):
         report = export(
             scenarios,
             Path(directory).resolve(),
             replace=replace,
-            run=execution.measured or (Pool(workers) if workers else None),
-            on_progress=lambda done: progress.update(done, len(scenarios), done),
+            executor=execution.measured or (ProcessExecutor(workers) if workers else None),
+            on_progress=progress.update,
         )
     if as_json:
         refused = [{"scenario_id": e.scenario_id, "field": e.field, "reason": e.reason} for e in report.refused]
@@ -77,11 +77,11 @@ def command(
             {"directory": report.directory, "format": file_format}
             | written
             | {"refused": refused}
-            | workers_as_json(execution.workers)
+            | worker_facts(execution.stats)
         )
     else:
         click.echo(f"{report.directory}: {count(report.num_scenarios, 'scenario')}, {size(report.num_bytes)}")
-        print_table(worker_rows(execution.workers, "part"))
+        print_table(worker_rows(execution.stats, "part"))
         for error in report.refused:
             click.echo(f"left out: {one_line(error)}", err=True)
     click.get_current_context().exit(1 if report.refused else 0)

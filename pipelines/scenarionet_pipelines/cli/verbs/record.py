@@ -18,7 +18,7 @@ from scenarionet_pipelines.cli.parameters import (
     quiet_option,
     workers_option,
 )
-from scenarionet_pipelines.cli.progress import TaskProgress
+from scenarionet_pipelines.cli.progress import ProgressDisplay
 
 
 @verb(
@@ -62,14 +62,14 @@ def command(
     started = time.monotonic()
     with (
         executor_from_options(cluster, workers, quiet=quiet) as execution,
-        TaskProgress(f"record {run}", "part", is_quiet=quiet) as progress,
+        ProgressDisplay(f"record {run}", "part", is_quiet=quiet) as progress,
     ):
         try:
             skipped = record(
                 recording,
                 run,
                 workers=workers or default_workers(),
-                run_jobs=execution.executor,
+                executor=execution.executor,
                 on_progress=progress.update,
             )
         except KeyboardInterrupt as error:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from scenarionet_pipelines.cli.advice import one_line
-from scenarionet_pipelines.cli.execution import executor_from_options, worker_rows, workers_as_json
+from scenarionet_pipelines.cli.execution import executor_from_options, worker_facts, worker_rows
 from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.interrupt import Interrupted
 from scenarionet_pipelines.cli.output import count, duration, print_json, print_table
@@ -20,12 +20,12 @@ from scenarionet_pipelines.cli.parameters import (
     quiet_option,
     workers_option,
 )
-from scenarionet_pipelines.cli.progress import TaskProgress
+from scenarionet_pipelines.cli.progress import ProgressDisplay
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from scenarionet_data.execution.worker_stats import Share
+    from scenarionet_data.execution.worker_stats import WorkerStats
     from scenarionet_sim.evaluation.evaluation import Report
 
 _MAX_EXAMPLES = 5
@@ -96,14 +96,14 @@ def command(
     run = name or "-".join([database or "all", policy, traffic, evaluation.backend]).replace("@", ".").replace(":", ".")
     with (
         executor_from_options(cluster, workers, quiet=quiet) as execution,
-        TaskProgress(f"sim {run}", "part", is_quiet=quiet) as progress,
+        ProgressDisplay(f"sim {run}", "part", is_quiet=quiet) as progress,
     ):
         try:
             report = evaluate(
                 evaluation,
                 run,
                 workers=workers or default_workers(),
-                run_jobs=execution.measured,
+                executor=execution.measured,
                 with_rollouts=not metrics_only,
                 on_progress=progress.update,
             )
@@ -111,11 +111,11 @@ def command(
             raise Interrupted(
                 f"finished scenarios are kept in run {run}; run the same command again to continue"
             ) from error
-    _print(report, lake, execution.workers, as_json)
+    _print(report, lake, execution.stats, as_json)
     click.get_current_context().exit(1 if report.broken else 0)
 
 
-def _print(report: Report, lake: str, workers: Mapping[str, Share], as_json: bool) -> None:
+def _print(report: Report, lake: str, workers: Mapping[str, WorkerStats], as_json: bool) -> None:
     from scenarionet_data import Lake
 
     rows = Lake(lake).ask("runs", {"run": report.run}).to_dicts()
@@ -124,7 +124,7 @@ def _print(report: Report, lake: str, workers: Mapping[str, Share], as_json: boo
     if as_json:
         broken = [{"scenario_id": scenario_id, "reason": reason} for scenario_id, reason in report.broken]
         done = {"run": report.run, "skipped": report.skipped, "seconds": report.seconds, "broken": broken}
-        print_json(facts | done | {"scenarios": report.scenarios, "next": join} | workers_as_json(workers))
+        print_json(facts | done | {"scenarios": report.scenarios, "next": join} | worker_facts(workers))
         return
     if report.skipped:
         click.echo(f"skipped    {count(report.skipped, 'scenario')} finished by an earlier command")

@@ -9,7 +9,7 @@ import click
 from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import count, print_json, print_table, size
 from scenarionet_pipelines.cli.parameters import json_option, lake_argument, quiet_option, seconds
-from scenarionet_pipelines.cli.progress import TaskProgress
+from scenarionet_pipelines.cli.progress import ProgressDisplay
 
 if TYPE_CHECKING:
     from scenarionet_data.maintenance import Vacuum
@@ -56,12 +56,12 @@ def command(
         raise click.UsageError("--dry-run and --yes contradict each other")
     age = None if older_than is None else seconds(older_than, "--older-than")
     if yes:
-        with TaskProgress(f"vacuum {lake}", "file", is_quiet=quiet) as progress:
+        with ProgressDisplay(f"vacuum {lake}", "file", is_quiet=quiet) as progress:
             done = vacuum(
                 lake,
                 keep_last=keep_last,
                 older_than=age,
-                on_progress=lambda done, total: progress.update(done, total, 0),
+                on_progress=progress.update,
             )
     else:
         done = plan_vacuum(lake, keep_last=keep_last, older_than=age)
