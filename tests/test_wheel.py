@@ -125,4 +125,4 @@ def check_command(*scenarionet: str | Path, cwd: Path) -> None:
     rows = json.loads(call(*scenarionet, "sql", "lake", "summary", "--json", cwd=cwd))["rows"]
     assert rows[0]["scenarios"] == 5
     text = call(*scenarionet, "filter", "lake", "--filter", "object_count:min=1", "--name", "some", cwd=cwd)
-    assert text == "some@1: 5 of 5 scenarios\n"
+    assert text == "some@1: 5 scenarios\n"

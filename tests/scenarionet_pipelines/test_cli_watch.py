@@ -57,22 +57,23 @@ def test_stale_lists_first_what_it_would_convert_again(raw, lake):
 
 @pytest.mark.parametrize(("answer", "replaced"), [("y", True), ("n", False)])
 def test_stale_asks(raw, lake, monkeypatch, answer, replaced):
-    monkeypatch.setattr("scenarionet_pipelines.cli.verbs.convert._is_there", lambda: True)
+    monkeypatch.setattr("scenarionet_pipelines.cli.verbs.convert._is_interactive", lambda: True)
     before = Lake(lake).snapshot.number
     asked = CliRunner().invoke(cli, ["convert", NEWER, str(raw), str(lake), "--reconvert-stale"], input=f"{answer}\n")
-    assert "go on? [y/N]" in asked.stderr
+    assert "continue? [y/N]" in asked.stderr
     assert (Lake(lake).snapshot.number > before) == replaced
 
 
-def test_a_quick_look_is_taken_here(tmp_path):
+def test_limit_excludes_cluster_and_watch(tmp_path):
     for words in (("--cluster", "local"), ("--watch",)):
         result = run("convert", NAME, tmp_path, tmp_path / "lake", "--limit", 1, *words)
         assert result.exit_code == 2
-        assert "--limit is a quick look" in result.stderr
+        assert "--limit converts one shard at a time" in result.stderr
 
 
 def test_durations():
-    assert [seconds(text, "--every") for text in ("30s", "1.5 min", "2h", "7")] == [30.0, 90.0, 7200.0, 7.0]
-    for text in ("", "0s", "soon", "5d", "-3s"):
-        with pytest.raises(BadParameter, match="--every wants a duration such as 30s"):
+    expected = {"30s": 30.0, "1.5 min": 90.0, "2h": 7200.0, "1.5d": 129_600.0, "2w": 1_209_600.0}
+    assert {text: seconds(text, "--every") for text in expected} == expected
+    for text in ("", "0s", "soon", "7", "5y", "-3s"):
+        with pytest.raises(BadParameter, match="--every expects a duration such as 30s"):
             seconds(text, "--every")

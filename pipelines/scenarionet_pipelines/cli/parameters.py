@@ -85,12 +85,13 @@ def pairs(words: Iterable[str], option: str) -> dict[str, str]:
 _UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 24 * 3600.0, "w": 7 * 24 * 3600.0}
 
 
-def seconds(text: str, option: str) -> float:
+def seconds(text: str, option: str, *, allow_zero: bool = False) -> float:
     """Parse a duration such as ``30s``, ``90min``, ``12h``, ``7d`` or ``2w`` and return seconds.
 
     Args:
         text: Duration as typed.
         option: The option that takes it, for error messages.
+        allow_zero: Accept 0.
 
     Raises:
         BadParameter: The text is not a positive duration with a unit.
@@ -100,6 +101,6 @@ def seconds(text: str, option: str) -> float:
         300.0
     """
     match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*(s|min|h|d|w)", text.strip())
-    if not match or not float(match[1]):
+    if not match or not (allow_zero or float(match[1])):
         raise BadParameter(f"{option} expects a duration such as 30s, 90min, 12h, 7d or 2w, found {text!r}")
     return float(match[1]) * _UNITS[match[2]]

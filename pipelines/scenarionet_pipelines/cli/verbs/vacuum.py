@@ -54,7 +54,7 @@ def command(
         raise click.UsageError("choose the snapshots to expire: --keep-last N, --older-than 30d, or both")
     if yes and dry_run:
         raise click.UsageError("--dry-run and --yes contradict each other")
-    age = None if older_than is None else seconds(older_than, "--older-than")
+    age = None if older_than is None else seconds(older_than, "--older-than", allow_zero=True)
     if yes:
         with ProgressDisplay(f"vacuum {lake}", "file", is_quiet=quiet) as progress:
             done = vacuum(
