@@ -32,7 +32,7 @@ def test_sim_prints_results_and_the_next_query(lake, ok):
 
 def test_sim_of_a_database_as_json(lake, ok, as_json):
     ok("filter", lake, "--where", "ego_mean_speed > 8.5", "--name", "fast")
-    found = as_json("sim", lake, "fast", "--policy", "idm", "--traffic", "idm", "--run", "mine", "--workers", "1")
+    found = as_json("sim", lake, "fast", "--policy", "idm", "--traffic", "idm", "--name", "mine", "--workers", "1")
     assert (found["run"], found["scenarios"], found["not_simulated"], found["broken"]) == ("mine", 2, 0, [])
     assert 0.0 < found["route_completion"] <= 1.0
 
@@ -58,10 +58,10 @@ def test_sim_with_a_driver_in_the_current_folder(lake, tmp_path, monkeypatch, as
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--policy", "idn"), "no policy 'idn'"),
+        (("--policy", "idn"), "unknown policy 'idn'"),
         (("nothing", "--policy", "idm"), "no database 'nothing'"),
         ((), "Missing option '--policy'"),
-        (("--policy", "idm", "--run", "a/b"), "'a/b' is no name of a run"),
+        (("--policy", "idm", "--name", "a/b"), "'a/b' is no name of a run"),
     ],
 )
 def test_sim_rejects_bad_options(lake, words, message):
@@ -71,8 +71,8 @@ def test_sim_rejects_bad_options(lake, words, message):
 
 
 def test_a_run_of_another_kind_is_refused(lake, ok):
-    ok("sim", lake, "--policy", "replay", "--run", "mine", "--workers", "1")
-    result = run("sim", lake, "--policy", "constant", "--run", "mine")
+    ok("sim", lake, "--policy", "replay", "--name", "mine", "--workers", "1")
+    result = run("sim", lake, "--policy", "constant", "--name", "mine")
     assert result.exit_code == 2
     assert "a run 'mine' is there with policy 'replay', not 'constant'; choose another name" in result.stderr
 

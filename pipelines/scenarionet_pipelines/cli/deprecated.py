@@ -11,10 +11,10 @@ RENAMED_OPTIONS: dict[str, dict[str, str]] = {
     "intersect": {"--to": "--name"},
     "merge": {"--to": "--name"},
     "mine": {"--from": "--database", "--set": "--parameter"},
-    "record": {"--to": "--run"},
+    "record": {"--to": "--name"},
     "report": {"--checks": "--check", "--no-checks": "--no-check"},
     "sample": {"--to": "--name"},
-    "sim": {"--to": "--run"},
+    "sim": {"--to": "--name"},
     "split": {"--prefix": "--name"},
     "subtract": {"--to": "--name"},
 }

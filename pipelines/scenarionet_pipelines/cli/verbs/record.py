@@ -22,14 +22,14 @@ from scenarionet_pipelines.cli.progress import ProgressDisplay
 
 
 @verb(
-    "record", "scenarionet record lake busy_train", "scenarionet record lake busy_train --agents ego --run ego_states"
+    "record", "scenarionet record lake busy_train", "scenarionet record lake busy_train --agents ego --name ego_states"
 )
 @lake_argument
 @optional_database_argument
 @click.option(
     "--agents", default="vehicles", metavar="NAME", show_default=True, help="Agents that observe: vehicles or ego."
 )
-@click.option("--run", "name", metavar="NAME", help="Name of the run. [default: DATABASE-AGENTS-observed]")
+@click.option("--name", metavar="NAME", help="Name of the run. [default: DATABASE-AGENTS-observed]")
 @workers_option
 @cluster_option
 @click.option("--seed", type=int, default=0, show_default=True, help="Seed of the sensor noise.")
@@ -55,9 +55,8 @@ def command(
     """
     from scenarionet_data import Lake
     from scenarionet_pipelines.machine import default_workers
-    from scenarionet_sim.evaluation.recording import prepare, record
+    from scenarionet_sim import record
 
-    recording = prepare(Lake(lake), database, agents, seed)
     run = name or f"{database or 'all'}-{agents}-observed".replace("@", ".")
     started = time.monotonic()
     with (
@@ -66,8 +65,11 @@ def command(
     ):
         try:
             skipped = record(
-                recording,
-                run,
+                lake,
+                database,
+                name=run,
+                agents=agents,
+                seed=seed,
                 workers=workers or default_workers(),
                 executor=execution.executor,
                 on_progress=progress.update,

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from scenarionet_data.execution.worker_stats import WorkerStats
-    from scenarionet_sim.evaluation.evaluation import Report
+    from scenarionet_sim.evaluation.evaluation import EvaluationReport
 
 _MAX_EXAMPLES = 5
 
@@ -35,7 +35,7 @@ _MAX_EXAMPLES = 5
     "sim",
     "scenarionet sim lake busy_val --policy idm",
     "scenarionet sim lake busy_val --policy my_planner:Planner --backend kinematic --traffic idm --workers 4",
-    "scenarionet sim lake busy_val --policy idm --run idm_twice --json",
+    "scenarionet sim lake busy_val --policy idm --name idm_twice --json",
     "scenarionet sim lake busy_val --policy idm --cluster tcp://10.0.0.5:8786",
 )
 @lake_argument
@@ -55,7 +55,7 @@ _MAX_EXAMPLES = 5
     metavar="NAME",
     help="Vehicle dynamics: bullet or kinematic. [default: bullet if the policy returns actions]",
 )
-@click.option("--run", "name", metavar="NAME", help="Name of the run. [default: DATABASE-POLICY-TRAFFIC-BACKEND]")
+@click.option("--name", metavar="NAME", help="Name of the run. [default: DATABASE-POLICY-TRAFFIC-BACKEND]")
 @workers_option
 @cluster_option
 @click.option("--seed", type=int, default=0, show_default=True, help="Seed of the sensor noise.")
@@ -87,24 +87,23 @@ def command(
 
     Finished scenarios are kept: run the same command again to continue after an interruption.
     """
-    from scenarionet_data import Lake
     from scenarionet_pipelines.machine import default_workers
-    from scenarionet_sim.evaluation.evaluation import evaluate, prepare
+    from scenarionet_sim.evaluation.evaluation import plan_evaluation, run_evaluation
 
     look_in_current_folder(policy)
-    evaluation = prepare(Lake(lake), database, policy, traffic=traffic, backend=backend, seed=seed)
+    evaluation = plan_evaluation(lake, database, policy, traffic=traffic, backend=backend, seed=seed)
     run = name or "-".join([database or "all", policy, traffic, evaluation.backend]).replace("@", ".").replace(":", ".")
     with (
         executor_from_options(cluster, workers, quiet=quiet) as execution,
         ProgressDisplay(f"sim {run}", "part", is_quiet=quiet) as progress,
     ):
         try:
-            report = evaluate(
+            report = run_evaluation(
                 evaluation,
                 run,
                 workers=workers or default_workers(),
                 executor=execution.measured,
-                with_rollouts=not metrics_only,
+                rollouts=not metrics_only,
                 on_progress=progress.update,
             )
         except KeyboardInterrupt as error:
@@ -115,7 +114,7 @@ def command(
     click.get_current_context().exit(1 if report.broken else 0)
 
 
-def _print(report: Report, lake: str, workers: Mapping[str, WorkerStats], as_json: bool) -> None:
+def _print(report: EvaluationReport, lake: str, workers: Mapping[str, WorkerStats], as_json: bool) -> None:
     from scenarionet_data import Lake
 
     rows = Lake(lake).ask("runs", {"run": report.run}).to_dicts()
