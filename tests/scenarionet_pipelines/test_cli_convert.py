@@ -82,9 +82,9 @@ def test_where_and_files_choose(raw, tmp_path, ok):
     text = ok("convert", NAME, raw, tmp_path / "new", "--dry-run", "--files", "1:")
     assert "would convert  1 shard with 1 raw input" in text
     for words, message in (
-        (["--where", "city=pit"], "known before reading are file, name"),
+        (["--where", "city=pit"], "inputs can be selected by file, name"),
         (["--where", "city"], "expects name=value"),
-        (["--files", "5"], "wants START:END"),
+        (["--files", "5"], "takes START:END"),
     ):
         refused = run("convert", NAME, raw, tmp_path / "new", *words)
         assert refused.exit_code == 2

@@ -1,4 +1,4 @@
-"""Errors as the command line prints them: one line, with Python advice translated to options and verbs."""
+"""Error messages for the command line: one line, with Python advice written as options and verbs."""
 
 from __future__ import annotations
 
@@ -10,10 +10,13 @@ _VALUE = re.compile(r"""\b([a-z][a-z_]*)=(["'])([^"']*)\2""")
 
 
 def one_line(error: BaseException | str) -> str:
-    """Return an error's message in one line, without the excerpt of the query that DuckDB appends."""
+    """Return an error's message in one line, with Python advice written as options.
+
+    The excerpt of the query that DuckDB appends is left out.
+    """
     lines = str(error).splitlines()
     end = next((number for number, line in enumerate(lines) if line.startswith("LINE ")), len(lines))
-    return " ".join(" ".join(lines[:end]).split())
+    return as_options(" ".join(" ".join(lines[:end]).split()))
 
 
 def as_options(message: str) -> str:

@@ -12,12 +12,12 @@ from scenarionet_pipelines.cli.execution import worker_rows
 from scenarionet_pipelines.cli.output import count, duration, print_json, print_table, size
 
 if TYPE_CHECKING:
-    from scenarionet_data.conversion import Report
+    from scenarionet_data.conversion import ConversionReport
 
 _MAX_REASONS = 5
 
 
-def print_report(report: Report, lake: str, as_json: bool) -> None:
+def print_report(report: ConversionReport, lake: str, as_json: bool) -> None:
     """Print a conversion's report.
 
     Args:
@@ -37,7 +37,7 @@ def print_report(report: Report, lake: str, as_json: bool) -> None:
     click.echo(_next(report, lake))
 
 
-def _rows(report: Report, reasons: list[dict[str, Any]], rate: float) -> list[tuple[str, str]]:
+def _rows(report: ConversionReport, reasons: list[dict[str, Any]], rate: float) -> list[tuple[str, str]]:
     shards = count(report.shards, "shard")
     rows = [("converted", f"{count(report.converted, 'scenario')} in {shards}, {size(report.size)}")]
     rows += [("into", "/".join(parts)) for parts in sorted(report.partitions)]
@@ -56,7 +56,7 @@ def _rows(report: Report, reasons: list[dict[str, Any]], rate: float) -> list[tu
     return [*rows, ("took", f"{duration(report.seconds)}, {rate:,.1f} scenarios/s")]
 
 
-def _reasons(report: Report, lake: str) -> list[dict[str, Any]]:
+def _reasons(report: ConversionReport, lake: str) -> list[dict[str, Any]]:
     """Reasons why scenarios of the report's partitions were quarantined, the most frequent first."""
     from scenarionet_data import Lake
 
@@ -66,7 +66,7 @@ def _reasons(report: Report, lake: str) -> list[dict[str, Any]]:
     return [row for row in rows if (row["dataset"], row["version"], row["split"]) in report.partitions]
 
 
-def _next(report: Report, lake: str) -> str:
+def _next(report: ConversionReport, lake: str) -> str:
     """The suggested next step."""
     if report.failed:
         return "Fix the cause and run the same command again: only the failed shards are converted."

@@ -9,7 +9,7 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from scenarionet_data.converters.base import Converter
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.ingest.shard import Options
+from scenarionet_data.ingest.options import Options
 from scenarionet_pipelines.cli.parameters import look_in_current_folder, pairs
 
 _WORDS = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}

@@ -18,7 +18,7 @@ from scenarionet_data.errors import (
     ScenarioNetError,
     SourceNotFound,
 )
-from scenarionet_pipelines.cli.advice import as_options, one_line
+from scenarionet_pipelines.cli.advice import one_line
 from scenarionet_pipelines.cli.deprecated import current_spelling
 from scenarionet_pipelines.cli.interrupt import Interrupted
 
@@ -98,7 +98,7 @@ class Verbs(click.Group):
             except (ScenarioNetError, OSError) as error:
                 if ctx.params["debug"] or getattr(error, "errno", None) == errno.EPIPE:
                     raise
-                click.echo(f"error: {as_options(one_line(error))}", err=True)
+                click.echo(f"error: {one_line(error)}", err=True)
                 ctx.exit(2 if isinstance(error, _USAGE_ERRORS) else 1)
 
 

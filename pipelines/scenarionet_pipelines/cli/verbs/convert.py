@@ -25,7 +25,7 @@ from scenarionet_pipelines.cli.parameters import (
 from scenarionet_pipelines.cli.progress import ProgressDisplay
 
 if TYPE_CHECKING:
-    from scenarionet_data.conversion import Plan, Report
+    from scenarionet_data.conversion import ConversionPlan, ConversionReport
 
 _MAX_LISTED = 20
 
@@ -115,7 +115,7 @@ def command(
 
     --watch scans for new recordings repeatedly and converts each once it is unchanged between two scans.
     """
-    from scenarionet_data.conversion import Selection, parse_slice, plan_conversion
+    from scenarionet_data.conversion import InputSelection, parse_slice, plan_conversion
     from scenarionet_pipelines.cli import converter
     from scenarionet_pipelines.machine import default_workers
 
@@ -124,9 +124,9 @@ def command(
         "split": split,
         "version": version,
         "options": chosen,
-        "selection": Selection(pairs(where, "--where"), parse_slice(files or ":")),
-        "replace_old": replace,
-        "stale": reconvert_stale,
+        "selection": InputSelection(pairs(where, "--where"), parse_slice(files or ":")),
+        "replace": replace,
+        "reconvert_stale": reconvert_stale,
     }
     if limit and (cluster or is_watching):
         raise BadParameter("--limit converts one shard at a time: leave out --cluster and --watch")
@@ -135,7 +135,7 @@ def command(
         return
     if reconvert_stale and not yes:
         _confirm(plan_conversion(dataset, raw, lake, **common))
-    how = {"workers": workers or default_workers(), "is_checked": not no_check, **common}
+    how = {"workers": workers or default_workers(), "check": not no_check, **common}
     with executor_from_options(cluster, workers, quiet=quiet) as execution:
         if is_watching:
             is_clean = _watch(
@@ -148,7 +148,7 @@ def command(
     click.get_current_context().exit(0 if is_clean else 1)
 
 
-def _convert(dataset: str, raw: str, lake: str, quiet: bool, **how: Any) -> Report:
+def _convert(dataset: str, raw: str, lake: str, quiet: bool, **how: Any) -> ConversionReport:
     from scenarionet_data.conversion import convert
 
     with ProgressDisplay(f"convert {dataset}", "shard", is_quiet=quiet) as progress:
@@ -173,11 +173,11 @@ def _watch(dataset: str, raw: str, lake: str, every: float, as_json: bool, **how
     return is_clean
 
 
-def _confirm(plan: Plan) -> None:
+def _confirm(plan: ConversionPlan) -> None:
     """List the shards that would be converted again and ask for confirmation."""
     if not plan.replaced:
         return
-    shards = [f"{shard.dataset}/{shard.version}/{shard.split}/{shard.name}" for shard in plan.anew]
+    shards = [f"{shard.dataset}/{shard.version}/{shard.split}/{shard.name}" for shard in plan.replacing]
     click.echo(
         f"would convert again {count(len(shards), 'shard')} written by another version of the converter:", err=True
     )
@@ -203,7 +203,7 @@ def _kept(progress: ProgressDisplay, lake: str) -> str:
     return f"{kept}; run the same command again to continue"
 
 
-def _print_plan(dataset: str, plan: Plan, workers: int, as_json: bool) -> None:
+def _print_plan(dataset: str, plan: ConversionPlan, workers: int, as_json: bool) -> None:
     from scenarionet_data.conversion import measure_pace
 
     num_inputs = sum(len(shard.items) for shard in plan.shards)

@@ -58,7 +58,7 @@ def _explain(name: str, as_json: bool) -> None:
         for option in converter.options(found)
     ]
     properties = {"name": name} | {key: getattr(found, key) for key in _PROPERTIES}
-    properties["where"] = ["file", "name", *found.facts]
+    properties["where"] = ["file", "name", *found.properties]
     if as_json:
         print_json(properties | {"options": options})
         return
