@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array
 
 _PI = np.pi
 _BELOW_PI = np.nextafter(np.float32(np.pi), np.float32(0.0))
 
 
-@njit(cache=True)
+@kernel
 def fill_poses(
     position: Array, heading: Array, velocity: Array, valid: Array, origin: Array, steps: Array, outs: tuple[Array, ...]
 ) -> None:
@@ -39,7 +39,7 @@ def fill_poses(
             outs[1][row, step] = min(max(turned, -np.float32(_PI)), _BELOW_PI) if turned == turned else turned
 
 
-@njit(cache=True)
+@kernel
 def fill_sizes(size: Array, valid: Array, metres: np.float32, out: Array) -> None:
     """Sizes at the valid states: as they are for an object that never changes, else rounded.
 
@@ -63,7 +63,7 @@ def fill_sizes(size: Array, valid: Array, metres: np.float32, out: Array) -> Non
                     out[row, step, axis] = _rounded(value, metres) if is_changing else value
 
 
-@njit(cache=True)
+@kernel
 def count_faults(values: Array, valid: Array) -> tuple[int, int]:
     """How many numbers are NaN or infinite, and how many of the others are not 0 where not valid.
 
@@ -83,13 +83,13 @@ def count_faults(values: Array, valid: Array) -> tuple[int, int]:
     return num_not_finite, num_set
 
 
-@njit(cache=True)
+@device_function
 def _rounded(value: float, step: np.float32) -> np.float32:
     """To the nearest multiple of ``step`` (a power of two), as float32, without a negative zero."""
     return np.float32(np.rint(np.float32(value) * (np.float32(1.0) / step)) * step) + np.float32(0.0)
 
 
-@njit(cache=True)
+@device_function
 def _wrapped(angle: float) -> float:
     if -_PI <= angle < _PI:
         return angle
