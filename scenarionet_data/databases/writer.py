@@ -16,7 +16,7 @@ from scenarionet_data.databases import record as databases
 from scenarionet_data.databases.record import Database, Lineage
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import writing
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.lake_files import LakeFiles
 
 _ROWS_PER_GROUP = 65_536  # DuckDB's threads take a group each
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from scenarionet_data.databases.record import Lineage
 from scenarionet_data.storage.files.errors import reading, writing
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.lake_files import LakeFiles
 
 if TYPE_CHECKING:
     from scenarionet_data.operations.lineage import Ancestry

@@ -1,6 +1,6 @@
 """What a lake's own books cost as it grows: records of shards that nobody converted, as many as are asked for.
 
-From these figures ``docs/cluster.md`` reckons where today's design ends.
+From these figures ``docs/guides/cluster.md`` reckons where today's design ends.
 """
 
 from __future__ import annotations
@@ -13,11 +13,12 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from scenarionet_data.conversion import Job
+from scenarionet_data.conversion import ShardJob
 from scenarionet_data.conversion.plan import make_plan
-from scenarionet_data.ingest.shard import Options, RawItem, Shard
+from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.shard import RawItem, Shard
 from scenarionet_data.schema import tables
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
@@ -44,8 +45,8 @@ def _books(root: Path) -> Iterator[Figure]:
     size = tracemalloc.get_traced_memory()[0]
     tracemalloc.stop()
     yield Figure("a planned shard of one file, in the client's memory", size / _SHARDS, "bytes")
-    yield Figure("a job, as it travels to a worker", len(pickle.dumps(Job("waymo", wanted[0], "/lake"))), "bytes")
-    files, held = LakeFiles(root / "books"), [_record(shard) for shard in wanted]
+    yield Figure("a job, as it travels to a worker", len(pickle.dumps(ShardJob("waymo", wanted[0], "/lake"))), "bytes")
+    files, held = LocalLakeFiles(root / "books"), [_record(shard) for shard in wanted]
     started = time.process_time()
     (manifest,) = manifests.write(files, snapshots.EMPTY, held, frozenset())
     yield Figure("a manifest: written", 1e6 * (time.process_time() - started) / _SHARDS, "us a shard")
@@ -63,7 +64,7 @@ def _books(root: Path) -> Iterator[Figure]:
 
 def _commits(root: Path) -> Iterator[Figure]:
     """Of a commit, which reads the ids of what is new once, and of the next, which looks for them among all."""
-    files = LakeFiles(root)
+    files = LocalLakeFiles(root)
     records = [write_shard(root, [make_scenario(k, num_objects=1)], f"s{k:04d}", f"f{k}") for k in range(_COMMITTED)]
     started = time.process_time()
     commits.commit(files, records[:-1], "all but one")

@@ -22,7 +22,8 @@ from scenarionet_data import Lake, ScenarioLoader, codec
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.errors import LakeError, NoSuchSnapshot, ScenarioNotFound
 from scenarionet_data.schema import tables
-from scenarionet_data.storage.files.local import LakeFiles, sha256
+from scenarionet_data.storage.files.lake_files import sha256
+from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.read import row_group_readers
 from scenarionet_data.storage.read.parquet import row_groups
 from scenarionet_data.storage.read.row_table import ArrowRows
@@ -32,6 +33,7 @@ from scenarionet_data.storage.write.table_file import write_table
 from scenarionet_data.testing import differences
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import make_scenario
+from tests.fixtures.waiting import HANGS_AFTER
 
 COUNT = 10
 
@@ -145,7 +147,7 @@ def test_an_older_snapshot_is_loaded_as_it_was(lake):
 
 def compacted(root: Path, scenarios, groups) -> Lake:
     """A lake whose files hold several scenarios a row group, as compaction leaves them."""
-    files, rows = LakeFiles(root), []
+    files, rows = LocalLakeFiles(root), []
     encoded = [codec.encode(scenario, "1") for scenario in scenarios]
     addresses = [{} for _ in scenarios]
     for table in ("tracks", "lights", "maps"):
@@ -241,7 +243,7 @@ def test_worker_processes_load(lake, method):
     queue = context.Queue()
     worker = context.Process(target=_child, args=(loaded, queue))
     worker.start()
-    assert queue.get(timeout=60) == [made(k).tracks.position.tobytes() for k in (3, 7)]
+    assert queue.get(timeout=HANGS_AFTER) == [made(k).tracks.position.tobytes() for k in (3, 7)]
     worker.join()
 
 

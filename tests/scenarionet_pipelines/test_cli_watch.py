@@ -1,11 +1,10 @@
-"""``convert --watch``, and ``--stale``, which asks."""
+"""``convert --watch``, and ``--reconvert-stale``, which asks."""
 
 from __future__ import annotations
 
 import json
 import re
 import signal
-import time
 
 import pytest
 from click.testing import CliRunner
@@ -15,8 +14,9 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_pipelines.cli import cli
 from scenarionet_pipelines.cli.parameters import seconds
 from tests.fixtures.made import NAME, NEWER, write_raw
+from tests.fixtures.waiting import HANGS_AFTER, until
 from tests.scenarionet_pipelines.conftest import run
-from tests.scenarionet_pipelines.test_cli_convert import start, wait_for_shards
+from tests.scenarionet_pipelines.test_cli_convert import start
 
 
 @pytest.mark.long
@@ -24,55 +24,59 @@ from tests.scenarionet_pipelines.test_cli_convert import start, wait_for_shards
 def test_watching_ends_cleanly(number, tmp_path):
     raw, lake = tmp_path / "raw", tmp_path / "lake"
     raw.mkdir()
-    running = start("convert", NAME, raw, lake, "--workers", 1, "--watch", "--every", "0.2s", "--json")
+    log = tmp_path / "reports"
+    with log.open("w") as output:
+        watching = ("--watch", "--every", "0.2s", "--json")
+        running = start("convert", NAME, raw, lake, "--workers", 1, *watching, stdout=output)
     write_raw(raw, {"a": [1, 2]})
-    wait_for_shards(lake, 1)
+    until(lambda: log.read_text().count("\n}\n") == 1, "the first shard is reported")
     write_raw(raw, {"b": [3]})
-    wait_for_shards(lake, 2)
-    time.sleep(1.0)  # until the second one is committed and reported
+    until(lambda: log.read_text().count("\n}\n") == 2, "the second shard is reported")
     running.send_signal(number)
-    output, errors = running.communicate(timeout=60)
+    _, errors = running.communicate(timeout=HANGS_AFTER)
+    reported = log.read_text()
     assert running.returncode == 0
     assert errors.splitlines() == [
         f"watching {raw}: a look every 0.2 s, until Ctrl-C",
         f"stopped watching {raw}; what is finished is kept in {lake}",
     ]
-    reports = [json.loads(text) for text in re.split(r"(?<=^})\n", output, flags=re.MULTILINE) if text]
+    reports = [json.loads(text) for text in re.split(r"(?<=^})\n", reported, flags=re.MULTILINE) if text]
     assert [report["converted"] for report in reports] == [2, 1]
     assert len(Lake(lake)) == 3
 
 
 @pytest.mark.long
 def test_stale_lists_first_what_it_would_convert_again(raw, lake):
-    refused = run("convert", NEWER, raw, lake, "--stale")
+    refused = run("convert", NEWER, raw, lake, "--reconvert-stale")
     assert refused.exit_code == 2
     assert "would convert again 2 shards that another version of the converter wrote:" in refused.stderr
     assert "  made/v1/train/a\n  made/v1/train/b\n" in refused.stderr
     assert "add --yes to convert them again" in refused.stderr
     assert "2 shards written by another version of the converter" in run("convert", NEWER, raw, lake).stdout
-    report = json.loads(run("convert", NEWER, raw, lake, "--stale", "--yes", "--json", "--quiet").stdout)
+    report = json.loads(run("convert", NEWER, raw, lake, "--reconvert-stale", "--yes", "--json", "--quiet").stdout)
     assert (report["replaced"], report["stale"]) == (2, 0)
-    assert run("convert", NEWER, raw, lake, "--stale").exit_code == 0  # nothing left to ask about
+    assert run("convert", NEWER, raw, lake, "--reconvert-stale").exit_code == 0  # nothing left to ask about
 
 
 @pytest.mark.parametrize(("answer", "replaced"), [("y", True), ("n", False)])
 def test_stale_asks(raw, lake, monkeypatch, answer, replaced):
-    monkeypatch.setattr("scenarionet_pipelines.cli.verbs.convert._is_there", lambda: True)
+    monkeypatch.setattr("scenarionet_pipelines.cli.verbs.convert._is_interactive", lambda: True)
     before = Lake(lake).snapshot.number
-    asked = CliRunner().invoke(cli, ["convert", NEWER, str(raw), str(lake), "--stale"], input=f"{answer}\n")
-    assert "go on? [y/N]" in asked.stderr
+    asked = CliRunner().invoke(cli, ["convert", NEWER, str(raw), str(lake), "--reconvert-stale"], input=f"{answer}\n")
+    assert "continue? [y/N]" in asked.stderr
     assert (Lake(lake).snapshot.number > before) == replaced
 
 
-def test_a_quick_look_is_taken_here(tmp_path):
+def test_limit_excludes_cluster_and_watch(tmp_path):
     for words in (("--cluster", "local"), ("--watch",)):
         result = run("convert", NAME, tmp_path, tmp_path / "lake", "--limit", 1, *words)
         assert result.exit_code == 2
-        assert "--limit is a quick look" in result.stderr
+        assert "--limit converts one shard at a time" in result.stderr
 
 
 def test_durations():
-    assert [seconds(text, "--every") for text in ("30s", "1.5 min", "2h", "7")] == [30.0, 90.0, 7200.0, 7.0]
-    for text in ("", "0s", "soon", "5d", "-3s"):
-        with pytest.raises(BadParameter, match="--every wants a duration such as 30s"):
+    expected = {"30s": 30.0, "1.5 min": 90.0, "2h": 7200.0, "1.5d": 129_600.0, "2w": 1_209_600.0}
+    assert {text: seconds(text, "--every") for text in expected} == expected
+    for text in ("", "0s", "soon", "7", "5y", "-3s"):
+        with pytest.raises(BadParameter, match="--every expects a duration such as 30s"):
             seconds(text, "--every")

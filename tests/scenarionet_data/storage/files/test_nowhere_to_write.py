@@ -18,6 +18,7 @@ from tests.fixtures.lakes import content, everything, write_lake
 from tests.fixtures.made import raw_of, run, write_raw
 from tests.fixtures.scenarios import make_scenario
 from tests.fixtures.small_disk import filled, in_own_mounts, on_small_disk
+from tests.fixtures.waiting import HANGS_AFTER
 
 
 @contextmanager
@@ -55,9 +56,9 @@ def test_a_folder_that_may_not_be_written(open_folder):
         path.chmod(0o555 if path.is_dir() else 0o444)
     before = everything(root)
     with as_user():
-        with pytest.raises(LakeError, match=r"^cannot write \S+: Permission denied; choose a folder you may write to"):
+        with pytest.raises(LakeError, match=r"^cannot write \S+: Permission denied; choose a writable folder"):
             run(raw, root)
-        with pytest.raises(LakeError, match="Permission denied; choose a folder"):
+        with pytest.raises(LakeError, match="Permission denied; choose a writable folder"):
             Lake(root).filter("true", name="all")
         assert len(Lake(root)) == 2
         assert len(ScenarioLoader(root)[0].tracks) == 2
@@ -67,7 +68,7 @@ def test_a_folder_that_may_not_be_written(open_folder):
 def test_a_folder_in_which_no_lake_can_be_made(open_folder):
     raw = raw_of(open_folder / "raw", 0, 1)
     open_folder.chmod(0o555)
-    with as_user(), pytest.raises(LakeError, match="Permission denied; choose a folder you may write to"):
+    with as_user(), pytest.raises(LakeError, match="Permission denied; choose a writable folder"):
         run(raw, open_folder / "lake")
 
 
@@ -159,7 +160,7 @@ def test_a_read_only_file_system_can_be_read(tmp_path):
     found = in_own_mounts(mounts, READ_ONLY, lake, raw)
     for message in found["messages"]:
         assert message.startswith("cannot write ")
-        assert "Read-only file system; choose a folder you may write to, or change its permissions" in message
+        assert "Read-only file system; choose a writable folder, or change its permissions" in message
     assert found["count"] == 2
 
 
@@ -182,7 +183,7 @@ def test_files_that_may_not_grow(tmp_path):
     before = everything(tmp_path / "lake")
     more = raw_of(tmp_path / "more", 1, 1, lines=9)
     command = [sys.executable, "-c", LIMITED_FILES, str(more), str(tmp_path / "lake")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=HANGS_AFTER)
     assert done.stdout.count("\n") == 1, done.stderr
     assert "File too large; free some space and run the same command again" in done.stdout
     assert done.stderr == ""

@@ -16,6 +16,7 @@ from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from tests.fixtures.lakes import stored_ids, write_shard
 from tests.fixtures.scenarios import renamed, small
+from tests.fixtures.waiting import HANGS_AFTER
 
 
 def names_of(files):
@@ -111,7 +112,7 @@ COMMIT_MANY = """
 import sys
 from pathlib import Path
 from scenarionet_data.storage import commit as commits
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.local import LocalLakeFiles
 from tests.fixtures.lakes import write_shard
 from tests.fixtures.scenarios import renamed, small
 root, who = Path(sys.argv[1]), sys.argv[2]
@@ -120,7 +121,7 @@ records = [write_shard(root, [renamed(template, f"{who}{k}")], name=f"{who}{k}")
 print("ready", flush=True)
 sys.stdin.readline()
 for record in records:
-    commits.commit(LakeFiles(root), [record], who)
+    commits.commit(LocalLakeFiles(root), [record], who)
 """
 
 
@@ -141,7 +142,7 @@ def test_processes_lose_nothing(files):
         job.stdin.write("go\n")
         job.stdin.flush()
     for job in jobs:
-        job.communicate(timeout=60)
+        job.communicate(timeout=HANGS_AFTER)
         assert job.returncode == 0
     assert stored_ids(files) == sorted(f"made/v1/{who}{k}" for who in "ab" for k in range(12))
     assert snapshots.read(files).number == 24
