@@ -22,13 +22,16 @@ from types import CodeType, FunctionType, ModuleType
 from typing import Any, NoReturn, TypeVar, cast, overload
 
 from numba import njit, types
-from numba.core.caching import FunctionCache, IndexDataCacheFile
-from numba.core.registry import CPUDispatcher
+from numba.core import caching, registry
 
-try:
+if sys.platform != "win32":
     import fcntl
-except ImportError:  # Windows: processes compile side by side
-    fcntl = None  # type: ignore[assignment]
+
+_njit: Any = njit  # Numba's types omit options and internals
+_numba_types: Any = types
+_CPUDispatcher: Any = registry.CPUDispatcher
+_FunctionCache: Any = caching.FunctionCache
+_IndexDataCacheFile: Any = caching.IndexDataCacheFile
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -59,8 +62,8 @@ def kernel(function: Any = None, *, nogil: bool = False) -> Any:
     """
 
     def decorate(plain: Function) -> Function:
-        dispatcher = njit(no_cfunc_wrapper=True, nogil=nogil)(plain)
-        if isinstance(dispatcher, CPUDispatcher):  # a plain function under NUMBA_DISABLE_JIT
+        dispatcher = _njit(no_cfunc_wrapper=True, nogil=nogil)(plain)
+        if isinstance(dispatcher, _CPUDispatcher):  # a plain function under NUMBA_DISABLE_JIT
             dispatcher.__class__ = Kernel
         return cast(Function, dispatcher)
 
@@ -95,8 +98,8 @@ def device_function(
         options["forceinline"] = True
 
     def decorate(plain: Function) -> Function:
-        dispatcher = njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)(plain)
-        if isinstance(dispatcher, CPUDispatcher):
+        dispatcher = _njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)(plain)
+        if isinstance(dispatcher, _CPUDispatcher):
             dispatcher.__class__ = DeviceFunction
         return cast(Function, dispatcher)
 
@@ -117,13 +120,13 @@ compilations: list[Compilation] = []
 """Kernels that this process compiled or read from the cache, in order; kernels inside kernels come first."""
 
 
-class CompiledFunction(CPUDispatcher):  # type: ignore[misc]  # Numba is not typed
+class CompiledFunction(_CPUDispatcher):  # type: ignore[misc]
     """A function that Numba compiles once for each combination of argument types."""
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """Resolve a call from a kernel; a constant argument is not a type of its own."""
-        plain = {name: types.unliteral(kind) for name, kind in dict(kws).items()}
-        return super().get_call_template(tuple(map(types.unliteral, args)), plain)
+        plain = {name: _numba_types.unliteral(kind) for name, kind in dict(kws).items()}
+        return super().get_call_template(tuple(map(_numba_types.unliteral, args)), plain)
 
 
 class Kernel(CompiledFunction):
@@ -173,18 +176,19 @@ class DeviceFunction(CompiledFunction):
 
 
 def _is_number(kind: Any) -> bool:
-    if isinstance(kind, types.BaseTuple):
-        return all(map(_is_number, kind))
-    return isinstance(kind, (types.Number, types.Boolean, types.Literal, types.Record, types.NoneType))
+    if isinstance(kind, _numba_types.BaseTuple):
+        return all(_is_number(member) for member in kind)
+    plain = ("Number", "Boolean", "Literal", "Record", "NoneType")
+    return isinstance(kind, tuple(getattr(_numba_types, name) for name in plain))
 
 
-class _KernelCache(FunctionCache):  # type: ignore[misc]
+class _KernelCache(_FunctionCache):  # type: ignore[misc]
     """Numba's cache of one kernel, valid while the code it was compiled from is unchanged."""
 
     def __init__(self, dispatcher: Kernel) -> None:
         super().__init__(dispatcher.py_func)
         stamp = hashlib.sha256(repr(list(_ingredients(dispatcher, set()))).encode()).hexdigest()
-        self._cache_file = IndexDataCacheFile(self.cache_path, self._impl.filename_base, stamp)
+        self._cache_file = _IndexDataCacheFile(self.cache_path, self._impl.filename_base, stamp)
         self._module = dispatcher.py_func.__module__
         self._lock: int | None = None
 
@@ -208,7 +212,7 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
             self._lock = None
 
 
-def _ingredients(dispatcher: CPUDispatcher, seen: set[int]) -> Iterator[object]:
+def _ingredients(dispatcher: CompiledFunction, seen: set[int]) -> Iterator[object]:
     """The code of a compiled function, of those it calls, and the constants they read."""
     function = dispatcher.py_func
     seen.add(id(function))
@@ -221,7 +225,7 @@ def _ingredients(dispatcher: CPUDispatcher, seen: set[int]) -> Iterator[object]:
     values = {name: function.__globals__[name] for name in sorted(names) if name in function.__globals__}
     values |= {name: cell.cell_contents for name, cell in sorted(cells.items())}
     for name, value in values.items():
-        if isinstance(value, CPUDispatcher):
+        if isinstance(value, _CPUDispatcher):
             if id(value.py_func) not in seen:
                 yield from _ingredients(value, seen)
         elif isinstance(value, ModuleType) and value.__name__.startswith(_PACKAGES):
@@ -248,7 +252,7 @@ def _code_objects(code: CodeType) -> Iterator[CodeType]:
 
 def _locked(folder: str) -> int | None:
     """Wait until no other process compiles into a cache folder; the lock, or None where folders cannot be locked."""
-    if fcntl is None:
+    if sys.platform == "win32":
         return None
     lock = None
     with suppress(OSError):

@@ -48,7 +48,7 @@ def find_conflicts(
     _find_zones(xy, lanes.points_begin, lanes.points_end, pairs, clearance * clearance, zones)
     pairs, zones = pairs[zones[:, 0] >= 0], zones[zones[:, 0] >= 0]
     own, other = pairs.T
-    conflicts = np.recarray(len(pairs), CONFLICT)
+    conflicts: Records = np.recarray(len(pairs), CONFLICT)
     conflicts.lane = other
     conflicts.kind = np.where(has_one_start[own, other], SPLIT, np.where(has_one_end[own, other], MERGE, CROSS))
     margins = np.array([-_MARGIN, _MARGIN, -_MARGIN, _MARGIN])

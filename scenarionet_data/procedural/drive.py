@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function, kernel
-from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, Records
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, Record, Records
 from scenarionet_data.procedural.following import acceleration, room_needed
 from scenarionet_data.procedural.graph import NONE, LaneGraph
 from scenarionet_data.procedural.lane_change import consider
@@ -31,7 +31,7 @@ def drive(graph: LaneGraph, vehicles: Records, lights: Int32, dt: float) -> tupl
         (N, t, 4) x, y [m], heading [rad] and speed [m/s], and (N, t) whether a vehicle is on the map.
     """
     count, steps = len(vehicles), lights.shape[1]
-    places = np.recarray((count, PLACES), PLACE)
+    places: Records = np.recarray((count, PLACES), PLACE)
     places.lane, places.s = NONE, 0.0
     motion, valid = np.zeros((count, steps, 4)), np.zeros((count, steps), np.bool_)
     driven = _drive(graph, vehicles, places, lights, dt, np.zeros(count), motion, valid)
@@ -103,7 +103,7 @@ def _reroute(graph: LaneGraph, vehicles: Records, i: int) -> None:
 
 
 @device_function
-def _move(graph: LaneGraph, vehicle: np.record, acceleration_now: float, dt: float) -> None:
+def _move(graph: LaneGraph, vehicle: Record, acceleration_now: float, dt: float) -> None:
     """Move one vehicle by a step of constant acceleration, along its curve and over lane ends."""
     speed = max(0.0, vehicle.speed + acceleration_now * dt)
     left, slope = lateral_offset(vehicle)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function
-from scenarionet_data.arrays.dtypes import Records
+from scenarionet_data.arrays.dtypes import Record, Records
 from scenarionet_data.arrays.idm import free_acceleration, interaction
 from scenarionet_data.procedural.conflicts import CROSS, SPLIT
 from scenarionet_data.procedural.graph import NONE, LaneGraph
@@ -110,7 +110,7 @@ def nearest_on(
 
 
 @device_function
-def room_needed(graph: LaneGraph, vehicle: np.record, lane: int) -> float:
+def room_needed(graph: LaneGraph, vehicle: Record, lane: int) -> float:
     """Distance before the end of ``lane`` at which a vehicle has to leave it [m]: room for each lane change needed."""
     if graph.lanes[lane].is_last:
         return -np.inf
@@ -126,7 +126,7 @@ def room_needed(graph: LaneGraph, vehicle: np.record, lane: int) -> float:
 
 
 @device_function
-def _braking(vehicle: np.record, gap: float, speed: float) -> float:
+def _braking(vehicle: Record, gap: float, speed: float) -> float:
     """Braking for a leader at ``speed`` after a ``gap``."""
     if gap == np.inf:
         return 0.0

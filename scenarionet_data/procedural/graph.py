@@ -79,11 +79,11 @@ def make_graph(road_map: RoadMap) -> LaneGraph:
         links[number[before], number[after]] = True
     samples = [lane.samples for lane in own]
 
-    points = np.recarray(sum(len(headings) for _, headings in samples), POINT)
+    points: Records = np.recarray(sum(len(headings) for _, headings in samples), POINT)
     points.x, points.y = np.concatenate([xy for xy, _ in samples]).T
     points.heading = np.concatenate([headings for _, headings in samples])
 
-    lanes = np.recarray(len(own), LANE)
+    lanes: Records = np.recarray(len(own), LANE)
     lanes.points_begin, lanes.points_end = _ranges([len(headings) for _, headings in samples])
     lanes.successors_begin, lanes.successors_end = _ranges([len(row) for row in following])
     lanes.is_last = lanes.successors_begin == lanes.successors_end
@@ -129,8 +129,8 @@ def signal_rows(lanes: list[Lane]) -> tuple[Int64, list[tuple[int, int]]]:
 
 def _ranges(lengths: list[int]) -> tuple[Int64, Int64]:
     """Begin and end of consecutive ranges."""
-    ends = np.cumsum(lengths)
-    return ends - lengths, ends
+    ends = np.cumsum(lengths, dtype=np.int64)
+    return ends - np.array(lengths, dtype=np.int64), ends
 
 
 def _destinations(road_map: RoadMap, is_last: Bool) -> Int64:

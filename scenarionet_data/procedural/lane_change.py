@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function
-from scenarionet_data.arrays.dtypes import Records
+from scenarionet_data.arrays.dtypes import Record, Records
 from scenarionet_data.arrays.idm import free_acceleration, interaction, is_worth_changing
 from scenarionet_data.procedural.following import braking_along, nearest_on, room_needed
 from scenarionet_data.procedural.graph import NONE, LaneGraph
@@ -60,7 +60,7 @@ def consider(graph: LaneGraph, vehicles: Records, places: Records, i: int) -> No
 
 
 @device_function
-def _span(graph: LaneGraph, vehicle: np.record, target: int, s: float, side: float) -> float:
+def _span(graph: LaneGraph, vehicle: Record, target: int, s: float, side: float) -> float:
     """Distance over which a vehicle would change lanes [m]; 0 when there is not enough."""
     span = max(SHORTEST, DURATION * vehicle.speed)
     shortest = max(SHORTEST, 0.55 * span)

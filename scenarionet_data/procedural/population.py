@@ -60,7 +60,7 @@ def populate(road_map: RoadMap, graph: LaneGraph, options: GeneratorOptions, rng
     kept = [row for row, place in enumerate(places) if place is not None]
     lane = np.array([place[0] for place in places if place is not None], dtype=np.int64)
     s = np.array([place[1] for place in places if place is not None])
-    vehicles = np.recarray(len(kept), VEHICLE)
+    vehicles: Records = np.recarray(len(kept), VEHICLE)
     _draw_drivers(vehicles, [kinds[row] for row in kept], size[kept], rng)
     _draw_start(vehicles, graph, lane, s, rng)
     return Population([kinds[row].name for row in kept], size[kept], vehicles)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function
-from scenarionet_data.arrays.dtypes import Int32, Records
+from scenarionet_data.arrays.dtypes import Int32, Record, Records
 from scenarionet_data.procedural.conflicts import SPLIT
 from scenarionet_data.procedural.graph import NONE, LaneGraph
 from scenarionet_data.procedural.vehicles import PLACES
@@ -97,7 +97,7 @@ def _is_in(vehicles: Records, places: Records, j: int, lane: int, zone_end: floa
 
 
 @device_function
-def _arrival(graph: LaneGraph, vehicle: np.record, lane: int, zone_begin: float) -> float:
+def _arrival(graph: LaneGraph, vehicle: Record, lane: int, zone_begin: float) -> float:
     """Time until a vehicle is at ``zone_begin`` of ``lane`` [s]; infinite when its route avoids it.
 
     A vehicle that stands without a light to wait for may itself be waiting: it has no priority until it moves.

@@ -23,7 +23,7 @@ def find_routes(lanes: Records, successors: Int64) -> Records:
     Returns:
         (D, L) ``ROUTE`` records.
     """
-    routes = np.recarray((int(lanes.destination.max()) + 1, len(lanes)), ROUTE)
+    routes: Records = np.recarray((int(lanes.destination.max()) + 1, len(lanes)), ROUTE)
     routes.cost, routes.next_lane = np.inf, -1
     _relax(lanes, successors, routes)
     return routes
