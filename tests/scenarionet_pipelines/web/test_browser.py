@@ -132,7 +132,7 @@ def test_the_player(browser, served):
             lambda: page.get_by_label("roads").uncheck(),
             lambda: page.get_by_label("roads").check(),
             lambda: page.keyboard.press("+"),
-            lambda: page.get_by_role("button", name="Show everything recorded").click(),
+            lambda: page.get_by_role("button", name="Show the whole scenario").click(),
             lambda: page.keyboard.press("End"),
         ):
             change()
