@@ -13,7 +13,7 @@ RAW ?= $(if $(SCENARIONET_RAW),$(SCENARIONET_RAW)/$(DATASET),$(if $(filter nupla
 
 .DEFAULT_GOAL := help
 .PHONY: help install install-browser demo test test-all bench bench-cluster bench-maintenance bench-remote bench-sim build check \
-	clean convert docs notebooks test-devkits test-metadrive
+	clean convert docs docs-site notebooks test-devkits test-metadrive
 
 help:  ## List the targets.
 	@sed -nE 's/^([a-z0-9-]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "make %-15s %s\n", $$1, $$2}'
@@ -99,8 +99,15 @@ _arguments:
 	$(if $(RAW),,$(error set RAW=FOLDER, or SCENARIONET_RAW to the folder that holds $(DATASET)/$(if \
 		$(filter nuplan,$(DATASET)),$(comma) or NUPLAN_DATA_ROOT)))
 
-docs: install  ## Generate the data dictionary and the README's column table from schemas/.
+docs: install  ## Write the data dictionary from schemas/.
 	$(BIN)/python -m scenarionet_data.schema.dictionary
+
+docs-site: install .venv/.installed-docs  ## Build the documentation site into site/; it opens without a network.
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet
+
+.venv/.installed-docs: pyproject.toml
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs]'
+	@touch $@
 
 notebooks: install  ## Run the notebooks on generated scenarios and write their pages to docs/notebooks.
 	$(BIN)/python -m scenarionet_pipelines.notebooks $(ARGS)
@@ -108,8 +115,8 @@ notebooks: install  ## Run the notebooks on generated scenarios and write their 
 build: install  ## Build the wheel and the source distribution in dist/.
 	$(BIN)/python -m build --no-isolation
 
-clean:  ## Remove build outputs, the demo and caches; keep .venv and lakes.
-	rm -rf build dist demo .pytest_cache .mypy_cache .ruff_cache .hypothesis
+clean:  ## Remove build outputs, the demo, the site and caches; keep .venv and lakes.
+	rm -rf build dist demo site .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +
 
 comma := ,

@@ -1,4 +1,4 @@
--- What two databases share, where ({keyed}) gives every member a key: how many members of each, and some examples.
+-- Members of two databases with equal keys, where ({keyed}) gives each member its key: counts and some examples.
 WITH keyed AS MATERIALIZED (
 {keyed}
 ),

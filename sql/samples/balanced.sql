@@ -1,3 +1,3 @@
--- Turns one after the other from each value of {stratum}: of every value as many, while it has any.
+-- Order that takes one scenario of each value of {stratum} in rounds, so that values are drawn equally often.
 SELECT *, row_number() OVER (PARTITION BY stratum ORDER BY luck, scenario_id) AS turn
 FROM ({lucky})

@@ -1,4 +1,4 @@
--- A number for each scenario whose smallest are drawn: -ln(u) / likelihood, with u from seed and id, draws without
+-- Sort key of each scenario: the smallest -ln(u) / likelihood, with u from seed and id, are a sample without
 -- replacement in proportion to the likelihood (Efraimidis and Spirakis, "Weighted random sampling with a reservoir",
 -- Information Processing Letters 2006).
 SELECT

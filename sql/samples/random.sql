@@ -1,3 +1,3 @@
--- Turns by luck alone.
+-- Random order.
 SELECT *, 0 AS turn
 FROM ({lucky})

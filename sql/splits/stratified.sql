@@ -1,5 +1,5 @@
--- A share of [0, 1) for each scenario, spread evenly over the groups of each stratum, in the order of a hash: every
--- part gets its fraction of every stratum, give or take one group. Where a stratum begins is drawn too; else all
+-- A value in [0, 1) for each scenario, spread evenly over the groups of each stratum in the order of a hash: every
+-- part gets its fraction of every stratum, within one group. The offset of each stratum is random, too; otherwise all
 -- small strata would fall into the same part. A group in several strata belongs to the first.
 WITH groups AS (
     SELECT kin, min("{stratify}")::VARCHAR AS stratum, {drawn_kin} AS luck
