@@ -1,4 +1,4 @@
-"""The loops that make states canonical, and that tell whether they are, compiled."""
+"""Compiled loops that bring states into canonical form."""
 
 from __future__ import annotations
 
@@ -61,26 +61,6 @@ def fill_sizes(size: Array, valid: Array, metres: np.float32, out: Array) -> Non
                 for axis in range(3):
                     value = size[row, step, axis]
                     out[row, step, axis] = _rounded(value, metres) if is_changing else value
-
-
-@njit(cache=True)
-def count_faults(values: Array, valid: Array) -> tuple[int, int]:
-    """How many numbers are NaN or infinite, and how many of the others are not 0 where not valid.
-
-    Args:
-        values: (N, T, D) float32.
-        valid: (N, T) bool.
-    """
-    num_not_finite, num_set = 0, 0
-    for row in range(values.shape[0]):
-        for step in range(values.shape[1]):
-            for axis in range(values.shape[2]):
-                value = values[row, step, axis]
-                if not np.isfinite(value):
-                    num_not_finite += 1
-                elif value != 0 and not valid[row, step]:
-                    num_set += 1
-    return num_not_finite, num_set
 
 
 @njit(cache=True)
