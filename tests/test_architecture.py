@@ -85,7 +85,7 @@ def test_modules_are_named_for_what_they_are(package):
 
 
 def test_the_page_names_every_room():
-    page = (ROOT / "docs" / "architecture.md").read_text("utf-8")
+    page = (ROOT / "docs" / "explanation" / "architecture.md").read_text("utf-8")
     rooms = {path.relative_to(ROOT / "scenarionet_data").parts[0] for path in modules("scenarionet_data")}
     missing = [room for room in sorted(rooms) if not room.startswith("__") and room not in page]
     assert missing == []

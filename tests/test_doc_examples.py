@@ -38,7 +38,7 @@ def test_readme_examples_run(monkeypatch, tmp_path):
 
 @pytest.mark.long
 def test_evaluation_examples_run(monkeypatch, tmp_path):
-    assert run_blocks("docs/evaluation.md", monkeypatch, tmp_path) >= 5
+    assert run_blocks("docs/guides/evaluation.md", monkeypatch, tmp_path) >= 5
     runs = Lake(tmp_path / "lake").ask("runs")
     planner = runs.filter(run="driven-my_planner.Planner-replay-kinematic")
     assert planner["success"].item() > 0.8, "the page's planner follows its route"
@@ -46,20 +46,20 @@ def test_evaluation_examples_run(monkeypatch, tmp_path):
 
 @pytest.mark.long
 def test_cluster_examples_run(monkeypatch, tmp_path):
-    (profile,) = blocks("docs/cluster.md", "toml")
+    (profile,) = blocks("docs/guides/cluster.md", "toml")
     (tmp_path / "mine.toml").write_text(profile)
-    assert run_blocks("docs/cluster.md", monkeypatch, tmp_path) == 2
+    assert run_blocks("docs/guides/cluster.md", monkeypatch, tmp_path) == 2
     assert len(Lake(tmp_path / "lake")) == 192
 
 
 def test_simulator_examples_run(monkeypatch, tmp_path):
-    assert run_blocks("docs/simulator.md", monkeypatch, tmp_path) >= 5
+    assert run_blocks("docs/guides/simulator.md", monkeypatch, tmp_path) >= 5
 
 
 @pytest.mark.long
 def test_examples_of_pictures_run(monkeypatch, tmp_path):
     pytest.importorskip("plotly", reason="the extra `notebooks` is not installed")
-    assert run_blocks("docs/pictures.md", monkeypatch, tmp_path) == 4
+    assert run_blocks("docs/guides/pictures.md", monkeypatch, tmp_path) == 4
     written = {path.name for path in tmp_path.iterdir()}
     assert {
         "scenario.svg",
@@ -75,9 +75,9 @@ def test_examples_of_pictures_run(monkeypatch, tmp_path):
 @pytest.mark.long
 def test_examples_of_looking_run(monkeypatch, tmp_path):
     """The commands that serve a page are parsed: they would go on until Ctrl-C."""
-    assert run_blocks("docs/browse.md", monkeypatch, tmp_path) == 1
+    assert run_blocks("docs/guides/browse.md", monkeypatch, tmp_path) == 1
     assert (tmp_path / "compared.html").stat().st_size > 10_000
-    served = [line for block in blocks("docs/browse.md", "sh") for line in block.splitlines() if "browse" in line]
+    served = [line for line in "".join(blocks("docs/guides/browse.md", "sh")).splitlines() if "browse" in line]
     assert len(served) == 2
     for command in served:
         words = shlex.split(command)[1:]
@@ -86,14 +86,14 @@ def test_examples_of_looking_run(monkeypatch, tmp_path):
 
 @pytest.mark.long
 def test_sensor_examples_run(monkeypatch, tmp_path):
-    assert run_blocks("docs/sensors.md", monkeypatch, tmp_path) == 3
+    assert run_blocks("docs/guides/sensors.md", monkeypatch, tmp_path) == 3
 
 
 @pytest.mark.long
 def test_examples_of_databases_run(tmp_path, monkeypatch):
     """Every command of the page, in order, in this process, then its Python; warnings are part of the page."""
     monkeypatch.chdir(tmp_path)
-    commands = [line for block in blocks("docs/databases.md", "bash") for line in block.splitlines()]
+    commands = [line for block in blocks("docs/guides/databases.md", "bash") for line in block.splitlines()]
     assert len(commands) >= 25
     with warnings.catch_warnings():
         warnings.simplefilter("default")
@@ -102,26 +102,25 @@ def test_examples_of_databases_run(tmp_path, monkeypatch):
             assert program == "scenarionet"
             result = CliRunner().invoke(cli, words)
             assert result.exit_code == 0, command + result.output
-        (code,) = blocks("docs/databases.md", "python")
+        (code,) = blocks("docs/guides/databases.md", "python")
         exec(code, {})
 
 
 @pytest.mark.long
 def test_maintenance_examples_run(monkeypatch, tmp_path):
-    assert run_blocks("docs/maintenance.md", monkeypatch, tmp_path) == 1
+    assert run_blocks("docs/guides/maintenance.md", monkeypatch, tmp_path) == 1
 
 
 def test_the_page_of_checks_runs(tmp_path, monkeypatch):
     """Its commands, and its rule beside the others."""
-    (rule,) = blocks("docs/checks.md", "sql")
+    (rule,) = blocks("docs/guides/checks.md", "sql")
     shutil.copytree(package_data.SQL, tmp_path / "sql")
     (tmp_path / rule.splitlines()[0].removeprefix("-- ")).write_text(rule.split("\n", 1)[1])
     monkeypatch.setattr("scenarionet_data.query.named_sql.SQL", tmp_path / "sql")
     monkeypatch.chdir(tmp_path)
     lake = write_lake("lake", [make_scenario(1, num_objects=1, num_lanes=1), make_scenario(2, num_lanes=1)])
-    lines = [
-        line.partition("#")[0].split() for block in blocks("docs/checks.md", "bash") for line in block.splitlines()
-    ]
+    typed = "".join(blocks("docs/guides/checks.md", "bash")).splitlines()
+    lines = [line.partition("#")[0].split() for line in typed]
     results = [CliRunner().invoke(cli, line[1:]) for line in lines]
     assert [result.exit_code for result in results] == [0] * 3, results[0].output
     assert "ego_is_alone             1  50.00%  made/v1/s000001: nobody else is there" in results[0].output
@@ -133,7 +132,7 @@ def test_the_page_of_checks_runs(tmp_path, monkeypatch):
 @pytest.mark.long
 def test_the_example_converter_passes_its_own_conformance_test(tmp_path):
     """The page's two Python blocks as a module and its test, outside the repository."""
-    converter, test = blocks("docs/adding_a_dataset.md", "python")
+    converter, test = blocks("docs/guides/adding_a_dataset.md", "python")
     (tmp_path / "my_datasets.py").write_text(converter)
     (tmp_path / "test_my_datasets.py").write_text("from my_datasets import CsvTrajectories\n" + test)
     done = subprocess.run(
@@ -149,7 +148,7 @@ def test_the_example_converter_passes_its_own_conformance_test(tmp_path):
 @pytest.mark.long
 def test_the_example_as_an_installed_package_is_a_dataset_like_every_other(tmp_path):
     """The page's package, built and installed by the page's own commands, into a folder of its own."""
-    page = "docs/adding_a_dataset.md"
+    page = "docs/guides/adding_a_dataset.md"
     package = tmp_path / "my-datasets"
     package.mkdir()
     (package / "my_datasets.py").write_text(blocks(page, "python")[0])
@@ -189,10 +188,10 @@ def test_what_the_architecture_page_adds_in_one_place_works(kind, tmp_path):
     code = """
 import shutil, sys
 from pathlib import Path
-from scenarionet_data import resources
+from scenarionet_data.schema import package_data
 copy = Path(sys.argv[1])
-shutil.copytree(resources.SCHEMAS, copy / "schemas"); shutil.copytree(resources.SQL, copy / "sql")
-resources.SCHEMAS, resources.SQL = copy / "schemas", copy / "sql"
+shutil.copytree(package_data.SCHEMAS, copy / "schemas"); shutil.copytree(package_data.SQL, copy / "sql")
+package_data.SCHEMAS, package_data.SQL = copy / "schemas", copy / "sql"
 kind, text = sys.argv[2], sys.argv[3]
 if kind == "derived column":
     with (copy / "schemas/metadata.toml").open("a") as file: file.write(text)
@@ -214,8 +213,9 @@ else:
     (result,) = [r for r in run_checks(lake) if r.name == "ego_moves_backwards"]
     assert result.doc
 """
-    sql = blocks("docs/architecture.md", "sql")
-    text = {"derived column": blocks("docs/architecture.md", "toml")[0], "filter": sql[0], "check": sql[1]}[kind]
+    page = "docs/explanation/architecture.md"
+    (column,), (filter_, check) = blocks(page, "toml"), blocks(page, "sql")
+    text = {"derived column": column, "filter": filter_, "check": check}[kind]
     done = subprocess.run(
         [sys.executable, "-c", code, str(tmp_path), kind, text],
         cwd=ROOT,

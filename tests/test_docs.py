@@ -16,11 +16,11 @@ from scenarionet_pipelines.cluster import profile as profiles
 from scenarionet_sim import sensors
 from tests.fixtures.examples import ROOT, blocks
 
-PAGES = (ROOT / "README.md", *(ROOT / "docs").glob("*.md"))
+PAGES = (ROOT / "README.md", *(page for page in (ROOT / "docs").rglob("*.md") if page.parent.name != "notebooks"))
 
 
 def test_data_dictionary_is_up_to_date():
-    written = (ROOT / "docs" / "data_dictionary.md").read_text("utf-8")
+    written = (ROOT / "docs" / "reference" / "data_dictionary.md").read_text("utf-8")
     assert written == dictionary.markdown(), "run `make docs`"
     readme = (ROOT / "README.md").read_text("utf-8")
     assert readme == dictionary.into_page(readme), "run `make docs`"
@@ -28,12 +28,15 @@ def test_data_dictionary_is_up_to_date():
 
 def test_the_page_of_clusters_is_true():
     """It names every profile, its own is one, and what it lets type can be parsed."""
-    page = (ROOT / "docs" / "cluster.md").read_text("utf-8")
+    page = (ROOT / "docs" / "guides" / "cluster.md").read_text("utf-8")
     assert [name for name in profiles.names() if f"| `{name}` |" not in page] == []
-    (profile,) = blocks("docs/cluster.md", "toml")
+    (profile,) = blocks("docs/guides/cluster.md", "toml")
     assert profiles.parse(profile, "mine.toml").workers == 2
     lines = [
-        line for kind in ("bash", "sh") for block in blocks("docs/cluster.md", kind) for line in block.splitlines()
+        line
+        for kind in ("bash", "sh")
+        for block in blocks("docs/guides/cluster.md", kind)
+        for line in block.splitlines()
     ]
     for line in lines:
         program, name, *words = shlex.split(line)
@@ -43,7 +46,7 @@ def test_the_page_of_clusters_is_true():
 
 def test_simulator_page_names_tests_that_exist():
     """In a row of the table, ``::test_name`` alone is in the file named before it."""
-    page, folder = (ROOT / "docs" / "simulator.md").read_text("utf-8"), ROOT / "tests" / "scenarionet_sim"
+    page, folder = (ROOT / "docs" / "guides" / "simulator.md").read_text("utf-8"), ROOT / "tests" / "scenarionet_sim"
     assert page.count("::test_") > 20
     for row in page.splitlines():
         where = ""
@@ -64,7 +67,7 @@ def test_pages_show_pictures_that_are_there_and_small():
     assert [path for path in shown if not 0 < path.stat().st_size < 150_000] == []
     assert set((ROOT / "docs" / "pictures").iterdir()) <= shown
     text = "".join(page.read_text("utf-8") for page in PAGES)
-    assert [name for name in notebooks.names() if f"(notebooks/{name}.md)" not in text] == []
+    assert [name for name in notebooks.names() if f"notebooks/{name}.md)" not in text] == []
 
 
 def test_links_lead_somewhere():
@@ -86,13 +89,13 @@ def anchors(page: Path) -> set[str]:
 
 
 def test_sensors_page_lists_every_sensor():
-    page = (ROOT / "docs" / "sensors.md").read_text("utf-8")
+    page = (ROOT / "docs" / "guides" / "sensors.md").read_text("utf-8")
     kinds = [name for name in sensors.__all__ if name not in ("Sensor", "Channel")]
     assert [name for name in kinds if f"| `{name}` |" not in page] == []
 
 
 def test_evaluation_page_explains_every_metric():
-    page = (ROOT / "docs" / "evaluation.md").read_text("utf-8")
+    page = (ROOT / "docs" / "guides" / "evaluation.md").read_text("utf-8")
     table = tables.load("results")
     explained = {column.name for column in (*table.columns, *table.derived)} - {"run", "scenario_id", "track_id"}
     assert [name for name in sorted(explained) if f"`{name}`" not in page] == []
@@ -100,7 +103,7 @@ def test_evaluation_page_explains_every_metric():
 
 def test_the_page_of_checks_is_true():
     """It lists every rule as its file says and every dataset's budgets; its rule of one's own is one."""
-    page = (ROOT / "docs" / "checks.md").read_text("utf-8")
+    page = (ROOT / "docs" / "guides" / "checks.md").read_text("utf-8")
     for check in map(rules.load, rules.names()):
         assert f"| `{check.name}` | {check.kind} | {check.doc} |" in page
     for dataset in converters.names():

@@ -16,7 +16,7 @@ from tests.fixtures.examples import ROOT, blocks
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.moments import along, moment
 
-PAGE = "docs/events.md"
+PAGE = "docs/guides/events.md"
 
 
 @pytest.mark.long

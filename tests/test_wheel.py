@@ -85,7 +85,7 @@ def test_the_source_distribution_holds_what_one_works_with(built):
         names = {name.partition("/")[2] for name in file.getnames()}
     assert {"Makefile", "README.md", "LICENSE", "pyproject.toml", "schemas/metadata.toml", "tests/conftest.py"} <= names
     assert {
-        "docs/architecture.md",
+        "docs/explanation/architecture.md",
         "sql/views/metadata.sql",
         "pipelines/scenarionet_pipelines/cli/__init__.py",
     } <= names

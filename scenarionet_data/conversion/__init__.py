@@ -6,7 +6,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from scenarionet_data.conversion.driver import Progress, convert, plan_conversion
+    from scenarionet_data.conversion.driver import convert, plan_conversion
     from scenarionet_data.conversion.jobs import Job, Outcome, convert_shard
     from scenarionet_data.conversion.pace import Pace, measure_pace
     from scenarionet_data.conversion.plan import Plan
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from scenarionet_data.conversion.watching import watch
 
 _HOMES = {
-    "driver": ("Progress", "convert", "plan_conversion"),
+    "driver": ("convert", "plan_conversion"),
     "jobs": ("Job", "Outcome", "convert_shard"),
     "pace": ("Pace", "measure_pace"),
     "plan": ("Plan",),
@@ -26,7 +26,7 @@ _HOMES = {
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
-    "Job", "Outcome", "Pace", "Plan", "Progress", "Report", "Selection", "convert", "convert_shard", "measure_pace",
+    "Job", "Outcome", "Pace", "Plan", "Report", "Selection", "convert", "convert_shard", "measure_pace",
     "parse_slice", "plan_conversion", "watch",
 ]  # fmt: skip
 

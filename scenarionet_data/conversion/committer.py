@@ -7,7 +7,8 @@ import time
 from scenarionet_data.conversion.jobs import Outcome
 from scenarionet_data.conversion.plan import Plan
 from scenarionet_data.conversion.report import Report
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.execution.worker_stats import WorkerStats
+from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord
 
@@ -28,6 +29,10 @@ class Basket:
     def add(self, outcome: Outcome) -> None:
         """Count an outcome; commit now and then, so that a killed job loses little."""
         report, record = self._report, outcome.record
+        if outcome.worker is not None:
+            scenarios = {"scenarios": record.num_scenarios, "bytes": sum(record.sizes)} if record else {"failed": 1}
+            stats = report.workers.setdefault(outcome.worker, WorkerStats())
+            stats.add(outcome.seconds, outcome.peak_memory, scenarios)
         if record is None:
             report.failed.append((outcome.shard, outcome.error or "unknown"))
             return

@@ -1,7 +1,7 @@
 """Raw recordings to a lake: plan what is left to do, run the shards, commit what is finished, report.
 
 What runs on a worker is ``jobs.convert_shard``; who runs it (this process, a pool, a cluster) is the caller's
-choice of ``run``, see ``runners``.
+choice of ``executor``.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 
 from scenarionet_data import converters
 from scenarionet_data.conversion.committer import Basket
-from scenarionet_data.conversion.jobs import Job, Outcome, convert_map, convert_shard, lost_shard, run_limited
+from scenarionet_data.conversion.jobs import Job, convert_map, convert_shard, lost_shard, run_limited
 from scenarionet_data.conversion.plan import Plan, largest_first, make_plan
 from scenarionet_data.conversion.remote_raw.downloads import kept_meanwhile
 from scenarionet_data.conversion.remote_raw.listing import RawPlace, listing
@@ -24,19 +24,16 @@ from scenarionet_data.conversion.selection import Choice, Selection
 from scenarionet_data.converters.base import Converter
 from scenarionet_data.converters.splits import guess_split
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.execution.executors import Run, runner
-from scenarionet_data.execution.worker_stats import Tally
+from scenarionet_data.execution.executors import Executor, executor_for
+from scenarionet_data.execution.progress import Progress
 from scenarionet_data.ingest.shard import Options, Shard
-from scenarionet_data.storage.files.local import LakeFiles, open_files
+from scenarionet_data.storage.files.lake_files import LakeFiles
+from scenarionet_data.storage.files.opening import open_files
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 
 _WORD = re.compile(r"[A-Za-z0-9._-]+")
-
-
-Progress = Callable[[int, int, int], None]
-"""Called with shards done, shards to do, scenarios converted."""
 
 
 @kept_meanwhile()
@@ -49,7 +46,7 @@ def convert(
     version: str | None = None,
     options: Options | None = None,
     workers: int = 1,
-    run: Run | None = None,
+    executor: Executor | None = None,
     limit: int | None = None,
     selection: Choice | None = None,
     replace_old: bool = False,
@@ -67,7 +64,7 @@ def convert(
         version: The dataset's release; the converter's default unless given.
         options: The converter's options.
         workers: Processes.
-        run: Runs jobs in place of the processes, for example on a cluster.
+        executor: Runs the shards instead of the processes, for example on a cluster.
         limit: Stop after that many scenarios, for a quick look.
         selection: Which of the recordings; all unless given.
         replace_old: Replace shards converted with other options, from changed files, or by another version.
@@ -101,8 +98,8 @@ def convert(
     map_jobs = [Job(dataset, shard, str(files.root), is_checked=is_checked) for shard in maps.shards]
     _convert_maps(files, map_jobs, maps, report)
     jobs = [Job(dataset, shard, str(files.root), limit, is_checked) for shard in plan.shards]
-    tally, run = Tally(_counts), run or runner(min(workers, len(jobs)))
-    outcomes = tally(run, jobs, convert_shard, lost_shard) if limit is None else run_limited(jobs, limit)
+    executor = executor or executor_for(min(workers, len(jobs)))
+    outcomes = executor(jobs, convert_shard, lost_shard) if limit is None else run_limited(jobs, limit)
     basket = Basket(files, plan, f"convert {dataset}", report)
     if on_progress:
         on_progress(0, len(jobs), 0)
@@ -113,7 +110,6 @@ def convert(
                 on_progress(done, len(jobs), report.converted)
     finally:
         basket.commit()
-    report.workers = tally.shares
     report.snapshot = commits.consolidate(files).number
     report.seconds = time.monotonic() - started
     return report
@@ -188,10 +184,3 @@ def _convert_maps(files: LakeFiles, jobs: list[Job], plan: Plan, report: Report)
     for job in jobs:
         basket.add(convert_map(job))
     basket.commit()
-
-
-def _counts(outcome: Outcome) -> dict[str, int]:
-    """What a worker's share of a conversion is measured by."""
-    if outcome.record is None:
-        return {"failed": 1}
-    return {"scenarios": outcome.record.num_scenarios, "bytes": sum(outcome.record.sizes)}

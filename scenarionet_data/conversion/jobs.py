@@ -14,9 +14,10 @@ from scenarionet_data.conversion.remote_raw.downloads import at_hand
 from scenarionet_data.conversion.remote_raw.listing import rename
 from scenarionet_data.converters.base import Converter
 from scenarionet_data.errors import LakeError, SourceError
+from scenarionet_data.execution.worker import peak_memory, worker_name
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.quality.audit import audit, audit_shared_map
-from scenarionet_data.storage.files.local import open_files
+from scenarionet_data.storage.files.opening import open_files
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord, find_finished
 from scenarionet_data.storage.write.shard_writer import ShardWriter
 from scenarionet_data.storage.write.shared_map import write_shared_map
@@ -51,6 +52,8 @@ class Outcome:
         error: Why it failed.
         was_finished: An earlier job had finished it already.
         seconds: Time it took.
+        worker: Name of the process that converted it; None if the job killed it.
+        peak_memory: Peak memory of that process [bytes].
     """
 
     shard: str
@@ -58,6 +61,8 @@ class Outcome:
     error: str | None = None
     was_finished: bool = False
     seconds: float = 0.0
+    worker: str | None = None
+    peak_memory: int = 0
 
 
 def lost_shard(job: Job, reason: str) -> Outcome:
@@ -84,7 +89,7 @@ def convert_map(job: Job) -> Outcome:
 
 
 def convert_shard(job: Job) -> Outcome:
-    """Convert one shard, or adopt it when an earlier job finished it. Runs on a worker.
+    """Convert one shard, or adopt it if an earlier job finished it, and measure that. Runs on a worker.
 
     A record that cannot become a scenario goes to quarantine and the shard goes on; a shard that cannot be
     read fails alone.
@@ -93,6 +98,11 @@ def convert_shard(job: Job) -> Outcome:
         LakeError: The lake cannot be written; no other shard could be either.
     """
     started = time.monotonic()
+    outcome = _convert_shard(job)
+    return replace(outcome, seconds=time.monotonic() - started, worker=worker_name(), peak_memory=peak_memory())
+
+
+def _convert_shard(job: Job) -> Outcome:
     converter, files, shard = converters.get(job.converter), open_files(job.lake), job.shard
     if job.max_scenarios is None:
         finished = find_finished(files, shard, converter.version)
@@ -108,13 +118,13 @@ def convert_shard(job: Job) -> Outcome:
     except (LakeError, MemoryError):
         raise
     except SourceError as error:
-        return Outcome(shard.name, None, error=str(error), seconds=time.monotonic() - started)
+        return Outcome(shard.name, None, error=str(error))
     except Exception as error:  # a converter's own fault with one file must not end the run
         message = f"{type(error).__name__}: {error} (while reading {shard.root})"
-        return Outcome(shard.name, None, error=message, seconds=time.monotonic() - started)
+        return Outcome(shard.name, None, error=message)
     finally:
         writer.abandon()
-    return Outcome(shard.name, record, seconds=time.monotonic() - started)
+    return Outcome(shard.name, record)
 
 
 def _write_scenarios(

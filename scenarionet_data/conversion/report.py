@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from scenarionet_data.execution.worker_stats import Share
+from scenarionet_data.execution.worker_stats import WorkerStats
 
 
 @dataclass
@@ -39,7 +39,7 @@ class Report:
     seconds: float = 0.0
     snapshot: int = 0
     size: int = 0
-    workers: dict[str, Share] = field(default_factory=dict)
+    workers: dict[str, WorkerStats] = field(default_factory=dict)
 
     @property
     def is_clean(self) -> bool:

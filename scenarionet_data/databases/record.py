@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 from scenarionet_data.errors import BadParameter, DatabaseExists, DatabaseNotFound
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import reading
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.lake_files import LakeFiles
 
 _FOLDER = "databases"
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]*")

@@ -21,7 +21,7 @@ from scenarionet_data.databases import record as records
 from scenarionet_data.errors import BadParameter, UserColumnNotFound
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import reading, writing
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.lake_files import LakeFiles
 
 _FOLDER = "layers"
 _NAME = re.compile(r"[a-z][a-z0-9_]*")

@@ -17,7 +17,7 @@ from scenarionet_data.databases.record import DatabaseRecord, Lineage
 from scenarionet_data.errors import LakeError
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import writing
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.lake_files import LakeFiles
 
 _ROWS_PER_GROUP = 65_536  # one row group per DuckDB thread
 

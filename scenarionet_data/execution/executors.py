@@ -1,6 +1,6 @@
-"""Who does the jobs: this process or a pool of processes here; a cluster elsewhere follows the same protocol.
+"""Executors: run jobs in this process or in a pool of processes; a cluster implements the same protocol.
 
-What a job leaves behind depends on the job alone, so nothing but the time it takes depends on who does it.
+The result of a job depends on the job alone, so the choice of executor changes nothing but the time a run takes.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from functools import partial
 from itertools import islice
 from multiprocessing import get_context
 from typing import Protocol, TypeVar
@@ -20,99 +19,102 @@ from scenarionet_data.execution.worker import follow_parent
 Work = TypeVar("Work")
 Done = TypeVar("Done")
 
-_KILLED = "a worker process was killed, most often for memory"
-_IN_VAIN = 3
-"""Pools that end, one after the other, before anything is done: the jobs are not to blame then."""
+_OUT_OF_MEMORY = "it needs more memory than is available; use a larger machine or fewer workers"
+_KILLED = "a worker process was killed, usually because the machine ran out of memory"
+_MAX_IDLE_RESTARTS = 3
+"""Consecutive pools that break before finishing a job: then the cause is not one of the jobs."""
 
-Lost = Callable[[Work, str], Done]
-"""What becomes of a job that its worker did not survive: the job, and what happened."""
+OnLost = Callable[[Work, str], Done]
+"""Makes the result of a job that kills its worker, from the job and the reason."""
 
 
-class Run(Protocol):
-    """Who does jobs."""
+class Executor(Protocol):
+    """Runs jobs."""
 
     def __call__(
-        self, jobs: Iterable[Work], do: Callable[[Work], Done], lost: Lost[Work, Done] | None = None
+        self, jobs: Iterable[Work], do: Callable[[Work], Done], on_lost: OnLost[Work, Done] | None = None
     ) -> Iterator[Done]:
-        """Do every job; what each returned, in the order they are finished.
+        """Run every job and yield the results in order of completion.
 
         Args:
-            jobs: What there is to do; picklable. Read as it is needed.
-            do: Does one: a function of a module. What it raises ends the run.
-            lost: Stands in for a job that no worker survives, where that is known; unless given, it ends the run.
+            jobs: Picklable; read lazily.
+            do: Runs one job: a module-level function. An exception it raises ends the run.
+            on_lost: Makes a result for a job that kills its worker; by default such a job ends the run.
 
         Raises:
-            WorkerLost: Workers are killed whatever they do, or by a job that nothing stands in for.
+            WorkerLost: Workers are killed regardless of the job, or a job kills its worker and there is no ``on_lost``.
         """
         ...
 
 
-def run_here(jobs: Iterable[Work], do: Callable[[Work], Done], lost: Lost[Work, Done] | None = None) -> Iterator[Done]:
-    """One job after the other, in this process. A :class:`Run`."""
-    return (_settled(job, partial(do, job), lost) for job in jobs)
+def run_serially(
+    jobs: Iterable[Work], do: Callable[[Work], Done], on_lost: OnLost[Work, Done] | None = None
+) -> Iterator[Done]:
+    """Run jobs one after the other in this process. An :class:`Executor`."""
+    for job in jobs:
+        try:
+            result = do(job)
+        except MemoryError:
+            result = _replacement(job, _OUT_OF_MEMORY, on_lost)
+        yield result
 
 
-def _settled(job: Work, result: Callable[[], Done], lost: Lost[Work, Done] | None) -> Done:
-    """A job's result, or what stands in for it when it needs more memory than there is."""
-    try:
-        return result()
-    except MemoryError:
-        return _stand_in(job, "it needs more memory than there is; give it more, or fewer --workers", lost)
-
-
-def _stand_in(job: Work, reason: str, lost: Lost[Work, Done] | None) -> Done:
-    """What becomes of a job that cannot be done."""
-    if lost is None:
+def _replacement(job: Work, reason: str, on_lost: OnLost[Work, Done] | None) -> Done:
+    """The result of a job that cannot be run."""
+    if on_lost is None:
         raise WorkerLost(reason)
-    return lost(job, reason)
+    return on_lost(job, reason)
 
 
-def runner(workers: int) -> Run:
-    """This process for one worker, else a pool of processes."""
-    return run_here if workers <= 1 else Pool(workers)
+def executor_for(workers: int) -> Executor:
+    """:func:`run_serially` for one worker, else a :class:`ProcessExecutor`."""
+    return run_serially if workers <= 1 else ProcessExecutor(workers)
 
 
 @dataclass(frozen=True)
-class Pool:
-    """Processes of this machine, with two jobs each in flight. A :class:`Run`.
+class ProcessExecutor:
+    """Runs jobs in processes of this machine, with up to two jobs per process in flight. An :class:`Executor`.
 
     Attributes:
-        workers: How many processes.
+        workers: Number of processes.
     """
 
     workers: int
 
     def __call__(
-        self, jobs: Iterable[Work], do: Callable[[Work], Done], lost: Lost[Work, Done] | None = None
+        self, jobs: Iterable[Work], do: Callable[[Work], Done], on_lost: OnLost[Work, Done] | None = None
     ) -> Iterator[Done]:
-        """Do every job; see :class:`Run`.
+        """Run every job; see :class:`Executor`.
 
-        When a worker is killed nobody can tell for which job: those in flight are done again at the end, each alone.
+        A killed worker breaks the whole pool without a hint at the job that caused it: all jobs in flight become
+        suspects, and suspects run again at the end, each in a pool of its own.
         """
-        queue, suspects, in_vain = iter(jobs), list[Work](), 0
+        queue, suspects, idle_restarts = iter(jobs), list[Work](), 0
         while True:
             num_suspects = len(suspects)
-            num_done = yield from self._until_killed(queue, do, lost, suspects)
+            num_done = yield from self._run_until_broken(queue, do, on_lost, suspects)
             if len(suspects) == num_suspects:
                 break
-            in_vain = 0 if num_done else in_vain + 1
-            if in_vain == _IN_VAIN:
-                raise WorkerLost(
-                    f"{_KILLED}; run the same command again, with fewer --workers: what is finished is kept"
-                )
+            idle_restarts = 0 if num_done else idle_restarts + 1
+            if idle_restarts == _MAX_IDLE_RESTARTS:
+                raise WorkerLost(f"{_KILLED}; finished work is kept: run the same command again with fewer workers")
         for job in suspects:
             killers: list[Work] = []
-            yield from Pool(1)._until_killed(iter([job]), do, lost, killers)
+            yield from ProcessExecutor(1)._run_until_broken(iter([job]), do, on_lost, killers)
             if killers:
-                yield _stand_in(job, f"{_KILLED}, also when nothing else ran; give it more memory", lost)
+                yield _replacement(job, f"{_KILLED}, even with no other job running; give it more memory", on_lost)
 
-    def _until_killed(
-        self, queue: Iterator[Work], do: Callable[[Work], Done], lost: Lost[Work, Done] | None, suspects: list[Work]
+    def _run_until_broken(
+        self,
+        queue: Iterator[Work],
+        do: Callable[[Work], Done],
+        on_lost: OnLost[Work, Done] | None,
+        suspects: list[Work],
     ) -> Generator[Done, None, int]:
-        """Do jobs until there are no more or a worker is killed: who was in flight is a suspect then.
+        """Run jobs until the queue is empty or a worker is killed; then add the jobs in flight to ``suspects``.
 
         Returns:
-            How many were done.
+            Number of finished jobs.
         """
         running: dict[Future[Done], Work] = {}
         num_done = 0
@@ -121,11 +123,19 @@ class Pool:
             try:
                 while True:
                     for job in islice(queue, 2 * self.workers - len(running)):
-                        running[_submitted(pool, do, job)] = job
+                        try:
+                            future = pool.submit(do, job)
+                        except BrokenProcessPool as error:  # collect the results that are ready before giving up
+                            future = Future()
+                            future.set_exception(error)
+                        running[future] = job
                     if not running:
                         return num_done
                     for future in wait(running, return_when=FIRST_COMPLETED).done:
-                        result = _settled(running[future], future.result, lost)
+                        try:
+                            result = future.result()
+                        except MemoryError:
+                            result = _replacement(running[future], _OUT_OF_MEMORY, on_lost)
                         del running[future]
                         num_done += 1
                         yield result
@@ -135,13 +145,3 @@ class Pool:
             finally:
                 for future in running:
                     future.cancel()
-
-
-def _submitted(pool: ProcessPoolExecutor, do: Callable[[Work], Done], job: Work) -> Future[Done]:
-    """The job's future; of a pool that has lost a worker meanwhile, one that says so."""
-    try:
-        return pool.submit(do, job)
-    except BrokenProcessPool as error:
-        future: Future[Done] = Future()
-        future.set_exception(error)
-        return future

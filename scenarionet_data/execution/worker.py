@@ -1,4 +1,7 @@
-"""How a worker process behaves towards the process that started it, and what is known of it. Light: it acts at once."""
+"""Startup of worker processes, their name and memory use.
+
+Imports the standard library alone, so that a worker follows its parent before it loads anything heavy.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +17,9 @@ from pathlib import Path
 
 
 def follow_parent() -> None:
-    """Leave Ctrl-C, which reaches every process of a terminal, to the parent; end when the parent is gone.
+    """Ignore Ctrl-C, which reaches every process of a terminal; exit when the parent process exits.
 
-    Nothing is lost by ending at once: what a worker has not finished has no name yet in the lake.
+    Exiting at once is safe: unfinished files have no final name in the lake yet.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = parent_process()
@@ -30,13 +33,13 @@ def _end_with(parent: BaseProcess) -> None:
 
 
 def worker_name() -> str:
-    """What this process is called in reports: machine and process."""
+    """Name of this process in reports: host and process id."""
     return f"{platform.node()}-{os.getpid()}"
 
 
 def peak_memory() -> int:
-    """The most resident memory this process ever had [bytes]."""
-    try:  # ru_maxrss would count what its parent had before it became this process
+    """Peak resident memory of this process [bytes]."""
+    try:  # ru_maxrss includes the parent's memory from before exec
         status = Path("/proc/self/status").read_text()
         return 1024 * int(status.split("VmHWM:")[1].split()[0])
     except (OSError, IndexError):

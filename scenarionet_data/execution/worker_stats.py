@@ -1,24 +1,24 @@
-"""What each worker did, whoever the workers are: every result brings along who made it, and how."""
+"""Statistics by worker: jobs, time and memory, measured on the worker and sent back with each result."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Generic
+from typing import Generic
 
-from scenarionet_data.execution.executors import Done, Lost, Run, Work
+from scenarionet_data.execution.executors import Done, Executor, OnLost, Work
 from scenarionet_data.execution.worker import peak_memory, worker_name
 
 
 @dataclass
-class Share:
-    """One worker's share of a run.
+class WorkerStats:
+    """Work done by one worker.
 
     Attributes:
-        jobs: How many it did.
-        seconds: Time it worked on them.
-        peak_memory: The most memory it ever had [bytes].
+        jobs: Number of finished jobs.
+        seconds: Time spent on them.
+        peak_memory: Peak resident memory of the process [bytes].
         counts: Sums over its results, for example of scenarios.
     """
 
@@ -27,10 +27,18 @@ class Share:
     peak_memory: int = 0
     counts: dict[str, int] = field(default_factory=dict)
 
+    def add(self, seconds: float, peak_memory: int, counts: Mapping[str, int] | None = None) -> None:
+        """Add a finished job."""
+        self.jobs += 1
+        self.seconds += seconds
+        self.peak_memory = max(self.peak_memory, peak_memory)
+        for name, number in (counts or {}).items():
+            self.counts[name] = self.counts.get(name, 0) + number
+
 
 @dataclass(frozen=True)
-class _Result(Generic[Done]):
-    """A result and how it came about; of no worker when none survived it."""
+class _Measurement(Generic[Done]):
+    """A result with its worker and cost; no worker if the job killed it."""
 
     value: Done
     worker: str | None = None
@@ -39,8 +47,8 @@ class _Result(Generic[Done]):
 
 
 @dataclass(frozen=True)
-class _Measured(Generic[Work, Done]):
-    """Does a job on a worker and measures that; picklable."""
+class _Measure(Generic[Work, Done]):
+    """Runs a job on a worker and measures it; picklable."""
 
     do: Callable[[Work], Done]
 
@@ -48,41 +56,32 @@ class _Measured(Generic[Work, Done]):
     def __name__(self) -> str:
         return self.do.__name__
 
-    def __call__(self, job: Work) -> _Result[Done]:
+    def __call__(self, job: Work) -> _Measurement[Done]:
         started = time.monotonic()
         value = self.do(job)
-        return _Result(value, worker_name(), time.monotonic() - started, peak_memory())
+        return _Measurement(value, worker_name(), time.monotonic() - started, peak_memory())
 
 
-class Tally:
-    """Counts by worker.
+class MeasuringExecutor:
+    """Runs jobs with another executor and collects statistics by worker. An :class:`Executor`.
 
     Args:
-        counts: What to sum of a result, by name.
+        executor: Runs the jobs.
 
     Attributes:
-        shares: By the worker's name.
+        stats: By the worker's name.
     """
 
-    def __init__(self, counts: Callable[[Any], Mapping[str, int]] = lambda _: {}) -> None:
-        self.shares: dict[str, Share] = {}
-        self._counts = counts
+    def __init__(self, executor: Executor) -> None:
+        self.stats: dict[str, WorkerStats] = {}
+        self._executor = executor
 
     def __call__(
-        self, run: Run, jobs: Iterable[Work], do: Callable[[Work], Done], lost: Lost[Work, Done] | None = None
+        self, jobs: Iterable[Work], do: Callable[[Work], Done], on_lost: OnLost[Work, Done] | None = None
     ) -> Iterator[Done]:
-        """Have ``run`` do the jobs, and note who did which; see :class:`Run`."""
-        replacement = None if lost is None else lambda job, why: _Result(lost(job, why))
-        for result in run(jobs, _Measured(do), replacement):
-            self._add(result)
+        """Run every job; see :class:`Executor`."""
+        replacement = None if on_lost is None else lambda job, reason: _Measurement(on_lost(job, reason))
+        for result in self._executor(jobs, _Measure(do), replacement):
+            if result.worker is not None:
+                self.stats.setdefault(result.worker, WorkerStats()).add(result.seconds, result.peak_memory)
             yield result.value
-
-    def _add(self, result: _Result[Any]) -> None:
-        if result.worker is None:
-            return
-        share = self.shares.setdefault(result.worker, Share())
-        share.jobs += 1
-        share.seconds += result.seconds
-        share.peak_memory = max(share.peak_memory, result.peak_memory)
-        for name, number in self._counts(result.value).items():
-            share.counts[name] = share.counts.get(name, 0) + number

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from scenarionet_data.errors import InvalidScenario
-from scenarionet_data.execution.executors import Run
+from scenarionet_data.execution.executors import Executor
 from scenarionet_data.export.pickling import Written, write_scenarios
 from scenarionet_data.scenario.description import ScenarioDescription
 
@@ -36,13 +36,15 @@ class _Part:
     end: int
 
 
-def write_parts(scenarios: Iterable[ScenarioDescription], draft: Path, run: Run) -> Iterator[Written | InvalidScenario]:
+def write_parts(
+    scenarios: Iterable[ScenarioDescription], draft: Path, executor: Executor
+) -> Iterator[Written | InvalidScenario]:
     """Pickle scenarios in parts; what became of each, in their order.
 
     Args:
         scenarios: A sequence that can be pickled, such as a ScenarioLoader.
         draft: The database being written; a place that every worker sees.
-        run: Who writes.
+        executor: Who writes.
     """
     sequence = cast(Sequence[ScenarioDescription], scenarios)
     (draft / _SOURCE).write_bytes(pickle.dumps(sequence))
@@ -50,7 +52,7 @@ def write_parts(scenarios: Iterable[ScenarioDescription], draft: Path, run: Run)
     parts = [_Part(draft, first, min(first + PART, total)) for first in range(0, total, PART)]
     waiting: dict[int, Entries] = {}
     following = 0
-    for first, entries in run(parts, _write_part, _lost_part):
+    for first, entries in executor(parts, _write_part, _lost_part):
         waiting[first] = entries
         while following in waiting:
             yield from waiting.pop(following)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import secrets
 import shutil
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sized
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from scenarionet_data.errors import BadParameter, DatabaseExists, InvalidScenario, LakeError, ScenarioNetError
-from scenarionet_data.execution.executors import Run
+from scenarionet_data.execution.executors import Executor
+from scenarionet_data.execution.progress import Progress
 from scenarionet_data.export.parts import write_parts
 from scenarionet_data.export.pickling import Written, dump, twice, write_scenarios
 from scenarionet_data.scenario.description import ScenarioDescription
@@ -47,8 +48,8 @@ def export(
     directory: Path,
     *,
     replace: bool = False,
-    run: Run | None = None,
-    on_progress: Callable[[int], None] | None = None,
+    executor: Executor | None = None,
+    on_progress: Progress | None = None,
 ) -> ExportReport:
     """Write a ScenarioNet database.
 
@@ -56,8 +57,8 @@ def export(
         scenarios: In the order of MetaDrive's scenario index.
         directory: The database; new or empty, unless ``replace``.
         replace: Replace a database of pickles that is there.
-        run: Writes parts of it, for example on a cluster; ``scenarios`` is a sequence that can be pickled then.
-        on_progress: Called with the number of scenarios done.
+        executor: Writes parts of it, for example on a cluster; ``scenarios`` is a sequence that can be pickled then.
+        on_progress: Called after each scenario; the total is 0 where ``scenarios`` has no length.
 
     Raises:
         DatabaseExists: ``directory`` is not empty, or holds other things than a database.
@@ -69,16 +70,16 @@ def export(
     _check_target(directory, replace)
     summary: dict[str, Any] = {}
     refused: list[InvalidScenario] = []
-    num_bytes = 0
+    num_bytes, total = 0, len(scenarios) if isinstance(scenarios, Sized) else 0
     with _new_directory(directory) as draft:
-        entries = write_scenarios(scenarios, draft) if run is None else write_parts(scenarios, draft, run)
+        entries = write_scenarios(scenarios, draft) if executor is None else write_parts(scenarios, draft, executor)
         for done, entry in enumerate(entries, start=1):
             try:
                 num_bytes += _take(entry, draft, summary)
             except InvalidScenario as error:
                 refused.append(error)
             if on_progress:
-                on_progress(done)
+                on_progress(done, total, done)
         if not summary:
             raise refused[0] if refused else BadParameter(f"{directory}: there is no scenario to export")
         dump(_without_arrays(summary), draft / SUMMARY_FILE)

@@ -45,7 +45,7 @@ from scenarionet_data.query.engine import Engine, Rows
 from scenarionet_data.query.members import ADDRESS_COLUMNS, locate
 from scenarionet_data.query.named_sql import QUESTIONS
 from scenarionet_data.query.views import FILE_TABLES, table_files
-from scenarionet_data.storage.files.local import open_files
+from scenarionet_data.storage.files.opening import open_files
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
@@ -132,7 +132,7 @@ class Lake:
         """Rows of one SELECT over the lake's views.
 
         They are metadata, tracks, lights, maps, states, steps, objects, shards, quarantine, and those of
-        docs/events.md.
+        docs/guides/events.md.
 
         Args:
             query: The SELECT.

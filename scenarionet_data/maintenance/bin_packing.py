@@ -9,12 +9,12 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.storage.files.local import open_files
+from scenarionet_data.storage.files.opening import open_files
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord
 from scenarionet_data.storage.write import layouts, rewriting
-from scenarionet_data.storage.write.layouts import Profile
+from scenarionet_data.storage.write.layouts import Layout
 
 _SCENARIOS_PER_BIN = 1024
 _WELL_FILLED = 0.5
@@ -66,7 +66,7 @@ def plan_compaction(
     return [Bin(str(files.root), profile, tuple(records)) for records in found]
 
 
-def _bins(records: Iterable[ShardRecord], profile: Profile) -> Iterator[list[ShardRecord]]:
+def _bins(records: Iterable[ShardRecord], profile: Layout) -> Iterator[list[ShardRecord]]:
     """Shards to write together; those that lie well already are left out."""
     units: dict[str, list[ShardRecord]] = defaultdict(list)
     for record in records:
@@ -78,13 +78,13 @@ def _bins(records: Iterable[ShardRecord], profile: Profile) -> Iterator[list[Sha
             yield [record for unit in together for record in unit]
 
 
-def _is_well(unit: list[ShardRecord], profile: Profile, filled: float) -> bool:
+def _is_well(unit: list[ShardRecord], profile: Layout, filled: float) -> bool:
     """Whether shards lie in files of a profile, no more than they need, and filled at least that much."""
     num_files = sum(name.startswith("tracks/") for name in content_sizes(unit))
     scenarios = sum(record.num_scenarios for record in unit)
     is_least = num_files <= profile.num_files(scenarios)
     is_filled = scenarios >= filled * num_files * profile.scenarios_per_file
-    return layouts.profile_of(unit[0]) == profile and (is_least if not filled else is_filled)
+    return layouts.layout_of(unit[0]) == profile and (is_least if not filled else is_filled)
 
 
 def _filled(units: list[list[ShardRecord]]) -> Iterator[list[list[ShardRecord]]]:

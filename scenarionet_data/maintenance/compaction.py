@@ -8,14 +8,16 @@ is by the next.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from scenarionet_data.errors import LakeError
-from scenarionet_data.execution.executors import Run, runner
+from scenarionet_data.execution.executors import Executor, executor_for
+from scenarionet_data.execution.progress import Progress
 from scenarionet_data.maintenance.bin_packing import Bin, content_sizes, plan_compaction
-from scenarionet_data.storage.files.local import LakeFiles, open_files
+from scenarionet_data.storage.files.lake_files import LakeFiles
+from scenarionet_data.storage.files.opening import open_files
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
@@ -81,17 +83,13 @@ class Compaction:
         self.bytes_after += sum(after.values())
 
 
-Progress = Callable[[int, int, int], None]
-"""Called with bins done, bins to do, scenarios rewritten."""
-
-
 def compact(
     lake: str | Path,
     profile: str = "training",
     *,
     where: Mapping[str, str] | None = None,
     workers: int = 1,
-    run: Run | None = None,
+    executor: Executor | None = None,
     on_progress: Progress | None = None,
 ) -> Compaction:
     """Rewrite a lake's files in a profile, as one new snapshot; ids, content hashes and databases stay as they are.
@@ -101,7 +99,7 @@ def compact(
         profile: ``training``: a scenario a row group, up to 64 a file; ``analytics``: 16 a row group, up to 1,024.
         where: Shell patterns for ``dataset``, ``version`` and ``split``; everything unless given.
         workers: Processes.
-        run: Does the work in place of the processes, for example on a cluster.
+        executor: Does the work in place of the processes, for example on a cluster.
         on_progress: Told about every finished bin.
 
     Raises:
@@ -114,7 +112,7 @@ def compact(
     files.sweep()
     for _ in range(_ROUNDS):
         bins = plan_compaction(lake, profile, where=where)
-        late = _rewrite(files, bins, run or runner(min(workers, len(bins))), report, on_progress)
+        late = _rewrite(files, bins, executor or executor_for(min(workers, len(bins))), report, on_progress)
         report.left = sum(len(each.old) for each in late)
         if not late:
             break
@@ -138,7 +136,7 @@ def _lost(job: Bin, reason: str) -> Outcome:
 
 
 def _rewrite(
-    files: LakeFiles, bins: list[Bin], run: Run, report: Compaction, on_progress: Progress | None
+    files: LakeFiles, bins: list[Bin], executor: Executor, report: Compaction, on_progress: Progress | None
 ) -> list[Rewritten]:
     """Rewrite bins and commit them; returns those that other jobs have changed meanwhile."""
     late: list[Rewritten] = []
@@ -147,7 +145,7 @@ def _rewrite(
     num_scenarios, committed_at = 0, time.monotonic()
     if on_progress:
         on_progress(0, len(bins), 0)
-    for done, outcome in enumerate(run(bins, compact_bin, _lost), start=1):
+    for done, outcome in enumerate(executor(bins, compact_bin, _lost), start=1):
         if outcome.error:
             failed.append(outcome)
         else:

@@ -11,7 +11,7 @@ from scenarionet_data.databases.record import Database
 from scenarionet_data.errors import LakeError
 from scenarionet_data.schema import tables
 from scenarionet_data.storage import evaluation_runs
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
 from scenarionet_data.storage.verifying import Damage, unreadable
 

@@ -6,25 +6,24 @@ Files only: whether what scenarios say makes sense is asked by ``catalog.checks`
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 import pyarrow as pa
 
 from scenarionet_data.errors import LakeError
+from scenarionet_data.execution.progress import Progress
 from scenarionet_data.maintenance import database_checks
 from scenarionet_data.maintenance.repair_advice import Inputs, remedy
 from scenarionet_data.maintenance.vacuuming import list_files
-from scenarionet_data.storage.files.local import LakeFiles, open_files
+from scenarionet_data.storage.files.lake_files import LakeFiles
+from scenarionet_data.storage.files.opening import open_files
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests, metadata_files
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
 from scenarionet_data.storage.verifying import Damage, Verifier, Written, listed, unreadable
-
-Progress = Callable[[int, int], None]
-"""Called with files read and files to read."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +104,8 @@ def fsck(
     damages += (each for name in _live_metadata(there) for each in unreadable(files, name))
     verifier = Verifier(files, is_deep=is_deep, workers=workers or os.cpu_count() or 1)
     told = {damage.file for damage in damages}
-    damages += verifier.files({name: known for name, known in written.items() if name not in told}, on_progress)
+    read = {name: known for name, known in written.items() if name not in told}
+    damages += verifier.files(read, on_progress and (lambda done, total: on_progress(done, total, 0)))
     broken = {damage.file for damage in damages}
     for number in sorted({*database_checks.bases(files), max(there, default=0)} & set(there)):
         if broken.isdisjoint((*there[number].manifests, *there[number].metadata)):

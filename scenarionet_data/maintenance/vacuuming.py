@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from scenarionet_data.databases import record as databases
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.storage.files.local import LakeFiles, Listed, open_files
+from scenarionet_data.execution.progress import Progress
+from scenarionet_data.storage.files.lake_files import LakeFiles, Listed
+from scenarionet_data.storage.files.opening import open_files
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 
@@ -23,9 +25,6 @@ UNCOMMITTED_FOR = 24 * 3600.0
 """How long a file that no snapshot names is left alone [s]: a job at work may be about to commit it."""
 
 _FOLDERS = ("snapshots", "metadata", "tracks", "lights", "maps", "quarantine")
-
-Progress = Callable[[int, int], None]
-"""Called with files deleted and files to delete."""
 
 
 @dataclass(frozen=True)
@@ -137,7 +136,7 @@ def vacuum(
         if listed.name not in named and files.remove_unchanged(listed):
             deleted.append(listed)
         if on_progress:
-            on_progress(done, len(plan.files))
+            on_progress(done, len(plan.files), 0)
     expired = tuple(sorted(gone))
     kept = tuple(number for number in snapshots.numbers(files) if number not in gone)
     return Vacuum(expired, kept, plan.needed, tuple(deleted), plan.young, is_done=True)

@@ -1,4 +1,4 @@
-"""What a pack holds: copied row groups, tiles of shared maps, rows of metadata and users' columns, the database."""
+"""Contents of a pack: rows of its members, tiles of shared maps, metadata, user columns, and the database."""
 
 from __future__ import annotations
 
@@ -6,28 +6,27 @@ import hashlib
 import json
 import shutil
 from collections import defaultdict
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
 from dataclasses import asdict
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
-import pyarrow.compute as pc
+import pyarrow.parquet as pq
 
 from scenarionet_data.databases import user_columns
 from scenarionet_data.databases.record import Database
+from scenarionet_data.execution.progress import Progress
 from scenarionet_data.packs import origins, tiles
 from scenarionet_data.schema import tables
-from scenarionet_data.storage.files.errors import writing
-from scenarionet_data.storage.files.local import LakeFiles, sha256
-from scenarionet_data.storage.read.parquet.row_group_copy import RowGroupSource, RowGroupWriter
-from scenarionet_data.storage.read.scenario_rows import Address, ScenarioRows
+from scenarionet_data.storage.files.errors import reading, writing
+from scenarionet_data.storage.files.lake_files import LakeFiles, sha256
+from scenarionet_data.storage.read.scenario_rows import ScenarioRows
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord, partition
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
+from scenarionet_data.storage.write.relocation import addresses, copy_rows, provenance, with_addresses
 from scenarionet_data.storage.write.shard_writer import SCENARIOS_PER_FILE
 from scenarionet_data.storage.write.table_file import write_table
 
@@ -36,10 +35,8 @@ if TYPE_CHECKING:
 
 SUMS = "SHA256SUMS"
 _SHARD = ("dataset", "version", "split", "converter_version", "options")
+_MAP_FOOTER = ("scenarionet.map", "scenarionet.licence")
 _ROWS_PER_GROUP = 65_536
-
-Progress = Callable[[int, int], None]
-"""Called with steps done and steps to do: each scenario is copied, and read back."""
 
 
 class Contents:
@@ -66,13 +63,11 @@ class Contents:
         self._target = target
         self._shards = _shards_of_file(holder)
         self._rows = {table: ScenarioRows(holder.files, table) for table in ("tracks", "lights", "maps")}
-        self._open = lru_cache(maxsize=32)(lambda name: RowGroupSource(holder.files.path(name)))
 
     def write(self) -> None:
         """Write everything, SHA256SUMS last."""
         query = "SELECT r.* FROM metadata_rows AS r SEMI JOIN members USING (scenario_id)"
         rows = self._holder.arrow(query, members=self._database.members.select(["scenario_id"]))
-        rows = rows.cast(tables.load("metadata").schema)
         records = [self._write_shard(f"packed-{k}", group) for k, group in enumerate(self._by_shard(rows))]
         records += self._write_shared_maps(rows)
         self._write_layers(rows["scenario_id"].combine_chunks())
@@ -87,7 +82,7 @@ class Contents:
         """Note progress."""
         self._num_done += num_scenarios
         if self._on_progress:
-            self._on_progress(self._num_done, 2 * len(self._database))
+            self._on_progress(self._num_done, 2 * len(self._database), self._num_done // 2)
 
     def _publish(self, temporary: Path, name: str, digest: str | None = None) -> None:
         self.sums[name] = digest or sha256(temporary)
@@ -96,36 +91,31 @@ class Contents:
     # --- shards -------------------------------------------------------------------------------------
 
     def _by_shard(self, rows: pa.Table) -> Iterator[pa.Table]:
-        """The rows of each new shard, in the order they lie in the lake."""
+        """The rows of each new shard, in the order of their files in the lake."""
         options = [self._shards[name][0]["options"] for name in rows["tracks_file"].to_pylist()]
         listed = rows.append_column("options", pa.array(options, pa.string()))
-        keys = [(name, "ascending") for name in (*_SHARD, "tracks_file", "tracks_row_group")]
-        # Sorted as text: Arrow sorts dictionaries by their codes.
-        texts = {name: listed[name].cast(pa.string()) for name in (*_SHARD, "tracks_file")}
-        order = pc.sort_indices(pa.table(texts | {"tracks_row_group": listed["tracks_row_group"]}), sort_keys=keys)
-        listed = listed.take(order)
+        listed = listed.sort_by([(name, "ascending") for name in (*_SHARD, "tracks_file", "tracks_row_group")])
         groups = list(zip(*(listed[name].to_pylist() for name in _SHARD), strict=True))
         starts = [k for k, group in enumerate(groups) if not k or group != groups[k - 1]]
         for start, end in zip(starts, [*starts[1:], len(groups)], strict=True):
             yield listed.slice(start, end - start)
 
     def _write_shard(self, name: str, rows: pa.Table) -> ShardRecord:
-        """One shard of rows that were converted alike."""
+        """Write one shard, of rows that were converted by the same version with the same options."""
         first = {column: rows[column][0].as_py() for column in _SHARD}
         sources = {str(row["key"]): row for file in rows["tracks_file"].to_pylist() for row in self._shards[file]}
         inputs = {i: f for s in sources.values() for i, f in zip(s["items"], s["fingerprints"], strict=True)}
         folder = (first["dataset"], first["version"], first["split"])
-        words = {
+        footer = provenance(self._holder.files, [str(source["metadata_file"]) for source in sources.values()]) | {
             "scenarionet.source": " ".join((*folder, name)),
             "scenarionet.licence": "; ".join(sorted(set(rows["licence"].to_pylist()))),
-            "scenarionet.fingerprints": None,  # of the whole inputs: the record has them
         }
         chunks, files = [], []
         for start in range(0, rows.num_rows, SCENARIOS_PER_FILE):
             chunk = rows.slice(start, SCENARIOS_PER_FILE)
             for table in ("tracks", "lights", "maps"):
                 stem = f"{partition(table, *folder)}/{name}-{start // SCENARIOS_PER_FILE:03d}"
-                chunk, written = self._copy(table, chunk, stem, words)
+                chunk, written = self._copy(table, chunk, stem, footer)
                 files += written
             chunks.append(chunk)
             self._tell(chunk.num_rows)
@@ -141,46 +131,28 @@ class Contents:
             metadata_folder=partition("metadata", *folder),
         )
         content = pa.concat_tables(chunks).drop_columns(["options"])
-        footer = {key: value for key, value in words.items() if value} | {
-            "scenarionet.shard": json.dumps(asdict(record))
-        }
+        footer |= {"scenarionet.shard": json.dumps(asdict(record))}
         temporary = write_table(self._target, "metadata", content, footer, row_group_size=_ROWS_PER_GROUP)
         self._publish(temporary, str(record.metadata_file))
         return record
 
-    def _copy(self, table: str, rows: pa.Table, stem: str, words: dict[str, str | None]) -> tuple[pa.Table, list[str]]:
-        """Copy the row groups of some scenarios into one file; returns their rows with the new addresses."""
-        found: list[int | None] = []
+    def _copy(self, table: str, rows: pa.Table, stem: str, footer: dict[str, str]) -> tuple[pa.Table, list[str]]:
+        """Copy the rows of some scenarios into one file, a row group each.
+
+        Returns:
+            The metadata rows with the new addresses, and the name of the file if there is one.
+        """
+        chosen = {number: address for number, address in enumerate(addresses(rows, table)) if address.num_rows}
+        if not chosen:
+            return rows, []
         temporary = self._target.temporary()
-        columns = (rows[f"{table}_{part}"].to_pylist() for part in ("file", "row_group", "first_row", "num_rows"))
-        with _row_groups(temporary) as writer:
-            for address in zip(*columns, strict=True):
-                found.append(self._append(writer, table, address) if address[3] else None)
-            if not any(number is not None for number in found):
-                writer.discard()
-                return rows, []
-            writer.close(words | {"scenarionet.num_scenarios": str(rows.num_rows)})
+        footer = footer | {"scenarionet.num_scenarios": str(rows.num_rows)}
+        with writing(temporary, temporary):
+            copied = copy_rows(self._rows[table], table, [*chosen.values()], temporary, footer)
         digest = sha256(temporary)
         name = f"{stem}-{digest[:16]}.parquet"
         self._publish(temporary, name, digest)
-        names = pa.array([None if number is None else name for number in found], pa.string())
-        rows = _with(rows, f"{table}_file", names)
-        rows = _with(rows, f"{table}_row_group", pa.array(found, pa.int32()))
-        firsts = pa.array([None if number is None else 0 for number in found], pa.int32())
-        return _with(rows, f"{table}_first_row", firsts), [name]
-
-    def _append(self, writer: RowGroupWriter, table: str, address: Address) -> int:
-        """Copy a scenario's row group; only its own rows where a compacted file has others beside them."""
-        name, number, _, num_rows = address
-        source = self._open(name)
-        if source.num_rows(number) == num_rows:
-            return writer.append(source, number)
-        temporary = self._target.temporary()
-        with writing(temporary, temporary):
-            self._rows[table].write_alone(address, temporary)
-            copied = writer.append(RowGroupSource(temporary), 0)
-            temporary.unlink()
-        return copied
+        return with_addresses(rows, table, name, dict(zip(chosen, copied, strict=True))), [name]
 
     def _record(self, *, files: list[str], metadata_folder: str | None, **fields: Any) -> ShardRecord:
         """The record of a packed shard: a part of what was converted has a key of its own."""
@@ -207,10 +179,7 @@ class Contents:
             source = names[dataset, version, map_id]
             record = self._shards[source][0]
             temporary = self._target.temporary()
-            with _row_groups(temporary) as writer:
-                for number in tiles.meeting(self._holder.files, source, listed):
-                    writer.append(self._open(source), number)
-                writer.close({})
+            self._copy_tiles(source, tiles.meeting(self._holder.files, source, listed), temporary)
             digest = sha256(temporary)
             name = f"{partition('maps', dataset, version, '')}/{map_id}-{digest[:16]}.parquet"
             self._publish(temporary, name, digest)
@@ -222,6 +191,17 @@ class Contents:
                 files=[name],
                 metadata_folder=None,
             )
+
+    def _copy_tiles(self, source: str, numbers: list[int], path: Path) -> None:
+        """Copy row groups of a shared map, each a tile, to a new file."""
+        table, place = tables.load("maps"), self._holder.files.path(source)
+        with reading(place), pq.ParquetFile(place) as file:
+            words = file.metadata.metadata
+            footer = {key: words[key.encode()].decode() for key in _MAP_FOOTER if key.encode() in words}
+            with writing(path, path), table.writer(path, footer) as writer:
+                for number in numbers:
+                    rows = table.conform(file.read_row_group(number, use_threads=False))
+                    writer.write_table(rows, row_group_size=max(rows.num_rows, 1))
 
     def _write_layers(self, scenario_ids: pa.Array) -> None:
         files = self._holder.files
@@ -249,18 +229,6 @@ class Contents:
             self.sums[name] = sha256(self._target.path(name))
 
 
-@contextmanager
-def _row_groups(temporary: Path) -> Iterator[RowGroupWriter]:
-    """A writer whose file is gone when something goes wrong."""
-    with writing(temporary):
-        writer = RowGroupWriter(temporary)
-        try:
-            yield writer
-        except BaseException:
-            writer.discard()
-            raise
-
-
 def _shards_of_file(lake: Lake) -> dict[str, list[dict[str, Any]]]:
     """The rows of ``shards`` that each file of a snapshot belongs to: several, converted alike, when compacted."""
     found: dict[str, list[dict[str, Any]]] = defaultdict(list)
@@ -268,11 +236,3 @@ def _shards_of_file(lake: Lake) -> dict[str, list[dict[str, Any]]]:
         for name in row["files"]:
             found[name].append(row)
     return found
-
-
-def _with(rows: pa.Table, name: str, values: pa.Array) -> pa.Table:
-    """The rows with another column of that name."""
-    number = rows.column_names.index(name)
-    field = rows.schema.field(name)
-    encoded = values.dictionary_encode() if pa.types.is_dictionary(field.type) else values
-    return rows.set_column(number, field, encoded.cast(field.type))

@@ -19,12 +19,12 @@ from typing import TYPE_CHECKING
 
 from scenarionet_data.databases.record import Database
 from scenarionet_data.errors import BadParameter, LakeError
+from scenarionet_data.execution.progress import Progress
 from scenarionet_data.storage.files.errors import writing
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.local import LocalLakeFiles
 
 if TYPE_CHECKING:
     from scenarionet_data.lake.lake import Lake
-    from scenarionet_data.packs.contents import Progress
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def pack(
     if not len(wanted):
         raise BadParameter(f"{wanted.reference} has no members: there is nothing to pack")
     with _draft(out) as draft:
-        contents = Contents(lake.resolve(wanted)[0], wanted, LakeFiles(draft), on_progress)
+        contents = Contents(lake.resolve(wanted)[0], wanted, LocalLakeFiles(draft), on_progress)
         contents.write()
         _read_back(draft, wanted, on_progress)
         num_bytes = sum(draft.joinpath(name).stat().st_size for name in contents.sums)
@@ -97,7 +97,7 @@ def _read_back(draft: Path, wanted: Database, on_progress: Progress | None) -> N
                 "lake, or convert its recordings again"
             )
         if on_progress:
-            on_progress(len(wanted) + done, 2 * len(wanted))
+            on_progress(len(wanted) + done, 2 * len(wanted), (len(wanted) + done) // 2)
 
 
 @contextmanager

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tarfile
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path, PurePosixPath
@@ -13,16 +13,15 @@ import pyarrow as pa
 
 from scenarionet_data.databases import record as databases
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.execution.progress import Progress
 from scenarionet_data.packs.contents import SUMS
 from scenarionet_data.schema import tables
-from scenarionet_data.storage.files.local import LakeFiles, sha256
+from scenarionet_data.storage.files.lake_files import LakeFiles, sha256
+from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.verifying import Damage, verify
 
 _LISTS = ("snapshots", "metadata", "databases")
-
-Progress = Callable[[int, int], None]
-"""Called with files read and files to read."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +74,7 @@ def verify_pack(path: str | Path, on_progress: Progress | None = None) -> Verifi
 
 
 def _verify_folder(folder: Path, path: Path, on_progress: Progress | None) -> Verification:
-    files = LakeFiles(folder)
+    files = LocalLakeFiles(folder)
     if not files.has(SUMS):
         if not files.folders("snapshots") and not files.names("snapshots"):
             raise BadParameter(f"{path}: no pack; wanted a folder with {SUMS}, or a tar of it")
@@ -99,7 +98,7 @@ def _damages(files: LakeFiles, sums: dict[str, str], on_progress: Progress | Non
             yield Damage(name, "its bytes are not those that were packed: another checksum" if found else "gone")
             are_lists_whole &= name.split("/")[0] not in _LISTS
         if on_progress:
-            on_progress(done, len(sums))
+            on_progress(done, len(sums), 0)
     if are_lists_whole:  # else nobody can say what belongs together
         snapshot = snapshots.read(files)
         unlisted = sorted({*snapshot.manifests, *snapshot.metadata} - set(sums))

@@ -99,9 +99,9 @@ def _check(lake: Lake, column: str, by: str) -> None:
     there = dict(lake.sql("SELECT column_name, column_type FROM (DESCRIBE metadata)").rows())
     for name in (column, by):
         if name not in there:
-            raise BadParameter(f"no column {name!r} in metadata; docs/data_dictionary.md lists them")
+            raise BadParameter(f"no column {name!r} in metadata; docs/reference/data_dictionary.md lists them")
     if there[column].startswith(("VARCHAR", "JSON")) or there[column].endswith("]"):
-        raise BadParameter(f"{column} holds no numbers; name a column of docs/data_dictionary.md that does")
+        raise BadParameter(f"{column} holds no numbers; name a column of docs/reference/data_dictionary.md that does")
 
 
 def _edges(limits: Sequence[tuple[float | None, float | None, int]], is_whole: bool, bins: int) -> Float64:

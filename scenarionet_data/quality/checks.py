@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from itertools import islice
@@ -14,13 +14,14 @@ from scenarionet_data import converters
 from scenarionet_data.converters.base import Budgets
 from scenarionet_data.databases.record import Database
 from scenarionet_data.errors import LakeError
-from scenarionet_data.execution.executors import Run
+from scenarionet_data.execution.executors import Executor
+from scenarionet_data.execution.progress import Progress
 from scenarionet_data.lake.lake import Lake
 from scenarionet_data.quality import rules
 from scenarionet_data.quality.report import CheckResult, Findings
 from scenarionet_data.quality.rules import BROKEN, Check
 from scenarionet_data.query.engine import Engine
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
 
@@ -32,16 +33,12 @@ def run_checks(
     return find(lake, database, names).results
 
 
-Progress = Callable[[int, int], None]
-"""Called with checks done and checks to do."""
-
-
 def find(
     lake: Lake,
     database: Database | str | None = None,
     names: Iterable[str] | None = None,
     on_progress: Progress | None = None,
-    run: Run | None = None,
+    executor: Executor | None = None,
 ) -> Findings:
     """Everything that breaks a rule in a lake, or among the members of a database.
 
@@ -50,7 +47,7 @@ def find(
         database: Look only at its members; shards and shared maps are not looked at then.
         names: Which checks; all of them for None.
         on_progress: Told before the first check and after each.
-        run: Asks the rules elsewhere, for example on a cluster, a job each; here, one after the other, unless given.
+        executor: Runs the checks, one job each, for example on a cluster; by default they run in this process.
 
     Raises:
         UnknownQuery: There is no check of such a name.
@@ -62,11 +59,13 @@ def find(
     inquest = _Inquest(holder, members)
     reference = None if members is None else members.reference
     jobs = [_Rule(str(holder.root), holder.snapshot.number, reference, check) for check in chosen]
-    answers = ((rule.check.name, inquest.rows(rule.check)) for rule in jobs) if run is None else run(jobs, _ask)
+    answers = (
+        ((rule.check.name, inquest.rows(rule.check)) for rule in jobs) if executor is None else executor(jobs, _ask)
+    )
     found: dict[str, pa.Table] = {}
     for number in range(len(jobs) + 1):
         if on_progress:
-            on_progress(number, len(jobs))
+            on_progress(number, len(jobs), 0)
         found.update(islice(answers, 1))
     totals = inquest.totals()
     inquest.close()

@@ -14,7 +14,7 @@ from scenarionet_data.query.statements import quoted, shows_every_column, words
 from scenarionet_data.schema import tables
 from scenarionet_data.schema.package_data import SQL
 from scenarionet_data.storage import evaluation_runs
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
 

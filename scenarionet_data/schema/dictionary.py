@@ -50,7 +50,7 @@ def into_page(page: str) -> str:
 def main() -> None:
     """Write the dictionary and the README's list; for `make docs`, in a checkout."""
     root = SCHEMAS.parent
-    (root / "docs" / "data_dictionary.md").write_text(markdown(), "utf-8")
+    (root / "docs" / "reference" / "data_dictionary.md").write_text(markdown(), "utf-8")
     readme = root / "README.md"
     readme.write_text(into_page(readme.read_text("utf-8")), "utf-8")
 

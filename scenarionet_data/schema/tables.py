@@ -139,7 +139,7 @@ class Table:
         return next(column for column in (*self.columns, *self.derived) if column.name == name)
 
     def writer_options(self, sample: pa.Table | pa.RecordBatch | None = None) -> dict[str, Any]:
-        """Options of ``pyarrow.parquet.ParquetWriter`` (measured: see docs/architecture.md).
+        """Options of ``pyarrow.parquet.ParquetWriter`` (measured: see docs/explanation/architecture.md).
 
         Args:
             sample: The first rows of the file, which tell where the bytes are; everywhere when there are none.
@@ -191,6 +191,23 @@ class Table:
                 f"{path}: written under schema {found}, this version reads {self.tag}; "
                 "convert the recordings again with --replace, or use the version that wrote the lake"
             )
+
+    def conform(self, rows: pa.Table) -> pa.Table:
+        """Rows cast to this table's schema; nullable columns they lack are filled with null.
+
+        Raises:
+            SchemaMismatch: A required column is missing.
+        """
+        schema = self.schema
+        columns = []
+        for field in schema:
+            if field.name in rows.column_names:
+                columns.append(rows[field.name].cast(field.type))
+            elif field.nullable:
+                columns.append(pa.chunked_array([pa.nulls(rows.num_rows, field.type)]))
+            else:
+                raise SchemaMismatch(f"the table {self.name} lacks the required column {field.name}")
+        return pa.Table.from_arrays(columns, schema=schema)
 
     @property
     def tag(self) -> str:

@@ -17,7 +17,7 @@ import pyarrow as pa
 
 from scenarionet_data.errors import BadParameter, SchemaMismatch
 from scenarionet_data.schema import tables
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.write.table_file import write_table
 
 RUN_TABLES = ("results", "rollouts", "observations")

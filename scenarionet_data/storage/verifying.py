@@ -13,7 +13,7 @@ import pyarrow.compute as pc
 from scenarionet_data.arrays.dtypes import Int64, Object
 from scenarionet_data.errors import LakeError
 from scenarionet_data.schema import tables
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
 

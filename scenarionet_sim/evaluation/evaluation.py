@@ -16,12 +16,13 @@ import pyarrow as pa
 
 from scenarionet_data import Lake, ScenarioLoader, version
 from scenarionet_data.errors import MissingDependency
-from scenarionet_data.execution.executors import Run
+from scenarionet_data.execution.executors import Executor
+from scenarionet_data.execution.progress import Progress
 from scenarionet_data.storage import evaluation_runs
-from scenarionet_data.storage.files.local import open_files
+from scenarionet_data.storage.files.opening import open_files
 from scenarionet_sim.evaluation.drivers import Cast, cast, find_backend
 from scenarionet_sim.evaluation.environment_cache import Theatre
-from scenarionet_sim.evaluation.parts import Part, Progress, do_parts, parts_of
+from scenarionet_sim.evaluation.parts import Part, do_parts, parts_of
 from scenarionet_sim.evaluation.rollout import roll_out
 from scenarionet_sim.evaluation.rollout_table import rollout_rows, together
 from scenarionet_sim.metrics.measure import measure
@@ -122,7 +123,7 @@ def evaluate(
     name: str,
     *,
     workers: int = 1,
-    run_jobs: Run | None = None,
+    executor: Executor | None = None,
     with_rollouts: bool = True,
     on_progress: Progress | None = None,
 ) -> Report:
@@ -132,7 +133,7 @@ def evaluate(
         evaluation: What.
         name: Of the run.
         workers: Processes.
-        run_jobs: Does the parts in place of the processes, for example a cluster.
+        executor: Does the parts in place of the processes, for example a cluster.
         with_rollouts: Write what everybody did, not the metrics alone.
         on_progress: Told about every finished part.
 
@@ -147,7 +148,7 @@ def evaluate(
     total, done = len(_scenarios(evaluation)), run.done()
     jobs = [_Job(evaluation, part, run) for part in parts_of(total, PART) if part.number not in done]
     report = Report(name, total, total - sum(len(job.part) for job in jobs))
-    for ends in do_parts(jobs, simulate_part, workers, on_progress, run_jobs, _lost_part):
+    for ends in do_parts(jobs, simulate_part, workers, on_progress, executor, _lost_part):
         report.broken += [(scenario_id, error) for scenario_id, _, error in ends if error]
     report.seconds = time.monotonic() - started
     return report
@@ -158,14 +159,14 @@ def find_broken(
     database: str | None = None,
     *,
     workers: int = 1,
-    run_jobs: Run | None = None,
+    executor: Executor | None = None,
     on_progress: Progress | None = None,
 ) -> list[tuple[str, str]]:
     """Scenarios whose recording cannot be replayed to its destination, with the reason; nothing is written."""
     evaluation = prepare(lake, database, "replay")
     jobs = [_Job(evaluation, part, None) for part in parts_of(len(_scenarios(evaluation)), PART)]
     broken = []
-    for ends in do_parts(jobs, simulate_part, workers, on_progress, run_jobs, _lost_part):
+    for ends in do_parts(jobs, simulate_part, workers, on_progress, executor, _lost_part):
         for scenario_id, end, error in ends:
             if end != "success":
                 broken.append((scenario_id, error or f"the replayed recording ends with {end}"))

@@ -6,13 +6,11 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from scenarionet_data.execution.executors import Lost, Run, runner
+from scenarionet_data.execution.executors import Executor, OnLost, executor_for
+from scenarionet_data.execution.progress import Progress
 
 Work = TypeVar("Work")
 Done = TypeVar("Done", bound=Sequence[object])
-
-Progress = Callable[[int, int, int], None]
-"""Called with parts done, parts to do, scenarios done."""
 
 
 @dataclass(frozen=True)
@@ -42,8 +40,8 @@ def do_parts(
     do: Callable[[Work], Done],
     workers: int,
     on_progress: Progress | None,
-    run: Run | None = None,
-    lost: Lost[Work, Done] | None = None,
+    executor: Executor | None = None,
+    lost: OnLost[Work, Done] | None = None,
 ) -> Iterator[Done]:
     """What became of each job, in any order.
 
@@ -52,15 +50,15 @@ def do_parts(
         do: Does one: a function of a module; what it returns has an entry for each scenario.
         workers: Processes.
         on_progress: Told about every finished part.
-        run: Does them in place of the processes, for example a cluster.
+        executor: Does them in place of the processes, for example a cluster.
         lost: Stands in for a part that no worker survives.
 
     Raises:
         WorkerLost: A part kills its worker, also when it runs alone.
     """
     scenarios = 0
-    run = run or runner(min(workers, len(jobs)))
-    for number, outcome in enumerate(run(jobs, do, lost), start=1):
+    executor = executor or executor_for(min(workers, len(jobs)))
+    for number, outcome in enumerate(executor(jobs, do, lost), start=1):
         scenarios += len(outcome)
         if on_progress:
             on_progress(number, len(jobs), scenarios)

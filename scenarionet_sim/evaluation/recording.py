@@ -17,13 +17,14 @@ from scenarionet_data import Lake, ScenarioLoader, version
 from scenarionet_data.arrays.dtypes import Int32
 from scenarionet_data.codec.arrow import list_array, offsets_of, string_array
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.execution.executors import Run
+from scenarionet_data.execution.executors import Executor
+from scenarionet_data.execution.progress import Progress
 from scenarionet_data.schema import tables
 from scenarionet_data.storage import evaluation_runs
-from scenarionet_data.storage.files.local import open_files
+from scenarionet_data.storage.files.opening import open_files
 from scenarionet_sim.environments.config import PAPER_OBSERVATION
 from scenarionet_sim.environments.observation import Observation
-from scenarionet_sim.evaluation.parts import Part, Progress, do_parts, parts_of
+from scenarionet_sim.evaluation.parts import Part, do_parts, parts_of
 from scenarionet_sim.kernels.paths import follow_paths
 from scenarionet_sim.policies import Replay, ego, vehicles
 from scenarionet_sim.simulation import LOOK_AHEAD, LOOK_BACK, Simulation
@@ -86,7 +87,7 @@ def record(
     name: str,
     *,
     workers: int = 1,
-    run_jobs: Run | None = None,
+    executor: Executor | None = None,
     on_progress: Progress | None = None,
 ) -> int:
     """Write the observations that are not there yet into the lake.
@@ -95,7 +96,7 @@ def record(
         recording: What.
         name: Of the run.
         workers: Processes.
-        run_jobs: Does the parts in place of the processes, for example a cluster.
+        executor: Does the parts in place of the processes, for example a cluster.
         on_progress: Told about every finished part.
 
     Returns:
@@ -109,7 +110,7 @@ def record(
     run = evaluation_runs.claim(open_files(recording.lake), name, ("observations",), recording.description)
     parts, done = parts_of(len(_scenarios(recording)), PART), run.done()
     jobs = [_Job(recording, part, run) for part in parts if part.number not in done]
-    for _ in do_parts(jobs, record_part, workers, on_progress, run_jobs):
+    for _ in do_parts(jobs, record_part, workers, on_progress, executor):
         pass
     return sum(len(part) for part in parts if part.number in done)
 

@@ -21,7 +21,7 @@ from typing import Any
 from scenarionet_data.conversion import Job, Outcome, convert, plan_conversion
 from scenarionet_data.conversion.jobs import lost_shard
 from scenarionet_data.conversion.plan import largest_first
-from scenarionet_data.execution.executors import Pool, Run
+from scenarionet_data.execution.executors import Executor, ProcessExecutor
 from scenarionet_pipelines.cluster import open_cluster
 from tests.bench.measure import Figure
 from tests.fixtures import waymo
@@ -56,10 +56,10 @@ def figures(_: Path | None) -> Iterator[Figure]:
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
         raw = _waymo(root / "raw/training", _SHARDS + _WARM, _SCENARIOS)
-        with open_cluster("local", _WORKERS) as crew:
-            yield from _many(root, crew)
-            yield from _memory(root, crew)
-            yield from _speed(root, raw, crew)
+        with open_cluster("local", _WORKERS) as executor:
+            yield from _many(root, executor)
+            yield from _memory(root, executor)
+            yield from _speed(root, raw, executor)
 
 
 def _waymo(folder: Path, shards: int, scenarios: int) -> Path:
@@ -76,13 +76,13 @@ def _waymo(folder: Path, shards: int, scenarios: int) -> Path:
 # --- speed --------------------------------------------------------------------------------------------
 
 
-def _speed(root: Path, raw: Path, crew: Run) -> Iterator[Figure]:
+def _speed(root: Path, raw: Path, executor: Executor) -> Iterator[Figure]:
     """The three ways by turns, so that whatever else the machine does meets them all."""
     alone, pool, dask = [], [], []
     for turn in range(3):
         alone.append(_independent(root, raw, turn))
-        pool.append(_steady(root / f"pool-{turn}", raw, Pool(_WORKERS)))
-        dask.append(_steady(root / f"dask-{turn}", raw, crew))
+        pool.append(_steady(root / f"pool-{turn}", raw, ProcessExecutor(_WORKERS)))
+        dask.append(_steady(root / f"dask-{turn}", raw, executor))
     two = statistics.median(alone)
     (three, three_cpu), (four, four_cpu) = (map(statistics.median, zip(*runs, strict=True)) for runs in (pool, dask))
     name = f"{_SHARDS * _SCENARIOS} Waymo scenarios"
@@ -104,19 +104,19 @@ class _Clocked:
         return os.getpid(), time.process_time(), self.do(job)
 
 
-def _steady(lake: Path, raw: Path, run: Run) -> tuple[float, float]:
+def _steady(lake: Path, raw: Path, executor: Executor) -> tuple[float, float]:
     """Scenarios per second from the first few shards to the last; CPU seconds a scenario, the client's too."""
     clock: list[float] = []
     cpu: dict[int, list[float]] = defaultdict(list)
 
     def clocked(jobs: Iterable[Any], do: Callable[[Any], Any], lost: Any = None) -> Iterator[Any]:
-        for pid, used, value in run(jobs, _Clocked(do), lost):
+        for pid, used, value in executor(jobs, _Clocked(do), lost):
             clock.append(time.perf_counter())
             cpu[pid].append(used)
             cpu[os.getpid()].append(time.process_time())
             yield value
 
-    convert("waymo", str(raw), lake, run=clocked)
+    convert("waymo", str(raw), lake, executor=clocked)
     shards = len(clock)
     # Of each process, per shard that came after its second: the first one pays for imports and compilation.
     spent = sum((times[-1] - times[2]) / max(1, len(times) - 3) for pid, times in cpu.items() if pid != os.getpid())
@@ -151,18 +151,18 @@ def _linked(folder: Path, files: Iterable[Path]) -> Path:
 # --- memory -------------------------------------------------------------------------------------------
 
 
-def _memory(root: Path, crew: Run) -> Iterator[Figure]:
+def _memory(root: Path, executor: Executor) -> Iterator[Figure]:
     """Each worker's peak after a fifth of a long run, and at its end."""
     shards, scenarios = _LONG
     raw = _waymo(root / "long/training", shards, scenarios)
     peaks: list[dict[str, int]] = [{}]
 
     def watched(jobs: Iterable[Any], do: Callable[[Any], Any], lost: Any = None) -> Iterator[Any]:
-        for result in crew(jobs, do, lost):
+        for result in executor(jobs, do, lost):
             peaks.append(peaks[-1] | {result.worker: result.peak_memory})
             yield result
 
-    report = convert("waymo", str(raw), root / "long/lake", run=watched)
+    report = convert("waymo", str(raw), root / "long/lake", executor=watched)
     early, late = peaks[shards // 5], peaks[-1]
     growth = max(late[worker] - early.get(worker, 0) for worker in late)
     yield Figure(
@@ -178,14 +178,14 @@ def _nothing(job: Job) -> Outcome:
     return lost_shard(job, "converted by nobody")
 
 
-def _many(root: Path, crew: Run) -> Iterator[Figure]:
+def _many(root: Path, executor: Executor) -> Iterator[Figure]:
     """Shards that take no time: what is left is planning, handing out and tracking."""
     raw = write_raw(root / "tiny", {f"s{k:05d}": [k] for k in range(_TINY)})
     started = time.perf_counter()
     plan = plan_conversion(NAME, str(raw), root / "tiny-lake")
     jobs = [Job(NAME, shard, str(root / "tiny-lake")) for shard in largest_first(plan.shards)]
     planned = time.perf_counter() - started
-    names = {outcome.shard for outcome in crew(jobs, _nothing, lost_shard)}
+    names = {outcome.shard for outcome in executor(jobs, _nothing, lost_shard)}
     assert len(names) == _TINY
     yield Figure(f"{_TINY:,} shards: planned", planned, "s")
     yield Figure(f"{_TINY:,} shards: planned and tracked", time.perf_counter() - started, "s", "<= 60")

@@ -1,6 +1,6 @@
 """What a lake's own books cost as it grows: records of shards that nobody converted, as many as are asked for.
 
-From these figures ``docs/cluster.md`` reckons where today's design ends.
+From these figures ``docs/guides/cluster.md`` reckons where today's design ends.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from scenarionet_data.conversion import Job
 from scenarionet_data.conversion.plan import make_plan
 from scenarionet_data.ingest.shard import Options, RawItem, Shard
 from scenarionet_data.schema import tables
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
@@ -45,7 +45,7 @@ def _books(root: Path) -> Iterator[Figure]:
     tracemalloc.stop()
     yield Figure("a planned shard of one file, in the client's memory", size / _SHARDS, "bytes")
     yield Figure("a job, as it travels to a worker", len(pickle.dumps(Job("waymo", wanted[0], "/lake"))), "bytes")
-    files, held = LakeFiles(root / "books"), [_record(shard) for shard in wanted]
+    files, held = LocalLakeFiles(root / "books"), [_record(shard) for shard in wanted]
     started = time.process_time()
     (manifest,) = manifests.write(files, snapshots.EMPTY, held, frozenset())
     yield Figure("a manifest: written", 1e6 * (time.process_time() - started) / _SHARDS, "us a shard")
@@ -63,7 +63,7 @@ def _books(root: Path) -> Iterator[Figure]:
 
 def _commits(root: Path) -> Iterator[Figure]:
     """Of a commit, which reads the ids of what is new once, and of the next, which looks for them among all."""
-    files = LakeFiles(root)
+    files = LocalLakeFiles(root)
     records = [write_shard(root, [make_scenario(k, num_objects=1)], f"s{k:04d}", f"f{k}") for k in range(_COMMITTED)]
     started = time.process_time()
     commits.commit(files, records[:-1], "all but one")

@@ -13,7 +13,7 @@ from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.conversion import convert
 from scenarionet_data.query.named_sql import EVENTS
 from scenarionet_data.scenario.description import ScenarioDescription
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import commit as commits
 from tests.bench.converting import waymo_raw
 from tests.bench.measure import Figure
@@ -59,7 +59,7 @@ def recorded_lake(root: Path, recordings: Path | None, per_shard: int = 100) -> 
         write_shard(root / "lake", [_copy(recorded, k) for k in range(first, first + per_shard)], f"part{first}")
         for first in range(0, _COUNT, per_shard)
     ]
-    commits.commit(LakeFiles(root / "lake"), shards, "benchmark")
+    commits.commit(LocalLakeFiles(root / "lake"), shards, "benchmark")
     return Lake(root / "lake")
 
 

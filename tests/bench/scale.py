@@ -12,7 +12,8 @@ import pyarrow as pa
 
 from scenarionet_data import codec
 from scenarionet_data.schema import tables
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.lake_files import LakeFiles
+from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
@@ -139,7 +140,7 @@ def operation_figures(folder: str) -> Iterator[Figure]:
 
 def write_metadata_lake(root: Path, rows: int, shard_rows: int = _SHARD_ROWS) -> None:
     """A lake of metadata alone: real rows, random statistics, in files as conversion leaves them."""
-    files, rng = LakeFiles(root), np.random.default_rng(0)
+    files, rng = LocalLakeFiles(root), np.random.default_rng(0)
     row = dict(codec.encode(make_scenario(1), "1").metadata)
     row |= {f"{table}_num_rows": 1 for table in ("tracks", "lights", "maps")}
     row |= {"tracks_row_group": 0, "tracks_first_row": 0, "tracks_file": "tracks/none.parquet"}

@@ -9,7 +9,7 @@ from html.parser import HTMLParser
 import pytest
 
 from scenarionet_data import Lake
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
 from tests.fixtures.drives import make_drive
@@ -81,7 +81,7 @@ def test_a_database_shows_how_it_was_made(tmp_path):
 
 
 def test_an_empty_lake_says_what_to_do(tmp_path):
-    files = LakeFiles(tmp_path / "lake")
+    files = LocalLakeFiles(tmp_path / "lake")
     snapshots.publish(files, Snapshot(1, snapshots.now(), "test", (), ()))
     page = Page(Lake(tmp_path / "lake")._repr_html_())
     assert page.pictures() == []

@@ -22,7 +22,8 @@ from scenarionet_data import Lake, ScenarioLoader, codec
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.errors import LakeError, NoSuchSnapshot, ScenarioNotFound
 from scenarionet_data.schema import tables
-from scenarionet_data.storage.files.local import LakeFiles, sha256
+from scenarionet_data.storage.files.lake_files import sha256
+from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.read import row_group_readers
 from scenarionet_data.storage.read.parquet import row_groups
 from scenarionet_data.storage.read.row_table import ArrowRows
@@ -145,7 +146,7 @@ def test_an_older_snapshot_is_loaded_as_it_was(lake):
 
 def compacted(root: Path, scenarios, groups) -> Lake:
     """A lake whose files hold several scenarios a row group, as compaction leaves them."""
-    files, rows = LakeFiles(root), []
+    files, rows = LocalLakeFiles(root), []
     encoded = [codec.encode(scenario, "1") for scenario in scenarios]
     addresses = [{} for _ in scenarios]
     for table in ("tracks", "lights", "maps"):

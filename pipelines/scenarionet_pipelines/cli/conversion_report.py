@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from scenarionet_pipelines.cli.execution import share_rows
+from scenarionet_pipelines.cli.execution import worker_rows
 from scenarionet_pipelines.cli.group import one_line
 from scenarionet_pipelines.cli.output import count, duration, print_json, print_table, size
 
@@ -52,7 +52,7 @@ def _rows(report: Report, reasons: list[dict[str, Any]], rate: float) -> list[tu
     rows += stale_row(report.stale)
     rows += [("failed", count(len(report.failed), "shard"))] if report.failed else []
     rows += [("", f"{name}: {one_line(reason)}") for name, reason in report.failed[:_REASONS]]
-    rows += share_rows(report.workers) if len(report.workers) > 1 else []
+    rows += worker_rows(report.workers) if len(report.workers) > 1 else []
     return [*rows, ("took", f"{duration(report.seconds)}, {rate:,.1f} scenarios/s")]
 
 

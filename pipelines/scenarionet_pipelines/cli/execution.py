@@ -1,11 +1,10 @@
-"""Who does the jobs of a verb, as --workers and --cluster say, and what each of them did, for a person."""
+"""Executors as chosen by --workers and --cluster, and the statistics of their workers for a person to read."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -13,76 +12,77 @@ import click
 from scenarionet_pipelines.cli.output import count, duration, size
 
 if TYPE_CHECKING:
-    from scenarionet_data.execution.executors import Run
-    from scenarionet_data.execution.worker_stats import Share
+    from scenarionet_data.execution.executors import Executor
+    from scenarionet_data.execution.worker_stats import WorkerStats
 
 _SHOWN = 8
 
 
-class Hands:
-    """Who does the jobs of a verb.
+class Execution:
+    """How a verb runs its jobs.
 
     Attributes:
-        run: The workers of a cluster; None for processes of this machine.
-        shares: What each of them did of what was done by :attr:`tallied`.
+        executor: The workers of a cluster; None for processes of this machine.
+        measured: The same, with its jobs counted in :attr:`stats`.
+        stats: Statistics by worker of what :attr:`measured` ran.
     """
 
-    def __init__(self, run: Run | None) -> None:
-        self.run = run
-        self.tallied: Run | None = None
-        self.shares: Mapping[str, Share] = {}
-        if run is not None:
-            from scenarionet_data.execution.worker_stats import Tally
+    def __init__(self, executor: Executor | None) -> None:
+        self.executor = executor
+        self.measured: Executor | None = None
+        self.stats: Mapping[str, WorkerStats] = {}
+        if executor is not None:
+            from scenarionet_data.execution.worker_stats import MeasuringExecutor
 
-            tally = Tally()
-            self.tallied, self.shares = partial(tally, run), tally.shares
+            self.measured = measuring = MeasuringExecutor(executor)
+            self.stats = measuring.stats
 
 
 @contextmanager
-def crew(cluster: str | None, workers: int | None, *, quiet: bool = False) -> Iterator[Hands]:
-    """Who does the jobs, until the block ends.
+def executor_from_options(cluster: str | None, workers: int | None, *, quiet: bool = False) -> Iterator[Execution]:
+    """Open the executor that the options name, until the block ends.
 
     Args:
-        cluster: As typed.
-        workers: As typed.
-        quiet: Do not say where the cluster is.
+        cluster: Value of ``--cluster``.
+        workers: Value of ``--workers``.
+        quiet: Do not print the cluster's address.
     """
     if cluster is None:
-        yield Hands(None)
+        yield Execution(None)
         return
     from scenarionet_pipelines.cluster import open_cluster
 
-    with open_cluster(cluster, workers) as opened:
+    with open_cluster(cluster, workers) as executor:
         if not quiet:
-            there = f"{count(opened.workers, 'worker')} at {opened.address}"
-            click.echo(f"cluster {cluster}: {there}, dashboard {opened.dashboard}", err=True)
-        yield Hands(opened)
+            where = f"{count(executor.workers, 'worker')} at {executor.address}"
+            click.echo(f"cluster {cluster}: {where}, dashboard {executor.dashboard}", err=True)
+        yield Execution(executor)
 
 
-def share_facts(shares: Mapping[str, Share]) -> dict[str, Any]:
-    """What each worker did, as an entry of a JSON object; none without a cluster."""
-    return {"workers": {name: asdict(share) for name, share in shares.items()}} if shares else {}
+def worker_facts(stats: Mapping[str, WorkerStats]) -> dict[str, Any]:
+    """Statistics by worker as an entry of a JSON object; empty without a cluster."""
+    return {"workers": {name: asdict(each) for name, each in stats.items()}} if stats else {}
 
 
-def share_rows(shares: Mapping[str, Share], noun: str = "shard") -> list[tuple[str, str]]:
-    """A line for each worker, or one for all when there are many.
+def worker_rows(stats: Mapping[str, WorkerStats], noun: str = "shard") -> list[tuple[str, str]]:
+    """Return one row per worker, or a single row if there are many.
 
     Args:
-        shares: By worker.
-        noun: What a job is.
+        stats: By worker.
+        noun: Name of a job.
     """
-    if not shares:
+    if not stats:
         return []
-    if len(shares) > _SHOWN:
-        jobs = sorted(share.jobs for share in shares.values())
-        each = f"{jobs[0]:,} to {jobs[-1]:,} {noun}s each"
-        most = size(max(share.peak_memory for share in shares.values()))
-        return [("workers", f"{count(len(shares), 'worker')}, {each}, at most {most} of memory")]
-    return [("worker", f"{name}: {_share(shares[name], noun)}") for name in sorted(shares)]
+    if len(stats) > _SHOWN:
+        jobs = sorted(each.jobs for each in stats.values())
+        range_ = f"{jobs[0]:,} to {jobs[-1]:,} {noun}s each"
+        most = size(max(each.peak_memory for each in stats.values()))
+        return [("workers", f"{count(len(stats), 'worker')}, {range_}, at most {most} of memory")]
+    return [("worker", f"{name}: {_worker_text(stats[name], noun)}") for name in sorted(stats)]
 
 
-def _share(share: Share, noun: str) -> str:
-    parts = [count(share.jobs, noun)]
-    parts += [count(share.counts["scenarios"], "scenario")] if "scenarios" in share.counts else []
-    parts += [size(share.counts["bytes"])] if "bytes" in share.counts else []
-    return ", ".join([*parts, duration(share.seconds), f"peak memory {size(share.peak_memory)}"])
+def _worker_text(stats: WorkerStats, noun: str) -> str:
+    parts = [count(stats.jobs, noun)]
+    parts += [count(stats.counts["scenarios"], "scenario")] if "scenarios" in stats.counts else []
+    parts += [size(stats.counts["bytes"])] if "bytes" in stats.counts else []
+    return ", ".join([*parts, duration(stats.seconds), f"peak memory {size(stats.peak_memory)}"])

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _LINE_EVERY = 10.0
 
 
-class Progress:
+class ProgressDisplay:
     """A long task's progress.
 
     Args:

@@ -1,6 +1,6 @@
-"""Jobs on a Dask cluster: profiles say how to get one, ``crew`` is one that follows ``conversion.runners.Run``.
+"""Run jobs on a Dask cluster: ``profile`` describes clusters, ``dask_executor`` is the executor.
 
-Nothing here is imported before ``--cluster`` is given.
+Imported only if ``--cluster`` is given.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A Dask cluster's workers as a ``conversion.runners.Run``: few jobs in flight, each with its fate."""
+"""Run jobs on a Dask cluster: an ``execution.executors.Executor`` with a bounded number of jobs in flight."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from distributed import Client, Future
 from distributed.scheduler import KilledWorker
 
 from scenarionet_data.errors import ClusterLost, WorkerLost
-from scenarionet_data.execution.executors import Done, Lost, Work
+from scenarionet_data.execution.executors import Done, OnLost, Work
 
-_LOOK_EVERY = 1.0
-_ANSWER_WITHIN = 30.0
+_POLL_INTERVAL = 1.0
+_TIMEOUT = 30.0
 _AHEAD = 0.5
 _MAX_IN_FLIGHT = 32
-"""Jobs of milliseconds: as many per worker as it does in so many seconds, lest it waits for the next."""
+"""Short jobs: keep ``_AHEAD`` seconds of work per worker in flight, at most this many jobs, so that none idles."""
 
 
-class Crew:
-    """The workers of a cluster. A :class:`~scenarionet_data.execution.executors.Run`.
+class DaskExecutor:
+    """Runs jobs on the workers of a cluster. An :class:`~scenarionet_data.execution.executors.Executor`.
 
-    A job whose worker is lost is done again by another one, as often as the scheduler's ``allowed-failures`` says.
-    Then it is a suspect, like the jobs that waited on the same worker: suspects come last, one at a time, so that
-    one that kills its worker again has nobody else to blame.
+    Dask retries a job whose worker is lost, up to ``allowed-failures`` times. After that the job is a suspect, and so
+    are the jobs that were queued on the same worker. Suspects run again at the end, one at a time: one that kills its
+    worker even then is the cause.
 
     Args:
         client: Connected to the scheduler.
-        in_flight: Jobs per worker that the scheduler knows at a time.
-        patience: Seconds without any worker that are borne.
+        in_flight: Jobs per worker submitted at a time.
+        patience: How long to wait while the cluster has no worker [s].
     """
 
     def __init__(self, client: Client, in_flight: int = 2, patience: float = 300.0) -> None:
@@ -49,162 +49,161 @@ class Crew:
 
     @property
     def address(self) -> str:
-        """Of the scheduler."""
+        """Address of the scheduler."""
         return str(self._client.scheduler_info(n_workers=0)["address"])
 
     @property
     def dashboard(self) -> str:
-        """Link to Dask's dashboard."""
+        """URL of Dask's dashboard."""
         return str(self._client.dashboard_link)
 
     @property
     def workers(self) -> int:
-        """Workers that the scheduler knew when it was asked last, not long ago."""
-        if time.monotonic() - self._looked_at > _LOOK_EVERY or not self._workers:
-            self._look()
+        """Number of workers; refreshed at most once a second."""
+        if time.monotonic() - self._looked_at > _POLL_INTERVAL or not self._workers:
+            self._poll()
         return self._workers
 
     def wait_for_worker(self) -> None:
-        """Wait until there is one.
+        """Wait for the first worker.
 
         Raises:
-            ClusterLost: None came within the crew's patience, or the scheduler is gone.
+            ClusterLost: None started within ``patience``, or the scheduler is gone.
         """
         while not self.workers:
             time.sleep(0.1)
 
     def __call__(
-        self, jobs: Iterable[Work], do: Callable[[Work], Done], lost: Lost[Work, Done] | None = None
+        self, jobs: Iterable[Work], do: Callable[[Work], Done], on_lost: OnLost[Work, Done] | None = None
     ) -> Iterator[Done]:
-        """Do every job; see :class:`~scenarionet_data.execution.executors.Run`.
+        """Run every job; see :class:`~scenarionet_data.execution.executors.Executor`.
 
         Raises:
-            ClusterLost: The scheduler is gone, or has had no worker for long.
-            WorkerLost: No worker survives a job, and nothing stands in for it.
+            ClusterLost: The scheduler is gone, or the cluster has had no worker for ``patience``.
+            WorkerLost: A job kills its worker and there is no ``on_lost``.
         """
         suspects = []
-        for job, result in self._each(jobs, do, self._room):
-            if isinstance(result, _Lost):
+        for job, result in self._run(jobs, do, self._max_in_flight):
+            if isinstance(result, _JobLost):
                 suspects.append(job)
             else:
                 yield result
-        for job, result in self._each(suspects, do, lambda: 1):
-            if not isinstance(result, _Lost):
+        for job, result in self._run(suspects, do, lambda: 1):
+            if not isinstance(result, _JobLost):
                 yield result
-            elif lost:
-                yield lost(job, result.reason)
+            elif on_lost:
+                yield on_lost(job, result.reason)
             else:
                 raise WorkerLost(result.reason)
 
-    def _room(self) -> int:
-        """How many jobs may be in flight."""
+    def _max_in_flight(self) -> int:
         return max(1, self.workers * max(self._in_flight, min(_MAX_IN_FLIGHT, round(self._rate * _AHEAD))))
 
-    def _each(
-        self, jobs: Iterable[Work], do: Callable[[Work], Done], room: Callable[[], int]
-    ) -> Iterator[tuple[Work, Done | _Lost]]:
-        """Hand jobs to the scheduler, as many at a time as there is room for; each with its result, as they come."""
+    def _run(
+        self, jobs: Iterable[Work], do: Callable[[Work], Done], max_in_flight: Callable[[], int]
+    ) -> Iterator[tuple[Work, Done | _JobLost]]:
+        """Submit jobs with a bound on those in flight; yield each with its result, in order of completion."""
         queue = iter(jobs)
-        flying: dict[Any, tuple[Work, Future[Any]]] = {}
-        landed: SimpleQueue[Future[Any]] = SimpleQueue()
+        in_flight: dict[Any, tuple[Work, Future[Any]]] = {}
+        finished: SimpleQueue[Future[Any]] = SimpleQueue()
         while True:
-            for job, future in self._submit([*islice(queue, max(0, room() - len(flying)))], do):
-                flying[future.key] = job, future
-                future.add_done_callback(landed.put)
-            if not flying:
+            for job, future in self._submit([*islice(queue, max(0, max_in_flight() - len(in_flight)))], do):
+                in_flight[future.key] = job, future
+                future.add_done_callback(finished.put)
+            if not in_flight:
                 return
-            futures = self._wait(landed)
+            futures = self._wait(finished)
             self._done += len(futures)
             for future, result in zip(futures, self._results(futures), strict=True):
-                yield flying.pop(future.key)[0], result
+                yield in_flight.pop(future.key)[0], result
 
     def _submit(self, jobs: list[Work], do: Callable[[Work], Done]) -> Iterator[tuple[Work, Future[Any]]]:
         if not jobs:
             return
         name = getattr(do, "__name__", type(do).__name__)
         keys = [f"{name}-{uuid4().hex}" for _ in jobs]
-        payloads = [pickle.dumps(job) for job in jobs]  # to Dask a text, not a collection to search for futures
+        payloads = [pickle.dumps(job) for job in jobs]  # bytes: Dask would search a collection for futures
         futures = self._client.map(_OneAtATime(do), payloads, key=keys, pure=False)
         yield from zip(jobs, futures, strict=True)
 
-    def _wait(self, landed: SimpleQueue[Future[Any]]) -> list[Future[Any]]:
-        """Those that have landed, at least one."""
+    def _wait(self, finished: SimpleQueue[Future[Any]]) -> list[Future[Any]]:
+        """Wait for at least one finished job."""
         while True:
             try:
-                futures = [landed.get(timeout=_LOOK_EVERY)]
+                futures = [finished.get(timeout=_POLL_INTERVAL)]
                 break
             except Empty:
-                self._look()
-        while not landed.empty():
-            futures.append(landed.get())
+                self._poll()
+        while not finished.empty():
+            futures.append(finished.get())
         return futures
 
     def _results(self, futures: list[Future[Any]]) -> list[Any]:
-        """What each returned, or why there is nothing; raises what a job raised."""
+        """Results of finished jobs, or why one was lost; raises what a job raised."""
         if all(future.status == "finished" for future in futures):
-            with suppress(Exception):  # of which future, the next line finds out
+            with suppress(Exception):  # the next line finds out which job failed
                 return list(self._client.gather(futures))
         return [self._result(future) for future in futures]
 
     def _result(self, future: Future[Any]) -> Any:
         while not future.cancelled():
             try:
-                return future.result(timeout=_ANSWER_WITHIN)
+                return future.result(timeout=_TIMEOUT)
             except KilledWorker as error:
-                lost = f"{error.allowed_failures + 1} workers were lost while they did it"
-                return _Lost(f"{lost}, most often for memory; give workers more memory, or look at their logs")
+                lost = f"{error.allowed_failures + 1} workers were lost while running it"
+                return _JobLost(f"{lost}, usually out of memory; give workers more memory, or see their logs")
             except MemoryError:
-                return _Lost("it needs more memory than a worker may have; give workers more")
+                return _JobLost("it needs more memory than a worker may use; give workers more memory")
             except (OSError, TimeoutError):
-                if future.status == "error":  # the job's own
+                if future.status == "error":  # raised by the job itself
                     raise
-                self._look()  # its worker is gone with the result: another one does it again
+                self._poll()  # the worker is gone together with the result: Dask runs the job again
         raise self._gone()
 
-    def _look(self) -> None:
-        """Ask the scheduler how many workers there are.
+    def _poll(self) -> None:
+        """Refresh the number of workers and the rate of jobs.
 
         Raises:
-            ClusterLost: It does not answer, or has had none for long.
+            ClusterLost: The scheduler does not answer, or has had no worker for ``patience``.
         """
         try:
-            self._workers = len(self._client.nthreads(callback_timeout=_ANSWER_WITHIN))
-        except (OSError, TimeoutError, RuntimeError, AttributeError) as error:  # whatever Dask makes of a closed line
+            self._workers = len(self._client.nthreads(callback_timeout=_TIMEOUT))
+        except (OSError, TimeoutError, RuntimeError, AttributeError) as error:  # Dask's errors for a closed connection
             raise self._gone() from error
         now = time.monotonic()
-        self._rate = self._done / max(now - self._looked_at, _LOOK_EVERY) / max(1, self._workers)
+        self._rate = self._done / max(now - self._looked_at, _POLL_INTERVAL) / max(1, self._workers)
         self._looked_at, self._done = now, 0
         if self._workers:
             self._seen_at = now
         elif now - self._seen_at > self._patience:
             raise ClusterLost(
-                f"{self.address}: no worker for {self._patience:.0f} s; what is finished is kept: start workers "
+                f"{self.address}: no worker for {self._patience:.0f} s; finished work is kept: start workers "
                 f"(`dask worker {self.address} --nthreads 1`) and run the same command again"
             )
 
     def _gone(self) -> ClusterLost:
         return ClusterLost(
-            f"{self.address}: the scheduler is gone; what is finished is kept: start it again and run the same command"
+            f"{self.address}: the scheduler is gone; finished work is kept: restart it and run the same command again"
         )
 
 
 @dataclass(frozen=True)
-class _Lost:
-    """No worker survived the job."""
+class _JobLost:
+    """A job that killed its worker."""
 
     reason: str
 
 
-_TURN = threading.Lock()
+_LOCK = threading.Lock()
 
 
 @dataclass(frozen=True)
 class _OneAtATime(Generic[Work, Done]):
-    """Does a pickled job on a worker, one at a time: what converts and checks is one thread a process."""
+    """Runs a pickled job on a worker, one at a time: converters and checks expect a single thread per process."""
 
     do: Callable[[Work], Done]
 
     def __call__(self, payload: bytes) -> Done:
-        with _TURN:
-            job: Work = pickle.loads(payload)  # noqa: S301  # the client's, like all that a worker is sent
+        with _LOCK:
+            job: Work = pickle.loads(payload)  # noqa: S301  # sent by the client, as is the code
             return self.do(job)

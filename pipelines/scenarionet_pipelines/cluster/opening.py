@@ -1,4 +1,4 @@
-"""Opens the cluster that a profile describes, and closes what it started."""
+"""Open the cluster that a profile describes, and close what was started for it."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 from scenarionet_data import version
 from scenarionet_data.errors import BadParameter, ClusterLost, MissingDependency
 from scenarionet_pipelines.cluster import profile as profiles
-from scenarionet_pipelines.cluster.profile import Profile
+from scenarionet_pipelines.cluster.profile import ClusterProfile
 
 if TYPE_CHECKING:
     from distributed import Client
 
-    from scenarionet_pipelines.cluster.dask_executor import Crew
+    from scenarionet_pipelines.cluster.dask_executor import DaskExecutor
 
 _CONNECT_WITHIN = 15.0
 
@@ -31,44 +31,44 @@ _CLASSES = {
 
 
 @contextmanager
-def open_cluster(name: str, workers: int | None = None) -> Iterator[Crew]:
-    """The workers of a cluster, until the block ends.
+def open_cluster(name: str, workers: int | None = None) -> Iterator[DaskExecutor]:
+    """Open a cluster until the block ends.
 
     Args:
         name: A profile's name, a profile's file, or a scheduler's address.
-        workers: How many to start, in place of the profile's number.
+        workers: Number of workers to start instead of the profile's.
 
     Raises:
-        BadParameter: There is no such profile, or an existing scheduler was to have other workers.
+        BadParameter: Unknown profile, or ``workers`` given for an existing scheduler.
         MissingDependency: A package that this kind of cluster needs is not installed.
-        ClusterLost: The scheduler does not answer, it has no workers, or they have other software.
+        ClusterLost: The scheduler does not answer, has no workers, or they run another version.
     """
     found = profiles.find(name)
     if workers is not None and found.kind == "scheduler":
-        raise BadParameter(f"--workers: {found.address} has the workers that it has; start more with `dask worker`")
+        raise BadParameter(f"--workers: {found.address} is a running scheduler; start more workers with `dask worker`")
     found = found if workers is None else replace(found, workers=workers)
     with ExitStack() as stack:
-        dask, crew_class = _load()
-        # Warnings about busy event loops and lost workers; what matters of them is reported as a shard's fate.
+        dask, executor_class = _load()
+        # Silence warnings about busy event loops and lost workers; lost jobs are reported by the executor.
         stack.enter_context(_quiet("distributed"))
         stack.enter_context(dask.config.set(dict(found.config)))
         where = found.address or stack.enter_context(_start(found))
         client = stack.enter_context(_connected(where))
-        crew: Crew = crew_class(client, found.in_flight, found.patience)
-        crew.wait_for_worker()
+        executor: DaskExecutor = executor_class(client, found.in_flight, found.patience)
+        executor.wait_for_worker()
         _check_software(client)
-        yield crew
+        yield executor
 
 
-def _load() -> tuple[Any, type[Crew]]:
+def _load() -> tuple[Any, type[DaskExecutor]]:
     try:
         dask = importlib.import_module("dask")
         importlib.import_module("distributed")
     except ImportError as error:
         raise _missing("cluster") from error
-    from scenarionet_pipelines.cluster.dask_executor import Crew
+    from scenarionet_pipelines.cluster.dask_executor import DaskExecutor
 
-    return dask, Crew
+    return dask, DaskExecutor
 
 
 def _missing(extra: str) -> MissingDependency:
@@ -77,8 +77,8 @@ def _missing(extra: str) -> MissingDependency:
     )
 
 
-def _start(profile: Profile) -> Any:
-    """The started cluster of a profile; its workers may still be on their way."""
+def _start(profile: ClusterProfile) -> Any:
+    """Start the cluster of a profile, without waiting for its workers."""
     module, name, extra = _CLASSES[profile.kind]
     try:
         make = getattr(importlib.import_module(module), name)
@@ -86,22 +86,22 @@ def _start(profile: Profile) -> Any:
         raise _missing(extra) from error
     try:
         return _STARTS[profile.kind](make, profile)
-    except Exception as error:  # asyncssh's, Kubernetes', Dask's own: they have no base in common
+    except Exception as error:  # from asyncssh, Kubernetes or Dask, without a common base class
         reason = " ".join(str(error).split()) or type(error).__name__
-        raise ClusterLost(f"the cluster of kind {profile.kind} does not start: {reason}; see its profile") from error
+        raise ClusterLost(f"the {profile.kind} cluster does not start: {reason}; see its profile") from error
 
 
-def _start_local(make: Callable[..., Any], profile: Profile) -> Any:
+def _start_local(make: Callable[..., Any], profile: ClusterProfile) -> Any:
     from scenarionet_pipelines.machine import default_workers
 
     return make(n_workers=profile.workers or default_workers(), **profile.options)
 
 
-def _start_ssh(make: Callable[..., Any], profile: Profile) -> Any:
+def _start_ssh(make: Callable[..., Any], profile: ClusterProfile) -> Any:
     return make(**profile.options)
 
 
-def _start_scaled(make: Callable[..., Any], profile: Profile) -> Any:
+def _start_scaled(make: Callable[..., Any], profile: ClusterProfile) -> Any:
     cluster = make(**profile.options)
     cluster.scale(max(1, profile.workers))
     return cluster
@@ -118,7 +118,7 @@ def _connected(where: Any) -> Iterator[Client]:
         client = Client(where, timeout=_CONNECT_WITHIN, set_as_default=False)
     except (OSError, ValueError) as error:
         raise ClusterLost(
-            f"{where}: no scheduler answers there; start one with `dask scheduler`, and workers with "
+            f"{where}: no scheduler answers; start one with `dask scheduler`, and workers with "
             "`dask worker ADDRESS --nthreads 1 --memory-limit 2GiB`"
         ) from error
     try:
@@ -128,29 +128,29 @@ def _connected(where: Any) -> Iterator[Client]:
 
 
 def _check_software(client: Client) -> None:
-    """Workers with another version would write what this version does not expect.
+    """Check that every worker runs this version: files written by another may differ.
 
     Raises:
-        ClusterLost: Naming a worker and what it has.
+        ClusterLost: A worker runs another version.
     """
     wanted = version.name_and_version()
     try:
         answers = client.run(version.name_and_version, on_error="return")
-    except OSError:  # a worker that left just now; the run goes on with the others
+    except OSError:  # a worker just left; continue with the others
         return
     for worker, found in answers.items():
         if isinstance(found, OSError):
             continue
         if found != wanted:
             raise ClusterLost(
-                f"worker {worker} has {found!r}, this is {wanted}: install the same version on every worker "
-                "and start it again"
+                f"worker {worker} runs {found!r}, this is {wanted}: install the same version on every worker "
+                "and restart it"
             )
 
 
 @contextmanager
 def _quiet(name: str) -> Iterator[None]:
-    """Silence a package's loggers, each of which may have a level of its own."""
+    """Silence all loggers of a package."""
     loggers = [logging.getLogger(each) for each in (name, *logging.root.manager.loggerDict) if each.startswith(name)]
     levels = [logger.level for logger in loggers]
     for logger in loggers:

@@ -1,4 +1,4 @@
-"""Profiles: how to get a cluster, in a TOML file: one of ``pipelines/profiles`` or the user's own."""
+"""Cluster profiles: TOML files that describe how to start or reach a cluster, shipped or the user's own."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ KINDS = ("scheduler", "local", "ssh", "slurm", "kubernetes")
 
 
 @dataclass(frozen=True)
-class Profile:
-    """How to get a cluster, and how to use it.
+class ClusterProfile:
+    """How to start or reach a cluster, and how to use it.
 
     Attributes:
         kind: One of KINDS.
-        doc: What it is for, in a line.
-        address: Of the scheduler, for the kind ``scheduler``.
-        workers: How many to start; 0 for as many as this machine has room for.
-        in_flight: Jobs that a worker has or waits with; more would only make the scheduler remember them.
-        patience: Seconds to wait for the first worker, or for another one when the last is gone.
-        options: Handed to Dask's class for this kind as they are.
+        doc: Purpose, in one line.
+        address: The scheduler's address, for the kind ``scheduler``.
+        workers: Number of workers to start; 0 for as many as this machine can hold.
+        in_flight: Jobs submitted per worker, running or queued.
+        patience: How long to wait for the first worker, or for a new one after the last has left [s].
+        options: Keyword arguments of Dask's class for this kind.
         config: Dask's configuration for this cluster, for example ``"distributed.scheduler.allowed-failures" = 1``.
     """
 
@@ -42,49 +42,49 @@ class Profile:
 
 
 def names() -> list[str]:
-    """Profiles that come along, sorted."""
+    """Names of the shipped profiles, sorted."""
     return sorted(path.stem for path in FOLDER.glob("*.toml"))
 
 
-def find(name: str) -> Profile:
-    """A profile by name, by the path of a file, or the address of a scheduler.
+def find(name: str) -> ClusterProfile:
+    """Return a profile by name, by file, or for the address of a scheduler.
 
     Raises:
-        BadParameter: There is none, or it is none; the message says what there is.
+        BadParameter: Unknown profile, listing the known ones; or an invalid file.
 
     Example:
         >>> find("tcp://10.0.0.5:8786").kind
         'scheduler'
     """
     if "://" in name:
-        return Profile("scheduler", address=name)
+        return ClusterProfile("scheduler", address=name)
     path = Path(name) if name.endswith(".toml") else FOLDER / f"{name}.toml"
     if not path.is_file():
         near = difflib.get_close_matches(name, names(), n=1)
         hint = f"did you mean {near[0]}? " if near else ""
         raise BadParameter(
-            f"no cluster {name!r}; {hint}there are {', '.join(names())}, a profile of your own (FILE.toml), "
+            f"no cluster {name!r}; {hint}known profiles: {', '.join(names())}; or give a profile file (FILE.toml) "
             "or a scheduler's address (tcp://HOST:8786)"
         )
     return parse(path.read_text("utf-8"), str(path))
 
 
-def parse(text: str, where: str) -> Profile:
-    """A profile from the text of its file.
+def parse(text: str, where: str) -> ClusterProfile:
+    """Parse a profile file.
 
     Raises:
-        BadParameter: It is no TOML, or has a key or kind that is unknown.
+        BadParameter: Invalid TOML, or an unknown key or kind.
     """
     try:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise BadParameter(f"{where}: {error}") from error
-    known = [each.name for each in fields(Profile)]
+    known = [each.name for each in fields(ClusterProfile)]
     unknown = sorted(set(content) - set(known))
     if unknown:
         raise BadParameter(f"{where}: unknown key {unknown[0]!r}; a profile has {', '.join(known)}")
     if content.get("kind") not in KINDS:
-        raise BadParameter(f"{where}: wanted a kind out of {', '.join(KINDS)}, found {content.get('kind')!r}")
+        raise BadParameter(f"{where}: expected a kind out of {', '.join(KINDS)}, found {content.get('kind')!r}")
     if content["kind"] == "scheduler" and not content.get("address"):
-        raise BadParameter(f'{where}: wanted the scheduler\'s address, for example "tcp://10.0.0.5:8786"')
-    return Profile(**content)
+        raise BadParameter(f'{where}: expected the scheduler\'s address, for example "tcp://10.0.0.5:8786"')
+    return ClusterProfile(**content)

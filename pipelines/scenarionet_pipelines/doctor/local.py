@@ -44,7 +44,7 @@ class Finding:
 def examine(lake: str | None = None) -> list[Finding]:
     """Look at Python, packages, converters, the machine, and a lake when one is given."""
     from scenarionet_data.storage.files.cache import folder_of
-    from scenarionet_data.storage.files.local import is_url
+    from scenarionet_data.storage.files.opening import is_url
 
     found = [*_python(), *_packages(), *_converters()]
     if lake is None or not is_url(lake):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from scenarionet_pipelines.cli.progress import Progress
+from scenarionet_pipelines.cli.progress import ProgressDisplay
 from scenarionet_pipelines.notebooks import names
 from scenarionet_pipelines.notebooks.execution import execute, make_example_lake
 from scenarionet_pipelines.notebooks.rendering import render
@@ -18,7 +18,7 @@ PAGES = Path(__file__).parents[3] / "docs" / "notebooks"
 
 def main(chosen: list[str]) -> None:
     """Render these notebooks, or all of them."""
-    with tempfile.TemporaryDirectory() as folder, Progress("notebooks", "notebook") as progress:
+    with tempfile.TemporaryDirectory() as folder, ProgressDisplay("notebooks", "notebook") as progress:
         make_example_lake(Path(folder))
         wanted = chosen or names()
         for number, name in enumerate(wanted):

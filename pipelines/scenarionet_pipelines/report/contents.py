@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from scenarionet_data import Lake, ScenarioLoader
+from scenarionet_data.execution.progress import Progress
 from scenarionet_data.operations.comparison import Statistics
 from scenarionet_data.plots import thumbnail
 from scenarionet_data.quality.checks import find
@@ -18,9 +19,6 @@ PICTURE = (400, 260)
 """Width and height of a scenario's picture [pixel], shown at half the size or more."""
 
 _FACTS = ("duration", "ego_distance", "num_objects")
-
-Progress = Callable[[int, int], None]
-"""Called with steps done and steps known so far."""
 
 
 @dataclass(frozen=True)
@@ -136,7 +134,7 @@ class _Steps:
         self._part = self._done = 0
         self._of_part = 1
 
-    def within(self, done: int, total: int) -> None:
+    def within(self, done: int, total: int, scenarios: int) -> None:  # noqa: ARG002
         """So much of a stage is done."""
         self._say(done, total, 0)
 
@@ -152,7 +150,7 @@ class _Steps:
         if self._told is None:
             return
         share = (self._part + (stage + done / max(total, 1)) / 2) / self._num_parts
-        self._told(round(100 * share), 100)
+        self._told(round(100 * share), 100, 0)
 
 
 def _made(lake: Lake, name: str | None) -> str:

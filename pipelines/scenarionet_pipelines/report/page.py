@@ -159,7 +159,7 @@ def _quality(contents: Contents) -> Markup | None:
     cards = [
         joined(_part_title(contents, part), scorecard(part.scorecard)) for part in contents.parts if part.scorecard
     ]
-    note = tag("p", "Which scenarios break which rule; docs/checks.md explains the rules.", class_="note")
+    note = tag("p", "Which scenarios break which rule; docs/guides/checks.md explains the rules.", class_="note")
     return _section("quality", "Quality", note, *cards) if cards else None
 
 

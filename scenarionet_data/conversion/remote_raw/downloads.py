@@ -15,8 +15,8 @@ from scenarionet_data.converters.base import Converter
 from scenarionet_data.errors import FileGone, SourceNotFound
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.storage.files.errors import writing
-from scenarionet_data.storage.files.local import is_url
 from scenarionet_data.storage.files.object_store import ObjectStore
+from scenarionet_data.storage.files.opening import is_url
 
 _idle: list[_Downloads] = []
 """Those that no shard of this process is converted from at the moment; one, unless it has several threads."""

@@ -18,8 +18,8 @@ from scenarionet_data.errors import BadParameter, FileGone, ScenarioNetError, So
 from scenarionet_data.ingest.input_properties import PLACEHOLDER
 from scenarionet_data.ingest.shard import Options, Shard
 from scenarionet_data.storage.files.errors import writing
-from scenarionet_data.storage.files.local import is_url
 from scenarionet_data.storage.files.object_store import ObjectStore, Stored
+from scenarionet_data.storage.files.opening import is_url
 
 AT_ONCE = 16
 """Downloads in flight."""

@@ -1,7 +1,7 @@
-"""Copies of an object store's files on this machine: published files never change, so each is fetched once.
+"""Local cache of an object store's files: published files never change, so each is downloaded once.
 
-Processes share the folder. A copy appears whole under its name; the least recently used make way when there is more
-than fits, but none that was used within the last hour, because somebody may be about to open it.
+Processes share the cache folder. A copy appears under its name when it is complete. When the cache is full, the least
+recently used copies are removed, except those used within the last hour, which another process may be about to open.
 """
 
 from __future__ import annotations
@@ -16,35 +16,35 @@ from pathlib import Path
 from scenarionet_data.storage.files.errors import writing
 
 _KEPT_FOR = 3600.0
-_LOOKED_AT_EVERY = 64 * 2**20
-"""Bytes of new copies after which the room is looked at again."""
+_CHECK_EVERY = 64 * 2**20
+"""Bytes added to the cache after which its size is checked."""
 
 
 def folder_of(place: str) -> Path:
-    """Where copies of a lake lie: below ``$SCENARIONET_CACHE``, or the user's folder for caches."""
-    told = os.environ.get("SCENARIONET_CACHE")
-    root = Path(told) if told else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "scenarionet"
+    """Cache folder of a lake, below ``$SCENARIONET_CACHE`` or the user's cache folder."""
+    chosen = os.environ.get("SCENARIONET_CACHE")
+    root = Path(chosen) if chosen else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "scenarionet"
     return root.resolve() / hashlib.blake2b(place.encode(), digest_size=8).hexdigest()
 
 
 def room() -> int:
-    """Bytes that the copies of all lakes together may take: ``$SCENARIONET_CACHE_GB``, 20 GB unless it is set."""
+    """Maximum size of the cache for all lakes together [bytes]: ``$SCENARIONET_CACHE_GB``, by default 20 GB."""
     return int(float(os.environ.get("SCENARIONET_CACHE_GB") or 20) * 1e9)
 
 
 class LocalCopies:
-    """Copies of one lake's files.
+    """Cached copies of one lake's files.
 
     Args:
-        folder: Of :func:`folder_of`.
+        folder: The result of :func:`folder_of`.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self._unseen = _LOOKED_AT_EVERY  # so that the first new copy looks at the room
+        self._unchecked = _CHECK_EVERY  # check the size at the first new copy
 
     def find(self, name: str, mark: str) -> Path | None:
-        """The copy of a file whose content has this mark; None when there is none."""
+        """Path of the cached copy of a file with this ETag; None when it is not cached."""
         path = self._path(name, mark)
         try:
             os.utime(path)
@@ -53,14 +53,14 @@ class LocalCopies:
         return path
 
     def add(self, temporary: Path, name: str, mark: str) -> Path:
-        """Keep a complete temporary file as a copy."""
+        """Move a complete temporary file into the cache."""
         path = self._path(name, mark)
         with writing(path, temporary):
-            self._unseen += temporary.stat().st_size
+            self._unchecked += temporary.stat().st_size
             path.parent.mkdir(parents=True, exist_ok=True)
             temporary.replace(path)
-        if self._unseen >= _LOOKED_AT_EVERY:
-            self._unseen = 0
+        if self._unchecked >= _CHECK_EVERY:
+            self._unchecked = 0
             make_room(self.folder.parent, room())
         return path
 
@@ -76,7 +76,7 @@ def make_room(folder: Path, room: int) -> None:
     for used, taken, path in listed:
         if size <= room or used > time.time() - _KEPT_FOR:
             return
-        with suppress(FileNotFoundError):  # another process makes room, too
+        with suppress(FileNotFoundError):  # removed by another process
             Path(path).unlink()
         size -= taken
 

@@ -1,20 +1,33 @@
-"""A lake's files in an object store as DuckDB reads them: by fsspec's protocol, and for reading alone."""
+"""Read-only fsspec file system over a remote lake, through which DuckDB reads Parquet files."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, Protocol
 
 from fsspec import AbstractFileSystem
 from fsspec.spec import AbstractBufferedFile
 
 from scenarionet_data.errors import LakeError
-from scenarionet_data.storage.files.remote import RemoteLakeFiles
 
 _READ_AHEAD = 2**20
-"""Bytes read at once: DuckDB asks for one column of one row group after the other, and they lie side by side."""
+"""Read-ahead [bytes]: DuckDB requests the adjacent columns of a row group one after the other."""
+
+
+class RangeFiles(Protocol):
+    """Files that are read by byte range."""
+
+    @property
+    def root(self) -> object:
+        """URL of the lake."""
+
+    def end(self, name: str) -> tuple[int, bytes]:
+        """Size and last bytes of a Parquet file, including its footer."""
+
+    def range(self, name: str, start: int, end: int) -> memoryview:
+        """Bytes ``start`` to ``end`` (exclusive) of a file."""
 
 
 class RemoteFilesystem(AbstractFileSystem):  # type: ignore[misc]  # fsspec has no types
@@ -26,7 +39,7 @@ class RemoteFilesystem(AbstractFileSystem):  # type: ignore[misc]  # fsspec has 
 
     cachable = False
 
-    def __init__(self, files: RemoteLakeFiles) -> None:
+    def __init__(self, files: RangeFiles) -> None:
         super().__init__()
         self._files = files
         self._failure: LakeError | None = None
@@ -34,7 +47,7 @@ class RemoteFilesystem(AbstractFileSystem):  # type: ignore[misc]  # fsspec has 
 
     @classmethod
     def _strip_protocol(cls, path: str) -> str:
-        """URLs stay URLs."""
+        """Keep URLs unchanged."""
         return str(path)
 
     def info(self, path: str, **_: Any) -> dict[str, Any]:
@@ -43,23 +56,23 @@ class RemoteFilesystem(AbstractFileSystem):  # type: ignore[misc]  # fsspec has 
         return {"name": path, "size": size, "type": "file"}
 
     def glob(self, path: str, **_: Any) -> list[str]:
-        """The file itself: a snapshot lists every file by its name."""
+        """The path itself: snapshots list files by name, never by pattern."""
         return [path]
 
     def modified(self, path: str) -> datetime:  # noqa: ARG002
-        """Always the same: published files never change."""
+        """A constant: published files never change."""
         return datetime.fromtimestamp(0, UTC)
 
     def _open(self, path: str, mode: str = "rb", **_: Any) -> RemoteFile:
         if mode != "rb":
-            raise PermissionError(f"{path}: SQL only reads")
+            raise PermissionError(f"{path}: SQL can only read")
         return RemoteFile(self, path, mode, _READ_AHEAD, cache_type="readahead")
 
     def _name(self, path: str) -> str:
         return path.removeprefix(f"{self._files.root}/")
 
     def range(self, path: str, start: int, end: int) -> bytes:
-        """Bytes of a file; footers are read again and again, and fetched once."""
+        """Bytes ``start`` to ``end`` (exclusive) of a file; the end of the file with its footer is cached."""
         size, last = self._end(path)
         first = size - len(last)
         if start >= first:
@@ -68,7 +81,7 @@ class RemoteFilesystem(AbstractFileSystem):  # type: ignore[misc]  # fsspec has 
             return bytes(self._files.range(self._name(path), start, end))
 
     def pop_failure(self) -> LakeError | None:
-        """Why the store did not give what DuckDB asked for last; DuckDB itself tells it as a traceback."""
+        """The error of the last failed request, if any; DuckDB only reports a traceback."""
         failure, self._failure = self._failure, None
         return failure
 
@@ -86,7 +99,7 @@ class RemoteFilesystem(AbstractFileSystem):  # type: ignore[misc]  # fsspec has 
 
 
 class RemoteFile(AbstractBufferedFile):  # type: ignore[misc]
-    """One of them, open."""
+    """An open file."""
 
     def _fetch_range(self, start: int, end: int) -> bytes:
         found: bytes = self.fs.range(self.path, start, end)

@@ -1,6 +1,6 @@
-"""An object store behind obstore: opened by URL, patient with errors, its refusals in our words.
+"""An object store, accessed through obstore: opened by URL, with retries and error messages that name the remedy.
 
-Credentials, region and endpoint come from the environment that every tool for object stores knows
+Credentials, region and endpoint come from the usual environment variables
 (``AWS_ACCESS_KEY_ID``, ``AWS_ENDPOINT_URL``, ``GOOGLE_APPLICATION_CREDENTIALS``, ...).
 """
 
@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import os
 import re
-import time
 import uuid
-from collections import deque
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -26,10 +24,7 @@ SCHEMES = ("s3", "gs")
 _ENDPOINTS = ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT")
 _PUBLISHER = "publisher"
 _PAGE = 1000
-"""Files that a store names in one answer."""
-
-_ANSWERS = 4
-"""Small answers whose quickest tells how far away a store is."""
+"""Files in one page of a listing."""
 
 _first_used_by: int | None = None
 
@@ -41,8 +36,8 @@ class Stored:
     Attributes:
         name: Below the store's URL.
         size: Bytes.
-        mark: Changes when the content does (its ETag).
-        modified: When it was put there [s since 1970, on the store's clock].
+        mark: ETag; changes with the content.
+        modified: Time of the upload [s since 1970, on the store's clock].
     """
 
     name: str
@@ -58,7 +53,7 @@ class ObjectStore:
         url: For example ``s3://bucket/lake``.
 
     Raises:
-        LakeError: The URL is of a kind that is not known, or what the environment says cannot be.
+        LakeError: The URL scheme is not supported, or the environment's settings are invalid.
         MissingDependency: obstore is not installed.
     """
 
@@ -73,30 +68,29 @@ class ObjectStore:
             raise LakeError(f"{url}: wanted a folder, s3://BUCKET/PREFIX, gs://BUCKET/PREFIX or file:///FOLDER")
         _refuse_after_fork(url)
         self._obstore: Any = obstore
-        self._answer_times: deque[float] = deque(maxlen=_ANSWERS)
         try:
             self._store: Any = obstore.store.from_url(url, **_options(scheme))
         except (obstore.exceptions.BaseError, ValueError) as error:
-            raise LakeError(f"{url}: {_first_line(error)}; `scenarionet doctor {url}` says what is set") from error
+            raise LakeError(f"{url}: {_first_line(error)}; `scenarionet doctor {url}` lists the settings") from error
 
-    # --- what is there --------------------------------------------------------------------------------
+    # --- listing ----------------------------------------------------------------------------------------
 
     def list(self, folder: str) -> tuple[list[Stored], list[str]]:
         """Files directly in a folder, and the names of the folders in it."""
-        with self._asking(folder), self._timed():
+        with self._translated_errors(folder):
             found = self._obstore.list_with_delimiter(self._store, None if folder == "." else folder)
         return [_stored(each) for each in found["objects"]], [
             each.rstrip("/").rpartition("/")[2] for each in found["common_prefixes"]
         ]
 
     def walk(self, folder: str | None = None, ignored: Collection[str] = ()) -> Iterator[Stored]:
-        """Every file below a folder, at any depth, but for what lies in folders of the ignored names.
+        """Every file below a folder, at any depth, except in folders with one of the ignored names.
 
-        Where a page ends in such a folder, which may hold millions of files, the next one begins behind it: a store
-        lists in the order of names, and ``0`` is what comes after ``/``.
+        An ignored folder may hold millions of files: when a page ends in one, the next request starts after it. Stores
+        list in name order, and ``0`` is the character after ``/``.
         """
         behind: str | None = None
-        with self._asking(folder or ""):
+        with self._translated_errors(folder or ""):
             pages = self._pages(folder, behind)
             while page := next(pages, None):
                 yield from (_stored(each) for each in page if not _folder_of(each["path"], ignored))
@@ -108,17 +102,17 @@ class ObjectStore:
         return iter(self._obstore.list(self._store, folder, offset=behind, chunk_size=_PAGE))
 
     def find(self, name: str) -> Stored | None:
-        """A file; None when it is not there."""
+        """A file; None when it does not exist."""
         try:
-            with self._asking(name), self._timed():
+            with self._translated_errors(name):
                 return _stored(self._obstore.head(self._store, name))
         except FileNotFoundError:
             return None
 
-    # --- reading, of what is there or FileGone ----------------------------------------------------------
+    # --- reading; a missing file raises FileGone --------------------------------------------------------
 
     def download(self, name: str, path: Path) -> Stored:
-        """Write a file to one on this machine."""
+        """Download a file to a local path."""
         with self._reading(name):
             got = self._obstore.get(self._store, name)
             with writing(path, path), path.open("wb") as file:
@@ -127,12 +121,12 @@ class ObjectStore:
         return _stored(got.meta)
 
     def pieces(self, name: str) -> Iterator[bytes]:
-        """A file's bytes, piece by piece."""
+        """Stream a file's bytes."""
         with self._reading(name):
             yield from self._obstore.get(self._store, name).stream()
 
     def range(self, name: str, start: int, end: int) -> memoryview:
-        """Bytes ``start`` to ``end`` (exclusive) of a file, as they arrived: a copy of megabytes takes milliseconds."""
+        """Bytes ``start`` to ``end`` (exclusive) of a file, without a copy (megabytes take milliseconds)."""
         with self._reading(name):
             return memoryview(self._obstore.get_range(self._store, name, start=start, end=end))
 
@@ -145,62 +139,49 @@ class ObjectStore:
     # --- writing ----------------------------------------------------------------------------------------
 
     def put(self, name: str, content: Path | bytes) -> str:
-        """Put a file there, in place of one of that name; returns its mark."""
-        with self._asking(name, is_written=True):
+        """Upload a file, replacing one of the same name; returns its ETag."""
+        with self._translated_errors(name, is_written=True):
             return str(self._obstore.put(self._store, name, content)["e_tag"])
 
     def create(self, name: str, content: bytes) -> bool:
-        """Put a file there unless there is one; returns whether this call did."""
+        """Upload a file unless one of that name exists; returns whether this call created it."""
         publisher = uuid.uuid4().hex
         try:
-            with self._asking(name, is_written=True):
+            with self._translated_errors(name, is_written=True):
                 self._obstore.put(self._store, name, content, mode="create", attributes={_PUBLISHER: publisher})
         except self._obstore.exceptions.AlreadyExistsError:
-            # Ours, when the answer to a first attempt was lost and the store was asked again.
+            # The file is ours if the response to a first attempt was lost and obstore retried.
             with self._reading(name):
                 found = self._obstore.get(self._store, name, options={"head": True}).attributes
             return bool(found.get(_PUBLISHER) == publisher)
         return True
 
     def delete(self, names: Sequence[str]) -> None:
-        """Remove files; those that are not there are as wanted."""
-        with self._asking(names[0] if names else ""):
+        """Remove files; missing ones are ignored."""
+        with self._translated_errors(names[0] if names else ""):
             self._obstore.delete(self._store, list(names))
 
-    # --- how far away it is -----------------------------------------------------------------------------
-
-    @property
-    def answer_time(self) -> float | None:
-        """How long an answer takes [s]: the quickest of the last few small ones; None before the first."""
-        return min(self._answer_times, default=None)
-
-    @contextmanager
-    def _timed(self) -> Iterator[None]:
-        started = time.perf_counter()
-        yield
-        self._answer_times.append(time.perf_counter() - started)
-
-    # --- refusals ---------------------------------------------------------------------------------------
+    # --- errors -----------------------------------------------------------------------------------------
 
     @contextmanager
     def _reading(self, name: str) -> Iterator[None]:
         try:
-            with self._asking(name):
+            with self._translated_errors(name):
                 yield
         except FileGone:
             raise
         except FileNotFoundError as error:
             raise FileGone(
-                f"{self.url}/{name}: gone; `scenarionet fsck` says what of the lake is hit: restore the file from a "
+                f"{self.url}/{name}: gone; `scenarionet fsck` lists what is affected: restore the file from a "
                 "copy of the lake, or convert its recordings again"
             ) from error
 
     @contextmanager
-    def _asking(self, name: str, *, is_written: bool = False) -> Iterator[None]:
-        """Turns what a store refuses into a LakeError with the remedy.
+    def _translated_errors(self, name: str, *, is_written: bool = False) -> Iterator[None]:
+        """Convert errors of the store into a LakeError that names the remedy.
 
-        That a file is not there, or there already, passes: whoever asks knows what it means. What is written is
-        only not there when the bucket is not.
+        Errors for missing and for existing files pass through, except that a missing file on write means a missing
+        bucket.
         """
         exceptions, place = self._obstore.exceptions, f"{self.url}/{name}".rstrip("/.")
         try:
@@ -213,35 +194,35 @@ class ObjectStore:
             raise self._no_bucket() from error
         except (exceptions.PermissionDeniedError, exceptions.UnauthenticatedError) as error:
             raise LakeError(
-                f"{place}: refused; set credentials that may read and write there (AWS_ACCESS_KEY_ID and the like), "
-                f"`scenarionet doctor {self.url}` says what is set"
+                f"{place}: permission denied; set credentials with read and write access (AWS_ACCESS_KEY_ID, ...), "
+                f"`scenarionet doctor {self.url}` lists the settings"
             ) from error
         except exceptions.BaseError as error:
             answer = re.search(r"status code: ([^:]*)", str(error))
             if answer and answer.group(1).startswith("404"):
                 raise self._no_bucket() from error
             raise LakeError(
-                f"{place}: the object store answers {answer.group(1) if answer else _first_line(error)}; asked for up "
-                f"to {patience():.0f} s ($SCENARIONET_PATIENCE). What is committed is kept: run the same command again "
-                "when the store is well"
+                f"{place}: the object store answers {answer.group(1) if answer else _first_line(error)}; retried for "
+                f"up to {patience():.0f} s ($SCENARIONET_PATIENCE). Committed data is safe: run the same command again "
+                "when the object store is available"
             ) from error
 
     def _no_bucket(self) -> LakeError:
-        return LakeError(f"{self.url}: no such bucket; make it first, or check the name and what is set")
+        return LakeError(f"{self.url}: no such bucket; create it, or check the name and the settings")
 
 
 def endpoint() -> str | None:
-    """The S3 server that is not Amazon's, if one is set."""
+    """URL of an S3-compatible server other than Amazon's, if one is set."""
     return next((os.environ[name] for name in _ENDPOINTS if os.environ.get(name)), None)
 
 
 def patience() -> float:
-    """Seconds for which a request is tried again when the store answers with errors: ``$SCENARIONET_PATIENCE``."""
+    """Seconds for which failing requests are retried: ``$SCENARIONET_PATIENCE``."""
     return float(os.environ.get("SCENARIONET_PATIENCE") or 180)
 
 
 def _options(scheme: str) -> dict[str, Any]:
-    """What stores are opened with besides what the environment says."""
+    """Options for opening a store, in addition to those in the environment."""
     longest_wait = max(0.2, min(15.0, patience() / 4))
     chosen: dict[str, Any] = {
         "client_options": {"allow_http": (endpoint() or "").startswith("http://"), "timeout": "60s"},
@@ -265,23 +246,23 @@ def _stored(meta: Any) -> Stored:
 
 
 def _folder_of(path: str, names: Collection[str]) -> str | None:
-    """The outermost folder of one of these names in which a file lies; None when it lies in none."""
+    """The outermost folder of a path with one of these names; None without one."""
     folders = path.split("/")[:-1]
     place = next((place for place, folder in enumerate(folders) if folder in names), None)
     return None if place is None else "/".join(folders[: place + 1])
 
 
 def _first_line(error: Exception) -> str:
-    """The first line of a message, which goes on with what happened inside the library."""
+    """The first line of a message; the following ones describe library internals."""
     return str(error).partition("\n")[0]
 
 
 def _refuse_after_fork(url: str) -> None:
-    """A forked child has the locks of the parent's network threads without the threads: it would wait for ever."""
+    """Raise in a forked child, which would hang: it inherits locks of network threads, but not the threads."""
     global _first_used_by
     _first_used_by = _first_used_by or os.getpid()
     if _first_used_by != os.getpid():
         raise LakeError(
-            f"{url}: this process was forked from one that talks to an object store; start workers by spawn "
+            f"{url}: this process was forked from one that uses an object store; start workers by spawn "
             "(for torch: DataLoader(..., multiprocessing_context='spawn'))"
         )

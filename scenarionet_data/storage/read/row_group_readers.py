@@ -21,7 +21,7 @@ from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.codec import Rows
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import reading
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.files.remote import RemoteLakeFiles
 from scenarionet_data.storage.read.parquet.column_reader import ColumnReader
 from scenarionet_data.storage.read.parquet.row_groups import Footer, RowGroup
@@ -191,7 +191,7 @@ class RangeReader:
         runs = _runs((*self._footers[address[1]][1].span(address[2]), address) for address in missing)
         for run in sorted(runs, key=lambda run: min(missing[address] for _, _, address in run)):
             (first, _, (_, name, _)), last = run[0], run[-1][1]
-            answer = self._files.start(self._files.range, name, first, last)
+            answer = self._files.submit(self._files.range, name, first, last)
             self._coming.update((address, _Coming(first, answer)) for _, _, address in run)
         while len(self._coming) > max(_MOST_COMING, len(missing)):  # nobody has read them
             self._coming.popitem(last=False)
@@ -218,7 +218,7 @@ class RangeReader:
         """Read the footers of files that are not known yet."""
         unknown = sorted({(table, name) for table, name, _ in addresses if name not in self._footers})
         for (table, name), (size, end) in zip(
-            unknown, self._files.side_by_side(self._files.end, [name for _, name in unknown]), strict=True
+            unknown, self._files.map(self._files.end, [name for _, name in unknown]), strict=True
         ):
             with reading(self._files.url(name)):
                 metadata = pq.read_metadata(pa.BufferReader(end))

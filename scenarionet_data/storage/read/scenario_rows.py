@@ -1,25 +1,31 @@
-"""The rows of one scenario in one table, by their address: whoever shares its row group."""
+"""Read one scenario's rows by address, also from a row group shared with other scenarios."""
 
 from __future__ import annotations
 
-from pathlib import Path
+from typing import NamedTuple
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import reading
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.lake_files import LakeFiles
 
-Address = tuple[str, int, int, int]
-"""File, row group, first row and number of rows of a scenario in a table."""
+
+class RowAddress(NamedTuple):
+    """Location of a scenario's rows in one table; None in the first three where ``num_rows`` is 0."""
+
+    file: str
+    row_group: int
+    first_row: int
+    num_rows: int
 
 
 class ScenarioRows:
-    """Reads scenarios of one table; those that follow each other in a row group cost one reading.
+    """Reads scenarios of one table; consecutive reads from the same row group decode it once.
 
     Args:
-        files: The lake.
+        files: The lake's files.
         table: Name of the table.
     """
 
@@ -30,13 +36,14 @@ class ScenarioRows:
         self._number = -1
         self._group = pa.table({})
 
-    def read(self, name: str, number: int, first: int, num_rows: int) -> pa.Table:
-        """Rows of a scenario, columns as the file has them.
+    def read(self, address: RowAddress) -> pa.Table:
+        """Rows of a scenario, with the columns of its file.
 
         Raises:
-            LakeError: The file is gone or damaged.
-            SchemaMismatch: It is of another version of the table.
+            LakeError: The file is missing or damaged.
+            SchemaMismatch: The file has a schema version that cannot be read.
         """
+        name, number, first, num_rows = address
         path = self._files.path(name)
         with reading(path):
             if name != self._name:
@@ -46,9 +53,3 @@ class ScenarioRows:
                 self._group = self._file.read_row_group(number, use_threads=False).replace_schema_metadata(None)
             self._name, self._number = name, number
         return self._group.slice(first, num_rows)
-
-    def write_alone(self, address: Address, path: Path) -> None:
-        """Write a scenario's rows as the only row group of a file, as converting would."""
-        rows = self.read(*address).combine_chunks().cast(self._table.schema)
-        with self._table.writer(path, {}, rows) as writer:
-            writer.write_table(rows, row_group_size=rows.num_rows)

@@ -18,7 +18,7 @@ from scenarionet_data.building import meets
 from scenarionet_data.errors import ScenarioNotFound
 from scenarionet_data.scenario.description import MapFeatures
 from scenarionet_data.schema import tables
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.lake_files import LakeFiles
 
 _KEPT_MAPS = 4
 

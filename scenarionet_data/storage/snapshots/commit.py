@@ -13,13 +13,13 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scenarionet_data.errors import LakeError, SnapshotConflict
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.snapshots import manifests, metadata_files
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
 from scenarionet_data.storage.write import rewriting
-from scenarionet_data.storage.write.layouts import profile_of, unit_of
+from scenarionet_data.storage.write.layouts import layout_of, unit_of
 
 _ATTEMPTS = 50
 
@@ -174,7 +174,7 @@ def _publish(files: LakeFiles, change: Callable[[Snapshot], tuple[Snapshot | Non
 
 def _separate(files: LakeFiles, held: Sequence[ShardRecord], gone: frozenset[str]) -> list[ShardRecord]:
     """Shards that share files with those that go, written anew: a file of the lake holds no row that is superseded."""
-    units = {unit_of(record): profile_of(record) for record in held if record.key in gone}
+    units = {unit_of(record): layout_of(record) for record in held if record.key in gone}
     left = [record for record in held if record.key not in gone and unit_of(record) in units]
     moved: list[ShardRecord] = []
     for unit, profile in units.items():

@@ -12,7 +12,7 @@ import pyarrow.compute as pc
 
 from scenarionet_data.errors import NoSuchSnapshot, SchemaMismatch
 from scenarionet_data.schema import tables
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord
 from scenarionet_data.storage.snapshots.snapshot import Snapshot

@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.schema import tables
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.lake_files import LakeFiles
 
 
 @dataclass(frozen=True)

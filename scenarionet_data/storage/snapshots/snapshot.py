@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from scenarionet_data.errors import LakeError, NoSuchSnapshot
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.lake_files import LakeFiles
 
 FOLDER = "snapshots"
 

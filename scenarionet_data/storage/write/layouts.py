@@ -1,6 +1,6 @@
-"""How scenarios lie in files: as they are converted, for training, or many together, for analytics.
+"""File layouts: one scenario per row group for training (as converted), or many together for analytics.
 
-Which profile a shard has been rewritten to stands in the name of its metadata file, so that nobody has to open it.
+The name of a shard's metadata file tells which layout the shard was rewritten to, without opening the file.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ _MARK = re.compile(r"-(training|analytics)-([0-9a-f]{16})\.parquet$")
 
 
 @dataclass(frozen=True)
-class Profile:
-    """A way for scenarios to lie in files.
+class Layout:
+    """Number of scenarios in row groups and files.
 
     Attributes:
-        name: What it is good for.
+        name: The purpose.
         scenarios_per_group: Scenarios that share a row group.
         scenarios_per_file: Scenarios in a file at most.
     """
@@ -33,46 +33,46 @@ class Profile:
     scenarios_per_file: int
 
     def num_files(self, num_scenarios: int) -> int:
-        """Files of each table that so many scenarios need."""
+        """Files of each table for this number of scenarios."""
         return math.ceil(num_scenarios / self.scenarios_per_file)
 
 
-PROFILES = {
-    "training": Profile("training", 1, SCENARIOS_PER_FILE),
-    "analytics": Profile("analytics", 16, 1024),
+LAYOUTS = {
+    "training": Layout("training", 1, SCENARIOS_PER_FILE),
+    "analytics": Layout("analytics", 16, 1024),
 }
 
 
-def load(name: str) -> Profile:
-    """The profile of that name.
+def load(name: str) -> Layout:
+    """The layout of that name.
 
     Raises:
-        BadParameter: The message lists those there are.
+        BadParameter: No such layout; the message lists the existing ones.
     """
-    if name not in PROFILES:
-        raise BadParameter(f"no profile {name!r}; there are {', '.join(PROFILES)}")
-    return PROFILES[name]
+    if name not in LAYOUTS:
+        raise BadParameter(f"no profile {name!r}; choose one of {', '.join(LAYOUTS)}")
+    return LAYOUTS[name]
 
 
-def profile_of(record: ShardRecord) -> Profile:
-    """The profile of a shard; what was never rewritten is as it was converted."""
+def layout_of(record: ShardRecord) -> Layout:
+    """The layout of a shard; shards that were never rewritten have the training layout."""
     found = _MARK.search(record.metadata_file or "")
-    return PROFILES[found[1] if found else "training"]
+    return LAYOUTS[found[1] if found else "training"]
 
 
 def unit_of(record: ShardRecord) -> str:
-    """What shards have in common that were rewritten together, and may share files."""
+    """Identifier shared by shards that were rewritten together and may share files."""
     found = _MARK.search(record.metadata_file or "")
     return found[2] if found else record.key
 
 
-def rewritten_name(record: ShardRecord, profile: Profile, unit: str) -> str:
-    """Name of a shard's metadata file once it is rewritten: known before, so that finished work is found."""
+def rewritten_name(record: ShardRecord, layout: Layout, unit: str) -> str:
+    """Name of a shard's metadata file after rewriting; known in advance, so that finished work is found."""
     folder = partition("metadata", record.dataset, record.version, record.split)
-    return f"{folder}/{record.name}-{record.key}-{profile.name}-{unit}.parquet"
+    return f"{folder}/{record.name}-{record.key}-{layout.name}-{unit}.parquet"
 
 
-def new_unit(records: Iterable[ShardRecord], profile: Profile) -> str:
-    """A name for shards that are rewritten together, from what they are now."""
-    told = "\n".join((profile.name, *(str(record.metadata_file) for record in records)))
-    return hashlib.blake2b(told.encode(), digest_size=8).hexdigest()
+def new_unit(records: Iterable[ShardRecord], layout: Layout) -> str:
+    """Identifier for shards that are rewritten together, derived from their present metadata files."""
+    names = "\n".join((layout.name, *(str(record.metadata_file) for record in records)))
+    return hashlib.blake2b(names.encode(), digest_size=8).hexdigest()

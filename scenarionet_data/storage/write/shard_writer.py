@@ -23,7 +23,7 @@ from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import writing
-from scenarionet_data.storage.files.local import LakeFiles, sha256
+from scenarionet_data.storage.files.lake_files import LakeFiles, sha256
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord, metadata_name, partition, shard_key
 from scenarionet_data.storage.write.table_file import write_table
 

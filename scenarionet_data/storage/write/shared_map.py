@@ -14,7 +14,7 @@ from scenarionet_data.building import MapBuilder
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import writing
-from scenarionet_data.storage.files.local import LakeFiles, sha256
+from scenarionet_data.storage.files.lake_files import LakeFiles, sha256
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord, partition, shard_key
 
 TILE = 200.0

@@ -10,7 +10,7 @@ import pyarrow as pa
 
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import writing
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.lake_files import LakeFiles
 
 
 def write_table(

@@ -16,7 +16,7 @@ import pytest
 
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.errors import WorkerLost
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.local import LocalLakeFiles
 from tests.fixtures.lakes import content
 from tests.fixtures.made import raw_of, run, write_raw
 
@@ -73,14 +73,15 @@ def test_a_shard_that_kills_its_workers_is_named_and_the_others_go_on(tmp_path):
     ((shard, reason),) = report.failed
     assert (shard, len(Lake(tmp_path / "lake"))) == ("s099", 12)
     assert (
-        reason == "a worker process was killed, most often for memory, also when nothing else ran; give it more memory"
+        reason == "a worker process was killed, usually because the machine ran out of memory, even with no other job "
+        "running; give it more memory"
     )
 
 
 @pytest.mark.long
 def test_workers_that_are_always_killed_end_the_run(tmp_path):
     raw = write_raw(tmp_path / "raw", {f"s{k:03d}": [f"{k} deadly"] for k in range(20)})
-    with pytest.raises(WorkerLost, match="run the same command again, with fewer --workers: what is finished is kept"):
+    with pytest.raises(WorkerLost, match="finished work is kept: run the same command again with fewer workers"):
         run(raw, tmp_path / "lake", workers=2)
 
 
@@ -123,7 +124,7 @@ def test_links_in_the_path_of_a_lake(tmp_path):
     run(raw, tmp_path / "link" / "lake")
     assert run(raw, tmp_path / "real" / "lake").skipped == 1
     assert len(Lake(tmp_path / "link" / "lake")) == 2
-    assert LakeFiles(tmp_path / "link" / "lake").root == (tmp_path / "real" / "lake").resolve()
+    assert LocalLakeFiles(tmp_path / "link" / "lake").root == (tmp_path / "real" / "lake").resolve()
 
 
 @pytest.mark.parametrize("name", ['it\'s a "lake"', "ü 100% a=b", "[x]*?"])

@@ -7,7 +7,7 @@ import pytest
 from scenarionet_data import Lake
 from scenarionet_data.conversion import plan_conversion
 from scenarionet_data.errors import DuplicateScenario, LakeError
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from tests.fixtures.lakes import content
@@ -137,7 +137,7 @@ def test_a_bucket_with_a_changed_file_is_replaced_whole(raw, root):
 def test_replacing_a_bucket_must_not_drop_its_other_files(raw, root):
     write_raw(raw, files_of(*range(4)))
     run(raw, root, BUCKETED)
-    held = manifests.shards(LakeFiles(root), snapshots.read(LakeFiles(root)))
+    held = manifests.shards(LocalLakeFiles(root), snapshots.read(LocalLakeFiles(root)))
     pair = next(record.items for record in held if len(record.items) > 1)
     (raw / pair[0]).unlink()
     (raw / pair[1]).write_text("77")
@@ -150,7 +150,7 @@ def test_stale_buckets_that_have_grown_apart_go_together(raw, root, monkeypatch)
     """Old buckets and new ones share files: the old go only when all of theirs are converted anew."""
     write_raw(raw, files_of(*range(4)))
     run(raw, root, BUCKETED)
-    old = {record.key for record in manifests.shards(LakeFiles(root), snapshots.read(LakeFiles(root)))}
+    old = {record.key for record in manifests.shards(LocalLakeFiles(root), snapshots.read(LocalLakeFiles(root)))}
     write_raw(raw, files_of(*range(9)))
     monkeypatch.setattr(Made, "version", "2")
     (raw / "f3.made").write_text("3 corrupt")  # its old bucket holds 0 and 1 too, its new one itself alone
@@ -167,7 +167,7 @@ def test_stale_buckets_that_have_grown_apart_go_together(raw, root, monkeypatch)
     assert report.is_clean
     assert report.adopted == 2
     assert ids(root) == wanted(*range(9))
-    now = manifests.shards(LakeFiles(root), snapshots.read(LakeFiles(root)))
+    now = manifests.shards(LocalLakeFiles(root), snapshots.read(LocalLakeFiles(root)))
     assert old.isdisjoint(record.key for record in now)
     assert {record.converter_version for record in now} == {"2"}
 

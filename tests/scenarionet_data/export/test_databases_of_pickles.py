@@ -34,11 +34,13 @@ def import_all(directory: Path) -> list[ScenarioDescription]:
 
 def test_a_database(tmp_path: Path) -> None:
     scenarios = [make_scenario(seed) for seed in (3, 1, 2)]
-    done: list[int] = []
-    report = export(iter(scenarios), tmp_path / "new" / "db", on_progress=done.append)
+    done: list[tuple[int, int]] = []
+    report = export(
+        iter(scenarios), tmp_path / "new" / "db", on_progress=lambda number, total, _: done.append((number, total))
+    )
     names = [f"sd_made_v1_s00000{seed}.pkl" for seed in (3, 1, 2)]
     assert report.directory == tmp_path / "new" / "db"
-    assert (report.num_scenarios, report.refused, done) == (3, (), [1, 2, 3])
+    assert (report.num_scenarios, report.refused, done) == (3, (), [(1, 0), (2, 0), (3, 0)])
     assert report.num_bytes == sum((report.directory / name).stat().st_size for name in names)
     assert {p.name for p in report.directory.iterdir()} == {*names, "dataset_summary.pkl", "dataset_mapping.pkl"}
     assert [p.name for p in report.directory.parent.iterdir()] == ["db"]

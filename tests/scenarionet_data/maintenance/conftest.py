@@ -12,7 +12,7 @@ from scenarionet_data import Lake, ScenarioLoader, convert
 from scenarionet_data.codec.content_hash import content_hash
 from scenarionet_data.maintenance import fsck
 from scenarionet_data.storage.write import layouts
-from scenarionet_data.storage.write.layouts import Profile
+from scenarionet_data.storage.write.layouts import Layout
 from tests.fixtures import made
 from tests.fixtures.made import NAME, MadeOptions, write_raw
 from tests.fixtures.scenarios import make_scenario
@@ -25,7 +25,7 @@ SMALL = {"num_steps": 3, "num_lanes": 2, "num_lights": 1}
 def small(monkeypatch):
     """Small scenarios; an analytics profile that a few of them fill."""
     monkeypatch.setattr(made, "make_scenario", make_small)
-    monkeypatch.setitem(layouts.PROFILES, "analytics", Profile("analytics", 3, 8))
+    monkeypatch.setitem(layouts.LAYOUTS, "analytics", Layout("analytics", 3, 8))
 
 
 @pytest.fixture(scope="session")

@@ -18,11 +18,11 @@ from scenarionet_data import Lake, ScenarioLoader, convert
 from scenarionet_data.codec.content_hash import content_hash
 from scenarionet_data.errors import NoSuchSnapshot
 from scenarionet_data.maintenance import compact, fsck, vacuum
-from scenarionet_data.storage import profiles
+from scenarionet_data.storage.write import layouts
 from tests.fixtures import made
 from tests.fixtures.made import NAME, MadeOptions, write_raw
 from tests.fixtures.scenarios import make_scenario
-profiles.PROFILES["analytics"] = profiles.Profile("analytics", 3, 8)
+layouts.LAYOUTS["analytics"] = layouts.Layout("analytics", 3, 8)
 small = {"num_steps": 3, "num_lanes": 2, "num_lights": 1}
 made.make_scenario = lambda seed, **how: make_scenario(seed, **how, **small)
 root, raw, end = Path(sys.argv[1]), Path(sys.argv[2]), time.monotonic() + float(sys.argv[3])

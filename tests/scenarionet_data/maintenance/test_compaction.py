@@ -10,7 +10,7 @@ from scenarionet_data.errors import BadParameter, NoSuchSnapshot
 from scenarionet_data.maintenance import bin_packing, compact, compaction, plan_compaction, vacuum
 from scenarionet_data.packs.verifying import verify_pack
 from scenarionet_data.quality.checks import run_checks
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import manifests, metadata_files
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from tests.fixtures.made import NAME, write_raw
@@ -24,7 +24,7 @@ def groups(root, table="tracks"):
 
 
 def records(root):
-    files = LakeFiles(root)
+    files = LocalLakeFiles(root)
     return {record.name: record for record in manifests.shards(files, snapshots.read(files))}
 
 
@@ -36,7 +36,7 @@ def test_nothing_changes_but_where_scenarios_lie(root):
     assert (done.shards, done.scenarios, done.files_before, done.files_after) == (4, 8, 12, 3)
     assert done.bytes_after < done.bytes_before
     assert (done.failed, done.left, done.snapshot) == ([], 0, 2)
-    assert snapshots.read(LakeFiles(root)).operation == "compact for analytics"
+    assert snapshots.read(LocalLakeFiles(root)).operation == "compact for analytics"
     assert groups(root) == [[6, 6, 4]]
     after = Lake(root)
     assert content(after) == before
@@ -98,7 +98,7 @@ def test_where_chooses_partitions(raw, root):
     assert compact(root, where={"version": "v9"}).shards == 0
     with pytest.raises(BadParameter, match="--where city: choose by dataset, version, split"):
         compact(root, where={"city": "x"})
-    with pytest.raises(BadParameter, match="no profile 'speed'; there are training, analytics"):
+    with pytest.raises(BadParameter, match="no profile 'speed'; choose one of training, analytics"):
         compact(root, "speed")
     with pytest.raises(NoSuchSnapshot, match="no lake there"):
         compact(raw)
@@ -169,7 +169,7 @@ def test_a_conversion_that_commits_meanwhile_loses_nothing(raw, root):
     def converts():
         convert_to(write_raw(raw, {"new": [77]}), root)
 
-    done = compact(root, "analytics", run=beside(converts))
+    done = compact(root, "analytics", executor=beside(converts))
     assert (done.shards, done.left) == (4, 0)
     assert len(content(Lake(root))) == 9
     check_whole(root)
@@ -182,7 +182,7 @@ def test_what_is_replaced_meanwhile_is_planned_anew(raw, root):
         if not happened:
             happened.append(convert_to(write_raw(raw, {"s2": [20, 98]}), root, replace_old=True))
 
-    done = compact(root, "analytics", run=beside(replaces))
+    done = compact(root, "analytics", executor=beside(replaces))
     assert (done.shards, done.left) == (4, 0)
     assert "made/v1/s000098" in content(Lake(root))
     assert "made/v1/s000021" not in content(Lake(root))
@@ -199,13 +199,13 @@ def test_files_that_are_vacuumed_meanwhile_are_no_damage(raw, root, monkeypatch)
             happened.append(convert_to(write_raw(raw, {"s2": [20], "s3": [30]}), root, replace_old=True))
             vacuum(root, keep_last=1)
 
-    done = compact(root, "analytics", run=beside(replaces))
+    done = compact(root, "analytics", executor=beside(replaces))
     assert (done.shards, done.left, done.failed) == (4, 0, [])
     check_whole(root)
 
 
 def test_two_compactions_at_once_are_one(root):
-    done = compact(root, "analytics", run=beside(lambda: compact(root, "analytics")))
+    done = compact(root, "analytics", executor=beside(lambda: compact(root, "analytics")))
     assert (done.shards, done.left, done.snapshot) == (0, 0, 2)
     check_whole(root)
 
@@ -217,7 +217,7 @@ def test_rivals_that_never_end_are_reported(raw, root):
     def replaces():
         convert_to(write_raw(raw, {"s2": [next(seeds)]}), root, replace_old=True)
 
-    done = compact(root, "analytics", run=beside(replaces))
+    done = compact(root, "analytics", executor=beside(replaces))
     assert done.left == 4
     check_whole(root)
 
@@ -230,8 +230,8 @@ def test_what_a_killed_run_has_finished_is_taken(root, monkeypatch):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        compact(root, "analytics", run=killed)
-    assert snapshots.read(LakeFiles(root)).number == 1
+        compact(root, "analytics", executor=killed)
+    assert snapshots.read(LocalLakeFiles(root)).number == 1
     written = {path.name: path.stat().st_ino for path in root.rglob("*.parquet")}
     done = compact(root, "analytics")
     assert done.shards == 4
@@ -276,8 +276,8 @@ def test_a_file_that_reads_back_otherwise_is_refused(root, monkeypatch):
     from scenarionet_data.storage.read.scenario_rows import ScenarioRows
 
     read = ScenarioRows.read
-    wrong = lambda self, name, number, first, num_rows: read(self, name, 0, first, num_rows)  # noqa: E731
+    wrong = lambda self, address: read(self, address._replace(row_group=0))  # noqa: E731
     monkeypatch.setattr(ScenarioRows, "read", wrong)
     done = compact(root, "analytics")
     assert "read back other rows than were written" in done.failed[0][1]
-    assert snapshots.read(LakeFiles(root)).number == 1
+    assert snapshots.read(LocalLakeFiles(root)).number == 1

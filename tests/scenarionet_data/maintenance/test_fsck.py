@@ -9,7 +9,7 @@ import pytest
 from scenarionet_data import Lake
 from scenarionet_data.errors import NoSuchSnapshot, ScenarioNetError
 from scenarionet_data.maintenance import compact, fsck, repair, vacuum
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import metadata_files
 from scenarionet_data.storage.snapshots import snapshot as snapshots
@@ -44,7 +44,7 @@ def test_a_whole_lake_is_whole_and_progress_is_told(root):
     told = []
     result = fsck(root, is_deep=True, workers=2, on_progress=lambda *counts: told.append(counts))
     assert (result.is_whole, result.snapshots, result.num_files, result.notes) == (True, (1, 2), 23, ())
-    assert told == [(done, 23) for done in range(1, 24)]
+    assert told == [(done, 23, 0) for done in range(1, 24)]
 
 
 @pytest.mark.parametrize("table", ["tracks", "maps"])
@@ -72,7 +72,7 @@ def test_metadata_that_is_not_live_is_looked_at_too(root, monkeypatch):
     """Merged metadata stands for it; replacing a shard falls back to it."""
     monkeypatch.setattr(metadata_files, "MAX_METADATA_FILES", 2)
     monkeypatch.setattr(metadata_files, "MERGED_FILES", 1)
-    commits.consolidate(LakeFiles(root))
+    commits.consolidate(LocalLakeFiles(root))
     vacuum(root, keep_last=1)
     path, name = file_of(root, "metadata/**/s2-*")
     path.write_bytes(b"PAR1")
@@ -161,7 +161,7 @@ def test_a_database_whose_members_have_changed_needs_its_snapshot(raw, root):
     Lake(root).filter(name="old")
     convert_to(write_raw(raw, {"s0": [0, 55]}), root, replace_old=True)
     assert found(root) == {}
-    snapshots.expire(LakeFiles(root), 1)
+    snapshots.expire(LocalLakeFiles(root), 1)
     assert found(root) == {
         "databases/old/1.parquet": "members have changed, and snapshot 1, which it was made on, is gone"
     }
@@ -203,7 +203,7 @@ def test_repairing_and_converting_again_brings_everything_back(raw, root, profil
 def test_merged_metadata_is_merged_again(root, monkeypatch):
     monkeypatch.setattr(metadata_files, "MAX_METADATA_FILES", 2)
     monkeypatch.setattr(metadata_files, "MERGED_FILES", 1)
-    commits.consolidate(LakeFiles(root))
+    commits.consolidate(LocalLakeFiles(root))
     path, _ = file_of(root, "metadata/**/merged-*")
     whole = path.read_bytes()
     path.write_bytes(b"PAR1")

@@ -16,7 +16,7 @@ from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.codec.content_hash import content_hash
 from scenarionet_data.maintenance import compact, fsck, plan_compaction, vacuum
 from scenarionet_data.operations.database_query import StaleDatabaseWarning
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import metadata_files
 from scenarionet_data.storage.snapshots import snapshot as snapshots
@@ -76,7 +76,7 @@ class Maintained(RuleBasedStateMachine):
     def vacuum(self, keep_last, days):
         age(self.root, days)
         done = vacuum(self.root, keep_last=keep_last)
-        assert not set(done.expired) & set(snapshots.numbers(LakeFiles(self.root)))
+        assert not set(done.expired) & set(snapshots.numbers(LocalLakeFiles(self.root)))
         if days:
             assert [note for note in fsck(self.root).notes if "no snapshot" in note.text] == []
 
@@ -101,7 +101,7 @@ class Maintained(RuleBasedStateMachine):
 
     @rule()
     def consolidate(self):
-        commits.consolidate(LakeFiles(self.root))
+        commits.consolidate(LocalLakeFiles(self.root))
 
     @invariant()
     def the_lake_is_the_model(self):

@@ -11,7 +11,7 @@ import pytest
 
 from scenarionet_data import Lake
 from scenarionet_data.maintenance import compact, fsck, vacuum
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from tests.fixtures.made import write_raw
 from tests.scenarionet_data.maintenance.conftest import age, check_whole, content, convert_to
@@ -48,7 +48,7 @@ def stop_at(monkeypatch, number):
         return changed
 
     for name in STEPS:
-        monkeypatch.setattr(LakeFiles, name, stopping(getattr(LakeFiles, name)))
+        monkeypatch.setattr(LocalLakeFiles, name, stopping(getattr(LocalLakeFiles, name)))
 
 
 def holds_the_same(root, before):
@@ -97,7 +97,7 @@ def test_vacuum_stopped_at_every_step(lake):
 
     def work(root):
         vacuum(root, keep_last=1)
-        assert snapshots.numbers(LakeFiles(root)) == [2]
+        assert snapshots.numbers(LocalLakeFiles(root)) == [2]
 
     assert run_until_it_ends(work, lake) >= 10
 
@@ -140,9 +140,9 @@ def test_replacing_in_a_compacted_lake_stopped_at_every_step(lake):
 KILL = """
 import os, signal, sys
 from scenarionet_data.maintenance import compact, vacuum
-from scenarionet_data.storage import profiles
-from scenarionet_data.storage.files.local import LakeFiles
-profiles.PROFILES["analytics"] = profiles.Profile("analytics", 3, 8)
+from scenarionet_data.storage.write import layouts
+from scenarionet_data.storage.files.local import LocalLakeFiles
+layouts.LAYOUTS["analytics"] = layouts.Layout("analytics", 3, 8)
 what, root, number, steps = sys.argv[1], sys.argv[2], int(sys.argv[3]), sys.argv[4].split()
 count = 0
 def killing(step):
@@ -154,7 +154,7 @@ def killing(step):
         return step(*words)
     return changed
 for name in steps:
-    setattr(LakeFiles, name, killing(getattr(LakeFiles, name)))
+    setattr(LocalLakeFiles, name, killing(getattr(LocalLakeFiles, name)))
 compact(root, "analytics") if what == "compact" else vacuum(root, keep_last=1)
 """
 

@@ -13,7 +13,7 @@ from scenarionet_data.conversion.jobs import Job, convert_shard
 from scenarionet_data.errors import BadParameter, LakeError, NoSuchSnapshot
 from scenarionet_data.maintenance import compact, plan_vacuum, vacuum
 from scenarionet_data.operations.database_query import StaleDatabaseWarning
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests, metadata_files
 from scenarionet_data.storage.snapshots import snapshot as snapshots
@@ -52,7 +52,7 @@ def test_what_only_older_snapshots_name_goes_at_once(compacted):
     done = vacuum(compacted, keep_last=1)
     assert (done.expired, done.files, done.is_done) == (planned.expired, planned.files, True)
     assert not {listed.name for listed in planned.files} & stored(compacted)
-    assert snapshots.numbers(LakeFiles(compacted)) == [2]
+    assert snapshots.numbers(LocalLakeFiles(compacted)) == [2]
     assert content(Lake(compacted)) == before
     check_whole(compacted)
     again = vacuum(compacted, keep_last=1)
@@ -196,7 +196,7 @@ def test_who_opens_the_newest_while_it_expires_gets_the_next(raw, root, monkeypa
         return [1]
 
     monkeypatch.setattr(snapshots, "numbers", late)
-    assert snapshots.read(LakeFiles(root)).number == 2
+    assert snapshots.read(LocalLakeFiles(root)).number == 2
 
 
 # --- writers --------------------------------------------------------------------------------------------
@@ -212,7 +212,7 @@ def test_what_is_not_committed_stays_for_a_day(raw, root):
     write_raw(raw, {"new": [77]})
     (outcome,) = finished(raw, root)
     assert len(vacuum(root, keep_last=1).young) == 4
-    commits.commit(LakeFiles(root), [outcome.record], "test")
+    commits.commit(LocalLakeFiles(root), [outcome.record], "test")
     assert len(content(Lake(root))) == 9
     check_whole(root)
 
@@ -223,7 +223,7 @@ def test_after_a_day_it_goes_and_the_commit_says_so(raw, root):
     age(root, 1.1)
     assert len(vacuum(root, keep_last=1).files) == 4
     with pytest.raises(LakeError, match=r"shard new was finished; .* run the same command again"):
-        commits.commit(LakeFiles(root), [outcome.record], "test")
+        commits.commit(LocalLakeFiles(root), [outcome.record], "test")
     assert convert(NAME, str(raw), root, options=OPTIONS).converted == 1
     check_whole(root)
 
@@ -235,7 +235,7 @@ def test_what_is_adopted_is_young_again(raw, root):
     (again,) = finished(raw, root)
     assert again.was_finished
     assert vacuum(root, keep_last=1).files == ()
-    commits.commit(LakeFiles(root), [again.record], "test")
+    commits.commit(LocalLakeFiles(root), [again.record], "test")
     check_whole(root)
 
 
@@ -249,12 +249,12 @@ def test_what_an_expired_snapshot_named_is_safe_once_it_is_adopted_again(raw, ro
     done = vacuum(root, keep_last=1)
     assert done.expired == (1,)
     assert {listed.name.split("/")[0] for listed in done.files} == {"snapshots"}
-    commits.commit(LakeFiles(root), [outcome.record for outcome in back], "test", frozenset(plan.replaced))
+    commits.commit(LocalLakeFiles(root), [outcome.record for outcome in back], "test", frozenset(plan.replaced))
     check_whole(root)
 
 
 def test_a_file_renewed_after_it_was_listed_stays(root):
-    files = LakeFiles(root)
+    files = LocalLakeFiles(root)
     first, second = files.listing("tracks")[:2]
     os.utime(root / first.name, (first.modified - 5, first.modified - 5))
     assert not files.remove_unchanged(first)
@@ -268,7 +268,7 @@ def test_a_file_renewed_after_it_was_listed_stays(root):
 
 def test_the_number_of_an_expired_snapshot_stays_taken(compacted):
     """A job that read the lake before others committed and a vacuum ran must not believe that it has committed."""
-    files = LakeFiles(compacted)
+    files = LocalLakeFiles(compacted)
     convert_to(write_raw(compacted.parent / "raw", {"n": [66]}), compacted)
     vacuum(compacted, keep_last=1)
     assert snapshots.numbers(files) == [3]
@@ -282,7 +282,7 @@ def test_the_number_of_an_expired_snapshot_stays_taken(compacted):
 def test_a_commit_whose_base_goes_meanwhile_reads_again(raw, compacted, monkeypatch):
     write_raw(raw, {"new": [77]})
     (outcome,) = finished(raw, compacted)
-    files, column, happened = LakeFiles(compacted), manifests.column, []
+    files, column, happened = LocalLakeFiles(compacted), manifests.column, []
 
     def slow(files, base, name):
         if not happened:

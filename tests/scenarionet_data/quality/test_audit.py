@@ -15,7 +15,7 @@ from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.quality.checks import run_checks
 from scenarionet_data.scenario.description import Lights, ScenarioDescription
 from scenarionet_data.scenario.vocabulary import MapFeatureType
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.write import shard_writer
 from tests.fixtures.made import Made, write_raw
 from tests.fixtures.made_city import MadeCity
@@ -108,7 +108,7 @@ def test_a_shared_map_that_breaks_a_rule_ends_the_run(tmp_path):
         BrokenContract, match=r"map made/v1/city: 1 links are one-way.*lane_links_are_mutual.*--no-check"
     ):
         convert(CITY, str(raw), tmp_path / "lake")
-    assert not LakeFiles(tmp_path / "lake").names("snapshots")
+    assert not LocalLakeFiles(tmp_path / "lake").names("snapshots")
     assert convert(CITY, str(raw), tmp_path / "lake", is_checked=False).converted == 2
 
 

@@ -18,7 +18,7 @@ from scenarionet_data.quality.checks import find
 from scenarionet_data.quality.report import Findings
 from scenarionet_data.scenario.description import Lights, ScenarioDescription, strings
 from scenarionet_data.scenario.vocabulary import MapFeatureType
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.write.shared_map import write_shared_map
@@ -166,7 +166,7 @@ def miscounting(scenario_id: str, summarise):
 
 def write_case(root: Path, recordings: datasets.Recordings, variants: dict[str, ScenarioDescription]) -> None:
     """The recorded scenarios, the variants, shared maps good and bad, a shard that miscounts itself, a lost file."""
-    files, release = LakeFiles(root), recordings.scenarios[0]
+    files, release = LocalLakeFiles(root), recordings.scenarios[0]
     alone = {name: variants.pop(name) for name in ("lost", "twice")}
     records = [write_shard(root, recordings.scenarios, "recorded"), write_shard(root, variants.values(), "variants")]
     records += [write_shard(root, [scenario], name) for name, scenario in alone.items()]
@@ -225,7 +225,7 @@ def test_the_audit_finds_what_breaks_a_hard_rule(case: Case, tmp_path: Path) -> 
     own = [row for row in own if row[0] not in audit.VALIDATED]
     broken = [renamed(change(at_origin), name) for _, name, change in own]
     encoded = [codec.encode(scenario, "1") for scenario in [*broken, *case.recordings.scenarios]]
-    found = audit.audit(LakeFiles(tmp_path), encoded)
+    found = audit.audit(LocalLakeFiles(tmp_path), encoded)
     assert {number: error.field for number, error in found.items()} == dict(enumerate(check for check, _, _ in own))
 
 

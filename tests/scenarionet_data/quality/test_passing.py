@@ -66,4 +66,4 @@ def test_the_broken_ones_are_a_table(mixed):
 def test_progress_is_told(mixed):
     told = []
     find(mixed, names=["ids_are_unique", "nobody_teleports"], on_progress=lambda *numbers: told.append(numbers))
-    assert told == [(0, 2), (1, 2), (2, 2)]
+    assert told == [(0, 2, 0), (1, 2, 0), (2, 2, 0)]

@@ -67,11 +67,11 @@ def test_the_table_has_a_row_for_each_split_and_rule(lake):
 
 
 def test_what_is_no_scenario_stands_apart(tmp_path):
-    from scenarionet_data.storage.files.local import LakeFiles
+    from scenarionet_data.storage.files.local import LocalLakeFiles
     from scenarionet_data.storage.snapshots import commit as commits
 
     record = replace(write_shard(tmp_path, [sound(1)]), num_quarantined=2)
-    commits.commit(LakeFiles(tmp_path), [record], "test")
+    commits.commit(LocalLakeFiles(tmp_path), [record], "test")
     card = make_scorecard(find(Lake(tmp_path)))
     assert card.others == (("shards_are_whole", "shard made/v1/train/a: 0 records in quarantine, 2 were put there"),)
     assert card.partitions[0].quarantined == 2

@@ -6,7 +6,7 @@ import polars as pl
 import pytest
 
 from scenarionet_data import Lake
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import commit as commits
 from tests.fixtures.lakes import write_shard
 from tests.fixtures.scenarios import make_scenario
@@ -17,9 +17,9 @@ def lake(tmp_path_factory):
     """Three shards, of which one has been replaced: its old files are still in the folder."""
     root = tmp_path_factory.mktemp("engines")
     old = [write_shard(root, [make_scenario(k) for k in (3 * n, 3 * n + 1)], name=f"shard{n}") for n in range(3)]
-    commits.commit(LakeFiles(root), old, "test")
+    commits.commit(LocalLakeFiles(root), old, "test")
     new = write_shard(root, [make_scenario(0)], name="shard0", fingerprint="g")
-    commits.commit(LakeFiles(root), [new], "replace", frozenset({old[0].key}))
+    commits.commit(LocalLakeFiles(root), [new], "replace", frozenset({old[0].key}))
     return Lake(root)
 
 

@@ -110,7 +110,7 @@ def test_the_largest_come_first(store, tmp_path):
         seen.extend(job.shard.name for job in jobs)
         return iter(())
 
-    convert(NAME, upload(raw, "sizes"), tmp_path / "lake", options=FEW, run=run)
+    convert(NAME, upload(raw, "sizes"), tmp_path / "lake", options=FEW, executor=run)
     assert seen == ["b", "c", "a"]
 
 

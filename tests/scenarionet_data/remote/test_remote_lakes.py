@@ -11,7 +11,8 @@ import pytest
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.errors import DatabaseExists, LakeError, MissingDependency, NoSuchSnapshot, QueryError
 from scenarionet_data.storage.files import remote
-from scenarionet_data.storage.files.local import LakeFiles, open_files
+from scenarionet_data.storage.files.local import LocalLakeFiles
+from scenarionet_data.storage.files.opening import open_files
 from scenarionet_data.storage.read import row_group_readers
 from scenarionet_data.storage.read.parquet import row_groups
 from scenarionet_data.testing import differences
@@ -174,7 +175,7 @@ def test_places_that_are_no_lake(url, store):
 
 def test_a_url_of_a_folder(tmp_path):
     files = open_files(f"file://{tmp_path}/my%20lake")
-    assert type(files) is LakeFiles
+    assert type(files) is LocalLakeFiles
     assert files.root == tmp_path / "my lake"
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.local import LocalLakeFiles
 from tests.fixtures.scenarios import small
 
 
@@ -15,4 +15,4 @@ def template():
 
 @pytest.fixture
 def files(tmp_path):
-    return LakeFiles(tmp_path / "lake")
+    return LocalLakeFiles(tmp_path / "lake")

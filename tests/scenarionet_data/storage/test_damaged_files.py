@@ -32,7 +32,7 @@ def test_damaged_content_is_named_when_it_is_loaded(lake, table, damage):
     path.unlink()
     if damage != "gone":
         path.write_bytes({"empty": b"", "cut": data[:-9], "garbage": bytes(range(256)) * 40}[damage])
-    with pytest.raises(LakeError, match=rf"cannot read {path}: .*`scenarionet check` names every scenario"):
+    with pytest.raises(LakeError, match=rf"cannot read {path}: .*`scenarionet check` lists the affected scenarios"):
         ScenarioLoader(lake)[0]
 
 

@@ -9,7 +9,7 @@ import pytest
 from scenarionet_data import Lake
 from scenarionet_data.errors import BadParameter, SchemaMismatch
 from scenarionet_data.storage import evaluation_runs
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.local import LocalLakeFiles
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import make_scenario
 
@@ -77,7 +77,7 @@ def test_a_run_of_another_contract_is_named(tmp_path, lake):
 
 
 def test_runs_are_not_files_of_a_snapshot(lake):
-    run = evaluation_runs.claim(LakeFiles(lake.root), "mine", ("rollouts", "results"), {})
+    run = evaluation_runs.claim(LocalLakeFiles(lake.root), "mine", ("rollouts", "results"), {})
     publish(run, 0, SCENARIOS[0].id, 0)
     older = Lake(lake.root, lake.snapshot.number)
     assert len(older.sql("SELECT * FROM results")) == 1

@@ -1,4 +1,4 @@
-"""Workers of a Dask cluster do jobs as everybody does: the same results, the same errors."""
+"""A Dask cluster gives the same results and the same errors as any other executor."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import pytest
 
 from scenarionet_data import convert
 from scenarionet_data.errors import LakeError, WorkerLost
-from scenarionet_data.execution.executors import Pool, run_here
+from scenarionet_data.execution.executors import ProcessExecutor, run_serially
 from scenarionet_pipelines.cluster import open_cluster
-from scenarionet_pipelines.cluster.dask_executor import Crew
+from scenarionet_pipelines.cluster.dask_executor import DaskExecutor
 from tests.fixtures.lakes import content
 from tests.fixtures.made import NAME, MadeOptions, write_raw
 
@@ -25,8 +25,8 @@ memory_limit = 0
 
 
 @pytest.fixture(scope="module")
-def crew(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Crew]:
-    """Two workers within this process: quick to start; workers that are processes are in ``test_faults``."""
+def dask_executor(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaskExecutor]:
+    """Two workers in this process, quick to start; ``test_faults`` uses worker processes."""
     path = tmp_path_factory.mktemp("profile") / "threads.toml"
     path.write_text(THREADS)
     with open_cluster(str(path)) as opened:
@@ -41,29 +41,29 @@ def half(number: int) -> int:
     return number // 2
 
 
-def test_what_each_job_returned(crew):
-    assert crew.workers == 2
-    assert sorted(crew(range(12), half)) == sorted(map(half, range(12)))
-    assert list(crew([], half)) == []
+def test_every_job_returns_its_result(dask_executor):
+    assert dask_executor.workers == 2
+    assert sorted(dask_executor(range(12), half)) == sorted(map(half, range(12)))
+    assert list(dask_executor([], half)) == []
 
 
-def test_what_a_job_raises_ends_the_run(crew):
+def test_an_exception_in_a_job_ends_the_run(dask_executor):
     with pytest.raises(LakeError, match="thirteen"):
-        list(crew([1, 13], half))
+        list(dask_executor([1, 13], half))
 
 
-@pytest.mark.parametrize("who", ["here", "crew"])
-def test_a_job_without_memory_is_lost_and_the_others_go_on(crew, who):
-    run = {"here": run_here, "crew": crew}[who]
-    found = set(run([2, 17, 4], half, lambda job, why: f"{job}: {why}"))
+@pytest.mark.parametrize("name", ["serial", "dask"])
+def test_a_job_out_of_memory_is_lost_and_the_others_continue(dask_executor, name):
+    executor = {"serial": run_serially, "dask": dask_executor}[name]
+    found = set(executor([2, 17, 4], half, lambda job, reason: f"{job}: {reason}"))
     assert {1, 2} < found
     (reason,) = (each for each in found if isinstance(each, str))
     assert reason.startswith("17: it needs more memory than")
     with pytest.raises(WorkerLost, match="it needs more memory than"):
-        list(run([2, 17, 4], half))
+        list(executor([2, 17, 4], half))
 
 
-def test_jobs_are_read_as_they_are_needed(crew):
+def test_jobs_are_read_lazily(dask_executor):
     taken = 0
 
     def jobs():
@@ -72,31 +72,31 @@ def test_jobs_are_read_as_they_are_needed(crew):
             taken += 1
             yield 2 * number
 
-    results = crew(jobs(), half)
+    results = dask_executor(jobs(), half)
     assert next(results) < 10
     results.close()
     assert taken <= 8
 
 
-def test_the_same_lake_whoever_converts(crew, tmp_path):
+def test_every_executor_writes_the_same_lake(dask_executor, tmp_path):
     raw = write_raw(tmp_path / "raw", {f"s{k}": [10 * k, f"{10 * k + 1} invalid"] for k in range(4)})
-    runs = {"here": run_here, "crew": crew}
+    executors = {"serial": run_serially, "dask": dask_executor}
     reports = {
-        name: convert(NAME, str(raw), tmp_path / name, options=MadeOptions(num_objects=2), run=run)
-        for name, run in runs.items()
+        name: convert(NAME, str(raw), tmp_path / name, options=MadeOptions(num_objects=2), executor=executor)
+        for name, executor in executors.items()
     }
-    assert content(tmp_path / "here") == content(tmp_path / "crew")
+    assert content(tmp_path / "serial") == content(tmp_path / "dask")
     for report in reports.values():
         assert (report.converted, report.quarantined) == (4, 4)
-        assert sum(share.jobs for share in report.workers.values()) == 4
-        assert sum(share.counts["bytes"] for share in report.workers.values()) == report.size
+        assert sum(stats.jobs for stats in report.workers.values()) == 4
+        assert sum(stats.counts["bytes"] for stats in report.workers.values()) == report.size
 
 
 @pytest.mark.long
-def test_the_same_lake_from_processes(tmp_path):
+def test_processes_and_dask_write_the_same_lake(tmp_path):
     raw = str(write_raw(tmp_path / "raw", {f"s{k}": [10 * k, f"{10 * k + 1} invalid"] for k in range(8)}))
     with open_cluster("local", workers=2) as workers:
-        for name, run in {"here": run_here, "pool": Pool(2), "dask": workers}.items():
-            report = convert(NAME, raw, tmp_path / name, options=MadeOptions(num_objects=2), run=run)
-            assert len(report.workers) == (1 if name == "here" else 2)
-    assert content(tmp_path / "here") == content(tmp_path / "pool") == content(tmp_path / "dask")
+        for name, executor in {"serial": run_serially, "pool": ProcessExecutor(2), "dask": workers}.items():
+            report = convert(NAME, raw, tmp_path / name, options=MadeOptions(num_objects=2), executor=executor)
+            assert len(report.workers) == (1 if name == "serial" else 2)
+    assert content(tmp_path / "serial") == content(tmp_path / "pool") == content(tmp_path / "dask")

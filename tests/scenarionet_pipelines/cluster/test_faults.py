@@ -79,7 +79,7 @@ def test_a_shard_that_kills_its_workers_is_named_and_the_others_go_on(dask: Dask
     report = report_of(*start(dask, raw, lake, "--cluster", dask.address), code=1)
     (failed,) = report["failed"]
     assert failed["shard"] == "bad"
-    assert re.match(r"2 workers were lost while they did it, most often for memory", failed["reason"])
+    assert re.match(r"2 workers were lost while running it, usually out of memory", failed["reason"])
     assert (report["converted"], report["shards"]) == (30, 10)
     (raw / "bad.made").unlink()
     assert_equals_undisturbed(lake, raw)
@@ -139,7 +139,7 @@ def test_the_scheduler_ends(dask: Dask, tmp_path, number):
     dask.scheduler.send_signal(number)
     assert command.wait(ENDS_WITHIN) == 1
     (line,) = log.read_text().splitlines()
-    assert line.startswith(f"error: {dask.address}: the scheduler is gone; what is finished is kept: start it again")
+    assert line.startswith(f"error: {dask.address}: the scheduler is gone; finished work is kept: restart it")
     assert len(Lake(lake)) >= 6
     dask.start_scheduler()
     dask.start_worker("--no-nanny")
@@ -155,7 +155,7 @@ def test_no_worker_comes(dask: Dask, tmp_path):
     raw = slow_raw(tmp_path / "raw", shards=1)
     command, log = start(dask, raw, tmp_path / "lake", "--cluster", profile)
     assert command.wait(ENDS_WITHIN) == 1
-    assert "no worker for 1 s; what is finished is kept: start workers (`dask worker tcp://" in log.read_text()
+    assert "no worker for 1 s; finished work is kept: start workers (`dask worker tcp://" in log.read_text()
 
 
 # --- the client ---------------------------------------------------------------------------------------

@@ -39,9 +39,9 @@ def test_a_profile_of_ones_own(tmp_path):
     ("text", "message"),
     [
         ("kind = ", "Invalid value"),
-        ('kind = "cloud"', "wanted a kind out of scheduler, local, ssh, slurm, kubernetes, found 'cloud'"),
+        ('kind = "cloud"', "expected a kind out of scheduler, local, ssh, slurm, kubernetes, found 'cloud'"),
         ('kind = "local"\nworker = 3', "unknown key 'worker'; a profile has kind,"),
-        ('kind = "scheduler"', "wanted the scheduler's address"),
+        ('kind = "scheduler"', "expected the scheduler's address"),
     ],
 )
 def test_mistakes_are_named(text, message):
@@ -51,7 +51,7 @@ def test_mistakes_are_named(text, message):
 
 def test_an_unknown_name_is_told_what_there_is():
     with pytest.raises(
-        BadParameter, match=r"no cluster 'locall'; did you mean local\? there are existing, .*tcp://HOST"
+        BadParameter, match=r"no cluster 'locall'; did you mean local\? known profiles: existing, .*tcp://HOST"
     ):
         profiles.find("locall")
 
@@ -77,16 +77,16 @@ def test_slurm_would_be_given_this_script(tmp_path):
 
 
 def test_who_has_workers_is_not_given_others():
-    with pytest.raises(BadParameter, match=r"--workers: tcp://127\.0\.0\.1:1 has the workers that it has"):
+    with pytest.raises(
+        BadParameter, match=r"--workers: tcp://127\.0\.0\.1:1 is a running scheduler; start more workers"
+    ):
         open_cluster("tcp://127.0.0.1:1", workers=3).__enter__()
 
 
-def test_nobody_answers(monkeypatch):
+def test_no_scheduler_answers(monkeypatch):
     monkeypatch.setattr("scenarionet_pipelines.cluster.opening._CONNECT_WITHIN", 0.3)
     with (
-        pytest.raises(
-            ClusterLost, match=r"tcp://127.0.0.1:1: no scheduler answers there; start one with `dask scheduler`"
-        ),
+        pytest.raises(ClusterLost, match=r"tcp://127.0.0.1:1: no scheduler answers; start one with `dask scheduler`"),
         open_cluster("tcp://127.0.0.1:1"),
     ):
         pass

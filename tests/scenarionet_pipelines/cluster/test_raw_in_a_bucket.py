@@ -25,8 +25,8 @@ def test_a_worker_keeps_what_its_shards_share(store, dask, tmp_path, monkeypatch
     worker = dask.start_worker()
     store.set()
     how = {"split": "mini", "options": converters.get("nuplan").Options(past=0.5)}
-    with open_cluster(dask.address) as crew:
-        remote = convert("nuplan", place, tmp_path / "remote", run=crew, **how)
+    with open_cluster(dask.address) as executor:
+        remote = convert("nuplan", place, tmp_path / "remote", executor=executor, **how)
     shared = {path: times for path, times in fetched(store, f"cluster/{end.name}").items() if "splits" not in path}
     assert shared == {  # by the client for the list and the shared map, then by the worker
         "maps/nuplan-maps-v1.0.json": 2,
@@ -40,8 +40,8 @@ def test_a_worker_keeps_what_its_shards_share(store, dask, tmp_path, monkeypatch
     worker.wait()
     if end is signal.SIGKILL:
         dask.start_worker()
-        with open_cluster(dask.address) as crew:
-            convert("nuplan", place, tmp_path / "again", run=crew, **how)
+        with open_cluster(dask.address) as executor:
+            convert("nuplan", place, tmp_path / "again", executor=executor, **how)
         assert not kept.exists()
     else:
         until(lambda: not kept.exists(), "the worker's folder")

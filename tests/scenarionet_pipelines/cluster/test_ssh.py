@@ -52,7 +52,7 @@ def test_a_machine_without_the_software(processes: Processes, profile: Path, tmp
     command, log = start(processes, write_raw(tmp_path / "raw", {"a": [1]}), tmp_path / "lake", "--cluster", profile)
     assert command.wait(60) == 1
     (line,) = log.read_text().splitlines()
-    assert line == "error: the cluster of kind ssh does not start: Worker failed to start; see its profile"
+    assert line == "error: the ssh cluster does not start: Worker failed to start; see its profile"
 
 
 def test_a_machine_that_does_not_answer(processes: Processes, tmp_path):
@@ -64,5 +64,5 @@ def test_a_machine_that_does_not_answer(processes: Processes, tmp_path):
     command, log = start(processes, raw, tmp_path / "lake", "--cluster", profile)
     assert command.wait(60) == 1
     (line,) = log.read_text().splitlines()
-    assert line.startswith("error: the cluster of kind ssh does not start: ")
+    assert line.startswith("error: the ssh cluster does not start: ")
     assert line.endswith("; see its profile")

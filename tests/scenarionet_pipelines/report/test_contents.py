@@ -68,7 +68,7 @@ def test_a_database_that_is_not_there(lake):
 @pytest.mark.long
 def test_progress_only_rises_to_the_end(lake):
     told = []
-    gather(lake, ["busy", "calm"], on_progress=lambda done, total: told.append((done, total)))
+    gather(lake, ["busy", "calm"], on_progress=lambda done, total, _: told.append((done, total)))
     assert told == sorted(told)
     assert told[-1] == (100, 100)
     assert len({done for done, _ in told}) > 20

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_pipelines.cli.execution import crew, share_facts, share_rows
+from scenarionet_pipelines.cli.execution import executor_from_options, worker_facts, worker_rows
 from scenarionet_pipelines.cli.group import one_line, verb
 from scenarionet_pipelines.cli.output import count, print_json, print_table
 from scenarionet_pipelines.cli.parameters import (
@@ -19,13 +19,13 @@ from scenarionet_pipelines.cli.parameters import (
     quiet_option,
     snapshot_option,
 )
-from scenarionet_pipelines.cli.progress import Progress
+from scenarionet_pipelines.cli.progress import ProgressDisplay
 from scenarionet_pipelines.cli.table_file import check_suffix, write_table
 
 if TYPE_CHECKING:
     from scenarionet_data import Lake
     from scenarionet_data.databases.record import Database
-    from scenarionet_data.execution.executors import Run
+    from scenarionet_data.execution.executors import Executor
     from scenarionet_data.quality.report import CheckResult, Findings
     from scenarionet_data.quality.scorecard import Partition, Scorecard
 
@@ -95,13 +95,13 @@ def command(
 
     _refuse(output, broken, scorecard)
     opened = Lake(lake, snapshot)
-    with crew(cluster, workers, quiet=quiet) as hands:
-        with Progress(f"check {lake}", "check", is_quiet=quiet) as progress:
-            findings = find(
-                opened, database, only or None, lambda done, total: progress.update(done, total, 0), hands.tallied
-            )
+    with executor_from_options(cluster, workers, quiet=quiet) as execution:
+        with ProgressDisplay(f"check {lake}", "check", is_quiet=quiet) as progress:
+            findings = find(opened, database, only or None, progress.update, execution.measured)
         if simulate:
-            findings = findings.adding("replays", _REPLAYS, _simulate(opened, database, workers, hands.tallied, quiet))
+            findings = findings.adding(
+                "replays", _REPLAYS, _simulate(opened, database, workers, execution.measured, quiet)
+            )
     card = make_scorecard(findings) if scorecard else None
     made = save_good(findings, good, is_strict=strict, replace=replace) if good else None
     if broken:
@@ -110,22 +110,22 @@ def command(
         _write(card.rows, output)
     has_failed = any(not result.is_met and (result.is_hard or strict) for result in findings.results)
     if as_json:
-        print_json(_content(findings, card, made) | {"is_ok": not has_failed} | share_facts(hands.shares))
+        print_json(_content(findings, card, made) | {"is_ok": not has_failed} | worker_facts(execution.stats))
     else:
         _print(findings, card, made)
-        print_table(share_rows(hands.shares, "part"))
+        print_table(worker_rows(execution.stats, "part"))
     click.get_current_context().exit(1 if has_failed else 0)
 
 
 def _simulate(
-    lake: Lake, database: str | None, workers: int | None, run: Run | None, quiet: bool
+    lake: Lake, database: str | None, workers: int | None, executor: Executor | None, quiet: bool
 ) -> list[tuple[str, str]]:
     from scenarionet_pipelines.machine import default_workers
     from scenarionet_sim.evaluation.evaluation import find_broken
 
-    with Progress("simulate", "part", is_quiet=quiet) as progress:
+    with ProgressDisplay("simulate", "part", is_quiet=quiet) as progress:
         processes = workers or default_workers()
-        return find_broken(lake, database, workers=processes, run_jobs=run, on_progress=progress.update)
+        return find_broken(lake, database, workers=processes, executor=executor, on_progress=progress.update)
 
 
 def _refuse(output: str | None, broken: str | None, scorecard: bool) -> None:

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from scenarionet_pipelines.cli.execution import crew
+from scenarionet_pipelines.cli.execution import executor_from_options
 from scenarionet_pipelines.cli.group import one_line, verb
 from scenarionet_pipelines.cli.interrupt import Interrupted
 from scenarionet_pipelines.cli.output import count, duration, print_json, print_table, size
 from scenarionet_pipelines.cli.parameters import cluster_option, json_option, lake_argument, pairs, quiet_option
-from scenarionet_pipelines.cli.progress import Progress
+from scenarionet_pipelines.cli.progress import ProgressDisplay
 
 if TYPE_CHECKING:
     from scenarionet_data.maintenance.bin_packing import Bin
@@ -67,14 +67,17 @@ def command(
     if dry_run:
         _print_plan(plan_compaction(lake, profile, where=chosen), profile, as_json)
         return
-    with crew(cluster, workers, quiet=quiet) as hands, Progress(f"compact {lake}", "bin", is_quiet=quiet) as progress:
+    with (
+        executor_from_options(cluster, workers, quiet=quiet) as execution,
+        ProgressDisplay(f"compact {lake}", "bin", is_quiet=quiet) as progress,
+    ):
         try:
             done = compact(
                 lake,
                 profile,
                 where=chosen,
                 workers=workers or default_workers(),
-                run=hands.run,
+                executor=execution.executor,
                 on_progress=progress.update,
             )
         except KeyboardInterrupt as error:

@@ -9,7 +9,7 @@ import click
 
 from scenarionet_data.errors import BadParameter
 from scenarionet_pipelines.cli.conversion_report import print_report, stale_row
-from scenarionet_pipelines.cli.execution import crew
+from scenarionet_pipelines.cli.execution import executor_from_options
 from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.interrupt import Interrupted
 from scenarionet_pipelines.cli.output import count, duration, print_json, print_table
@@ -21,7 +21,7 @@ from scenarionet_pipelines.cli.parameters import (
     quiet_option,
     seconds,
 )
-from scenarionet_pipelines.cli.progress import Progress
+from scenarionet_pipelines.cli.progress import ProgressDisplay
 
 if TYPE_CHECKING:
     from scenarionet_data.conversion import Plan, Report
@@ -102,7 +102,7 @@ def command(
     to say how long the rest will take.
 
     --cluster lets a Dask cluster convert: `local` starts one on this machine, an address is that of a scheduler that
-    runs already, other names and files are profiles (docs/cluster.md).
+    runs already, other names and files are profiles (docs/guides/cluster.md).
 
     --watch looks for new recordings again and again, and converts each as soon as it has not changed between two looks.
     """
@@ -127,11 +127,13 @@ def command(
     if stale and not yes:
         _ask_about(plan_conversion(dataset, raw, lake, **common))
     how = {"workers": workers or default_workers(), "is_checked": not no_check, **common}
-    with crew(cluster, workers, quiet=quiet) as hands:
+    with executor_from_options(cluster, workers, quiet=quiet) as execution:
         if is_watching:
-            is_clean = _watch(dataset, raw, lake, seconds(every, "--every"), as_json, run=hands.run, **how)
+            is_clean = _watch(
+                dataset, raw, lake, seconds(every, "--every"), as_json, executor=execution.executor, **how
+            )
         else:
-            report = _convert(dataset, raw, lake, quiet, run=hands.run, limit=limit, **how)
+            report = _convert(dataset, raw, lake, quiet, executor=execution.executor, limit=limit, **how)
             print_report(report, lake, as_json)
             is_clean = report.is_clean
     click.get_current_context().exit(0 if is_clean else 1)
@@ -140,7 +142,7 @@ def command(
 def _convert(dataset: str, raw: str, lake: str, quiet: bool, **how: Any) -> Report:
     from scenarionet_data.conversion import convert
 
-    with Progress(f"convert {dataset}", "shard", is_quiet=quiet) as progress:
+    with ProgressDisplay(f"convert {dataset}", "shard", is_quiet=quiet) as progress:
         try:
             return convert(dataset, raw, lake, on_progress=progress.update, **how)
         except KeyboardInterrupt as error:
@@ -184,7 +186,7 @@ def _is_there() -> bool:
     return sys.stdin.isatty()
 
 
-def _kept(progress: Progress, lake: str) -> str:
+def _kept(progress: ProgressDisplay, lake: str) -> str:
     done = f"{progress.done:,} of {count(progress.total, 'shard')} ({count(progress.scenarios, 'scenario')})"
     kept = f"{done} converted and kept in {lake}" if progress.done else "no shard was finished"
     return f"{kept}; the same command goes on from there"

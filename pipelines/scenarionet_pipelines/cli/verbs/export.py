@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from scenarionet_pipelines.cli.execution import crew, share_facts, share_rows
+from scenarionet_pipelines.cli.execution import executor_from_options, worker_facts, worker_rows
 from scenarionet_pipelines.cli.group import one_line, verb
 from scenarionet_pipelines.cli.output import count, print_json, print_table, size
 from scenarionet_pipelines.cli.parameters import (
@@ -16,7 +16,7 @@ from scenarionet_pipelines.cli.parameters import (
     quiet_option,
     replace_option,
 )
-from scenarionet_pipelines.cli.progress import Progress
+from scenarionet_pipelines.cli.progress import ProgressDisplay
 
 _FORMATS = ("scenarionet",)
 
@@ -53,27 +53,33 @@ def command(
     scenarionet DIR LAKE` reads such pickles.
     """
     from scenarionet_data import ScenarioLoader
-    from scenarionet_data.execution.executors import Pool
+    from scenarionet_data.execution.executors import ProcessExecutor
     from scenarionet_data.export import export
 
     scenarios = ScenarioLoader(lake, database)
-    with crew(cluster, workers, quiet=quiet) as hands, Progress(f"export {database}", is_quiet=quiet) as progress:
+    with (
+        executor_from_options(cluster, workers, quiet=quiet) as execution,
+        ProgressDisplay(f"export {database}", is_quiet=quiet) as progress,
+    ):
         report = export(
             scenarios,
             Path(directory).resolve(),
             replace=replace,
-            run=hands.tallied or (Pool(workers) if workers else None),
-            on_progress=lambda done: progress.update(done, len(scenarios), done),
+            executor=execution.measured or (ProcessExecutor(workers) if workers else None),
+            on_progress=progress.update,
         )
     if as_json:
         refused = [{"scenario_id": e.scenario_id, "field": e.field, "reason": e.reason} for e in report.refused]
         written = {"scenarios": report.num_scenarios, "bytes": report.num_bytes}
         print_json(
-            {"directory": report.directory, "format": to} | written | {"refused": refused} | share_facts(hands.shares)
+            {"directory": report.directory, "format": to}
+            | written
+            | {"refused": refused}
+            | worker_facts(execution.stats)
         )
     else:
         click.echo(f"{report.directory}: {count(report.num_scenarios, 'scenario')}, {size(report.num_bytes)}")
-        print_table(share_rows(hands.shares, "part"))
+        print_table(worker_rows(execution.stats, "part"))
         for error in report.refused:
             click.echo(f"left out: {one_line(error)}", err=True)
     click.get_current_context().exit(1 if report.refused else 0)

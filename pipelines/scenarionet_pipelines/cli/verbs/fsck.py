@@ -10,7 +10,7 @@ import click
 from scenarionet_pipelines.cli.group import one_line, verb
 from scenarionet_pipelines.cli.output import count, print_json, print_table, size
 from scenarionet_pipelines.cli.parameters import json_option, lake_argument, quiet_option
-from scenarionet_pipelines.cli.progress import Progress
+from scenarionet_pipelines.cli.progress import ProgressDisplay
 
 if TYPE_CHECKING:
     from scenarionet_data.maintenance import Fsck
@@ -44,10 +44,8 @@ def command(lake: str, deep: bool, is_repair: bool, workers: int | None, as_json
     """
     from scenarionet_data.maintenance import fsck, repair
 
-    with Progress(f"fsck {lake}", "file", is_quiet=quiet) as progress:
-        found = fsck(
-            lake, is_deep=deep, workers=workers, on_progress=lambda done, total: progress.update(done, total, 0)
-        )
+    with ProgressDisplay(f"fsck {lake}", "file", is_quiet=quiet) as progress:
+        found = fsck(lake, is_deep=deep, workers=workers, on_progress=progress.update)
     again = repair(lake, found) if is_repair and not found.is_whole else []
     if as_json:
         print_json(asdict(found) | {"is_whole": found.is_whole, "convert_again": again})

@@ -9,7 +9,7 @@ import click
 from scenarionet_pipelines.cli.group import one_line, verb
 from scenarionet_pipelines.cli.output import count, print_json, print_table, size
 from scenarionet_pipelines.cli.parameters import json_option, quiet_option
-from scenarionet_pipelines.cli.progress import Progress
+from scenarionet_pipelines.cli.progress import ProgressDisplay
 
 
 @verb(
@@ -45,10 +45,8 @@ def command(words: tuple[str, ...], tar: bool, pack: str | None, as_json: bool, 
 def _pack(lake: str, database: str, out: str, *, tar: bool, as_json: bool, quiet: bool) -> None:
     from scenarionet_data import Lake
 
-    with Progress(f"pack {database}", "step", is_quiet=quiet) as progress:
-        done = Lake(lake).pack(
-            database, out, tar=tar, on_progress=lambda done, of: progress.update(done, of, done // 2)
-        )
+    with ProgressDisplay(f"pack {database}", "step", is_quiet=quiet) as progress:
+        done = Lake(lake).pack(database, out, tar=tar, on_progress=progress.update)
     if as_json:
         print_json(asdict(done))
     else:
@@ -61,8 +59,8 @@ def _pack(lake: str, database: str, out: str, *, tar: bool, as_json: bool, quiet
 def _verify(path: str, as_json: bool, quiet: bool) -> None:
     from scenarionet_data.packs.verifying import verify_pack
 
-    with Progress(f"verify {path}", "file", is_quiet=quiet) as progress:
-        found = verify_pack(path, lambda done, total: progress.update(done, total, 0))
+    with ProgressDisplay(f"verify {path}", "file", is_quiet=quiet) as progress:
+        found = verify_pack(path, progress.update)
     if as_json:
         print_json(asdict(found) | {"is_whole": found.is_whole})
     else:

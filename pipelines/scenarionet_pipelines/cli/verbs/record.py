@@ -6,12 +6,12 @@ import time
 
 import click
 
-from scenarionet_pipelines.cli.execution import crew
+from scenarionet_pipelines.cli.execution import executor_from_options
 from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.interrupt import Interrupted
 from scenarionet_pipelines.cli.output import count, duration, print_json
 from scenarionet_pipelines.cli.parameters import cluster_option, json_option, lake_argument, quiet_option
-from scenarionet_pipelines.cli.progress import Progress
+from scenarionet_pipelines.cli.progress import ProgressDisplay
 
 
 @verb("record", "scenarionet record lake busy_train", "scenarionet record lake busy_train --agents ego --to ego_states")
@@ -49,10 +49,17 @@ def command(
     recording = prepare(Lake(lake), database, agents, seed)
     run = name or f"{database or 'all'}-{agents}-observed".replace("@", ".")
     started = time.monotonic()
-    with crew(cluster, workers, quiet=quiet) as hands, Progress(f"record {run}", "part", is_quiet=quiet) as progress:
+    with (
+        executor_from_options(cluster, workers, quiet=quiet) as execution,
+        ProgressDisplay(f"record {run}", "part", is_quiet=quiet) as progress,
+    ):
         try:
             skipped = record(
-                recording, run, workers=workers or default_workers(), run_jobs=hands.run, on_progress=progress.update
+                recording,
+                run,
+                workers=workers or default_workers(),
+                executor=execution.executor,
+                on_progress=progress.update,
             )
         except KeyboardInterrupt as error:
             raise Interrupted(f"what is finished is kept in run {run}; the same command goes on from there") from error

@@ -17,7 +17,7 @@ from scenarionet_pipelines.cli.parameters import (
     replace_option,
     snapshot_option,
 )
-from scenarionet_pipelines.cli.progress import Progress
+from scenarionet_pipelines.cli.progress import ProgressDisplay
 
 if TYPE_CHECKING:
     from scenarionet_data import Lake
@@ -84,7 +84,7 @@ def command(
     moments = scene.moments() if run is None else _rolled_out(opened, run, scene)
     now = scenario.current_timestep if at is None else round(at / scene.dt)
     now = min(max(now - moments[0].timestep, 0), len(moments) - 1)
-    with Progress(f"render {path.name}", "frame", is_quiet=quiet) as progress:
+    with ProgressDisplay(f"render {path.name}", "frame", is_quiet=quiet) as progress:
         drawing = Drawing(view, width, size, speed, color_by)
         frames = drawing.save(path, scene, moments, now, lambda done: progress.update(done, len(moments), 0))
     num_bytes = path.stat().st_size

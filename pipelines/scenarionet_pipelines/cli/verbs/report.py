@@ -16,7 +16,7 @@ from scenarionet_pipelines.cli.parameters import (
     replace_option,
     snapshot_option,
 )
-from scenarionet_pipelines.cli.progress import Progress
+from scenarionet_pipelines.cli.progress import ProgressDisplay
 
 
 @verb(
@@ -57,11 +57,9 @@ def command(
         raise BadParameter(f"{file}: a report is a web page; give a name that ends in .html")
     if path.exists() and not replace:
         raise BadParameter(f"{file} is there already; give another name, or --replace")
-    with Progress(f"report {path.name}", "percent", is_quiet=quiet) as progress:
+    with ProgressDisplay(f"report {path.name}", "percent", is_quiet=quiet) as progress:
         opened = Lake(lake, snapshot)
-        contents = gather(
-            opened, databases, is_checked=is_checked, on_progress=lambda done, of: progress.update(done, of, 0)
-        )
+        contents = gather(opened, databases, is_checked=is_checked, on_progress=progress.update)
         write(contents, path)
     num_bytes, count = path.stat().st_size, sum(part.statistics.count for part in contents.parts)
     if as_json:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from scenarionet_pipelines.cli.execution import crew, share_facts, share_rows
+from scenarionet_pipelines.cli.execution import executor_from_options, worker_facts, worker_rows
 from scenarionet_pipelines.cli.group import one_line, verb
 from scenarionet_pipelines.cli.interrupt import Interrupted
 from scenarionet_pipelines.cli.output import count, duration, print_json, print_table
@@ -17,12 +17,12 @@ from scenarionet_pipelines.cli.parameters import (
     look_in_current_folder,
     quiet_option,
 )
-from scenarionet_pipelines.cli.progress import Progress
+from scenarionet_pipelines.cli.progress import ProgressDisplay
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from scenarionet_data.execution.worker_stats import Share
+    from scenarionet_data.execution.worker_stats import WorkerStats
     from scenarionet_sim.evaluation.evaluation import Report
 
 _NUM_EXAMPLES = 5
@@ -83,23 +83,26 @@ def command(
     look_in_current_folder(policy)
     evaluation = prepare(Lake(lake), database, policy, traffic=traffic, backend=backend, seed=seed)
     run = name or "-".join([database or "all", policy, traffic, evaluation.backend]).replace("@", ".").replace(":", ".")
-    with crew(cluster, workers, quiet=quiet) as hands, Progress(f"sim {run}", "part", is_quiet=quiet) as progress:
+    with (
+        executor_from_options(cluster, workers, quiet=quiet) as execution,
+        ProgressDisplay(f"sim {run}", "part", is_quiet=quiet) as progress,
+    ):
         try:
             report = evaluate(
                 evaluation,
                 run,
                 workers=workers or default_workers(),
-                run_jobs=hands.tallied,
+                executor=execution.measured,
                 with_rollouts=not metrics_only,
                 on_progress=progress.update,
             )
         except KeyboardInterrupt as error:
             raise Interrupted(f"what is finished is kept in run {run}; the same command goes on from there") from error
-    _print(report, lake, hands.shares, as_json)
+    _print(report, lake, execution.stats, as_json)
     click.get_current_context().exit(1 if report.broken else 0)
 
 
-def _print(report: Report, lake: str, shares: Mapping[str, Share], as_json: bool) -> None:
+def _print(report: Report, lake: str, shares: Mapping[str, WorkerStats], as_json: bool) -> None:
     from scenarionet_data import Lake
 
     rows = Lake(lake).ask("runs", {"run": report.run}).to_dicts()
@@ -108,12 +111,12 @@ def _print(report: Report, lake: str, shares: Mapping[str, Share], as_json: bool
     if as_json:
         broken = [{"scenario_id": scenario_id, "reason": reason} for scenario_id, reason in report.broken]
         done = {"run": report.run, "skipped": report.skipped, "seconds": report.seconds, "broken": broken}
-        print_json(facts | done | {"scenarios": report.scenarios, "next": join} | share_facts(shares))
+        print_json(facts | done | {"scenarios": report.scenarios, "next": join} | worker_facts(shares))
         return
     if report.skipped:
         click.echo(f"skipped    {count(report.skipped, 'scenario')} that an earlier command had done")
     print_table([(key, value) for key, value in facts.items() if value is not None])
-    print_table(share_rows(shares, "part"))
+    print_table(worker_rows(shares, "part"))
     for scenario_id, reason in report.broken[:_NUM_EXAMPLES]:
         click.echo(f"could not be simulated: {scenario_id}: {one_line(reason)}", err=True)
     click.echo(f"took {duration(report.seconds)}. Where it fails: {join}")

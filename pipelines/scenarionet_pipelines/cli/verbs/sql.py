@@ -46,8 +46,8 @@ def command(
     """Ask a lake one SELECT, or a question by name.
 
     The views are metadata (a row a scenario; `scenarionet filters --columns` explains it), tracks, objects,
-    states, lights, maps, shards and quarantine; docs/events.md has ego_states, lane_graph and more. Without a query,
-    the questions with a name are listed.
+    states, lights, maps, shards and quarantine; docs/guides/events.md has ego_states, lane_graph and more. Without a
+    query, the questions with a name are listed.
     """
     from scenarionet_data import Lake
 

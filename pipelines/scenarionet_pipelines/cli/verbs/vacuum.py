@@ -11,7 +11,7 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import count, print_json, print_table, size
 from scenarionet_pipelines.cli.parameters import json_option, lake_argument, quiet_option
-from scenarionet_pipelines.cli.progress import Progress
+from scenarionet_pipelines.cli.progress import ProgressDisplay
 
 if TYPE_CHECKING:
     from scenarionet_data.maintenance import Vacuum
@@ -59,12 +59,12 @@ def command(
         raise click.UsageError("--dry-run and --yes contradict each other")
     seconds = None if older_than is None else parse_time(older_than)
     if yes:
-        with Progress(f"vacuum {lake}", "file", is_quiet=quiet) as progress:
+        with ProgressDisplay(f"vacuum {lake}", "file", is_quiet=quiet) as progress:
             done = vacuum(
                 lake,
                 keep_last=keep_last,
                 older_than=seconds,
-                on_progress=lambda done, total: progress.update(done, total, 0),
+                on_progress=progress.update,
             )
     else:
         done = plan_vacuum(lake, keep_last=keep_last, older_than=seconds)

@@ -5,7 +5,6 @@ Format: https://github.com/apache/thrift/blob/master/doc/specs/thrift-compact-pr
 
 from __future__ import annotations
 
-import numpy as np
 from numba import njit
 
 from scenarionet_data.arrays.dtypes import Array
@@ -75,60 +74,3 @@ def count_at(data: Array, at: int) -> tuple[int, int]:
         return int(data[at]), at + 1
     value, at = _varint(data, at)
     return value if 0 <= value < _BEYOND else _BEYOND, at
-
-
-@njit(cache=True)
-def struct_end(data: Array, at: int) -> int:
-    """Where a struct of Thrift's compact protocol ends: nothing in it is kept.
-
-    Args:
-        data: (n,) uint8.
-        at: Where it begins.
-
-    Returns:
-        UNKNOWN when it goes on after the data, holds maps, or is nested deeper than Parquet's footers are.
-    """
-    kinds = np.zeros(16, np.int64)  # of the elements of the list at each depth
-    left = np.zeros(16, np.int64)  # elements to come of the list at each depth; -1 for a struct
-    left[0] = -1
-    depth = 0
-    while depth >= 0 and at < len(data):
-        if left[depth] == 0:
-            depth -= 1
-            continue
-        if left[depth] > 0:
-            left[depth] -= 1
-            kind = kinds[depth]
-            if kind <= 2:  # a truth value: a byte in a list, part of the head in a struct
-                kind = 3
-        else:
-            head = data[at]
-            at += 1
-            kind = np.int64(head & 15)
-            if kind == _STOP:
-                depth -= 1
-                continue
-            if head >> 4 == 0:
-                _, at = _varint(data, at)
-        if kind == 3:
-            at += 1
-        elif kind in _VARINTS:
-            _, at = _varint(data, at)
-        elif kind == 7:
-            at += 8
-        elif kind == _BINARY:
-            length, at = count_at(data, at)
-            at += length
-        elif kind == 9 and depth < 15 and at < len(data):
-            head = data[at]
-            at += 1
-            depth += 1
-            kinds[depth], left[depth] = head & 15, head >> 4
-            if head >> 4 == 15:
-                left[depth], at = count_at(data, at)
-        elif kind == _STRUCT and depth < 15:
-            depth += 1
-            left[depth] = -1
-        elif kind > 2:
-            return UNKNOWN
-    return at if depth < 0 else UNKNOWN

@@ -54,7 +54,7 @@ def test_what_is_in_use_stays(copies):
 
 def test_room_is_looked_at_now_and_then(copies, monkeypatch):
     monkeypatch.setenv("SCENARIONET_CACHE_GB", "0.00000005")  # 50 bytes
-    monkeypatch.setattr(cache, "_LOOKED_AT_EVERY", 40)
+    monkeypatch.setattr(cache, "_CHECK_EVERY", 40)
     old = [add(copies, f"metadata/{k}", size=20, hours=10 - k) for k in range(9)]
     assert sum(path.exists() for path in old) <= 4
 

@@ -55,9 +55,9 @@ def test_a_folder_that_may_not_be_written(open_folder):
         path.chmod(0o555 if path.is_dir() else 0o444)
     before = everything(root)
     with as_user():
-        with pytest.raises(LakeError, match=r"^cannot write \S+: Permission denied; choose a folder you may write to"):
+        with pytest.raises(LakeError, match=r"^cannot write \S+: Permission denied; choose a writable folder"):
             run(raw, root)
-        with pytest.raises(LakeError, match="Permission denied; choose a folder"):
+        with pytest.raises(LakeError, match="Permission denied; choose a writable folder"):
             Lake(root).filter("true", name="all")
         assert len(Lake(root)) == 2
         assert len(ScenarioLoader(root)[0].tracks) == 2
@@ -67,7 +67,7 @@ def test_a_folder_that_may_not_be_written(open_folder):
 def test_a_folder_in_which_no_lake_can_be_made(open_folder):
     raw = raw_of(open_folder / "raw", 0, 1)
     open_folder.chmod(0o555)
-    with as_user(), pytest.raises(LakeError, match="Permission denied; choose a folder you may write to"):
+    with as_user(), pytest.raises(LakeError, match="Permission denied; choose a writable folder"):
         run(raw, open_folder / "lake")
 
 
@@ -159,7 +159,7 @@ def test_a_read_only_file_system_can_be_read(tmp_path):
     found = in_own_mounts(mounts, READ_ONLY, lake, raw)
     for message in found["messages"]:
         assert message.startswith("cannot write ")
-        assert "Read-only file system; choose a folder you may write to, or change its permissions" in message
+        assert "Read-only file system; choose a writable folder, or change its permissions" in message
     assert found["count"] == 2
 
 

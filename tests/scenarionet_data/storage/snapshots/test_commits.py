@@ -111,7 +111,7 @@ COMMIT_MANY = """
 import sys
 from pathlib import Path
 from scenarionet_data.storage import commit as commits
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.local import LocalLakeFiles
 from tests.fixtures.lakes import write_shard
 from tests.fixtures.scenarios import renamed, small
 root, who = Path(sys.argv[1]), sys.argv[2]
@@ -120,7 +120,7 @@ records = [write_shard(root, [renamed(template, f"{who}{k}")], name=f"{who}{k}")
 print("ready", flush=True)
 sys.stdin.readline()
 for record in records:
-    commits.commit(LakeFiles(root), [record], who)
+    commits.commit(LocalLakeFiles(root), [record], who)
 """
 
 

@@ -7,7 +7,8 @@ import random
 import pytest
 
 from scenarionet_data import Lake
-from scenarionet_data.storage.files.local import LakeFiles, sha256
+from scenarionet_data.storage.files.lake_files import sha256
+from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import metadata_files
 from scenarionet_data.storage.snapshots import snapshot as snapshots
@@ -30,7 +31,7 @@ def test_few_shards_keep_their_own_files(files, template, few):
 
 def consolidated(root, template, groups):
     """Live metadata files and their content, after committing and consolidating groups of shards one by one."""
-    files = LakeFiles(root)
+    files = LocalLakeFiles(root)
     for group in groups:
         records = [write_shard(root, [renamed(template, f"s{k}")], name=f"shard{k:03d}") for k in group]
         commits.commit(files, records, "test")
@@ -46,7 +47,7 @@ def test_consolidation_depends_on_the_shards_alone(tmp_path, template, few):
     in_parts = consolidated(tmp_path / "b", template, [order[:7], order[7:9], order[9:19], order[19:]])
     assert at_once == in_parts
     assert len(at_once) <= 4
-    assert stored_ids(LakeFiles(tmp_path / "b")) == sorted(f"made/v1/s{k}" for k in range(20))
+    assert stored_ids(LocalLakeFiles(tmp_path / "b")) == sorted(f"made/v1/s{k}" for k in range(20))
     assert len(Lake(tmp_path / "b")) == 20
 
 
@@ -54,7 +55,7 @@ def test_one_more_shard_changes_one_merged_file(tmp_path, template, few):
     before = consolidated(tmp_path, template, [range(20)])
     after = consolidated(tmp_path, template, [range(20), [20]])
     assert len(set(before) & set(after)) == len(after) - 1
-    assert commits.consolidate(LakeFiles(tmp_path)).number == snapshots.numbers(LakeFiles(tmp_path))[-1]
+    assert commits.consolidate(LocalLakeFiles(tmp_path)).number == snapshots.numbers(LocalLakeFiles(tmp_path))[-1]
 
 
 def test_partitions_are_merged_on_their_own(files, template, few):

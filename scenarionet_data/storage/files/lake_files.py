@@ -1,0 +1,170 @@
+"""The interface to a lake's files, implemented by :mod:`.local` for folders and :mod:`.remote` for object stores.
+
+Every file is written under a temporary name and published whole; a published file never changes. File names are
+relative to the lake and use forward slashes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from scenarionet_data.storage.files.errors import reading
+
+
+@dataclass(frozen=True)
+class Listed:
+    """A file in a listing.
+
+    Attributes:
+        name: Relative to the lake.
+        size: Bytes.
+        modified: Time of publication or of the last renewal [s since 1970].
+    """
+
+    name: str
+    size: int
+    modified: float
+
+
+class LakeFiles(ABC):
+    """Reads, publishes, lists and removes files below a lake's root; see :func:`.opening.open_files`.
+
+    Attributes:
+        root: Absolute path of the lake, or its URL.
+    """
+
+    root: Path | str
+
+    # --- listing ----------------------------------------------------------------------------------------
+
+    @abstractmethod
+    def names(self, folder: str, suffix: str = "") -> list[str]:
+        """Files directly in ``folder``, sorted; empty when the folder does not exist."""
+
+    @abstractmethod
+    def folders(self, folder: str) -> list[str]:
+        """Names of the folders directly in ``folder``, sorted."""
+
+    @abstractmethod
+    def listing(self, folder: str) -> list[Listed]:
+        """Every file below a folder, at any depth, in any order."""
+
+    @abstractmethod
+    def size(self, name: str) -> int | None:
+        """Bytes of a file; None when it does not exist."""
+
+    def sizes(self, names: Sequence[str]) -> list[int | None]:
+        """Call :meth:`size` for many files."""
+        return [self.size(name) for name in names]
+
+    def has(self, name: str, size: int | None = None) -> bool:
+        """Whether a file exists (and has this size)."""
+        found = self.size(name)
+        return found is not None and size in (None, found)
+
+    def url(self, name: str) -> str:
+        """Absolute path or URL of a file, for messages and other programs."""
+        return f"{self.root}/{name}"
+
+    # --- reading ----------------------------------------------------------------------------------------
+
+    @abstractmethod
+    def path(self, name: str) -> Path:
+        """Local path of a file: the lake's own file, or a copy of it."""
+
+    def paths(self, names: Sequence[str]) -> list[Path]:
+        """Call :meth:`path` for many files."""
+        return [self.path(name) for name in names]
+
+    @abstractmethod
+    def digest(self, name: str) -> str:
+        """SHA-256 of a file, hexadecimal."""
+
+    def read(self, name: str, columns: list[str] | None = None) -> pa.Table:
+        """Rows of a Parquet file."""
+        return self.read_all([name], columns)[0]
+
+    def read_all(self, names: Sequence[str], columns: list[str] | None = None) -> list[pa.Table]:
+        """Rows of each of several Parquet files."""
+        found = []
+        for path in self.paths(names):
+            with reading(path):
+                found.append(pq.ParquetFile(path).read(columns))
+        return found
+
+    def footer(self, name: str) -> pq.FileMetaData:
+        """Footer of a Parquet file."""
+        path = self.path(name)
+        with reading(path):
+            return pq.read_metadata(path)
+
+    def scans(self, names: Sequence[str]) -> list[str]:
+        """Paths or URLs under which SQL scans files; all are below :attr:`scanned_folders`."""
+        return [str(path) for path in self.paths(names)]
+
+    @property
+    @abstractmethod
+    def scanned_folders(self) -> list[str]:
+        """Folders that SQL may read, each with a trailing slash."""
+
+    def filesystem(self) -> Any:
+        """The fsspec file system for the URLs of :meth:`scans`; None when they are paths."""
+        return None
+
+    # --- writing ----------------------------------------------------------------------------------------
+
+    @abstractmethod
+    def temporary(self) -> Path:
+        """A new path to write to before :meth:`publish`."""
+
+    @abstractmethod
+    def publish(self, temporary: Path, name: str) -> None:
+        """Give a complete temporary file its name, atomically and durably."""
+
+    @abstractmethod
+    def publish_new(self, name: str, data: bytes | Path) -> bool:
+        """Publish ``data`` (bytes, or a temporary file) unless a file of that name exists.
+
+        A temporary file that is not published is kept, so that it can be published under another name.
+
+        Returns:
+            Whether this call created the file; exactly one of several concurrent callers does.
+        """
+
+    @abstractmethod
+    def move(self, folder: str, name: str) -> bool:
+        """Rename a folder; returns whether the new name was free."""
+
+    @abstractmethod
+    def remove(self, name: str) -> None:
+        """Remove a file or folder."""
+
+    @abstractmethod
+    def remove_unchanged(self, listed: Listed) -> bool:
+        """Remove a file unless it has been published or renewed since it was listed; returns whether it did."""
+
+    @abstractmethod
+    def renew(self, names: Iterable[str]) -> list[str]:
+        """Set the modification time of published files to now, which protects them from ``vacuum``.
+
+        Returns:
+            Those that no longer exist.
+        """
+
+    @abstractmethod
+    def sweep(self) -> None:
+        """Remove temporary files that a killed job left more than a day ago."""
+
+
+def sha256(path: Path) -> str:
+    """SHA-256 of a local file, hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,0 +1,88 @@
+"""Copy rows of scenarios into another file, and update their addresses in the metadata."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+
+import pyarrow as pa
+
+from scenarionet_data.schema import tables
+from scenarionet_data.storage.files.lake_files import LakeFiles
+from scenarionet_data.storage.read.scenario_rows import RowAddress, ScenarioRows
+
+_PROVENANCE = (b"scenarionet.source", b"scenarionet.converter", b"scenarionet.licence", b"scenarionet.frame")
+
+
+def addresses(metadata: pa.Table, table: str) -> list[RowAddress]:
+    """Addresses of each scenario's rows in a table."""
+    columns = (metadata[f"{table}_{part}"].to_pylist() for part in RowAddress._fields)
+    return list(map(RowAddress, *columns))
+
+
+def copy_rows(
+    source: ScenarioRows,
+    table: str,
+    chosen: Sequence[RowAddress],
+    path: Path,
+    footer: Mapping[str, str],
+    scenarios_per_group: int = 1,
+) -> list[RowAddress]:
+    """Write the rows of some scenarios to a new file.
+
+    Args:
+        source: Reader of the table.
+        table: Name of the table.
+        chosen: Addresses of the rows, in the order in which they are written; at least one.
+        path: Path of the file.
+        footer: Entries for its footer.
+        scenarios_per_group: Scenarios in a row group.
+
+    Returns:
+        The new addresses, with the path as the file.
+    """
+    declared = tables.load(table)
+    copied: list[RowAddress] = []
+    with ExitStack() as stack:
+        writer = None
+        for group, start in enumerate(range(0, len(chosen), scenarios_per_group)):
+            parts = [source.read(address) for address in chosen[start : start + scenarios_per_group]]
+            rows = declared.conform(pa.concat_tables(parts, promote_options="default"))
+            writer = writer or stack.enter_context(declared.writer(path, footer, rows))
+            writer.write_table(rows, row_group_size=rows.num_rows)
+            first = 0
+            for part in parts:
+                copied.append(RowAddress(str(path), group, first, part.num_rows))
+                first += part.num_rows
+    return copied
+
+
+def with_addresses(metadata: pa.Table, table: str, file: str, copied: Mapping[int, RowAddress]) -> pa.Table:
+    """Metadata with new addresses in one table.
+
+    Args:
+        metadata: Rows of the metadata table.
+        table: Name of the table.
+        file: The new file's name.
+        copied: New addresses by row number; scenarios without rows in the table have none.
+    """
+    new = [copied.get(number) for number in range(metadata.num_rows)]
+    values = {
+        "file": pa.array([None if address is None else file for address in new], pa.string()),
+        "row_group": pa.array([None if address is None else address.row_group for address in new], pa.int32()),
+        "first_row": pa.array([None if address is None else address.first_row for address in new], pa.int32()),
+    }
+    for part, column in values.items():
+        name = f"{table}_{part}"
+        metadata = metadata.set_column(metadata.column_names.index(name), name, column)
+    return metadata
+
+
+def provenance(files: LakeFiles, names: Iterable[str]) -> dict[str, str]:
+    """Footer entries that describe the origin of the rows, from the first of some files that has each."""
+    found: dict[str, str] = {}
+    for name in names:
+        footer = files.footer(name).metadata
+        found = {key.decode(): footer[key].decode() for key in _PROVENANCE if key in footer} | found
+    return found
