@@ -9,7 +9,7 @@ from pathlib import Path
 
 from scenarionet_data.databases.record import Lineage
 from scenarionet_data.storage.files.errors import reading, writing
-from scenarionet_data.storage.files.local import LakeFiles
+from scenarionet_data.storage.files.lake_files import LakeFiles
 
 FILE = "origins.json"
 

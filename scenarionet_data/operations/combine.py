@@ -69,7 +69,11 @@ def rename(lake: LakeLike, database: DatabaseRecord | str, *, name: str) -> Data
     if old.name is None:
         raise BadParameter("this selection is not saved: give it a name with selection.save(name)")
     _check_unused(
-        view, old.name, None, f'lake.copy("{old.name}", name="{name}") keeps it', f"scenarionet copy {view.root} {old.name} {name}"
+        view,
+        old.name,
+        None,
+        f'lake.copy("{old.name}", name="{name}") keeps it',
+        f"scenarionet copy {view.root} {old.name} {name}",
     )
     records.rename(view.files, old.name, name)
     return records.read(view.files, name)

@@ -71,7 +71,9 @@ class DatabaseQuery:
     def members(self) -> str:
         """SQL for the rows of all parents, each with ``parent``, the index of its database."""
         sources = (relation(parent, f"selected_{number}")[0] for number, parent in enumerate(self.parents))
-        return " UNION ALL ".join(f"SELECT {number} AS parent, * FROM {source}" for number, source in enumerate(sources))
+        return " UNION ALL ".join(
+            f"SELECT {number} AS parent, * FROM {source}" for number, source in enumerate(sources)
+        )
 
     def __len__(self) -> int:
         """Return the number of scenarios of the first parent, or of the whole lake."""

@@ -21,6 +21,7 @@ from scenarionet_data.schema import tables
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 
+
 @dataclass(frozen=True)
 class ColumnChange:
     """A column of ``metadata`` with other values than before.

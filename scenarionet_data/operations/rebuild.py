@@ -9,7 +9,7 @@ from scenarionet_data.databases import record as records
 from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter, DatabaseNotFound, LakeError, NoSuchSnapshot, UserColumnNotFound
 from scenarionet_data.operations.database_query import DatabaseQuery
-from scenarionet_data.operations.diff import Diff, different_rows, diff
+from scenarionet_data.operations.diff import Diff, diff, different_rows
 from scenarionet_data.query.lake_view import LakeLike, LakeView, open_view
 from scenarionet_data.query.members import relation
 

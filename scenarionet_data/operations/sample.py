@@ -41,16 +41,12 @@ def sample(
     sql = query.query("operations/sample", {"rounds": _rounds(query, weights, stratify, balance, levels)})
     parameters = {"seed": seed, "n": n, "fraction": fraction} | ({"levels": levels} if levels else {})
     try:
-        return query.make(
-            "sample", name, sql, parameters, replace=replace, allow_empty=allow_empty, min_count=n or 0
-        )
+        return query.make("sample", name, sql, parameters, replace=replace, allow_empty=allow_empty, min_count=n or 0)
     except QueryError as error:
         raise suggestions.explain_unknown_column(error, weights, view.user_columns) from error
 
 
-def _rounds(
-    query: DatabaseQuery, weights: str, stratify: str | None, balance: str | None, levels: int | None
-) -> str:
+def _rounds(query: DatabaseQuery, weights: str, stratify: str | None, balance: str | None, levels: int | None) -> str:
     """Return SQL that gives each scenario its ``round`` and, within a round, its ``priority``."""
     if [stratify, balance, levels].count(None) < 2:
         raise BadParameter("wanted one of stratify (as the whole), balance (as many of each), levels (of difficulty)")

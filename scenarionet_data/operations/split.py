@@ -203,7 +203,7 @@ def _check_leaks(query: DatabaseQuery, parts: Mapping[str, DatabaseWriter], stri
         return
     scenarios = pc.sum(found["num_scenarios"]).as_py()
     text = (
-        f"this split leaks: {found.num_rows:,} source logs with {scenarios:,} scenarios have scenarios in several parts, "
+        f"this split leaks: {found.num_rows:,} source logs with {scenarios:,} scenarios are in several parts, "
         f'for example {found["source_log"][0]}; by="source_log" keeps the scenarios of a log together'
     )
     if strict:

@@ -123,7 +123,9 @@ class Engine:
         try:
             return polars.DataFrame(rows)
         except polars.exceptions.PolarsError as error:
-            raise QueryError(f"{error}; give columns distinct names with AS, cast unsupported types to VARCHAR") from error
+            raise QueryError(
+                f"{error}; give columns distinct names with AS, cast unsupported types to VARCHAR"
+            ) from error
 
     def arrow(
         self,

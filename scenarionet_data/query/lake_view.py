@@ -22,7 +22,7 @@ from scenarionet_data.query.engine import Engine, Rows
 from scenarionet_data.query.members import ADDRESS_COLUMNS, count_changed, locate
 from scenarionet_data.query.named_sql import ANALYTICS
 from scenarionet_data.query.views import FILE_TABLES, table_files
-from scenarionet_data.storage.files.local import open_files
+from scenarionet_data.storage.files.opening import open_files
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
@@ -281,8 +281,8 @@ class LakeView:
             older = self.at_snapshot(latest.lineage.snapshot)
         except NoSuchSnapshot as error:
             raise NoSuchSnapshot(
-                f"{latest.reference} was made on snapshot {latest.lineage.snapshot}, which has expired, and some of its "
-                f"members have changed since; {_rebase(latest)} makes it again on the newest snapshot",
+                f"{latest.reference} was made on snapshot {latest.lineage.snapshot}, which has expired, and some of "
+                f"its members have changed since; {_rebase(latest)} makes it again on the newest snapshot",
                 cli_remedy=f"scenarionet rebase {self.root} {latest.name}",
             ) from error
         for database in databases:

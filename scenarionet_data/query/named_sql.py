@@ -49,13 +49,13 @@ class NamedSql:
             default = self._default(key)
             if isinstance(default, list):
                 is_valid = not isinstance(value, str) and isinstance(value, Iterable)
-                value = list(value) if is_valid else value  # noqa: PLW2901
+                value = list(value) if is_valid else value
             elif isinstance(default, float):
                 is_valid = isinstance(value, Real) and not isinstance(value, bool)
-                value = float(value) if is_valid else value  # noqa: PLW2901
+                value = float(value) if is_valid else value
             elif isinstance(default, int) and not isinstance(default, bool):
                 is_valid = isinstance(value, Integral) and not isinstance(value, bool)
-                value = int(value) if is_valid else value  # noqa: PLW2901
+                value = int(value) if is_valid else value
             else:
                 is_valid = isinstance(value, type(default))
             if not is_valid:

@@ -15,7 +15,7 @@ from scenarionet_data.errors import QueryError, UnsafeSql
 def only_select(connection: duckdb.DuckDBPyConnection, sql: str, given: Mapping[str, Any]) -> str:
     """Return the query in a form that can only read; raise for everything but a single SELECT.
 
-    The query becomes a subquery, because at the top level ``WITH x AS (COPY ... TO ...) SELECT`` is a SELECT that writes.
+    It becomes a subquery, because at the top level ``WITH x AS (COPY ... TO ...) SELECT`` is a SELECT that writes.
 
     Args:
         connection: A locked connection, because parsing may read files.
@@ -49,7 +49,9 @@ def check_expression(where: str) -> None:
         duckdb.SQLExpression(where)
     except duckdb.Error as error:
         position = error_position(where, "SELECT ")
-        raise UnsafeSql(f"wanted one condition such as ego_distance > 10, found {where!r}: {error}{position}") from error
+        raise UnsafeSql(
+            f"wanted one condition such as ego_distance > 10, found {where!r}: {error}{position}"
+        ) from error
 
 
 def error_position(sql: str, before: str = "") -> str:

@@ -1,4 +1,4 @@
-"""Views over the files of a snapshot, created when a query names them; their SQL is in ``sql/views`` and ``sql/macros``."""
+"""Views over the files of a snapshot, created when a query names them, from ``sql/views`` and ``sql/macros``."""
 
 from __future__ import annotations
 

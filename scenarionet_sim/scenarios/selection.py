@@ -96,7 +96,7 @@ class Scenarios:
             f"""SELECT scenario_id, coalesce(listed.weight, CAST(facts.weight AS DOUBLE)) AS weight
             FROM listed JOIN (SELECT scenario_id, {columns} FROM metadata) AS facts USING (scenario_id)
             WHERE facts.wanted ORDER BY facts.difficulty NULLS FIRST, listed.place""",
-            listed=listed,
+            tables={"listed": listed},
         )
 
     def _weights(self, lake: Lake, count: int) -> pa.Array:

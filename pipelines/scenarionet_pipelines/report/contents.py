@@ -8,9 +8,9 @@ from typing import Any
 
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.execution.progress import Progress
-from scenarionet_data.operations.comparison import Statistics
+from scenarionet_data.operations.comparison import DatabaseStatistics
 from scenarionet_data.plots import thumbnail
-from scenarionet_data.quality.checks import find
+from scenarionet_data.quality.checks import run_checks
 from scenarionet_data.quality.scorecard import Scorecard, make_scorecard
 from scenarionet_data.schema import tables
 from scenarionet_pipelines.report.measures import Spread, choose, measure, spreads
@@ -50,7 +50,7 @@ class Part:
         pictures: Typical, extreme and random scenarios.
     """
 
-    statistics: Statistics
+    statistics: DatabaseStatistics
     made: str
     missing: dict[str, int]
     scorecard: Scorecard | None
@@ -101,12 +101,12 @@ def gather(
         DatabaseNotFound: The message lists those that are there.
     """
     steps = _Steps(on_progress, max(1, len(databases)))
-    statistics = lake.compare(databases)
+    statistics = lake.compare(*databases)
     names: Sequence[str | None] = databases or [None]
-    views = [lake if name is None else lake.only(name) for name in names]
+    views = [lake if name is None else lake.restrict_to(name) for name in names]
     parts = []
     for name, view, said in zip(names, views, statistics, strict=True):
-        card = make_scorecard(find(lake, name, on_progress=steps.within)) if is_checked else None
+        card = make_scorecard(run_checks(lake, name, on_progress=steps.within)) if is_checked else None
         pictures = _pictures(view, choose(measure(view)), steps)
         parts.append(Part(said, _made(lake, name), _missing(view), card, pictures))
         steps.end_part()

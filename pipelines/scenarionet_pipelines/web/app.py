@@ -130,7 +130,9 @@ class Browser:
             return JSONResponse({"error": "this server only reads; start it with --write to save databases"}, 403)
         name, where, parent = _texts(await request.body(), "name", "where", "database")
         async with self._turn:
-            made = await run_in_threadpool(self.lake.filter, where.strip() or "true", name=name, parent=parent or None)
+            made = await run_in_threadpool(
+                self.lake.filter, where.strip() or "true", name=name, database=parent or None
+            )
         return JSONResponse({"reference": made.reference, "count": len(made), "databases": self.lake.databases})
 
     def _part(self, database: str) -> Lake:
@@ -138,7 +140,7 @@ class Browser:
         if not database:
             return self.lake
         reference = self.lake.database(database).reference  # of a name, the newest version
-        return self._parts.get_or(reference, lambda: self.lake.only(reference))
+        return self._parts.get_or(reference, lambda: self.lake.restrict_to(reference))
 
 
 def make_app(lake: Lake, *, is_writable: bool = False, names: frozenset[str] = frozenset()) -> Starlette:

@@ -120,7 +120,7 @@ def page(lake: Lake, question: Question, known: dict[str, Column]) -> Page:
         total = int(lake.arrow(f"SELECT count(*) FROM metadata WHERE ({question.where}\n)")[0][0].as_py())
         return Page(total, question.first, _rows(lake, question, known[question.sort], total))
     except QueryError as error:
-        raise suggestions.in_condition(error, question.where) from error
+        raise suggestions.explain_unknown_column(error, question.where) from error
 
 
 def _rows(lake: Lake, question: Question, sort: Column, total: int) -> list[dict[str, Any]]:

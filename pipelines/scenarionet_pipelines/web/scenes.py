@@ -62,7 +62,7 @@ class Scenes:
     """
 
     def __init__(self, lake: Lake) -> None:
-        self._lake = Lake(lake.root, lake.snapshot.number, lake.layers)
+        self._lake = Lake(lake.root, lake.snapshot.number, lake.user_columns)
         self._pages: Latest[tuple[str, ...]] = Latest(_MOST_PLACES)
         self._places: Latest[tuple[ScenarioLoader, int]] = Latest(_MOST_PLACES)
         self._thumbnails: Latest[bytes] = Latest(_MOST_THUMBNAILS)
@@ -76,8 +76,8 @@ class Scenes:
             self._pages.put(scenario_id, page)
 
     def facts(self, scenario_id: str) -> dict[str, Any]:
-        """What is known about it; see ``Lake.facts``."""
-        return self._lake.facts(scenario_id)
+        """Properties of a scenario; see ``Lake.describe``."""
+        return self._lake.describe(scenario_id)
 
     def thumbnail(self, scenario_id: str, size: tuple[int, int]) -> bytes:
         """A small picture of it (PNG), of so many pixels.

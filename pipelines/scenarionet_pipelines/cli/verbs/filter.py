@@ -65,9 +65,9 @@ def command(
     made = opened.filter(
         where,
         name=name,
-        parent=parent,
-        named=named,
-        happening=happening,
+        database=parent,
+        filters=named,
+        events=happening,
         ids=listed if ids or file else None,
         replace=replace,
         allow_empty=allow_empty,

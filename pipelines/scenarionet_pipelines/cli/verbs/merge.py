@@ -23,7 +23,7 @@ def command(lake: str, databases: tuple[str, ...], name: str, replace: bool, all
     from scenarionet_data import Lake
 
     opened = Lake(lake)
-    made = opened.merge(databases, name=name, replace=replace, allow_empty=allow_empty)
+    made = opened.merge(*databases, name=name, replace=replace, allow_empty=allow_empty)
     shared = sum(len(opened.database(parent)) for parent in made.lineage.parents) - len(made)
     if as_json:
         print_json({"name": made.name, "reference": made.reference, "repeated": shared} | asdict(made.lineage))

@@ -91,7 +91,7 @@ def command(
         along=along,
         levels=levels,
         each=each,
-        prefix=prefix,
+        name=prefix,
         strict=strict,
         replace=replace,
         allow_empty=allow_empty,

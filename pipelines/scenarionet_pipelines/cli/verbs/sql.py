@@ -50,6 +50,7 @@ def command(
     query, the questions with a name are listed.
     """
     from scenarionet_data import Lake
+    from scenarionet_data.query.named_sql import ANALYTICS
 
     if not query:
         _list_names(as_json)
@@ -58,7 +59,10 @@ def command(
         check_suffix(output, "-o")
     words = pairs(parameters, "-p")
     opened = Lake(lake, snapshot)
-    rows = opened.ask(query, words) if _NAME.fullmatch(query) else opened.sql(query, _values(words))
+    if _NAME.fullmatch(query):
+        rows = opened.named_query(query, ANALYTICS.load(query).parse(words))
+    else:
+        rows = opened.sql(query, _values(words))
     if output:
         write_table(rows, output)
         click.echo(f"{count(len(rows), 'row')} in {output}", err=True)
@@ -89,9 +93,9 @@ def _print(rows: pl.DataFrame) -> None:
 
 
 def _list_names(as_json: bool) -> None:
-    from scenarionet_data.query.named_sql import QUESTIONS
+    from scenarionet_data.query.named_sql import ANALYTICS
 
-    found = [QUESTIONS.load(name) for name in QUESTIONS.names()]
+    found = [ANALYTICS.load(name) for name in ANALYTICS.names()]
     if as_json:
         print_json({"queries": [{"name": q.name, "doc": q.doc, "parameters": q.defaults} for q in found]})
         return

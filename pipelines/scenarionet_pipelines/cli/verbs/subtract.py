@@ -14,5 +14,5 @@ def command(lake: str, databases: tuple[str, ...], name: str, replace: bool, all
     from scenarionet_data import Lake
 
     opened = Lake(lake)
-    made = opened.subtract(databases, name=name, replace=replace, allow_empty=allow_empty)
+    made = opened.subtract(*databases, name=name, replace=replace, allow_empty=allow_empty)
     print_made(made, as_json, len(opened.database(databases[0])))
