@@ -1,10 +1,168 @@
-"""The simulator: Gymnasium environments over the scenarios of a lake.
+"""The simulator: Gymnasium and PettingZoo environments over the scenarios of a lake.
 
-Importing this package registers ``ScenarioNet-v0`` (also as a vector environment) with Gymnasium, if that is
-installed; the parts are in the modules.
+from scenarionet_sim import EnvConfig, Idm, External, Replay, ScenarioNetEnv, Scenarios
+
+env = ScenarioNetEnv(scenarios=Scenarios("lake", "busy"), policies=(Replay(), Idm(), External()))
+
+Importing the package registers ``ScenarioNet-v0`` (also as a vector environment) with Gymnasium, if that is
+installed. All other names are imported on first use.
 """
 
+from __future__ import annotations
+
+import importlib
 from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from scenarionet_sim.backends.base import Drive
+    from scenarionet_sim.backends.bullet import Bullet
+    from scenarionet_sim.backends.kinematic import Kinematic
+    from scenarionet_sim.environments.config import (
+        BOUNDARY,
+        PAPER_OBSERVATION,
+        EnvConfig,
+        MultiAgentConfig,
+        VectorConfig,
+    )
+    from scenarionet_sim.environments.multi_agent import ScenarioNetParallelEnv
+    from scenarionet_sim.environments.single_agent import ScenarioNetEnv
+    from scenarionet_sim.environments.vector import ScenarioNetVectorEnv
+    from scenarionet_sim.evaluation.evaluation import evaluate
+    from scenarionet_sim.evaluation.recording import record
+    from scenarionet_sim.policies import (
+        ConstantVelocity,
+        External,
+        Idm,
+        Policy,
+        Replay,
+        RouteFollower,
+        ego,
+        other_vehicles,
+        vehicles,
+    )
+    from scenarionet_sim.render import Live, rollout_moments
+    from scenarionet_sim.scenarios import Curriculum, Scenarios
+    from scenarionet_sim.sensors import (
+        BirdView,
+        BoundaryDetector,
+        EgoState,
+        LaneLineDetector,
+        Lidar,
+        LightAhead,
+        Navigation,
+        PointCloud,
+        Sensor,
+        Surrounding,
+    )
+    from scenarionet_sim.simulation import Simulation
+    from scenarionet_sim.task.task import Reward, Termination
+    from scenarionet_sim.worlds.world import World
+
+_MODULE_OF = {
+    "BOUNDARY": "environments.config",
+    "BirdView": "sensors",
+    "BoundaryDetector": "sensors",
+    "Bullet": "backends.bullet",
+    "ConstantVelocity": "policies",
+    "Curriculum": "scenarios",
+    "Drive": "backends.base",
+    "EgoState": "sensors",
+    "EnvConfig": "environments.config",
+    "External": "policies",
+    "Idm": "policies",
+    "Kinematic": "backends.kinematic",
+    "LaneLineDetector": "sensors",
+    "Lidar": "sensors",
+    "LightAhead": "sensors",
+    "Live": "render",
+    "MultiAgentConfig": "environments.config",
+    "Navigation": "sensors",
+    "PAPER_OBSERVATION": "environments.config",
+    "PointCloud": "sensors",
+    "Policy": "policies",
+    "Replay": "policies",
+    "Reward": "task.task",
+    "RouteFollower": "policies",
+    "ScenarioNetEnv": "environments.single_agent",
+    "ScenarioNetParallelEnv": "environments.multi_agent",
+    "ScenarioNetVectorEnv": "environments.vector",
+    "Scenarios": "scenarios",
+    "Sensor": "sensors",
+    "Simulation": "simulation",
+    "Surrounding": "sensors",
+    "Termination": "task.task",
+    "VectorConfig": "environments.config",
+    "World": "worlds.world",
+    "ego": "policies",
+    "evaluate": "evaluation.evaluation",
+    "other_vehicles": "policies",
+    "record": "evaluation.recording",
+    "rollout_moments": "render",
+    "vehicles": "policies",
+}
+"""Module of each public name; a test compares it with the imports above and with ``__all__``."""
+
+__all__ = [
+    "BOUNDARY",
+    "PAPER_OBSERVATION",
+    "BirdView",
+    "BoundaryDetector",
+    "Bullet",
+    "ConstantVelocity",
+    "Curriculum",
+    "Drive",
+    "EgoState",
+    "EnvConfig",
+    "External",
+    "Idm",
+    "Kinematic",
+    "LaneLineDetector",
+    "Lidar",
+    "LightAhead",
+    "Live",
+    "MultiAgentConfig",
+    "Navigation",
+    "PointCloud",
+    "Policy",
+    "Replay",
+    "Reward",
+    "RouteFollower",
+    "ScenarioNetEnv",
+    "ScenarioNetParallelEnv",
+    "ScenarioNetVectorEnv",
+    "Scenarios",
+    "Sensor",
+    "Simulation",
+    "Surrounding",
+    "Termination",
+    "VectorConfig",
+    "World",
+    "ego",
+    "evaluate",
+    "other_vehicles",
+    "record",
+    "rollout_moments",
+    "vehicles",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name on first use: registering the environments needs neither numba nor DuckDB."""
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f"{__name__}.{_MODULE_OF[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
+
 
 if find_spec("gymnasium"):
-    from scenarionet_sim.environments import registration as registration
+    import gymnasium
+
+    gymnasium.register(
+        "ScenarioNet-v0",
+        entry_point="scenarionet_sim.environments.single_agent:ScenarioNetEnv",
+        vector_entry_point="scenarionet_sim.environments.vector:ScenarioNetVectorEnv",
+    )

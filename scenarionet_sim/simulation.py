@@ -14,12 +14,12 @@ from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.kernels.overlap import find_contacts
 from scenarionet_sim.kernels.paths import follow_paths
 from scenarionet_sim.policies import External, Policy, Replay
-from scenarionet_sim.worlds.history import Past
+from scenarionet_sim.worlds.history import History
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world import World
-from scenarionet_sim.worlds.world_batch import Stage
+from scenarionet_sim.worlds.world_batch import WorldBatch
 
-NOBODY = 255
+UNDRIVEN = 255
 """In ``Simulation.driver``: a row that no policy drives, and that is never present."""
 
 LOOK_BACK, LOOK_AHEAD = 10.0, 20.0  # [m] an agent is looked for on its path around where it was
@@ -33,14 +33,14 @@ class Simulation:
 
     Args:
         worlds: One for each slot; all of one timestep.
-        policies: Who drives what; the last that wants an object drives it.
+        policies: ObjectMask drives what; the last that wants an object drives it.
         backend: How agents move.
-        history: Past moments to remember in ``state.past``, for sensors that show them.
+        history: History moments to remember in ``state.history``, for sensors that show them.
 
     Attributes:
-        stage: The worlds.
+        batch: The worlds.
         state: The moment, and ``previous`` the one before; a step exchanges the two.
-        driver: (W, N) uint8 number of the policy that drives each object, or ``NOBODY``.
+        driver: (W, N) uint8 number of the policy that drives each object, or ``UNDRIVEN``.
         agents: (A, 2) int32 world and row of each agent that is present, in that order: what ``step`` takes
             actions for.
         actions: (A, 2) float64 what the agents of the last step did, within [-1, 1].
@@ -50,7 +50,7 @@ class Simulation:
     Example:
         simulation = Simulation([World.from_scenario(scenario)], (Replay(), Idm(), External()))
         simulation.step([[0.0, 1.0]])  # straight on, full throttle
-        simulation.state.position[0, simulation.stage.ego[0]]
+        simulation.state.position[0, simulation.batch.ego[0]]
     """
 
     def __init__(
@@ -61,14 +61,14 @@ class Simulation:
         history: int = 0,
     ) -> None:
         self.policies = tuple(policies)
-        self.stage = Stage(worlds)
+        self.batch = WorldBatch(worlds)
         self._worlds = list(worlds)
-        shape = len(worlds), self.stage.max_objects
+        shape = len(worlds), self.batch.max_objects
         self.state, self.previous = State.empty(*shape), State.empty(*shape)
         if history:
-            self.state.past = self.previous.past = Past.empty(history, *shape)
-        self.driver: UInt8 = np.full(shape, NOBODY, np.uint8)
-        self._session = (backend or Kinematic()).open(self.stage)
+            self.state.history = self.previous.history = History.empty(history, *shape)
+        self.driver: UInt8 = np.full(shape, UNDRIVEN, np.uint8)
+        self._session = (backend or Kinematic()).open(self.batch)
         for slot in range(len(worlds)):
             self._begin(slot, worlds[slot], None)
         self._find_agents()
@@ -103,11 +103,11 @@ class Simulation:
         if len(self.actions) != len(self.agents):
             raise BadParameter(f"{len(self.actions)} actions for {len(self.agents)} agents; give one for each")
         now, then = self.state, self.previous
-        if now.past is not None:
-            now.past.remember(now)
+        if now.history is not None:
+            now.history.remember(now)
         np.add(now.timestep, 1, out=then.timestep)
         for number in self._driving:
-            self.policies[number].advance(self.stage, now, then, self.driver, number, self.dt)
+            self.policies[number].advance(self.batch, now, then, self.driver, number, self.dt)
         if len(self.agents):
             self._session.drive(then, self.agents, self.actions, self.dt)
         self.state, self.previous = then, now
@@ -123,7 +123,7 @@ class Simulation:
             agents: (K, 2) world and row of each, of ``agents``.
         """
         worlds, rows = np.asarray(agents, np.int32).reshape(-1, 2).T
-        self.driver[worlds, rows] = NOBODY
+        self.driver[worlds, rows] = UNDRIVEN
         self.state.present[worlds, rows] = self.previous.present[worlds, rows] = False
         self._find_agents()
 
@@ -135,52 +135,52 @@ class Simulation:
         if abs(world.dt - self.dt) > 1e-3:
             raise BadParameter(f"{world.scenario_id}: timestep {world.dt} s among worlds of {self.dt} s; select by dt")
         self._worlds[slot] = world
-        driver = np.full(world.num_objects, NOBODY, np.uint8)
+        driver = np.full(world.num_objects, UNDRIVEN, np.uint8)
         for number, policy in enumerate(self.policies):
             driver[policy.wants(world)] = number
         for number, policy in enumerate(self.policies):
             world = policy.prepare(world, driver == number)
-        if world is not self.stage.worlds[slot]:
-            self.stage.replace(slot, world)
-            if self.stage.max_objects > self.driver.shape[1]:
+        if world is not self.batch.worlds[slot]:
+            self.batch.replace(slot, world)
+            if self.batch.max_objects > self.driver.shape[1]:
                 self._make_room()
-        self.driver[slot] = NOBODY
+        self.driver[slot] = UNDRIVEN
         self.driver[slot, : world.num_objects] = driver
         self._driving = [number for number in range(len(self.policies)) if (self.driver == number).any()]
         first = int(np.argmax(world.log_valid[:, world.ego])) if start is None else start
-        self.state.begin(slot, world, first, driver != NOBODY)
-        self.previous.begin(slot, world, first, driver != NOBODY)
-        if self.state.past is not None:
-            self.state.past.forget(slot)
+        self.state.begin(slot, world, first, driver != UNDRIVEN)
+        self.previous.begin(slot, world, first, driver != UNDRIVEN)
+        if self.state.history is not None:
+            self.state.history.forget(slot)
         self._session.reset(slot, self.state)
 
     def _make_room(self) -> None:
-        """Larger moments, with a row for every object that the stage has room for."""
-        shape = len(self.stage), self.stage.max_objects
+        """Larger moments, with a row for every object that the batch has room for."""
+        shape = len(self.batch), self.batch.max_objects
         state, previous, driver = self.state, self.previous, self.driver
         self.state, self.previous = State.empty(*shape), State.empty(*shape)
         self.state.take(state)
         self.previous.take(previous)
-        if state.past is not None:
-            self.state.past = self.previous.past = state.past.with_room(self.stage.max_objects)
-        self.driver = np.full(shape, NOBODY, np.uint8)
+        if state.history is not None:
+            self.state.history = self.previous.history = state.history.with_room(self.batch.max_objects)
+        self.driver = np.full(shape, UNDRIVEN, np.uint8)
         self.driver[:, : driver.shape[1]] = driver
 
     def _find_agents(self) -> None:
-        """Who is an agent now, and what it touches."""
+        """ObjectMask is an agent now, and what it touches."""
         is_external = np.array([isinstance(policy, External) for policy in self.policies] + [False])
         is_agent: Bool = is_external[np.minimum(self.driver, len(self.policies))]
         # Rows, also where numpy returns columns: kernels are compiled for each layout.
         self.agents: Int32 = np.argwhere(is_agent & self.state.present).astype(np.int32, order="C")
         self._is_agent_due = bool((is_agent & ~self.state.present).any())
-        self.contacts: Bool = np.zeros((len(self.agents), self.stage.max_objects), np.bool_)
+        self.contacts: Bool = np.zeros((len(self.agents), self.batch.max_objects), np.bool_)
         self.hits: npt.NDArray[np.uint32] = np.zeros(len(self.agents), np.uint32)
         self._look()
 
     def _look(self) -> None:
         """Where agents are on their paths and what they touch."""
-        stage, state = self.stage, self.state
-        paths = stage.path_points, stage.path_arc, stage.path_heading, stage.path_z, stage.path_offsets
+        batch, state = self.batch, self.state
+        paths = batch.path_points, batch.path_arc, batch.path_heading, batch.path_z, batch.path_offsets
         places = state.arc, state.lateral, state.z
         follow_paths(self.agents, state.position, *paths, LOOK_BACK, LOOK_AHEAD, *places)
         boxes = state.position, state.heading, state.z, state.size, state.object_type, state.present

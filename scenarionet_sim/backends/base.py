@@ -19,7 +19,7 @@ from scenarionet_data.errors import BadParameter
 
 if TYPE_CHECKING:
     from scenarionet_sim.worlds.state import State
-    from scenarionet_sim.worlds.world_batch import Stage
+    from scenarionet_sim.worlds.world_batch import WorldBatch
 
 
 CONTROL_STEP = 0.1
@@ -49,7 +49,7 @@ class Drive:
 
 
 class Session(Protocol):
-    """The live part of a backend, over the W worlds of a stage."""
+    """The live part of a backend, over the W worlds of a batch."""
 
     def reset(self, world: int, state: State) -> None:
         """Forget a world's past: it begins a new episode, perhaps of another scenario.
@@ -81,8 +81,8 @@ class Session(Protocol):
 class Backend(Protocol):
     """A way to move driven vehicles: hashable, picklable, compared by value."""
 
-    def open(self, stage: Stage) -> Session:
-        """A session over the worlds of a stage.
+    def open(self, batch: WorldBatch) -> Session:
+        """A session over the worlds of a batch.
 
         Raises:
             MissingDependency: A package that only this backend needs is not installed.

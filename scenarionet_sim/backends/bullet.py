@@ -20,13 +20,13 @@ from scenarionet_data.arrays.dtypes import Float64, Int32
 from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_data.version import PACKAGE
 from scenarionet_sim.backends.base import SUBSTEPS, Drive
-from scenarionet_sim.backends.world_bodies import Key, Storey
+from scenarionet_sim.backends.world_bodies import Key, WorldBodies
 from scenarionet_sim.kernels.bodies import find_bodies, read_motion, write_motion
 from scenarionet_sim.kernels.tyres import apply_tyres
 
 if TYPE_CHECKING:
     from scenarionet_sim.worlds.state import State
-    from scenarionet_sim.worlds.world_batch import Stage
+    from scenarionet_sim.worlds.world_batch import WorldBatch
 
 _GRAVITY = 9.81  # [m/s²]
 
@@ -53,13 +53,13 @@ class Bullet:
     iterations: int = 10
     max_asleep: int = 32
 
-    def open(self, stage: Stage) -> BulletSession:
+    def open(self, batch: WorldBatch) -> BulletSession:
         """A session with a physics client of its own: about 30 MB, and 20 ms.
 
         Raises:
             MissingDependency: pybullet is not installed.
         """
-        return BulletSession(self, len(stage.worlds))
+        return BulletSession(self, len(batch.worlds))
 
 
 class BulletSession:
@@ -90,7 +90,7 @@ class BulletSession:
             physicsClientId=self._client,
         )
         kept = (spec.body_friction, spec.restitution, spec.max_asleep)
-        self._storeys = [Storey(bullet, self._client, level, *kept) for level in range(num_worlds)]
+        self._storeys = [WorldBodies(bullet, self._client, level, *kept) for level in range(num_worlds)]
 
     def close(self) -> None:
         """Release the client; closing twice does nothing."""

@@ -10,7 +10,7 @@ from scenarionet_data.arrays.dtypes import Float64, Int32
 from scenarionet_sim.backends.base import SUBSTEPS, Drive
 from scenarionet_sim.kernels.bicycle import drive_bicycles
 from scenarionet_sim.worlds.state import State
-from scenarionet_sim.worlds.world_batch import Stage
+from scenarionet_sim.worlds.world_batch import WorldBatch
 
 
 @dataclass(frozen=True)
@@ -27,9 +27,9 @@ class Kinematic:
     grip: float = 8.0
     substeps: int = SUBSTEPS
 
-    def open(self, stage: Stage) -> KinematicSession:
-        """A session over the worlds of a stage; it needs nothing of them."""
-        del stage
+    def open(self, batch: WorldBatch) -> KinematicSession:
+        """A session over the worlds of a batch; it needs nothing of them."""
+        del batch
         return KinematicSession(self)
 
 

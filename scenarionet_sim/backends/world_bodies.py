@@ -21,7 +21,7 @@ _MIN_SIZE = 0.1  # [m]
 _DRIVEN, _MOVED = 1, 2  # collision groups: what policies move collides with driven vehicles alone
 
 
-class Storey:
+class WorldBodies:
     """Bodies of one world: made when first wanted, asleep while they are not.
 
     Args:

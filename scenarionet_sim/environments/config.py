@@ -1,4 +1,4 @@
-"""What an environment is made of: parts that are their own configuration, in one frozen value that pickles."""
+"""Configurations of environments: frozen, picklable dataclasses of parts that are configurations themselves."""
 
 from __future__ import annotations
 
@@ -13,36 +13,37 @@ from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.policies import External, Policy, Replay, vehicles
 from scenarionet_sim.scenarios import Scenarios
 from scenarionet_sim.sensors import BoundaryDetector, EgoState, Lidar, Navigation, Sensor
-from scenarionet_sim.task.task import MULTI_AGENT, SINGLE_AGENT, Ending, Reward
+from scenarionet_sim.task.task import MULTI_AGENT, SINGLE_AGENT, Reward, Termination
 from scenarionet_sim.worlds.world import World
 
 PAPER_OBSERVATION: tuple[Sensor, ...] = (Lidar(rays=120), EgoState(), Navigation(points=10, spacing=2.0))
-"""Lidar of 120 rays over 50 m, ego state, and 10 points 2 m apart along the reference trajectory."""
+"""Sensors of the ScenarioNet paper: 120 lidar rays over 50 m, ego state, 10 route points 2 m apart."""
 
 BOUNDARY: tuple[Sensor, ...] = (BoundaryDetector(rays=12, range=50.0),)
-"""What the paper adds to the observation where the road's boundary matters."""
+"""The paper's optional boundary detector: 12 rays over 50 m."""
 
 
 def travelling_vehicles(world: World) -> Bool:
-    """Vehicles whose route is not complete from the beginning; parked ones stay where they were recorded."""
+    """Select vehicles with a route to drive; parked ones are replayed."""
     return vehicles(world) & (world.paths.length() >= MULTI_AGENT[1].short_route)
 
 
 @dataclass(frozen=True)
 class EnvConfig:
-    """Everything about an environment but its seed and its window.
+    """Configuration of an environment, except its seed and render mode.
 
     Attributes:
-        scenarios: What is played.
-        policies: Who drives what; the last that wants an object drives it. Agents are what ``External`` drives; in
-            the single-agent environments the ego is judged whoever drives it, and actions are ignored if it is
-            another policy, for example ``Idm(who=ego)``.
-        backend: How agents move.
-        sensors: What an agent observes.
-        observation: ``flat``, one vector of all sensors in their order, or ``dict``, by the sensors' names.
-        reward, ending: The task.
-        ahead: Scenarios loaded ahead in a thread; 0 loads at the reset itself.
-        keep: Worlds kept in memory.
+        scenarios: Scenarios to play.
+        policies: Policies in rising priority: an object is driven by the last one that selects it. Objects of
+            ``External`` are the agents. Single-agent environments evaluate the ego also if another policy drives it,
+            such as ``Idm(objects=ego)``; actions are ignored then.
+        backend: Vehicle dynamics of the agents.
+        sensors: Sensors of each agent.
+        observation: ``flat`` for one vector of all sensors in order, ``dict`` for one array per sensor name.
+        reward: Weights of the reward.
+        termination: Conditions that end an episode.
+        prefetch: Scenarios to load ahead in a background thread; 0 loads them in ``reset``.
+        cache_size: Number of worlds to keep in memory.
     """
 
     scenarios: Scenarios
@@ -51,48 +52,55 @@ class EnvConfig:
     sensors: tuple[Sensor, ...] = PAPER_OBSERVATION
     observation: Literal["flat", "dict"] = "flat"
     reward: Reward = SINGLE_AGENT[0]
-    ending: Ending = SINGLE_AGENT[1]
-    ahead: int = 1
-    keep: int = 32
+    termination: Termination = SINGLE_AGENT[1]
+    prefetch: int = 1
+    cache_size: int = 32
 
     def __post_init__(self) -> None:
         if not isinstance(self.scenarios, Scenarios):
-            raise BadParameter(f"scenarios={self.scenarios!r}; wanted Scenarios('lake', 'database')")
+            raise BadParameter(f"scenarios={self.scenarios!r}; expected Scenarios('lake', 'database')")
         if self.observation not in ("flat", "dict"):
-            raise BadParameter(f"observation {self.observation!r}; wanted flat or dict")
+            raise BadParameter(f"observation={self.observation!r}; expected 'flat' or 'dict'")
         if not self.sensors:
-            raise BadParameter("an agent without sensors observes nothing; give at least one")
+            raise BadParameter("sensors is empty; an agent needs at least one sensor")
+
+    def __repr__(self) -> str:
+        drivers = ", ".join(type(policy).__name__ for policy in self.policies)
+        sensors = ", ".join(type(sensor).__name__ for sensor in self.sensors)
+        backend = type(self.backend).__name__
+        return f"{type(self).__name__}({self.scenarios!r}, policies: {drivers}; {backend}; sensors: {sensors})"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class VectorConfig(EnvConfig):
-    """As ``EnvConfig``, with the quick backend."""
+    """``EnvConfig`` with the fast ``Kinematic`` backend as default."""
 
     backend: Backend = field(default_factory=Kinematic)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class MultiAgentConfig(EnvConfig):
-    """As ``EnvConfig``, with every vehicle that goes anywhere an agent and the paper's multi-agent task."""
+    """``EnvConfig`` in which every travelling vehicle is an agent, with the paper's multi-agent task."""
 
-    policies: tuple[Policy, ...] = (Replay(), External(who=travelling_vehicles))
+    policies: tuple[Policy, ...] = (Replay(), External(objects=travelling_vehicles))
     backend: Backend = field(default_factory=Kinematic)
     reward: Reward = MULTI_AGENT[0]
-    ending: Ending = MULTI_AGENT[1]
+    termination: Termination = MULTI_AGENT[1]
 
 
-def configured(kind: type[Any], config: EnvConfig | None, settings: dict[str, Any]) -> Any:
-    """A configuration given whole or by its fields.
+def make_config(kind: type[Any], config: EnvConfig | None, settings: dict[str, Any]) -> Any:
+    """Return a configuration given as a whole or as its fields.
 
     Raises:
-        BadParameter: Both or neither are given, or a field is unknown.
+        BadParameter: Both or neither are given.
+        TypeError: A field is unknown.
     """
     if config is not None and settings:
-        raise BadParameter(f"give config or its fields, not both; found {', '.join(settings)} beside config")
+        raise BadParameter(f"pass config or its fields, not both; found config and {', '.join(settings)}")
     if config is None and "scenarios" not in settings:
         raise BadParameter("an environment needs scenarios=Scenarios('lake', 'database')")
-    known = kind.__dataclass_fields__
-    unknown = [name for name in settings if name not in known]
+    fields = kind.__dataclass_fields__
+    unknown = [name for name in settings if name not in fields]
     if unknown:
-        raise BadParameter(f"no setting {unknown[0]!r}; there are {', '.join(known)}")
+        raise TypeError(f"unknown setting {unknown[0]!r}; {kind.__name__} has {', '.join(fields)}")
     return kind(**settings) if config is None else config

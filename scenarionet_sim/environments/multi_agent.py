@@ -13,8 +13,8 @@ from pettingzoo import ParallelEnv
 
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.environments.arena import Arena
-from scenarionet_sim.environments.config import MultiAgentConfig, configured
+from scenarionet_sim.environments.batched import BatchedEnvironment
+from scenarionet_sim.environments.config import MultiAgentConfig, make_config
 from scenarionet_sim.environments.episodes import Episodes, action_space
 from scenarionet_sim.environments.view import METADATA, View
 from scenarionet_sim.policies import External
@@ -53,7 +53,7 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
         seed: int | None = None,
         **settings: Any,
     ) -> None:
-        self.config = configured(MultiAgentConfig, config, settings)
+        self.config = make_config(MultiAgentConfig, config, settings)
         self.render_mode, self._view = render_mode, View(render_mode)
         self._episodes = Episodes(self.config, seed)
         self._action_space = action_space()
@@ -80,13 +80,13 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
         self._episodes.restart(seed)
         options = options or {}
         world = self._episodes.draw(scenario_id=options.get("scenario_id"))
-        arena = self._episodes.prepare([world])
-        arena.begin(0, world, options.get("timestep"))
-        self.possible_agents = self._find_possible(arena, world)
+        core = self._episodes.prepare([world])
+        core.begin(0, world, options.get("timestep"))
+        self.possible_agents = self._find_possible(core, world)
         self._coming, self._num_arrived = set(self.possible_agents), 0
-        self._wait(arena)
-        self._view.follow(arena)
-        return self._named(self._seen()), self._named(arena.infos())
+        self._wait(core)
+        self._view.follow(core)
+        return self._named(self._seen()), self._named(core.infos())
 
     def step(self, actions: Mapping[str, npt.ArrayLike]) -> tuple[Named, Named, Named, Named, Named]:
         """Drive for one timestep.
@@ -107,29 +107,29 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
         if actions.keys() != set(self.agents):
             wrong = sorted(actions.keys() ^ set(self.agents))
             raise BadParameter(f"actions: wanted one for each of agents; of {wrong[0]!r} there is one too many or few")
-        arena = self.arena
-        arena.step(np.array([actions[agent] for agent in self.agents], np.float64))
-        self._name_agents(arena)
-        status = arena.status.copy()
-        ends = arena.terminated.tolist(), arena.truncated.tolist()
-        values = self._seen(), arena.rewards.tolist(), *ends, arena.infos()
+        core = self.core
+        core.step(np.array([actions[agent] for agent in self.agents], np.float64))
+        self._name_agents(core)
+        status = core.status.copy()
+        ends = core.terminated.tolist(), core.truncated.tolist()
+        values = self._seen(), core.rewards.tolist(), *ends, core.infos()
         observations, rewards, terminated, truncated, infos = map(self._named, values)
         self._num_arrived += int((status == ARRIVED).sum())
         if status.any():
-            arena.retire(np.flatnonzero(status))
-            self._wait(arena)
+            core.retire(np.flatnonzero(status))
+            self._wait(core)
             late = set(self.agents) - observations.keys()  # they appeared while nobody acted
             observations |= {agent: seen for agent, seen in self._named(self._seen()).items() if agent in late}
-            infos |= {agent: info for agent, info in self._named(arena.infos()).items() if agent in late}
+            infos |= {agent: info for agent, info in self._named(core.infos()).items() if agent in late}
             rewards |= dict.fromkeys(late, 0.0)
             terminated |= dict.fromkeys(late, False)
             truncated |= dict.fromkeys(late, False)
-        self._view.follow(arena)
+        self._view.follow(core)
         return observations, rewards, terminated, truncated, infos
 
     def render(self) -> Any:
         """As ``ScenarioNetEnv.render``, from above the recording vehicle."""
-        return self._view.render(self.arena)
+        return self._view.render(self.core)
 
     def close(self) -> None:
         """End the thread, the physics and the window; reset starts them again."""
@@ -138,34 +138,34 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
         self._view.close()
 
     @property
-    def arena(self) -> Arena:
+    def core(self) -> BatchedEnvironment:
         """The world inside, for who wants to look deeper.
 
         Raises:
             ResetNeeded: There was no reset yet.
         """
-        return self._episodes.arena
+        return self._episodes.core
 
-    def _find_possible(self, arena: Arena, world: World) -> list[str]:
+    def _find_possible(self, core: BatchedEnvironment, world: World) -> list[str]:
         """Agents that are there when the episode begins, or come later."""
-        driver, simulation = arena.simulation.driver[0, : world.num_objects], arena.simulation
+        driver, simulation = core.simulation.driver[0, : world.num_objects], core.simulation
         numbers = [number for number, policy in enumerate(simulation.policies) if isinstance(policy, External)]
         start = int(simulation.state.timestep[0])
         comes = world.log_valid[start:].any(axis=0)
         return list(map(str, world.track_ids[np.isin(driver, numbers) & comes]))
 
-    def _wait(self, arena: Arena) -> None:
+    def _wait(self, core: BatchedEnvironment) -> None:
         """Let time pass until an agent is there, if one is to come; then the episode is over."""
-        self._name_agents(arena)
+        self._name_agents(core)
         while not self.agents and self._coming:
-            arena.step(np.zeros((0, 2)))
-            self._name_agents(arena)
+            core.step(np.zeros((0, 2)))
+            self._name_agents(core)
         if not self.agents and self.possible_agents:
             self._episodes.report(0, self._num_arrived / len(self.possible_agents))
 
-    def _name_agents(self, arena: Arena) -> None:
-        (world,) = arena.simulation.stage.worlds
-        self.agents = list(map(str, world.track_ids[arena.agents[:, 1]]))
+    def _name_agents(self, core: BatchedEnvironment) -> None:
+        (world,) = core.simulation.batch.worlds
+        self.agents = list(map(str, world.track_ids[core.agents[:, 1]]))
         self._coming.difference_update(self.agents)
 
     def _seen(self) -> list[Any]:

@@ -12,7 +12,7 @@ from gymnasium import spaces
 from scenarionet_data.arrays.dtypes import Array, Int32
 from scenarionet_sim.sensors.base import Sensor
 from scenarionet_sim.worlds.state import State
-from scenarionet_sim.worlds.world_batch import Stage
+from scenarionet_sim.worlds.world_batch import WorldBatch
 
 
 class Observation:
@@ -39,10 +39,10 @@ class Observation:
             _joined([sensor.space() for sensor in self._sensors]) if self._is_flat else spaces.Dict(parts)
         )
 
-    def of(self, stage: Stage, state: State, agents: Int32, rng: np.random.Generator) -> Any:
+    def of(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator) -> Any:
         """What agents observe now, in arrays of their own: (A, D) float32, or (A, ...) by name."""
         count = len(agents)
-        seen = [sensor.observe(stage, state, agents, rng, sensor.empty(count)) for sensor in self._sensors]
+        seen = [sensor.observe(batch, state, agents, rng, sensor.empty(count)) for sensor in self._sensors]
         if self._is_flat:
             return np.concatenate(
                 [part.reshape(count, size) for part, size in zip(seen, self._sizes, strict=True)],

@@ -12,8 +12,8 @@ from gymnasium.error import ResetNeeded
 
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.environments.arena import Arena
-from scenarionet_sim.environments.config import EnvConfig, configured
+from scenarionet_sim.environments.batched import BatchedEnvironment
+from scenarionet_sim.environments.config import EnvConfig, make_config
 from scenarionet_sim.environments.episodes import Episodes, action_space
 from scenarionet_sim.environments.view import METADATA, View
 from scenarionet_sim.task.task import ARRIVED, DRIVING, TIMED_OUT
@@ -23,7 +23,7 @@ class ScenarioNetEnv(gymnasium.Env[Any, Array]):
     """One recorded scenario an episode: reach the end of the ego's recorded route.
 
     Actions beyond [-1, 1] are clipped; one that is not a number is an error. ``info`` has every term of the reward
-    (they add up to it), how the episode ended, and what ``Arena.infos`` lists besides.
+    (they add up to it), how the episode ended, and what ``BatchedEnvironment.infos`` lists besides.
 
     ``reset(seed=...)`` begins the series of scenarios again, a curriculum's progress included; ``reset()`` goes on
     in it; ``reset(options={"scenario_id": ...})`` plays a certain one, ``"timestep"`` of the log being where it begins.
@@ -45,7 +45,7 @@ class ScenarioNetEnv(gymnasium.Env[Any, Array]):
     def __init__(
         self, config: EnvConfig | None = None, render_mode: str | None = None, seed: int | None = None, **settings: Any
     ) -> None:
-        self.config = configured(EnvConfig, config, settings)
+        self.config = make_config(EnvConfig, config, settings)
         self.render_mode, self._view = render_mode, View(render_mode)
         self._episodes = Episodes(self.config, seed)
         self.observation_space = self._episodes.observation.space
@@ -75,13 +75,13 @@ class ScenarioNetEnv(gymnasium.Env[Any, Array]):
             self._np_random, self._np_random_seed = self._episodes.rng, self._episodes.seed
         options = options or {}
         world = self._episodes.draw(scenario_id=options.get("scenario_id"))
-        arena = self._episodes.prepare([world])
-        if len(arena.agents) != 1:
-            raise BadParameter("one agent was expected; External(who=ego) drives the ego alone")
-        arena.begin(0, world, options.get("timestep"))
+        core = self._episodes.prepare([world])
+        if len(core.agents) != 1:
+            raise BadParameter("one agent was expected; External(objects=ego) drives the ego alone")
+        core.begin(0, world, options.get("timestep"))
         self._is_running = True
-        self._view.follow(arena)
-        return self._observe(), arena.infos()[0]
+        self._view.follow(core)
+        return self._observe(), core.infos()[0]
 
     def render(self) -> Any:
         """The moment from above: a picture (H, W, 3) uint8 for ``rgb_array``, a window for ``human``.
@@ -90,7 +90,7 @@ class ScenarioNetEnv(gymnasium.Env[Any, Array]):
             ResetNeeded: There was no reset yet.
             MissingDependency: matplotlib is not installed.
         """
-        return self._view.render(self.arena)
+        return self._view.render(self.core)
 
     def step(self, action: npt.ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Drive for one timestep.
@@ -106,15 +106,15 @@ class ScenarioNetEnv(gymnasium.Env[Any, Array]):
             raise ResetNeeded("step needs an episode that runs; call reset first")
         if np.shape(action) != (2,):
             raise BadParameter(f"an action of shape {np.shape(action)}; wanted steering and throttle, shape (2,)")
-        arena = self.arena
-        arena.step(action)
-        status = arena.status[0]
+        core = self.core
+        core.step(action)
+        status = core.status[0]
         if status != DRIVING:
             self._is_running = False
             self._episodes.report(0, float(status == ARRIVED))
         is_over, is_late = status not in (DRIVING, TIMED_OUT), status == TIMED_OUT
-        self._view.follow(arena)
-        return self._observe(), float(arena.rewards[0]), bool(is_over), bool(is_late), arena.infos()[0]
+        self._view.follow(core)
+        return self._observe(), float(core.rewards[0]), bool(is_over), bool(is_late), core.infos()[0]
 
     def close(self) -> None:
         """End the thread, the physics and the window; reset starts them again."""
@@ -123,13 +123,13 @@ class ScenarioNetEnv(gymnasium.Env[Any, Array]):
         self._view.close()
 
     @property
-    def arena(self) -> Arena:
+    def core(self) -> BatchedEnvironment:
         """The worlds inside, for who wants to look deeper.
 
         Raises:
             ResetNeeded: There was no reset yet.
         """
-        return self._episodes.arena
+        return self._episodes.core
 
     def _observe(self) -> Any:
         return self._episodes.observation.split(self._episodes.observe())[0]

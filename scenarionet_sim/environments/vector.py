@@ -12,8 +12,8 @@ from gymnasium.vector.utils import batch_space
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.environments.arena import ENDS, NUMBERS, Arena
-from scenarionet_sim.environments.config import VectorConfig, configured
+from scenarionet_sim.environments.batched import ENDS, NUMBERS, BatchedEnvironment
+from scenarionet_sim.environments.config import VectorConfig, make_config
 from scenarionet_sim.environments.episodes import Episodes, action_space
 from scenarionet_sim.task.task import ARRIVED
 
@@ -51,14 +51,14 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
     ) -> None:
         if num_envs < 1:
             raise BadParameter(f"wanted at least one world, found num_envs={num_envs}")
-        self.config = configured(VectorConfig, config, settings)
+        self.config = make_config(VectorConfig, config, settings)
         self._mode = AutoresetMode(autoreset_mode)
         if self._mode is AutoresetMode.DISABLED:
             raise BadParameter("autoreset_mode: wanted NEXT_STEP or SAME_STEP; worlds step together and reset alone")
         self.metadata = self.metadata | {"autoreset_mode": self._mode}
         self.num_envs = num_envs
-        ahead = min(self.config.ahead * num_envs, _LOADED_AHEAD)
-        self._episodes = Episodes(self.config, seed, num_envs, ahead)
+        prefetch = min(self.config.prefetch * num_envs, _LOADED_AHEAD)
+        self._episodes = Episodes(self.config, seed, num_envs, prefetch)
         self.single_observation_space, self.single_action_space = self._episodes.observation.space, action_space()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -84,11 +84,11 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         if self._episodes.restart(first):
             self._np_random, self._np_random_seed = self._episodes.rng, self._episodes.seed
         worlds = [self._episodes.draw(slot) for slot in range(self.num_envs)]
-        arena = self._episodes.prepare(worlds)
-        if len(arena.agents) != self.num_envs:
-            raise BadParameter("one agent a world was expected; External(who=ego) drives the egos alone")
+        core = self._episodes.prepare(worlds)
+        if len(core.agents) != self.num_envs:
+            raise BadParameter("one agent a world was expected; External(objects=ego) drives the egos alone")
         for slot, world in enumerate(worlds):
-            arena.begin(slot, world)
+            core.begin(slot, world)
         self._has_ended[:] = False
         return self._episodes.observe(), self._infos()
 
@@ -103,13 +103,13 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
             BadParameter: An action is not a number.
             LakeError: The next scenario cannot be read.
         """
-        arena = self.arena
-        arena.step(actions)
+        core = self.core
+        core.step(actions)
         self._begin(np.flatnonzero(self._has_ended))
-        rewards, terminated, truncated = arena.rewards, arena.terminated, arena.truncated
+        rewards, terminated, truncated = core.rewards, core.terminated, core.truncated
         ended = terminated | truncated
         for slot in np.flatnonzero(ended):
-            self._episodes.report(int(slot), float(arena.status[slot] == ARRIVED))
+            self._episodes.report(int(slot), float(core.status[slot] == ARRIVED))
         observed, infos = self._episodes.observe(), self._infos()
         if self._mode is AutoresetMode.NEXT_STEP:
             self._has_ended = ended
@@ -123,18 +123,18 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         self._episodes.close()
 
     @property
-    def arena(self) -> Arena:
+    def core(self) -> BatchedEnvironment:
         """The worlds inside, for who wants to look deeper.
 
         Raises:
             ResetNeeded: There was no reset yet.
         """
-        return self._episodes.arena
+        return self._episodes.core
 
     def _begin(self, slots: Array) -> None:
         """Put other scenarios in these slots."""
         for slot in slots:
-            self.arena.begin(int(slot), self._episodes.draw(int(slot)))
+            self.core.begin(int(slot), self._episodes.draw(int(slot)))
 
     def _begin_others(self, ended: Bool, observed: Any, infos: dict[str, Any]) -> dict[str, Any]:
         """Put other scenarios in the slots whose episodes ended; changes what was observed there."""
@@ -151,9 +151,9 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
 
     def _infos(self) -> dict[str, Any]:
         """What there is to know about every slot, as arrays (W,), each with a mask of where it is known."""
-        arena, columns = self.arena, self.arena.numbers.copy()
+        core, columns = self.core, self.core.numbers.copy()
         known: dict[str, Any] = {name: columns[:, number] for number, name in enumerate(NUMBERS)}
-        known |= {name: arena.status == code for name, code in ENDS.items()}
-        known["timestep"] = arena.simulation.state.timestep.copy()
-        known["scenario_id"] = np.array([world.scenario_id for world in arena.simulation.stage.worlds], dtype=object)
+        known |= {name: core.status == code for name, code in ENDS.items()}
+        known["timestep"] = core.simulation.state.timestep.copy()
+        known["scenario_id"] = np.array([world.scenario_id for world in core.simulation.batch.worlds], dtype=object)
         return known | {f"_{name}": np.ones(self.num_envs, np.bool_) for name in known}

@@ -10,7 +10,7 @@ from scenarionet_data.arrays.dtypes import UInt8
 from scenarionet_data.errors import BadParameter
 
 if TYPE_CHECKING:
-    from scenarionet_sim.environments.arena import Arena
+    from scenarionet_sim.environments.batched import BatchedEnvironment
     from scenarionet_sim.render.live import Live
 
 METADATA: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 10}
@@ -32,7 +32,7 @@ class View:
         self.mode = mode
         self._live: Live | None = None
 
-    def render(self, arena: Arena) -> UInt8 | None:
+    def render(self, core: BatchedEnvironment) -> UInt8 | None:
         """The moment as a picture (H, W, 3), or None when it is shown in a window.
 
         Raises:
@@ -45,16 +45,16 @@ class View:
             from scenarionet_sim.render.live import Live
 
             self._live = Live()
-        picture = self._live.picture(arena.simulation.stage.worlds[0], arena.simulation.state)
+        picture = self._live.picture(core.simulation.batch.worlds[0], core.simulation.state)
         if self.mode == "rgb_array":
             return picture
         self._live.show(picture)
         return None
 
-    def follow(self, arena: Arena) -> None:
+    def follow(self, core: BatchedEnvironment) -> None:
         """After every step and reset: a window shows it by itself."""
         if self.mode == "human":
-            self.render(arena)
+            self.render(core)
 
     def close(self) -> None:
         """Close the window."""

@@ -1,7 +1,7 @@
-"""Who drives in an evaluation: drivers and traffic by the names that a person types.
+"""Drivers and traffic of an evaluation, by name.
 
-A driver of your own is a class, named ``module:Class``: a ``Policy``, which sees everything and is given the ego, or
-a class with a method ``act`` that makes an action of an observation.
+A driver of your own is a class named as ``module:Class``: a ``Policy``, which has access to everything and drives the
+ego, or a class with a method ``act`` that maps an observation to an action.
 """
 
 from __future__ import annotations
@@ -20,80 +20,76 @@ from scenarionet_sim.policies import ConstantVelocity, External, Idm, Policy, Re
 
 BACKENDS: dict[str, Backend] = {"kinematic": Kinematic(), "bullet": Bullet()}
 DRIVERS: dict[str, Policy] = {
-    "replay": Replay(who=ego),
-    "idm": Idm(who=ego),
-    "constant": ConstantVelocity(who=ego),
+    "replay": Replay(objects=ego),
+    "idm": Idm(objects=ego),
+    "constant": ConstantVelocity(objects=ego),
 }
 TRAFFIC: dict[str, tuple[Policy, ...]] = {"replay": (Replay(),), "idm": (Replay(), Idm())}
 
 
 @runtime_checkable
 class Driver(Protocol):
-    """Drives by what it observes; made without arguments, once for a batch of scenarios.
+    """Drives from observations; constructed without arguments, once per batch of scenarios.
 
-    It may have an attribute ``sensors``, a tuple of what it observes (else it is the paper's), and a method
-    ``reset()``, called before each scenario.
+    Optional members: ``sensors``, a tuple of sensors (default: the paper's observation), and ``reset()``, called
+    before each scenario.
     """
 
     def act(self, observation: Any) -> npt.ArrayLike:
-        """Steering and throttle in [-1, 1] from the flat observation of the ego (D,) float32."""
+        """Return steering and throttle in [-1, 1] for a flat observation of the ego (D,) float32."""
         ...
 
 
 @dataclass(frozen=True)
-class Cast:
-    """Who drives.
+class Drivers:
+    """Resolved drivers of ego and traffic.
 
     Attributes:
-        policies: For a simulation.
-        driver: Makes the ego's actions; None when a policy drives it.
+        policies: Policies of the simulation.
+        driver: Computes the ego's actions; None when a policy drives the ego.
     """
 
     policies: tuple[Policy, ...]
     driver: Driver | None
 
 
-def cast(policy: str, traffic: str = "replay") -> Cast:
-    """Who drives the ego and the others.
+def resolve_drivers(policy: str, traffic: str = "replay") -> Drivers:
+    """Return the drivers of ego and traffic.
 
     Args:
         policy: A name in DRIVERS, or ``module:Class``.
         traffic: A name in TRAFFIC.
 
     Raises:
-        BadParameter: There is none of that name, or the class is no driver.
+        BadParameter: A name is unknown, or the class is neither a policy nor a driver.
     """
-    others = _named(TRAFFIC, traffic, "traffic")
+    others = _lookup(TRAFFIC, traffic, "traffic")
     if ":" not in policy:
-        return Cast((*others, _named(DRIVERS, policy, "policy")), None)
-    made = _made(policy)
+        return Drivers((*others, _lookup(DRIVERS, policy, "policy")), None)
+    module, _, name = policy.partition(":")
+    try:
+        made = getattr(importlib.import_module(module), name)()
+    except (ImportError, AttributeError) as error:
+        raise BadParameter(f"policy {policy}: {error}; is its folder on PYTHONPATH?") from error
     if isinstance(made, Policy):
-        return Cast((*others, replace(made, who=ego)), None)
+        return Drivers((*others, replace(made, objects=ego)), None)
     if isinstance(made, Driver):
-        return Cast((*others, External()), made)
-    raise BadParameter(f"{policy} is no driver: wanted a subclass of Policy, or a class with a method act(observation)")
+        return Drivers((*others, External()), made)
+    raise BadParameter(f"{policy} is not a driver: expected a subclass of Policy, or a class with act(observation)")
 
 
 def find_backend(name: str) -> Backend:
-    """A backend by name.
+    """Return a backend by name.
 
     Raises:
-        BadParameter: There is none of that name.
+        BadParameter: The name is unknown.
     """
-    backend: Backend = _named(BACKENDS, name, "backend")
+    backend: Backend = _lookup(BACKENDS, name, "backend")
     return backend
 
 
-def _named(choices: dict[str, Any], name: str, what: str) -> Any:
+def _lookup(choices: dict[str, Any], name: str, kind: str) -> Any:
     if name not in choices:
-        own = ", or module:Class for one of your own" if what == "policy" else ""
-        raise BadParameter(f"no {what} {name!r}; there are {', '.join(choices)}{own}")
+        own = ", or module:Class for your own" if kind == "policy" else ""
+        raise BadParameter(f"unknown {kind} {name!r}; choose from {', '.join(choices)}{own}")
     return choices[name]
-
-
-def _made(text: str) -> Any:
-    module, _, name = text.partition(":")
-    try:
-        return getattr(importlib.import_module(module), name)()
-    except (ImportError, AttributeError) as error:
-        raise BadParameter(f"policy {text}: {error}; is its folder on PYTHONPATH?") from error

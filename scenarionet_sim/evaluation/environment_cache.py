@@ -1,4 +1,4 @@
-"""An arena of one world for every timestep length: a batch of scenarios is played in as few arenas as it takes."""
+"""Single-world environments by timestep length, reused over a batch of scenarios."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from types import TracebackType
 from typing import Self
 
 from scenarionet_sim.backends.base import Backend
-from scenarionet_sim.environments.arena import Arena
+from scenarionet_sim.environments.batched import BatchedEnvironment
 from scenarionet_sim.environments.config import PAPER_OBSERVATION, EnvConfig
 from scenarionet_sim.environments.observation import Observation
 from scenarionet_sim.policies import Policy
@@ -15,13 +15,13 @@ from scenarionet_sim.sensors.base import Sensor
 from scenarionet_sim.worlds.world import World
 
 
-class Theatre:
-    """Arenas of one world each, made when first wanted.
+class EnvironmentCache:
+    """One environment per timestep length, created on first use; a context manager that closes them.
 
     Args:
-        policies: Who drives what.
-        backend: How agents move.
-        sensors: What the agent observes; what the paper's observes for None.
+        policies: Policies of the simulation.
+        backend: Vehicle dynamics of the agents.
+        sensors: Sensors of the agent; None for the paper's observation.
     """
 
     def __init__(
@@ -29,7 +29,7 @@ class Theatre:
     ) -> None:
         self._observation = Observation(sensors or PAPER_OBSERVATION, "flat")
         self._config = EnvConfig(Scenarios("."), policies, backend)
-        self._arenas: dict[float, Arena] = {}
+        self._environments: dict[float, BatchedEnvironment] = {}
 
     def __enter__(self) -> Self:
         return self
@@ -39,15 +39,15 @@ class Theatre:
     ) -> None:
         self.clear()
 
-    def arena(self, world: World) -> Arena:
-        """The arena for a world; its episode has yet to begin."""
+    def environment_for(self, world: World) -> BatchedEnvironment:
+        """Return the environment that can play a world; call its ``begin`` to start the episode."""
         key = round(world.dt, 3)
-        if key not in self._arenas:
-            self._arenas[key] = Arena(self._config, self._observation, [world])
-        return self._arenas[key]
+        if key not in self._environments:
+            self._environments[key] = BatchedEnvironment(self._config, self._observation, [world])
+        return self._environments[key]
 
     def clear(self) -> None:
-        """Close the arenas, for example because what happened in one leaves it in doubt."""
-        for arena in self._arenas.values():
-            arena.close()
-        self._arenas = {}
+        """Close all environments, for example after an error has left one in an undefined state."""
+        for environment in self._environments.values():
+            environment.close()
+        self._environments = {}

@@ -1,56 +1,59 @@
-"""Closed-loop evaluation: a policy over every scenario of a database, in parallel, its results into the lake.
+"""Closed-loop evaluation: drive a policy through every scenario of a database, in parallel, and store the results.
 
-What a part's rows are depends on the part alone, not on who does it or when. A scenario that cannot be simulated is
-a row with the reason; the run goes on.
+The rows of a part depend only on the part, not on the worker or on the order. A scenario that fails to simulate becomes
+a row with its error; the run continues.
 """
 
 from __future__ import annotations
 
+import hashlib
 import time
 from dataclasses import asdict, dataclass, field
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
-from scenarionet_data import Lake, ScenarioLoader, version
+from scenarionet_data import Database, Lake, ScenarioLoader, version
 from scenarionet_data.errors import MissingDependency
 from scenarionet_data.execution.executors import Executor
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.storage import evaluation_runs
 from scenarionet_data.storage.files.opening import open_files
-from scenarionet_sim.evaluation.drivers import Cast, cast, find_backend
-from scenarionet_sim.evaluation.environment_cache import Theatre
-from scenarionet_sim.evaluation.parts import Part, do_parts, parts_of
+from scenarionet_sim.evaluation.drivers import find_backend, resolve_drivers
+from scenarionet_sim.evaluation.environment_cache import EnvironmentCache
+from scenarionet_sim.evaluation.parts import Part, parts_of, run_parts
 from scenarionet_sim.evaluation.rollout import roll_out
-from scenarionet_sim.evaluation.rollout_table import rollout_rows, together
+from scenarionet_sim.evaluation.rollout_table import concat_rollouts, rollout_rows
 from scenarionet_sim.metrics.measure import measure
+from scenarionet_sim.scenarios.selection import database_reference
 from scenarionet_sim.worlds.world import World
 
-PART = 32
-"""Scenarios of a part: what a worker that is killed loses at most."""
+PART_SIZE = 32
+"""Scenarios per part: the most work that a killed worker loses."""
 
-End = tuple[str, str | None, str | None]
-"""Scenario id; how it ended; why it could not be simulated."""
+ScenarioEnd = tuple[str, str | None, str | None]
+"""Scenario id, how the episode ended, and the error if it could not be simulated."""
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What is evaluated; picklable.
+    """Specification of an evaluation; picklable.
 
     Attributes:
-        lake: The lake's folder.
-        database: ``name@version``; None for the whole lake.
-        snapshot: Number of the snapshot of the lake.
-        policy: Who drives the ego: ``replay``, ``idm``, ``constant`` or ``module:Class``.
-        traffic: Who drives the others: ``replay`` or ``idm``.
-        backend: ``bullet`` or ``kinematic``: how an ego moves that is driven by actions.
-        seed: Of the sensors' noise.
+        lake: Path or URL of the lake.
+        database: ``name@version``, scenario ids, or None for the whole lake.
+        snapshot: Number of the lake's snapshot.
+        policy: Driver of the ego: ``replay``, ``idm``, ``constant`` or ``module:Class``.
+        traffic: Driver of all other objects: ``replay`` or ``idm``.
+        backend: Vehicle dynamics of an ego driven by actions: ``bullet`` or ``kinematic``.
+        seed: Seed of the sensors' noise.
     """
 
     lake: str
-    database: str | None
+    database: str | tuple[str, ...] | None
     snapshot: int
     policy: str
     traffic: str = "replay"
@@ -59,21 +62,28 @@ class Evaluation:
 
     @property
     def description(self) -> dict[str, Any]:
-        """All that the results depend on."""
+        """Everything the results depend on, as stored with the run."""
         spec = {name: value for name, value in asdict(self).items() if name != "lake"}
-        return spec | {"part": PART, "software": version.name_and_version()}
+        spec["database"] = describe_database(self.database)
+        return spec | {"part": PART_SIZE, "software": version.name_and_version()}
+
+    @property
+    def default_name(self) -> str:
+        """Name of the run unless one is given: database, policy, traffic and backend."""
+        name = "-".join([describe_database(self.database) or "all", self.policy, self.traffic, self.backend])
+        return name.replace("@", ".").replace(":", ".")
 
 
 @dataclass
-class Report:
-    """What an evaluation did.
+class EvaluationReport:
+    """Result of an evaluation.
 
     Attributes:
-        run: Its name.
-        scenarios: Scenarios there are.
-        skipped: Of these, those that an earlier command had done.
-        broken: Scenario id and reason of those that could not be simulated, of this command's.
-        seconds: Time it took.
+        run: Name of the run.
+        scenarios: Number of scenarios.
+        skipped: Scenarios that an earlier call had already simulated.
+        broken: Scenario id and error of those that failed to simulate in this call.
+        seconds: Wall time of this call.
     """
 
     run: str
@@ -81,6 +91,10 @@ class Report:
     skipped: int = 0
     broken: list[tuple[str, str]] = field(default_factory=list)
     seconds: float = 0.0
+
+    def __repr__(self) -> str:
+        done = f"{self.scenarios} scenarios, {self.skipped} already done, {len(self.broken)} broken"
+        return f"EvaluationReport({self.run!r}: {done}, {self.seconds:.1f} s)"
 
 
 @dataclass(frozen=True)
@@ -90,132 +104,158 @@ class _Job:
     run: evaluation_runs.Run | None
 
 
-def prepare(
-    lake: Lake,
-    database: str | None,
+def evaluate(
+    lake: Lake | str | Path,
+    database: Database | str | list[str] | tuple[str, ...] | None = None,
+    *,
+    policy: str,
+    name: str | None = None,
+    traffic: str = "replay",
+    backend: str | None = None,
+    seed: int = 0,
+    workers: int = 1,
+    executor: Executor | None = None,
+    rollouts: bool = True,
+    on_progress: Progress | None = None,
+) -> EvaluationReport:
+    """Drive a policy through every scenario of a database and write the results into the lake.
+
+    A second call with the same arguments continues an interrupted run.
+
+    Args:
+        lake: The lake, its path or its URL.
+        database: A ``Database``, its name, scenario ids, or None for the whole lake.
+        policy: Driver of the ego: ``replay``, ``idm``, ``constant`` or ``module:Class``.
+        name: Name of the run; None for database, policy, traffic and backend joined by hyphens.
+        traffic: Driver of all other objects: ``replay`` or ``idm``.
+        backend: ``bullet`` or ``kinematic``; None for ``bullet`` if actions drive the ego, else ``kinematic``.
+        seed: Seed of the sensors' noise.
+        workers: Number of processes.
+        executor: Runs the parts instead of local processes, for example on a cluster.
+        rollouts: Also write the trajectories of all objects, not only the metrics.
+        on_progress: Called after each finished part.
+
+    Raises:
+        DatabaseNotFound: The database does not exist.
+        BadParameter: A policy, traffic or backend is unknown, or a run of that name has other parameters.
+        MissingDependency: The backend needs a package that is not installed.
+        WorkerLost: A part kills its worker also when it runs alone; finished parts are kept.
+    """
+    evaluation = plan_evaluation(lake, database, policy, traffic=traffic, backend=backend, seed=seed)
+    return run_evaluation(
+        evaluation, name, workers=workers, executor=executor, rollouts=rollouts, on_progress=on_progress
+    )
+
+
+def plan_evaluation(
+    lake: Lake | str | Path,
+    database: Database | str | list[str] | tuple[str, ...] | None,
     policy: str,
     *,
     traffic: str = "replay",
     backend: str | None = None,
     seed: int = 0,
 ) -> Evaluation:
-    """An evaluation of what a lake holds.
-
-    Args:
-        lake: At the snapshot to take.
-        database: Its name, perhaps with a version; None for the whole lake.
-        policy, traffic, seed: See :class:`Evaluation`.
-        backend: The same; for None ``bullet`` where actions drive the ego, and ``kinematic`` where none is needed.
-
-    Raises:
-        DatabaseNotFound: There is none of that name.
-        BadParameter: The name of a policy, traffic or backend is unknown.
-    """
-    is_driven = cast(policy, traffic).driver is not None
-    moves = backend or ("bullet" if is_driven else "kinematic")
-    find_backend(moves)
-    reference = None if database is None else lake.database(database).reference
-    return Evaluation(str(lake.root), reference, lake.snapshot.number, policy, traffic, moves, seed)
+    """Return the specification of an evaluation; arguments and errors as in :func:`evaluate`."""
+    lake = lake if isinstance(lake, Lake) else Lake(lake)
+    if backend is None:
+        backend = "kinematic" if resolve_drivers(policy, traffic).driver is None else "bullet"
+    else:
+        resolve_drivers(policy, traffic)
+        find_backend(backend)
+    reference = database_reference(database)
+    if isinstance(reference, str):
+        reference = lake.database(reference).reference
+    return Evaluation(str(lake.root), reference, lake.snapshot.number, policy, traffic, backend, seed)
 
 
-def evaluate(
+def run_evaluation(
     evaluation: Evaluation,
-    name: str,
+    name: str | None = None,
     *,
     workers: int = 1,
     executor: Executor | None = None,
-    with_rollouts: bool = True,
+    rollouts: bool = True,
     on_progress: Progress | None = None,
-) -> Report:
-    """Simulate what is not done yet, and write it into the lake.
-
-    Args:
-        evaluation: What.
-        name: Of the run.
-        workers: Processes.
-        executor: Does the parts in place of the processes, for example a cluster.
-        with_rollouts: Write what everybody did, not the metrics alone.
-        on_progress: Told about every finished part.
-
-    Raises:
-        BadParameter: A run of that name is there and is another one.
-        MissingDependency: A package that the backend needs is not installed.
-        WorkerLost: A part kills its worker, also when it runs alone; finished parts are kept.
-    """
-    started = time.monotonic()
-    written = ("rollouts", "results") if with_rollouts else ("results",)
-    run = evaluation_runs.claim(open_files(evaluation.lake), name, written, evaluation.description)
-    total, done = len(_scenarios(evaluation)), run.done()
-    jobs = [_Job(evaluation, part, run) for part in parts_of(total, PART) if part.number not in done]
-    report = Report(name, total, total - sum(len(job.part) for job in jobs))
-    for ends in do_parts(jobs, simulate_part, workers, on_progress, executor, _lost_part):
+) -> EvaluationReport:
+    """Simulate the parts that are not done yet; arguments and errors as in :func:`evaluate`."""
+    started, name = time.monotonic(), name or evaluation.default_name
+    tables = ("rollouts", "results") if rollouts else ("results",)
+    run = evaluation_runs.claim(open_files(evaluation.lake), name, tables, evaluation.description)
+    total, done = len(_loader(evaluation)), run.done()
+    jobs = [_Job(evaluation, part, run) for part in parts_of(total, PART_SIZE) if part.number not in done]
+    report = EvaluationReport(name, total, total - sum(len(job.part) for job in jobs))
+    for ends in run_parts(jobs, simulate_part, workers, on_progress, executor, _ends_of_lost_part):
         report.broken += [(scenario_id, error) for scenario_id, _, error in ends if error]
     report.seconds = time.monotonic() - started
     return report
 
 
 def find_broken(
-    lake: Lake,
-    database: str | None = None,
+    lake: Lake | str | Path,
+    database: Database | str | list[str] | tuple[str, ...] | None = None,
     *,
     workers: int = 1,
     executor: Executor | None = None,
     on_progress: Progress | None = None,
 ) -> list[tuple[str, str]]:
-    """Scenarios whose recording cannot be replayed to its destination, with the reason; nothing is written."""
-    evaluation = prepare(lake, database, "replay")
-    jobs = [_Job(evaluation, part, None) for part in parts_of(len(_scenarios(evaluation)), PART)]
+    """Return the scenarios whose replay does not reach the destination, with the reason; writes nothing."""
+    evaluation = plan_evaluation(lake, database, "replay")
+    jobs = [_Job(evaluation, part, None) for part in parts_of(len(_loader(evaluation)), PART_SIZE)]
     broken = []
-    for ends in do_parts(jobs, simulate_part, workers, on_progress, executor, _lost_part):
+    for ends in run_parts(jobs, simulate_part, workers, on_progress, executor, _ends_of_lost_part):
         for scenario_id, end, error in ends:
             if end != "success":
                 broken.append((scenario_id, error or f"the replayed recording ends with {end}"))
     return sorted(broken)
 
 
-def _lost_part(job: _Job, reason: str) -> list[End]:
-    """How a part's scenarios ended when no worker survived them; they have no rows, so the next command tries again."""
-    ids = _scenarios(job.evaluation).scenario_ids[job.part.first : job.part.end]
+def describe_database(database: str | tuple[str, ...] | None) -> str | None:
+    """Return a reference as it is, and a list of ids as its length and digest."""
+    if not isinstance(database, tuple):
+        return database
+    digest = hashlib.sha256("\n".join(database).encode()).hexdigest()[:12]
+    return f"{len(database)}-scenarios-{digest}"
+
+
+def _ends_of_lost_part(job: _Job, reason: str) -> list[ScenarioEnd]:
+    """Ends of a part that killed its worker; it has no rows, so the next run tries it again."""
+    ids = _loader(job.evaluation).scenario_ids[job.part.first : job.part.end]
     return [(scenario_id, None, reason) for scenario_id in ids]
 
 
 @cache
-def _scenarios(evaluation: Evaluation) -> ScenarioLoader:
-    """Scenarios of an evaluation: looked up once a process."""
+def _loader(evaluation: Evaluation) -> ScenarioLoader:
+    """Scenarios of an evaluation, resolved once per process."""
     return ScenarioLoader(Lake(evaluation.lake, evaluation.snapshot), evaluation.database)
 
 
 # --- on a worker --------------------------------------------------------------------------------------
 
 
-def simulate_part(job: _Job) -> list[End]:
-    """Simulate a part's scenarios, and publish the rows if it belongs to a run."""
-    evaluation, loader = job.evaluation, _scenarios(job.evaluation)
-    who = cast(evaluation.policy, evaluation.traffic)
+def simulate_part(job: _Job) -> list[ScenarioEnd]:
+    """Simulate the scenarios of a part, and publish the rows if it belongs to a run."""
+    evaluation, loader = job.evaluation, _loader(job.evaluation)
+    drivers = resolve_drivers(evaluation.policy, evaluation.traffic)
+    backend, sensors = find_backend(evaluation.backend), getattr(drivers.driver, "sensors", None)
     results: list[dict[str, Any]] = []
     rollouts: list[pa.Table] = []
-    with Theatre(who.policies, find_backend(evaluation.backend), getattr(who.driver, "sensors", None)) as theatre:
+    with EnvironmentCache(drivers.policies, backend, sensors) as environments:
         for index in range(job.part.first, job.part.end):
-            row, rollout = _simulated(loader, index, theatre, who, evaluation.seed)
+            row: dict[str, Any] = {"scenario_id": loader.scenario_ids[index]}
+            try:
+                world, rng = World.from_scenario(loader[index]), np.random.default_rng([evaluation.seed, index])
+                rollout = roll_out(environments.environment_for(world), world, drivers.driver, rng)
+                row |= {"track_id": world.track_ids[rollout.agent]} | measure(rollout, world)
+                trajectories = rollout_rows(rollout, world)
+            except (MemoryError, MissingDependency):
+                raise
+            except Exception as error:  # one scenario, or a driver in it, must not end the run
+                environments.clear()
+                row = {"scenario_id": row["scenario_id"], "error": f"{type(error).__name__}: {error}"}
+            else:
+                rollouts.append(trajectories)
             results.append(row)
-            rollouts += [] if rollout is None else [rollout]
     if job.run is not None:
-        job.run.publish(job.part.number, {"results": results, "rollouts": together(rollouts)})
+        job.run.publish(job.part.number, {"results": results, "rollouts": concat_rollouts(rollouts)})
     return [(row["scenario_id"], row.get("status"), row.get("error")) for row in results]
-
-
-def _simulated(
-    loader: ScenarioLoader, index: int, theatre: Theatre, who: Cast, seed: int
-) -> tuple[dict[str, Any], pa.Table | None]:
-    """A scenario's row of results, and its rows of rollouts."""
-    scenario_id = loader.scenario_ids[index]
-    try:
-        world = World.from_scenario(loader[index])
-        rollout = roll_out(theatre.arena(world), world, who.driver, np.random.default_rng([seed, index]))
-        facts = {"scenario_id": scenario_id, "track_id": world.track_ids[rollout.agent]}
-        return facts | measure(rollout, world), rollout_rows(rollout, world)
-    except (MemoryError, MissingDependency):
-        raise
-    except Exception as error:  # whatever one scenario or a driver in it provokes, the others must go on
-        theatre.clear()
-        return {"scenario_id": scenario_id, "error": f"{type(error).__name__}: {error}"}, None

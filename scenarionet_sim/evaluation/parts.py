@@ -1,4 +1,4 @@
-"""Long work over many scenarios, in parts that are done one by one, here or by several processes."""
+"""Work over many scenarios, divided into parts that run one by one in this process or in several."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Done = TypeVar("Done", bound=Sequence[object])
 
 @dataclass(frozen=True)
 class Part:
-    """Scenarios ``first`` to before ``end`` of the work."""
+    """Scenarios ``first`` to ``end`` (exclusive) of the work."""
 
     number: int
     first: int
@@ -26,7 +26,7 @@ class Part:
 
 
 def parts_of(total: int, size: int) -> list[Part]:
-    """``total`` scenarios in parts of at most ``size``.
+    """Divide ``total`` scenarios into parts of at most ``size``.
 
     Example:
         >>> parts_of(5, 2)[-1]
@@ -35,31 +35,31 @@ def parts_of(total: int, size: int) -> list[Part]:
     return [Part(number, first, min(first + size, total)) for number, first in enumerate(range(0, total, size))]
 
 
-def do_parts(
+def run_parts(
     jobs: Sequence[Work],
-    do: Callable[[Work], Done],
+    run_job: Callable[[Work], Done],
     workers: int,
     on_progress: Progress | None,
     executor: Executor | None = None,
-    lost: OnLost[Work, Done] | None = None,
+    on_lost: OnLost[Work, Done] | None = None,
 ) -> Iterator[Done]:
-    """What became of each job, in any order.
+    """Yield the result of each job, in completion order.
 
     Args:
-        jobs: One for each part; picklable.
-        do: Does one: a function of a module; what it returns has an entry for each scenario.
-        workers: Processes.
-        on_progress: Told about every finished part.
-        executor: Does them in place of the processes, for example a cluster.
-        lost: Stands in for a part that no worker survives.
+        jobs: One per part; picklable.
+        run_job: Module-level function that runs one job; its result has one entry per scenario.
+        workers: Number of processes.
+        on_progress: Called after each finished part.
+        executor: Runs the jobs instead of local processes, for example on a cluster.
+        on_lost: Returns the result of a part whose worker was killed also when it ran alone.
 
     Raises:
-        WorkerLost: A part kills its worker, also when it runs alone.
+        WorkerLost: A part kills its worker also when it runs alone, and ``on_lost`` is None.
     """
     scenarios = 0
     executor = executor or executor_for(min(workers, len(jobs)))
-    for number, outcome in enumerate(executor(jobs, do, lost), start=1):
-        scenarios += len(outcome)
+    for number, result in enumerate(executor(jobs, run_job, on_lost), start=1):
+        scenarios += len(result)
         if on_progress:
             on_progress(number, len(jobs), scenarios)
-        yield outcome
+        yield result

@@ -1,6 +1,7 @@
-"""What vehicles observe along the log: states without actions, for imitation, as rows of ``schemas/observations.toml``.
+"""Record what vehicles observe along the log: states without actions, for imitation learning.
 
-Every object replays its recording; at each of its timesteps every vehicle that is there (or the ego) observes.
+Every object replays its recording; at each timestep every present vehicle (or the ego) observes. Rows are those of
+``schemas/observations.toml``.
 """
 
 from __future__ import annotations
@@ -8,12 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
-from scenarionet_data import Lake, ScenarioLoader, version
+from scenarionet_data import Database, Lake, ScenarioLoader, version
 from scenarionet_data.arrays.dtypes import Int32
 from scenarionet_data.codec.arrow import list_array, offsets_of, string_array
 from scenarionet_data.errors import BadParameter
@@ -24,109 +26,115 @@ from scenarionet_data.storage import evaluation_runs
 from scenarionet_data.storage.files.opening import open_files
 from scenarionet_sim.environments.config import PAPER_OBSERVATION
 from scenarionet_sim.environments.observation import Observation
-from scenarionet_sim.evaluation.parts import Part, do_parts, parts_of
+from scenarionet_sim.evaluation.evaluation import describe_database
+from scenarionet_sim.evaluation.parts import Part, parts_of, run_parts
 from scenarionet_sim.kernels.paths import follow_paths
 from scenarionet_sim.policies import Replay, ego, vehicles
+from scenarionet_sim.scenarios.selection import database_reference
 from scenarionet_sim.simulation import LOOK_AHEAD, LOOK_BACK, Simulation
 from scenarionet_sim.worlds.world import World
 
-PART = 8
-"""Scenarios of a part; a vehicle's observation is half a kilobyte, and there are thousands in a scenario."""
+PART_SIZE = 8
+"""Scenarios per part: an observation takes half a kilobyte, and a scenario has thousands."""
 
 AGENTS = {"vehicles": vehicles, "ego": ego}
 
 
 @dataclass(frozen=True)
-class Recording:
-    """What is recorded; picklable.
+class ObservationPlan:
+    """Specification of a recording of observations; picklable.
 
     Attributes:
-        lake: The lake's folder.
-        database: ``name@version``; None for the whole lake.
-        snapshot: Number of the snapshot of the lake.
+        lake: Path or URL of the lake.
+        database: ``name@version``, scenario ids, or None for the whole lake.
+        snapshot: Number of the lake's snapshot.
         agents: ``vehicles`` or ``ego``.
-        seed: Of the sensors' noise.
+        seed: Seed of the sensors' noise.
     """
 
     lake: str
-    database: str | None
+    database: str | tuple[str, ...] | None
     snapshot: int
     agents: str = "vehicles"
     seed: int = 0
 
     @property
     def description(self) -> dict[str, Any]:
-        """All that the observations depend on."""
+        """Everything the observations depend on, as stored with the run."""
         spec = {name: value for name, value in asdict(self).items() if name != "lake"}
+        spec["database"] = describe_database(self.database)
         sensors = [repr(sensor) for sensor in PAPER_OBSERVATION]
-        return spec | {"part": PART, "sensors": sensors, "software": version.name_and_version()}
+        return spec | {"part": PART_SIZE, "sensors": sensors, "software": version.name_and_version()}
 
 
 @dataclass(frozen=True)
 class _Job:
-    recording: Recording
+    plan: ObservationPlan
     part: Part
     run: evaluation_runs.Run
 
 
-def prepare(lake: Lake, database: str | None, agents: str = "vehicles", seed: int = 0) -> Recording:
-    """A recording of what a lake holds.
-
-    Raises:
-        DatabaseNotFound: There is no such database.
-        BadParameter: ``agents`` is no name in AGENTS.
-    """
-    if agents not in AGENTS:
-        raise BadParameter(f"no agents {agents!r}; there are {', '.join(AGENTS)}")
-    reference = None if database is None else lake.database(database).reference
-    return Recording(str(lake.root), reference, lake.snapshot.number, agents, seed)
-
-
 def record(
-    recording: Recording,
-    name: str,
+    lake: Lake | str | Path,
+    database: Database | str | list[str] | tuple[str, ...] | None = None,
     *,
+    name: str,
+    agents: str = "vehicles",
+    seed: int = 0,
     workers: int = 1,
     executor: Executor | None = None,
     on_progress: Progress | None = None,
 ) -> int:
-    """Write the observations that are not there yet into the lake.
+    """Write the observations of recorded vehicles into the lake.
+
+    A second call with the same arguments continues an interrupted run.
 
     Args:
-        recording: What.
-        name: Of the run.
-        workers: Processes.
-        executor: Does the parts in place of the processes, for example a cluster.
-        on_progress: Told about every finished part.
+        lake: The lake, its path or its URL.
+        database: A ``Database``, its name, scenario ids, or None for the whole lake.
+        name: Name of the run.
+        agents: ``vehicles`` or ``ego``.
+        seed: Seed of the sensors' noise.
+        workers: Number of processes.
+        executor: Runs the parts instead of local processes, for example on a cluster.
+        on_progress: Called after each finished part.
 
     Returns:
-        Scenarios that were done before.
+        Number of scenarios that an earlier call had already recorded.
 
     Raises:
-        BadParameter: A run of that name is there and is another one.
+        DatabaseNotFound: The database does not exist.
+        BadParameter: ``agents`` is unknown, or a run of that name has other parameters.
         LakeError: A scenario cannot be read.
-        WorkerLost: A part kills its worker, also when it runs alone; finished parts are kept.
+        WorkerLost: A part kills its worker also when it runs alone; finished parts are kept.
     """
-    run = evaluation_runs.claim(open_files(recording.lake), name, ("observations",), recording.description)
-    parts, done = parts_of(len(_scenarios(recording)), PART), run.done()
-    jobs = [_Job(recording, part, run) for part in parts if part.number not in done]
-    for _ in do_parts(jobs, record_part, workers, on_progress, executor):
+    if agents not in AGENTS:
+        raise BadParameter(f"unknown agents {agents!r}; choose from {', '.join(AGENTS)}")
+    lake = lake if isinstance(lake, Lake) else Lake(lake)
+    reference = database_reference(database)
+    if isinstance(reference, str):
+        reference = lake.database(reference).reference
+    plan = ObservationPlan(str(lake.root), reference, lake.snapshot.number, agents, seed)
+    run = evaluation_runs.claim(open_files(plan.lake), name, ("observations",), plan.description)
+    parts, done = parts_of(len(_loader(plan)), PART_SIZE), run.done()
+    jobs = [_Job(plan, part, run) for part in parts if part.number not in done]
+    for _ in run_parts(jobs, record_part, workers, on_progress, executor):
         pass
     return sum(len(part) for part in parts if part.number in done)
 
 
 @cache
-def _scenarios(recording: Recording) -> ScenarioLoader:
-    """Scenarios of a recording: looked up once a process."""
-    return ScenarioLoader(Lake(recording.lake, recording.snapshot), recording.database)
+def _loader(plan: ObservationPlan) -> ScenarioLoader:
+    """Scenarios of a plan, resolved once per process."""
+    return ScenarioLoader(Lake(plan.lake, plan.snapshot), plan.database)
 
 
 # --- on a worker --------------------------------------------------------------------------------------
 
 
 def record_part(job: _Job) -> list[str]:
-    """Observe in a part's scenarios and publish the rows; returns the scenarios' ids."""
-    recording, loader = job.recording, _scenarios(job.recording)
+    """Observe in the scenarios of a part and publish the rows; return their ids."""
+    plan, loader = job.plan, _loader(job.plan)
     observation = Observation(PAPER_OBSERVATION, "flat")
     numbers = range(job.part.first, job.part.end)
     found = [
@@ -135,8 +143,8 @@ def record_part(job: _Job) -> list[str]:
         for rows in observe_log(
             World.from_scenario(loader[index]),
             observation,
-            recording.agents,
-            np.random.default_rng([recording.seed, index]),
+            plan.agents,
+            np.random.default_rng([plan.seed, index]),
         )
     ]
     schema = tables.load("observations").schema
@@ -146,27 +154,31 @@ def record_part(job: _Job) -> list[str]:
 
 
 def observe_log(world: World, observation: Observation, agents: str, rng: np.random.Generator) -> Iterator[pa.Table]:
-    """Rows of ``schemas/observations.toml`` without the column run, timestep by timestep.
+    """Yield rows of ``schemas/observations.toml`` without the column run, timestep by timestep.
 
     Args:
         world: The scenario.
-        observation: How agents observe.
+        observation: Sensors of the agents.
         agents: A name in AGENTS.
-        rng: Noise of the sensors.
+        rng: Generator of the sensors' noise.
     """
-    simulation, wanted = Simulation([world], (Replay(),)), AGENTS[agents](world)
+    simulation, is_agent = Simulation([world], (Replay(),)), AGENTS[agents](world)
     simulation.reset(0, start=0)
-    stage = simulation.stage
-    paths = stage.path_points, stage.path_arc, stage.path_heading, stage.path_z, stage.path_offsets
-    arc, lateral, height = np.full((1, len(wanted)), np.nan), np.zeros((1, len(wanted))), np.zeros((1, len(wanted)))
-    for timestep in range(world.num_steps):  # each moment comes out of the one before
+    batch = simulation.batch
+    paths = batch.path_points, batch.path_arc, batch.path_heading, batch.path_z, batch.path_offsets
+    arc, lateral, height = (
+        np.full((1, len(is_agent)), np.nan),
+        np.zeros((1, len(is_agent))),
+        np.zeros((1, len(is_agent))),
+    )
+    for timestep in range(world.num_steps):  # each moment depends on the one before
         if timestep:
             simulation.step()
         state = simulation.state
-        rows: Int32 = np.argwhere(state.present & wanted).astype(np.int32, order="C")
+        rows: Int32 = np.argwhere(state.present & is_agent).astype(np.int32, order="C")
         follow_paths(rows, state.position, *paths, LOOK_BACK, LOOK_AHEAD, arc, lateral, height)
         if len(rows):
-            seen = observation.of(stage, replace(state, arc=arc, lateral=lateral), rows, rng)
+            seen = observation.of(batch, replace(state, arc=arc, lateral=lateral), rows, rng)
             yield _rows(world, timestep, rows[:, 1], seen)
     simulation.close()
 

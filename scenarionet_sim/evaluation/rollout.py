@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64
-from scenarionet_sim.environments.arena import ENDS, Arena
+from scenarionet_sim.environments.batched import ENDS, BatchedEnvironment
 from scenarionet_sim.evaluation.drivers import Driver
 from scenarionet_sim.task.task import DRIVING
 from scenarionet_sim.worlds.world import World
@@ -54,30 +54,30 @@ class Rollout:
         return len(self.position) - 1
 
 
-def roll_out(arena: Arena, world: World, driver: Driver | None, rng: np.random.Generator) -> Rollout:
+def roll_out(core: BatchedEnvironment, world: World, driver: Driver | None, rng: np.random.Generator) -> Rollout:
     """Drive a scenario to its end.
 
     Args:
-        arena: Of one world, with one agent.
+        core: Of one world, with one agent.
         world: The scenario.
-        driver: Drives the agent; None where a policy of the arena does.
+        driver: Drives the agent; None where a policy of the core does.
         rng: Noise of the sensors.
     """
-    arena.begin(0, world)
+    core.begin(0, world)
     if driver is not None and hasattr(driver, "reset"):
         driver.reset()
-    film = Film(world.num_objects)
-    film.add(arena)
-    start, before = int(arena.simulation.state.timestep[0]), float(arena.arc[0])
+    film = RolloutRecorder(world.num_objects)
+    film.add(core)
+    start, before = int(core.simulation.state.timestep[0]), float(core.arc[0])
     # A loop over timesteps: each depends on the one before.
-    while arena.status[0] == DRIVING:
-        arena.step(_STRAIGHT_ON if driver is None else driver.act(arena.observe(rng)[0]))
-        film.add(arena)
-    return film.rollout(arena, world, start, before)
+    while core.status[0] == DRIVING:
+        core.step(_STRAIGHT_ON if driver is None else driver.act(core.observe(rng)[0]))
+        film.add(core)
+    return film.rollout(core, world, start, before)
 
 
-class Film:
-    """Moments of the first world of an arena, one after the other.
+class RolloutRecorder:
+    """Moments of the first world of an core, one after the other.
 
     Args:
         num_objects: N.
@@ -87,23 +87,23 @@ class Film:
         self._rows = slice(0, num_objects)
         self._moments: list[tuple[Array, ...]] = []
 
-    def add(self, arena: Arena) -> None:
+    def add(self, core: BatchedEnvironment) -> None:
         """Keep the moment."""
-        state, rows = arena.simulation.state, self._rows
-        arrays = state.position[0], state.heading[0], state.velocity[0], state.present[0], arena.contacts[0]
+        state, rows = core.simulation.state, self._rows
+        arrays = state.position[0], state.heading[0], state.velocity[0], state.present[0], core.contacts[0]
         self._moments.append(tuple(array[rows].copy() for array in arrays))
 
-    def rollout(self, arena: Arena, world: World, start: int, before: float) -> Rollout:
+    def rollout(self, core: BatchedEnvironment, world: World, start: int, before: float) -> Rollout:
         """The episode, which has ended; it began at timestep ``start``, ``before`` [m] along its route."""
         position, heading, velocity, present, contacts = map(np.stack, zip(*self._moments, strict=True))
         return Rollout(
             scenario_id=world.scenario_id,
             start=start,
             dt=world.dt,
-            agent=int(arena.agents[0, 1]),
-            end=_ENDS[int(arena.status[0])],
-            completion=float(arena.infos()[0]["route_completion"]),
-            progress=float(arena.arc[0]) - before,
+            agent=int(core.agents[0, 1]),
+            end=_ENDS[int(core.status[0])],
+            completion=float(core.infos()[0]["route_completion"]),
+            progress=float(core.arc[0]) - before,
             position=position,
             heading=heading,
             velocity=velocity,

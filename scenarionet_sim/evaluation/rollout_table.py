@@ -1,4 +1,4 @@
-"""Rollouts as rows of ``schemas/rollouts.toml``."""
+"""Convert rollouts to rows of ``schemas/rollouts.toml``."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from scenarionet_sim.worlds.world import World
 
 
 def rollout_rows(rollout: Rollout, world: World) -> pa.Table:
-    """Rows of ``schemas/rollouts.toml`` without the column run."""
+    """Return rows of ``schemas/rollouts.toml`` without the column run."""
     rows = np.flatnonzero(rollout.present.any(axis=0))
     present = rollout.present[:, rows].T
     offsets = offsets_of(np.full(len(rows), present.shape[1]))
@@ -38,8 +38,8 @@ def rollout_rows(rollout: Rollout, world: World) -> pa.Table:
     return pa.table(columns)
 
 
-def together(rollouts: list[pa.Table]) -> pa.Table:
-    """Rows of several rollouts, perhaps of none."""
+def concat_rollouts(rollouts: list[pa.Table]) -> pa.Table:
+    """Concatenate the rows of any number of rollouts."""
     schema = tables.load("rollouts").schema
     empty = schema.remove(schema.get_field_index("run")).empty_table()
     return pa.concat_tables([empty, *(rows.cast(empty.schema) for rows in rollouts)])

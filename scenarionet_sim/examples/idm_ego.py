@@ -9,7 +9,7 @@ from collections import Counter
 
 import click
 
-from scenarionet_sim.environments.arena import ENDS
+from scenarionet_sim.environments.batched import ENDS
 from scenarionet_sim.environments.config import EnvConfig
 from scenarionet_sim.environments.single_agent import ScenarioNetEnv
 from scenarionet_sim.policies import Idm, Replay, ego, vehicles
@@ -22,7 +22,7 @@ def evaluate(scenarios: Scenarios) -> Counter[str]:
     Args:
         scenarios: In sequential order.
     """
-    env = ScenarioNetEnv(EnvConfig(scenarios, policies=(Replay(), Idm(who=vehicles), Idm(who=ego))))
+    env = ScenarioNetEnv(EnvConfig(scenarios, policies=(Replay(), Idm(objects=vehicles), Idm(objects=ego))))
     ends: Counter[str] = Counter()
     for _ in range(len(env)):
         env.reset()

@@ -77,7 +77,7 @@ def drive_along_paths(
     next_arc: Float64,
     next_lateral: Float64,
 ) -> None:
-    """One step of every object that ``me`` drives; arguments as ``Stage`` and ``State`` name them.
+    """One step of every object that ``me`` drives; arguments as ``WorldBatch`` and ``State`` name them.
 
     An object appears as recorded, at the first valid timestep at which its place is free, and leaves at the end
     of its path, where its arc length becomes infinite.

@@ -120,7 +120,7 @@ def follow_paths(
     Args:
         agents: (A, 2) world and row.
         position: (W, N, 2) [m].
-        points, arc, heading, path_z, offsets: Paths of W worlds, see ``Stage``.
+        points, arc, heading, path_z, offsets: Paths of W worlds, see ``WorldBatch``.
         back, ahead: How far around the last arc length to look [m], as a path may cross itself; everywhere
             when that is NaN.
         along, lateral, z: (W, N) read and written at the agents.

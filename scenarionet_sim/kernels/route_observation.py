@@ -41,7 +41,7 @@ def points_ahead(
     Args:
         agents: (A, 2) world and row.
         position, heading, arc: The state of W worlds, see ``State``.
-        path_points, path_arc, path_heading, path_z, path_offsets: Paths of W worlds, see ``Stage``.
+        path_points, path_arc, path_heading, path_z, path_offsets: Paths of W worlds, see ``WorldBatch``.
         spacing: [m] along the path; the first point is one spacing ahead.
         out: (A, K, 2) [m], written; 0 for an agent without a path.
     """
@@ -189,7 +189,7 @@ def observe_light(
     Args:
         agents: (A, 2) world and row.
         arc, timestep: The state of W worlds, see ``State``.
-        stop_arc, stop_light, stop_offsets, light_state, num_steps: Stops and lights of W worlds, see ``Stage``.
+        stop_arc, stop_light, stop_offsets, light_state, num_steps: Stops and lights of W worlds, see ``WorldBatch``.
         colors: ``LightColor`` by ``LightState``.
         reach: [m] along the path.
         out: (A, 4), written: distance along the path to the stop point as a share of ``reach``, 1 without a light

@@ -1,4 +1,4 @@
-"""Time to collision: when boxes would meet if everyone went on as now, as nuPlan's ``time_to_collision``.
+"""Time to collision: when boxes would meet if every object continued as now, as nuPlan's ``time_to_collision``.
 
 Looked ahead is 0.1 s to 2.9 s in steps of 0.1 s, at the velocity of the moment and without turning. Counted are
 objects ahead of the vehicle, within 30 degrees of its heading as seen from its rear axle; where it is between

@@ -8,9 +8,9 @@ from scenarionet_sim.policies.base import Policy
 from scenarionet_sim.policies.constant_velocity import ConstantVelocity
 from scenarionet_sim.policies.external import External
 from scenarionet_sim.policies.idm import Idm
+from scenarionet_sim.policies.objects import OfType, TrackIds, all_objects, ego, other_vehicles, others, vehicles
 from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.policies.route_follower import RouteFollower
-from scenarionet_sim.policies.who import OfType, Tracks, ego, everyone, other_vehicles, others, vehicles
 
 __all__ = [
     "ConstantVelocity",
@@ -20,9 +20,9 @@ __all__ = [
     "Policy",
     "Replay",
     "RouteFollower",
-    "Tracks",
+    "TrackIds",
+    "all_objects",
     "ego",
-    "everyone",
     "other_vehicles",
     "others",
     "vehicles",

@@ -6,10 +6,10 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 from scenarionet_data.arrays.dtypes import Bool, UInt8
-from scenarionet_sim.policies.who import Who, everyone
+from scenarionet_sim.policies.objects import ObjectMask, all_objects
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world import World
-from scenarionet_sim.worlds.world_batch import Stage
+from scenarionet_sim.worlds.world_batch import WorldBatch
 
 
 @dataclass(frozen=True)
@@ -17,14 +17,14 @@ class Policy(ABC):
     """Drives some objects of every world.
 
     Attributes:
-        who: Which objects it wants.
+        objects: Which objects it wants.
     """
 
-    who: Who = everyone
+    objects: ObjectMask = all_objects
 
     def wants(self, world: World) -> Bool:
         """(N,) the objects it drives, unless a later policy wants them too."""
-        return self.who(world)
+        return self.objects(world)
 
     def prepare(self, world: World, driven: Bool) -> World:
         """The world as this policy needs it; ``driven`` (N,) are the objects it drives there."""
@@ -32,13 +32,13 @@ class Policy(ABC):
         return world
 
     @abstractmethod
-    def advance(self, stage: Stage, now: State, then: State, driver: UInt8, me: int, dt: float) -> None:
+    def advance(self, batch: WorldBatch, now: State, then: State, driver: UInt8, me: int, dt: float) -> None:
         """Write the objects that it drives into the next moment.
 
         Every policy reads the same moment, so the order of policies and objects changes nothing.
 
         Args:
-            stage: The worlds.
+            batch: The worlds.
             now: This moment.
             then: The next moment; of its arrays, the rows of objects that others drive are not to be touched.
             driver: (W, N) uint8 which policy drives each object.

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from scenarionet_data.arrays.dtypes import UInt8
 from scenarionet_sim.kernels.motion import carry_on
 from scenarionet_sim.policies.base import Policy
-from scenarionet_sim.policies.who import Who, ego
+from scenarionet_sim.policies.objects import ObjectMask, ego
 from scenarionet_sim.worlds.state import State
-from scenarionet_sim.worlds.world_batch import Stage
+from scenarionet_sim.worlds.world_batch import WorldBatch
 
 
 @dataclass(frozen=True)
@@ -20,11 +20,11 @@ class External(Policy):
     retired (:meth:`scenarionet_sim.simulation.Simulation.retire`).
     """
 
-    who: Who = ego
+    objects: ObjectMask = ego
 
-    def advance(self, stage: Stage, now: State, then: State, driver: UInt8, me: int, dt: float) -> None:
+    def advance(self, batch: WorldBatch, now: State, then: State, driver: UInt8, me: int, dt: float) -> None:
         """Puts the agents where they are, for the backend to move; others of its objects appear."""
         del dt
-        log = stage.log, stage.num_steps, now.timestep
+        log = batch.log, batch.num_steps, now.timestep
         moments = *now.motion, now.arc, now.lateral, *then.motion, then.arc, then.lateral
         carry_on(*log, driver, me, 0.0, *moments)

@@ -9,10 +9,10 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import LIGHT_COLORS
 from scenarionet_sim.kernels.idm import Law, drive_along_paths
 from scenarionet_sim.policies.base import Policy
-from scenarionet_sim.policies.who import Who, other_vehicles
+from scenarionet_sim.policies.objects import ObjectMask, other_vehicles
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world import World
-from scenarionet_sim.worlds.world_batch import Stage
+from scenarionet_sim.worlds.world_batch import WorldBatch
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Idm(Policy):
     its place is free. Objects that were recorded standing are left to the policy before this one.
 
     Attributes:
-        who: Which objects; ``Idm(who=ego)`` is a driver for the ego.
+        objects: Which objects; ``Idm(objects=ego)`` is a driver for the ego.
         headway: Time gap to the object ahead [s].
         acceleration: [m/s2]
         deceleration: Comfortable braking [m/s2].
@@ -36,7 +36,7 @@ class Idm(Policy):
         shortest: Objects with a shorter path stand [m].
     """
 
-    who: Who = other_vehicles
+    objects: ObjectMask = other_vehicles
     headway: float = 1.5
     acceleration: float = 2.0
     deceleration: float = 3.0
@@ -54,18 +54,18 @@ class Idm(Policy):
 
     def wants(self, world: World) -> Bool:
         """Those of its objects that drive at all."""
-        return self.who(world) & (world.paths.length() >= self.shortest)
+        return self.objects(world) & (world.paths.length() >= self.shortest)
 
-    def advance(self, stage: Stage, now: State, then: State, driver: UInt8, me: int, dt: float) -> None:
+    def advance(self, batch: WorldBatch, now: State, then: State, driver: UInt8, me: int, dt: float) -> None:
         """One step of the law for each."""
         law = Law(
             self.headway, self.acceleration, self.deceleration, self.standstill,
             self.slowest, self.lateral, self.overlap, self.hardest,
         )  # fmt: skip
-        paths = stage.path_points, stage.path_arc, stage.path_heading, stage.path_z, stage.path_offsets
-        stops = stage.stop_arc, stage.stop_light, stage.stop_offsets, stage.light_state
+        paths = batch.path_points, batch.path_arc, batch.path_heading, batch.path_z, batch.path_offsets
+        stops = batch.stop_arc, batch.stop_light, batch.stop_offsets, batch.light_state
         moments = *now.motion, now.arc, *then.motion, then.arc, then.lateral
         drive_along_paths(
-            driver, me, dt, law, LIGHT_COLORS, stage.log, stage.num_steps, now.timestep,
-            *paths, stage.top_speed, *stops, now.size, *moments,
+            driver, me, dt, law, LIGHT_COLORS, batch.log, batch.num_steps, now.timestep,
+            *paths, batch.top_speed, *stops, now.size, *moments,
         )  # fmt: skip

@@ -8,7 +8,7 @@ from scenarionet_data.arrays.dtypes import UInt8
 from scenarionet_sim.kernels.motion import replay
 from scenarionet_sim.policies.base import Policy
 from scenarionet_sim.worlds.state import State
-from scenarionet_sim.worlds.world_batch import Stage
+from scenarionet_sim.worlds.world_batch import WorldBatch
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class Replay(Policy):
     After the log's last timestep they stand where they are.
     """
 
-    def advance(self, stage: Stage, now: State, then: State, driver: UInt8, me: int, dt: float) -> None:
+    def advance(self, batch: WorldBatch, now: State, then: State, driver: UInt8, me: int, dt: float) -> None:
         """Copies the log's next row."""
         del dt
-        replay(stage.log, stage.num_steps, now.timestep, driver, me, *then.motion)
+        replay(batch.log, batch.num_steps, now.timestep, driver, me, *then.motion)

@@ -4,7 +4,7 @@ Needs matplotlib (extra ``plots``), and PyAV for mp4 (extra ``video``); no displ
 """
 
 from scenarionet_sim.render.live import Live
-from scenarionet_sim.render.rollouts import rolled_out
+from scenarionet_sim.render.rollouts import rollout_moments
 from scenarionet_sim.render.scenes import moment_of, scene_of
 
-__all__ = ["Live", "moment_of", "rolled_out", "scene_of"]
+__all__ = ["Live", "moment_of", "rollout_moments", "scene_of"]

@@ -13,7 +13,7 @@ _ROWS = """
 """
 
 
-def rolled_out(lake: Lake, run: str, scene: Scene) -> list[Moment]:
+def rollout_moments(lake: Lake, run: str, scene: Scene) -> list[Moment]:
     """The moments of a scene in a run, from its first to its last.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Which scenarios of a lake are played, in which order, and how they come into memory ahead of their episodes."""
+"""Selection, order and prefetching of the scenarios that an environment plays."""
 
 from scenarionet_sim.scenarios.sampling import Curriculum
 from scenarionet_sim.scenarios.selection import Scenarios

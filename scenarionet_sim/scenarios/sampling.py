@@ -1,7 +1,7 @@
-"""The order in which episodes meet scenarios: one after the other, shuffled, by weight, from easy to hard.
+"""Samplers: the order in which episodes play scenarios, sequential, shuffled, weighted or from easy to hard.
 
-A sampler draws numbers of scenarios, 0 to n - 1, without end; it is told how each episode went and is the same
-again after :meth:`Sampler.restart` with the same seed. It knows neither the lake nor the simulator.
+A sampler is an endless series of indices 0 to n - 1. It receives the result of each episode, and repeats the same
+series after :meth:`Sampler.restart` with the same seed. It depends neither on the lake nor on the simulator.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from scenarionet_data.errors import BadParameter
 
 
 class Sampler(Protocol):
-    """What every order can do."""
+    """Protocol of samplers."""
 
     def restart(self, seed: int) -> None:
-        """Begin again, as if newly made."""
+        """Restart the series with a seed."""
 
     def draw(self) -> int:
-        """The next scenario."""
+        """Return the index of the next scenario."""
 
     def report(self, scenario: int, success: float) -> None:
-        """Learn how the episode in a scenario ended: 1 for success, 0 for none, or the share of its agents."""
+        """Record the result of an episode: 1 for success, 0 for failure, or the share of agents that succeeded."""
 
 
 class Sequential:
-    """Scenarios in their order, again and again; the seed changes nothing.
+    """Indices in ascending order, repeated; independent of the seed.
 
     Example:
         >>> order = Sequential(3)
@@ -43,21 +43,21 @@ class Sequential:
         self._next = 0
 
     def restart(self, seed: int) -> None:  # noqa: ARG002
-        """Begin with the first."""
+        """Restart with index 0."""
         self._next = 0
 
     def draw(self) -> int:
-        """The next scenario."""
+        """Return the index of the next scenario."""
         drawn = self._next
         self._next = (drawn + 1) % self._count
         return drawn
 
     def report(self, scenario: int, success: float) -> None:
-        """Nothing depends on it."""
+        """Ignore the result."""
 
 
 class Shuffled:
-    """Every scenario once in random order, then all again in another."""
+    """Every index once per round, in a new random order each round."""
 
     def __init__(self, count: int) -> None:
         self._count = count
@@ -69,57 +69,57 @@ class Shuffled:
         self._rest: list[int] = []
 
     def draw(self) -> int:
-        """The next scenario."""
+        """Return the index of the next scenario."""
         if not self._rest:
             self._rest = self._rng.permutation(self._count).tolist()
         return self._rest.pop()
 
     def report(self, scenario: int, success: float) -> None:
-        """Nothing depends on it."""
+        """Ignore the result."""
 
 
 class Weighted:
-    """Each draw by itself, in proportion to weights.
+    """Independent draws with probabilities proportional to weights.
 
     Args:
-        weights: (n,) finite and not negative, one of them above 0.
+        weights: (n,) finite, non-negative, at least one positive.
 
     Raises:
-        BadParameter: They are not.
+        BadParameter: The weights are invalid.
     """
 
     def __init__(self, weights: npt.ArrayLike) -> None:
         values = np.asarray(weights, dtype=np.float64)
         if not np.isfinite(values).all() or (values < 0).any() or values.sum() <= 0:
-            raise BadParameter("weights of scenarios: wanted numbers from 0, one of them above; correct the expression")
+            raise BadParameter("weights must be finite and non-negative, at least one positive; correct the expression")
         self._cumulative = np.cumsum(values)
         self.restart(0)
 
     def restart(self, seed: int) -> None:
-        """Draw the same series again for the same seed."""
+        """Restart the series; the same seed gives the same draws."""
         self._rng = np.random.default_rng(seed)
 
     def draw(self) -> int:
-        """The next scenario."""
+        """Return the index of the next scenario."""
         mark = self._rng.random() * self._cumulative[-1]
         return int(np.searchsorted(self._cumulative, mark, side="right"))
 
     def report(self, scenario: int, success: float) -> None:
-        """Nothing depends on it."""
+        """Ignore the result."""
 
 
 @dataclass(frozen=True)
 class Curriculum:
-    """From easy to hard: scenarios sorted by difficulty are parted into levels, and success leads to the next.
+    """Curriculum: scenarios sorted by difficulty are divided into levels, and success promotes to the next level.
 
     The paper sorts by ``difficulty`` (track length times cumulative curvature), trains on 100 levels of 400
     scenarios, and ends a level at a success rate of 75 %.
 
     Attributes:
-        levels: Number of levels, of sizes that differ by one at most.
-        success: Share of the last episodes that must succeed.
-        episodes: How many last episodes count; None for as many as the level has scenarios.
-        by: What is difficult: an SQL expression over ``metadata``, rising.
+        levels: Number of levels; their sizes differ by at most one.
+        success: Success rate over the last episodes that promotes to the next level.
+        episodes: Number of last episodes that count; None for the number of scenarios in the level.
+        by: SQL expression over ``metadata`` to sort by, ascending.
     """
 
     levels: int = 100
@@ -128,46 +128,44 @@ class Curriculum:
     by: str = "difficulty"
 
 
-class Rising:
-    """Scenarios of one level, shuffled, until enough of the last episodes succeeded; then those of the next.
+class CurriculumSampler:
+    """Shuffled indices of the current level of a curriculum.
 
-    Episodes in scenarios of another level (drawn before a promotion) do not count. The last level goes on for ever.
+    Episodes of another level (drawn before a promotion) do not count. The last level is played indefinitely.
 
     Args:
-        count: Number of scenarios, the easiest first.
-        curriculum: How to rise.
+        count: Number of scenarios, sorted by rising difficulty.
+        curriculum: Levels and promotion rule.
 
     Raises:
-        BadParameter: A level would be empty, or a number is out of range.
+        BadParameter: A level would be empty, or a parameter is out of range.
     """
 
     def __init__(self, count: int, curriculum: Curriculum) -> None:
         if not 1 <= curriculum.levels <= count:
-            raise BadParameter(
-                f"curriculum: {curriculum.levels} levels of {count} scenarios; wanted 1 to {count} levels"
-            )
+            raise BadParameter(f"curriculum: {curriculum.levels} levels of {count} scenarios; expected 1 to {count}")
         if not 0.0 < curriculum.success <= 1.0:
-            raise BadParameter(f"curriculum: wanted success above 0 up to 1, found {curriculum.success}")
+            raise BadParameter(f"curriculum: expected 0 < success <= 1, found {curriculum.success}")
         if curriculum.episodes is not None and curriculum.episodes < 1:
-            raise BadParameter(f"curriculum: wanted at least one episode that counts, found {curriculum.episodes}")
+            raise BadParameter(f"curriculum: expected episodes >= 1, found {curriculum.episodes}")
         self._curriculum = curriculum
         self._starts = np.linspace(0, count, curriculum.levels + 1).astype(np.int64)
         self.restart(0)
 
     def restart(self, seed: int) -> None:
-        """Back to the first level."""
+        """Restart at the first level."""
         self._rng = np.random.default_rng(seed)
         self._rest: list[int] = []
         self._enter(0)
 
     def draw(self) -> int:
-        """The next scenario."""
+        """Return the index of the next scenario."""
         if not self._rest:
             self._rest = (self._first + self._rng.permutation(self._last - self._first)).tolist()
         return self._rest.pop()
 
     def report(self, scenario: int, success: float) -> None:
-        """Count an episode, and rise when enough succeeded."""
+        """Record a result, and advance to the next level when the success rate is reached."""
         if not self._first <= scenario < self._last:
             return
         self._results.append(success)
@@ -177,7 +175,7 @@ class Rising:
 
     @property
     def success_rate(self) -> float:
-        """Mean success of the last episodes of this level; 0 before the first."""
+        """Mean success over the last episodes of this level; 0 before the first."""
         return sum(self._results) / max(len(self._results), 1)
 
     def _enter(self, level: int) -> None:

@@ -1,7 +1,7 @@
-"""Which scenarios of a lake an environment plays, and in which order: a specification that pickles.
+"""Picklable specification of the scenarios that an environment plays, and of their order.
 
-Choosing is DuckDB's, done once when an environment is made; drawing is ``sampling``'s; loading is ``stream``'s. Nothing
-here may touch polars: its threads do not survive the fork by which vector environments make their processes.
+DuckDB selects once, when an environment is made; ``sampling`` draws and ``stream`` loads. This module must not import
+polars: its threads do not survive the fork with which vector environments start their processes.
 """
 
 from __future__ import annotations
@@ -14,108 +14,122 @@ from typing import Literal, get_args
 import numpy as np
 import pyarrow as pa
 
-from scenarionet_data import Lake, ScenarioLoader
+from scenarionet_data import Database, Lake, ScenarioLoader
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.query.statements import check_expression
-from scenarionet_sim.scenarios.sampling import Curriculum, Rising, Sampler, Sequential, Shuffled, Weighted
+from scenarionet_sim.scenarios.sampling import Curriculum, CurriculumSampler, Sampler, Sequential, Shuffled, Weighted
 
 Order = Literal["sequential", "random", "weighted"]
 
 
 @dataclass(frozen=True)
 class Scenarios:
-    """Scenarios of a lake.
+    """Scenarios of a lake to play.
 
     Attributes:
-        lake: The lake's folder.
-        scenarios: Name of a database (``name`` or ``name@version``), scenario ids, or None for the whole lake.
-        where: SQL condition over ``metadata`` that they must satisfy too; empty for no condition.
-        order: ``sequential`` as the database has them, ``random`` each once a round, or ``weighted``.
-        weight: SQL expression over ``metadata`` for ``weighted``; empty for the database's own weights.
-        curriculum: From easy to hard instead of ``order``.
-        worker, num_workers: Each of several workers plays a share of its own; with a curriculum, of every level.
+        lake: The lake, its path or its URL; stored as text.
+        database: A ``Database``, a name (``"busy"``, ``"busy@2"``), scenario ids, or None for the whole lake.
+            A saved ``Database`` is stored as its reference, an unsaved one as its ids.
+        where: SQL condition over ``metadata`` that restricts them further.
+        order: ``sequential`` in the order of the database, ``random`` for a new permutation in every round, or
+            ``weighted`` for independent draws.
+        weight: SQL expression over ``metadata`` for ``weighted``; empty for the weights of the database.
+        curriculum: Play from easy to hard instead of by ``order``.
+        worker, num_workers: Play only this worker's share; with a curriculum, its share of every level.
+        snapshot: Snapshot of the lake; by default that of ``lake`` or of an unsaved ``Database``, else the newest.
 
     Example:
         Scenarios("lake", "busy_train", where="ego_distance > 10", order="random")
         Scenarios("lake", curriculum=Curriculum(levels=10), worker=2, num_workers=4)
     """
 
-    lake: str | Path
-    scenarios: str | Sequence[str] | None = None
+    lake: Lake | str | Path
+    database: Database | str | Sequence[str] | None = None
     where: str = ""
     order: Order = "sequential"
     weight: str = ""
     curriculum: Curriculum | None = None
     worker: int = 0
     num_workers: int = 1
+    snapshot: int | None = None
 
     def __post_init__(self) -> None:
+        if isinstance(self.lake, Lake):
+            object.__setattr__(self, "snapshot", self.snapshot or self.lake.snapshot.number or None)
+            object.__setattr__(self, "lake", str(self.lake.root))
+        elif isinstance(self.database, Database) and not self.database.is_saved:
+            object.__setattr__(self, "snapshot", self.snapshot or self.database.lineage.snapshot)
         object.__setattr__(self, "lake", str(self.lake))
-        if self.scenarios is not None and not isinstance(self.scenarios, str):
-            object.__setattr__(self, "scenarios", tuple(self.scenarios))
+        object.__setattr__(self, "database", database_reference(self.database))
         if self.order not in get_args(Order):
-            raise BadParameter(f"order {self.order!r}; there are {', '.join(get_args(Order))}")
+            raise BadParameter(f"order={self.order!r}; expected {', '.join(get_args(Order))}")
         if self.curriculum is not None and self.order != "sequential":
-            raise BadParameter(f"a curriculum has an order of its own; leave out order={self.order!r}")
+            raise BadParameter(f"order={self.order!r} conflicts with curriculum; drop one of them")
         if self.weight and self.order != "weighted":
-            raise BadParameter(f"weight={self.weight!r} means nothing for order={self.order!r}; give order='weighted'")
+            raise BadParameter(f"weight={self.weight!r} has no effect with order={self.order!r}; pass order='weighted'")
         if not 0 <= self.worker < self.num_workers:
-            raise BadParameter(f"worker {self.worker} of {self.num_workers}; workers count from 0")
+            raise BadParameter(f"worker={self.worker} of num_workers={self.num_workers}; workers are numbered from 0")
 
     def open(self) -> tuple[ScenarioLoader, Sampler]:
-        """Look them up.
+        """Resolve the selection.
 
         Returns:
-            The loader of this worker's share, and the order to play it in.
+            A loader of this worker's share, and a sampler of its indices.
 
         Raises:
-            NoSuchSnapshot: There is no lake.
-            DatabaseNotFound, ScenarioNotFound: Naming what is missing.
-            UnsafeSql, QueryError: A condition is not one expression, or not understood.
-            BadParameter: Nothing is left to play.
+            NoSuchSnapshot: The lake does not exist.
+            DatabaseNotFound, ScenarioNotFound: The database or an id does not exist.
+            UnsafeSql, QueryError: A condition is not a single valid SQL expression.
+            BadParameter: No scenario is left.
         """
-        lake, rows = Lake(self.lake).resolve(self.scenarios)
-        chosen = self._chosen(lake, rows["scenario_id"])
-        share = chosen.take(np.arange(self.worker, len(chosen), self.num_workers))
+        lake, rows = Lake(str(self.lake), self.snapshot).resolve(self.database)
+        selected = self._select(lake, rows["scenario_id"])
+        share = selected.take(np.arange(self.worker, len(selected), self.num_workers))
         if not len(share):
-            raise BadParameter(f"no scenario to play: {self._told(len(rows), len(chosen))}")
-        return ScenarioLoader(lake, share["scenario_id"].to_pylist()), self._sampler(share)
+            raise BadParameter(f"no scenario to play: {self._why_empty(len(rows), len(selected))}")
+        sampler: Sampler
+        if self.curriculum is not None:
+            sampler = CurriculumSampler(len(share), self.curriculum)
+        elif self.order == "weighted":
+            sampler = Weighted(share["weight"].fill_null(np.nan).to_numpy())
+        else:
+            sampler = Shuffled(len(share)) if self.order == "random" else Sequential(len(share))
+        return ScenarioLoader(lake, share["scenario_id"].to_pylist()), sampler
 
-    def _chosen(self, lake: Lake, ids: pa.ChunkedArray) -> pa.Table:
-        """Columns scenario_id and weight of those that satisfy the condition, in their order."""
+    def _select(self, lake: Lake, ids: pa.ChunkedArray) -> pa.Table:
+        """Columns scenario_id and weight of the ids that satisfy ``where``, in playing order."""
         expressions = {
-            "wanted": self.where or "true",
+            "is_selected": self.where or "true",
             "weight": self.weight or "1.0",
             "difficulty": self.curriculum.by if self.curriculum else "0.0",
         }
         for expression in expressions.values():
             check_expression(expression)
         columns = ", ".join(f"({text}\n) AS {name}" for name, text in expressions.items())
-        listed = pa.table({"scenario_id": ids, "place": np.arange(len(ids)), "weight": self._weights(lake, len(ids))})
+        weights = pa.nulls(len(ids), pa.float64())  # weights of a database, unless an expression replaces them
+        if not self.weight and isinstance(self.database, str):
+            weights = lake.database(self.database).members["weight"].combine_chunks()
+        listed = pa.table({"scenario_id": ids, "rank": np.arange(len(ids)), "weight": weights})
         return lake.arrow(
-            f"""SELECT scenario_id, coalesce(listed.weight, CAST(facts.weight AS DOUBLE)) AS weight
-            FROM listed JOIN (SELECT scenario_id, {columns} FROM metadata) AS facts USING (scenario_id)
-            WHERE facts.wanted ORDER BY facts.difficulty NULLS FIRST, listed.place""",
+            f"""SELECT scenario_id, coalesce(listed.weight, CAST(selected.weight AS DOUBLE)) AS weight
+            FROM listed JOIN (SELECT scenario_id, {columns} FROM metadata) AS selected USING (scenario_id)
+            WHERE selected.is_selected ORDER BY selected.difficulty NULLS FIRST, listed.rank""",
             tables={"listed": listed},
         )
 
-    def _weights(self, lake: Lake, count: int) -> pa.Array:
-        """The database's weights; missing where there is no database, or an expression instead."""
-        if self.weight or not isinstance(self.scenarios, str):
-            return pa.nulls(count, pa.float64())
-        return lake.database(self.scenarios).members["weight"].combine_chunks()
+    def _why_empty(self, num_members: int, num_selected: int) -> str:
+        source = f"database {self.database}" if isinstance(self.database, str) else str(self.lake)
+        if not num_members:
+            return f"{source} is empty"
+        if not num_selected:
+            return f"none of {num_members} in {source} satisfies {self.where!r}"
+        return f"{num_selected} scenarios are too few for worker {self.worker}; use at most {num_selected} workers"
 
-    def _sampler(self, share: pa.Table) -> Sampler:
-        if self.curriculum is not None:
-            return Rising(len(share), self.curriculum)
-        if self.order == "weighted":
-            return Weighted(share["weight"].fill_null(np.nan).to_numpy())
-        return Shuffled(len(share)) if self.order == "random" else Sequential(len(share))
 
-    def _told(self, there: int, satisfying: int) -> str:
-        place = f"database {self.scenarios}" if isinstance(self.scenarios, str) else str(self.lake)
-        if not there:
-            return f"{place} is empty"
-        if not satisfying:
-            return f"none of {there} in {place} satisfies {self.where!r}"
-        return f"{satisfying} scenarios do not reach worker {self.worker}; have fewer workers than scenarios"
+def database_reference(database: Database | str | Sequence[str] | None) -> str | tuple[str, ...] | None:
+    """Return a picklable and comparable form: ``name@version`` of a saved database, or the ids."""
+    if database is None or isinstance(database, str):
+        return database
+    if isinstance(database, Database):
+        return database.reference if database.name else tuple(database.scenario_ids)
+    return tuple(database)

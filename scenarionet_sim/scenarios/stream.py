@@ -1,7 +1,7 @@
-"""Scenarios on their way into episodes: drawn ahead, loaded in a thread beside the steps, the last ones kept.
+"""An endless series of prepared scenarios, prefetched in a background thread and cached.
 
-What is drawn next is settled before it is needed, so a curriculum's promotion takes hold ``ahead`` episodes later;
-the series depends on the seed and the episodes' results alone, never on how fast the thread is.
+Draws are made before they are needed, so a curriculum's promotion takes effect ``prefetch`` episodes later. The series
+depends only on the seed and on the results of episodes, never on the speed of the thread.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from scenarionet_sim.scenarios.sampling import Sampler
 Prepared = TypeVar("Prepared")
 
 
-class Stream(Generic[Prepared]):
+class ScenarioStream(Generic[Prepared]):
     """An endless series of prepared scenarios.
 
     Args:
         ids: Id of each scenario.
-        load: Reads scenario ``index``.
-        prepare: Makes of a scenario what an episode needs, for example a ``World``.
+        load: Reads the scenario with an index.
+        prepare: Converts a scenario into what an episode needs, for example a ``World``.
         sampler: Draws indices.
-        ahead: How many to draw and load ahead; 0 loads when asked.
-        keep: How many prepared scenarios to keep: the memory stays that of so many.
+        prefetch: Number of scenarios to draw and load ahead; 0 loads on demand.
+        cache_size: Number of prepared scenarios to keep; bounds the memory.
     """
 
     def __init__(
@@ -37,80 +37,76 @@ class Stream(Generic[Prepared]):
         prepare: Callable[[ScenarioDescription], Prepared],
         sampler: Sampler,
         *,
-        ahead: int = 1,
-        keep: int = 32,
+        prefetch: int = 1,
+        cache_size: int = 32,
     ) -> None:
-        if ahead < 0 or keep < 1:
-            raise BadParameter(f"wanted ahead from 0 and keep from 1, found ahead={ahead}, keep={keep}")
+        if prefetch < 0 or cache_size < 1:
+            raise BadParameter(
+                f"expected prefetch >= 0 and cache_size >= 1, found prefetch={prefetch}, cache_size={cache_size}"
+            )
         self.ids = ids
         self.sampler = sampler
         self._load, self._prepare = load, prepare
-        self._ahead, self._keep = ahead, keep
+        self._prefetch, self._cache_size = prefetch, cache_size
         self._drawn: deque[int] = deque()
-        self._kept: OrderedDict[int, Future[Prepared]] = OrderedDict()
+        self._cache: OrderedDict[int, Future[Prepared]] = OrderedDict()
         self._thread: ThreadPoolExecutor | None = None
 
     def restart(self, seed: int) -> None:
-        """Begin the series again; what is loaded is kept."""
+        """Restart the series with a seed; loaded scenarios stay cached."""
         self.sampler.restart(seed)
         self._drawn.clear()
 
     def next(self) -> tuple[int, Prepared]:
-        """The next scenario's number and what was made of it.
+        """Return the index of the next scenario, and the prepared scenario.
 
         Raises:
-            ScenarioNetError: It cannot be read or prepared; asked again, the series goes on behind it.
+            ScenarioNetError: It cannot be read or prepared; the next call continues with the one after it.
         """
-        drawn = self._drawn.popleft() if self._drawn else self.sampler.draw()
-        prepared = self.get(drawn)
-        while len(self._drawn) < self._ahead:
+        index = self._drawn.popleft() if self._drawn else self.sampler.draw()
+        prepared = self.get(index)
+        while len(self._drawn) < self._prefetch:
             self._drawn.append(self.sampler.draw())
-            self._start(self._drawn[-1])
-        return drawn, prepared
+            self._submit(self._drawn[-1])
+        return index, prepared
 
     def get(self, index: int) -> Prepared:
-        """Scenario ``index``, out of the series."""
-        if index in self._kept and self._kept[index].done() and self._kept[index].exception():
-            del self._kept[index]  # it may have been mended since
-        if index not in self._kept and not self._ahead:
-            self._remember(index, _done(self._prepare(self._load(index))))
-        return self._start(index).result()
+        """Return the scenario with an index, without a draw."""
+        if index in self._cache and self._cache[index].done() and self._cache[index].exception():
+            del self._cache[index]  # retry, the file may have been repaired
+        return self._submit(index).result()
 
-    def number(self, scenario_id: str) -> int:
-        """The number of a scenario.
+    def index(self, scenario_id: str) -> int:
+        """Return the index of a scenario id.
 
         Raises:
-            ScenarioNotFound: It is not one of these.
+            ScenarioNotFound: The id is not among the selected scenarios.
         """
         if scenario_id not in self.ids:
-            raise ScenarioNotFound(f"{scenario_id} is none of the {len(self.ids)} scenarios of this environment")
+            raise ScenarioNotFound(f"{scenario_id} is not among the {len(self.ids)} scenarios of this environment")
         return self.ids.index(scenario_id)
 
     def close(self) -> None:
-        """End the thread; a stream that is used again starts another."""
+        """Stop the thread and drop the cache; the next use starts a new thread."""
         if self._thread is not None:
             self._thread.shutdown(wait=True, cancel_futures=True)
             self._thread = None
-        self._kept.clear()
+        self._cache.clear()
         self._drawn.clear()
 
-    def _start(self, index: int) -> Future[Prepared]:
-        """The scenario, loaded or on its way."""
-        if index in self._kept:
-            self._kept.move_to_end(index)
-            return self._kept[index]
-        if self._thread is None:
-            self._thread = ThreadPoolExecutor(1, thread_name_prefix="scenarios")
-        return self._remember(index, self._thread.submit(lambda: self._prepare(self._load(index))))
-
-    def _remember(self, index: int, made: Future[Prepared]) -> Future[Prepared]:
-        self._kept[index] = made
-        while len(self._kept) > max(self._keep, self._ahead + 1):
-            self._kept.popitem(last=False)
-        return made
-
-
-def _done(value: Prepared) -> Future[Prepared]:
-    future: Future[Prepared] = Future()
-    future.set_result(value)
-    return future
+    def _submit(self, index: int) -> Future[Prepared]:
+        """Return the cached or pending scenario; without prefetching, load it in the calling thread."""
+        if index in self._cache:
+            self._cache.move_to_end(index)
+            return self._cache[index]
+        if self._prefetch:
+            if self._thread is None:
+                self._thread = ThreadPoolExecutor(1, thread_name_prefix="scenarios")
+            future = self._thread.submit(lambda: self._prepare(self._load(index)))
+        else:
+            future = Future()
+            future.set_result(self._prepare(self._load(index)))
+        self._cache[index] = future
+        while len(self._cache) > max(self._cache_size, self._prefetch + 1):
+            self._cache.popitem(last=False)
+        return future

@@ -20,7 +20,7 @@ from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.kernels.route_observation import find_lost
 from scenarionet_sim.worlds.state import State
-from scenarionet_sim.worlds.world_batch import Stage
+from scenarionet_sim.worlds.world_batch import WorldBatch
 
 if TYPE_CHECKING:
     from gymnasium.spaces import Box
@@ -48,11 +48,11 @@ class Sensor(ABC):
         """Shape of what one agent observes."""
 
     @abstractmethod
-    def observe(self, stage: Stage, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:
+    def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:
         """Write what agents observe.
 
         Args:
-            stage: The worlds.
+            batch: The worlds.
             state: Where everything is now.
             agents: (A, 2) int32 world and row of each agent.
             rng: Where noise comes from; untouched by a sensor without noise.

@@ -23,9 +23,9 @@ from scenarionet_data.scenario.vocabulary import (
 )
 from scenarionet_sim.kernels.raster import draw_polygons, draw_segments, list_in_window
 from scenarionet_sim.sensors.base import Sensor, map_types, require
-from scenarionet_sim.worlds.history import Past
+from scenarionet_sim.worlds.history import History
 from scenarionet_sim.worlds.state import State
-from scenarionet_sim.worlds.world_batch import Stage
+from scenarionet_sim.worlds.world_batch import WorldBatch
 
 
 class Channel(IntEnum):
@@ -88,7 +88,7 @@ class BirdView(Sensor):
         resolution: [m] of a pixel.
         heading_up: The agent's heading points up; else the scenario's +y does (north, where the source says so).
         anchor: Column and row of the agent, as shares of ``size``.
-        history: Past moments shown; the simulation has to remember as many.
+        history: History moments shown; the simulation has to remember as many.
     """
 
     high: ClassVar[float] = 255
@@ -110,13 +110,13 @@ class BirdView(Sensor):
         """(channels, size, size)."""
         return len(Channel) + self.history, self.size, self.size
 
-    def observe(self, stage: Stage, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
+    def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
         """See the class.
 
         Raises:
             BadParameter: Fewer moments are remembered than the history shows.
         """
-        remembered = 0 if state.past is None else len(state.past.present)
+        remembered = 0 if state.history is None else len(state.history.present)
         if remembered < self.history:
             raise BadParameter(
                 f"a bird's view of history={self.history} needs as many past moments, found {remembered}; "
@@ -126,9 +126,9 @@ class BirdView(Sensor):
         out[...] = 0
         for (world, row), pictures in zip(agents.tolist(), out, strict=True):  # a picture takes half a millisecond
             view = self.view(state.position[world, row], float(state.heading[world, row]))
-            self._draw_map(stage, world, view, pictures, turns)
-            self._draw_route(stage, world, row, view, pictures)
-            self._draw_lights(stage, world, int(state.timestep[world]), view, pictures, turns)
+            self._draw_map(batch, world, view, pictures, turns)
+            self._draw_route(batch, world, row, view, pictures)
+            self._draw_lights(batch, world, int(state.timestep[world]), view, pictures, turns)
             self._draw_objects(state, world, row, view, pictures, turns)
         return out
 
@@ -146,25 +146,25 @@ class BirdView(Sensor):
         places = (corners - start) @ np.linalg.inv(turn).T
         return np.concatenate([places.min(axis=0), places.max(axis=0)])
 
-    def _draw_map(self, stage: Stage, world: int, view: Float64, pictures: Array, turns: Array) -> None:
+    def _draw_map(self, batch: WorldBatch, world: int, view: Float64, pictures: Array, turns: Array) -> None:
         window = self._window(view)
-        outlines = stage.polygons[world], stage.polygons_offsets[world], stage.polygon_type[world]
-        draw_polygons(*outlines, _near_polygons(stage, world, window), _AREAS, _FULL, view, pictures, turns)
-        lines = stage.segments[world], stage.segment_type[world]
-        draw_segments(*lines, _near_segments(stage, world, window), _LINES, _FULL, view, pictures)
+        outlines = batch.polygons[world], batch.polygons_offsets[world], batch.polygon_type[world]
+        draw_polygons(*outlines, _near_polygons(batch, world, window), _AREAS, _FULL, view, pictures, turns)
+        lines = batch.segments[world], batch.segment_type[world]
+        draw_segments(*lines, _near_segments(batch, world, window), _LINES, _FULL, view, pictures)
 
-    def _draw_route(self, stage: Stage, world: int, row: int, view: Float64, pictures: Array) -> None:
-        first, end = stage.path_offsets[world, row : row + 2]
-        points = stage.path_points[world, first:end]
+    def _draw_route(self, batch: WorldBatch, world: int, row: int, view: Float64, pictures: Array) -> None:
+        first, end = batch.path_offsets[world, row : row + 2]
+        points = batch.path_points[world, first:end]
         segments = np.concatenate([points[:-1], points[1:]], axis=1)
         no_type, everywhere = np.zeros(len(segments), np.uint8), np.ones(len(segments), np.bool_)
         draw_segments(segments, no_type, everywhere, _channels({}, Channel.ROUTE), _FULL, view, pictures)
 
     def _draw_lights(
-        self, stage: Stage, world: int, timestep: int, view: Float64, pictures: Array, turns: Array
+        self, batch: WorldBatch, world: int, timestep: int, view: Float64, pictures: Array, turns: Array
     ) -> None:
-        count, now = stage.num_lights[world], min(timestep, stage.num_steps[world] - 1)
-        stop, shown = stage.light_stop[world, :count], stage.light_state[world, :count, now]
+        count, now = batch.num_lights[world], min(timestep, batch.num_steps[world] - 1)
+        stop, shown = batch.light_stop[world, :count], batch.light_state[world, :count, now]
         is_placed = ~np.isnan(stop[:, 0])
         sides = np.full(count, _LIGHT_SIDE)
         corners = box_corners(stop, np.zeros(count), sides, sides)
@@ -180,38 +180,38 @@ class BirdView(Sensor):
         is_me = np.arange(len(types)) == row
         _draw_boxes(corners, types, present & is_me, _channels({}, Channel.EGO), _FULL, view, pictures, turns)
         _draw_boxes(corners, types, present & ~is_me, _OBJECTS, _FULL, view, pictures, turns)
-        past = state.past or Past.empty(0, *state.present.shape)
+        past = state.history or History.empty(0, *state.present.shape)
         for moment in range(self.history):
             channel = _channels({}, len(Channel) + moment)
             corners = boxes(past.position[moment, world], past.heading[moment, world])
             _draw_boxes(corners, types, past.present[moment, world], channel, _FULL, view, pictures, turns)
 
 
-def _near_polygons(stage: Stage, world: int, window: Float64) -> Bool:
+def _near_polygons(batch: WorldBatch, world: int, window: Float64) -> Bool:
     """(Q,) polygons of a world that may lie in a window."""
-    found = np.zeros(stage.polygon_type.shape[1], np.bool_)
+    found = np.zeros(batch.polygon_type.shape[1], np.bool_)
     list_in_window(
         window,
-        stage.polygon_grid_origin[world],
-        stage.polygon_grid_shape[world],
-        stage.polygon_grid_cell_size[world],
-        stage.polygon_grid_cell_start[world],
-        stage.polygon_grid_cell_items[world],
+        batch.polygon_grid_origin[world],
+        batch.polygon_grid_shape[world],
+        batch.polygon_grid_cell_size[world],
+        batch.polygon_grid_cell_start[world],
+        batch.polygon_grid_cell_items[world],
         found,
     )
     return found
 
 
-def _near_segments(stage: Stage, world: int, window: Float64) -> Bool:
+def _near_segments(batch: WorldBatch, world: int, window: Float64) -> Bool:
     """(S,) segments of a world that may lie in a window."""
-    found = np.zeros(stage.segment_type.shape[1], np.bool_)
+    found = np.zeros(batch.segment_type.shape[1], np.bool_)
     list_in_window(
         window,
-        stage.segment_grid_origin[world],
-        stage.segment_grid_shape[world],
-        stage.segment_grid_cell_size[world],
-        stage.segment_grid_cell_start[world],
-        stage.segment_grid_cell_items[world],
+        batch.segment_grid_origin[world],
+        batch.segment_grid_shape[world],
+        batch.segment_grid_cell_size[world],
+        batch.segment_grid_cell_start[world],
+        batch.segment_grid_cell_items[world],
         found,
     )
     return found

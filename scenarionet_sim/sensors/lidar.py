@@ -12,7 +12,7 @@ from scenarionet_sim.kernels.rays import cast_at_boxes
 from scenarionet_sim.sensors.base import Sensor, directions, require, table
 from scenarionet_sim.sensors.noise import add_noise
 from scenarionet_sim.worlds.state import State
-from scenarionet_sim.worlds.world_batch import Stage
+from scenarionet_sim.worlds.world_batch import WorldBatch
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Lidar(Sensor):
         """(rays,)."""
         return (self.rays,)
 
-    def observe(self, stage: Stage, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
+    def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
         """See the class."""
         boxes = state.position, state.heading, state.size, state.object_type, state.present
         cast_at_boxes(agents, *boxes, table(self.types), directions(self.rays), self.range, out)

@@ -11,7 +11,7 @@ from scenarionet_data.scenario.vocabulary import LIGHT_COLORS
 from scenarionet_sim.kernels.route_observation import observe_light
 from scenarionet_sim.sensors.base import Sensor, require, require_arcs
 from scenarionet_sim.worlds.state import State
-from scenarionet_sim.worlds.world_batch import Stage
+from scenarionet_sim.worlds.world_batch import WorldBatch
 
 
 @dataclass(frozen=True)
@@ -36,10 +36,10 @@ class LightAhead(Sensor):
         """(4,)."""
         return (4,)
 
-    def observe(self, stage: Stage, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
+    def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
         """See the class."""
         require_arcs(state, agents)
-        stops = stage.stop_arc, stage.stop_light, stage.stop_offsets
-        lights = stage.light_state, stage.num_steps, LIGHT_COLORS
+        stops = batch.stop_arc, batch.stop_light, batch.stop_offsets
+        lights = batch.light_state, batch.num_steps, LIGHT_COLORS
         observe_light(agents, state.arc, state.timestep, *stops, *lights, self.range, out)
         return out

@@ -12,7 +12,7 @@ from scenarionet_sim.kernels.rays import cast_at_segments
 from scenarionet_sim.sensors.base import Sensor, directions, require, table
 from scenarionet_sim.sensors.noise import add_noise
 from scenarionet_sim.worlds.state import State
-from scenarionet_sim.worlds.world_batch import Stage
+from scenarionet_sim.worlds.world_batch import WorldBatch
 
 
 @dataclass(frozen=True)
@@ -50,20 +50,20 @@ class LineRays(Sensor):
         """(rays,)."""
         return (self.rays,)
 
-    def observe(self, stage: Stage, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:
+    def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:
         """See the class."""
         cast_at_segments(
             agents,
             state.position,
             state.heading,
-            stage.segments,
-            stage.segment_type,
+            batch.segments,
+            batch.segment_type,
             table(self.types),
-            stage.segment_grid_origin,
-            stage.segment_grid_shape,
-            stage.segment_grid_cell_size,
-            stage.segment_grid_cell_start,
-            stage.segment_grid_cell_items,
+            batch.segment_grid_origin,
+            batch.segment_grid_shape,
+            batch.segment_grid_cell_size,
+            batch.segment_grid_cell_start,
+            batch.segment_grid_cell_items,
             directions(self.rays),
             self.range,
             out,

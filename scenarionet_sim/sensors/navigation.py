@@ -11,7 +11,7 @@ from scenarionet_data.arrays.dtypes import Array, Int32
 from scenarionet_sim.kernels.route_observation import points_ahead
 from scenarionet_sim.sensors.base import Sensor, require, require_arcs
 from scenarionet_sim.worlds.state import State
-from scenarionet_sim.worlds.world_batch import Stage
+from scenarionet_sim.worlds.world_batch import WorldBatch
 
 
 @dataclass(frozen=True)
@@ -44,11 +44,11 @@ class Navigation(Sensor):
         """(points, 2)."""
         return self.points, 2
 
-    def observe(self, stage: Stage, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
+    def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
         """See the class."""
         require_arcs(state, agents)
         ahead = np.empty((len(agents), self.points, 2))
-        paths = stage.path_points, stage.path_arc, stage.path_heading, stage.path_z, stage.path_offsets
+        paths = batch.path_points, batch.path_arc, batch.path_heading, batch.path_z, batch.path_offsets
         points_ahead(agents, state.position, state.heading, state.arc, *paths, self.spacing, ahead)
         np.divide(ahead, self.range, out=out, casting="same_kind")
         np.minimum(out, 1.0, out=out)  # np.clip takes three times as long for so few numbers

@@ -13,7 +13,7 @@ from scenarionet_sim.kernels.point_cloud import spin
 from scenarionet_sim.sensors.base import Sensor, directions, require, table
 from scenarionet_sim.sensors.noise import add_noise
 from scenarionet_sim.worlds.state import State
-from scenarionet_sim.worlds.world_batch import Stage
+from scenarionet_sim.worlds.world_batch import WorldBatch
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class PointCloud(Sensor):
         """(rings,) [rad]."""
         return np.linspace(self.lowest, self.highest, self.rings)
 
-    def observe(self, stage: Stage, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
+    def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
         """See the class."""
         boxes = state.position, state.z, state.heading, state.size, state.object_type, state.present
         rays = directions(self.azimuths), np.tan(self.elevations)

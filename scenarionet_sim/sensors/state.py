@@ -12,7 +12,7 @@ from scenarionet_data.arrays.dtypes import Array, Float64, Int32
 from scenarionet_sim.kernels.route_observation import observe_self
 from scenarionet_sim.sensors.base import Sensor, require, require_arcs
 from scenarionet_sim.worlds.state import State
-from scenarionet_sim.worlds.world_batch import Stage
+from scenarionet_sim.worlds.world_batch import WorldBatch
 
 WHEELBASE = 0.6
 """Between the axles, as a share of the length: what a steering angle is derived with."""
@@ -53,11 +53,11 @@ class EgoState(Sensor):
         """(7,)."""
         return (7,)
 
-    def observe(self, stage: Stage, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
+    def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
         """See the class."""
         require_arcs(state, agents)
         motion = state.heading, state.velocity, state.yaw_rate, state.size, state.arc, state.lateral
-        paths = stage.path_points, stage.path_arc, stage.path_heading, stage.path_z, stage.path_offsets
+        paths = batch.path_points, batch.path_arc, batch.path_heading, batch.path_z, batch.path_offsets
         observed = np.empty((len(agents), 7))
         observe_self(agents, *motion, *paths, WHEELBASE, observed)
         np.multiply(observed, self._shares, out=out, casting="same_kind")

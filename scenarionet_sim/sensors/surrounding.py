@@ -13,7 +13,7 @@ from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.kernels.route_observation import observe_others
 from scenarionet_sim.sensors.base import Sensor, require, table
 from scenarionet_sim.worlds.state import State
-from scenarionet_sim.worlds.world_batch import Stage
+from scenarionet_sim.worlds.world_batch import WorldBatch
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Surrounding(Sensor):
         """(objects, 13)."""
         return self.objects, 13
 
-    def observe(self, stage: Stage, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
+    def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
         """See the class."""
         motion = state.position, state.heading, state.velocity, state.size, state.object_type, state.present
         observed = np.empty((len(agents), *self.shape))

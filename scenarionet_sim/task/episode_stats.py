@@ -77,7 +77,7 @@ def count(
     Args:
         agents: (A, 2) world and row.
         position, velocity, object_type, timestep: See ``State``.
-        num_steps, log: See ``Stage``.
+        num_steps, log: See ``WorldBatch``.
         contacts, contacts_before: (A, N) what each agent touches, now and a step ago.
         crashes, sums: See ``Tally``; added to.
         board: (A, 8) written: crashes that begin now; crashes so far into vehicles, humans and objects; speed now

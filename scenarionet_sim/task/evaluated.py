@@ -64,7 +64,7 @@ class Egos:
 
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
-        worlds = len(simulation.stage)
+        worlds = len(simulation.batch)
         self.rows: Int32 = np.zeros((worlds, 2), np.int32)
         self.rows[:, 0] = np.arange(worlds)
         self.hits = np.zeros(worlds, np.uint32)
@@ -74,21 +74,21 @@ class Egos:
 
     def begin(self, slot: int) -> None:
         """Look for a world's ego anew."""
-        more = self._simulation.stage.max_objects - self._arc.shape[1]
+        more = self._simulation.batch.max_objects - self._arc.shape[1]
         if more:
             self._arc = np.pad(self._arc, ((0, 0), (0, more)), constant_values=np.nan)
             self.arc_before = self._arc.copy()
             self._lateral, self._height = np.zeros_like(self._arc), np.zeros_like(self._arc)
             self.contacts = np.zeros(self._arc.shape, np.bool_)
-        self.rows[slot, 1] = self._simulation.stage.ego[slot]
+        self.rows[slot, 1] = self._simulation.batch.ego[slot]
         self._arc[slot] = np.nan
         self.look()
 
     def look(self) -> None:
         """Find where the egos are now."""
-        stage, state = self._simulation.stage, self._simulation.state
+        batch, state = self._simulation.batch, self._simulation.state
         self.arc_before[...] = self._arc
-        paths = stage.path_points, stage.path_arc, stage.path_heading, stage.path_z, stage.path_offsets
+        paths = batch.path_points, batch.path_arc, batch.path_heading, batch.path_z, batch.path_offsets
         places = self._arc, self._lateral, self._height
         follow_paths(self.rows, state.position, *paths, LOOK_BACK, LOOK_AHEAD, *places)
         boxes = state.position, state.heading, state.z, state.size, state.object_type, state.present

@@ -69,7 +69,7 @@ class Reward:
 
 
 @dataclass(frozen=True)
-class Ending:
+class Termination:
     """When an episode ends.
 
     Attributes:
@@ -90,12 +90,12 @@ class Ending:
         return np.array(astuple(self), dtype=np.float64)
 
 
-SINGLE_AGENT = (Reward(), Ending())
+SINGLE_AGENT = (Reward(), Termination())
 """The paper's single-agent task."""
 
 MULTI_AGENT = (
     Reward(displacement=1.0, smoothness=0.0, road_user=-1.0, object=-1.0, off_route=-1.0),
-    Ending(off_route=10.0),
+    Termination(off_route=10.0),
 )
 """The paper's multi-agent task: R = R_disp + P_collision + R_term."""
 
@@ -134,7 +134,7 @@ def judge(
     steering: Float64,
     hits: npt.NDArray[np.uint32],
     reward: Float64,
-    ending: Float64,
+    termination: Float64,
     terms: Float64,
     status: UInt8,
     completion: Float64,
@@ -148,15 +148,15 @@ def judge(
         arc, arc_before: (W, N) place along the reference trajectory now and a step ago [m].
         lateral: (W, N) distance from it to the left [m].
         velocity: (W, N, 2) [m/s].
-        path_arc, path_offsets: Reference trajectories, see ``Stage``.
+        path_arc, path_offsets: Reference trajectories, see ``WorldBatch``.
         timestep, num_steps: (W,) of the log: now, and how many there are.
         steering: (A,) first number of each action, in [-1, 1].
         hits: (A,) types of object that each agent touches, as bits.
-        reward, ending: ``Reward.numbers``, ``Ending.numbers``.
+        reward, termination: ``Reward.numbers``, ``Termination.numbers``.
         terms, status, completion: Written; see ``Verdict``.
     """
     c1, c2, c3, p_road_user, p_object, r_arrived, r_off_route, slow = reward
-    max_lateral, min_completion, short_route, extra_steps = ending
+    max_lateral, min_completion, short_route, extra_steps = termination
     for a in range(len(agents)):
         w, n = agents[a, 0], agents[a, 1]
         first, end = path_offsets[w, n], path_offsets[w, n + 1]

@@ -1,1 +1,1 @@
-"""Recordings as arrays, side by side on a stage, and the state of everything that moves at one moment."""
+"""Recordings as arrays, side by side on a batch, and the state of everything that moves at one moment."""

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(eq=False)
-class Past:
+class History:
     """K moments of W worlds of N objects, the latest first; a moment before an episode's first has nobody in it.
 
     Attributes:
@@ -28,7 +28,7 @@ class Past:
     present: Bool
 
     @classmethod
-    def empty(cls, num_moments: int, num_worlds: int, num_objects: int) -> Past:
+    def empty(cls, num_moments: int, num_worlds: int, num_objects: int) -> History:
         """Nobody at any moment."""
         shape = num_moments, num_worlds, num_objects
         return cls(np.zeros((*shape, 2)), np.zeros(shape), np.zeros(shape, np.bool_))
@@ -45,10 +45,10 @@ class Past:
         """A world begins a new episode."""
         self.present[:, slot] = False
 
-    def with_room(self, num_objects: int) -> Past:
+    def with_room(self, num_objects: int) -> History:
         """The same for more objects, who have not been there."""
         num_moments, num_worlds, old = self.present.shape
-        larger, here = Past.empty(num_moments, num_worlds, num_objects), slice(0, old)
+        larger, here = History.empty(num_moments, num_worlds, num_objects), slice(0, old)
         larger.position[:, :, here] = self.position
         larger.heading[:, :, here], larger.present[:, :, here] = self.heading, self.present
         return larger

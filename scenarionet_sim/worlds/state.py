@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8
-from scenarionet_sim.worlds.history import Past
+from scenarionet_sim.worlds.history import History
 from scenarionet_sim.worlds.world import World
 
 
@@ -31,7 +31,7 @@ class State:
         size: (W, N, 3) float64 [m] length, width, height.
         object_type: (W, N) uint8 codes of ``ObjectType``.
         timestep: (W,) int32.
-        past: The moments before, where somebody wants them remembered.
+        history: The moments before, where somebody wants them remembered.
     """
 
     position: Float64
@@ -45,7 +45,7 @@ class State:
     size: Float64
     object_type: UInt8
     timestep: Int32
-    past: Past | None = None
+    history: History | None = None
 
     @property
     def motion(self) -> tuple[Any, ...]:

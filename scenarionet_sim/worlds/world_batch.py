@@ -19,7 +19,7 @@ _SLACK = 1.25
 """A stack that has to grow grows by this, so that a long run seldom copies."""
 
 
-class Stage:
+class WorldBatch:
     """The worlds a simulation holds, each in its slot.
 
     Every array of :class:`World`, its ``paths``, ``stops`` and ``roads`` is an attribute of the same name with a
@@ -127,7 +127,7 @@ def _put(stack: Array, slot: int, array: Array, name: str) -> None:
 
 
 def _arrays(world: World) -> Iterator[tuple[str, Array]]:
-    """The arrays of a world under the names that a stage gives them."""
+    """The arrays of a world under the names that a batch gives them."""
     roads = world.roads
     counts = {
         "num_objects": world.num_objects,

@@ -29,14 +29,14 @@ from scenarionet_sim.policies import External, Idm, Policy, Replay
 from scenarionet_sim.scenarios import Scenarios
 from scenarionet_sim.sensors import BirdView, BoundaryDetector, EgoState, Lidar, Navigation
 from scenarionet_sim.simulation import Simulation
-from scenarionet_sim.task.task import Ending
+from scenarionet_sim.task.task import Termination
 from scenarionet_sim.worlds.world import World
 from tests.bench.measure import Figure, in_fresh_process
 
 FULL = (Lidar(rays=240), BoundaryDetector(rays=12), EgoState(), Navigation())
 """Twice the paper's lidar, and all else that it observes."""
 
-_ENDLESS = Ending(off_route=1e9, completion=1e9, short_route=0.01, extra_steps=10**6)
+_ENDLESS = Termination(off_route=1e9, completion=1e9, short_route=0.01, extra_steps=10**6)
 """So that who drives badly is measured all the same."""
 
 _WORLDS = 64
@@ -57,7 +57,7 @@ from scenarionet_sim.environments.config import BOUNDARY, PAPER_OBSERVATION
 started = time.process_time()
 env = ScenarioNetEnv(
     scenarios=Scenarios(sys.argv[1]), backend=Kinematic(), policies=(Replay(), Idm(), External()),
-    sensors=PAPER_OBSERVATION + BOUNDARY, ahead=0,
+    sensors=PAPER_OBSERVATION + BOUNDARY, prefetch=0,
 )
 env.reset(seed=0)
 env.step([0.0, 0.0])
@@ -73,7 +73,7 @@ from scenarionet_sim.environments.single_agent import ScenarioNetEnv
 from scenarionet_sim.scenarios import Scenarios
 from scenarionet_sim.sensors import EgoState
 scenarios = Scenarios(sys.argv[1], order="random")
-env = ScenarioNetEnv(scenarios=scenarios, backend=Kinematic(), sensors=(EgoState(),), keep=4)
+env = ScenarioNetEnv(scenarios=scenarios, backend=Kinematic(), sensors=(EgoState(),), cache_size=4)
 sizes = []
 for count in range(5_000):
     env.reset(seed=0 if count == 0 else None)
@@ -149,7 +149,7 @@ def _loop_rate(worlds: list[World], policies: tuple[Policy, ...]) -> float:
 
 def _rate(lake: Path, scenario_id: str, backend: Backend) -> float:
     env = ScenarioNetEnv(
-        scenarios=Scenarios(lake, [scenario_id]), backend=backend, sensors=FULL, ending=_ENDLESS, ahead=0
+        scenarios=Scenarios(lake, [scenario_id]), backend=backend, sensors=FULL, termination=_ENDLESS, prefetch=0
     )
     action = np.zeros(2, np.float32)
     env.reset(seed=0)
@@ -172,8 +172,8 @@ def _seconds_a_step(step: Callable[[], Any], reset: Callable[[], Any], steps: in
 
 def _resets(lake: Path) -> Iterator[Figure]:
     """Resets that read the lake, and resets from worlds in memory."""
-    for name, keep, wanted in (("read from the lake", 1, "<= 20"), ("from memory", 32, "<= 2")):
-        env = ScenarioNetEnv(scenarios=Scenarios(lake), backend=Kinematic(), ahead=0, keep=keep)
+    for name, cache_size, wanted in (("read from the lake", 1, "<= 20"), ("from memory", 32, "<= 2")):
+        env = ScenarioNetEnv(scenarios=Scenarios(lake), backend=Kinematic(), prefetch=0, cache_size=cache_size)
         found: dict[str, list[float]] = {}
         for _ in range(14 * 4):
             started = time.process_time()
@@ -200,19 +200,19 @@ def _vector(lake: Path) -> Iterator[Figure]:
 def _vector_rate(lake: Path, policies: tuple[Policy, ...]) -> tuple[float, float]:
     """World-steps per second, and objects a world."""
     envs = ScenarioNetVectorEnv(
-        _WORLDS, scenarios=Scenarios(lake), policies=policies, sensors=PAPER_OBSERVATION, ending=_ENDLESS
+        _WORLDS, scenarios=Scenarios(lake), policies=policies, sensors=PAPER_OBSERVATION, termination=_ENDLESS
     )
     actions = np.zeros((_WORLDS, 2))
     envs.reset(seed=0)
     seconds = _seconds_a_step(lambda: envs.step(actions), envs.reset, 60, episodes=7)
-    objects = envs.arena.simulation.state.present.sum() / _WORLDS
+    objects = envs.core.simulation.state.present.sum() / _WORLDS
     envs.close()
     return _WORLDS / seconds, objects
 
 
 def _several_agents(lake: Path, is_recorded: bool) -> Iterator[Figure]:
     """The scenario with about 40 vehicles that drive, each an agent."""
-    env = ScenarioNetParallelEnv(scenarios=Scenarios(lake), ahead=0)
+    env = ScenarioNetParallelEnv(scenarios=Scenarios(lake), prefetch=0)
     found = []
     for _ in range(14):
         _, infos = env.reset()
@@ -237,7 +237,7 @@ def _bird_view(lake: Path, names: dict[str, str]) -> Iterator[Figure]:
         simulation = Simulation([World.from_scenario(ScenarioLoader(lake, [scenario_id])[0])])
         out = sensor.empty(1)
         seconds = _seconds_a_step(
-            lambda s=simulation, o=out: sensor.observe(s.stage, s.state, s.agents, rng, o), lambda: None, 20
+            lambda s=simulation, o=out: sensor.observe(s.batch, s.state, s.agents, rng, o), lambda: None, 20
         )
         shape = "x".join(map(str, sensor.shape))
         yield Figure(f"sim: bird's view {shape}, {name}", 1 / seconds, "pictures/s", ">= 400")

@@ -33,6 +33,7 @@ from scenarionet_data.storage.write.table_file import write_table
 from scenarionet_data.testing import differences
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import make_scenario
+from tests.fixtures.waiting import HANGS_AFTER
 
 COUNT = 10
 
@@ -242,7 +243,7 @@ def test_worker_processes_load(lake, method):
     queue = context.Queue()
     worker = context.Process(target=_child, args=(loaded, queue))
     worker.start()
-    assert queue.get(timeout=60) == [made(k).tracks.position.tobytes() for k in (3, 7)]
+    assert queue.get(timeout=HANGS_AFTER) == [made(k).tracks.position.tobytes() for k in (3, 7)]
     worker.join()
 
 

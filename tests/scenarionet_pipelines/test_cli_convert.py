@@ -7,14 +7,17 @@ import os
 import signal
 import subprocess
 import sys
-import time
+import threading
 from pathlib import Path
 
+import click
 import psutil
 import pytest
 
 from scenarionet_data import Lake
-from tests.fixtures.made import NAME, write_raw
+from tests.fixtures import gate
+from tests.fixtures.made import NAME, held_raw, write_raw
+from tests.fixtures.waiting import HANGS_AFTER, until
 from tests.scenarionet_pipelines.conftest import run
 
 
@@ -105,11 +108,24 @@ def test_options_replace_and_limit(raw, lake, ok):
 def test_progress_goes_to_standard_error(tmp_path, monkeypatch):
     from scenarionet_pipelines.cli import progress
 
+    echo, printed = click.echo, []
     monkeypatch.setattr(progress, "_LINE_EVERY", 0.02)
-    raw = write_raw(tmp_path / "raw", {"a": ["1 slow", "2 slow"], "b": ["3 slow", "4 slow"]})
+    monkeypatch.setattr(progress.click, "echo", lambda line, **how: (printed.append(str(line)), echo(line, **how)))
+    raw = held_raw(tmp_path / "raw", shards=2)
+    gate.close(raw, admitted=0)
+
+    def admit() -> None:
+        for words in ("0 of 2 shards", "1 of 2 shards"):
+            until(lambda words=words: any(words in line for line in printed), f"a line says {words}")
+            gate.admit(raw)
+
+    beside = threading.Thread(target=admit)
+    beside.start()
     lines = run("convert", NAME, raw, tmp_path / "lake", "--workers", 1).stderr.splitlines()
+    beside.join()
     assert any(line.startswith(f"convert {NAME}: 0 of 2 shards after ") for line in lines)
     assert any("1 of 2 shards" in line and " scenarios/s, about " in line for line in lines)
+    gate.open_(raw)
     assert run("convert", NAME, raw, tmp_path / "other", "--quiet").stderr == ""
 
 
@@ -119,36 +135,38 @@ def test_progress_goes_to_standard_error(tmp_path, monkeypatch):
 def start(*words: str | Path, **options) -> subprocess.Popen:
     return subprocess.Popen(
         [sys.executable, "-m", "scenarionet_pipelines.cli", *map(str, words)],
-        stdout=subprocess.PIPE, stderr=options.pop("stderr", subprocess.PIPE), text=True, **options,
+        **{"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, **options},
     )  # fmt: skip
 
 
-def wait_for_shards(lake: Path, number: int) -> None:
-    deadline = time.monotonic() + 60
-    while len(list(lake.glob("metadata/*/*/*/*.parquet"))) < number and time.monotonic() < deadline:
-        time.sleep(0.02)
+def finished(lake: Path) -> int:
+    """Number of finished shards, committed or not."""
+    return len(list(lake.glob("metadata/*/*/*/*.parquet")))
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.long
 def test_an_interrupted_run_says_what_it_kept_and_is_continued(number, tmp_path, ok):
-    raw = write_raw(tmp_path / "raw", {f"s{k}": [f"{10 * k + i} slow" for i in range(3)] for k in range(10)})
-    lake = tmp_path / "lake"
+    raw, lake = held_raw(tmp_path / "raw", shards=10), tmp_path / "lake"
+    gate.close(raw, admitted=3)
     # A session of its own: Ctrl-C reaches the workers too.
-    running = start("convert", NAME, raw, lake, "--workers", 2, start_new_session=True)
-    wait_for_shards(lake, 3)
+    log = tmp_path / "log"
+    with log.open("w") as errors:
+        running = start("convert", NAME, raw, lake, "--workers", 2, start_new_session=True, stderr=errors)
+    until(lambda: ": 3 of 10 shards after" in log.read_text(), "the command knows that three shards are finished")
     if number == signal.SIGINT:
         os.killpg(running.pid, number)
     else:
         running.send_signal(number)
-    output, errors = running.communicate(timeout=60)
+    gate.open_(raw)
+    output, _ = running.communicate(timeout=HANGS_AFTER)
     assert running.returncode == 130
     assert output == ""
-    line = errors.splitlines()[-1]  # after lines of progress, where it takes long
+    line = log.read_text().splitlines()[-1]  # after lines of progress
     assert line.startswith("interrupted: ")
     assert "the same command goes on from there" in line
     kept = len(Lake(lake))
-    assert 0 < kept < 30
+    assert 9 <= kept < 30
     assert f"({kept} scenarios)" in line
     ok("convert", NAME, raw, lake, "--workers", 1)
     assert len(Lake(lake)) == 30
@@ -156,17 +174,19 @@ def test_an_interrupted_run_says_what_it_kept_and_is_continued(number, tmp_path,
 
 @pytest.mark.long
 def test_workers_end_with_a_killed_command_and_the_next_adopts_what_they_finished(tmp_path, as_json):
-    raw = write_raw(tmp_path / "raw", {f"s{k}": [f"{10 * k + i} slow" for i in range(3)] for k in range(10)})
-    lake = tmp_path / "lake"
+    raw, lake = held_raw(tmp_path / "raw", shards=10), tmp_path / "lake"
+    gate.close(raw, admitted=3)
     running = start("convert", NAME, raw, lake, "--workers", 2)
-    wait_for_shards(lake, 3)
+    until(lambda: len(gate.waiting(raw)) == 2, "three shards are finished, two are being converted")
+    assert finished(lake) == 3
     workers = psutil.Process(running.pid).children(recursive=True)
     running.kill()
     running.communicate()
     assert workers
-    assert psutil.wait_procs(workers, timeout=60)[1] == []
+    assert psutil.wait_procs(workers, timeout=HANGS_AFTER)[1] == []
+    gate.open_(raw)
     report = as_json("convert", NAME, raw, lake, "--workers", 1, "--quiet")
-    assert report["adopted"] >= 3
+    assert report["adopted"] == 3
     assert report["shards"] == 10
     assert len(Lake(lake)) == 30
 
@@ -182,7 +202,7 @@ def test_a_bar_on_a_terminal(tmp_path):
             shown += part
     except OSError:  # how Linux says that the other end was closed
         pass
-    output, _ = running.communicate(timeout=20)
+    output, _ = running.communicate(timeout=HANGS_AFTER)
     os.close(terminal)
     assert running.returncode == 0
     assert "converted" in output

@@ -58,7 +58,7 @@ def test_sim_with_a_driver_in_the_current_folder(lake, tmp_path, monkeypatch, as
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--policy", "idn"), "no policy 'idn'"),
+        (("--policy", "idn"), "unknown policy 'idn'"),
         (("nothing", "--policy", "idm"), "no database 'nothing'"),
         ((), "Missing option '--policy'"),
         (("--policy", "idm", "--to", "a/b"), "'a/b' is no name of a run"),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import signal
-import time
 
 import pytest
 from click.testing import CliRunner
@@ -15,8 +14,9 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_pipelines.cli import cli
 from scenarionet_pipelines.cli.parameters import seconds
 from tests.fixtures.made import NAME, NEWER, write_raw
+from tests.fixtures.waiting import HANGS_AFTER, until
 from tests.scenarionet_pipelines.conftest import run
-from tests.scenarionet_pipelines.test_cli_convert import start, wait_for_shards
+from tests.scenarionet_pipelines.test_cli_convert import start
 
 
 @pytest.mark.long
@@ -24,20 +24,23 @@ from tests.scenarionet_pipelines.test_cli_convert import start, wait_for_shards
 def test_watching_ends_cleanly(number, tmp_path):
     raw, lake = tmp_path / "raw", tmp_path / "lake"
     raw.mkdir()
-    running = start("convert", NAME, raw, lake, "--workers", 1, "--watch", "--every", "0.2s", "--json")
+    log = tmp_path / "reports"
+    with log.open("w") as output:
+        watching = ("--watch", "--every", "0.2s", "--json")
+        running = start("convert", NAME, raw, lake, "--workers", 1, *watching, stdout=output)
     write_raw(raw, {"a": [1, 2]})
-    wait_for_shards(lake, 1)
+    until(lambda: log.read_text().count("\n}\n") == 1, "the first shard is reported")
     write_raw(raw, {"b": [3]})
-    wait_for_shards(lake, 2)
-    time.sleep(1.0)  # until the second one is committed and reported
+    until(lambda: log.read_text().count("\n}\n") == 2, "the second shard is reported")
     running.send_signal(number)
-    output, errors = running.communicate(timeout=60)
+    _, errors = running.communicate(timeout=HANGS_AFTER)
+    reported = log.read_text()
     assert running.returncode == 0
     assert errors.splitlines() == [
         f"watching {raw}: a look every 0.2 s, until Ctrl-C",
         f"stopped watching {raw}; what is finished is kept in {lake}",
     ]
-    reports = [json.loads(text) for text in re.split(r"(?<=^})\n", output, flags=re.MULTILINE) if text]
+    reports = [json.loads(text) for text in re.split(r"(?<=^})\n", reported, flags=re.MULTILINE) if text]
     assert [report["converted"] for report in reports] == [2, 1]
     assert len(Lake(lake)) == 3
 

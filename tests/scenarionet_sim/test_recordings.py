@@ -9,11 +9,11 @@ from scenarionet_data import Lake
 from scenarionet_data.conversion import convert
 from scenarionet_data.converters.argoverse1 import Argoverse1Options
 from scenarionet_data.converters.lyft import LyftOptions
+from scenarionet_sim import evaluate
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.environments.multi_agent import ScenarioNetParallelEnv
 from scenarionet_sim.environments.single_agent import ScenarioNetEnv
-from scenarionet_sim.evaluation.evaluation import evaluate, prepare
 from scenarionet_sim.policies import Replay
 from scenarionet_sim.scenarios import Scenarios
 
@@ -34,7 +34,7 @@ def test_every_recording_of_every_source_replays_to_success(recordings, tmp_path
         convert(dataset, str(recordings / folder), tmp_path, options=options)
     lake = Lake(tmp_path)
     for backend in ("kinematic", "bullet"):
-        report = evaluate(prepare(lake, None, "replay", backend=backend), backend, with_rollouts=False)
+        report = evaluate(lake, policy="replay", backend=backend, name=backend, rollouts=False)
         assert report.broken == [] and report.scenarios == len(lake) >= 59
     ends = Lake(tmp_path).sql("SELECT run, success, max(average_displacement) AS off FROM results GROUP BY ALL")
     assert ends["success"].to_list() == [True, True]

@@ -20,12 +20,12 @@ from scenarionet_sim.policies import (
     OfType,
     Replay,
     RouteFollower,
-    Tracks,
+    TrackIds,
     ego,
     other_vehicles,
     vehicles,
 )
-from scenarionet_sim.simulation import NOBODY, Simulation
+from scenarionet_sim.simulation import UNDRIVEN, Simulation
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.scenarios import make_scenario
@@ -56,13 +56,13 @@ def moments(simulation: Simulation, steps: int, seed: int = 0, slot: int = 0) ->
         actions = others.uniform(-1, 1, (len(simulation.agents), 2))
         actions[simulation.agents[:, 0] == slot] = rng.uniform(-1, 1, 2)
         simulation.step(actions)
-        state, n = simulation.state, simulation.stage.num_objects[slot]
+        state, n = simulation.state, simulation.batch.num_objects[slot]
         arrays = (*state.motion, state.arc, state.lateral)
         kept.append(np.concatenate([array[slot, :n].ravel().astype(float) for array in arrays]))
     return kept
 
 
-@pytest.mark.parametrize("policies", [TRAFFIC, (ConstantVelocity(), RouteFollower(), External(who=ego))])
+@pytest.mark.parametrize("policies", [TRAFFIC, (ConstantVelocity(), RouteFollower(), External(objects=ego))])
 def test_the_same_again_is_the_same_bits(policies):
     simulation = Simulation([drive()], policies)
     first = moments(simulation, 30)
@@ -89,7 +89,7 @@ def test_a_slot_takes_another_world_while_the_others_go_on():
         state = simulation.state
         arrays = (*state.motion, state.arc, state.lateral)
         np.testing.assert_array_equal(wanted[t], np.concatenate([a[1, :4].ravel().astype(float) for a in arrays]))
-    assert simulation.stage.worlds == [large(), drive()]
+    assert simulation.batch.worlds == [large(), drive()]
     assert simulation.state.timestep.tolist() == [1, 20]
 
 
@@ -103,16 +103,21 @@ def test_reset_begins_where_it_is_told():
 
 
 def test_the_last_policy_that_wants_an_object_drives_it():
-    policies = (Replay(), ConstantVelocity(who=OfType((ObjectType.VEHICLE,))), Idm(who=Tracks(("t2",))), External())
+    policies = (
+        Replay(),
+        ConstantVelocity(objects=OfType((ObjectType.VEHICLE,))),
+        Idm(objects=TrackIds(("t2",))),
+        External(),
+    )
     simulation = Simulation([drive()], policies)
     assert simulation.driver[0].tolist() == [3, 1, 2, 1]
-    nobody = Simulation([drive()], [Replay(who=ego)])
-    assert nobody.driver[0].tolist() == [0, NOBODY, NOBODY, NOBODY]
+    nobody = Simulation([drive()], [Replay(objects=ego)])
+    assert nobody.driver[0].tolist() == [0, UNDRIVEN, UNDRIVEN, UNDRIVEN]
     assert nobody.state.present[0].tolist() == [True, False, False, False]
 
 
 def test_an_idm_driver_for_the_ego_is_no_agent():
-    simulation = Simulation([drive()], (Replay(), Idm(who=ego)))
+    simulation = Simulation([drive()], (Replay(), Idm(objects=ego)))
     assert len(simulation.agents) == 0
     for _ in range(30):
         simulation.step()
@@ -146,7 +151,7 @@ def test_agents_know_where_they_are_on_their_route():
 def test_agents_lie_in_rows_however_many_there_are():
     """So that no kernel is compiled twice."""
     for worlds in ([drive()], [drive(), drive()], [*made(), drive()]):
-        assert Simulation(worlds, (Replay(), External(who=vehicles))).agents.flags.c_contiguous
+        assert Simulation(worlds, (Replay(), External(objects=vehicles))).agents.flags.c_contiguous
 
 
 def test_actions_are_checked():
@@ -175,8 +180,8 @@ def test_a_simulation_without_objects_that_move_still_runs():
 
 def test_specifications_pickle():
     policies = (
-        Replay(), Idm(headway=2.0), External(who=vehicles), ConstantVelocity(who=OfType((ObjectType.CYCLIST,))),
-        RouteFollower(who=other_vehicles, beyond=50.0), Idm(who=Tracks(("a", "b"))),
+        Replay(), Idm(headway=2.0), External(objects=vehicles), ConstantVelocity(objects=OfType((ObjectType.CYCLIST,))),
+        RouteFollower(objects=other_vehicles, beyond=50.0), Idm(objects=TrackIds(("a", "b"))),
     )  # fmt: skip
     assert pickle.loads(pickle.dumps(policies)) == policies
     backend = Kinematic(Drive(max_speed=20.0))

@@ -10,20 +10,23 @@ import re
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
 
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.errors import WorkerLost
 from scenarionet_data.storage.files.local import LocalLakeFiles
+from tests.fixtures import gate
 from tests.fixtures.lakes import content
-from tests.fixtures.made import raw_of, run, write_raw
+from tests.fixtures.made import held_raw, raw_of, run, write_raw
+from tests.fixtures.waiting import HANGS_AFTER, until
 
 CONVERT = """
 import sys
 from scenarionet_data import convert
+from scenarionet_data.conversion import committer
 from tests.fixtures.made import NAME, MadeOptions
+committer._COMMIT_EVERY = float("inf")  # at the end alone, however slow the machine is
 if __name__ == "__main__":
     report = convert(NAME, sys.argv[1], sys.argv[2], options=MadeOptions(num_objects=2))
     print(report.converted, report.failed)
@@ -35,18 +38,17 @@ def start(raw, root):
 
 
 def test_a_killed_job_loses_the_shard_in_work_at_most(tmp_path):
-    raw = write_raw(tmp_path / "raw", {f"s{k}": [f"{k * 10 + i} slow" for i in range(4)] for k in range(5)})
+    raw = held_raw(tmp_path / "raw", shards=5, lines=4)
+    gate.close(raw, admitted=2)
     job = start(raw, tmp_path / "lake")
-    deadline = time.monotonic() + 60
-    while len(list(tmp_path.glob("lake/metadata/**/*.parquet"))) < 2 and time.monotonic() < deadline:
-        time.sleep(0.01)
+    until(lambda: gate.waiting(raw) or job.poll() is not None, "a third shard has begun")
     job.send_signal(signal.SIGKILL)
     job.communicate()
     assert job.returncode == -signal.SIGKILL
-    finished = len(list(tmp_path.glob("lake/metadata/**/*.parquet")))
-    assert 2 <= finished < 5
+    assert len(list(tmp_path.glob("lake/metadata/**/*.parquet"))) == 2
+    gate.open_(raw)
     report = run(raw, tmp_path / "lake")
-    assert report.adopted == finished
+    assert report.adopted == 2
     assert report.converted == 20
     run(raw, tmp_path / "undisturbed")
     assert content(tmp_path / "lake") == content(tmp_path / "undisturbed")
@@ -90,7 +92,7 @@ def test_two_jobs_at_once_make_one_lake(tmp_path, kind):
     first = raw_of(tmp_path / "first", 0, 8)
     second = first if kind == "the same recordings" else raw_of(tmp_path / "second", 50, 8)
     jobs = [start(raw, tmp_path / "lake") for raw in (first, second)]
-    outputs = [job.communicate(timeout=60)[0] for job in jobs]
+    outputs = [job.communicate(timeout=HANGS_AFTER)[0] for job in jobs]
     assert [job.returncode for job in jobs] == [0, 0]
     # Of the same recordings, the job that comes late converts what is left, or nothing.
     assert all(re.fullmatch(r"\d+ \[\]\n", output) for output in outputs)

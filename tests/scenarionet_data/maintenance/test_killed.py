@@ -14,6 +14,7 @@ from scenarionet_data.maintenance import compact, fsck, vacuum
 from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from tests.fixtures.made import write_raw
+from tests.fixtures.waiting import HANGS_AFTER
 from tests.scenarionet_data.maintenance.conftest import age, check_whole, content, convert_to
 
 STEPS = ("publish", "publish_new", "remove", "remove_unchanged", "renew")
@@ -171,7 +172,7 @@ def test_killed_with_signal_9_at_every_step(lake, what):
         shutil.rmtree(copy, ignore_errors=True)
         shutil.copytree(lake, copy, copy_function=shutil.copy2)
         words = [sys.executable, "-c", KILL, what, str(copy), str(number), " ".join(STEPS)]
-        code = subprocess.run(words, check=False, timeout=120).returncode
+        code = subprocess.run(words, check=False, timeout=HANGS_AFTER).returncode
         assert code in (0, -signal.SIGKILL)
         assert fsck(copy, is_deep=True).problems == ()
         compact(copy, "analytics") if what == "compact" else vacuum(copy, keep_last=1)

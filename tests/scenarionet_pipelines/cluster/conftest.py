@@ -7,28 +7,19 @@ import re
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import pytest
 
+from tests.fixtures.waiting import until
+
 ROOT = Path(__file__).parents[3]
-STARTS_WITHIN = 90.0
 
 
 def environment(**others: str) -> dict[str, str]:
     """Of processes that find this checkout and the tests' converters."""
     return {**os.environ, "PYTHONPATH": str(ROOT), "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1", **others}
-
-
-def until(is_so: Callable[[], object], what: str, seconds: float = STARTS_WITHIN) -> None:
-    """Wait until something is so."""
-    end = time.monotonic() + seconds
-    while not is_so():
-        if time.monotonic() > end:
-            raise AssertionError(f"{what}: not within {seconds:.0f} s")
-        time.sleep(0.05)
 
 
 class Processes:
@@ -71,9 +62,9 @@ class Dask(Processes):
         self.scheduler, log = self.start(
             "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard"
         )
-        found: list[str] = []
-        until(lambda: found or found.extend(re.findall(r"tcp://127.0.0.1:\d+", log.read_text())), "scheduler")
-        self.address = found[0]
+        addresses = lambda: re.findall(r"tcp://127.0.0.1:\d+", log.read_text())  # noqa: E731
+        until(addresses, "the scheduler listens")
+        self.address = addresses()[0]
         return self.address
 
     def start_worker(self, *words: str, **how: object) -> subprocess.Popen[bytes]:
@@ -82,7 +73,7 @@ class Dask(Processes):
             "distributed.cli.dask_worker", self.address, "--nthreads", "1", "--no-dashboard", "--host", "127.0.0.1",
             "--local-directory", str(self._folder / "scratch"), *words, **how,
         )  # fmt: skip
-        until(lambda: "Registered to" in log.read_text(), "worker")
+        until(lambda: "Registered to" in log.read_text(), "the worker is registered")
         return process
 
 

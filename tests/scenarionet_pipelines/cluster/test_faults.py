@@ -15,29 +15,25 @@ import psutil
 import pytest
 
 from scenarionet_data import Lake, convert
+from tests.fixtures import gate
 from tests.fixtures.lakes import content
-from tests.fixtures.made import NAME, write_raw
-from tests.scenarionet_pipelines.cluster.conftest import Dask, Processes, until
+from tests.fixtures.made import NAME, held_raw, write_raw
+from tests.fixtures.waiting import HANGS_AFTER, until
+from tests.scenarionet_pipelines.cluster.conftest import Dask, Processes
 
 pytestmark = pytest.mark.long
 
-ENDS_WITHIN = 120.0
 
-
-def slow_raw(folder: Path, shards: int = 10, **others: list[str]) -> Path:
-    """Shards of three scenarios that take long enough to be caught at work, and others."""
-    lines = {f"s{k:02d}": [f"{10 * k + i} slow" for i in range(3)] for k in range(shards)}
-    return write_raw(folder, {**lines, **others})
-
-
-def start(processes: Processes, raw: Path, lake: Path, *words: object) -> tuple[subprocess.Popen[bytes], Path]:
-    options = ("--json", "--quiet", *map(str, words))
+def start(
+    processes: Processes, raw: Path, lake: Path, *words: object, is_quiet: bool = True
+) -> tuple[subprocess.Popen[bytes], Path]:
+    options = ("--json", *(["--quiet"] if is_quiet else []), *map(str, words))
     return processes.start("scenarionet_pipelines.cli", "convert", NAME, str(raw), str(lake), *options)
 
 
 def report_of(process: subprocess.Popen[bytes], log: Path, code: int = 0) -> dict[str, Any]:
     """What a command reports at its end."""
-    process.wait(ENDS_WITHIN)
+    process.wait(HANGS_AFTER)
     assert process.returncode == code, log.read_text()
     report: dict[str, Any] = json.loads(log.read_text())
     return report
@@ -58,14 +54,14 @@ def assert_equals_undisturbed(lake: Path, raw: Path) -> None:
 
 @pytest.mark.parametrize("nanny", ["--nanny", "--no-nanny"])
 def test_a_worker_killed_in_the_middle_of_a_shard(dask: Dask, tmp_path, nanny):
-    raw, lake = slow_raw(tmp_path / "raw"), tmp_path / "lake"
-    first = dask.start_worker(nanny)
+    raw, lake = held_raw(tmp_path / "raw", shards=10), tmp_path / "lake"
+    gate.close(raw, admitted=2)
+    dask.start_worker(nanny)
     dask.start_worker(nanny)
     command = start(dask, raw, lake, "--cluster", dask.address)
-    until(lambda: finished(lake) >= 2, "two shards")
-    worker = psutil.Process(first.pid)
-    victim = next((p for p in worker.children(recursive=True) if "spawn_main" in " ".join(p.cmdline())), worker)
-    (victim if nanny == "--nanny" else worker).kill()
+    until(lambda: len(gate.waiting(raw)) == 2, "both workers are in the middle of a shard")
+    psutil.Process(gate.waiting(raw)[0]).kill()
+    gate.open_(raw)
     report = report_of(*command)
     assert (report["converted"], report["shards"], report["failed"]) == (30, 10, [])
     assert sum(share["jobs"] for share in report["workers"].values()) == 10
@@ -73,7 +69,7 @@ def test_a_worker_killed_in_the_middle_of_a_shard(dask: Dask, tmp_path, nanny):
 
 
 def test_a_shard_that_kills_its_workers_is_named_and_the_others_go_on(dask: Dask, tmp_path):
-    raw, lake = slow_raw(tmp_path / "raw", bad=["99 deadly"]), tmp_path / "lake"
+    raw, lake = write_raw(held_raw(tmp_path / "raw", shards=10), {"bad": ["99 deadly"]}), tmp_path / "lake"
     dask.start_worker("--nanny")
     dask.start_worker("--nanny")
     report = report_of(*start(dask, raw, lake, "--cluster", dask.address), code=1)
@@ -86,7 +82,7 @@ def test_a_shard_that_kills_its_workers_is_named_and_the_others_go_on(dask: Dask
 
 
 def test_a_worker_that_runs_out_of_memory(dask: Dask, tmp_path):
-    raw, lake = slow_raw(tmp_path / "raw", shards=4, large=["99 hungry"]), tmp_path / "lake"
+    raw, lake = write_raw(held_raw(tmp_path / "raw", shards=4), {"large": ["99 hungry"]}), tmp_path / "lake"
     dask.start_worker("--nanny", "--memory-limit", "1200MB")
     report = report_of(*start(dask, raw, lake, "--cluster", dask.address), code=1)
     (failed,) = report["failed"]
@@ -98,12 +94,12 @@ def test_a_worker_that_runs_out_of_memory(dask: Dask, tmp_path):
 
 def test_a_full_disk_of_a_worker(dask: Dask, tmp_path):
     """Files that may not grow: what a full disk is where nothing can be mounted."""
-    raw, lake = slow_raw(tmp_path / "raw", shards=3), tmp_path / "lake"
+    raw, lake = held_raw(tmp_path / "raw", shards=3), tmp_path / "lake"
     limited = dask.start_worker(
         "--no-nanny", preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
     )
     command, log = start(dask, raw, lake, "--cluster", dask.address)
-    assert command.wait(ENDS_WITHIN) == 1
+    assert command.wait(HANGS_AFTER) == 1
     assert "File too large; free some space and run the same command again: finished shards are kept" in log.read_text()
     assert not list(lake.glob("snapshots/*.json"))
     limited.kill()
@@ -132,15 +128,17 @@ def test_a_corrupt_shard_among_fifty(dask: Dask, tmp_path):
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_the_scheduler_ends(dask: Dask, tmp_path, number):
-    raw, lake = slow_raw(tmp_path / "raw"), tmp_path / "lake"
+    raw, lake = held_raw(tmp_path / "raw", shards=10), tmp_path / "lake"
+    gate.close(raw, admitted=3)
     dask.start_worker("--no-nanny")
-    command, log = start(dask, raw, lake, "--cluster", dask.address)
-    until(lambda: finished(lake) >= 3, "three shards")
+    command, log = start(dask, raw, lake, "--cluster", dask.address, is_quiet=False)
+    until(lambda: ": 3 of 10 shards after" in log.read_text(), "the command knows that three shards are finished")
     dask.scheduler.send_signal(number)
-    assert command.wait(ENDS_WITHIN) == 1
-    (line,) = log.read_text().splitlines()
+    assert command.wait(HANGS_AFTER) == 1
+    gate.open_(raw)
+    line = log.read_text().splitlines()[-1]
     assert line.startswith(f"error: {dask.address}: the scheduler is gone; finished work is kept: restart it")
-    assert len(Lake(lake)) >= 6
+    assert len(Lake(lake)) == 9
     dask.start_scheduler()
     dask.start_worker("--no-nanny")
     again = report_of(*start(dask, raw, lake, "--cluster", dask.address))
@@ -152,9 +150,9 @@ def test_the_scheduler_ends(dask: Dask, tmp_path, number):
 def test_no_worker_comes(dask: Dask, tmp_path):
     profile = tmp_path / "mine.toml"
     profile.write_text(f'kind = "scheduler"\naddress = "{dask.address}"\npatience = 1.0\n')
-    raw = slow_raw(tmp_path / "raw", shards=1)
+    raw = held_raw(tmp_path / "raw", shards=1)
     command, log = start(dask, raw, tmp_path / "lake", "--cluster", profile)
-    assert command.wait(ENDS_WITHIN) == 1
+    assert command.wait(HANGS_AFTER) == 1
     assert "no worker for 1 s; finished work is kept: start workers (`dask worker tcp://" in log.read_text()
 
 
@@ -162,12 +160,15 @@ def test_no_worker_comes(dask: Dask, tmp_path):
 
 
 def test_a_client_killed_between_writing_and_committing(dask: Dask, tmp_path):
-    raw, lake = slow_raw(tmp_path / "raw"), tmp_path / "lake"
+    raw, lake = held_raw(tmp_path / "raw", shards=10), tmp_path / "lake"
+    gate.close(raw, admitted=3)
     dask.start_worker("--no-nanny")
     command, _ = start(dask, raw, lake, "--cluster", dask.address)
-    until(lambda: finished(lake) >= 3, "three shards")
+    until(lambda: gate.waiting(raw), "a fourth shard has begun")
     command.kill()
     command.wait()
+    gate.open_(raw)
+    assert finished(lake) >= 3
     assert not list(lake.glob("snapshots/*.json"))  # written, renamed, and in no snapshot
     again = report_of(*start(dask, raw, lake, "--cluster", dask.address))
     assert again["adopted"] >= 3
@@ -178,28 +179,30 @@ def test_a_client_killed_between_writing_and_committing(dask: Dask, tmp_path):
 @pytest.mark.parametrize("where", ["local", "existing"])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_client(processes: Processes, tmp_path, number, where):
-    raw, lake = slow_raw(tmp_path / "raw"), tmp_path / "lake"
+    raw, lake = held_raw(tmp_path / "raw", shards=10), tmp_path / "lake"
+    gate.close(raw, admitted=3)
     cluster = ["local", "--workers", 2]
     if where == "existing":
         processes = Dask(tmp_path)
         cluster = [processes.start_scheduler()]
         processes.start_worker("--no-nanny")
-    command, log = start(processes, raw, lake, "--cluster", *cluster)
-    until(lambda: finished(lake) >= 3, "three shards")
+    command, log = start(processes, raw, lake, "--cluster", *cluster, is_quiet=False)
+    until(lambda: ": 3 of 10 shards after" in log.read_text(), "the command knows that three shards are finished")
     started = psutil.Process(command.pid).children(recursive=True)
     if number == signal.SIGINT:
         os.killpg(command.pid, number)  # as a terminal does: its workers too
     else:
         command.send_signal(number)
-    command.wait(ENDS_WITHIN)
-    lines = log.read_text().splitlines()
-    assert command.returncode == 130, lines
-    assert len(lines) == 1, lines
-    assert lines[0].startswith("interrupted: ")
-    assert "the same command goes on from there" in lines[0]
-    assert psutil.wait_procs(started, timeout=60)[1] == []
+    gate.open_(raw)
+    command.wait(HANGS_AFTER)
+    *progress, line = log.read_text().splitlines()
+    assert command.returncode == 130, line
+    assert all(each.startswith(("cluster ", f"convert {NAME}: ")) for each in progress), progress
+    assert line.startswith("interrupted: ")
+    assert "the same command goes on from there" in line
+    assert psutil.wait_procs(started, timeout=HANGS_AFTER)[1] == []
     kept = len(Lake(lake))
-    assert kept >= 3
+    assert kept >= 9
     again = report_of(*start(processes, raw, lake, "--workers", 1))
     assert again["skipped"] == kept // 3
     assert_equals_undisturbed(lake, raw)
@@ -208,7 +211,7 @@ def test_an_interrupted_client(processes: Processes, tmp_path, number, where):
 
 @pytest.mark.parametrize("kind", ["the same recordings", "different recordings"])
 def test_two_clients_at_once(dask: Dask, tmp_path, kind):
-    raw, lake = slow_raw(tmp_path / "raw"), tmp_path / "lake"
+    raw, lake = held_raw(tmp_path / "raw", shards=10), tmp_path / "lake"
     sources = [raw, raw]
     if kind == "different recordings":
         half = [path for path in sorted(raw.iterdir()) if path.stem >= "s05"]
@@ -222,5 +225,5 @@ def test_two_clients_at_once(dask: Dask, tmp_path, kind):
     assert all(report["failed"] == [] for report in reports)
     scenarios = Lake(lake).sql("SELECT count(*), count(DISTINCT scenario_id) FROM metadata").row(0)
     assert scenarios == (30, 30)
-    slow_raw(raw)
+    held_raw(raw, shards=10)
     assert_equals_undisturbed(lake, raw)

@@ -15,10 +15,11 @@ import pytest
 from scenarionet_data import Lake, convert
 from scenarionet_data.storage.files.opening import open_files
 from tests.fixtures.lakes import content
-from tests.fixtures.made import NAME
+from tests.fixtures.made import NAME, held_raw
 from tests.fixtures.small_disk import filled, on_small_disk
+from tests.fixtures.waiting import HANGS_AFTER
 from tests.scenarionet_pipelines.cluster.conftest import Dask
-from tests.scenarionet_pipelines.cluster.test_faults import ENDS_WITHIN, report_of, slow_raw, start
+from tests.scenarionet_pipelines.cluster.test_faults import report_of, start
 
 pytestmark = pytest.mark.long
 
@@ -56,13 +57,13 @@ def convert_twice(folder: Path, disk: Path, left: int, lake: Path | str, **worke
         lake: Where to.
         workers: Variables in the environment of the workers alone.
     """
-    raw = slow_raw(folder / "raw")
+    raw = held_raw(folder / "raw", shards=10)
     with cluster(folder) as dask:
         with filled(disk, left):
             for _ in range(2):
                 dask.start_worker("--nanny", variables=workers)
             command, log = start(dask, raw, lake, "--cluster", dask.address)
-            code = command.wait(ENDS_WITHIN)
+            code = command.wait(HANGS_AFTER)
             said, full = log.read_text(), seen_in(lake)
         again = report_of(*start(dask, raw, lake, "--cluster", dask.address))
         return {"code": code, "said": said, "full": full, "again": again, "end": seen_in(lake)}
@@ -88,7 +89,7 @@ def fill_the_disk_of_the_lake(disk: str, folder: str) -> dict[str, Any]:
 
 
 def test_the_disk_of_the_lake(tmp_path):
-    found = on_small_disk(tmp_path / "disk", f"{__name__}:fill_the_disk_of_the_lake", tmp_path, seconds=300)
+    found = on_small_disk(tmp_path / "disk", f"{__name__}:fill_the_disk_of_the_lake", tmp_path)
     assert_nothing_is_lost_or_double(found, tmp_path)
 
 
@@ -98,13 +99,13 @@ def fill_the_disk_of_uploads(disk: str, folder: str, url: str) -> dict[str, Any]
 
 def test_the_disk_on_which_workers_write_what_they_upload(tmp_path, url):
     """The object store has room, the machine of the workers has none."""
-    found = on_small_disk(tmp_path / "disk", f"{__name__}:fill_the_disk_of_uploads", tmp_path, url, seconds=300)
+    found = on_small_disk(tmp_path / "disk", f"{__name__}:fill_the_disk_of_uploads", tmp_path, url)
     assert_nothing_is_lost_or_double(found, tmp_path)
     assert f"cannot write {tmp_path / 'disk' / 'copies'}" in found["said"]
 
 
 def fill_the_disk_of_dask(disk: str, folder: str) -> dict[str, Any]:
-    raw = slow_raw(Path(folder, "raw"), shards=3)
+    raw = held_raw(Path(folder, "raw"), shards=3)
     with cluster(Path(folder)) as dask, filled(Path(disk), 0):
         dask.start_worker("--nanny", "--local-directory", disk, variables={"TMPDIR": disk})
         return report_of(*start(dask, raw, Path(folder, "lake"), "--cluster", dask.address))
@@ -112,7 +113,7 @@ def fill_the_disk_of_dask(disk: str, folder: str) -> dict[str, Any]:
 
 def test_the_disk_on_which_dask_would_spill(tmp_path):
     """Nobody needs it: results are small, and scenarios go straight into the lake."""
-    report = on_small_disk(tmp_path / "disk", f"{__name__}:fill_the_disk_of_dask", tmp_path, seconds=300)
+    report = on_small_disk(tmp_path / "disk", f"{__name__}:fill_the_disk_of_dask", tmp_path)
     assert (report["converted"], report["failed"]) == (9, [])
     (share,) = report["workers"].values()
     assert share["counts"] == {"scenarios": 9, "bytes": report["size"]}
@@ -120,21 +121,21 @@ def test_the_disk_on_which_dask_would_spill(tmp_path):
 
 def fill_the_disk_of_pickles(disk: str, folder: str) -> dict[str, Any]:
     lake, target = Path(folder, "lake"), Path(disk, "pickles")
-    convert(NAME, str(slow_raw(Path(folder, "raw"))), lake)
+    convert(NAME, str(held_raw(Path(folder, "raw"), shards=10)), lake)
     Lake(lake).filter("true", name="all")
     with cluster(Path(folder)) as dask:
         dask.start_worker("--nanny")
         words = ("scenarionet_pipelines.cli", "export", str(lake), "all", str(target), "--json", "--quiet")
         with filled(Path(disk), SHARD):
             command, log = dask.start(*words, "--cluster", dask.address)
-            code = command.wait(ENDS_WITHIN)
+            code = command.wait(HANGS_AFTER)
             left = [path.name for path in Path(disk).iterdir()]
         again = report_of(*dask.start(*words, "--cluster", dask.address))
     return {"code": code, "said": log.read_text(), "left": left, "again": again["scenarios"]}
 
 
 def test_the_disk_of_an_export(tmp_path):
-    found = on_small_disk(tmp_path / "disk", f"{__name__}:fill_the_disk_of_pickles", tmp_path, seconds=300)
+    found = on_small_disk(tmp_path / "disk", f"{__name__}:fill_the_disk_of_pickles", tmp_path)
     assert found["code"] == 1
     assert found["said"].startswith(f"error: cannot write {tmp_path / 'disk' / 'pickles'}: No space left on device; ")
     assert found["said"].endswith("free some space or choose another directory, and run the same command again\n")

@@ -10,7 +10,7 @@ from scenarionet_data import convert, converters
 from scenarionet_pipelines.cluster import open_cluster
 from tests.fixtures import nuplan, nuplan_drive
 from tests.fixtures.buckets import fetched, same, upload
-from tests.scenarionet_pipelines.cluster.conftest import until
+from tests.fixtures.waiting import until
 
 pytestmark = pytest.mark.long
 
@@ -44,4 +44,4 @@ def test_a_worker_keeps_what_its_shards_share(store, dask, tmp_path, monkeypatch
             convert("nuplan", place, tmp_path / "again", executor=executor, **how)
         assert not kept.exists()
     else:
-        until(lambda: not kept.exists(), "the worker's folder")
+        until(lambda: not kept.exists(), "the worker has removed its folder")

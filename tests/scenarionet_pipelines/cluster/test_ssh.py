@@ -10,7 +10,8 @@ import pytest
 from scenarionet_data import Lake
 from scenarionet_pipelines.cluster import profile as profiles
 from tests.fixtures.made import write_raw
-from tests.scenarionet_pipelines.cluster.conftest import Processes, until
+from tests.fixtures.waiting import HANGS_AFTER, until
+from tests.scenarionet_pipelines.cluster.conftest import Processes
 from tests.scenarionet_pipelines.cluster.test_faults import assert_equals_undisturbed, report_of, start
 
 pytestmark = pytest.mark.long
@@ -20,7 +21,7 @@ pytestmark = pytest.mark.long
 def profile(processes: Processes, tmp_path: Path) -> Path:
     """The profile that comes along, for one worker on this machine, behind an ssh server that runs."""
     _, log = processes.start("tests.fixtures.ssh_server")
-    until(lambda: "ready" in log.read_text(), "ssh server")
+    until(lambda: "ready" in log.read_text(), "the ssh server is ready")
     _, port, kind, key = log.read_text().split()
     hosts, mine = tmp_path / "known_hosts", tmp_path / "mine.toml"
     hosts.write_text(f"[127.0.0.1]:{port} {kind} {key}\n")
@@ -50,7 +51,7 @@ def test_a_machine_without_the_software(processes: Processes, profile: Path, tmp
     pythons = f'remote_python = ["{sys.executable}", "/nowhere/python"]'
     profile.write_text(profile.read_text().replace("# remote_python", f"{pythons}\n# remote_python"))
     command, log = start(processes, write_raw(tmp_path / "raw", {"a": [1]}), tmp_path / "lake", "--cluster", profile)
-    assert command.wait(60) == 1
+    assert command.wait(HANGS_AFTER) == 1
     (line,) = log.read_text().splitlines()
     assert line == "error: the ssh cluster does not start: Worker failed to start; see its profile"
 
@@ -62,7 +63,7 @@ def test_a_machine_that_does_not_answer(processes: Processes, tmp_path):
     )
     raw = write_raw(tmp_path / "raw", {"a": [1]})
     command, log = start(processes, raw, tmp_path / "lake", "--cluster", profile)
-    assert command.wait(60) == 1
+    assert command.wait(HANGS_AFTER) == 1
     (line,) = log.read_text().splitlines()
     assert line.startswith("error: the ssh cluster does not start: ")
     assert line.endswith("; see its profile")

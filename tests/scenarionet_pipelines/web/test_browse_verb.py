@@ -11,6 +11,7 @@ import urllib.request
 
 import pytest
 
+from tests.fixtures.waiting import HANGS_AFTER
 from tests.scenarionet_pipelines.conftest import run
 
 
@@ -34,10 +35,10 @@ def test_serves_until_interrupted(lake):
     )  # fmt: skip
     try:
         text = "".join(iter(started.stdout.readline, "}\n")) + "}"
-        with urllib.request.urlopen(json.loads(text)["address"] + "api/about", timeout=20) as answer:
+        with urllib.request.urlopen(json.loads(text)["address"] + "api/about", timeout=HANGS_AFTER) as answer:
             assert json.load(answer)["scenarios"] == 59
         started.send_signal(signal.SIGINT)
-        _, errors = started.communicate(timeout=20)
+        _, errors = started.communicate(timeout=HANGS_AFTER)
     finally:
         started.kill()
         started.communicate()

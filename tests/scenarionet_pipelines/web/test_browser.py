@@ -12,6 +12,7 @@ from tests.fixtures.lakes import write_lake
 from tests.fixtures.made import NAME, write_raw
 from tests.fixtures.pages import WIDTHS, check_layout, launched, serving, visiting, wait_until, without_numbers
 from tests.fixtures.scenarios import make_scenario
+from tests.fixtures.waiting import until
 from tests.scenarionet_pipelines.conftest import run
 
 
@@ -135,8 +136,8 @@ def test_the_player(browser, served):
             lambda: page.keyboard.press("End"),
         ):
             change()
-            before, shown = shown, picture()
-            assert shown != before
+            until(lambda before=shown: picture() != before, "the picture changes")
+            shown = picture()
         page.keyboard.press("Home")
         page.keyboard.press("f")
         box = page.locator("#player canvas").bounding_box()
@@ -165,16 +166,14 @@ def test_dragging_and_the_wheel_move_the_picture(browser, served):
             page.mouse.move(x, y)
             return page.evaluate("document.querySelector('canvas').toDataURL()")
 
-        shown = [ground()]
+        before = ground()
         page.mouse.down()
         page.mouse.move(x + 80, y + 40, steps=4)
         page.mouse.up()
-        page.wait_for_timeout(300)
-        shown.append(ground())
+        until(lambda: ground() != before, "the picture is dragged")
+        dragged = ground()
         page.mouse.wheel(0, -400)
-        page.wait_for_timeout(300)
-        shown.append(ground())
-        assert len(set(shown)) == 3
+        until(lambda: ground() not in (before, dragged), "the picture is larger")
 
 
 @pytest.mark.long

@@ -15,12 +15,13 @@ from scenarionet_pipelines.web.server import Server
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.pages import HOSTILE, serving
 from tests.fixtures.scenarios import make_scenario
+from tests.fixtures.waiting import HANGS_AFTER
 
 
 def request(address, path, method="GET", body=None, **headers):
     """Status, headers and body; the path is sent as it is."""
     place = urlsplit(address)
-    connection = http.client.HTTPConnection(place.hostname, place.port, timeout=30)
+    connection = http.client.HTTPConnection(place.hostname, place.port, timeout=HANGS_AFTER)
     given = {name.replace("_", "-"): value for name, value in headers.items()}
     try:
         connection.request(method, path, None if body is None else json.dumps(body), given)

@@ -17,7 +17,7 @@ import pytest
 from scenarionet_sim.backends.base import CONTROL_STEP, Backend, Drive
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world import World
-from scenarionet_sim.worlds.world_batch import Stage
+from scenarionet_sim.worlds.world_batch import WorldBatch
 from tests.fixtures.scenarios import make_scenario
 
 SIZE = 4.5, 1.8, 1.5
@@ -26,9 +26,9 @@ COAST, FULL, BRAKE = (0.0, 0.0), (0.0, 1.0), (0.0, -1.0)
 EGO = np.array([[0, 0]], np.int32)
 
 
-def make_stage(num_worlds: int = 1) -> Stage:
+def make_stage(num_worlds: int = 1) -> WorldBatch:
     scenario = make_scenario(0, num_objects=NUM_OBJECTS, num_steps=11, has_map=False, num_lights=0)
-    return Stage([World.from_scenario(scenario)] * num_worlds)
+    return WorldBatch([World.from_scenario(scenario)] * num_worlds)
 
 
 def make_state(num_worlds: int = 1, speed: float = 0.0, heading: float = 0.0) -> State:

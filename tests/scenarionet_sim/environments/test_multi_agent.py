@@ -76,7 +76,7 @@ def test_an_agent_that_has_gone_is_not_there(scene):
     while len(env.agents) == 2:
         env.step({agent: (0.0, 0.5 if agent == "t1" else -1.0) for agent in env.agents})
     assert env.agents == ["t0"]
-    assert env.arena.simulation.state.present[0].tolist() == [True, False]
+    assert env.core.simulation.state.present[0].tolist() == [True, False]
 
 
 def test_the_reward_is_the_paper_s(scene):
@@ -99,9 +99,9 @@ def test_displacement_counts_once(scene):
     env = ScenarioNetParallelEnv(scenarios=scene())
     env.reset()
     for _ in range(5):
-        before = env.arena.simulation.state.position[0, 0, 0]
+        before = env.core.simulation.state.position[0, 0, 0]
         _, rewards, *_ = env.step({"t0": (0.0, 1.0)})
-        assert rewards["t0"] == pytest.approx(env.arena.simulation.state.position[0, 0, 0] - before, abs=1e-5)
+        assert rewards["t0"] == pytest.approx(env.core.simulation.state.position[0, 0, 0] - before, abs=1e-5)
 
 
 def test_ten_metres_off_the_route(scene):

@@ -128,7 +128,7 @@ def test_scenarios_of_different_timesteps_follow_each_other(tmp_path):
         for dt in (0.1, 0.05, 0.1):
             env.reset()
             env.step({"t0": (0.0, 0.0)} if kind is ScenarioNetParallelEnv else (0.0, 0.0))
-            assert env.arena.simulation.state.position[0, 0, 0] == pytest.approx(10.0 * dt, abs=1e-4)
+            assert env.core.simulation.state.position[0, 0, 0] == pytest.approx(10.0 * dt, abs=1e-4)
     with pytest.raises(BadParameter, match="select by dt"):
         ScenarioNetVectorEnv(2, scenarios=Scenarios(tmp_path)).reset(seed=0)
     ScenarioNetVectorEnv(2, scenarios=Scenarios(tmp_path, where="dt = 0.1")).reset(seed=0)
@@ -161,8 +161,8 @@ def test_places_that_are_not_there(lake, tmp_path):
         late.reset(options={"timestep": 3})
 
 
-@pytest.mark.parametrize("ahead", [0, 1])
-def test_a_corrupt_row_group(tmp_path, ahead):
+@pytest.mark.parametrize("prefetch", [0, 1])
+def test_a_corrupt_row_group(tmp_path, prefetch):
     """The second of three scenarios cannot be read: its reset says so, and the one after goes on behind it."""
     lake = write_lake(tmp_path, [make_drive(name) for name in ("a", "b", "c")])
     rows = lake.locate(["made/v1/b"]).to_pylist()[0]
@@ -175,7 +175,7 @@ def test_a_corrupt_row_group(tmp_path, ahead):
         content[first : first + column.total_compressed_size] = b"\xff" * column.total_compressed_size
     path.chmod(0o644)
     path.write_bytes(content)
-    env = ScenarioNetEnv(scenarios=Scenarios(tmp_path), backend=Kinematic(), ahead=ahead)
+    env = ScenarioNetEnv(scenarios=Scenarios(tmp_path), backend=Kinematic(), prefetch=prefetch)
     assert env.reset(seed=0)[1]["scenario_id"] == "made/v1/a"
     with pytest.raises(LakeError, match=re.escape(str(path))):
         env.reset()

@@ -7,6 +7,8 @@ import sys
 
 import pytest
 
+from tests.fixtures.waiting import HANGS_AFTER
+
 PARENT = """
 import sys
 from functools import partial
@@ -42,7 +44,7 @@ if __name__ == "__main__":
 def run(*command: object) -> str:
     """What Python prints; a program that hangs fails."""
     done = subprocess.run(
-        [sys.executable, *map(str, command)], capture_output=True, text=True, timeout=100, check=False
+        [sys.executable, *map(str, command)], capture_output=True, text=True, timeout=HANGS_AFTER, check=False
     )
     assert done.returncode == 0, done.stderr
     return done.stdout

@@ -13,14 +13,14 @@ from gymnasium.utils.env_checker import check_env
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
-from scenarionet_sim.environments.arena import ENDS, NUMBERS
+from scenarionet_sim.environments.batched import ENDS, NUMBERS
 from scenarionet_sim.environments.config import BOUNDARY, PAPER_OBSERVATION, EnvConfig
 from scenarionet_sim.environments.observation import Observation
 from scenarionet_sim.environments.single_agent import ScenarioNetEnv
 from scenarionet_sim.policies import External, Idm, Replay, ego
 from scenarionet_sim.scenarios import Scenarios
 from scenarionet_sim.sensors.lidar import Lidar
-from scenarionet_sim.task.task import TERMS, Ending
+from scenarionet_sim.task.task import TERMS, Termination
 
 GO, COAST, LEFT = (0.0, 0.6), (0.0, 0.0), (1.0, 0.3)
 BACKENDS = [Kinematic(), Bullet()]
@@ -86,7 +86,7 @@ def test_the_reward_of_every_step(only, backend):
     for step in range(1000):
         steering = 0.02 * (-1) ** step
         _, reward, terminated, truncated, info = env.step((steering, 0.5))
-        state = env.arena.simulation.state
+        state = env.core.simulation.state
         assert reward == pytest.approx(sum(info[name] for name in TERMS), abs=1e-12)
         progress, x = state.position[0, 0, 0] - x, state.position[0, 0, 0]
         speed = np.hypot(*state.velocity[0, 0])
@@ -117,7 +117,7 @@ def test_running_out_of_time(only):
     results = rollout(env, (0.0, -1.0))
     _, reward, terminated, truncated, info = results[-1]
     assert (len(results) - 1, terminated, truncated, info["timeout"], reward) == (41 + 50, False, True, True, 0.0)
-    shorter = ScenarioNetEnv(scenarios=only("empty"), backend=Kinematic(), ending=Ending(extra_steps=0))
+    shorter = ScenarioNetEnv(scenarios=only("empty"), backend=Kinematic(), termination=Termination(extra_steps=0))
     assert len(rollout(shorter, (0.0, -1.0))) - 1 == 41
 
 
@@ -137,7 +137,7 @@ def test_collisions_cost_while_they_last_and_do_not_end(only, name, penalty, kin
 
 
 @pytest.mark.parametrize("backend", BACKENDS, ids=repr)
-@pytest.mark.parametrize("policies", [(Replay(),), (Replay(), Idm(who=ego))], ids=["replay", "idm"])
+@pytest.mark.parametrize("policies", [(Replay(),), (Replay(), Idm(objects=ego))], ids=["replay", "idm"])
 def test_an_ego_that_a_policy_drives_arrives(only, backend, policies):
     env = ScenarioNetEnv(scenarios=only("crowd", "empty"), backend=backend, policies=policies)
     for _ in range(2):
@@ -148,10 +148,10 @@ def test_an_ego_that_a_policy_drives_arrives(only, backend, policies):
 
 
 def test_an_idm_ego_stops_where_the_road_is_blocked(only):
-    env = ScenarioNetEnv(scenarios=only("wall"), policies=(Replay(), Idm(who=ego)))
+    env = ScenarioNetEnv(scenarios=only("wall"), policies=(Replay(), Idm(objects=ego)))
     *_, (_, _, _, truncated, info) = rollout(env)
     assert truncated and info["vehicle_crashes"] == 0.0
-    assert env.arena.simulation.state.position[0, 0, 0] < 25.0 - 4.6
+    assert env.core.simulation.state.position[0, 0, 0] < 25.0 - 4.6
 
 
 def test_an_ego_that_is_watched_observes_as_one_that_drives(only):
@@ -203,7 +203,7 @@ def test_scenarios_in_their_order_and_by_id(only):
     assert played == ["wall", "cone", "empty", "wall"]
     assert env.reset(seed=0)[1]["scenario_id"] == "made/v1/wall"
     assert env.reset(options={"scenario_id": "made/v1/empty", "timestep": 7})[1]["timestep"] == 7
-    assert env.arena.simulation.state.position[0, 0, 0] == pytest.approx(7.0, abs=1e-4)
+    assert env.core.simulation.state.position[0, 0, 0] == pytest.approx(7.0, abs=1e-4)
     assert env.reset()[1]["scenario_id"] == "made/v1/cone"
 
 
@@ -227,9 +227,8 @@ def test_info_names_everything(only):
     [
         ({}, "needs scenarios"),
         ({"scenario": 1}, "needs scenarios"),
-        ({"scenarios": "lake"}, "wanted Scenarios"),
-        ({"scenarios": Scenarios("lake"), "backends": 1}, "no setting 'backends'"),
-        ({"scenarios": Scenarios("lake"), "observation": "list"}, "flat or dict"),
+        ({"scenarios": "lake"}, "expected Scenarios"),
+        ({"scenarios": Scenarios("lake"), "observation": "list"}, "'flat' or 'dict'"),
         ({"scenarios": Scenarios("lake"), "sensors": ()}, "at least one"),
         ({"scenarios": Scenarios("lake"), "render_mode": "ansi"}, "rgb_array"),
     ],
@@ -239,14 +238,21 @@ def test_settings_that_are_none(settings, message):
         ScenarioNetEnv(**settings)
 
 
+def test_an_unknown_setting_is_a_type_error():
+    with pytest.raises(TypeError, match="unknown setting 'backends'"):
+        ScenarioNetEnv(scenarios=Scenarios("lake"), backends=1)
+
+
 def test_a_configuration_or_its_fields(only):
     config = EnvConfig(only("wall"), backend=Kinematic())
     assert ScenarioNetEnv(config).config == config
-    assert replace(config, keep=2) != config
+    assert replace(config, cache_size=2) != config
     with pytest.raises(BadParameter, match="not both"):
-        ScenarioNetEnv(config, keep=2)
+        ScenarioNetEnv(config, cache_size=2)
     with pytest.raises(BadParameter, match="ego alone"):
-        ScenarioNetEnv(scenarios=only("crowd"), policies=(External(who=lambda world: world.object_type == 1),)).reset()
+        ScenarioNetEnv(
+            scenarios=only("crowd"), policies=(External(objects=lambda world: world.object_type == 1),)
+        ).reset()
 
 
 def test_pictures(only):

@@ -10,6 +10,8 @@ import sys
 import numpy as np
 import pytest
 
+from tests.fixtures.waiting import HANGS_AFTER
+
 PROGRAM = """
 import sys
 from pathlib import Path
@@ -61,7 +63,7 @@ def display(tmp_path):
     with os.fdopen(read) as answer:
         yield f":{answer.readline().strip()}"
     server.terminate()
-    server.wait(timeout=20)
+    server.wait(timeout=HANGS_AFTER)
 
 
 def pixels(dump: bytes) -> np.ndarray:
@@ -77,7 +79,7 @@ def drive(lake, folder, module, kind, **environment):
 def run(program, *words, **environment):
     command = [sys.executable, "-c", program, *map(str, words)]
     return subprocess.run(
-        command, capture_output=True, text=True, check=False, timeout=100, env=os.environ | environment
+        command, capture_output=True, text=True, check=False, timeout=HANGS_AFTER, env=os.environ | environment
     )
 
 

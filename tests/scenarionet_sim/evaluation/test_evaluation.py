@@ -1,4 +1,4 @@
-"""Closed-loop evaluation: into the lake, in parts, resumable, the same whoever does it."""
+"""Closed-loop evaluation: results in the lake, in parts, resumable, independent of the workers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from scenarionet_data import Lake, converters
 from scenarionet_data.conversion import convert
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.evaluation import evaluation as evaluations
-from scenarionet_sim.evaluation.evaluation import evaluate, find_broken, prepare
+from scenarionet_sim.evaluation.evaluation import evaluate, find_broken, plan_evaluation
 from scenarionet_sim.policies import ConstantVelocity
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import write_lake
@@ -19,7 +19,7 @@ SCENARIOS = [make_drive(f"d{k}", speed=8.0 + k, others=(Other(15.0 + 5 * k, vx=4
 
 
 class GoAhead:
-    """A driver that was named on the command line: straight on, full throttle."""
+    """Go straight on at full throttle."""
 
     def __init__(self) -> None:
         self.episodes = 0
@@ -38,7 +38,7 @@ class Confused(GoAhead):
 
 
 class Glide(ConstantVelocity):
-    """A policy of one's own."""
+    """A custom policy."""
 
 
 class NoDriver:
@@ -47,8 +47,8 @@ class NoDriver:
 
 @pytest.fixture
 def lake(tmp_path, monkeypatch) -> Lake:
-    monkeypatch.setattr(evaluations, "PART", 2)
-    evaluations._scenarios.cache_clear()
+    monkeypatch.setattr(evaluations, "PART_SIZE", 2)
+    evaluations._loader.cache_clear()
     return write_lake(tmp_path / "lake", SCENARIOS)
 
 
@@ -57,10 +57,10 @@ def own(name: str) -> str:
 
 
 def test_results_and_rollouts_are_in_the_lake(lake):
-    told = []
-    report = evaluate(prepare(lake, None, "idm"), "first", on_progress=lambda *numbers: told.append(numbers))
+    calls = []
+    report = evaluate(lake, policy="idm", name="first", on_progress=lambda *numbers: calls.append(numbers))
     assert (report.scenarios, report.skipped, report.broken) == (5, 0, [])
-    assert told == [(1, 3, 2), (2, 3, 4), (3, 3, 5)]
+    assert calls == [(1, 3, 2), (2, 3, 4), (3, 3, 5)]
     rows = lake.sql("SELECT * FROM results JOIN metadata USING (scenario_id) ORDER BY scenario_id")
     assert rows["scenario_id"].to_list() == [scenario.id for scenario in SCENARIOS]
     assert (rows["cost"] == 0).all() and (rows["route_completion"] > 0.5).all()
@@ -71,25 +71,23 @@ def test_results_and_rollouts_are_in_the_lake(lake):
     assert lake.ask("runs", {"run": "first"})["success"].item() == rows["success"].mean()
 
 
-def test_a_killed_run_goes_on_where_it_was(lake):
-    evaluation = prepare(lake, None, "replay")
-    whole = evaluate(evaluation, "whole")
-    evaluate(evaluation, "killed")
+def test_a_killed_run_is_continued(lake):
+    whole = evaluate(lake, policy="replay", name="whole")
+    evaluate(lake.root, policy="replay", name="killed")
     lake.files.path("results/killed/results/000001.parquet").unlink()
-    again = evaluate(evaluation, "killed")
+    again = evaluate(str(lake.root), policy="replay", name="killed")
     assert (whole.skipped, again.skipped) == (0, 3)
     one, two = (lake.sql("SELECT * EXCLUDE run FROM results WHERE run = $run ORDER BY scenario_id", {"run": run})
                 for run in ("whole", "killed"))  # fmt: skip
     assert one.equals(two)
     with pytest.raises(BadParameter, match="there with policy 'replay', not 'idm'"):
-        evaluate(prepare(lake, None, "idm"), "killed")
+        evaluate(lake, policy="idm", name="killed")
 
 
 @pytest.mark.long
-def test_two_processes_do_the_same_as_one(lake):
-    evaluation = prepare(lake, None, "idm", traffic="idm")
+def test_results_do_not_depend_on_the_number_of_processes(lake):
     for run, workers in (("one", 1), ("two", 2)):
-        evaluate(evaluation, run, workers=workers)
+        evaluate(lake, policy="idm", traffic="idm", name=run, workers=workers)
     for table in ("results", "rollouts"):
         one, two = (
             lake.sql(f"SELECT * EXCLUDE run FROM {table} WHERE run = '{run}' ORDER BY scenario_id, track_id")
@@ -98,36 +96,36 @@ def test_two_processes_do_the_same_as_one(lake):
         assert one.equals(two)
 
 
-def test_the_backend_is_the_one_that_was_asked_for(lake):
-    assert [prepare(lake, None, "replay", backend=name).backend for name in ("bullet", "kinematic")] == [
+def test_choice_of_the_backend(lake):
+    assert [plan_evaluation(lake, None, "replay", backend=name).backend for name in ("bullet", "kinematic")] == [
         "bullet",
         "kinematic",
     ]
-    assert prepare(lake, None, "replay").backend == "kinematic", "without pybullet a policy drives all the same"
-    assert prepare(lake, None, own("GoAhead")).backend == "bullet"
+    assert plan_evaluation(lake, None, "replay").backend == "kinematic", "without pybullet a policy drives all the same"
+    assert plan_evaluation(lake, None, own("GoAhead")).backend == "bullet"
 
 
 @pytest.mark.parametrize("backend", ["kinematic", "bullet"])
-def test_a_driver_of_ones_own(lake, backend):
+def test_a_custom_driver(lake, backend):
     if backend == "bullet":
         pytest.importorskip("pybullet")
-    report = evaluate(prepare(lake, None, own("GoAhead"), backend=backend), backend)
+    report = evaluate(lake, policy=own("GoAhead"), backend=backend, name=backend)
     assert report.broken == []
     rows = lake.sql("SELECT * FROM results")
     assert (rows["cost"] == 1).all(), "it runs into the slower car"
     assert (rows["max_lon_acceleration"] > 2.0).all()
 
 
-def test_a_policy_of_ones_own_drives_the_ego(lake):
+def test_a_custom_policy_drives_the_ego(lake):
     for policy in (own("Glide"), "constant"):
-        evaluate(prepare(lake, None, policy), policy.rpartition(":")[2])
+        evaluate(lake, policy=policy, name=policy.rpartition(":")[2])
     rows = "SELECT scenario_id, steps, mean_speed, cost FROM results WHERE run = $run ORDER BY ALL"
     glide, constant = (lake.sql(rows, {"run": run}) for run in ("Glide", "constant"))
     assert glide.equals(constant)
 
 
-def test_one_scenario_that_fails_ends_nothing(lake):
-    report = evaluate(prepare(lake, None, own("Confused"), backend="kinematic"), "confused")
+def test_a_failing_scenario_does_not_end_the_run(lake):
+    report = evaluate(lake, policy=own("Confused"), backend="kinematic", name="confused")
     failed = lake.sql("SELECT scenario_id, error FROM results WHERE error IS NOT NULL ORDER BY ALL")
     assert failed["scenario_id"].to_list() == [scenario.id for scenario in SCENARIOS[1::2]], "each part's second"
     assert failed["error"][0].startswith("BadParameter: an action is not a number")
@@ -137,30 +135,32 @@ def test_one_scenario_that_fails_ends_nothing(lake):
 
 def test_a_database_in_its_order(lake):
     lake.filter("ego_mean_speed > 9.5", name="fast")
-    evaluate(prepare(lake, "fast", "replay"), "fast", with_rollouts=False)
+    evaluate(lake, "fast", policy="replay", name="fast", rollouts=False)
     assert lake.sql("SELECT scenario_id FROM results ORDER BY ALL")["scenario_id"].to_list() == [
         s.id for s in SCENARIOS[2:]
     ]
     assert lake.sql("SELECT * FROM rollouts").is_empty()
+    report = evaluate(lake, [SCENARIOS[3].id, SCENARIOS[0].id], policy="replay", rollouts=False)
+    assert report.scenarios == 2 and report.run.startswith("2-scenarios-") and repr(report).count("\n") == 0
 
 
 @pytest.mark.parametrize(
     ("policy", "options", "message"),
     [
-        ("idn", {}, "no policy 'idn'; there are replay, idm, constant, or module:Class"),
-        ("idm", {"traffic": "none"}, "no traffic 'none'; there are replay, idm"),
-        ("idm", {"backend": "cuda"}, "no backend 'cuda'; there are kinematic, bullet"),
+        ("idn", {}, "unknown policy 'idn'; choose from replay, idm, constant, or module:Class"),
+        ("idm", {"traffic": "none"}, "unknown traffic 'none'; choose from replay, idm"),
+        ("idm", {"backend": "cuda"}, "unknown backend 'cuda'; choose from kinematic, bullet"),
         ("nowhere:Planner", {}, "policy nowhere:Planner: No module named 'nowhere'; is its folder on PYTHONPATH"),
         (own("Missing"), {}, "has no attribute 'Missing'"),
-        (own("NoDriver"), {}, "is no driver: wanted a subclass of Policy, or a class with a method act"),
+        (own("NoDriver"), {}, "is not a driver: expected a subclass of Policy, or a class with act"),
     ],
 )
 def test_unknown_names(lake, policy, options, message):
     with pytest.raises(BadParameter, match=message):
-        prepare(lake, None, policy, **options)
+        evaluate(lake, policy=policy, **options)
 
 
-def test_recordings_that_do_not_replay_are_named(tmp_path):
+def test_recordings_that_do_not_replay_are_listed(tmp_path):
     gone = make_drive("gone", hidden=slice(20, None))
     lake = write_lake(tmp_path / "lake", [*SCENARIOS[:2], gone])
     assert find_broken(lake) == []
@@ -188,7 +188,7 @@ def test_real_recordings_replay(recordings, tmp_path):
     lake = Lake(tmp_path / "lake")
     assert len(lake) >= 50
     assert find_broken(lake) == []
-    evaluate(prepare(lake, None, "replay"), "replay", with_rollouts=False)
+    evaluate(lake, policy="replay", name="replay", rollouts=False)
     rows = lake.sql("SELECT * FROM results")
     assert rows["success"].all()
     assert rows["average_displacement"].max() < 1e-5

@@ -1,4 +1,4 @@
-"""Observations along the log: one a vehicle and recorded timestep, as an environment would give them."""
+"""Observations along the log: one per vehicle and recorded timestep, as in an environment."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.environments.config import PAPER_OBSERVATION, EnvConfig
 from scenarionet_sim.environments.single_agent import ScenarioNetEnv
 from scenarionet_sim.evaluation import recording as recordings_module
-from scenarionet_sim.evaluation.recording import prepare, record
+from scenarionet_sim.evaluation.recording import record
 from scenarionet_sim.policies import Replay
 from scenarionet_sim.scenarios import Scenarios
 from tests.fixtures.drives import Other, make_drive
@@ -22,28 +22,28 @@ SCENARIOS = [make_drive(f"d{k}", num_steps=21, speed=8.0 + k, others=OTHERS) for
 
 @pytest.fixture
 def lake(tmp_path, monkeypatch):
-    monkeypatch.setattr(recordings_module, "PART", 2)
-    recordings_module._scenarios.cache_clear()
+    monkeypatch.setattr(recordings_module, "PART_SIZE", 2)
+    recordings_module._loader.cache_clear()
     return write_lake(tmp_path / "lake", SCENARIOS)
 
 
 def test_a_row_for_every_vehicle_and_timestep(lake):
-    assert record(prepare(lake, None), "seen") == 0
+    assert record(lake, name="seen") == 0
     counts = lake.sql(
         "SELECT scenario_id, track_id, count(*), min(timestep), max(timestep) FROM observations GROUP BY ALL"
     )
-    wanted = {(s.id, track, *span) for s in SCENARIOS for track, span in (("t0", (21, 0, 20)), ("t1", (7, 3, 9)))}
-    assert set(counts.rows()) == wanted
+    expected = {(s.id, track, *span) for s in SCENARIOS for track, span in (("t0", (21, 0, 20)), ("t1", (7, 3, 9)))}
+    assert set(counts.rows()) == expected
     length = sum(int(np.prod(sensor.shape)) for sensor in PAPER_OBSERVATION)
     assert lake.sql("SELECT DISTINCT len(observation) FROM observations").item() == length
 
 
 def test_the_ego_sees_what_it_sees_in_the_environment(lake):
-    record(prepare(lake, None, "ego"), "seen")
+    record(lake, name="seen", agents="ego")
     seen = lake.sql(
         "SELECT observation FROM observations WHERE scenario_id = $id ORDER BY timestep", {"id": SCENARIOS[0].id}
     )
-    config = EnvConfig(Scenarios(lake.root), policies=(Replay(),), ahead=0)
+    config = EnvConfig(Scenarios(lake.root), policies=(Replay(),), prefetch=0)
     environment = ScenarioNetEnv(config)
     found = [environment.reset(seed=0, options={"scenario_id": SCENARIOS[0].id})[0]]
     for _ in range(15):
@@ -52,14 +52,13 @@ def test_the_ego_sees_what_it_sees_in_the_environment(lake):
     np.testing.assert_allclose(np.array(seen["observation"].to_list())[:16], np.array(found), atol=1e-6)
 
 
-def test_what_is_recorded_is_kept(lake):
-    recording = prepare(lake, None)
-    record(recording, "seen")
+def test_a_second_call_continues_the_run(lake):
+    record(str(lake.root), name="seen")
     lake.files.path("results/seen/observations/000001.parquet").unlink()
-    assert record(recording, "seen") == 2
+    assert record(lake, name="seen") == 2
     assert lake.sql("SELECT count(DISTINCT scenario_id) FROM observations").item() == 3
 
 
 def test_unknown_agents(lake):
-    with pytest.raises(BadParameter, match="no agents 'birds'; there are vehicles, ego"):
-        prepare(lake, None, "birds")
+    with pytest.raises(BadParameter, match="unknown agents 'birds'; choose from vehicles, ego"):
+        record(lake, name="seen", agents="birds")

@@ -11,8 +11,8 @@ from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_data.schema import tables
 from scenarionet_sim.backends.kinematic import Kinematic
-from scenarionet_sim.evaluation.drivers import cast
-from scenarionet_sim.evaluation.environment_cache import Theatre
+from scenarionet_sim.evaluation.drivers import resolve_drivers
+from scenarionet_sim.evaluation.environment_cache import EnvironmentCache
 from scenarionet_sim.evaluation.rollout import Rollout, roll_out
 from scenarionet_sim.metrics.measure import measure
 from scenarionet_sim.worlds.world import World
@@ -20,9 +20,9 @@ from tests.fixtures.drives import Other, make_drive
 
 
 def drive(scenario: ScenarioDescription, policy: str = "replay") -> tuple[Rollout, World]:
-    world, who = World.from_scenario(scenario), cast(policy)
-    with Theatre(who.policies, Kinematic()) as theatre:
-        return roll_out(theatre.arena(world), world, who.driver, np.random.default_rng(0)), world
+    world, who = World.from_scenario(scenario), resolve_drivers(policy)
+    with EnvironmentCache(who.policies, Kinematic()) as environments:
+        return roll_out(environments.environment_for(world), world, who.driver, np.random.default_rng(0)), world
 
 
 def measured(scenario: ScenarioDescription, policy: str = "replay") -> dict:

@@ -30,7 +30,7 @@ def test_constant_velocity_keeps_on():
 
 
 def test_agents_come_with_the_log_and_stay():
-    simulation = Simulation([world()], (Replay(), External(who=vehicles)))
+    simulation = Simulation([world()], (Replay(), External(objects=vehicles)))
     assert simulation.agents.tolist() == [[0, 0], [0, 1]]
     for _ in range(5):
         simulation.step(np.zeros((len(simulation.agents), 2)))
@@ -44,7 +44,7 @@ def test_agents_come_with_the_log_and_stay():
 
 
 def test_retired_agents_do_not_come_back():
-    simulation = Simulation([world()], (Replay(), External(who=vehicles)))
+    simulation = Simulation([world()], (Replay(), External(objects=vehicles)))
     for _ in range(6):
         simulation.step()
     simulation.retire([[0, 2], [0, 1]])

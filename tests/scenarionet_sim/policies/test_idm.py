@@ -83,7 +83,7 @@ def test_it_stops_at_a_red_light_of_its_lane_and_goes_on_green():
     scenario = make_drive(num_steps=121, red=True)  # the ego's path meets it after 60 m
     state = scenario.lights.state
     state[:, 100:] = LightState.TRAFFIC_LIGHT_GREEN
-    position, _ = run(scenario, [Idm(who=ego)])
+    position, _ = run(scenario, [Idm(objects=ego)])
     front = position[:, 0, 0] + 2.3
     assert 55.0 < front[95] < 60.0
     assert front[-1] > front[95] + 1.0
@@ -93,10 +93,10 @@ def test_yellow_is_passed_when_it_is_too_late_to_stop_in_comfort():
     scenario = make_drive(num_steps=81, red=True)  # the light is 40 m ahead
     scenario.lights.state[:] = LightState.TRAFFIC_LIGHT_GREEN
     scenario.lights.state[:, 30:] = LightState.TRAFFIC_LIGHT_YELLOW  # from 8 m on
-    passing, _ = run(scenario, [Idm(who=ego)])
+    passing, _ = run(scenario, [Idm(objects=ego)])
     assert passing[-1, 0, 0] > 60.0
     scenario.lights.state[:] = LightState.TRAFFIC_LIGHT_YELLOW
-    stopping, _ = run(scenario, [Idm(who=ego)])
+    stopping, _ = run(scenario, [Idm(objects=ego)])
     assert stopping[-1, 0, 0] + 2.3 < 40.0
 
 
@@ -108,7 +108,7 @@ def test_it_slows_down_for_a_bend():
     tracks.velocity[0] = 10.0 * np.column_stack([np.cos(angle), np.sin(angle)])
     tracks.heading[0] = angle
     tracks.position[0, :, :2] = np.cumsum(tracks.velocity[0], axis=0) * 0.1
-    position, _ = run(scenario, [Idm(who=ego)], steps=120)
+    position, _ = run(scenario, [Idm(objects=ego)], steps=120)
     speed = np.hypot(*np.diff(position[:, 0], axis=0).T) / 0.1
     turning = (position[1:, 0, 0] > 62.0) & (position[1:, 0, 1] < 8.0)
     assert speed[turning].max() < 1.2 * np.sqrt(3.0 * 10.0)  # lateral acceleration of 3
@@ -129,7 +129,7 @@ def test_it_comes_when_its_place_is_free_and_leaves_at_the_end_of_its_path():
 
 def test_objects_recorded_standing_are_replayed():
     world = World.from_scenario(make_drive(others=(Other(30.0, 3.5), Other(-30.0, 3.5, vx=9.0))))
-    simulation = Simulation([world], (Replay(), Idm(who=vehicles)))
+    simulation = Simulation([world], (Replay(), Idm(objects=vehicles)))
     assert simulation.driver[0].tolist() == [1, 0, 1]
 
 

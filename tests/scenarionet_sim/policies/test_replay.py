@@ -22,7 +22,7 @@ def test_every_object_is_where_it_was_recorded_while_it_is_valid(seed):
         for ours, recorded in (
             (state.position, tracks.position[:, t, :2]), (state.z, tracks.position[:, t, 2]),
             (state.heading, tracks.heading[:, t]), (state.velocity, tracks.velocity[:, t]),
-            (state.yaw_rate, simulation.stage.worlds[0].log_yaw_rate[t]),
+            (state.yaw_rate, simulation.batch.worlds[0].log_yaw_rate[t]),
         ):  # fmt: skip
             np.testing.assert_array_equal(ours[0][valid], recorded[valid])
         simulation.step()

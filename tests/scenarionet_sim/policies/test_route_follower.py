@@ -57,8 +57,8 @@ def test_it_drives_on_where_idm_leaves():
 def test_without_a_map_it_is_idm():
     world = World.from_scenario(make_drive(has_map=False, others=(Other(-30.0, vx=9.0),)))
     ends = []
-    for policy in (Idm(), RouteFollower(who=Idm().who), RouteFollower()):
-        simulation = Simulation([world], (Replay(), policy, Replay(who=ego)))
+    for policy in (Idm(), RouteFollower(objects=Idm().objects), RouteFollower()):
+        simulation = Simulation([world], (Replay(), policy, Replay(objects=ego)))
         for _ in range(30):
             simulation.step()
         ends.append(simulation.state.position.copy())

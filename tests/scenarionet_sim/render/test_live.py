@@ -38,15 +38,15 @@ def test_a_world_looks_like_its_scenario(make):
 def test_live_pictures_have_trails_until_the_next_episode():
     simulation = Simulation([World.from_scenario(make_drive())])
     live = Live(width=40, size=200)
-    first = live.picture(simulation.stage.worlds[0], simulation.state)
+    first = live.picture(simulation.batch.worlds[0], simulation.state)
     for _ in range(5):
         simulation.step([[0.0, 0.5]])
-        later = live.picture(simulation.stage.worlds[0], simulation.state)
+        later = live.picture(simulation.batch.worlds[0], simulation.state)
     assert not np.array_equal(first, later)
     simulation.reset(0)
-    np.testing.assert_array_equal(live.picture(simulation.stage.worlds[0], simulation.state), first)
+    np.testing.assert_array_equal(live.picture(simulation.batch.worlds[0], simulation.state), first)
     simulation.reset(0, World.from_scenario(alone(has_map=False)))
-    assert not np.array_equal(live.picture(simulation.stage.worlds[0], simulation.state), first)
+    assert not np.array_equal(live.picture(simulation.batch.worlds[0], simulation.state), first)
 
 
 def test_a_window_needs_a_display(monkeypatch):

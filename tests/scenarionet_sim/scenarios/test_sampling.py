@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.scenarios.sampling import Curriculum, Rising, Sequential, Shuffled, Weighted
+from scenarionet_sim.scenarios.sampling import Curriculum, CurriculumSampler, Sequential, Shuffled, Weighted
 
 
 def draws(sampler, count):
@@ -24,7 +24,9 @@ def test_every_round_has_every_scenario_once(count, seed):
 
 
 @pytest.mark.parametrize(
-    "sampler", [Sequential(9), Shuffled(9), Weighted(np.arange(9)), Rising(9, Curriculum(levels=3))], ids=type
+    "sampler",
+    [Sequential(9), Shuffled(9), Weighted(np.arange(9)), CurriculumSampler(9, Curriculum(levels=3))],
+    ids=type,
 )
 def test_a_restart_repeats_the_series(sampler):
     sampler.restart(7)
@@ -56,7 +58,7 @@ def test_weights_that_are_none(weights):
 
 def test_a_level_ends_at_three_quarters():
     """Ten scenarios in levels of 3, 3 and 4; three of three episodes are wanted, then four."""
-    course = Rising(10, Curriculum(levels=3, episodes=4))
+    course = CurriculumSampler(10, Curriculum(levels=3, episodes=4))
     assert sorted(draws(course, 3)) == [0, 1, 2]
     for success in (True, True, False, False, True, False, True):  # never 3 of the last 4
         course.report(0, success)
@@ -67,7 +69,7 @@ def test_a_level_ends_at_three_quarters():
 
 
 def test_a_full_window_is_needed_and_begins_anew():
-    course = Rising(6, Curriculum(levels=3))
+    course = CurriculumSampler(6, Curriculum(levels=3))
     course.report(0, True)
     assert (course.level, course.success_rate) == (0, 1.0)
     course.report(1, True)
@@ -75,7 +77,7 @@ def test_a_full_window_is_needed_and_begins_anew():
 
 
 def test_episodes_of_an_earlier_level_do_not_count():
-    course = Rising(4, Curriculum(levels=2, episodes=1))
+    course = CurriculumSampler(4, Curriculum(levels=2, episodes=1))
     course.report(0, True)
     course.report(0, False)
     course.report(1, False)
@@ -83,7 +85,7 @@ def test_episodes_of_an_earlier_level_do_not_count():
 
 
 def test_the_last_level_goes_on():
-    course = Rising(2, Curriculum(levels=2))
+    course = CurriculumSampler(2, Curriculum(levels=2))
     course.report(0, True)
     for _ in range(5):
         course.report(1, True)
@@ -95,9 +97,9 @@ def test_the_last_level_goes_on():
 def test_levels_part_the_scenarios(count, levels):
     if levels > count:
         with pytest.raises(BadParameter, match=f"{levels} levels of {count} scenarios"):
-            Rising(count, Curriculum(levels=levels))
+            CurriculumSampler(count, Curriculum(levels=levels))
         return
-    course, seen = Rising(count, Curriculum(levels=levels, episodes=1)), []
+    course, seen = CurriculumSampler(count, Curriculum(levels=levels, episodes=1)), []
     for level in range(levels):
         size = count // levels + 1
         seen.append(set(draws(course, size * 2)))
@@ -110,4 +112,4 @@ def test_levels_part_the_scenarios(count, levels):
 @pytest.mark.parametrize("wrong", [{"success": 0.0}, {"success": 1.1}, {"episodes": 0}, {"levels": 0}])
 def test_a_curriculum_out_of_range(wrong):
     with pytest.raises(BadParameter, match="curriculum"):
-        Rising(10, Curriculum(**({"levels": 2} | wrong)))
+        CurriculumSampler(10, Curriculum(**({"levels": 2} | wrong)))

@@ -19,8 +19,8 @@ from scenarionet_data.errors import (
     UnsafeSql,
 )
 from scenarionet_sim.scenarios import Scenarios
-from scenarionet_sim.scenarios.sampling import Curriculum, Rising, Sequential
-from scenarionet_sim.scenarios.stream import Stream
+from scenarionet_sim.scenarios.sampling import Curriculum, CurriculumSampler, Sequential
+from scenarionet_sim.scenarios.stream import ScenarioStream
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import make_scenario
 
@@ -72,7 +72,7 @@ def test_weights_are_of_the_database_or_an_expression(lake):
 
 def test_a_curriculum_sorts_by_difficulty(lake):
     loader, course = scenarios(lake, curriculum=Curriculum(levels=3)).open()
-    assert isinstance(course, Rising)
+    assert isinstance(course, CurriculumSampler)
     facts = lake.sql("SELECT scenario_id, difficulty FROM metadata").rows()
     difficulty = [dict(facts)[scenario_id] for scenario_id in loader.scenario_ids]
     assert difficulty == sorted(difficulty)
@@ -100,14 +100,14 @@ def test_a_specification_pickles_and_takes_paths_and_lists(lake):
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
-        ({"scenarios": "nothing"}, DatabaseNotFound, "many"),
-        ({"scenarios": ("made/v1/x",)}, ScenarioNotFound, "made/v1/x"),
-        ({"scenarios": ()}, BadParameter, "is empty"),
+        ({"database": "nothing"}, DatabaseNotFound, "many"),
+        ({"database": ("made/v1/x",)}, ScenarioNotFound, "made/v1/x"),
+        ({"database": ()}, BadParameter, "is empty"),
         ({"where": "num_objects > 1000"}, BadParameter, "none of 9 .* satisfies 'num_objects > 1000'"),
         ({"where": "num_object > 1"}, QueryError, "num_object"),
         ({"where": "true) UNION SELECT (1"}, UnsafeSql, "one condition"),
         ({"order": "weighted", "weight": "-1"}, BadParameter, "weights"),
-        ({"worker": 9, "num_workers": 10}, BadParameter, "fewer workers"),
+        ({"worker": 9, "num_workers": 10}, BadParameter, "at most 9 workers"),
         ({"curriculum": Curriculum(levels=10)}, BadParameter, "10 levels of 9 scenarios"),
     ],
 )
@@ -153,14 +153,14 @@ class Source:
         return index
 
     def stream(self, **options):
-        return Stream(
+        return ScenarioStream(
             [f"s{i}" for i in range(10)], self.load, lambda scenario: scenario * 10, Sequential(10), **options
         )
 
 
-@pytest.mark.parametrize("ahead", [0, 1, 3])
-def test_the_series_does_not_depend_on_loading_ahead(ahead):
-    stream = Source().stream(ahead=ahead)
+@pytest.mark.parametrize("prefetch", [0, 1, 3])
+def test_the_series_does_not_depend_on_prefetching(prefetch):
+    stream = Source().stream(prefetch=prefetch)
     assert [stream.next() for _ in range(12)] == [(i % 10, i % 10 * 10) for i in range(12)]
     stream.restart(0)
     assert stream.next() == (0, 0)
@@ -169,20 +169,20 @@ def test_the_series_does_not_depend_on_loading_ahead(ahead):
 
 def test_the_next_is_loaded_beside():
     source = Source()
-    stream = source.stream(ahead=1)
+    stream = source.stream(prefetch=1)
     stream.next()
     stream.get(1)
     assert source.loaded == [0, 1]
     assert threading.main_thread() not in source.threads
     stream.close()
     here = Source()
-    here.stream(ahead=0).next()
+    here.stream(prefetch=0).next()
     assert here.threads == {threading.main_thread()}
 
 
 def test_the_last_ones_are_kept_and_no_more():
     source = Source()
-    stream = source.stream(ahead=0, keep=3)
+    stream = source.stream(prefetch=0, cache_size=3)
     for index in (0, 1, 2, 0, 1, 2):
         stream.get(index)
     assert source.loaded == [0, 1, 2]
@@ -192,10 +192,10 @@ def test_the_last_ones_are_kept_and_no_more():
     assert source.loaded == [0, 1, 2, 3, 0]
 
 
-@pytest.mark.parametrize("ahead", [0, 1])
-def test_a_damaged_scenario_is_an_error_of_its_own(ahead):
+@pytest.mark.parametrize("prefetch", [0, 1])
+def test_a_damaged_scenario_is_an_error_of_its_own(prefetch):
     source = Source(broken=[1])
-    stream = source.stream(ahead=ahead)
+    stream = source.stream(prefetch=prefetch)
     assert stream.next() == (0, 0)
     with pytest.raises(LakeError, match="scenario 1 is damaged"):
         stream.next()
@@ -206,7 +206,7 @@ def test_a_damaged_scenario_is_an_error_of_its_own(ahead):
 
 
 def test_a_closed_stream_has_no_thread_and_can_go_on():
-    stream = Source().stream(ahead=2)
+    stream = Source().stream(prefetch=2)
     stream.next()
     before = threading.active_count()
     stream.close()
@@ -219,16 +219,18 @@ def test_a_closed_stream_has_no_thread_and_can_go_on():
 
 def test_numbers_of_scenarios():
     stream = Source().stream()
-    assert stream.number("s4") == 4
-    with pytest.raises(ScenarioNotFound, match="none of the 10"):
-        stream.number("x")
-    with pytest.raises(BadParameter, match="keep=0"):
-        Source().stream(keep=0)
+    assert stream.index("s4") == 4
+    with pytest.raises(ScenarioNotFound, match="not among the 10"):
+        stream.index("x")
+    with pytest.raises(BadParameter, match="cache_size=0"):
+        Source().stream(cache_size=0)
 
 
 def test_streams_of_scenarios(lake):
     loader, sampler = replace(scenarios(lake, "many"), order="random").open()
-    stream = Stream(loader.scenario_ids, loader.__getitem__, lambda scenario: scenario.id, sampler, ahead=2, keep=4)
+    stream = ScenarioStream(
+        loader.scenario_ids, loader.__getitem__, lambda scenario: scenario.id, sampler, prefetch=2, cache_size=4
+    )
     drawn = [stream.next() for _ in range(20)]
     assert [loader.scenario_ids[index] for index, _ in drawn] == [name for _, name in drawn]
     assert len(np.unique([index for index, _ in drawn])) == len(loader)

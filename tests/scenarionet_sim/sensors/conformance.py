@@ -39,7 +39,7 @@ class SensorConformance:
         sensor = sensor or self.sensor
         agents = simulation.agents if agents is None else agents
         out = np.full((len(agents), *sensor.shape), 77, sensor.dtype)
-        found = sensor.observe(simulation.stage, simulation.state, agents, np.random.default_rng(seed), out)
+        found = sensor.observe(simulation.batch, simulation.state, agents, np.random.default_rng(seed), out)
         assert found is out
         return out
 

@@ -50,7 +50,7 @@ class TestBirdView(SensorConformance):
         state, drawn = simulation.state, set()
         agents = simulation.agents[::3].copy()
         for (world, row), pictures in zip(agents, self.observed(simulation, sensor, agents), strict=True):
-            places, roads = pixel_centres(sensor, state, world, row), simulation.stage.worlds[world].roads
+            places, roads = pixel_centres(sensor, state, world, row), simulation.batch.worlds[world].roads
             outlines = [
                 shapely.make_valid(shapely.Polygon(o)) if len(o) > 2 else shapely.Point() for o in roads.polygons
             ]
@@ -72,15 +72,15 @@ class TestBirdView(SensorConformance):
 
     def test_every_line_has_its_channel(self, simulation):  # noqa: F811
         """A line's places are drawn, and nothing farther from a line than a pixel is."""
-        sensor, state, stage = BirdView(size=64, resolution=0.5), simulation.state, simulation.stage
+        sensor, state, batch = BirdView(size=64, resolution=0.5), simulation.state, simulation.batch
         agents = simulation.agents[simulation.agents[:, 0] == 0][:3]
         for (world, row), pictures in zip(agents, self.observed(simulation, sensor, agents), strict=True):
-            segments, types = stage.segments[world].reshape(-1, 2, 2), stage.segment_type[world]
+            segments, types = batch.segments[world].reshape(-1, 2, 2), batch.segment_type[world]
             for channel, is_kind in (
                 (Channel.LANE_LINE, (types >= 16) & (types < 32)),
                 (Channel.ROAD_EDGE, types >= 32),
             ):
-                is_kind &= np.arange(len(types)) < stage.num_segments[world]
+                is_kind &= np.arange(len(types)) < batch.num_segments[world]
                 lines = shapely.unary_union(shapely.linestrings(segments[is_kind].astype(float)))
                 places = pixel_centres(sensor, state, world, row)
                 apart = shapely.distance(lines, shapely.points(places)) / sensor.resolution

@@ -52,7 +52,7 @@ def test_a_wall_ahead():
     """A car 20 m ahead: 20 m - half its length, and its own box is not seen."""
     drive = simulate(make_drive(speed=0.0, others=(Other(20.0),)), steps=0)
     lidar = Lidar(rays=4, range=50.0)
-    shares = lidar.observe(drive.stage, drive.state, drive.agents, np.random.default_rng(0), lidar.empty(2))
+    shares = lidar.observe(drive.batch, drive.state, drive.agents, np.random.default_rng(0), lidar.empty(2))
     np.testing.assert_allclose(shares, [[(20 - 2.3) / 50, 1, 1, 1], [1, 1, (20 - 2.3) / 50, 1]], atol=1e-7)
 
 
@@ -62,7 +62,7 @@ def test_types_tell_objects_apart():
     seen = {}
     for kind in (ObjectType.VEHICLE, ObjectType.PEDESTRIAN, ObjectType.CYCLIST):
         lidar = Lidar(rays=8, types=(kind,))
-        seen[kind] = lidar.observe(drive.stage, drive.state, ego, np.random.default_rng(0), lidar.empty(1))[0, 0] * 50
+        seen[kind] = lidar.observe(drive.batch, drive.state, ego, np.random.default_rng(0), lidar.empty(1))[0, 0] * 50
     np.testing.assert_allclose(list(seen.values()), [17.7, 9.7, 50.0], atol=1e-5)
 
 

@@ -40,13 +40,13 @@ class TestLaneLineDetector(SensorConformance):
 
 def compare(simulation, sensor, suite):  # noqa: F811
     """What is observed in float32 agrees to its precision; the kernel itself is compared below."""
-    state, stage = simulation.state, simulation.stage
+    state, batch = simulation.state, simulation.batch
     agents = simulation.agents[::4].copy()
     found = suite.observed(simulation, sensor, agents)
     for (world, row), shares in zip(agents, found, strict=True):
-        is_seen = np.isin(stage.segment_type[world], sensor.types)
-        is_seen[stage.num_segments[world] :] = False
-        shapes = shapely.linestrings(stage.segments[world][is_seen].reshape(-1, 2, 2).astype(float))
+        is_seen = np.isin(batch.segment_type[world], sensor.types)
+        is_seen[batch.num_segments[world] :] = False
+        shapes = shapely.linestrings(batch.segments[world][is_seen].reshape(-1, 2, 2).astype(float))
         wanted = [
             oracle.seen(oracle.ray(state, world, row, 2 * np.pi * k / sensor.rays, sensor.range), shapes, sensor.range)
             for k in range(sensor.rays)
@@ -112,7 +112,7 @@ def test_between_two_edges():
     """The road's edges lie 1.75 m to the right and 5.25 m to the left of the ego."""
     drive = simulate(make_drive(), steps=0)
     detector = BoundaryDetector(rays=4)
-    shares = detector.observe(drive.stage, drive.state, drive.agents, np.random.default_rng(0), detector.empty(1))
+    shares = detector.observe(drive.batch, drive.state, drive.agents, np.random.default_rng(0), detector.empty(1))
     np.testing.assert_allclose(shares[0] * 50, [50, 5.25, 50, 1.75], atol=1e-5)
 
 

@@ -58,7 +58,7 @@ def test_points_lie_on_what_is_seen():
     drive = simulate(make_drive(speed=0.0, others=(Other(20.0),)), steps=0)
     sensor = PointCloud(rings=32, azimuths=360)
     ego = np.array([[0, 0]], np.int32)
-    observed = sensor.observe(drive.stage, drive.state, ego, np.random.default_rng(0), sensor.empty(1))[0]
+    observed = sensor.observe(drive.batch, drive.state, ego, np.random.default_rng(0), sensor.empty(1))[0]
     points = sensor.points(observed)
     on_ground = np.abs(points[:, 2] + sensor.mount) < 1e-4
     on_car = np.abs(points[:, 0] - 17.7) < 1e-4
@@ -66,5 +66,5 @@ def test_points_lie_on_what_is_seen():
     assert on_car.sum() > 20
     assert np.abs(points[on_car, 1]).max() < 0.95
     only_cars = PointCloud(rings=32, azimuths=360, types=(ObjectType.VEHICLE,))
-    observed = only_cars.observe(drive.stage, drive.state, ego, np.random.default_rng(0), only_cars.empty(1))[0]
+    observed = only_cars.observe(drive.batch, drive.state, ego, np.random.default_rng(0), only_cars.empty(1))[0]
     assert (observed < 1).sum() == on_car.sum()

@@ -19,19 +19,19 @@ from tests.scenarionet_sim.sensors import oracle
 from tests.scenarionet_sim.sensors.conformance import SensorConformance, simulation  # noqa: F401
 
 
-def path_of(stage, world, row):
-    first, end = stage.path_offsets[world, row : row + 2]
-    return stage.path_points[world, first:end].astype(float)
+def path_of(batch, world, row):
+    first, end = batch.path_offsets[world, row : row + 2]
+    return batch.path_points[world, first:end].astype(float)
 
 
 class TestEgoState(SensorConformance):
     sensor = EgoState()
 
     def test_agrees_with_numpy(self, simulation):  # noqa: F811
-        state, stage = simulation.state, simulation.stage
+        state, batch = simulation.state, simulation.batch
         found = self.observed(simulation)
         for (world, row), observed in zip(simulation.agents, found, strict=True):
-            heading, path = state.heading[world, row], path_of(stage, world, row)
+            heading, path = state.heading[world, row], path_of(batch, world, row)
             forward, left = oracle.in_frame(state, world, row, state.position[world, row] + state.velocity[world, row])
             rate, length = state.yaw_rate[world, row], state.size[world, row, 0]
             steering = np.arctan(0.6 * length * rate / forward) if abs(forward) >= 0.1 else 0.0
@@ -55,10 +55,10 @@ class TestNavigation(SensorConformance):
     sensor = Navigation()
 
     def test_agrees_with_shapely(self, simulation):  # noqa: F811
-        state, stage = simulation.state, simulation.stage
+        state, batch = simulation.state, simulation.batch
         found = self.observed(simulation)
         for (world, row), observed in zip(simulation.agents, found, strict=True):
-            points = path_of(stage, world, row)
+            points = path_of(batch, world, row)
             path = shapely.LineString(points) if len(points) > 1 else shapely.Point(points[0])
             arcs = state.arc[world, row] + 2.0 * np.arange(1, 11)
             places = [path if len(points) == 1 else path.interpolate(max(arc, 0.0)) for arc in arcs]

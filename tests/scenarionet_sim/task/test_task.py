@@ -30,7 +30,7 @@ def judged(task=SINGLE_AGENT, **changes):
     count = max(map(len, numbers.values()))
     step = {name: np.broadcast_to(values, count) for name, values in numbers.items()}
     column = {name: np.array(step[name], np.float64)[:, None] for name in ("arc", "arc_before", "lateral", "speed")}
-    verdict, (reward, ending) = Verdict.of(count), task
+    verdict, (reward, termination) = Verdict.of(count), task
     judge(
         np.stack([np.arange(count), np.zeros(count)], axis=1).astype(np.int32),
         *(column[name] for name in ("arc", "arc_before", "lateral")),
@@ -42,7 +42,7 @@ def judged(task=SINGLE_AGENT, **changes):
         np.array(step["steering"], np.float64),
         np.array(step["hits"], np.uint32),
         reward.numbers,
-        ending.numbers,
+        termination.numbers,
         verdict.terms,
         verdict.status,
         verdict.completion,

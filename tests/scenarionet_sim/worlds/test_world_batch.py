@@ -12,7 +12,7 @@ from scenarionet_sim.roads.grid import Grid
 from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.worlds.paths import Paths, Stops
 from scenarionet_sim.worlds.world import World
-from scenarionet_sim.worlds.world_batch import Stage
+from scenarionet_sim.worlds.world_batch import WorldBatch
 from tests.fixtures.scenarios import make_scenario
 
 
@@ -36,23 +36,23 @@ def bare() -> World:
     return World.from_scenario(make_scenario(4, num_objects=1, num_lights=0, has_map=False))
 
 
-def check(stage: Stage, slot: int, value: object, prefix: str = "") -> int:
+def check(batch: WorldBatch, slot: int, value: object, prefix: str = "") -> int:
     """Compares a world with its slot; returns how many arrays there were."""
     count = 0
     for column in fields(value):
         part, name = getattr(value, column.name), prefix + column.name
         if isinstance(part, Roads | Paths | Stops):
-            count += check(stage, slot, part)
+            count += check(batch, slot, part)
         elif isinstance(part, Grid):
-            count += check(stage, slot, part, f"{name}_")
+            count += check(batch, slot, part, f"{name}_")
         elif isinstance(part, Ragged):
-            offsets = getattr(stage, f"{name}_offsets")[slot]
+            offsets = getattr(batch, f"{name}_offsets")[slot]
             np.testing.assert_array_equal(offsets[: len(part.offsets)], part.offsets)
             assert (offsets[len(part.offsets) :] == part.offsets[-1]).all()
-            np.testing.assert_array_equal(getattr(stage, name)[slot, : len(part.values)], part.values)
+            np.testing.assert_array_equal(getattr(batch, name)[slot, : len(part.values)], part.values)
             count += 1
         elif not isinstance(part, str) and np.asarray(part).dtype != object:
-            array, stack = np.asarray(part), getattr(stage, name)
+            array, stack = np.asarray(part), getattr(batch, name)
             assert stack.flags.c_contiguous
             np.testing.assert_array_equal(stack[(slot, *map(slice, array.shape))], array)
             count += 1
@@ -60,35 +60,37 @@ def check(stage: Stage, slot: int, value: object, prefix: str = "") -> int:
 
 
 def test_every_array_of_every_world_is_stacked():
-    stage = Stage([small(), large(), bare()])
-    for slot, world in enumerate(stage.worlds):
-        assert check(stage, slot, world) > 30
-    assert stage.num_objects.tolist() == [3, 40, 1]
-    assert stage.num_steps.tolist() == [31, 60, 31]
-    assert stage.num_lights.tolist() == [0, 9, 0]
-    assert stage.num_lanes.tolist() == [2, 20, 0]
-    assert stage.max_objects == 40
+    batch = WorldBatch([small(), large(), bare()])
+    for slot, world in enumerate(batch.worlds):
+        assert check(batch, slot, world) > 30
+    assert batch.num_objects.tolist() == [3, 40, 1]
+    assert batch.num_steps.tolist() == [31, 60, 31]
+    assert batch.num_lights.tolist() == [0, 9, 0]
+    assert batch.num_lanes.tolist() == [2, 20, 0]
+    assert batch.max_objects == 40
 
 
 def test_a_larger_world_makes_room_and_a_smaller_one_leaves_nothing_of_it():
-    stage = Stage([small(), middle()])
+    batch = WorldBatch([small(), middle()])
     for world in (large(), small(), bare(), middle()):
-        stage.replace(0, world)
-        check(stage, 0, world)
-        check(stage, 1, middle())
-    assert stage.worlds == [middle(), middle()]
-    assert not stage.log[0, middle().num_steps :].any() and not stage.log[0, :, middle().num_objects :].any()
+        batch.replace(0, world)
+        check(batch, 0, world)
+        check(batch, 1, middle())
+    assert batch.worlds == [middle(), middle()]
+    assert not batch.log[0, middle().num_steps :].any() and not batch.log[0, :, middle().num_objects :].any()
 
 
 def test_room_is_kept_so_that_long_runs_stop_copying():
-    stage = Stage([small()])
-    stage.replace(0, large())
-    log = stage.log
+    batch = WorldBatch([small()])
+    batch.replace(0, large())
+    log = batch.log
     for world in (small(), bare(), large(), middle()):
-        stage.replace(0, world)
-    assert stage.log is log
+        batch.replace(0, world)
+    assert batch.log is log
 
 
 def test_annotations_are_the_arrays():
-    stage = Stage([middle()])
-    assert {name for name in vars(stage) if isinstance(getattr(stage, name), np.ndarray)} == set(Stage.__annotations__)
+    batch = WorldBatch([middle()])
+    assert {name for name in vars(batch) if isinstance(getattr(batch, name), np.ndarray)} == set(
+        WorldBatch.__annotations__
+    )

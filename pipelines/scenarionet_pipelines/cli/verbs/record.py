@@ -44,9 +44,8 @@ def command(
     """
     from scenarionet_data import Lake
     from scenarionet_pipelines.machine import default_workers
-    from scenarionet_sim.evaluation.recording import prepare, record
+    from scenarionet_sim import record
 
-    recording = prepare(Lake(lake), database, agents, seed)
     run = name or f"{database or 'all'}-{agents}-observed".replace("@", ".")
     started = time.monotonic()
     with (
@@ -55,8 +54,11 @@ def command(
     ):
         try:
             skipped = record(
-                recording,
-                run,
+                lake,
+                database,
+                name=run,
+                agents=agents,
+                seed=seed,
                 workers=workers or default_workers(),
                 executor=execution.executor,
                 on_progress=progress.update,

@@ -81,7 +81,7 @@ def command(
     opened = Lake(lake, snapshot)
     scenario = ScenarioLoader(opened, [opened.describe(scenario_id)["scenario_id"]])[0]
     scene = Scene.of(scenario)
-    moments = scene.moments() if run is None else _rolled_out(opened, run, scene)
+    moments = scene.moments() if run is None else _rollout_moments(opened, run, scene)
     now = scenario.current_timestep if at is None else round(at / scene.dt)
     now = min(max(now - moments[0].timestep, 0), len(moments) - 1)
     with ProgressDisplay(f"render {path.name}", "frame", is_quiet=quiet) as progress:
@@ -94,7 +94,7 @@ def command(
         click.echo(f"{file}: {scenario.id}, {output.count(frames, 'frame')}, {output.size(num_bytes)}")
 
 
-def _rolled_out(lake: Lake, run: str, scene: Scene) -> list[Moment]:
-    from scenarionet_sim.render import rolled_out
+def _rollout_moments(lake: Lake, run: str, scene: Scene) -> list[Moment]:
+    from scenarionet_sim import rollout_moments
 
-    return rolled_out(lake, run, scene)
+    return rollout_moments(lake, run, scene)

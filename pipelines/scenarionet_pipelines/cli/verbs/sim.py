@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from scenarionet_data.execution.worker_stats import WorkerStats
-    from scenarionet_sim.evaluation.evaluation import Report
+    from scenarionet_sim.evaluation.evaluation import EvaluationReport
 
 _NUM_EXAMPLES = 5
 
@@ -76,24 +76,23 @@ def command(
 
     What is done once is kept: run the same command after an interruption and it goes on from there.
     """
-    from scenarionet_data import Lake
     from scenarionet_pipelines.machine import default_workers
-    from scenarionet_sim.evaluation.evaluation import evaluate, prepare
+    from scenarionet_sim.evaluation.evaluation import plan_evaluation, run_evaluation
 
     look_in_current_folder(policy)
-    evaluation = prepare(Lake(lake), database, policy, traffic=traffic, backend=backend, seed=seed)
+    evaluation = plan_evaluation(lake, database, policy, traffic=traffic, backend=backend, seed=seed)
     run = name or "-".join([database or "all", policy, traffic, evaluation.backend]).replace("@", ".").replace(":", ".")
     with (
         executor_from_options(cluster, workers, quiet=quiet) as execution,
         ProgressDisplay(f"sim {run}", "part", is_quiet=quiet) as progress,
     ):
         try:
-            report = evaluate(
+            report = run_evaluation(
                 evaluation,
                 run,
                 workers=workers or default_workers(),
                 executor=execution.measured,
-                with_rollouts=not metrics_only,
+                rollouts=not metrics_only,
                 on_progress=progress.update,
             )
         except KeyboardInterrupt as error:
@@ -102,7 +101,7 @@ def command(
     click.get_current_context().exit(1 if report.broken else 0)
 
 
-def _print(report: Report, lake: str, shares: Mapping[str, WorkerStats], as_json: bool) -> None:
+def _print(report: EvaluationReport, lake: str, shares: Mapping[str, WorkerStats], as_json: bool) -> None:
     from scenarionet_data import Lake
 
     rows = Lake(lake).named_query("runs", {"run": report.run}).to_dicts()

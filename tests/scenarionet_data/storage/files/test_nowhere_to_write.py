@@ -18,6 +18,7 @@ from tests.fixtures.lakes import content, everything, write_lake
 from tests.fixtures.made import raw_of, run, write_raw
 from tests.fixtures.scenarios import make_scenario
 from tests.fixtures.small_disk import filled, in_own_mounts, on_small_disk
+from tests.fixtures.waiting import HANGS_AFTER
 
 
 @contextmanager
@@ -182,7 +183,7 @@ def test_files_that_may_not_grow(tmp_path):
     before = everything(tmp_path / "lake")
     more = raw_of(tmp_path / "more", 1, 1, lines=9)
     command = [sys.executable, "-c", LIMITED_FILES, str(more), str(tmp_path / "lake")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=HANGS_AFTER)
     assert done.stdout.count("\n") == 1, done.stderr
     assert "File too large; free some space and run the same command again" in done.stdout
     assert done.stderr == ""

@@ -16,6 +16,7 @@ from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from tests.fixtures.lakes import stored_ids, write_shard
 from tests.fixtures.scenarios import renamed, small
+from tests.fixtures.waiting import HANGS_AFTER
 
 
 def names_of(files):
@@ -141,7 +142,7 @@ def test_processes_lose_nothing(files):
         job.stdin.write("go\n")
         job.stdin.flush()
     for job in jobs:
-        job.communicate(timeout=60)
+        job.communicate(timeout=HANGS_AFTER)
         assert job.returncode == 0
     assert stored_ids(files) == sorted(f"made/v1/{who}{k}" for who in "ab" for k in range(12))
     assert snapshots.read(files).number == 24

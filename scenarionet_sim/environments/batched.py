@@ -19,13 +19,13 @@ from scenarionet_sim.task.evaluated import Agents, Egos
 from scenarionet_sim.worlds.world import World
 
 NUMBERS = (*task.TERMS, "route_completion", "lateral", *episode_stats.COLUMNS)
-"""What ``Arena.numbers`` says about an agent."""
+"""What ``BatchedEnvironment.numbers`` says about an agent."""
 
 ENDS = {"success": task.ARRIVED, "out_of_road": task.OFF_ROUTE, "timeout": task.TIMED_OUT}
 """How an episode ended, in the words of the paper's metrics."""
 
 
-class Arena:
+class BatchedEnvironment:
     """W worlds with their agents.
 
     Args:
@@ -47,7 +47,7 @@ class Arena:
         self.simulation = Simulation(worlds, config.policies, config.backend, history)
         self._is_driven = any(isinstance(policy, External) for policy in config.policies)
         self._watched = Agents(self.simulation) if self._is_driven else Egos(self.simulation)
-        self._tally = episode_stats.Tally.of(len(worlds), self.simulation.stage.max_objects)
+        self._tally = episode_stats.Tally.of(len(worlds), self.simulation.batch.max_objects)
         self.numbers: Float64
         self._make_room()
 
@@ -105,7 +105,7 @@ class Arena:
             )
         self.simulation.reset(slot, world, start)
         self._watched.begin(slot)
-        self._tally.begin(slot, self.simulation.stage.max_objects)
+        self._tally.begin(slot, self.simulation.batch.max_objects)
         if len(self.agents) != len(self.numbers):
             self._make_room()
         self._touched = self._watched.contacts.copy()
@@ -146,12 +146,12 @@ class Arena:
     def observe(self, rng: np.random.Generator, rows: Array | None = None) -> Any:
         """What the agents (some of them, by their place in ``agents``) observe, in arrays of their own."""
         agents = self.agents if rows is None else self.agents[rows]
-        return self._observation.of(self.simulation.stage, self._watched.state, agents, rng)
+        return self._observation.of(self.simulation.batch, self._watched.state, agents, rng)
 
     def infos(self) -> list[dict[str, Any]]:
         """What there is to know about each agent: ``NUMBERS``, ``ENDS``, and where in which log it is."""
         numbers, status = self.numbers.tolist(), self.status.tolist()
-        timestep, worlds = self.simulation.state.timestep.tolist(), self.simulation.stage.worlds
+        timestep, worlds = self.simulation.state.timestep.tolist(), self.simulation.batch.worlds
         return [
             dict(zip(NUMBERS, numbers[a], strict=True))
             | {name: status[a] == code for name, code in ENDS.items()}
@@ -173,7 +173,7 @@ class Arena:
 
     def _judge_newcomers_too(self, acting: Int32, steering: Float64) -> None:
         """Judge more agents than acted; those who act for the first time with the next step have earned nothing."""
-        touched, objects = self._touched, self.simulation.stage.max_objects
+        touched, objects = self._touched, self.simulation.batch.max_objects
         place = np.searchsorted(self.agents @ (objects, 1), acting @ (objects, 1))
         self._make_room()
         self._touched[place] = touched
@@ -186,14 +186,14 @@ class Arena:
         self.status[is_new] = task.DRIVING
 
     def _judge(self, steering: Float64) -> None:
-        stage, state, watched, agents = self.simulation.stage, self._watched.state, self._watched, self.agents
+        batch, state, watched, agents = self.simulation.batch, self._watched.state, self._watched, self.agents
         task.judge(
-            agents, state.arc, watched.arc_before, state.lateral, state.velocity, stage.path_arc, stage.path_offsets,
-            state.timestep, stage.num_steps, steering, watched.hits, self._config.reward.numbers,
-            self._config.ending.numbers, self.terms, self.status, self._verdict.completion,
+            agents, state.arc, watched.arc_before, state.lateral, state.velocity, batch.path_arc, batch.path_offsets,
+            state.timestep, batch.num_steps, steering, watched.hits, self._config.reward.numbers,
+            self._config.termination.numbers, self.terms, self.status, self._verdict.completion,
         )  # fmt: skip
         episode_stats.count(
-            agents, state.position, state.velocity, state.object_type, state.timestep, stage.num_steps, stage.log,
+            agents, state.position, state.velocity, state.object_type, state.timestep, batch.num_steps, batch.log,
             watched.contacts, self._touched, self._tally.crashes, self._tally.sums, self._board,
         )  # fmt: skip
         self._touched[...] = watched.contacts

@@ -1,4 +1,4 @@
-"""Which objects of a world a policy drives: a function of the world, or your own, ``World`` to a mask (N,)."""
+"""Selections of the objects a policy drives: functions of a world that return a mask (N,)."""
 
 from __future__ import annotations
 
@@ -11,53 +11,54 @@ from scenarionet_data.arrays.dtypes import Bool
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.worlds.world import World
 
-Who = Callable[[World], Bool]
+ObjectMask = Callable[[World], Bool]
+"""Maps a world to a mask (N,) bool over its objects."""
 
 
-def everyone(world: World) -> Bool:
-    """Every object."""
+def all_objects(world: World) -> Bool:
+    """Select every object."""
     return np.ones(world.num_objects, np.bool_)
 
 
 def ego(world: World) -> Bool:
-    """The recording vehicle."""
+    """Select the recording vehicle."""
     is_ego: Bool = np.arange(world.num_objects) == world.ego
     return is_ego
 
 
 def others(world: World) -> Bool:
-    """Every object but the ego."""
+    """Select every object except the ego."""
     return ~ego(world)
 
 
 def vehicles(world: World) -> Bool:
-    """Every vehicle, the ego too."""
+    """Select every vehicle, including the ego."""
     is_vehicle: Bool = world.object_type == ObjectType.VEHICLE
     return is_vehicle
 
 
 def other_vehicles(world: World) -> Bool:
-    """Every vehicle but the ego."""
+    """Select every vehicle except the ego."""
     return vehicles(world) & others(world)
 
 
 @dataclass(frozen=True)
 class OfType:
-    """Every object of these types, the ego left out."""
+    """Select objects of some types, except the ego."""
 
     types: tuple[ObjectType, ...]
 
     def __call__(self, world: World) -> Bool:
-        """The mask (N,)."""
+        """Return the mask (N,)."""
         return np.isin(world.object_type, self.types) & others(world)
 
 
 @dataclass(frozen=True)
-class Tracks:
-    """The objects with these track ids."""
+class TrackIds:
+    """Select objects by track id."""
 
     ids: tuple[str, ...]
 
     def __call__(self, world: World) -> Bool:
-        """The mask (N,)."""
+        """Return the mask (N,)."""
         return np.isin(world.track_ids.astype(str), self.ids)

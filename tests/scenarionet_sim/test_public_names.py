@@ -1,0 +1,44 @@
+"""The public names of ``scenarionet_sim``: complete, lazy, and registered with Gymnasium."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import gymnasium
+import pytest
+
+import scenarionet_sim
+
+
+def test_every_public_name_can_be_imported():
+    assert dir(scenarionet_sim) == sorted(scenarionet_sim.__all__)
+    assert scenarionet_sim.__all__ == sorted(scenarionet_sim.__all__, key=lambda n: (not n.isupper(), n.islower(), n))
+    for name in scenarionet_sim.__all__:
+        assert getattr(scenarionet_sim, name) is not None
+
+
+def test_type_checkers_see_the_names_that_are_imported_lazily():
+    tree = ast.parse(Path(scenarionet_sim.__file__).read_text("utf-8"))
+    imports = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module != "typing"]
+    typed = {alias.name: node.module for node in imports for alias in node.names if "sim." in str(node.module)}
+    lazy = {name: f"scenarionet_sim.{module}" for name, module in scenarionet_sim._MODULE_OF.items()}
+    assert typed == lazy and set(lazy) == set(scenarionet_sim.__all__)
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="no attribute 'Enviroment'"):
+        scenarionet_sim.Enviroment  # noqa: B018
+
+
+def test_importing_registers_the_environment_and_little_else():
+    code = "import scenarionet_sim, sys; print([m for m in ('numba', 'duckdb', 'polars') if m in sys.modules])"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+    assert "ScenarioNet-v0" in gymnasium.registry
+
+
+def test_a_configuration_has_a_one_line_repr():
+    config = scenarionet_sim.EnvConfig(scenarionet_sim.Scenarios("lake", "busy"))
+    assert "busy" in repr(config) and "Lidar" in repr(config) and "\n" not in repr(config)
