@@ -12,20 +12,21 @@ from scenarionet_data.databases import record as records
 from scenarionet_data.databases import writer
 from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.execution.executors import Executor
-from scenarionet_data.execution.progress import Progress
-from scenarionet_data.export import ExportReport, export_database
-from scenarionet_data.loader import ScenarioLoader
 from scenarionet_data.operations.database_query import check_not_empty
 from scenarionet_data.operations.filter import filter_database, select_scenarios
 from scenarionet_data.operations.sample import sample
 from scenarionet_data.operations.split import split
 from scenarionet_data.query.lake_view import LakeView
 from scenarionet_data.query.named_sql import Conditions
-from scenarionet_data.scenario.description import ScenarioDescription
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # loading and export import numba, which takes 0.5 s that a query does not need
     import polars as pl
+
+    from scenarionet_data.execution.executors import Executor
+    from scenarionet_data.execution.progress import Progress
+    from scenarionet_data.export import ExportReport
+    from scenarionet_data.loader import ScenarioLoader
+    from scenarionet_data.scenario.description import ScenarioDescription
 
 
 @dataclass(frozen=True, repr=False)
@@ -85,7 +86,7 @@ class Database(DatabaseRecord):
 
     @cached_property
     def _loader(self) -> ScenarioLoader:
-        return ScenarioLoader(self.view, self)
+        return self.loader()
 
     @cached_property
     def _positions(self) -> frozenset[str]:
@@ -93,6 +94,8 @@ class Database(DatabaseRecord):
 
     def loader(self) -> ScenarioLoader:
         """Return a loader of the scenarios."""
+        from scenarionet_data.loader import ScenarioLoader
+
         return ScenarioLoader(self.view, self)
 
     def sql(self, query: str, parameters: Mapping[str, Any] | None = None) -> pl.DataFrame:
@@ -108,6 +111,8 @@ class Database(DatabaseRecord):
         on_progress: Progress | None = None,
     ) -> ExportReport:
         """Write the scenarios as ScenarioNet pickles; see :meth:`Lake.export <scenarionet_data.Lake.export>`."""
+        from scenarionet_data.export import export_database
+
         return export_database(self.view, self, directory, replace=replace, executor=executor, on_progress=on_progress)
 
     # --- derived databases ----------------------------------------------------------------------------

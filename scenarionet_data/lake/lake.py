@@ -7,12 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenarionet_data.databases.record import DatabaseRecord
-from scenarionet_data.execution.executors import Executor
-from scenarionet_data.execution.progress import Progress
-from scenarionet_data.export import ExportReport, export_database
 from scenarionet_data.lake.database import Database
 from scenarionet_data.lake.tagging import TaggableLake
-from scenarionet_data.loader import ScenarioLoader
 from scenarionet_data.operations import combine
 from scenarionet_data.operations.comparison import DatabaseStatistics, compare
 from scenarionet_data.operations.diff import Diff, diff
@@ -23,11 +19,16 @@ from scenarionet_data.operations.overlap import DatabaseOverlap, overlap
 from scenarionet_data.operations.rebuild import RebuildResult, rebase, rebuild
 from scenarionet_data.operations.sample import sample
 from scenarionet_data.operations.split import split
-from scenarionet_data.packs.packing import PackReport, pack
 from scenarionet_data.query.named_sql import Conditions
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # loading, packs and export import numba, which takes 0.5 s that a query does not need
     import polars as pl
+
+    from scenarionet_data.execution.executors import Executor
+    from scenarionet_data.execution.progress import Progress
+    from scenarionet_data.export import ExportReport
+    from scenarionet_data.loader import ScenarioLoader
+    from scenarionet_data.packs.packing import PackReport
 
 
 class Lake(TaggableLake):
@@ -376,6 +377,8 @@ class Lake(TaggableLake):
 
     def loader(self, database: DatabaseRecord | str | Iterable[str] | None = None) -> ScenarioLoader:
         """Return a loader of a database, of scenario ids, or of all scenarios in order of id."""
+        from scenarionet_data.loader import ScenarioLoader
+
         return ScenarioLoader(self, database)
 
     def pack(
@@ -401,6 +404,8 @@ class Lake(TaggableLake):
             ScenarioNotFound: The lake does not have a member.
             LakeError: A file is missing or damaged, or ``path`` cannot be written.
         """
+        from scenarionet_data.packs.packing import pack
+
         return pack(self, database, path, tar=tar, on_progress=on_progress)
 
     def export(
@@ -413,4 +418,6 @@ class Lake(TaggableLake):
         on_progress: Progress | None = None,
     ) -> ExportReport:
         """Write scenarios as ScenarioNet pickles that MetaDrive reads; see :func:`scenarionet_data.export.export`."""
+        from scenarionet_data.export import export_database
+
         return export_database(self, database, directory, replace=replace, executor=executor, on_progress=on_progress)

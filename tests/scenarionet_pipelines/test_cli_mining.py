@@ -50,15 +50,18 @@ def test_tag(lake, ok, as_json, tmp_path):
     (tmp_path / "scores.csv").write_text("scenario_id,score\nmade/v1/s000001,0.5\n")
     made = as_json("tag", lake, "score", "--file", tmp_path / "scores.csv", "--column", "score")
     assert (made["reference"], made["type"], made["count"]) == ("score@1", "double", 1)
-    listed = as_json("tag", lake)["layers"]
+    listed = as_json("tag", lake)["user_columns"]
     assert {layer["name"] for layer in listed} == {"crowded", "approaches", "tracks_seen", "score"}
     assert "scores.csv" in ok("tag", lake)
     assert ok("filter", lake, "--where", "score > 0.1", "--to", "scored") == "scored@1: 1 of 9 scenarios\n"
     assert ok("tag", lake, "--drop", "crowded") == "dropped crowded\n"
     refused = run("tag", lake, "--drop", "score")
-    assert (refused.exit_code, "scored@1 asked score@1; drop those first, or --force" in refused.stderr) == (1, True)
+    assert (
+        refused.exit_code,
+        "scored@1 uses score@1; drop those first, or force=True (on the command line: --force)" in refused.stderr,
+    ) == (1, True)
     assert as_json("tag", lake, "--drop", "score@1", "--force") == {"dropped": "score@1"}
-    assert {layer["name"] for layer in as_json("tag", lake)["layers"]} == {"approaches", "tracks_seen"}
+    assert {layer["name"] for layer in as_json("tag", lake)["user_columns"]} == {"approaches", "tracks_seen"}
 
 
 @pytest.mark.parametrize(
@@ -68,7 +71,7 @@ def test_tag(lake, ok, as_json, tmp_path):
         (["--where", "true"], 2, "wanted a NAME for the column"),
         (["x", "--drop", "y"], 2, "--drop NAME stands alone"),
         (["x", "--where", "true", "--force"], 2, "--drop NAME stands alone"),
-        (["--drop", "y"], 2, "no layer 'y'; layers: none yet"),
+        (["--drop", "y"], 2, "no user column 'y'; user columns: none yet"),
         (["x", "--where", "true", "--sql", "SELECT 1"], 2, "wanted one of --where"),
         (["x", "--where", "true", "--column", "y"], 2, "--column only with --file"),
         (["ego_id", "--where", "true"], 2, "choose another name"),
