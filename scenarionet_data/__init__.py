@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from scenarionet_data.conversion import convert, plan_conversion
     from scenarionet_data.converters.base import Converter
     from scenarionet_data.export import export_database
-    from scenarionet_data.ingest.shard import Options, RawItem, Shard
+    from scenarionet_data.ingest.options import Options
+    from scenarionet_data.ingest.shard import RawItem, Shard
     from scenarionet_data.lake.database import Database
     from scenarionet_data.lake.lake import Lake
     from scenarionet_data.loader import ScenarioLoader
@@ -42,7 +43,7 @@ _HOME = {
     "MapFeatureType": "scenarionet_data.scenario.vocabulary",
     "MapFeatures": "scenarionet_data.scenario.parts",
     "ObjectType": "scenarionet_data.scenario.vocabulary",
-    "Options": "scenarionet_data.ingest.shard",
+    "Options": "scenarionet_data.ingest.options",
     "RawItem": "scenarionet_data.ingest.shard",
     "ScenarioDescription": "scenarionet_data.scenario.description",
     "ScenarioLoader": "scenarionet_data.loader",
@@ -91,7 +92,7 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     """Import a public name on first use: a converter needs no DuckDB, and ``--help`` needs nothing."""
     if name == "__version__":
-        return importlib.import_module("scenarionet_data.version").version()
+        return importlib.import_module("scenarionet_data.version").__version__
     if name == "errors":
         return importlib.import_module("scenarionet_data.errors")
     if name not in _HOME:

@@ -123,10 +123,10 @@ class ConverterConformance:
 
     def test_files_name_all_that_is_read(self, raw: Any, tmp_path_factory: Any) -> None:
         """Whoever has nothing but what ``files`` names makes the same scenarios: a worker, of an object store."""
-        from scenarionet_data.conversion.remote_raw.listing import moved
+        from scenarionet_data.conversion.remote_raw.mirror import relocated
 
         for shard in self.shards(raw)[-1:]:
-            here = moved(shard, shard.root, str(tmp_path_factory.mktemp("worker")))
+            here = relocated(shard, shard.root, str(tmp_path_factory.mktemp("worker")))
             for batch in self.converter.files(here):
                 _copy(Path(shard.root), Path(here.root), batch)
             for first, second in zip(*map(self._first_scenarios, (shard, here)), strict=True):

@@ -1,23 +1,13 @@
-"""Name and version of this software, for lineage and ``scenarionet --version``."""
+"""Name and version of the distribution, as recorded in lineage and printed by ``scenarionet --version``."""
 
 from __future__ import annotations
 
-from importlib import metadata
-
 PACKAGE = "scenarionet-lake"
 
-
-def version() -> str:
-    """Return the installed version, or ``0+source`` for sources that are not installed."""
-    try:
-        return metadata.version(PACKAGE)
-    except metadata.PackageNotFoundError:
-        return "0+source"
+__version__ = "0.1.0"
+"""The only place that states the version; the build backend reads it from this line."""
 
 
 def name_and_version() -> str:
     """Return for example ``scenarionet-lake 0.1.0``."""
-    try:
-        return f"{PACKAGE} {metadata.version(PACKAGE)}"
-    except metadata.PackageNotFoundError:
-        return f"{PACKAGE} (from source)"
+    return f"{PACKAGE} {__version__}"

@@ -72,7 +72,11 @@ def test_the_wheel_holds_the_packages_the_contract_and_the_questions(built):
     (wheel,) = built.glob("*.whl")
     names = set(zipfile.ZipFile(wheel).namelist())
     files = (path for part in PARTS[:3] for path in (ROOT / part).rglob("*") if path.is_file())
-    expected = {path.relative_to(ROOT).as_posix() for path in files if "__pycache__" not in path.parts}
+    expected = {
+        path.relative_to(ROOT).as_posix().removeprefix("pipelines/")
+        for path in files
+        if "__pycache__" not in path.parts
+    }
     expected |= {f"scenarionet_data/{p.relative_to(ROOT).as_posix()}" for p in (ROOT / "schemas").glob("*.toml")}
     expected |= {f"scenarionet_data/{p.relative_to(ROOT).as_posix()}" for p in (ROOT / "sql").rglob("*.sql")}
     own = {name for name in names if ".dist-info/" not in name}
@@ -120,5 +124,5 @@ def check_command(*scenarionet: str | Path, cwd: Path) -> None:
     call(*scenarionet, "convert", "own:Made", "raw", "lake", "--workers", "1", cwd=cwd)
     rows = json.loads(call(*scenarionet, "sql", "lake", "summary", "--json", cwd=cwd))["rows"]
     assert rows[0]["scenarios"] == 5
-    text = call(*scenarionet, "filter", "lake", "--filter", "object_count:min=1", "--to", "some", cwd=cwd)
-    assert text == "some@1: 5 of 5 scenarios\n"
+    text = call(*scenarionet, "filter", "lake", "--filter", "object_count:min=1", "--name", "some", cwd=cwd)
+    assert text == "some@1: 5 scenarios\n"

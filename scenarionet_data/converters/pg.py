@@ -16,7 +16,8 @@ from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.building import MapBuilder, make_origin, make_tracks
 from scenarionet_data.converters.base import Budgets, Converter
 from scenarionet_data.errors import SourceNotFound
-from scenarionet_data.ingest.shard import Options, RawItem, Shard
+from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.shard import RawItem, Shard
 from scenarionet_data.procedural.construction import boxes
 from scenarionet_data.procedural.generate import Episode, generate
 from scenarionet_data.procedural.options import GeneratorOptions

@@ -26,7 +26,7 @@ from scenarionet_data.errors import (
     ScenarioNetError,
     ScenarioNotFound,
 )
-from scenarionet_pipelines.cli.group import one_line
+from scenarionet_pipelines.cli.advice import one_line
 from scenarionet_pipelines.web.guards import Guard
 from scenarionet_pipelines.web.picture import PICTURE
 from scenarionet_pipelines.web.rows import MOST_ROWS, Column, Question, columns, page, plain

@@ -79,7 +79,7 @@ def test_both_kinds_are_found_and_told_apart(tmp_path: Path) -> None:
         "forecasting-00000-of-00001",
         f"sensor-{log.name}",
     ]
-    assert [s.facts for s in shards(CONVERTER, tmp_path, "val")] == [
+    assert [s.properties for s in shards(CONVERTER, tmp_path, "val")] == [
         {"kind": "forecasting"},
         {"kind": "sensor", "log": log.name, "location": "PIT"},
     ]

@@ -12,7 +12,7 @@ import pytest
 from scenarionet_data.converters.boundary_segments import to_records
 from scenarionet_data.converters.scenarionet import ScenarioNetPickles
 from scenarionet_data.errors import InvalidScenario
-from scenarionet_data.ingest.shard import Options
+from scenarionet_data.ingest.options import Options
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.vocabulary import LightState, MapFeatureType, ObjectType
 from scenarionet_data.testing import ConverterConformance, differences

@@ -80,7 +80,7 @@ def changed(tmp_path):
     Lake(root).filter("true", name="old")
     Lake(root).filter("ends_with(scenario_id, '3')", name="same")
     (raw / "a.made").write_text("1\n4")
-    convert(NAME, str(raw), root, options=MadeOptions(num_objects=2), replace_old=True)
+    convert(NAME, str(raw), root, options=MadeOptions(num_objects=2), replace=True)
     return Lake(root)
 
 

@@ -17,7 +17,7 @@ from scenarionet_data.converters.scenarionet import ScenarioNetPickles
 from scenarionet_data.converters.scenarionet.unpickling import load
 from scenarionet_data.errors import BadParameter, DatabaseExists, InvalidScenario
 from scenarionet_data.export import export
-from scenarionet_data.ingest.shard import Options
+from scenarionet_data.ingest.options import Options
 from scenarionet_data.scenario.description import ScenarioDescription, make_scenario_id
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_data.testing import differences

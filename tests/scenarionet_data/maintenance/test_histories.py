@@ -63,7 +63,7 @@ class Maintained(RuleBasedStateMachine):
         for path in self.raw.iterdir():
             if path.stem not in {f"s{seed}" for seed in seeds}:
                 path.unlink()
-        convert_to(self.raw, self.root, options=MadeOptions(num_objects=num_objects), replace_old=True)
+        convert_to(self.raw, self.root, options=MadeOptions(num_objects=num_objects), replace=True)
         for seed in seeds:
             self.held[seed] = dict([self.hash_of(seed, num_objects)])
 

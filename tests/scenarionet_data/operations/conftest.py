@@ -50,7 +50,7 @@ def _changed(tmp_path_factory):
     Lake(root).filter("ends_with(scenario_id, '3')", name="same")
     (raw / "a.made").write_text("1\n4")
     (raw / "b.made").unlink()
-    convert(NAME, str(raw), root, options=MadeOptions(num_objects=3), replace_old=True)
+    convert(NAME, str(raw), root, options=MadeOptions(num_objects=3), replace=True)
     return root
 
 

@@ -181,7 +181,7 @@ def test_members_that_have_changed_since_are_packed_as_they_were(tmp_path):
     then.filter("true", name="old")
     wanted = hashes(then, "old")
     (raw / "a.made").write_text("1")
-    convert(made.NAME, str(raw), root, options=made.MadeOptions(num_objects=3), replace_old=True)
+    convert(made.NAME, str(raw), root, options=made.MadeOptions(num_objects=3), replace=True)
     with pytest.warns(StaleDatabaseWarning):
         Lake(root).pack("old", tmp_path / "pack")
     opened = Lake(tmp_path / "pack")

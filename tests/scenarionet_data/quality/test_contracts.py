@@ -12,7 +12,8 @@ import pytest
 from scenarionet_data import Lake, codec, converters
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.errors import InvalidScenario
-from scenarionet_data.ingest.shard import Options, RawItem, Shard
+from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.shard import RawItem, Shard
 from scenarionet_data.quality import audit, rules
 from scenarionet_data.quality.checks import run_checks
 from scenarionet_data.quality.report import CheckReport

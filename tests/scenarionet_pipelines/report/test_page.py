@@ -87,7 +87,7 @@ def test_typed(lake, tmp_path):
     again = run("report", lake.root, "-o", file)
     assert again.exit_code == 2
     assert "--replace" in again.stderr
-    assert run("report", lake.root, "calm", "-o", file, "--replace", "--no-checks").exit_code == 0
+    assert run("report", lake.root, "calm", "-o", file, "--replace", "--no-check").exit_code == 0
     assert "Quality" not in file.read_text()
     assert run("report", lake.root, "-o", tmp_path / "report.pdf").exit_code == 2
     assert run("report", lake.root, "nobody", "-o", tmp_path / "x.html").exit_code == 2

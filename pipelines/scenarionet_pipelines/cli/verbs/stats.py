@@ -1,4 +1,4 @@
-"""``scenarionet stats``: databases side by side."""
+"""``scenarionet stats``: compare statistics of databases."""
 
 from __future__ import annotations
 
@@ -22,14 +22,17 @@ if TYPE_CHECKING:
     "scenarionet stats lake busy_train busy_val -o stats.svg",
 )
 @lake_argument
-@click.argument("databases", metavar="[DB]...", nargs=-1)
-@click.option("-o", "output", type=click.Path(dir_okay=False), help="Draw them into a .png, .svg or .pdf file.")
+@click.argument("databases", metavar="[DATABASE]...", nargs=-1)
+@click.option(
+    "-o", "--output", type=click.Path(dir_okay=False), metavar="FILE", help="Draw a chart to a .png, .svg or .pdf file."
+)
 @snapshot_option
 @json_option
 def command(lake: str, databases: tuple[str, ...], output: str | None, snapshot: int | None, as_json: bool) -> None:
-    """Compare databases: track length, vehicles, intersections, construction, ... as mean ± standard deviation.
+    """Compare statistics of databases: track length, vehicles, intersections, construction and more.
 
-    Without a DB, the whole lake. Pictures need the extra `plots` (matplotlib).
+    Values are mean ± standard deviation over scenarios. Without DATABASE, the whole lake is described. Charts require
+    the extra `plots`.
     """
     from scenarionet_data import Lake
 
@@ -38,7 +41,7 @@ def command(lake: str, databases: tuple[str, ...], output: str | None, snapshot:
         from scenarionet_data.plots import write_comparison
 
         write_comparison(found, output)
-        click.echo(f"drawn in {output}", err=True)
+        click.echo(f"wrote {output}", err=True)
     if as_json:
         print_json({"databases": [asdict(each) for each in found]})
     elif not output:
