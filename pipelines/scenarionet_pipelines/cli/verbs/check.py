@@ -96,6 +96,7 @@ def command(
     """
     from scenarionet_data import Lake
     from scenarionet_data.quality.checks import run_checks
+    from scenarionet_data.quality.passing import save_passing
     from scenarionet_data.quality.scorecard import make_scorecard
 
     _check_outputs(output, broken, scorecard)
@@ -110,7 +111,7 @@ def command(
                 "replays", _REPLAYS, _simulate(opened, database, workers, execution.measured, quiet)
             )
     card = make_scorecard(findings) if scorecard else None
-    made = save_passing(findings, name, is_strict=strict, replace=replace) if name else None
+    made = save_passing(findings, name, strict=strict, replace=replace) if name else None
     if broken:
         _write(findings.rows, broken)
     if card and output:
