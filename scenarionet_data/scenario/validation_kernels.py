@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.dtypes import Array
 
 
-@njit(cache=True)
+@kernel
 def count_faults(values: Array, valid: Array) -> tuple[int, int]:
-    """Count values that are NaN or infinite, and finite values that are not 0 where ``valid`` is False.
+    """Count values that are not finite, and others that are not 0 at invalid states.
 
     Args:
         values: (N, T, D) float32.

@@ -22,7 +22,7 @@ from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import snapshot as snapshots
-from scenarionet_data.storage.write.shared_map import write_shared_map
+from scenarionet_data.storage.write.map_tiles import write_shared_map
 from tests.fixtures import datasets
 from tests.fixtures.lakes import write_shard
 from tests.fixtures.scenarios import renamed

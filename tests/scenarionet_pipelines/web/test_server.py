@@ -174,9 +174,9 @@ def test_saving_takes_our_own_page_and_its_secret(tmp_path):
         assert lake.databases == ["mine", "several"]
 
 
-def test_a_port_that_is_taken_is_said_so(lake):
+def test_a_port_in_use_is_an_error(lake):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
-        with pytest.raises(BadParameter, match="try another --port"):
+        with pytest.raises(BadParameter, match="choose another port"):
             Server(lake, port=taken.getsockname()[1])
