@@ -132,14 +132,13 @@ def check_command(*scenarionet: str | Path, cwd: Path) -> None:
     """Converters, a conversion, a question, a filter."""
     names = {each["name"] for each in json.loads(call(*scenarionet, "converters", "--json", cwd=cwd))["converters"]}
     assert {"pg", "scenarionet", "waymo"} <= names
-    source = (ROOT / "tests/fixtures/made.py").read_text()
-    (cwd / "own.py").write_text(source.replace("from tests.fixtures import", "import").replace("tests.fixtures.", ""))
-    for name in ("gate.py", "scenarios.py"):
-        shutil.copy(ROOT / "tests/fixtures" / name, cwd)
+    (cwd / "tests" / "fixtures").mkdir(parents=True)
+    for name in ("gate.py", "made.py", "scenarios.py", "waiting.py"):
+        shutil.copy(ROOT / "tests/fixtures" / name, cwd / "tests" / "fixtures")
     (cwd / "raw").mkdir()
     (cwd / "raw" / "a.made").write_text("1\n2\n3")
     (cwd / "raw" / "b.made").write_text("4\n5")
-    call(*scenarionet, "convert", "own:Made", "raw", "lake", "--workers", "1", cwd=cwd)
+    call(*scenarionet, "convert", "tests.fixtures.made:Made", "raw", "lake", "--workers", "1", cwd=cwd)
     rows = json.loads(call(*scenarionet, "sql", "lake", "summary", "--json", cwd=cwd))["rows"]
     assert rows[0]["scenarios"] == 5
     text = call(*scenarionet, "filter", "lake", "--filter", "object_count:min=1", "--name", "some", cwd=cwd)
