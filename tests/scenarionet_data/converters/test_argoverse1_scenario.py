@@ -27,8 +27,9 @@ class TestRecordings(ConverterConformance):
     damaged_glob = "*.csv"
     options = {"has_map": False}  # noqa: RUF012
 
-    @pytest.fixture
-    def raw(self, recordings: Path) -> Path:
+    @pytest.fixture(scope="class")
+    @classmethod
+    def raw(cls, recordings: Path) -> Path:
         return recordings / "argoverse1"
 
 

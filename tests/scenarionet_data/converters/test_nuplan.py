@@ -44,8 +44,9 @@ class Conformance(ConverterConformance):
     split = "mini"
     damaged_glob = "*.db"
 
-    @pytest.fixture
-    def raw(self, written: Path) -> Path:
+    @pytest.fixture(scope="class")
+    @classmethod
+    def raw(cls, written: Path) -> Path:
         return written
 
 
@@ -75,8 +76,9 @@ class TestRecorded(ConverterConformance):
     split = "mini"
     damaged_glob = None
 
-    @pytest.fixture
-    def raw(self, recorded: Path) -> Path:
+    @pytest.fixture(scope="class")
+    @classmethod
+    def raw(cls, recorded: Path) -> Path:
         return recorded
 
 

@@ -35,17 +35,20 @@ class TestVintages(ConverterConformance):
     converter = CONVERTER
     damaged_glob = "sd_*.pkl"
 
-    @pytest.fixture
-    def raw(self, tmp_path: Path) -> Path:
-        return made.write_vintages(tmp_path / "vintages")
+    @pytest.fixture(scope="class")
+    @classmethod
+    def raw(cls, tmp_path_factory: pytest.TempPathFactory) -> Path:
+        folder = tmp_path_factory.mktemp("raw")
+        return made.write_vintages(folder / "vintages")
 
 
 class TestRecordings(ConverterConformance):
     converter = CONVERTER
     damaged_glob = "sd_*.pkl"
 
-    @pytest.fixture
-    def raw(self, recordings: Path) -> Path:
+    @pytest.fixture(scope="class")
+    @classmethod
+    def raw(cls, recordings: Path) -> Path:
         return recordings / "scenarionet"
 
     def test_every_recording_is_read(self, raw: Path) -> None:
