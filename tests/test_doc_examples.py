@@ -121,8 +121,10 @@ def test_database_examples_run(tmp_path, monkeypatch):
             assert program == "scenarionet"
             result = CliRunner().invoke(cli, words)
             assert result.exit_code == 0, command + result.output
-        (code,) = blocks("docs/guides/databases.md", "python")
-        exec(code, {})
+        codes = blocks("docs/guides/databases.md", "python")
+        assert len(codes) == 2
+        for code in codes:
+            exec(code, {})
 
 
 @pytest.mark.long

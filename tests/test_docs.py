@@ -103,6 +103,18 @@ def test_each_flow_has_ten_steps():
         assert re.findall(r"^(\d+)\.", flow, re.MULTILINE) == [str(number) for number in range(1, 11)]
 
 
+def test_examples_import_public_names_by_one_line_per_package():
+    """``from scenarionet_data import ...``; modules that are public by themselves are listed here."""
+    public = {"scenarionet_data.testing", "scenarionet_pipelines.cluster"}
+    wrong = []
+    for page in (ROOT / "README.md", *(ROOT / "docs").rglob("*.md")):
+        for block in blocks(page.relative_to(ROOT).as_posix(), "python"):
+            modules = re.findall(r"^(?:from|import) ((?:scenarionet)_\w+[\w.]*)", block, re.MULTILINE)
+            wrong += [(page.name, name) for name in modules if "." in name and name not in public]
+            wrong += [(page.name, name) for name in set(modules) if modules.count(name) > 1]
+    assert wrong == []
+
+
 def test_sensors_page_lists_every_sensor():
     page = (ROOT / "docs" / "guides" / "sensors.md").read_text("utf-8")
     kinds = [name for name in sensors.__all__ if name not in ("Sensor", "Channel")]
