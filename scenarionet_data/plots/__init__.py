@@ -11,7 +11,7 @@
     plots.small_multiples(scenarios)                       # many scenarios in a grid
     plots.draw_profiles(scenario, ["t1", "t7"])            # speed, acceleration, curvature
     plots.draw_distributions(lake)                         # histograms of columns of metadata
-    plots.draw_comparison(lake.compare(["busy", "calm"]))  # means and standard deviations
+    plots.draw_comparison(lake.compare("busy", "calm"))    # means and standard deviations
 
 Colours and sizes are defined in :mod:`scenarionet_data.plots.palette`, which has no dependencies. Drawing requires
 matplotlib (extra ``plots``), mp4 videos require PyAV (extra ``video``). No display is needed, and the global state of

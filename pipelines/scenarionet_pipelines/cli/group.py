@@ -13,16 +13,16 @@ import click
 
 from scenarionet_data.errors import (
     DatabaseNotFound,
-    LayerNotFound,
     QueryError,
     ScenarioNetError,
     SourceNotFound,
+    UserColumnNotFound,
 )
 from scenarionet_pipelines.cli.advice import one_line
 from scenarionet_pipelines.cli.deprecated import current_spelling
 from scenarionet_pipelines.cli.interrupt import Interrupted
 
-_USAGE_ERRORS = (QueryError, SourceNotFound, DatabaseNotFound, LayerNotFound)
+_USAGE_ERRORS = (QueryError, SourceNotFound, DatabaseNotFound, UserColumnNotFound)
 """Mistakes in what was typed (exit code 2); every other error concerns data (exit code 1)."""
 
 
@@ -103,4 +103,4 @@ class Verbs(click.Group):
 
 
 def _show_warning(message: Warning | str, category: type[Warning], *rest: Any) -> None:  # noqa: ARG001
-    click.echo(f"warning: {message}", err=True)
+    click.echo(f"warning: {one_line(message)}", err=True)
