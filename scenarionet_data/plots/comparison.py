@@ -8,6 +8,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.operations.comparison import DatabaseStatistics
 from scenarionet_data.plots.files import PICTURES, write_figure
 from scenarionet_data.plots.palette import SERIES
 from scenarionet_data.plots.style import new_figure, plain, styled
