@@ -1,13 +1,14 @@
-"""The conformance suite: what every converter must pass. A dataset's own test inherits it.
+"""Conformance suite that every converter must pass; the test of a dataset inherits it.
 
     class TestWaymo(ConverterConformance):
         converter = Waymo()
 
-        @pytest.fixture
-        def raw(self, tmp_path):
-            return write_waymo_fixture(tmp_path)
+        @pytest.fixture(scope="class")
+        @classmethod
+        def raw(cls, tmp_path_factory):
+            return write_waymo_fixture(tmp_path_factory.mktemp("raw"))
 
-The suite needs pytest only in the tests that use it; nothing here imports it.
+This module does not import pytest.
 """
 
 from __future__ import annotations
@@ -28,25 +29,38 @@ from scenarionet_data.ingest.input_properties import PLACEHOLDER
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.description import ScenarioDescription
 
+_converted: dict[tuple[type, str], list[ScenarioDescription]] = {}
+"""The most recent result of :meth:`ConverterConformance.scenarios`."""
+
 
 class ConverterConformance:
-    """Inherit, set ``converter``, provide a fixture ``raw`` (the raw folder, or a PG range), run pytest."""
+    """Inherit, set ``converter``, provide a fixture ``raw`` (the raw folder, or a PG range), run pytest.
+
+    A class-scoped ``raw`` is converted once for all tests.
+    """
 
     converter: Converter[Any]
     split: str = "train"
     options: dict[str, Any] = {}  # noqa: RUF012
     damaged_glob: str | None = "*"
-    """Files that the damage test truncates, empties and fills with garbage; None when raw is no folder."""
+    """Files that the damage test truncates, empties and fills with garbage; None if raw is not a folder."""
 
-    # --- what a subclass may use ---------------------------------------------------------------------
+    # --- helpers for subclasses ----------------------------------------------------------------------
 
     def shards(self, raw: Any) -> list[Shard]:
-        """The shards of ``raw`` with the suite's options."""
+        """Shards of ``raw`` with the suite's options."""
         options = self.converter.Options(**self.options)
         return list(self.converter.shards(str(raw), self.split, self.converter.release, options))
 
-    def scenarios(self, raw: Any) -> Iterator[ScenarioDescription]:
-        """Every scenario of every shard."""
+    def scenarios(self, raw: Any) -> list[ScenarioDescription]:
+        """All scenarios of all shards; converted once per class and ``raw``."""
+        key = (type(self), str(raw))
+        if key not in _converted:
+            _converted.clear()
+            _converted[key] = list(self._convert(raw))
+        return _converted[key]
+
+    def _convert(self, raw: Any) -> Iterator[ScenarioDescription]:
         for shard in self.shards(raw):
             for record in self.converter.records(shard):
                 yield self.converter.scenario(shard, record)
@@ -54,7 +68,7 @@ class ConverterConformance:
     # --- the suite -----------------------------------------------------------------------------------
 
     def test_shards_pickle_and_have_unique_keys(self, raw: Any) -> None:
-        """A shard travels to a worker, and no two shards are the same work."""
+        """Shards can be sent to workers, and no two describe the same work."""
         shards = self.shards(raw)
         assert shards, "no shards"
         assert [pickle.loads(pickle.dumps(shard)) for shard in shards] == shards
@@ -64,7 +78,7 @@ class ConverterConformance:
         assert all(shard.split == self.split and shard.dataset == self.converter.name for shard in shards)
 
     def test_scenarios_validate_with_unique_ids(self, raw: Any) -> None:
-        """Structure holds for every scenario, and ids are unique across shards."""
+        """Every scenario is valid, and ids are unique across shards."""
         ids = []
         for scenario in self.scenarios(raw):
             scenario.validate()
@@ -76,19 +90,18 @@ class ConverterConformance:
         assert len(set(ids)) == len(ids)
 
     def test_conversion_is_deterministic(self, raw: Any) -> None:
-        """The same input gives the same bits."""
-        for first, second in zip(self.scenarios(raw), self.scenarios(raw), strict=True):
+        """The same input gives identical bits."""
+        for first, second in zip(self.scenarios(raw), self._convert(raw), strict=True):
             assert differences(first, second) == []
 
-    def test_source_log_tells_windows_apart(self, raw: Any) -> None:
-        """Scenarios of one log name it, so that splits can keep them together."""
+    def test_windows_of_a_log_name_it(self, raw: Any) -> None:
+        """Scenarios cut from one log name the log, so that splits can keep them together."""
         for scenario in self.scenarios(raw):
             if "@" in scenario.id:
                 assert scenario.source.log
 
     def test_contracts_hold(self, raw: Any, tmp_path_factory: Any) -> None:
-        """Converted into a lake, nothing breaks a rule of ``sql/checks``; soft ones as far as ``budgets`` allow."""
-        from scenarionet_data import Lake
+        """A lake of the scenarios breaks no hard rule of ``sql/checks``, and soft ones only within ``budgets``."""
         from scenarionet_data.conversion import convert
         from scenarionet_data.quality.checks import run_checks
 
@@ -96,11 +109,11 @@ class ConverterConformance:
         kind = type(self.converter)
         options = self.converter.Options(**self.options)
         convert(f"{kind.__module__}:{kind.__qualname__}", str(raw), lake, split=self.split, options=options)
-        broken = [result for result in run_checks(Lake(lake)) if not result.is_met]
+        broken = [result for result in run_checks(lake).results if not result.is_met]
         assert broken == []
 
     def test_encodes_and_round_trips(self, raw: Any) -> None:
-        """Typed arrays to tables and back, bit for bit."""
+        """Encoding to tables and decoding gives identical bits."""
         from scenarionet_data import codec
 
         for scenario in self.scenarios(raw):
@@ -122,19 +135,19 @@ class ConverterConformance:
             target.write_bytes(damage(target.read_bytes()))
             assert self._is_refused(copy), f"a file that was {how} was accepted: {files[0].name}"
 
-    def test_files_name_all_that_is_read(self, raw: Any, tmp_path_factory: Any) -> None:
-        """Whoever has nothing but what ``files`` names makes the same scenarios: a worker, of an object store."""
-        from scenarionet_data.conversion.remote_raw.listing import moved
+    def test_files_names_everything_that_is_read(self, raw: Any, tmp_path_factory: Any) -> None:
+        """A folder with nothing but the files that ``files`` names gives the same scenarios."""
+        from scenarionet_data.conversion.remote_raw.mirror import relocated
 
         for shard in self.shards(raw)[-1:]:
-            here = moved(shard, shard.root, str(tmp_path_factory.mktemp("worker")))
-            for batch in self.converter.files(here):
-                _copy(Path(shard.root), Path(here.root), batch)
-            for first, second in zip(*map(self._first_scenarios, (shard, here)), strict=True):
+            local = relocated(shard, shard.root, str(tmp_path_factory.mktemp("worker")))
+            for batch in self.converter.files(local):
+                _copy(Path(shard.root), Path(local.root), batch)
+            for first, second in zip(*map(self._first_scenarios, (shard, local)), strict=True):
                 assert differences(first, second) == []
 
-    def test_listing_reads_no_more_than_it_says(self, raw: Any, tmp_path_factory: Any) -> None:
-        """Where all files but those in ``listed`` are placeholders, the shards have the same names and inputs."""
+    def test_listing_reads_only_the_listed_files(self, raw: Any, tmp_path_factory: Any) -> None:
+        """Shards have the same names and inputs if all files except those in ``listed`` are placeholders."""
         if not Path(raw).is_dir():
             return
         copy = tmp_path_factory.mktemp("listed") / Path(raw).name
@@ -143,11 +156,11 @@ class ConverterConformance:
             if path.is_file() and not any(path.match(pattern) for pattern in self.converter.listed):
                 path.chmod(0o644)
                 path.write_bytes(PLACEHOLDER)
-        found, wanted = (
+        found, expected = (
             sorted((shard.name, *(item.name for item in shard.items)) for shard in self.shards(place))
             for place in (copy, raw)
         )
-        assert found == wanted
+        assert found == expected
 
     def _first_scenarios(self, shard: Shard) -> list[ScenarioDescription]:
         return [self.converter.scenario(shard, record) for record in islice(self.converter.records(shard), 2)]
@@ -167,7 +180,7 @@ class ConverterConformance:
 
 
 def _copy(source: Path, target: Path, names: Iterable[str]) -> None:
-    """Copy the files of these names, of which some may be patterns, or not be there."""
+    """Copy files by name or pattern; skip missing ones."""
     for name in names:
         for path in source.glob(name) if "*" in name else [source / name]:
             if path.is_file():
@@ -184,7 +197,7 @@ _DAMAGES: dict[str, Callable[[bytes], bytes]] = {
 
 
 def differences(first: Any, second: Any, path: str = "scenario") -> list[str]:
-    """Fields in which two scenarios (or parts) differ, bit for bit; NaN equals NaN."""
+    """Return the fields in which two scenarios (or parts) differ, bit for bit; NaN equals NaN."""
     if isinstance(first, np.ndarray):
         same = (
             isinstance(second, np.ndarray)

@@ -1,15 +1,13 @@
-"""The name and version of this software, as lineage and ``scenarionet --version`` give them."""
+"""Name and version of the distribution, as recorded in lineage and printed by ``scenarionet --version``."""
 
 from __future__ import annotations
 
-from importlib import metadata
-
 PACKAGE = "scenarionet-lake"
+
+__version__ = "0.1.0"
+"""The only place that states the version; the build backend reads it from this line."""
 
 
 def name_and_version() -> str:
-    """For example ``scenarionet-lake 0.1.0``."""
-    try:
-        return f"{PACKAGE} {metadata.version(PACKAGE)}"
-    except metadata.PackageNotFoundError:
-        return f"{PACKAGE} (from source)"
+    """Return for example ``scenarionet-lake 0.1.0``."""
+    return f"{PACKAGE} {__version__}"

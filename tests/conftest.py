@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import uuid
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,8 +14,22 @@ from hypothesis import settings
 from tests.fixtures import object_store
 from tests.fixtures.object_store import BUCKET, ObjectStore
 
-settings.register_profile("scenarionet", deadline=None)  # a busy machine is no failure
-settings.load_profile("scenarionet")
+# No deadlines: how long an example takes depends on the machine.
+settings.register_profile("quick", deadline=None, max_examples=30)
+settings.register_profile("thorough", deadline=None, max_examples=100)
+settings.load_profile(os.environ.get("SCENARIONET_HYPOTHESIS", "quick"))
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """Print the processor time of the run, including pytest-xdist's workers and all subprocesses.
+
+    Runs after the workers have ended: the operating system counts only children that have been waited for.
+    """
+    if hasattr(config, "workerinput") or config.option.collectonly:
+        return
+    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    seconds = sum(each.ru_utime + each.ru_stime for each in used)
+    config.get_terminal_writer().line(f"processor time of all processes: {seconds:.0f} s")
 
 
 @pytest.fixture(scope="session")

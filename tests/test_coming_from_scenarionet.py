@@ -1,4 +1,4 @@
-"""The README's table of ScenarioNet's scripts: every script is in it, and what stands beside it can be typed."""
+"""The table of ScenarioNet's scripts: it has every script, and the commands beside them parse."""
 
 from __future__ import annotations
 
@@ -11,31 +11,31 @@ import pytest
 
 from scenarionet_pipelines.cli import cli
 
-README = (Path(__file__).parents[1] / "README.md").read_text("utf-8")
+PAGE = (Path(__file__).parents[1] / "docs" / "guides" / "coming_from_scenarionet.md").read_text("utf-8")
 SCRIPTS = {
     "check_existence", "check_overlap", "check_simulation", "convert_argoverse2", "convert_nuplan", "convert_nuscenes",
     "convert_pg", "convert_waymo", "cp", "filter", "generate_from_error_file", "list", "merge", "num", "sim", "split",
 }  # fmt: skip
-"""What `python -m scenarionet.list` lists in ScenarioNet 0.1.1."""
+"""Scripts listed by `python -m scenarionet.list` in ScenarioNet 0.1.1."""
 
-SECTION = README.partition("## Coming from ScenarioNet")[2].partition("\n## ")[0]
-ROWS = [line.strip("| ").split(" | ") for line in SECTION.splitlines() if line.startswith("| ") and "---" not in line]
-COMMANDS = re.findall(r"`(scenarionet [^`]+)`", SECTION)
+TABLE = PAGE.partition("\n| ScenarioNet: ")[2].partition("\n\n")[0]
+ROWS = [line.strip("| ").split(" | ") for line in TABLE.splitlines() if line.startswith("| ") and "---" not in line]
+COMMANDS = re.findall(r"`(scenarionet [^`]+)`", PAGE)
 
 
-def test_every_script_is_there():
-    found = {word.split()[0] for left, _ in ROWS[1:] for word in re.findall(r"`([^`]+)`", left)}
+def test_table_has_every_script():
+    found = {word.split()[0] for left, _ in ROWS for word in re.findall(r"`([^`]+)`", left)}
     assert {word for word in found if not word.startswith("-")} == SCRIPTS
 
 
-def test_every_row_says_what_to_type():
+def test_every_row_has_a_command():
     assert len(ROWS) >= 20
-    assert [left for left, right in ROWS[1:] if "`" not in right] == []
+    assert [left for left, right in ROWS if "`" not in right] == []
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_can_be_typed(command):
-    """Parsed, not run: the verb exists, and takes these arguments and options."""
+def test_command_parses(command):
+    """The verb exists and accepts these arguments and options; nothing runs."""
     words = shlex.split(command)[1:]
     if words == ["--help"]:
         return

@@ -29,17 +29,38 @@ from tests.fixtures.waymo import scenario_bytes, write_tfrecord
 
 
 def test_readme_examples_run(monkeypatch, tmp_path):
-    """With recordings beside it."""
+    assert run_blocks("README.md", monkeypatch, tmp_path) == 7
+
+
+@pytest.mark.long
+def test_first_tutorial_runs(monkeypatch, tmp_path):
+    pytest.importorskip("matplotlib", reason="the extra `plots` is not installed")
+    assert run_blocks("docs/tutorials/first_lake.md", monkeypatch, tmp_path) == 9
+
+
+@pytest.mark.long
+def test_driving_tutorial_runs(monkeypatch, tmp_path):
+    assert run_blocks("docs/tutorials/drive_and_evaluate.md", monkeypatch, tmp_path) == 6
+
+
+@pytest.mark.long
+def test_loading_examples_run(monkeypatch, tmp_path):
+    assert run_blocks("docs/guides/load.md", monkeypatch, tmp_path) == 2
+
+
+@pytest.mark.long
+def test_conversion_examples_run(monkeypatch, tmp_path):
+    """With recordings beside the lake."""
     write_tfrecord(tmp_path / "recordings/waymo/training/training.tfrecord-00000-of-01000", [scenario_bytes(1)])
     write_forecasting(tmp_path / "recordings/argoverse2/val", num_scenarios=2, seed=0)
     write_vintages(tmp_path / "recordings/pickles")
-    assert run_blocks("README.md", monkeypatch, tmp_path) >= 9
+    assert run_blocks("docs/guides/convert.md", monkeypatch, tmp_path) == 4
 
 
 @pytest.mark.long
 def test_evaluation_examples_run(monkeypatch, tmp_path):
     assert run_blocks("docs/guides/evaluation.md", monkeypatch, tmp_path) >= 5
-    runs = Lake(tmp_path / "lake").ask("runs")
+    runs = Lake(tmp_path / "lake").named_query("runs")
     planner = runs.filter(run="driven-my_planner.Planner-replay-kinematic")
     assert planner["success"].item() > 0.8, "the page's planner follows its route"
 
@@ -58,7 +79,6 @@ def test_simulator_examples_run(monkeypatch, tmp_path):
 
 @pytest.mark.long
 def test_examples_of_pictures_run(monkeypatch, tmp_path):
-    pytest.importorskip("plotly", reason="the extra `notebooks` is not installed")
     assert run_blocks("docs/guides/pictures.md", monkeypatch, tmp_path) == 4
     written = {path.name for path in tmp_path.iterdir()}
     assert {
@@ -67,7 +87,6 @@ def test_examples_of_pictures_run(monkeypatch, tmp_path):
         "two.pdf",
         "eight.png",
         "scenario.gif",
-        "explore.html",
         "comparison.svg",
     } <= written
 
@@ -123,7 +142,7 @@ def test_the_page_of_checks_runs(tmp_path, monkeypatch):
     lines = [line.partition("#")[0].split() for line in typed]
     results = [CliRunner().invoke(cli, line[1:]) for line in lines]
     assert [result.exit_code for result in results] == [0] * 3, results[0].output
-    assert "ego_is_alone             1  50.00%  made/v1/s000001: nobody else is there" in results[0].output
+    assert "ego_is_alone             1  50.00%  made/v1/s000001: no other object" in results[0].output
     assert pl.read_csv("scorecard.csv").height == len(rules.names())
     assert len(lake.database("good")) == 2
     assert pl.read_parquet("broken.parquet")["scenario_id"].to_list() == [make_scenario(1).id]
@@ -207,10 +226,10 @@ lake = Lake(copy / "lake")
 if kind == "derived column":
     assert (lake.sql("SELECT mean_object_speed_kmh AS v FROM metadata")["v"] > 30).all()
 elif kind == "filter":
-    assert 0 < len(lake.filter(name="crowded", named=["crowded:per_100m=10"])) <= 4
+    assert 0 < len(lake.filter(name="crowded", filters=["crowded:per_100m=10"])) <= 4
 else:
     from scenarionet_data.quality.checks import run_checks
-    (result,) = [r for r in run_checks(lake) if r.name == "ego_moves_backwards"]
+    (result,) = [r for r in run_checks(lake).results if r.name == "ego_moves_backwards"]
     assert result.doc
 """
     page = "docs/explanation/architecture.md"

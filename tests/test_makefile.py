@@ -48,8 +48,8 @@ def test_convert_says_in_one_line_what_to_set(words, says):
         ("DATASET=pg RAW=0:200", {}, "convert 'pg' '0:200' 'lake'"),
         ("DATASET=waymo", {"SCENARIONET_RAW": "/raw"}, "convert 'waymo' '/raw/waymo' 'lake'"),
         ("DATASET=nuplan", {"NUPLAN_DATA_ROOT": "/nuplan"}, "convert 'nuplan' '/nuplan' 'lake'"),
-        ("DATASET=pg RAW=0:9 LAKE=other SPLIT=val WORKERS=3 ARGS=--stale", {},
-         "convert 'pg' '0:9' 'other' --split 'val' --workers '3' --stale"),
+        ("DATASET=pg RAW=0:9 LAKE=other SPLIT=val WORKERS=3 ARGS=--reconvert-stale", {},
+         "convert 'pg' '0:9' 'other' --split 'val' --workers '3' --reconvert-stale"),
     ],
 )  # fmt: skip
 def test_convert_is_the_command_line(words, environment, command):

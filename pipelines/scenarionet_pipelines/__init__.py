@@ -1,1 +1,1 @@
-"""What drives the packages: the command line, batch conversion, benchmarks."""
+"""Applications on top of the data and simulator packages: command line, web page, report, Dask clusters, notebooks."""

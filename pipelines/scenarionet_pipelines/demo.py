@@ -1,4 +1,4 @@
-"""``make demo``: the main job from nothing to pickles, without a download, each step as one would type it."""
+"""``make demo``: the whole workflow on generated scenarios, each step as a user would type it."""
 
 from __future__ import annotations
 
@@ -12,61 +12,56 @@ from pathlib import Path
 import click
 
 from scenarionet_pipelines.cli import cli
-from scenarionet_pipelines.cli.interrupt import stop_cleanly
+from scenarionet_pipelines.cli.interrupt import handle_signals
 from scenarionet_pipelines.cli.output import duration, print_table
 
-_MARK = ".made-by-demo"
+_MARKER = ".made-by-demo"
 
 
 def run(folder: str, num_scenarios: int = 200) -> None:
-    """Generate scenarios, look at them, choose, split, load and export.
+    """Generate, inspect, query, filter, split, load, draw and export scenarios.
 
     Args:
-        folder: Made anew; what an earlier demo left there is removed.
-        num_scenarios: How many scenarios to generate.
+        folder: Output folder; the output of an earlier demo is removed.
+        num_scenarios: Number of scenarios to generate.
+
+    Raises:
+        UsageError: The folder exists and was not created by the demo.
     """
-    _clear(Path(folder))
-    began = time.monotonic()
-    took = []
-    for number, (title, step) in enumerate(_steps(f"{folder}/lake", f"{folder}/pickles", num_scenarios), start=1):
-        click.secho(f"\n{number}. {title}", bold=True)
-        started = time.monotonic()
-        step()
-        took.append((number, title, duration(time.monotonic() - started)))
-    click.secho("\nDone", bold=True)
-    print_table([*took, ("", "together", duration(time.monotonic() - began))])
-    click.echo(f"Go on with: scenarionet sql {folder}/lake 'SELECT * FROM metadata LIMIT 3'")
+    output = Path(folder)
+    if output.exists() and not (output / _MARKER).exists():
+        raise click.UsageError(f"{output} exists and was not made by the demo; choose another folder")
+    shutil.rmtree(output, ignore_errors=True)
+    output.mkdir(parents=True)
+    (output / _MARKER).touch()
 
-
-def _steps(lake: str, pickles: str, num_scenarios: int) -> list[tuple[str, Callable[[], None]]]:
-    """Titles and what to do."""
-    where = "ego_distance > 10 AND num_objects > 5"
-    kinds = "SELECT object_type, count(*) AS objects, max(max_speed) AS fastest FROM objects GROUP BY ALL"
-    return [
-        (
-            f"Generate {num_scenarios} scenarios (the first time compiles the generator, half a minute)",
-            _type("convert", "pg", f"0:{num_scenarios}", lake),
-        ),
-        ("See what the lake holds", _type("list", lake)),
-        ("Ask a question", _type("sql", lake, kinds)),
-        ("Choose the busy ones", _type("filter", lake, "--where", where, "--to", "busy")),
-        ("Split them", _type("split", lake, "busy", "--fractions", "train=0.9", "val=0.1")),
-        ("Load one", lambda: _load(lake)),
-        ("Export pickles for MetaDrive", _type("export", lake, "busy_val", pickles, "--format", "scenarionet")),
+    lake, picture, pickles = f"{folder}/lake", f"{folder}/scenario.png", f"{folder}/pickles"
+    objects = "SELECT object_type, count(*) AS objects, max(max_speed) AS fastest FROM objects GROUP BY ALL"
+    busy = "ego_distance > 10 AND num_objects > 5"
+    steps = [
+        (f"Generate {num_scenarios} scenarios", _command("convert", "pg", f"0:{num_scenarios}", lake)),
+        ("List what the lake contains", _command("list", lake)),
+        ("Query it in SQL", _command("sql", lake, objects)),
+        ("Filter the busy scenarios", _command("filter", lake, "--where", busy, "--name", "busy")),
+        ("Split them", _command("split", lake, "busy", "--fractions", "train=0.9", "val=0.1")),
+        ("Load one in Python", lambda: _load(lake)),
+        ("Draw it", _command("render", lake, "pg/v1/0", "-o", picture)),
+        ("Export pickles for MetaDrive", _command("export", lake, "busy_val", pickles)),
     ]
+    started = time.monotonic()
+    took = []
+    for number, (title, step) in enumerate(steps, start=1):
+        click.secho(f"\n{number}. {title}", bold=True)
+        step_started = time.monotonic()
+        step()
+        took.append((number, title, duration(time.monotonic() - step_started)))
+    click.secho("\nDone", bold=True)
+    print_table([*took, ("", "total", duration(time.monotonic() - started))])
+    click.echo(f"Picture: {picture}. Next: scenarionet sql {lake} 'SELECT * FROM metadata LIMIT 3'")
 
 
-def _clear(folder: Path) -> None:
-    """Make the folder new; one that the demo did not make stays as it is."""
-    if folder.exists() and not (folder / _MARK).exists():
-        raise click.UsageError(f"{folder} is there and was not made by the demo; name another folder")
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir(parents=True)
-    (folder / _MARK).touch()
-
-
-def _type(*words: str) -> Callable[[], None]:
-    """A step that is a command line."""
+def _command(*words: str) -> Callable[[], None]:
+    """A step that prints a command line and runs it; a failure ends the demo."""
 
     def step() -> None:
         click.echo(f"$ scenarionet {shlex.join(words)}")
@@ -90,8 +85,8 @@ def _load(lake: str) -> None:
 @click.command()
 @click.argument("folder", default="demo")
 def main(folder: str) -> None:
-    """Run the demo in FOLDER."""
-    stop_cleanly()
+    """Run the demo; its output is written to FOLDER."""
+    handle_signals()
     run(folder)
 
 

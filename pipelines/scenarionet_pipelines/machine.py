@@ -1,4 +1,4 @@
-"""What this machine (or this container) has: cores, memory, disk; and how many workers that makes."""
+"""Resources of this machine or container: cores, memory and disk, and the resulting default number of workers."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import shutil
 from pathlib import Path
 
 MEMORY_PER_WORKER = 2 * 2**30
-"""Bytes a conversion's worker is granted; the largest known shard, a Waymo tfrecord, takes less."""
+"""Memory reserved per conversion worker [bytes]; the largest known shard, a Waymo tfrecord, needs less."""
 
 _CGROUP = Path("/sys/fs/cgroup")
 
 
 def num_cores() -> int:
-    """Cores this process may use: those it is bound to, and no more than its container is granted."""
+    """Return the number of cores this process may use, limited by CPU affinity and the container's quota."""
     bound = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     quota, period = (_limit("cpu.max") or "max 100000").split()
     granted = bound if quota == "max" else max(1, round(int(quota) / int(period)))
@@ -21,14 +21,14 @@ def num_cores() -> int:
 
 
 def memory() -> int:
-    """Bytes of memory of the machine, or of its container when that has less."""
+    """Return the memory of the machine or container [bytes]."""
     there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     limit = _limit("memory.max") or "max"
     return there if limit == "max" else min(there, int(limit))
 
 
 def free_disk(folder: str | Path) -> int:
-    """Free bytes where ``folder`` lies or will lie."""
+    """Return the free disk space for a folder, which need not exist yet [bytes]."""
     place = Path(folder).resolve()
     while not place.exists():
         place = place.parent
@@ -36,12 +36,12 @@ def free_disk(folder: str | Path) -> int:
 
 
 def default_workers() -> int:
-    """Worker processes for a conversion: one a core, as far as memory goes."""
+    """Return the default number of worker processes: one per core, limited by memory."""
     return max(1, min(num_cores(), memory() // MEMORY_PER_WORKER))
 
 
 def _limit(name: str) -> str | None:
-    """A limit of the container this process runs in, None outside of one."""
+    """Value of a cgroup limit of the container, None outside a container."""
     try:
         return (_CGROUP / name).read_text().strip() or None
     except OSError:

@@ -1,6 +1,6 @@
-"""Makes the canonical arrays of a scenario from what a source holds: converters call these, nothing else does.
+"""Build the canonical arrays of a scenario from a source's values; used by converters.
 
-Canonical means: float32 offsets from the origin, headings wrapped, zeros where not valid, ids as str.
+Canonical: float32 offsets from the origin, wrapped headings, zeros where not valid, ids as str.
 """
 
 from __future__ import annotations
@@ -8,12 +8,11 @@ from __future__ import annotations
 from scenarionet_data.building.features import flat_points, make_features
 from scenarionet_data.building.map_builder import MapBuilder, meets
 from scenarionet_data.building.precision import METRES, make_origin, offsets_from, rounded
-from scenarionet_data.building.tracks import TrackFacts, make_tracks, make_tracks_of_rows
+from scenarionet_data.building.tracks import make_tracks, make_tracks_of_rows
 
 __all__ = [
     "METRES",
     "MapBuilder",
-    "TrackFacts",
     "flat_points",
     "make_features",
     "make_origin",

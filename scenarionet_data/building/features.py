@@ -1,4 +1,4 @@
-"""Map features in canonical form, from columns that hold one value, or one list, of every feature."""
+"""Build canonical map features from columns with one value or one list per feature."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ def make_features(
     origin: Float64,
     has_z: bool,
 ) -> MapFeatures:
-    """Features as float32 offsets from ``origin``.
+    """Build map features as float32 offsets from ``origin``.
 
     Args:
-        ids: (M,) unique in the map.
+        ids: (M,) unique within the map.
         types: (M,) codes of ``MapFeatureType``.
         polyline, polygon: M lists of points (P, 3) float64 [m], source frame.
         width: M lists of (k, 2) [m] from the centreline to the left and right side; k is 0, 1 or the number of points.
         speed_limit: (M,) [m/s], NaN when unknown.
-        links: M lists of ids, by their names in ``ID_LISTS``; empty for names that are missing.
-        is_intersection: (M,) 1 yes, 0 no, -1 the source does not say.
+        links: M lists of ids by name in ``ID_LISTS``; missing names are empty lists.
+        is_intersection: (M,) 1 yes, 0 no, -1 unknown.
         extras: (M,) JSON text or None.
         origin: (3,) float64 [m].
-        has_z: Without, every z is 0.
+        has_z: If False, every z is set to 0.
     """
 
     def offsets(points: Ragged) -> Ragged:
@@ -66,21 +66,21 @@ def make_features(
 
 
 def _widths(width: Ragged) -> Ragged:
-    """A lane's one width stays as it is given; those given point by point are rounded."""
+    """Round widths given per point; keep a lane's single width exactly."""
     is_one_for_all = np.repeat(width.lengths == 1, width.lengths)[:, None]
     exact = width.values.astype(np.float32)
     return Ragged(width.offsets, np.where(is_one_for_all, exact, rounded(width.values, WIDTHS)))
 
 
 def flat_points(lines: Sequence[Any], height: float = 0.0) -> Ragged:
-    """Lines as M lists of points (P, 3) float64 [m]; of all at once, for numpy takes as long over one.
+    """Return lines as M lists of points (P, 3) float64 [m]; batched, as a NumPy call costs the same for one as for all.
 
     Args:
         lines: (M,) each None, empty, or (n, 2) or (n, 3) as an array or as a list of points.
-        height: z of points in the plane.
+        height: z of 2D points.
 
     Raises:
-        ValueError: The points of a line are neither in the plane nor in space, or not all in one.
+        ValueError: Points have neither 2 nor 3 coordinates, or a line mixes both.
     """
     lengths = np.array([0 if line is None else len(line) for line in lines], np.int64)
     forms: dict[tuple[bool, int], list[int]] = {}
@@ -92,7 +92,7 @@ def flat_points(lines: Sequence[Any], height: float = 0.0) -> Ragged:
     points[:, 2] = height
     for (is_array, width), rows in forms.items():
         if width not in (2, 3):
-            raise ValueError(f"wanted points of 2 or 3 coordinates, found {width}")
+            raise ValueError(f"expected points with 2 or 3 coordinates, found {width}")
         chosen = [lines[row] for row in rows]
         values = np.concatenate(chosen) if is_array else _stacked(chosen, width)
         if len(forms) == 1:
@@ -105,8 +105,8 @@ def flat_points(lines: Sequence[Any], height: float = 0.0) -> Ragged:
 
 
 def _stacked(lines: Sequence[Sequence[Sequence[float]]], width: int) -> Float64:
-    """(P, width) points of all lines; element by element in half the time that numpy takes to see their shape."""
+    """Concatenate lists of points to (P, width); twice as fast as letting NumPy infer the shape."""
     points = list(chain.from_iterable(lines))
     if set(map(len, points)) != {width}:
-        raise ValueError(f"wanted {width} coordinates of every point, as of the first")
+        raise ValueError(f"expected {width} coordinates for every point, as for the first")
     return np.fromiter(chain.from_iterable(points), np.float64, width * len(points)).reshape(-1, width)

@@ -1,30 +1,30 @@
-"""The loops that make states canonical, and that tell whether they are, compiled."""
+"""Compiled loops that bring states into canonical form."""
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array
 
 _PI = np.pi
 _BELOW_PI = np.nextafter(np.float32(np.pi), np.float32(0.0))
 
 
-@njit(cache=True)
+@kernel
 def fill_poses(
     position: Array, heading: Array, velocity: Array, valid: Array, origin: Array, steps: Array, outs: tuple[Array, ...]
 ) -> None:
-    """Positions, headings and velocities in canonical form, at the valid states alone.
+    """Fill positions, headings and velocities in canonical form, at valid states only.
 
     Args:
         position: (N, T, 3) float64 [m], source frame.
-        heading: (N, T) float64 [rad], any turn.
+        heading: (N, T) float64 [rad], not necessarily wrapped.
         velocity: (N, T, 2) float64 [m/s].
         valid: (N, T) bool.
         origin: (3,) float64 [m].
-        steps: (2,) float32 what metres and radians are rounded to, powers of two.
-        outs: The same three as float32, zeros, filled.
+        steps: (2,) float32 rounding steps of metres and radians, powers of two.
+        outs: The same three as float32; zeros on entry.
     """
     metres, radians = steps[0], steps[1]
     for row in range(valid.shape[0]):
@@ -39,15 +39,15 @@ def fill_poses(
             outs[1][row, step] = min(max(turned, -np.float32(_PI)), _BELOW_PI) if turned == turned else turned
 
 
-@njit(cache=True)
+@kernel
 def fill_sizes(size: Array, valid: Array, metres: np.float32, out: Array) -> None:
-    """Sizes at the valid states: as they are for an object that never changes, else rounded.
+    """Fill sizes at valid states: exact for objects of constant size, else rounded.
 
     Args:
         size: (N, T, 3) float32 [m].
         valid: (N, T) bool.
-        metres: What changing ones are rounded to, a power of two.
-        out: (N, T, 3) float32, zeros, filled.
+        metres: Rounding step, a power of two.
+        out: (N, T, 3) float32; zeros on entry.
     """
     for row in range(valid.shape[0]):
         first, is_changing = -1, False
@@ -63,35 +63,15 @@ def fill_sizes(size: Array, valid: Array, metres: np.float32, out: Array) -> Non
                     out[row, step, axis] = _rounded(value, metres) if is_changing else value
 
 
-@njit(cache=True)
-def count_faults(values: Array, valid: Array) -> tuple[int, int]:
-    """How many numbers are NaN or infinite, and how many of the others are not 0 where not valid.
-
-    Args:
-        values: (N, T, D) float32.
-        valid: (N, T) bool.
-    """
-    num_not_finite, num_set = 0, 0
-    for row in range(values.shape[0]):
-        for step in range(values.shape[1]):
-            for axis in range(values.shape[2]):
-                value = values[row, step, axis]
-                if not np.isfinite(value):
-                    num_not_finite += 1
-                elif value != 0 and not valid[row, step]:
-                    num_set += 1
-    return num_not_finite, num_set
-
-
-@njit(cache=True)
+@device_function
 def _rounded(value: float, step: np.float32) -> np.float32:
-    """To the nearest multiple of ``step`` (a power of two), as float32, without a negative zero."""
+    """Round to a multiple of ``step`` (a power of two), as float32, without negative zeros."""
     return np.float32(np.rint(np.float32(value) * (np.float32(1.0) / step)) * step) + np.float32(0.0)
 
 
-@njit(cache=True)
+@device_function
 def _wrapped(angle: float) -> float:
     if -_PI <= angle < _PI:
         return angle
-    turned: float = angle - 2 * _PI * np.floor((angle + _PI) / (2 * _PI))  # NaN of an infinite one
+    turned: float = angle - 2 * _PI * np.floor((angle + _PI) / (2 * _PI))  # NaN for infinity
     return turned

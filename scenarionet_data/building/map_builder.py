@@ -1,4 +1,4 @@
-"""Map features in canonical form, collected one by one."""
+"""Collect map features one by one."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _NO_POINTS, _NO_WIDTHS = np.zeros((0, 3)), np.zeros((0, 2))
 
 
 class MapBuilder:
-    """Collects map features one by one, in the source frame, and makes :class:`MapFeatures` of them.
+    """Collects map features in the source frame and builds :class:`MapFeatures` from them.
 
     Example:
         >>> builder = MapBuilder()
@@ -56,16 +56,16 @@ class MapBuilder:
         """Add one feature.
 
         Args:
-            feature_id: Unique in the map.
-            feature_type: What it is.
+            feature_id: Unique within the map.
+            feature_type: Its type.
             polyline, polygon: (n, 2) or (n, 3) [m], source frame.
             speed_limit: [m/s].
             width: (2,) or (n, 2) [m] from the centreline to the left and right side.
             entry_lanes, exit_lanes, left_neighbors, right_neighbors: Ids of lanes.
             left_boundaries, right_boundaries: Ids of lines and edges.
-            controlled_lanes: Ids of lanes a stop sign, stop line or crosswalk applies to.
-            is_intersection: None when the source does not say.
-            extras: JSON-able.
+            controlled_lanes: Ids of the lanes that a stop sign, stop line or crosswalk applies to.
+            is_intersection: None if unknown.
+            extras: JSON-serialisable.
         """
         self._rows.append(
             {
@@ -89,7 +89,7 @@ class MapBuilder:
 
     @property
     def bounds(self) -> Float64:
-        """(M, 4) min_x, min_y, max_x, max_y [m] of each feature in the source frame; NaN without geometry."""
+        """(M, 4) min_x, min_y, max_x, max_y [m] of each feature in the source frame; NaN if it has no geometry."""
         boxes = np.full((len(self._rows), 4), np.nan)
         for row, feature in enumerate(self._rows):
             points = np.concatenate([feature["polyline"], feature["polygon"]])[:, :2]
@@ -103,23 +103,23 @@ class MapBuilder:
         return any(f["polyline"][:, 2].any() or f["polygon"][:, 2].any() for f in self._rows)
 
     def crop(self, window: tuple[float, float, float, float], bounds: Float64 | None = None) -> MapBuilder:
-        """The features, whole, whose bounding box meets a window.
+        """Return the features, uncut, whose bounding box overlaps a window.
 
         Args:
             window: min_x, min_y, max_x, max_y [m] in the source frame.
-            bounds: :attr:`bounds`, when it is at hand: a city is cropped many times.
+            bounds: :attr:`bounds`, if already computed; a city map is cropped many times.
         """
         boxes = self.bounds if bounds is None else bounds
         return self.take(np.flatnonzero(meets(boxes, window)))
 
     def take(self, rows: Array) -> MapBuilder:
-        """The features at ``rows``, in that order."""
+        """Return the features at ``rows``, in that order."""
         chosen = MapBuilder()
         chosen._rows = [self._rows[row] for row in rows]
         return chosen
 
     def build(self, origin: Float64, has_z: bool = True) -> MapFeatures:
-        """The features as float32 offsets from ``origin``; z is 0 without ``has_z``."""
+        """Build the features as float32 offsets from ``origin``; z is 0 unless ``has_z``."""
         rows = self._rows
 
         def column(name: str) -> list[Any]:
@@ -145,13 +145,13 @@ class MapBuilder:
 
 
 def meets(boxes: Float64, window: tuple[float, float, float, float]) -> Bool:
-    """(M,) which boxes (M, 4) touch or overlap a window, both as min_x, min_y, max_x, max_y; never for NaN."""
+    """(M,) whether boxes (M, 4) overlap a window, both as min_x, min_y, max_x, max_y; False for NaN."""
     min_x, min_y, max_x, max_y = window
     return (boxes[:, 0] <= max_x) & (boxes[:, 2] >= min_x) & (boxes[:, 1] <= max_y) & (boxes[:, 3] >= min_y)
 
 
 def _points(points: npt.ArrayLike | None) -> Float64:
-    """(n, 3) float64, z = 0 for points in the plane."""
+    """(n, 3) float64 points, with z = 0 for 2D points."""
     if points is None:
         return _NO_POINTS
     array = np.asarray(points, dtype=np.float64)

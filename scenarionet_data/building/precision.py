@@ -1,4 +1,4 @@
-"""How finely a scenario's numbers are kept, and the origin they are kept from."""
+"""Rounding of a scenario's numbers, and the origin of its coordinates."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ import numpy.typing as npt
 from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64
 
 METRES = 2.0**-14
-"""Positions and speeds are multiples of this: 0.06 mm, what float32 resolves half a kilometre from the origin."""
+"""Rounding step of positions and speeds: 0.06 mm, the resolution of float32 at 500 m from the origin."""
 
 WIDTHS = 2.0**-10
-"""Lane widths given point by point are multiples of this: 1 mm."""
+"""Rounding step of lane widths given per point: 1 mm."""
 
 RADIANS = 2.0**-20
-"""Headings are multiples of this: a millionth of a radian."""
+"""Rounding step of headings: 1e-6 rad."""
 
 
 def rounded(values: npt.ArrayLike, step: float) -> Float32:
-    """Values to the nearest multiple of ``step``, as float32.
+    """Round to multiples of ``step``, as float32.
 
-    A recorder's noise below that would fill a fifth of the lake with digits nobody measured.
+    Digits below the precision of any sensor would take up a fifth of the lake.
     """
-    with np.errstate(over="ignore"):  # beyond float32 becomes infinite, which validation names
+    with np.errstate(over="ignore"):  # overflow becomes infinity, which validation reports
         array = np.array(values, dtype=np.float32)
         array *= np.float32(1.0 / step)  # a power of two: exact
         np.rint(array, out=array)
@@ -31,12 +31,12 @@ def rounded(values: npt.ArrayLike, step: float) -> Float32:
 
 
 def make_origin(position: Array, valid: Bool, has_z: bool) -> Float64:
-    """Origin of a scenario: the ego's first valid position rounded to whole metres.
+    """Return the origin of a scenario: the ego's first valid position rounded to whole metres.
 
     Args:
-        position: (T, 3) of the ego in the source frame [m].
+        position: (T, 3) ego positions in the source frame [m].
         valid: (T,).
-        has_z: Without heights the origin's z is 0.
+        has_z: If False, the origin's z is 0.
 
     Returns:
         (3,) float64 [m].
@@ -46,8 +46,8 @@ def make_origin(position: Array, valid: Bool, has_z: bool) -> Float64:
 
 
 def offsets_from(origin: Float64, points: Array) -> Float32:
-    """Points (..., 3) as float32 offsets, subtracted in float64 without a float64 copy of all of them."""
+    """Return points (..., 3) as float32 offsets, subtracted in float64 without a float64 copy."""
     offsets = np.empty(points.shape, np.float32)
-    with np.errstate(over="ignore"):  # beyond float32 becomes infinite, which validation names
+    with np.errstate(over="ignore"):  # overflow becomes infinity, which validation reports
         np.subtract(points, origin, out=offsets, casting="same_kind")
     return offsets

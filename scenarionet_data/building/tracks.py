@@ -1,9 +1,9 @@
-"""Tracks in canonical form, from a source's grid of states or from its list of them."""
+"""Build canonical tracks from a source's grid of states or from its list of states."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, TypedDict, TypeVar, Unpack
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -22,22 +22,6 @@ _BELOW_PI = np.nextafter(_PI, np.float32(0.0))
 Number = TypeVar("Number", np.float32, np.float64)
 
 
-class TrackFacts(TypedDict, total=False):
-    """What may be said of each track besides its states.
-
-    Attributes:
-        source_type: (N,) the source's own words.
-        is_size_assumed, is_type_assumed, is_velocity_estimated: (N,) or one bool for all; False unless given.
-        extras: (N,) JSON-able mappings.
-    """
-
-    source_type: Sequence[str | None] | None
-    is_size_assumed: npt.ArrayLike
-    is_type_assumed: npt.ArrayLike
-    is_velocity_estimated: npt.ArrayLike
-    extras: Sequence[Mapping[str, Any] | None] | None
-
-
 def make_tracks(
     ids: Sequence[str],
     object_type: npt.ArrayLike,
@@ -48,20 +32,26 @@ def make_tracks(
     valid: Array,
     *,
     origin: Float64,
-    **facts: Unpack[TrackFacts],
+    source_type: Sequence[str | None] | None = None,
+    is_size_assumed: npt.ArrayLike = False,
+    is_type_assumed: npt.ArrayLike = False,
+    is_velocity_estimated: npt.ArrayLike = False,
+    extras: Sequence[Mapping[str, Any] | None] | None = None,
 ) -> Tracks:
-    """Tracks in canonical form from arrays in the source frame.
+    """Build canonical tracks from arrays in the source frame.
 
     Args:
         ids: (N,).
         object_type: (N,) codes of ``ObjectType``.
         position: (N, T, 3) float64 [m], source frame.
-        heading: (N, T) [rad], any turn.
+        heading: (N, T) [rad], not necessarily wrapped.
         velocity: (N, T, 2) [m/s].
         size: (N, T, 3) or (N, 3) [m] length, width, height.
-        valid: (N, T); values elsewhere are dropped, whatever they are.
+        valid: (N, T); values at other states are ignored.
         origin: (3,) float64 [m].
-        **facts: See :class:`TrackFacts`.
+        source_type: (N,) type names of the source.
+        is_size_assumed, is_type_assumed, is_velocity_estimated: (N,) or one bool for all.
+        extras: (N,) JSON-serialisable mappings.
     """
     valid = np.ascontiguousarray(valid, dtype=np.bool_)
     shapes = [(*valid.shape, 3), valid.shape, (*valid.shape, 2)]
@@ -76,7 +66,9 @@ def make_tracks(
         velocity=poses[2],
         size=_sizes(np.asarray(size), valid),
         valid=valid,
-        **_told(ids, object_type, facts),
+        **_track_columns(
+            ids, object_type, source_type, is_size_assumed, is_type_assumed, is_velocity_estimated, extras
+        ),
     )
 
 
@@ -92,22 +84,26 @@ def make_tracks_of_rows(
     num_timesteps: int,
     *,
     origin: Float64,
-    **facts: Unpack[TrackFacts],
+    source_type: Sequence[str | None] | None = None,
+    is_size_assumed: npt.ArrayLike = False,
+    is_type_assumed: npt.ArrayLike = False,
+    is_velocity_estimated: npt.ArrayLike = False,
+    extras: Sequence[Mapping[str, Any] | None] | None = None,
 ) -> Tracks:
-    """What :func:`make_tracks` makes, from R rows of one observed state each.
+    """Build canonical tracks from R rows of one observed state each.
 
-    For sources that list states: when most tracks are short, arithmetic on the whole grid of tracks and timesteps
-    would be spent on nothing.
+    For sources that list states: where most tracks are short, arithmetic on the full grid of tracks and timesteps
+    would mostly process empty cells.
 
     Args:
-        ids, object_type, origin: As there.
+        ids, object_type, origin: As for :func:`make_tracks`.
         position: (R, 3) float64 [m], source frame.
-        heading: (R,) [rad], any turn.
+        heading: (R,) [rad], not necessarily wrapped.
         velocity: (R, 2) [m/s].
         size: (R, 3) [m] length, width, height.
-        track, timestep: (R,) where each row stands; no two stand in one place.
+        track, timestep: (R,) indices of each row; pairs are unique.
         num_timesteps: T.
-        **facts: See :class:`TrackFacts`.
+        source_type, is_size_assumed, is_type_assumed, is_velocity_estimated, extras: As for :func:`make_tracks`.
     """
     shape = (len(ids), num_timesteps)
 
@@ -122,59 +118,67 @@ def make_tracks_of_rows(
         velocity=grid(_canonical(velocity, METRES)),
         size=grid(_row_sizes(size, track, len(ids))),
         valid=grid(np.ones(len(track), np.bool_)),
-        **_told(ids, object_type, facts),
+        **_track_columns(
+            ids, object_type, source_type, is_size_assumed, is_type_assumed, is_velocity_estimated, extras
+        ),
     )
 
 
-def _told(ids: Sequence[str], object_type: npt.ArrayLike, facts: TrackFacts) -> dict[str, Any]:
-    """The fields of tracks that are one value each."""
-    count = len(ids)
-    source_type, extras = facts.get("source_type"), facts.get("extras")
-    none = np.full(count, None, dtype=object)
+def _track_columns(
+    ids: Sequence[str],
+    object_type: npt.ArrayLike,
+    source_type: Sequence[str | None] | None,
+    is_size_assumed: npt.ArrayLike,
+    is_type_assumed: npt.ArrayLike,
+    is_velocity_estimated: npt.ArrayLike,
+    extras: Sequence[Mapping[str, Any] | None] | None,
+) -> dict[str, Any]:
+    """Fields of :class:`Tracks` with one value per track."""
+    none = np.full(len(ids), None, dtype=object)
+
+    def flags(values: npt.ArrayLike) -> Bool:
+        return np.array(np.broadcast_to(np.asarray(values, dtype=np.bool_), (len(ids),)))
+
     return {
         "ids": strings(ids),
         "object_type": np.asarray(object_type, dtype=np.uint8),
         "source_type": none if source_type is None else np.array(source_type, dtype=object),
-        "is_size_assumed": _flags(facts.get("is_size_assumed", False), count),
-        "is_type_assumed": _flags(facts.get("is_type_assumed", False), count),
-        "is_velocity_estimated": _flags(facts.get("is_velocity_estimated", False), count),
-        "extras": none if extras is None else np.array([to_json(e) for e in extras], dtype=object),
+        "is_size_assumed": flags(is_size_assumed),
+        "is_type_assumed": flags(is_type_assumed),
+        "is_velocity_estimated": flags(is_velocity_estimated),
+        "extras": none if extras is None else np.array([to_json(each) for each in extras], dtype=object),
     }
 
 
 def _canonical(values: npt.ArrayLike, step: float) -> Float32:
-    """Rounded, without negative zeros."""
+    """Round, without negative zeros."""
     kept = rounded(values, step)
     kept += np.float32(0.0)
     return kept
 
 
 def _sizes(size: Array, valid: Bool) -> Float32:
-    """Sizes of an object that never changes stay as they are given; those measured at every step are rounded."""
+    """Round sizes that vary over time; keep constant ones exactly."""
     shape = (*valid.shape, 3)
     sizes = np.zeros(shape, np.float32)
-    with np.errstate(over="ignore"):  # beyond float32 becomes infinite, which validation names
+    with np.errstate(over="ignore"):  # overflow becomes infinity, which validation reports
         source = _source(size[:, None, :] if size.ndim == 2 else size, shape, np.float32)
     kernels.fill_sizes(source, valid, np.float32(METRES), sizes)
     return sizes
 
 
 def _source(values: npt.ArrayLike, shape: tuple[int, ...], kind: type[Number]) -> npt.NDArray[Number]:
-    """What a kernel reads: always one layout, and read-only, because kernels are compiled for each kind of array."""
+    """Input of a kernel: contiguous and read-only, so that one compiled signature serves all converters."""
     source = np.ascontiguousarray(np.broadcast_to(values, shape), kind)
     source.flags.writeable = False
     return source
 
 
 def _row_sizes(size: Array, track: Array, count: int) -> Float32:
-    """As :func:`_sizes`, of rows (R, 3) of ``count`` objects."""
+    """As :func:`_sizes`, for rows (R, 3) of ``count`` objects."""
     with np.errstate(over="ignore"):
         exact = size.astype(np.float32)
     some_row, changing = np.zeros(count, np.int64), np.zeros(count, np.bool_)
     some_row[track] = np.arange(len(track))
     changing[track[(exact != exact[some_row[track]]).any(axis=1)]] = True
     return np.where(changing[track][:, None], rounded(exact, METRES), exact)
-
-
-def _flags(values: npt.ArrayLike, count: int) -> Bool:
-    return np.array(np.broadcast_to(np.asarray(values, dtype=np.bool_), (count,)))

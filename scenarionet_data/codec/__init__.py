@@ -1,7 +1,6 @@
-"""Typed arrays to table rows and back, bit for bit: the one package that knows both.
+"""Encode scenarios as table rows and decode them, bit for bit, without Python loops over objects or timesteps.
 
-``encode`` takes whole arrays apart and ``decode`` scatters them back without a Python loop over objects or
-timesteps. Rows are the rows of ``schemas/*.toml``.
+The columns of the rows are declared in ``schemas/*.toml``.
 """
 
 from __future__ import annotations
@@ -13,8 +12,9 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from scenarionet_data.arrays.columns import Columns
 from scenarionet_data.arrays.dtypes import Array
-from scenarionet_data.codec.columns import Columns, Rows
+from scenarionet_data.codec.columns import ScenarioColumns
 from scenarionet_data.codec.content_hash import content_hash
 from scenarionet_data.codec.lights import decode_lights, encode_lights
 from scenarionet_data.codec.maps import decode_maps, encode_map
@@ -25,9 +25,8 @@ from scenarionet_data.schema import tables
 from scenarionet_data.statistics import summarise
 
 __all__ = [
-    "Columns",
     "Encoded",
-    "Rows",
+    "ScenarioColumns",
     "decode",
     "decode_many",
     "decode_maps",
@@ -42,9 +41,9 @@ class Encoded:
     """One scenario as rows.
 
     Attributes:
-        metadata: One row of the metadata table, without the address columns.
-        tracks, lights: Rows of these tables; None where there are no lights.
-        maps: Rows of the scenario's own map; None without one, or when the map is shared.
+        metadata: Row of the metadata table, without the address columns.
+        tracks, lights: Rows of these tables; None without lights.
+        maps: Rows of the scenario's own map; None without a map, or when the map is shared.
     """
 
     metadata: Mapping[str, Any]
@@ -54,11 +53,11 @@ class Encoded:
 
 
 def encode(scenario: ScenarioDescription, converter_version: str) -> Encoded:
-    """Rows of a valid scenario.
+    """Encode a valid scenario.
 
     Args:
         scenario: In canonical form (``validate()`` passes).
-        converter_version: Goes into the metadata row.
+        converter_version: Value of the metadata column.
     """
     tracks = encode_tracks(scenario.id, scenario.tracks, scenario.has_z)
     lights = encode_lights(scenario.id, scenario.lights, scenario.has_z)
@@ -75,11 +74,11 @@ def encode(scenario: ScenarioDescription, converter_version: str) -> Encoded:
 
 
 def decode(encoded: Encoded, shared_map: MapFeatures | None = None) -> ScenarioDescription:
-    """The scenario behind its rows.
+    """Decode one scenario.
 
     Args:
-        encoded: Rows; ``metadata`` needs ``tables.DESCRIPTION_COLUMNS`` only.
-        shared_map: The crop of the shared map, already in the scenario's frame.
+        encoded: Its rows; of ``metadata`` only ``tables.DESCRIPTION_COLUMNS`` are needed.
+        shared_map: Crop of the shared map, in the scenario's frame.
     """
     lights = _rows("lights", encoded.lights) if encoded.lights is not None else None
     maps = _rows("maps", encoded.maps) if encoded.maps is not None else None
@@ -89,21 +88,21 @@ def decode(encoded: Encoded, shared_map: MapFeatures | None = None) -> ScenarioD
 
 def decode_many(
     metadata: Sequence[Mapping[str, Any]],
-    tracks: Rows,
-    lights: Rows | None,
-    maps: Rows | None,
+    tracks: ScenarioColumns,
+    lights: ScenarioColumns | None,
+    maps: ScenarioColumns | None,
     shared_maps: Sequence[MapFeatures | None],
 ) -> list[ScenarioDescription]:
-    """The scenarios behind their rows, whose columns are decoded together.
+    """Decode several scenarios together.
 
     Args:
-        metadata: A row of each, with ``tables.DESCRIPTION_COLUMNS``.
-        tracks: Their rows of this table.
-        lights, maps: The same; None when none has any.
-        shared_maps: The crop of each one's shared map, already in its frame; None where the map is its own.
+        metadata: Row of each scenario, with ``tables.DESCRIPTION_COLUMNS``.
+        tracks: Rows of the tracks table.
+        lights, maps: Rows of these tables; None when there are no rows.
+        shared_maps: Crop of each scenario's shared map, in its frame; None for scenarios with their own map.
 
     Raises:
-        LakeError: Rows do not fit each other: their file is damaged.
+        LakeError: Rows are inconsistent: a file is damaged.
     """
     steps = [row["num_timesteps"] for row in metadata]
     parts = zip(
@@ -117,9 +116,8 @@ def decode_many(
     return [_scenario(row, objects, lamps, own if crop is None else crop) for row, objects, lamps, own, crop in parts]
 
 
-def _rows(table: str, batch: pa.RecordBatch) -> Rows:
-    """Rows of one scenario."""
-    return Rows(Columns.from_arrow(batch, tables.load(table).columns), [0, batch.num_rows])
+def _rows(table: str, batch: pa.RecordBatch) -> ScenarioColumns:
+    return ScenarioColumns(Columns.from_arrow(batch, tables.load(table).columns), [0, batch.num_rows])
 
 
 def _scenario(
@@ -156,8 +154,8 @@ def _scenario(
     )
 
 
-def _own_maps(metadata: Sequence[Mapping[str, Any]], maps: Rows | None) -> list[MapFeatures | None]:
-    """The maps that belong to one scenario each; None where it is shared, or there is none."""
+def _own_maps(metadata: Sequence[Mapping[str, Any]], maps: ScenarioColumns | None) -> list[MapFeatures | None]:
+    """Maps of scenarios that have their own; None where the map is shared or missing."""
     has_own = [row["map_id"] is not None and row["map_crop"] is None for row in metadata]
     # A map without features has no rows.
     found = decode_maps(maps) if maps else [MapFeatures.empty() for _ in metadata]

@@ -1,4 +1,4 @@
-"""Arrow arrays from NumPy arrays: lists, names, nulls. Nothing here knows a scenario."""
+"""Build Arrow arrays from NumPy arrays: lists, dictionary-encoded names, nulls."""
 
 from __future__ import annotations
 
@@ -16,19 +16,12 @@ from scenarionet_data.schema import tables
 
 
 def batch(table: str, columns: Mapping[str, Any]) -> pa.RecordBatch:
-    """Record batch of a table of the contract, columns in its order."""
+    """Record batch with the schema of a table."""
     schema = tables.load(table).schema
     arrays = [
         pa.array(columns[name]) if isinstance(columns[name], np.ndarray) else columns[name] for name in schema.names
     ]
     return pa.RecordBatch.from_arrays(arrays, schema=schema)
-
-
-def offsets_of(lengths: Array) -> Array:
-    """(n + 1,) int32 running sum of lengths, from 0."""
-    offsets = np.zeros(len(lengths) + 1, np.int32)
-    np.cumsum(lengths, out=offsets[1:])
-    return offsets
 
 
 def list_array(offsets: Array, values: Any, mask: Array | None = None) -> pa.Array:
@@ -40,7 +33,7 @@ def list_array(offsets: Array, values: Any, mask: Array | None = None) -> pa.Arr
 
 
 def names_of(codes: Array, words: type[IntEnum]) -> pa.Array:
-    """Codes as dictionary-encoded names; the dictionary holds every name, in the order of the codes."""
+    """Dictionary-encoded names of codes; the dictionary holds the whole vocabulary in the order of its codes."""
     names, rank = _DICTIONARIES[words]
     return pa.DictionaryArray.from_arrays(pa.array(rank[codes]), names)
 
@@ -61,7 +54,7 @@ _DICTIONARIES = _dictionaries()
 
 def string_array(values: Array) -> pa.Array:
     """Object array of str or None as a string array."""
-    # From a list: given an object array, pyarrow looks for pandas first, every time.
+    # From a list: with an object array, pyarrow tries to import pandas on each call.
     return pa.array(values.tolist(), pa.string())
 
 

@@ -1,4 +1,4 @@
-"""A hash of what a scenario says, and of nothing that says where it is stored or how it is written."""
+"""Hash of a scenario's content, independent of where and how it is stored."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from scenarionet_data.scenario.description import ScenarioDescription
 
 
 def content_hash(scenario: ScenarioDescription) -> int:
-    """64 bits of XXH3 over the scenario's arrays and description: it tells a change, not a forgery.
+    """64-bit XXH3 hash of the scenario's arrays and description; detects changes, not forgery.
 
-    Two scenarios of equal content have equal hashes, whatever their ids, split or lake. A shared map counts by
-    its id and window, not by its features.
+    Scenarios of equal content have equal hashes, regardless of id, split and lake. A shared map contributes its id and
+    window, not its features.
     """
     source = scenario.source
     description = [
@@ -31,29 +31,29 @@ def content_hash(scenario: ScenarioDescription) -> int:
         scenario.tracks_to_predict,
         dict(scenario.extras),
     ]
-    seen = xxh3_64(json.dumps(description, sort_keys=True).encode())
-    seen.update(scenario.timestamps.data)
-    seen.update(scenario.origin.data)
-    _add(seen, scenario.tracks)
-    _add(seen, scenario.lights)
+    digest = xxh3_64(json.dumps(description, sort_keys=True).encode())
+    digest.update(scenario.timestamps.data)
+    digest.update(scenario.origin.data)
+    _add(digest, scenario.tracks)
+    _add(digest, scenario.lights)
     if scenario.map is not None and scenario.map_id is None:
-        _add(seen, scenario.map)
-    return seen.intdigest()
+        _add(digest, scenario.map)
+    return digest.intdigest()
 
 
-def _add(seen: xxh3_64, part: Any) -> None:
-    """Adds the bytes of every array of a part, each behind its name and shape."""
+def _add(digest: xxh3_64, part: Any) -> None:
+    """Hash every array of a part, preceded by its name and shape."""
     for field in fields(part):
         value = getattr(part, field.name)
         if isinstance(value, Ragged):
-            seen.update(value.offsets.data)
+            digest.update(value.offsets.data)
             value = value.values
-        seen.update(f"{field.name}{value.shape}".encode())
-        seen.update(_text(value) if value.dtype == object else np.ascontiguousarray(value).data)
+        digest.update(f"{field.name}{value.shape}".encode())
+        digest.update(_text(value) if value.dtype == object else np.ascontiguousarray(value).data)
 
 
 def _text(strings: Any) -> bytes:
-    """Strings with their ends marked, None told from the empty string."""
+    """Strings with separators; None differs from the empty string."""
     listed = strings.tolist()
     if None in listed:
         listed = ["\2" if text is None else text for text in listed]

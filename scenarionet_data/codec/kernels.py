@@ -1,26 +1,25 @@
-"""The loops that every load and every conversion runs, compiled. They trust their arguments."""
+"""Compiled loops of decoding and encoding; they do not check their arguments."""
 
 from __future__ import annotations
 
-from numba import njit
-
+from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.dtypes import Array
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def fill_states(
     first: int, start: Array, lengths: Array, at: int, at_z: int, inputs: tuple[Array, ...], outputs: tuple[Array, ...]
 ) -> None:
-    """Put the lists of a scenario's objects where their spans are: ``position[i, start[i] + k]`` is element ``k``.
+    """Scatter the lists of a scenario's objects to their timesteps: ``position[i, start[i] + k]`` is element ``k``.
 
     Args:
         first: Row of the scenario's first object.
         start: (rows,) int32 timestep of each list's first element.
         lengths: (rows,) int32.
-        at: Where the first object's elements begin.
-        at_z: The same of ``z``; negative when the scenario has none.
-        inputs: Lists' elements: float32 x, y, z, heading, vx, vy.
-        outputs: (N, T, 3) position, (N, T) heading, (N, T, 2) velocity, all float32, 0, filled.
+        at: Offset of the first object's elements.
+        at_z: The same for ``z``; negative for a scenario without heights.
+        inputs: Elements of the lists: float32 x, y, z, heading, vx, vy.
+        outputs: (N, T, 3) position, (N, T) heading, (N, T, 2) velocity, float32 zeros, filled.
     """
     x, y, z, heading, vx, vy = inputs
     position, headings, velocity = outputs
@@ -37,16 +36,16 @@ def fill_states(
             at_z += at_z >= 0
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def fill_valid(first: int, start: Array, lengths: Array, num_flags: Array, at: int, flags: Array, valid: Array) -> None:
-    """Which steps of each span are valid: all of them, or what its flags say.
+    """Mark the valid timesteps of each span: all of them, or those with a flag.
 
     Args:
         first, start, lengths: As in :func:`fill_states`.
-        num_flags: (rows,) int32 as many as the span is long, or 0.
-        at: Where the first object's flags begin.
+        num_flags: (rows,) int32 length of the span, or 0.
+        at: Offset of the first object's flags.
         flags: bool.
-        valid: (N, T) bool, False, filled.
+        valid: (N, T) bool, all False, filled.
     """
     for row in range(len(valid)):
         begin = start[first + row]
@@ -56,20 +55,20 @@ def fill_valid(first: int, start: Array, lengths: Array, num_flags: Array, at: i
             at += has_flags
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def fill_sizes(
     first: int, start: Array, spans: Array, lengths: Array, at: int, values: Array, valid: Array, size: Array, axis: int
 ) -> None:
-    """Extents at the valid steps alone; a list of one element holds at all of them.
+    """Fill extents at the valid timesteps; a list of one element holds at all of them.
 
     Args:
         first, start: As in :func:`fill_states`.
         spans: (rows,) int32 timesteps from the first valid one to the last.
-        lengths: (rows,) int32: 1, or the object's span.
-        at: Where the first object's elements begin.
+        lengths: (rows,) int32: 1, or the length of the span.
+        at: Offset of the first object's elements.
         values: float32 elements.
         valid: (N, T) bool.
-        size: (N, T, 3) float32, 0, filled along ``axis``.
+        size: (N, T, 3) float32 zeros, filled along ``axis``.
     """
     for row in range(len(valid)):
         begin, length = start[first + row], lengths[first + row]
@@ -80,14 +79,14 @@ def fill_sizes(
         at += length
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def find_bounds(offsets: Array, points: Array, bounds: Array) -> None:
-    """Extend each row's box by the points of its list.
+    """Extend each row's bounding box by the points of its list.
 
     Args:
         offsets: (M + 1,) int32, see ``Ragged``.
         points: (P, 3) float32.
-        bounds: (M, 4) float32 min_x, min_y, max_x, max_y, extended; NaN where there is no point yet.
+        bounds: (M, 4) float32 min_x, min_y, max_x, max_y, extended; NaN without points.
     """
     for row in range(len(offsets) - 1):
         for point in range(offsets[row], offsets[row + 1]):

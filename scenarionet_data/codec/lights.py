@@ -1,4 +1,4 @@
-"""Lights to rows and back."""
+"""Encode traffic lights as table rows, and decode them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from scenarionet_data.codec.arrow import batch, names_of, string_array
-from scenarionet_data.codec.columns import Rows
+from scenarionet_data.codec.columns import ScenarioColumns, codes
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import Lights
 from scenarionet_data.scenario.vocabulary import LightState, Provenance
@@ -17,7 +17,7 @@ from scenarionet_data.schema import tables
 
 
 def encode_lights(scenario_id: str, lights: Lights, has_z: bool) -> pa.RecordBatch:
-    """Rows of a scenario's lights."""
+    """Encode a scenario's lights as rows."""
     count, steps = lights.state.shape
     stop = lights.stop_point
     known = ~np.isnan(stop)
@@ -40,15 +40,15 @@ def encode_lights(scenario_id: str, lights: Lights, has_z: bool) -> pa.RecordBat
     return batch("lights", columns)
 
 
-def decode_lights(rows: Rows | None, steps: Sequence[int]) -> list[Lights]:
-    """Lights of scenarios from their rows, one scenario after the other.
+def decode_lights(rows: ScenarioColumns | None, steps: Sequence[int]) -> list[Lights]:
+    """Decode the lights of scenarios.
 
     Args:
         rows: Rows of the lights table; None when no scenario has lights.
-        steps: (scenarios) timesteps of each.
+        steps: (scenarios) number of timesteps.
 
     Raises:
-        LakeError: States are not as many as timesteps: the file is damaged.
+        LakeError: The number of states differs from the number of timesteps: the file is damaged.
     """
     if rows is None:
         return [Lights.empty(num_steps) for num_steps in steps]
@@ -56,21 +56,21 @@ def decode_lights(rows: Rows | None, steps: Sequence[int]) -> list[Lights]:
     states = columns.lists["state"]
     if not np.array_equal(states.lengths, np.repeat(np.array(steps), np.diff(bounds))):
         raise LakeError(
-            "lights.state has not one state for each timestep: its file is damaged; `scenarionet check` names every "
-            "scenario that is hit; restore the file from a copy of the lake, or convert its recordings again"
+            "lights.state does not have one state per timestep: its file is damaged; `scenarionet check` lists the "
+            "affected scenarios; restore the file from a copy of the lake, or convert its recordings again"
         )
     stop = np.column_stack([columns.flat[f"stop_{axis}"] for axis in "xyz"])
-    # Without heights stop_z is null, and a known stop point lies at z = 0 like everything else.
+    # Without heights stop_z is null; known stop points then have z = 0, like all other coordinates.
     stop[np.isnan(stop[:, 2]) & ~np.isnan(stop[:, 0]), 2] = 0
     kept = {
         "ids": columns.strings("light_id"),
         "lane_ids": columns.strings("lane_id"),
         "stop_point": stop,
         "is_lane_in_map": columns.flat["is_lane_in_map"],
-        "provenance": columns.codes("provenance", Provenance),
+        "provenance": codes(columns, "provenance", Provenance),
     }
-    state = columns.codes("state", LightState)
-    # Copies: who keeps one scenario of many keeps that one only.
+    state = codes(columns, "state", LightState)
+    # Copies, so that one scenario of a batch does not keep the others in memory.
     return [
         Lights(
             state=state[states.offsets[first] : states.offsets[last]].reshape(-1, num_steps).copy(),

@@ -1,4 +1,4 @@
-"""Map features to rows and back."""
+"""Encode map features as table rows, and decode them."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from scenarionet_data.arrays.columns import Columns, Lists
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.codec.arrow import batch, list_array, names_of, string_array
-from scenarionet_data.codec.columns import Columns, Lists, Rows
+from scenarionet_data.codec.columns import ScenarioColumns, codes
 from scenarionet_data.codec.kernels import find_bounds
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import ID_LISTS, MapFeatures
@@ -33,15 +34,15 @@ def encode_map(
     tile: int | None = None,
     index: Array | None = None,
 ) -> pa.RecordBatch:
-    """Rows of a map.
+    """Encode a map as rows.
 
     Args:
-        map_id: The scenario's id, or the shared map's.
+        map_id: Id of the scenario, or of the shared map.
         features: In float32 offsets from ``origin``.
-        origin: (3,) float64 [m], row frame to source frame.
+        origin: (3,) float64 [m] of the rows' frame in the source frame.
         has_z: Whether z is recorded.
         tile: Spatial tile of a shared map.
-        index: (M,) position of each feature in the whole map; their own order unless given.
+        index: (M,) position of each feature in the whole map; by default 0, 1, ...
     """
     count = len(features)
     box = _bounding_boxes(features)
@@ -77,21 +78,21 @@ def encode_map(
     return batch("maps", columns)
 
 
-def decode_maps(rows: Rows) -> list[MapFeatures]:
-    """Map features of scenarios from their rows, in the rows' frame, one scenario after the other.
+def decode_maps(rows: ScenarioColumns) -> list[MapFeatures]:
+    """Decode the map features of scenarios, in the frame of the rows.
 
     Args:
         rows: Rows of the maps table.
 
     Raises:
-        LakeError: Lists of coordinates are not equally long: the file is damaged.
+        LakeError: Lists of coordinates differ in length: the file is damaged.
     """
     columns = rows.columns
     for names in _POINTS.values():
         _require_alike(columns, names)
     kept = {
         "ids": columns.strings("feature_id"),
-        "types": columns.codes("feature_type", MapFeatureType),
+        "types": codes(columns, "feature_type", MapFeatureType),
         "speed_limit": columns.flat["speed_limit"],
         "is_intersection": columns.flat["is_intersection"],
         "extras": columns.strings("extras"),
@@ -100,7 +101,7 @@ def decode_maps(rows: Rows) -> list[MapFeatures]:
 
 
 def _features(columns: Columns, kept: Mapping[str, Array], first: int, last: int) -> MapFeatures:
-    """One scenario's; copies, so that who keeps it keeps no other."""
+    """Features of one scenario; copies, so that it does not keep the others of a batch in memory."""
     fields: dict[str, Any] = {name: values[first:last].copy() for name, values in kept.items()}
     fields |= {name: _points(columns, first, last, names) for name, names in _POINTS.items()}
     fields |= {name: _ids(columns.lists[name], first, last) for name in ID_LISTS}
@@ -108,7 +109,7 @@ def _features(columns: Columns, kept: Mapping[str, Array], first: int, last: int
 
 
 def _points(columns: Columns, first: int, last: int, names: Sequence[str]) -> Ragged:
-    """Columns of lists side by side, as lists of points; 0 for one without lists."""
+    """Stack columns of coordinates into lists of points; 0 for a column without lists."""
     offsets = columns.lists[names[0]].offsets
     points = np.zeros((offsets[last] - offsets[first], len(names)), np.float32)
     for axis, name in enumerate(names):
@@ -126,7 +127,7 @@ def _ids(column: Lists, first: int, last: int) -> Ragged:
 
 
 def _require_alike(columns: Columns, names: Sequence[str]) -> None:
-    """Coordinates have lists of the same lengths; there are none of z without heights."""
+    """Require lists of the same lengths for all coordinates; z may be null."""
     lengths = columns.lists[names[0]].lengths
     for name in names[1:]:
         found = columns.lists[name].lengths
@@ -136,8 +137,8 @@ def _require_alike(columns: Columns, names: Sequence[str]) -> None:
 def _require(column: str, fits: bool) -> None:
     if not fits:
         raise LakeError(
-            f"maps.{column} does not fit its lines: its file is damaged; `scenarionet check` names every scenario that "
-            "is hit; restore the file from a copy of the lake, or convert its recordings again"
+            f"maps.{column} does not match its polylines: its file is damaged; `scenarionet check` lists the affected "
+            "scenarios; restore the file from a copy of the lake, or convert its recordings again"
         )
 
 

@@ -1,4 +1,4 @@
-"""Tracks to rows and back: each list runs over its object's span, the grid is filled by one scatter."""
+"""Encode tracks as table rows, and decode them. Lists cover the span from the first to the last valid timestep."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from itertools import pairwise
 import numpy as np
 import pyarrow as pa
 
+from scenarionet_data.arrays.columns import Columns, Lists, offsets_of
 from scenarionet_data.arrays.dtypes import Array
-from scenarionet_data.codec.arrow import batch, dictionary_of, list_array, names_of, offsets_of, string_array
-from scenarionet_data.codec.columns import Columns, Lists, Rows
+from scenarionet_data.codec.arrow import batch, dictionary_of, list_array, names_of, string_array
+from scenarionet_data.codec.columns import ScenarioColumns, codes
 from scenarionet_data.codec.kernels import fill_sizes, fill_states, fill_valid
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import Tracks
@@ -22,14 +23,14 @@ _OVER_TIME = ("x", "y", "z", "heading", "vx", "vy", *_EXTENTS, "valid")
 
 
 def encode_tracks(scenario_id: str, tracks: Tracks, has_z: bool) -> pa.RecordBatch:
-    """Rows of a scenario's tracks."""
+    """Encode a scenario's tracks as rows."""
     count, steps = tracks.valid.shape
     start, lengths = _spans(tracks.valid)
     time = np.arange(steps, dtype=np.int32)
     inside = (time >= start[:, None]) & (time < (start + lengths)[:, None])
     offsets = offsets_of(lengths)
     flat_valid = tracks.valid[inside]
-    gaps = offsets_of(~flat_valid)  # running count of invalid steps
+    gaps = offsets_of(~flat_valid)  # cumulative number of invalid steps
     is_gapless = gaps[offsets[1:]] == gaps[offsets[:-1]]
 
     def column(values: Array) -> pa.Array:
@@ -61,15 +62,15 @@ def encode_tracks(scenario_id: str, tracks: Tracks, has_z: bool) -> pa.RecordBat
     return batch("tracks", columns)
 
 
-def decode_tracks(rows: Rows, steps: Sequence[int]) -> list[Tracks]:
-    """Tracks of scenarios from their rows, one scenario after the other.
+def decode_tracks(rows: ScenarioColumns, steps: Sequence[int]) -> list[Tracks]:
+    """Decode the tracks of scenarios.
 
     Args:
         rows: Rows of the tracks table.
-        steps: (scenarios) timesteps of each.
+        steps: (scenarios) number of timesteps.
 
     Raises:
-        LakeError: Lists do not fit their spans, or spans the scenario: the file is damaged.
+        LakeError: Lists do not match their spans, or spans exceed the scenario: the file is damaged.
     """
     columns, bounds = rows.columns, rows.bounds
     start, spans = columns.flat["start"], columns.lists["x"].lengths
@@ -79,8 +80,8 @@ def decode_tracks(rows: Rows, steps: Sequence[int]) -> list[Tracks]:
         _require(name, _is_like(columns.lists[name], name, spans, bounds))
     kept = {name: columns.flat[name] for name in ("is_size_assumed", "is_type_assumed", "is_velocity_estimated")}
     kept |= {field: columns.strings(name) for name, field in _STRINGS.items()}
-    kept["object_type"] = columns.codes("object_type", ObjectType)
-    # Copies: who keeps one scenario of many keeps that one only.
+    kept["object_type"] = codes(columns, "object_type", ObjectType)
+    # Copies, so that one scenario of a batch does not keep the others in memory.
     return [
         Tracks(**_grids(columns, first, last, num_steps), **{name: kept[name][first:last].copy() for name in kept})
         for (first, last), num_steps in zip(pairwise(bounds), steps, strict=True)
@@ -88,20 +89,20 @@ def decode_tracks(rows: Rows, steps: Sequence[int]) -> list[Tracks]:
 
 
 def _is_like(column: Lists, name: str, spans: Array, bounds: Sequence[int]) -> bool:
-    """Whether lists are as long as their spans are: compiled loops do not look at bounds."""
+    """Whether lists are as long as their spans; kernels do not check bounds."""
     fits = column.lengths == spans
     if name in _EXTENTS:
         fits |= column.lengths == 1
-    elif name == "valid":  # no flags where all of a span is valid
+    elif name == "valid":  # null when the whole span is valid
         fits |= column.lengths == 0
-    elif name == "z" and not fits.all():  # none in scenarios without heights
+    elif name == "z" and not fits.all():  # null in scenarios without heights
         has_any = np.diff(column.offsets[bounds]) > 0
         fits |= (column.lengths == 0) & ~np.repeat(has_any, np.diff(bounds))
     return bool(fits.all()) and column.offsets[-1] <= len(column.values)
 
 
 def _grids(columns: Columns, first: int, last: int, steps: int) -> dict[str, Array]:
-    """What a scenario's tracks have over time."""
+    """Arrays over time of one scenario's tracks."""
     shape = (last - first, steps)
     position, heading = np.zeros((*shape, 3), np.float32), np.zeros(shape, np.float32)
     velocity, size = np.zeros((*shape, 2), np.float32), np.zeros((*shape, 3), np.float32)
@@ -121,7 +122,7 @@ def _grids(columns: Columns, first: int, last: int, steps: int) -> dict[str, Arr
 
 
 def _spans(valid: Array) -> tuple[Array, Array]:
-    """First valid step and number of steps to the last one, both (N,) int32; 0, 0 when never valid."""
+    """First valid timestep and length of the span to the last one, both (N,) int32; 0 and 0 when never valid."""
     steps = valid.shape[1]
     some = valid.any(axis=1)
     start = np.where(some, valid.argmax(axis=1), 0)
@@ -130,7 +131,7 @@ def _spans(valid: Array) -> tuple[Array, Array]:
 
 
 def _encode_size(size: Array, valid: Array, inside: Array, lengths: Array) -> pa.Array:
-    """One element per track whose size never changes, else one per step of its span."""
+    """Lists of one element for tracks of constant size, else of one element per timestep of the span."""
     rows = np.arange(len(size))
     first = valid.argmax(axis=1)
     is_constant = ((size == size[rows, first][:, None]) | ~valid).all(axis=1) & (lengths > 0)
@@ -140,7 +141,7 @@ def _encode_size(size: Array, valid: Array, inside: Array, lengths: Array) -> pa
 
 
 def _encode_valid(flat_valid: Array, lengths: Array, is_gapless: Array) -> pa.Array:
-    """Null where the whole span is valid."""
+    """Lists of flags; null where the whole span is valid."""
     kept = flat_valid[np.repeat(~is_gapless, lengths)]
     return list_array(offsets_of(np.where(is_gapless, 0, lengths)), kept, mask=is_gapless)
 
@@ -148,6 +149,6 @@ def _encode_valid(flat_valid: Array, lengths: Array, is_gapless: Array) -> pa.Ar
 def _require(column: str, fits: bool) -> None:
     if not fits:
         raise LakeError(
-            f"tracks.{column} does not fit the scenario's spans: its file is damaged; `scenarionet check` names every "
-            "scenario that is hit; restore the file from a copy of the lake, or convert its recordings again"
+            f"tracks.{column} does not match the scenario's spans: its file is damaged; `scenarionet check` lists the "
+            "affected scenarios; restore the file from a copy of the lake, or convert its recordings again"
         )

@@ -1,24 +1,35 @@
-"""Finished shards on their way into the lake: committed now and then, and counted."""
+"""Commits finished shards, in batches, and counts them in the report."""
 
 from __future__ import annotations
 
 import time
 
-from scenarionet_data.conversion.jobs import Outcome
-from scenarionet_data.conversion.plan import Plan
-from scenarionet_data.conversion.report import Report
+from scenarionet_data.conversion.jobs import ShardResult
+from scenarionet_data.conversion.plan import ConversionPlan
+from scenarionet_data.conversion.report import ConversionReport
 from scenarionet_data.execution.worker_stats import WorkerStats
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord
 
 _COMMIT_EVERY = 30.0
+_WAITS = (
+    "it would replace scenarios together with shards that failed; fix those and run the same command again: "
+    "this shard is finished and will be adopted"
+)
 
 
-class Basket:
-    """Finished shards on their way into the lake, and the report on them."""
+class Committer:
+    """Commits finished shards and counts them in the report.
 
-    def __init__(self, files: LakeFiles, plan: Plan, operation: str, report: Report) -> None:
+    Args:
+        files: The lake.
+        plan: Which old shards the new ones replace.
+        operation: Operation recorded in the snapshot, for example ``convert waymo``.
+        report: Updated with every result.
+    """
+
+    def __init__(self, files: LakeFiles, plan: ConversionPlan, operation: str, report: ConversionReport) -> None:
         self._files = files
         self._plan = plan
         self._operation = operation
@@ -26,21 +37,21 @@ class Basket:
         self._finished: list[ShardRecord] = []
         self._committed_at = time.monotonic()
 
-    def add(self, outcome: Outcome) -> None:
-        """Count an outcome; commit now and then, so that a killed job loses little."""
-        report, record = self._report, outcome.record
-        if outcome.worker is not None:
-            scenarios = {"scenarios": record.num_scenarios, "bytes": sum(record.sizes)} if record else {"failed": 1}
-            stats = report.workers.setdefault(outcome.worker, WorkerStats())
-            stats.add(outcome.seconds, outcome.peak_memory, scenarios)
+    def add(self, result: ShardResult) -> None:
+        """Count a result; commit every 30 seconds, so that a killed run loses little."""
+        report, record = self._report, result.record
+        if result.worker is not None:
+            stats = report.workers.setdefault(result.worker, WorkerStats())
+            counts = {"scenarios": record.num_scenarios, "bytes": sum(record.sizes)} if record else {"failed": 1}
+            stats.add(result.seconds, result.peak_memory, counts)
         if record is None:
-            report.failed.append((outcome.shard, outcome.error or "unknown"))
+            report.failed.append((result.shard, result.error or "unknown"))
             return
         report.converted += record.num_scenarios
         report.quarantined += record.num_quarantined
         report.size += sum(record.sizes)
         report.shards += 1
-        report.adopted += outcome.was_finished
+        report.adopted += result.was_finished
         if record.num_scenarios or record.num_quarantined:  # a shared map has no split
             report.partitions.add((record.dataset, record.version, record.split))
         self._finished.append(record)
@@ -48,23 +59,27 @@ class Basket:
             self.commit()
 
     def commit(self) -> None:
-        """Commit what is finished and may be, and report what may not."""
+        """Commit the finished shards that may be committed; report the others as failed."""
         finished = self._finished
         while True:
-            ready, gone = self._plan.settle(finished)
-            refused = commits.commit(self._files, ready, self._operation, gone).refused
+            ready, removed = self._plan.settle(finished)
+            refused = commits.commit(self._files, ready, self._operation, removed).refused
             for record, scenario_id in refused:
-                self._leave_out(record, _duplicate_message(scenario_id))
-            if not (refused and gone):
+                self._leave_out(
+                    record,
+                    f"scenario {scenario_id} is in the lake already, from another source or split; "
+                    "give these recordings a version of their own, or pass replace=True to replace the old ones",
+                )
+            if not (refused and removed):
                 break
-            # Nothing was committed: without what was refused, others may have to wait.
+            # Nothing was committed: without the refused shards, others may have to wait.
             keys = {record.key for record, _ in refused}
             finished = [record for record in finished if record.key not in keys]
         settled = {record.key for record in ready}
         for record in finished:
             if record.key not in settled:
                 self._leave_out(record, _WAITS)
-        self._report.replaced += len(gone)
+        self._report.replaced += len(removed)
         self._finished = []
         self._committed_at = time.monotonic()
 
@@ -72,17 +87,3 @@ class Basket:
         self._report.failed.append((record.name, reason))
         self._report.converted -= record.num_scenarios
         self._report.shards -= 1
-
-
-_WAITS = (
-    "it would replace scenarios together with shards that failed; mend those and run the same command again: "
-    "it is finished and will be adopted"
-)
-
-
-def _duplicate_message(scenario_id: str) -> str:
-    """What to do about a scenario that is in the lake already."""
-    return (
-        f"scenario {scenario_id} is in the lake already, from another source or split; "
-        "give these recordings a --version of their own, or --replace the old ones"
-    )

@@ -1,58 +1,58 @@
-"""One shard of work: what it is, and how a worker does it."""
+"""Shard jobs: the unit of conversion work and the code that runs it on a worker."""
 
 from __future__ import annotations
 
 import gc
 import time
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from typing import Any
 
 from scenarionet_data import converters
-from scenarionet_data.conversion.remote_raw.downloads import at_hand
-from scenarionet_data.conversion.remote_raw.listing import rename
+from scenarionet_data.conversion.remote_raw.downloads import local_copy
+from scenarionet_data.conversion.remote_raw.mirror import rename_paths
 from scenarionet_data.converters.base import Converter
 from scenarionet_data.errors import LakeError, SourceError
 from scenarionet_data.execution.worker import peak_memory, worker_name
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.quality.audit import audit, audit_shared_map
-from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.files.opening import is_url, open_files
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord, find_finished
+from scenarionet_data.storage.write.map_tiles import write_shared_map
 from scenarionet_data.storage.write.shard_writer import ShardWriter
-from scenarionet_data.storage.write.shared_map import write_shared_map
 
 
 @dataclass(frozen=True)
-class Job:
-    """A shard to convert, with all a worker needs; picklable.
+class ShardJob:
+    """A shard to convert, with everything a worker needs; picklable.
 
     Attributes:
         converter: Name of the converter.
-        shard: What to convert.
+        shard: The shard.
         lake: The lake's root.
-        max_scenarios: Stop after that many.
-        is_checked: Whether the hard rules of ``sql/checks`` are asked before anything is written.
+        max_scenarios: Stop after this many.
+        check: Apply the hard rules of ``sql/checks`` before writing.
     """
 
     converter: str
     shard: Shard
     lake: str
     max_scenarios: int | None = None
-    is_checked: bool = True
+    check: bool = True
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What became of a shard.
+class ShardResult:
+    """Result of a shard job.
 
     Attributes:
-        shard: Its name.
-        record: The finished shard; None when it failed.
+        shard: The shard's name.
+        record: The finished shard; None if it failed.
         error: Why it failed.
         was_finished: An earlier job had finished it already.
-        seconds: Time it took.
-        worker: Name of the process that converted it; None if the job killed it.
+        seconds: Time taken.
+        worker: Name of the process that ran the job; None if the job killed it.
         peak_memory: Peak memory of that process [bytes].
     """
 
@@ -65,74 +65,75 @@ class Outcome:
     peak_memory: int = 0
 
 
-def lost_shard(job: Job, reason: str) -> Outcome:
-    """The outcome of a shard that no worker survived."""
-    return Outcome(job.shard.name, None, error=reason)
+def lost_shard(job: ShardJob, reason: str) -> ShardResult:
+    """Make the result of a shard that kills its worker."""
+    return ShardResult(job.shard.name, None, error=reason)
 
 
-def convert_map(job: Job) -> Outcome:
+def convert_map(job: ShardJob) -> ShardResult:
     """Convert one shared map.
 
     Raises:
-        BrokenContract: It breaks a hard rule; no scenario can be trusted that needs it.
+        BrokenContract: It breaks a hard rule, which would affect every scenario on it.
     """
     converter, shard, files = converters.get(job.converter), job.shard, open_files(job.lake)
     try:
-        with at_hand(converter, shard) as here, _without_collections():
-            features = converter.map_features(here)
+        with _local(converter, shard) as local, _gc_disabled():
+            features = converter.map_features(local)
     except SourceError as error:
-        return Outcome(shard.name, None, error=str(error))
+        return ShardResult(shard.name, None, error=str(error))
     record = write_shared_map(files, shard, features, converter.version, converter.licence)
-    if job.is_checked:
+    if job.check:
         audit_shared_map(files, record)
-    return Outcome(shard.name, record)
+    return ShardResult(shard.name, record)
 
 
-def convert_shard(job: Job) -> Outcome:
-    """Convert one shard, or adopt it if an earlier job finished it, and measure that. Runs on a worker.
+def convert_shard(job: ShardJob) -> ShardResult:
+    """Convert one shard, or adopt it if an earlier job finished it. Runs on a worker.
 
-    A record that cannot become a scenario goes to quarantine and the shard goes on; a shard that cannot be
-    read fails alone.
+    A record that does not make a valid scenario goes to quarantine and the shard continues; a shard that cannot be
+    read fails without affecting others.
 
     Raises:
-        LakeError: The lake cannot be written; no other shard could be either.
+        LakeError: The lake cannot be written, so no other shard could be either.
     """
     started = time.monotonic()
-    outcome = _convert_shard(job)
-    return replace(outcome, seconds=time.monotonic() - started, worker=worker_name(), peak_memory=peak_memory())
-
-
-def _convert_shard(job: Job) -> Outcome:
     converter, files, shard = converters.get(job.converter), open_files(job.lake), job.shard
+    record, reason, was_finished = None, None, False
     if job.max_scenarios is None:
-        finished = find_finished(files, shard, converter.version)
-        if finished:
-            return Outcome(shard.name, finished, was_finished=True)
+        record = find_finished(files, shard, converter.version)
+        was_finished = record is not None
     else:
         shard = replace(shard, name=f"{shard.name}-first{job.max_scenarios}")
-    writer = ShardWriter(files, shard, converter.version, converter.licence, audit if job.is_checked else None)
-    try:
-        with at_hand(converter, shard) as here:
-            num_records = _write_scenarios(converter, here, shard.root, writer, job.max_scenarios)
-        record = writer.finish(job.max_scenarios, num_records)
-    except (LakeError, MemoryError):
-        raise
-    except SourceError as error:
-        return Outcome(shard.name, None, error=str(error))
-    except Exception as error:  # a converter's own fault with one file must not end the run
-        message = f"{type(error).__name__}: {error} (while reading {shard.root})"
-        return Outcome(shard.name, None, error=message)
-    finally:
-        writer.abandon()
-    return Outcome(shard.name, record)
+    if record is None:
+        writer = ShardWriter(files, shard, converter.version, converter.licence, audit if job.check else None)
+        try:
+            with _local(converter, shard) as local:
+                num_records = _write_scenarios(converter, local, shard.root, writer, job.max_scenarios)
+            record = writer.finish(job.max_scenarios, num_records)
+        except (LakeError, MemoryError):
+            raise
+        except SourceError as error:
+            reason = str(error)
+        except Exception as error:  # a converter's bug with one file must not end the run
+            reason = f"{type(error).__name__}: {error} (while reading {shard.root})"
+        finally:
+            writer.abandon()
+    seconds = time.monotonic() - started
+    return ShardResult(shard.name, record, reason, was_finished, seconds, worker_name(), peak_memory())
+
+
+def _local(converter: Converter[Any], shard: Shard) -> Any:
+    """The shard with its files on this machine, as a context manager."""
+    return local_copy(converter, shard) if is_url(shard.root) else nullcontext(shard)
 
 
 def _write_scenarios(
     converter: Converter[Any], shard: Shard, root: str, writer: ShardWriter, max_scenarios: int | None
 ) -> int:
-    """Hand a shard's scenarios to its writer; returns how many records were read.
+    """Write a shard's scenarios and quarantine unusable records; return the number of records read.
 
-    The reason why a record is none names its files below ``root``, where the recordings really are.
+    Reasons in the quarantine name files below ``root``, the original location of the recordings.
     """
     num_records = 0
     for position, record in enumerate(converter.records(shard)):
@@ -140,21 +141,22 @@ def _write_scenarios(
             break
         num_records += 1
         try:
-            with _without_collections():
+            with _gc_disabled():
                 writer.add(converter.scenario(shard, record))
         except (MemoryError, LakeError, SourceError):
             raise
-        except Exception as error:  # whatever a damaged record provokes, the rest must go on
-            rename(error, shard.root, root)
+        except Exception as error:  # any error caused by one damaged record; the others continue
+            rename_paths(error, shard.root, root)
             writer.reject(position, error)
     return num_records
 
 
 @contextmanager
-def _without_collections() -> Iterator[None]:
-    """No search for cycles meanwhile: a raw record may be 100,000 small objects, walked again and again for nothing.
+def _gc_disabled() -> Iterator[None]:
+    """Disable the cyclic garbage collector while one record is decoded.
 
-    What one leaves behind is freed by its reference counts; cycles, if any, are found between records.
+    A raw record may consist of 100,000 small objects, which would be rescanned repeatedly. Reference counts still free
+    them; cycles are collected between records.
     """
     was_enabled = gc.isenabled()
     gc.disable()
@@ -165,12 +167,12 @@ def _without_collections() -> Iterator[None]:
             gc.enable()
 
 
-def run_limited(jobs: Iterable[Job], limit: int) -> Iterator[Outcome]:
-    """One shard after the other until ``limit`` scenarios are converted."""
+def run_limited(jobs: Iterable[ShardJob], limit: int) -> Iterator[ShardResult]:
+    """Run jobs one after the other until ``limit`` scenarios are converted."""
     left = limit
     for job in jobs:
         if left <= 0:
             return
-        outcome = convert_shard(replace(job, max_scenarios=left))
-        left -= outcome.record.num_scenarios if outcome.record else 0
-        yield outcome
+        result = convert_shard(replace(job, max_scenarios=left))
+        left -= result.record.num_scenarios if result.record else 0
+        yield result

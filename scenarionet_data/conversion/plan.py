@@ -1,4 +1,4 @@
-"""What is left to convert: the shards of the raw recordings, less what the lake holds already."""
+"""Plans: which shards of the raw recordings are left to convert, given the shards in the lake."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from scenarionet_data.storage.snapshots.shard_record import ShardRecord
 
 
 @dataclass(frozen=True)
-class Plan:
+class ConversionPlan:
     """Work to do.
 
     Attributes:
-        shards: To convert, in order.
-        num_skipped: Shards the lake holds already.
-        replaced: Key of each shard in the lake that makes way, with the inputs that must be converted first.
-        num_stale: Shards in the lake that another converter version wrote, and that stay.
+        shards: Shards to convert, in order.
+        num_skipped: Number of shards that are in the lake already.
+        replaced: Key of each old shard that is removed, with the inputs that have to be converted before.
+        num_stale: Number of shards in the lake written by another converter version and kept.
     """
 
     shards: tuple[Shard, ...]
@@ -29,134 +29,120 @@ class Plan:
     num_stale: int
 
     @property
-    def anew(self) -> list[Shard]:
-        """Those of the shards that take the place of some in the lake."""
+    def replacing(self) -> list[Shard]:
+        """Shards that replace old ones."""
         old = {item for items in self.replaced.values() for item in items}
         return [shard for shard in self.shards if any(item.name in old for item in shard.items)]
 
     def settle(self, finished: Sequence[ShardRecord]) -> tuple[list[ShardRecord], frozenset[str]]:
-        """What may be committed of the finished shards, and which old shards then go.
+        """Finished shards that may be committed, and keys of the old shards to remove with them.
 
-        An old shard goes when all of its inputs have been converted anew; until then the new shards that
-        would take its place wait (the next run adopts them).
+        An old shard is removed once all of its inputs are converted again. Until then the new shards that replace it
+        wait; the next run adopts them.
         """
+        if not self.replaced:
+            return list(finished), frozenset()
         ready = list(finished)
         while True:
-            coming = {item for record in ready for item in record.items}
-            gone = frozenset(key for key, items in self.replaced.items() if items <= coming)
-            waiting = {item for key, items in self.replaced.items() if key not in gone for item in items}
+            inputs = {item for record in ready for item in record.items}
+            removed = frozenset(key for key, items in self.replaced.items() if items <= inputs)
+            waiting = {item for key, items in self.replaced.items() if key not in removed for item in items}
             kept = [record for record in ready if waiting.isdisjoint(record.items)]
             if len(kept) == len(ready):
-                return kept, gone
+                return kept, removed
             ready = kept
 
 
 def make_plan(
     wanted: Iterable[Shard],
-    held: Sequence[ShardRecord],
+    existing: Sequence[ShardRecord],
     converter_version: str,
     *,
-    replace_old: bool = False,
-    stale: bool = False,
-) -> Plan:
-    """Decide item by item: new inputs are converted, known ones skipped, changed ones refused or replaced.
+    may_replace: bool = False,
+    reconvert_stale: bool = False,
+) -> ConversionPlan:
+    """Decide input by input: convert new ones, skip known ones, refuse or replace changed ones.
 
     Args:
         wanted: Shards of the raw recordings.
-        held: Shards of the lake.
-        converter_version: Version that would convert.
-        replace_old: Replace shards with other options, changed inputs or another converter version.
-        stale: Replace shards of another converter version.
+        existing: Shards in the lake.
+        converter_version: Version of the converter that would run.
+        may_replace: Replace shards with other options, changed inputs or another converter version.
+        reconvert_stale: Replace shards written by another converter version.
 
     Raises:
-        DuplicateScenario: An input is in the lake with other options or other content, and ``replace_old`` is
-            False; or a replaced shard holds inputs that are not among the wanted.
+        DuplicateScenario: An input is in the lake with other options or other content and ``may_replace`` is False;
+            or a replaced shard has inputs that are not among the wanted ones.
     """
-    owners = _owners(held)
+    owners = {
+        (record.dataset, record.version, record.split, item): record for record in existing for item in record.items
+    }
+    shards: list[Shard] = []
+    num_skipped = 0
     replaced: dict[str, ShardRecord] = {}
-    old: set[str] = set()
-    planned = list(wanted)
-    for shard in planned:
+    stale: set[str] = set()
+    listed = list(wanted)
+    for shard in listed:
         for item in shard.items:
-            owner = owners.get(_place(shard, item))
-            if owner and _must_go(owner, shard, item, converter_version, replace_old, stale):
+            owner = owners.get((shard.dataset, shard.version, shard.split, item.name))
+            if owner and _is_outdated(owner, shard, item, converter_version, may_replace, reconvert_stale):
                 replaced[owner.key] = owner
             elif owner and owner.converter_version != converter_version:
-                old.add(owner.key)
-    shards = [_without_held(shard, owners, replaced) for shard in planned]
-    left = tuple(shard for shard in shards if shard.items)
-    _check_nothing_is_lost(left, replaced.values())
-    needed = {key: frozenset(record.items) for key, record in replaced.items()}
-    return Plan(left, len(shards) - len(left), needed, len(old - set(replaced)))
-
-
-def _without_held(
-    shard: Shard, owners: Mapping[tuple[str, str, str, str], ShardRecord], replaced: Mapping[str, ShardRecord]
-) -> Shard:
-    """The shard with only those inputs that the lake lacks or is about to replace."""
-    left = []
-    for item in shard.items:
-        owner = owners.get(_place(shard, item))
-        if owner is None or owner.key in replaced:
-            left.append(item)
-    return replace(shard, items=tuple(left))
-
-
-def _place(shard: Shard, item: RawItem) -> tuple[str, str, str, str]:
-    return shard.dataset, shard.version, shard.split, item.name
-
-
-def _owners(held: Sequence[ShardRecord]) -> dict[tuple[str, str, str, str], ShardRecord]:
-    return {(record.dataset, record.version, record.split, item): record for record in held for item in record.items}
-
-
-def _must_go(
-    owner: ShardRecord, shard: Shard, item: RawItem, converter_version: str, replace_old: bool, stale: bool
-) -> bool:
-    """Whether the lake's shard has to make way for ``item`` of ``shard``."""
-    if owner.options != shard.options_text:
-        _refuse_unless(replace_old, item, owner, f"with other options ({owner.options})")
-        return True
-    if owner.schemas != tables.content_tag():
-        _refuse_unless(replace_old, item, owner, f"under another version of the contract ({owner.schemas})")
-        return True
-    if owner.fingerprints[owner.items.index(item.name)] != item.fingerprint:
-        _refuse_unless(replace_old, item, owner, "and has changed since")
-        return True
-    if owner.max_scenarios is not None:
-        return True
-    return owner.converter_version != converter_version and (stale or replace_old)
-
-
-def _refuse_unless(is_allowed: bool, item: RawItem, owner: ShardRecord, why: str) -> None:
-    if not is_allowed:
-        raise DuplicateScenario(
-            f"{item.name} is in the lake already, converted {why}; add --replace to take its place, "
-            f"or --version to keep both (the lake has {owner.dataset} {owner.version})"
-        )
-
-
-def _check_nothing_is_lost(shards: Iterable[Shard], replaced: Iterable[ShardRecord]) -> None:
-    coming = {item.name for shard in shards for item in shard.items}
-    for record in replaced:
-        lost = [name for name in record.items if name not in coming]
+                stale.add(owner.key)
+    for shard in listed:  # after the loop above: a replaced shard may share its inputs with several new ones
+        missing = []
+        for item in shard.items:
+            owner = owners.get((shard.dataset, shard.version, shard.split, item.name))
+            if owner is None or owner.key in replaced:
+                missing.append(item)
+        if missing:
+            shards.append(replace(shard, items=tuple(missing)))
+        else:
+            num_skipped += 1
+    converted = {item.name for shard in shards for item in shard.items}
+    for record in replaced.values():
+        lost = [name for name in record.items if name not in converted]
         if lost and record.max_scenarios is None:
             raise DuplicateScenario(
-                f"replacing shard {record.name} would drop {lost[0]}, which is not among the recordings given; "
+                f"replacing shard {record.name} would drop {lost[0]}, which is not among the given recordings; "
                 "give the whole raw folder"
             )
+    needed = {key: frozenset(record.items) for key, record in replaced.items()}
+    return ConversionPlan(tuple(shards), num_skipped, needed, len(stale - set(replaced)))
+
+
+def _is_outdated(
+    owner: ShardRecord, shard: Shard, item: RawItem, converter_version: str, may_replace: bool, reconvert_stale: bool
+) -> bool:
+    """Whether the lake's shard ``owner`` has to be replaced for ``item`` of ``shard``."""
+    if owner.options != shard.options_text:
+        reason = f"with other options ({owner.options})"
+    elif owner.schemas != tables.content_tag():
+        reason = f"under another version of the contract ({owner.schemas})"
+    elif owner.fingerprints[owner.items.index(item.name)] != item.fingerprint:
+        reason = "and has changed since"
+    elif owner.max_scenarios is not None:
+        return True
+    else:
+        return owner.converter_version != converter_version and (reconvert_stale or may_replace)
+    if not may_replace:
+        raise DuplicateScenario(
+            f"{item.name} is in the lake already, converted {reason}; pass replace=True to replace it, "
+            f"or another version to keep both (the lake has {owner.dataset} {owner.version})"
+        )
+    return True
 
 
 def largest_first(shards: Iterable[Shard]) -> list[Shard]:
-    """Shards by the size of their files, then by the number of their inputs.
+    """Sort shards by decreasing file size, then by number of inputs.
 
-    A large one at the end would keep one worker busy while the others have nothing left to do.
+    A large shard at the end would keep one worker busy while the others are idle.
     """
-    return sorted(shards, key=lambda shard: (-sum(map(_size, shard.paths)), -len(shard.items), shard.name))
 
+    def size(path: Path) -> int:
+        try:
+            return path.stat().st_size
+        except OSError:  # a seed, or part of a file; an unreadable file is reported when it is converted
+            return 0
 
-def _size(path: Path) -> int:
-    try:
-        return path.stat().st_size
-    except OSError:  # a seed, or something inside of a file; who cannot read a file says so when it is converted
-        return 0
+    return sorted(shards, key=lambda shard: (-sum(map(size, shard.paths)), -len(shard.items), shard.name))

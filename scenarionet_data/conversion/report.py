@@ -1,4 +1,4 @@
-"""What a conversion did."""
+"""The report of a conversion."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from scenarionet_data.execution.worker_stats import WorkerStats
 
 
 @dataclass
-class Report:
-    """What a conversion did.
+class ConversionReport:
+    """Result of a conversion.
 
     Attributes:
         converted: Scenarios written.
         quarantined: Scenarios rejected.
         shards: Shards converted.
-        adopted: Shards that an earlier, interrupted job had finished.
+        adopted: Shards that an earlier, interrupted run had finished.
         skipped: Shards that were in the lake already.
-        replaced: Shards whose scenarios were taken out for newer ones.
-        stale: Shards in the lake that another converter version wrote, and that stay.
-        partitions: Where the scenarios went: dataset, version, split.
+        replaced: Old shards removed in favour of new ones.
+        stale: Shards in the lake written by another converter version and kept.
+        partitions: Partitions written: dataset, version, split.
         failed: Shard name and reason.
-        seconds: Time it took.
-        snapshot: The lake's newest snapshot.
+        seconds: Time taken.
+        snapshot: Number of the lake's newest snapshot.
         size: Bytes written.
-        workers: What each worker did, with counts of scenarios and bytes.
+        workers: Statistics by worker, with counts of scenarios and bytes.
     """
 
     converted: int = 0
@@ -43,5 +43,5 @@ class Report:
 
     @property
     def is_clean(self) -> bool:
-        """Whether nothing failed and nothing was quarantined."""
+        """Whether no shard failed and no scenario was quarantined."""
         return not self.failed and not self.quarantined

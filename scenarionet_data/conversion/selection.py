@@ -1,7 +1,7 @@
-"""Which of the raw recordings to convert: chosen by what is known of them without reading them.
+"""Select raw inputs to convert by properties that are known before the recordings are read.
 
-A shard knows its ``name``, the ``file`` of each of its inputs, and the facts that its converter tells of it and of
-each input, for example a log's location and date.
+Known are the shard's ``name``, the ``file`` of each input, and the properties that the converter lists for the shard
+and for each input, for example a log's location and date.
 """
 
 from __future__ import annotations
@@ -13,102 +13,98 @@ from fnmatch import fnmatchcase
 from typing import Protocol
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.ingest.input_properties import is_at_hand
+from scenarionet_data.ingest.input_properties import is_local
 from scenarionet_data.ingest.shard import RawItem, Shard
 
 _SLICE = re.compile(r"(\d*):(\d*)")
 _SHOWN = 5
 
 
-class Choice(Protocol):
-    """Chooses among the shards of raw recordings."""
+class ShardFilter(Protocol):
+    """Selects among the shards of raw recordings."""
 
-    def of(self, shards: Iterable[Shard]) -> list[Shard]:
-        """The shards with the wanted inputs, without those that have none."""
+    def select(self, shards: Iterable[Shard]) -> list[Shard]:
+        """Shards reduced to the selected inputs, without those that have none."""
         ...
 
 
 @dataclass(frozen=True)
-class Selection:
-    """What is wanted of the raw recordings; all of them unless told otherwise.
+class InputSelection:
+    """Raw inputs to convert; all of them by default.
 
     Attributes:
-        where: Shell patterns (``*``, ``?``, ``[...]``) by key, for example ``{"location": "us-nv-*"}``; all hold.
-            One that has several values holds for one of them.
-        files: Which of the raw inputs that are left, counted over all shards in their order.
+        where: Shell patterns (``*``, ``?``, ``[...]``) by property, for example ``{"location": "us-nv-*"}``. All have
+            to match; a property with several values matches if one of them does.
+        files: Slice of the matching inputs, counted over all shards in order.
     """
 
     where: Mapping[str, str] = field(default_factory=dict)
     files: slice = field(default_factory=lambda: slice(None))
 
-    def of(self, shards: Iterable[Shard]) -> list[Shard]:
-        """The shards with the wanted inputs, without those that have none.
+    def select(self, shards: Iterable[Shard]) -> list[Shard]:
+        """Shards reduced to the selected inputs, without those that have none.
 
         Raises:
-            BadParameter: A key is unknown to every shard, or nothing is wanted.
+            BadParameter: A property is unknown to every shard, or nothing matches.
         """
         if not self.where and self.files == slice(None):
             return list(shards)
         listed = list(shards)
-        self._check_keys(listed)
-        chosen = [
-            replace(shard, items=tuple(item for item in shard.items if self._is_wanted(shard, item)))
-            for shard in listed
+        self._check_properties(listed)
+        matching = [
+            replace(shard, items=tuple(item for item in shard.items if self._matches(shard, item))) for shard in listed
         ]
-        kept = [shard for shard in _sliced(chosen, self.files) if shard.items]
-        if listed and not kept:
-            raise BadParameter(f"nothing is left of {len(listed)} shards{self._advice(listed)}")
-        return kept
+        numbers = range(sum(len(shard.items) for shard in matching))[self.files]
+        selected, first = [], 0
+        for shard in matching:
+            items = tuple(item for number, item in enumerate(shard.items, start=first) if number in numbers)
+            first += len(shard.items)
+            if items:
+                selected.append(replace(shard, items=items))
+        if listed and not selected:
+            raise BadParameter(f"the selection matches nothing in {len(listed)} shards{self._hint(listed)}")
+        return selected
 
-    def _is_wanted(self, shard: Shard, item: RawItem) -> bool:
+    def _matches(self, shard: Shard, item: RawItem) -> bool:
         return all(
             any(fnmatchcase(value, pattern) for value in _values(shard, item, key))
             for key, pattern in self.where.items()
         )
 
-    def _check_keys(self, shards: list[Shard]) -> None:
-        told = {key for shard in shards for item in shard.items for key in (*shard.facts, *item.facts)}
-        known = {"file", "name"} | told
+    def _check_properties(self, shards: list[Shard]) -> None:
+        listed = {key for shard in shards for item in shard.items for key in (*shard.properties, *item.properties)}
+        known = {"file", "name"} | listed
         unknown = sorted(set(self.where) - known)
         if unknown and shards:
-            is_here = all(is_at_hand(path) for shard in shards for path in shard.paths)
-            hint = "" if is_here else "; to choose by what recordings in an object store hold, copy them to a folder"
-            raise BadParameter(f"--where {unknown[0]}: known before reading are {', '.join(sorted(known))}{hint}")
+            are_local = all(is_local(path) for shard in shards for path in shard.paths)
+            hint = "" if are_local else "; to select by the content of recordings in an object store, copy them first"
+            raise BadParameter(
+                f"unknown property {unknown[0]!r}: inputs can be selected by {', '.join(sorted(known))}{hint}"
+            )
 
-    def _advice(self, shards: list[Shard]) -> str:
-        """The values there are, for the first key."""
+    def _hint(self, shards: list[Shard]) -> str:
+        """Existing values of the first property, or the number of inputs."""
         for key in self.where:
             values = sorted({v for shard in shards for item in shard.items for v in _values(shard, item, key)})
             more = ", ..." if len(values) > _SHOWN else ""
-            return f"; there is {key} {', '.join(values[:_SHOWN])}{more}"
-        return f"; --files counts {sum(len(shard.items) for shard in shards)} raw inputs, from 0"
+            return f"; values of {key}: {', '.join(values[:_SHOWN])}{more}"
+        return f"; there are {sum(len(shard.items) for shard in shards)} raw inputs, numbered from 0"
 
 
 def _values(shard: Shard, item: RawItem, key: str) -> tuple[str, ...]:
-    """What is known of an input under a key; nothing where that is not known."""
-    for known in ({"name": shard.name, "file": item.name}, item.facts, shard.facts):
+    """Values of an input's property; empty if unknown."""
+    for known in ({"name": shard.name, "file": item.name}, item.properties, shard.properties):
         value = known.get(key)
         if value is not None:
             return (value,) if isinstance(value, str) else value
     return ()
 
 
-def _sliced(shards: list[Shard], files: slice) -> list[Shard]:
-    """The shards with those inputs whose number, over all shards, is in the slice."""
-    numbers = range(sum(len(shard.items) for shard in shards))[files]
-    kept, first = [], 0
-    for shard in shards:
-        items = tuple(item for number, item in enumerate(shard.items, start=first) if number in numbers)
-        first += len(shard.items)
-        kept.append(replace(shard, items=items))
-    return kept
-
-
 def parse_slice(text: str) -> slice:
-    """``START:END`` with either left out, from 0, END not included.
+    """Parse ``START:END``; either may be left out, END is exclusive.
 
     Raises:
-        BadParameter: It is none.
+        BadParameter: Invalid text.
 
     Example:
         >>> parse_slice("0:10")
@@ -116,6 +112,6 @@ def parse_slice(text: str) -> slice:
     """
     match = _SLICE.fullmatch(text)
     if not match:
-        raise BadParameter(f"--files wants START:END, for example 0:10, found {text!r}")
+        raise BadParameter(f"--files takes START:END, for example 0:10, found {text!r}")
     start, end = (int(number) if number else None for number in match.groups())
     return slice(start, end)

@@ -1,102 +1,123 @@
-"""Raw recordings that grow: what has arrived is converted as soon as nobody writes to it any more."""
+"""Convert growing raw recordings: each input as soon as it is no longer written to."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace as replaced
 from pathlib import Path
 from typing import Any
 
 from scenarionet_data.conversion.driver import convert
-from scenarionet_data.conversion.report import Report
-from scenarionet_data.conversion.selection import Selection
+from scenarionet_data.conversion.report import ConversionReport
+from scenarionet_data.conversion.selection import InputSelection
 from scenarionet_data.errors import SourceNotFound
-from scenarionet_data.ingest.shard import RawItem, Shard
+from scenarionet_data.execution.executors import Executor
+from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.shard import Shard
+from scenarionet_data.storage.files.opening import LakeLike
 
-Mark = tuple[str, int, int]
-"""Fingerprint, size [bytes] and time of change [ns] of a raw input."""
+FileState = tuple[str, int, int]
+"""Fingerprint, size [bytes] and modification time [ns] of a raw input."""
 
 
-class Arrivals:
-    """Chooses the raw inputs that are as they were at the look before: what changes is still being written.
+class SettledInputs:
+    """Selects the raw inputs that have not changed since the previous call: others are still being written.
 
     Args:
-        selection: Which of the recordings are wanted at all.
+        selection: Restricts the inputs.
     """
 
-    def __init__(self, selection: Selection | None = None) -> None:
-        self._selection = selection or Selection()
-        self._seen: dict[tuple[str, str], Mark] = {}
-        self._offered: dict[str, dict[tuple[str, str], Mark]] = {}
-        self._given_up: dict[tuple[str, str], Mark] = {}
+    def __init__(self, selection: InputSelection | None = None) -> None:
+        self._selection = selection or InputSelection()
+        self._seen: dict[tuple[str, str], FileState] = {}
+        self._offered: dict[str, dict[tuple[str, str], FileState]] = {}
+        self._given_up: dict[tuple[str, str], FileState] = {}
 
-    def of(self, shards: Iterable[Shard]) -> list[Shard]:
-        """The shards with what has settled since this was asked last."""
-        found: dict[tuple[str, str], Mark] = {}
+    def select(self, shards: Iterable[Shard]) -> list[Shard]:
+        """Shards with the inputs that have settled since the previous call."""
+        found: dict[tuple[str, str], FileState] = {}
         settled = []
         self._offered = {}
-        for shard in self._selection.of(shards):
-            marks = {(shard.split, item.name): _mark(shard, item) for item in shard.items}
-            found |= marks
-            whole = {place: mark for place, mark in marks.items() if self._is_due(place, mark)}
-            items = tuple(item for item in shard.items if (shard.split, item.name) in whole)
+        for shard in self._selection.select(shards):
+            unchanged: dict[tuple[str, str], FileState] = {}
+            for item in shard.items:
+                try:
+                    status = (Path(shard.root) / item.name).stat()
+                    # A fingerprint samples a large file: size and time show that it grows.
+                    state = item.fingerprint, status.st_size, status.st_mtime_ns
+                except OSError:  # no file: a seed, or part of a file
+                    state = item.fingerprint, 0, 0
+                key = shard.split, item.name
+                found[key] = state
+                if self._seen.get(key) == state != self._given_up.get(key):
+                    unchanged[key] = state
+            items = tuple(item for item in shard.items if (shard.split, item.name) in unchanged)
             if items:
-                settled.append(replace(shard, items=items))
-                self._offered[shard.name] = whole
+                settled.append(replaced(shard, items=items))
+                self._offered[shard.name] = unchanged
         self._seen = found
         return settled
 
-    def _is_due(self, place: tuple[str, str], mark: Mark) -> bool:
-        return self._seen.get(place) == mark != self._given_up.get(place)
-
     def give_up(self, names: Iterable[str]) -> None:
-        """Do not offer the inputs of these shards again as long as they stay as they are."""
+        """Do not offer the inputs of these shards again until they change."""
         for name in names:
             self._given_up |= self._offered.get(name, {})
 
 
-def _mark(shard: Shard, item: RawItem) -> Mark:
-    """A fingerprint samples a large file; one that grows or is written to shows in its size and time."""
-    try:
-        status = (Path(shard.root) / item.name).stat()
-    except OSError:  # no file: a seed, or something inside of one
-        return item.fingerprint, 0, 0
-    return item.fingerprint, status.st_size, status.st_mtime_ns
-
-
 def watch(
     dataset: str,
-    raw: str,
-    lake: str | Path,
+    raw: str | Path,
+    lake: LakeLike,
     *,
     every: float = 30.0,
-    selection: Selection | None = None,
+    split: str | None = None,
+    version: str | None = None,
+    options: Options | Mapping[str, Any] | None = None,
+    workers: int = 1,
+    executor: Executor | None = None,
+    selection: InputSelection | None = None,
+    replace: bool = False,
+    reconvert_stale: bool = False,
+    check: bool = True,
     wait: Callable[[float], None] = time.sleep,
-    **how: Any,
-) -> Iterator[Report]:
-    """Convert what arrives, for ever; a report whenever there was something to do.
+) -> Iterator[ConversionReport]:
+    """Convert new recordings as they arrive, forever; yield a report whenever something was converted.
 
-    A shard that fails is reported once, and tried again when its recordings have changed.
+    A shard that fails is reported once, and tried again after its recordings have changed.
 
     Args:
-        dataset, raw, lake: As for :func:`~scenarionet_data.conversion.driver.convert`; ``raw`` may be empty yet.
-        every: Seconds between two looks: an input is converted once it has stood unchanged for so long.
-        selection: Which of the recordings; all unless given.
-        wait: Waits so many seconds.
-        how: What else :func:`~scenarionet_data.conversion.driver.convert` takes.
+        dataset, raw, lake: As for :func:`~scenarionet_data.conversion.driver.convert`; ``raw`` may still be empty.
+        every: Seconds between two scans: an input is converted once it is unchanged for this long.
+        split, version, options, workers, executor, replace, reconvert_stale, check: As for
+            :func:`~scenarionet_data.conversion.driver.convert`.
+        selection: Which of the recordings to convert; all by default.
+        wait: Sleeps for a number of seconds.
 
     Raises:
         DuplicateScenario: A recording that is in the lake has changed.
-        ScenarioNetError: What else a conversion raises.
+        ScenarioNetError: See :func:`~scenarionet_data.conversion.driver.convert`.
     """
-    arrivals = Arrivals(selection)
+    settled = SettledInputs(selection)
     while True:
         try:
-            report = convert(dataset, raw, lake, selection=arrivals, **how)
+            report = convert(
+                dataset,
+                raw,
+                lake,
+                split=split,
+                version=version,
+                options=options,
+                workers=workers,
+                executor=executor,
+                selection=settled,
+                replace=replace,
+                reconvert_stale=reconvert_stale,
+                check=check,
+            )
         except SourceNotFound:  # nothing there yet
-            report = Report()
+            report = ConversionReport()
         if report.shards or report.failed:
-            arrivals.give_up(name for name, _ in report.failed)
+            settled.give_up(name for name, _ in report.failed)
             yield report
         wait(every)

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from scenarionet_data.converters.splits import is_of_split
 from scenarionet_data.errors import SourceNotFound
-from scenarionet_data.ingest.shard import Options, Shard
+from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.description import ScenarioDescription
 
 if TYPE_CHECKING:
@@ -57,7 +58,7 @@ class Converter(ABC, Generic[Record]):
         licence: Licence of the recordings.
         raw: What RAW has to be, in one line.
         Options: Dataclass of what the converter can be told.
-        facts: Keys of what is known of its recordings before they are read, beyond ``file`` and ``name``.
+        properties: Keys of what is known of its recordings before they are read, beyond ``file`` and ``name``.
         budgets: How far real recordings stray from plausible motion.
         listed: Of RAW in an object store, the files whose content ``shards`` and ``maps`` read: glob patterns for the
             end of a path, for example ``"scenes/*.json"``. Of all others they find names and sizes there.
@@ -70,7 +71,7 @@ class Converter(ABC, Generic[Record]):
     licence: ClassVar[str]
     raw: ClassVar[str]
     Options: ClassVar[type[Options]] = Options
-    facts: ClassVar[tuple[str, ...]] = ()
+    properties: ClassVar[tuple[str, ...]] = ()
     budgets: ClassVar[Budgets] = Budgets()
     listed: ClassVar[tuple[str, ...]] = ()
     ignored: ClassVar[Collection[str]] = frozenset()

@@ -16,7 +16,8 @@ from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.building import MapBuilder, make_origin, make_tracks
 from scenarionet_data.converters.base import Budgets, Converter
 from scenarionet_data.errors import SourceNotFound
-from scenarionet_data.ingest.shard import Options, RawItem, Shard
+from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.shard import RawItem, Shard
 from scenarionet_data.procedural.construction import boxes
 from scenarionet_data.procedural.generate import Episode, generate
 from scenarionet_data.procedural.options import GeneratorOptions
@@ -155,7 +156,7 @@ def _tracks(episode: Episode, origin: Float64) -> Tracks:
 
 def _lights(episode: Episode, origin: Float64) -> Lights:
     """One light for every lane across an intersection that has lights."""
-    signal = episode.graph.signal
+    signal = episode.graph.lanes.signal
     controlled = np.flatnonzero(signal >= 0)
     lanes = episode.road_map.lanes
     ids = strings(lanes[row].id for row in controlled)

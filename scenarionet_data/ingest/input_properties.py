@@ -1,4 +1,4 @@
-"""What is known of raw recordings before they are converted, and whether a file's content is there to be asked."""
+"""Properties of raw inputs known before conversion, and placeholders for files that stay in an object store."""
 
 from __future__ import annotations
 
@@ -6,47 +6,47 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-Facts = Mapping[str, str | tuple[str, ...]]
-"""What is known before converting, to choose recordings by: location, log, date, ...; several values are a tuple."""
+InputProperties = Mapping[str, str | tuple[str, ...]]
+"""Location, log, date, ... of a raw input, to select recordings before converting; several values are a tuple."""
 
 PLACEHOLDER = b"in an object store, not here: "
-"""How a file begins that stands for one in an object store while recordings are listed."""
+"""First bytes of the placeholder for a file in an object store, used while recordings are listed."""
 
 
-def is_at_hand(path: Path) -> bool:
-    """Whether a file is itself, and no placeholder for one in an object store."""
+def is_local(path: Path) -> bool:
+    """Whether a file has its content, as opposed to a placeholder for a file in an object store."""
     try:
         with path.open("rb") as file:
             return file.read(len(PLACEHOLDER)) != PLACEHOLDER
-    except OSError:  # whoever reads it says what is wrong
+    except OSError:  # reported when the file is read
         return True
 
 
 @dataclass(frozen=True)
-class FactsOnDemand(Mapping[str, str | tuple[str, ...]]):
-    """Facts of which some take a look into a file, which is taken when somebody chooses by them.
+class LazyProperties(Mapping[str, str | tuple[str, ...]]):
+    """Input properties; expensive ones are read from the file on first access.
 
-    Where the file is not at hand, these are not known.
+    They are unknown while the file is a placeholder.
 
     Attributes:
-        told: What is known already.
-        asked: Keys of the rest.
-        find: Called with the path and such a key; picklable. Returns no value, ``()``, for what cannot be found.
-        path: Of the file.
+        known: Properties known without reading the file.
+        lazy: Keys of the others.
+        find: Called with the path and such a key; picklable. Returns an empty tuple for what cannot be found.
+        path: The file.
     """
 
-    told: Mapping[str, str | tuple[str, ...]]
-    asked: tuple[str, ...]
+    known: Mapping[str, str | tuple[str, ...]]
+    lazy: tuple[str, ...]
     find: Callable[[Path, str], str | tuple[str, ...]]
     path: Path
 
     def __getitem__(self, key: str) -> str | tuple[str, ...]:
-        if key in self.asked and is_at_hand(self.path):
+        if key in self.lazy and is_local(self.path):
             return self.find(self.path, key)
-        return self.told[key]
+        return self.known[key]
 
     def __iter__(self) -> Iterator[str]:
-        return iter((*self.told, *(self.asked if is_at_hand(self.path) else ())))
+        return iter((*self.known, *(self.lazy if is_local(self.path) else ())))
 
     def __len__(self) -> int:
         return len(list(iter(self)))

@@ -5,38 +5,26 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from scenarionet_data.ingest.input_properties import Facts
+from scenarionet_data.ingest.input_properties import InputProperties
+from scenarionet_data.ingest.options import Options
 
 
 @dataclass(frozen=True)
 class RawItem:
-    """One raw input of a shard: a file, a folder of one scenario, a seed.
+    """One raw input of a shard: a file, the folder of one scenario, or a seed.
 
     Attributes:
         name: Relative to the raw folder; the same on every machine.
-        fingerprint: Changes when the content does, see :func:`fingerprint`.
-        facts: What is known of it besides the shard's facts.
+        fingerprint: Changes with the content, see :func:`fingerprint`.
+        properties: Its properties, in addition to the shard's.
     """
 
     name: str
     fingerprint: str
-    facts: Facts = field(default_factory=dict, hash=False)
-
-
-@dataclass(frozen=True)
-class Options:
-    """What a converter can be told; subclasses add fields with defaults and ``metadata={"doc": ...}``.
-
-    A field with ``"is_place": True`` too says where something lies on this machine: it does not tell shards apart.
-    """
-
-    @property
-    def places(self) -> dict[str, str]:
-        """The fields that say where something lies; may be empty texts, or several paths joined as in ``$PATH``."""
-        return {each.name: getattr(self, each.name) for each in fields(self) if each.metadata.get("is_place")}
+    properties: InputProperties = field(default_factory=dict, hash=False)
 
 
 @dataclass(frozen=True)
@@ -46,10 +34,10 @@ class Shard:
     Attributes:
         dataset, version, split: Partition of the lake.
         name: Names the shard's files; ``[A-Za-z0-9._-]+``, unique within the partition.
-        root: The raw folder, or its URL in an object store; not part of the key, so that recordings may move.
-        items: Raw inputs; when some of them are in the lake already, the rest becomes the shard.
+        root: The raw folder, or its URL in an object store; not part of the key, so recordings may be moved.
+        items: Raw inputs. Inputs that are in the lake already are removed before the shard is converted.
         options: The converter's options.
-        facts: What is known of all its items; not part of the key.
+        properties: Properties of all its items; not part of the key.
     """
 
     dataset: str
@@ -59,31 +47,30 @@ class Shard:
     root: str
     items: tuple[RawItem, ...]
     options: Options
-    facts: Facts = field(default_factory=dict, hash=False)
+    properties: InputProperties = field(default_factory=dict, hash=False)
 
     @property
     def options_text(self) -> str:
-        """The options as canonical JSON, but for those that say where something lies."""
-        places = self.options.places
-        told = {name: value for name, value in asdict(self.options).items() if name not in places}
-        return json.dumps(told, sort_keys=True)
+        """The options as canonical JSON, without those that name folders."""
+        paths = self.options.paths
+        return json.dumps({k: v for k, v in asdict(self.options).items() if k not in paths}, sort_keys=True)
 
     @property
     def paths(self) -> list[Path]:
-        """Where the items lie."""
+        """Paths of the items."""
         return [Path(self.root) / item.name for item in self.items]
 
     def key(self, converter_version: str) -> str:
-        """16 hex digits: the same for the same input, options and converter, on every machine."""
+        """16 hex digits that depend on the inputs, options and converter, and not on the machine."""
         identity = [self.dataset, self.version, self.split, self.name, self.options_text, converter_version]
         identity += [f"{item.name}={item.fingerprint}" for item in self.items]
         return hashlib.blake2b("\n".join(identity).encode(), digest_size=8).hexdigest()
 
 
 def fingerprint(paths: Iterable[Path], sample: int = 65536) -> str:
-    """16 hex digits that change with the files' names, sizes, first or last ``sample`` bytes.
+    """16 hex digits that change with the files' names, sizes, and first or last ``sample`` bytes.
 
-    Reading whole recordings to list them would cost as much as converting them.
+    Hashing whole recordings would cost as much as converting them.
     """
     digest = hashlib.blake2b(digest_size=8)
     for path in paths:
@@ -98,10 +85,10 @@ def fingerprint(paths: Iterable[Path], sample: int = 65536) -> str:
 
 
 def bucket(items: Iterable[RawItem], size: int = 64) -> dict[str, tuple[RawItem, ...]]:
-    """Groups items of one scenario each into buckets by a hash of their name.
+    """Group items of one scenario each into buckets by a hash of their name.
 
-    The number of buckets is a power of two, so that about ``size`` items share one and a growing dataset
-    keeps its buckets for long.
+    The number of buckets is a power of two, with about ``size`` items in each, so that a growing dataset rarely
+    changes its buckets.
 
     Returns:
         Bucket name to its items, both sorted.

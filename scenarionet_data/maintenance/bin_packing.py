@@ -6,10 +6,9 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from pathlib import Path
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.files.opening import LakeLike, open_files
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord
@@ -42,9 +41,7 @@ class Bin:
         return sum(record.num_scenarios for record in self.records)
 
 
-def plan_compaction(
-    lake: str | Path, profile: str = "training", *, where: Mapping[str, str] | None = None
-) -> list[Bin]:
+def plan_compaction(lake: LakeLike, profile: str = "training", *, where: Mapping[str, str] | None = None) -> list[Bin]:
     """What :func:`.compact` would rewrite: bins of up to 1,024 scenarios; a larger shard is a bin of its own.
 
     Raises:

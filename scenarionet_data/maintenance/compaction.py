@@ -10,14 +10,13 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from scenarionet_data.errors import LakeError
 from scenarionet_data.execution.executors import Executor, executor_for
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.maintenance.bin_packing import Bin, content_sizes, plan_compaction
 from scenarionet_data.storage.files.lake_files import LakeFiles
-from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.files.opening import LakeLike, open_files
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
@@ -84,7 +83,7 @@ class Compaction:
 
 
 def compact(
-    lake: str | Path,
+    lake: LakeLike,
     profile: str = "training",
     *,
     where: Mapping[str, str] | None = None,
@@ -95,7 +94,7 @@ def compact(
     """Rewrite a lake's files in a profile, as one new snapshot; ids, content hashes and databases stay as they are.
 
     Args:
-        lake: The lake's folder or URL.
+        lake: The lake, its folder or its URL.
         profile: ``training``: a scenario a row group, up to 64 a file; ``analytics``: 16 a row group, up to 1,024.
         where: Shell patterns for ``dataset``, ``version`` and ``split``; everything unless given.
         workers: Processes.

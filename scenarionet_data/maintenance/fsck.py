@@ -8,7 +8,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
 
 import pyarrow as pa
 
@@ -18,7 +17,7 @@ from scenarionet_data.maintenance import database_checks
 from scenarionet_data.maintenance.repair_advice import Inputs, remedy
 from scenarionet_data.maintenance.vacuuming import list_files
 from scenarionet_data.storage.files.lake_files import LakeFiles
-from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.files.opening import LakeLike, open_files
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests, metadata_files
 from scenarionet_data.storage.snapshots import snapshot as snapshots
@@ -79,7 +78,7 @@ class Fsck:
 
 
 def fsck(
-    lake: str | Path, *, is_deep: bool = False, workers: int | None = None, on_progress: Progress | None = None
+    lake: LakeLike, *, is_deep: bool = False, workers: int | None = None, on_progress: Progress | None = None
 ) -> Fsck:
     """Check the files of a lake; nothing is changed.
 
@@ -87,7 +86,7 @@ def fsck(
     those that databases were made on, every reference is followed.
 
     Args:
-        lake: The lake's folder or URL.
+        lake: The lake, its folder or its URL.
         is_deep: Read every byte: checksums, and who lies in every row.
         workers: Threads; one a core unless given.
         on_progress: Told about every file of a table.
@@ -117,13 +116,13 @@ def fsck(
     return Fsck(tuple(there), len(written), tuple(problems), _notes(files, there))
 
 
-def repair(lake: str | Path, found: Fsck) -> list[str]:
+def repair(lake: LakeLike, found: Fsck) -> list[str]:
     """Take shards with damaged files out of the lake, so that converting again brings them back.
 
     Merged metadata is merged again. Damaged files of shards are deleted: nothing would ever read them.
 
     Args:
-        lake: The lake's folder or URL.
+        lake: The lake, its folder or its URL.
         found: What is wrong with it.
 
     Returns:

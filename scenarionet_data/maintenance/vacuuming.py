@@ -11,13 +11,12 @@ import time
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 from scenarionet_data.databases import record as databases
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.storage.files.lake_files import LakeFiles, Listed
-from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.files.opening import LakeLike, open_files
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 
@@ -63,11 +62,11 @@ class Vacuum:
         return found
 
 
-def plan_vacuum(lake: str | Path, *, keep_last: int | None = None, older_than: float | None = None) -> Vacuum:
+def plan_vacuum(lake: LakeLike, *, keep_last: int | None = None, older_than: float | None = None) -> Vacuum:
     """What :func:`vacuum` would do; nothing is changed.
 
     Args:
-        lake: The lake's folder or URL.
+        lake: The lake, its folder or its URL.
         keep_last: So many of the newest snapshots stay.
         older_than: Younger snapshots stay [s]. With both, a snapshot goes when neither keeps it.
 
@@ -97,7 +96,7 @@ def plan_vacuum(lake: str | Path, *, keep_last: int | None = None, older_than: f
 
 
 def vacuum(
-    lake: str | Path,
+    lake: LakeLike,
     *,
     keep_last: int | None = None,
     older_than: float | None = None,
@@ -109,7 +108,7 @@ def vacuum(
     snapshot that named it has expired already.
 
     Args:
-        lake: The lake's folder or URL.
+        lake: The lake, its folder or its URL.
         keep_last: So many of the newest snapshots stay.
         older_than: Younger snapshots stay [s]. With both, a snapshot goes when neither keeps it.
         on_progress: Told about every deleted file.

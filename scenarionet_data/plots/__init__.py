@@ -8,11 +8,10 @@
     plots.thumbnail(scenario, (240, 180))                  # the bytes of a small PNG
     plots.Drawing(view="ego").save("drive.mp4", scenario)  # .png .pdf .svg .gif .mp4
     plots.animate(scenario)                                # a video in a notebook
-    plots.explore(scenario)                                # zoom, hover, a slider over time
     plots.small_multiples(scenarios)                       # many beside each other
     plots.draw_profiles(scenario, ["t1", "t7"])            # speed, acceleration, curvature
     plots.draw_distributions(lake)                         # of any column of metadata, by dataset or database
-    plots.draw_comparison(lake.compare(["busy", "calm"]))  # means and deviations
+    plots.draw_comparison(lake.compare("busy", "calm"))  # means and deviations
 
 Colours and measures stand in :mod:`scenarionet_data.plots.palette`, which needs nothing installed; drawing needs
 matplotlib (extra ``plots``), mp4 PyAV (extra ``video``). No display is needed and no global state is touched.
@@ -31,7 +30,6 @@ if TYPE_CHECKING:
     from scenarionet_data.plots.distributions import Distribution, draw_distributions
     from scenarionet_data.plots.drawing import Drawing, draw_scenario, scenario_figure
     from scenarionet_data.plots.files import write_figure, write_video
-    from scenarionet_data.plots.interactive import explore
     from scenarionet_data.plots.moment import Moment
     from scenarionet_data.plots.multiples import small_multiples
     from scenarionet_data.plots.profiles import draw_profiles
@@ -54,7 +52,6 @@ __all__ = [
     "draw_distributions",
     "draw_profiles",
     "draw_scenario",
-    "explore",
     "new_figure",
     "scenario_figure",
     "small_multiples",
@@ -78,7 +75,6 @@ _HOME = {
     "draw_distributions": "distributions",
     "draw_profiles": "profiles",
     "draw_scenario": "drawing",
-    "explore": "interactive",
     "new_figure": "style",
     "scenario_figure": "drawing",
     "small_multiples": "multiples",

@@ -1,4 +1,4 @@
-"""The data dictionary in Markdown, made from the contract."""
+"""The data dictionary: the schema of every table as a Markdown page."""
 
 from __future__ import annotations
 
@@ -6,16 +6,15 @@ from scenarionet_data.schema import tables
 from scenarionet_data.schema.package_data import SCHEMAS
 from scenarionet_data.schema.tables import Column, Table
 
-_BEGIN, _END = "<!-- metadata: made by `make docs` -->", "<!-- end -->"
-
 
 def markdown() -> str:
-    """Every table of the contract with every column, its type, unit and meaning."""
+    """Return the page: every table with its columns, their types, units and meanings."""
     parts = [
-        "# Data dictionary",
+        "# Tables",
         "",
-        "Made from `schemas/*.toml` by `make docs`; edit those. SI units; headings in radians, counter-clockwise",
-        "from +x, in [-π, π); the scenario frame is the source's, moved near the ego and never turned.",
+        "Generated from `schemas/*.toml` by `make docs`; edit those files. Units are SI. Headings are radians,",
+        "counter-clockwise from +x, in [-π, π). The scenario frame is the source frame moved near the ego, never",
+        "rotated. Queries read these tables as [views](views.md) of the same names.",
         "",
     ]
     for name in tables.TABLES:
@@ -24,7 +23,7 @@ def markdown() -> str:
 
 
 def section(table: Table) -> str:
-    """One table as a heading, a sentence and rows of columns."""
+    """Return one table as a heading, its description and a row per column."""
     rows = [f"## {table.name} (version {table.version})", "", table.doc, "", "| column | type | unit | meaning |"]
     rows.append("| --- | --- | --- | --- |")
     rows += [_row(column) for column in (*table.columns, *table.derived)]
@@ -39,20 +38,9 @@ def _row(column: Column) -> str:
     return f"| `{column.name}` | {kind} | {column.unit} | {meaning} |"
 
 
-def into_page(page: str) -> str:
-    """A page with its list of metadata columns brought up to date, between the two marks."""
-    before, _, rest = page.partition(_BEGIN)
-    _, _, after = rest.partition(_END)
-    rows = "\n".join(section(tables.load("metadata")).splitlines()[4:])
-    return f"{before}{_BEGIN}\n{rows}\n{_END}{after}"
-
-
 def main() -> None:
-    """Write the dictionary and the README's list; for `make docs`, in a checkout."""
-    root = SCHEMAS.parent
-    (root / "docs" / "reference" / "data_dictionary.md").write_text(markdown(), "utf-8")
-    readme = root / "README.md"
-    readme.write_text(into_page(readme.read_text("utf-8")), "utf-8")
+    """Write the dictionary's page; ``make docs`` in a checkout."""
+    (SCHEMAS.parent / "docs" / "reference" / "data_dictionary.md").write_text(markdown(), "utf-8")
 
 
 if __name__ == "__main__":

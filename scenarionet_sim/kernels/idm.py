@@ -12,7 +12,7 @@ import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Float32, Float64, UInt8
-from scenarionet_data.procedural.idm import free_acceleration, interaction
+from scenarionet_data.arrays.idm import free_acceleration, interaction
 from scenarionet_sim.kernels.log import ARC, HEADING, VALID, VX, VY, YAW_RATE, X, Y, Z
 from scenarionet_sim.kernels.minmax import larger, smaller
 from scenarionet_sim.kernels.motion import place_as_recorded
@@ -111,7 +111,7 @@ def drive_along_paths(
             then.route[w, n, 0], then.present[w, n] = s, True
 
 
-@device_function
+@device_function(allocates=True)
 def _boxes(w: int, now: Moment) -> Float64:
     """Return the present boxes of a world (11, B), in the order of their rows."""
     count = 0

@@ -175,7 +175,7 @@ def find_stops(
                 stops[n, light] = _stop_on(own, way, x, y)
 
 
-@device_function
+@device_function(allocates=True)
 def _with_arcs(points: Float32, offsets: Int32) -> Float32:
     """Return centrelines as paths (P, 5); z and heading are 0."""
     path = np.zeros((len(points), 5), np.float32)

@@ -1,4 +1,4 @@
--- How runs of the simulator went: shares of scenarios, sums of crashes, means of the rest. $run chooses one.
+-- Results of simulation runs: ratios of scenarios, sums of crashes, means of the other metrics. $run selects one run.
 -- run = ""
 SELECT
     run,

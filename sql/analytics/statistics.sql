@@ -1,5 +1,5 @@
--- What scenarios are like: mean, standard deviation (of the sample) and range of each measure, and ratios of scenarios
--- with an intersection, construction and lights: the table in which the ScenarioNet paper compares databases, and more.
+-- Statistics of scenarios: mean, sample standard deviation and range of each measure, and ratios of scenarios with an
+-- intersection, construction and lights; extends the table by which the ScenarioNet paper compares databases.
 WITH measures AS (
     SELECT unnest([
         {'place': 1, 'measure': 'track length', 'unit': 'm', 'value': ego_distance::DOUBLE},

@@ -1,4 +1,4 @@
--- What a lake holds, by dataset, version and split.
+-- Contents of a lake by dataset, version and split.
 SELECT
     dataset,
     version,

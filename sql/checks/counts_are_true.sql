@@ -1,4 +1,4 @@
--- lake: The counts in metadata are those of the rows in tracks, lights and maps. Crops of a shared map are not counted.
+-- lake: The counts in metadata equal the numbers of rows in tracks, lights and maps; crops of shared maps are not counted.
 WITH track_counts AS (
     SELECT
         scenario_id,

@@ -1,4 +1,4 @@
--- hard: The ego is one of the tracks, and observed at the scenario's current timestep.
+-- hard: The ego is one of the tracks and is observed at the current timestep.
 WITH egos AS (
     SELECT m.scenario_id, ego_id, current_timestep, track_id, x, valid, current_timestep - start + 1 AS i
     FROM metadata_rows AS m

@@ -1,4 +1,4 @@
--- soft: Vehicles and cyclists above 1 m/s go where they point, within the dataset's budget for 99 of 100 states; reversing is left out.
+-- soft: Vehicles and cyclists faster than 1 m/s move along their heading: the 99th percentile is within the dataset's budget; reversing is ignored.
 WITH turns AS (
     SELECT
         scenario_id,

@@ -1,4 +1,4 @@
--- hard: Headings lie in [-pi, pi), in the precision they are stored in.
+-- hard: Headings are in [-pi, pi), in stored precision.
 SELECT scenario_id, 'track ' || track_id || ' has a heading of ' || list_min(heading) || ' ... ' || list_max(heading) AS detail
 FROM tracks
 WHERE list_min(heading) < (-pi())::FLOAT OR list_max(heading) >= pi()::FLOAT;

@@ -1,4 +1,4 @@
--- lake: No two scenarios of a lake have the same id.
+-- lake: Scenario ids are unique in the lake.
 SELECT scenario_id, count(*) || ' rows of metadata' AS detail
 FROM metadata_rows
 GROUP BY scenario_id

@@ -1,4 +1,4 @@
--- hard: Where a lane names a successor in the same map, that lane names it as a predecessor, and the other way round.
+-- hard: If a lane has a successor in the same map, that lane has it as a predecessor, and vice versa.
 WITH links AS (
     SELECT dataset, version, map_id, feature_id AS first, unnest(exit_lanes) AS second, 1 AS side FROM lanes
     UNION ALL
@@ -10,7 +10,7 @@ one_way AS (
     GROUP BY ALL
     HAVING min(side) = max(side)
 )
--- Both lanes have to be in the map, and in the window that a scenario has on a shared one.
+-- Both lanes must be in the map, and in the scenario's window on a shared map.
 SELECT
     scenario_id,
     if(scenario_id IS NULL, concat_ws('/', 'map ' || dataset, version, map_id) || ': ', '')

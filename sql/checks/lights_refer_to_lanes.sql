@@ -1,4 +1,4 @@
--- hard: Each light says truly whether its lane is in the map, and has a state for every timestep.
+-- hard: The flag is_lane_in_map of each light is correct, and each light has a state for every timestep.
 SELECT
     l.scenario_id,
     CASE

@@ -1,4 +1,4 @@
--- soft: No object moves faster between two timesteps than the dataset's budget allows.
+-- soft: No object moves between two timesteps faster than the dataset's budget allows.
 SELECT
     scenario_id,
     printf('track %s at %.0f m/s, timestep %d', arg_max(track_id, speed), max(speed), arg_max(timestep, speed)) AS detail

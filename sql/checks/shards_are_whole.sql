@@ -1,9 +1,9 @@
--- lake: Each shard has as many scenarios as it says, and as many records in quarantine: what was read is one or the other.
+-- lake: Each shard has the recorded number of scenarios and of quarantined records; every record read is one or the other.
 WITH listed AS (
     SELECT
         *,
         concat_ws('/', 'shard ' || dataset, version, split, name) AS shard,
-        -- Shards that were compacted together share files and cannot be told apart.
+        -- Shards that were compacted together share files and cannot be distinguished.
         coalesce(nullif(regexp_extract(metadata_file, '-(training|analytics)-([0-9a-f]{16}).parquet$', 2), ''), key) AS unit
     FROM shards
     WHERE split <> ''
@@ -23,7 +23,7 @@ converted AS (
     GROUP BY unit, found
 ),
 rejected AS (
-    -- Shards of one name, converted one after the other, cannot be told apart in quarantine.
+    -- Successive conversions of a shard of the same name cannot be distinguished in quarantine.
     SELECT shard, said, coalesce(found, 0) AS found
     FROM (SELECT shard, sum(num_quarantined) AS said FROM listed GROUP BY shard)
     LEFT JOIN (

@@ -1,4 +1,4 @@
--- lake: The shared map that a scenario is a window on is in the lake.
+-- lake: The shared map that a scenario refers to is in the lake.
 SELECT scenario_id, 'map ' || map_id || ' is ' || coalesce(reason, 'not in the lake') AS detail
 FROM metadata_rows
 LEFT JOIN (SELECT dataset, version, name AS map_id, files[1] AS file FROM shards WHERE split = '')

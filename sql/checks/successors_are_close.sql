@@ -1,4 +1,4 @@
--- soft: A lane ends where its successors begin, within the dataset's gap between links.
+-- soft: A lane ends where its successors begin, within the dataset's budget for the gap.
 WITH links AS (
     SELECT *, unnest(exit_lanes) AS successor FROM lanes JOIN budgets USING (dataset)
 ),

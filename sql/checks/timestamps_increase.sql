@@ -1,4 +1,4 @@
--- hard: There is one timestamp per timestep, from 0 and strictly increasing, and dt is positive.
+-- hard: Each timestep has a timestamp; timestamps start at 0 and increase strictly; dt is positive.
 SELECT
     scenario_id,
     CASE

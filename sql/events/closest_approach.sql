@@ -1,5 +1,5 @@
--- How close the ego and an object come: the smallest distance between their centres, at most $max metres. One hit per
--- object; both timesteps are when they are closest; value in m.
+-- Smallest distance between the centres of the ego and an object, at most $max metres. One hit per object; both
+-- timesteps are the moment of closest approach. Value is the distance, in m.
 -- Source: the distance at closest point of approach (DCPA) of collision avoidance at sea and in the air.
 -- max = 20.0
 SELECT

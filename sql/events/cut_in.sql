@@ -1,8 +1,8 @@
--- A vehicle moves into the ego's lane in front of it. At first its near side is outside the lane (3.5 m wide, around the
--- ego's own path), then 0.3 m inside, then its centre is within 0.9 m of the path, all within $within seconds. When it
--- comes in, its rear is at most $max_gap metres ahead of the ego's front, both move faster than $min_speed m/s, and it
--- goes the ego's way. From when it comes in until it is in the middle; value is the gap when it comes in, in m.
--- Where the ego itself changes lanes behind another vehicle, their paths meet in the same way and it counts too.
+-- A vehicle moves into the ego's lane in front of it. At first its near side is outside the lane (3.5 m wide, around
+-- the ego's own path), then 0.3 m inside, then its centre is within 0.9 m of the path, all within $within seconds. When
+-- it enters, its rear is at most $max_gap metres ahead of the ego's front, both move faster than $min_speed m/s, and it
+-- drives in the ego's direction. Lasts from entering until it is in the middle; value is the gap on entering, in m. A
+-- lane change of the ego behind another vehicle has the same geometry and counts, too.
 -- Source: UN Regulation 157 (ALKS), 5.2.5 and annex 4: a cut-in, with lane intrusion from 0.3 m beyond the marking.
 -- max_gap = 30.0
 -- min_speed = 2.0
@@ -37,5 +37,5 @@ SELECT
 FROM intrusions AS i JOIN middles AS m USING (scenario_id, track_id)
 WHERE m.timestep >= i.timestep AND m.seconds <= i.seconds + $within
 GROUP BY i.scenario_id, i.track_id, i.ego_id, i.timestep, i.gap
--- Of several intrusions before it is in the middle, the last one brought it there.
+-- Of several intrusions before it reaches the middle, take the last.
 QUALIFY row_number() OVER (PARTITION BY i.scenario_id, i.track_id, last_timestep ORDER BY i.timestep DESC) = 1

@@ -1,5 +1,6 @@
--- The ego follows one vehicle for $min_duration seconds or longer: it is the nearest ahead on the ego's path, both move
--- faster than 1 m/s, and the headway from front to front is at most $max_headway seconds. Value is the mean headway, in s.
+-- The ego follows one vehicle for at least $min_duration seconds: it is the nearest ahead on the ego's path, both move
+-- faster than 1 m/s, and the headway from front to front is at most $max_headway seconds. Value is the mean headway, in
+-- s.
 -- Source: Highway Capacity Manual 2000, percent time spent following: a headway of less than 3 s.
 -- max_headway = 3.0
 -- min_duration = 2.0

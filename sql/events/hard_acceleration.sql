@@ -1,5 +1,6 @@
--- A vehicle or cyclist gains speed by $min m/s^2 or more, as the mean over half a second. Of the ego alone with
--- ego_only=true. From where the half second begins to the end of it; value is the strongest acceleration, in m/s^2.
+-- A vehicle or cyclist accelerates by at least $min m/s^2, averaged over half a second; ego_only=true considers only
+-- the ego. Lasts from the start of the first half second to the end of the last; value is the peak acceleration, in
+-- m/s^2.
 -- Source: 2.4 m/s^2 is the bound of comfortable acceleration in nuPlan's closed-loop metric ego_is_comfortable.
 -- min = 2.4
 -- ego_only = false

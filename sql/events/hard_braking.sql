@@ -1,5 +1,6 @@
--- A vehicle or cyclist slows by $min m/s^2 or more, as the mean over half a second. Of the ego alone with ego_only=true.
--- From where the half second begins to the end of the braking; value is the strongest deceleration, in m/s^2.
+-- A vehicle or cyclist decelerates by at least $min m/s^2, averaged over half a second; ego_only=true considers only
+-- the ego. Lasts from the start of the first half second to the end of the last; value is the peak deceleration, in
+-- m/s^2.
 -- Source: 4.05 m/s^2 is the bound of comfortable braking in nuPlan's closed-loop metric ego_is_comfortable.
 -- min = 4.05
 -- ego_only = false

@@ -1,6 +1,6 @@
--- A pedestrian is on a lane and off every crosswalk for $min_duration seconds or longer: within $half_width metres of a
--- lane's centreline, and $margin metres or more from each crosswalk. Only in maps that know crosswalks; bicycle lanes are
--- no lanes here. Value is how long, in s.
+-- A pedestrian is on a lane and off every crosswalk for at least $min_duration seconds: within $half_width metres of a
+-- lane's centreline, and at least $margin metres from each crosswalk. Maps without crosswalks give no hits; bicycle
+-- lanes do not count. Value is the duration, in s.
 -- Source: Uniform Vehicle Code 11-503, "Crossing at other than crosswalks".
 -- half_width = 1.5
 -- margin = 2.0
@@ -62,7 +62,7 @@ edges AS (
     )
 ),
 crosswalks AS (
-    -- A point is inside when a ray from it meets the outline an odd number of times.
+    -- A point is inside if a ray from it crosses the outline an odd number of times.
     SELECT
         p.scenario_id, p.track_id, p.timestep, e.feature_id,
         min(segment_gap(p.x - e.x, p.y - e.y, e.dx, e.dy)) < $margin

@@ -1,6 +1,6 @@
--- The ego changes to the lane beside it: it is on one lane for $min_hold seconds or longer, then on another for as long,
--- which the map names as a left or right neighbour of the first lane, of one of its successors, or of a predecessor.
--- From its last timestep on the first lane to its first on the other; value is 1 to the left, -1 to the right.
+-- The ego changes to the lane beside it: it is on one lane for at least $min_hold seconds, then as long on another
+-- that is a left or right neighbour of the first lane, of one of its successors, or of a predecessor.
+-- Lasts from its last timestep on the first lane to its first on the other; value is 1 to the left, -1 to the right.
 -- Maps without neighbours give no hits.
 -- Source: the tag changing_lane of nuPlan, on the lanes of the map.
 -- min_hold = 0.5

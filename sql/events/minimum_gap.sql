@@ -1,5 +1,5 @@
--- How close the ego's box and an object's come: the smallest gap between them as rectangles, at most $max metres, 0 where
--- they overlap. One hit per object; both timesteps are when they are closest; value in m.
+-- Smallest gap between the boxes of the ego and an object as rectangles, at most $max metres, 0 if they overlap. One
+-- hit per object; both timesteps are the moment of the smallest gap. Value is the gap, in m.
 -- Source: the "distance to nearest object" of the Waymo Open Sim Agents metrics (Montali et al. 2023), without their
 -- rounded corners.
 -- max = 1.0

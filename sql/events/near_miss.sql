@@ -1,7 +1,7 @@
--- A collision with the ego is less than $max seconds away, and does not happen: the boxes never touch. One hit per object;
--- value is the shortest time to collision, in s.
--- Source: Hayward 1972, "Near-miss determination through use of a scale of danger", whose scale calls a time to collision
--- below 1 s a near miss; evaded, because a contact is no miss.
+-- Time to collision with the ego falls below $max seconds, but the boxes never touch. One hit per object; value is the
+-- shortest time to collision, in s.
+-- Source: Hayward 1972, "Near-miss determination through use of a scale of danger", whose scale calls a time to
+-- collision below 1 s a near miss; contacts are excluded.
 -- max = 1.0
 WITH near AS (
     SELECT *

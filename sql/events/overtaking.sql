@@ -1,8 +1,8 @@
--- One vehicle overtakes another, the ego being one of them: its rear was behind the other's (bumper to bumper clear), and
--- then it is clear ahead, past it at most $max_side metres to the side, both moving faster than $min_speed m/s the same way
--- (within 30 degrees). From when it is last clear behind until it is first clear ahead; value is that time, in s.
--- Source: an accelerative or flying overtaking (Wilson and Best 1982, "Driving strategies in overtaking"), without the
--- demand that it returns to its lane, so that passing in a lane of its own counts.
+-- One vehicle overtakes another, the ego being one of them: first it is completely behind the other, then
+-- completely ahead, passing at most $max_side metres to the side, both faster than $min_speed m/s in the same direction
+-- (within 30 degrees). Lasts from its last timestep behind to its first ahead; value is that time, in s.
+-- Source: an accelerative or flying overtaking (Wilson and Best 1982, "Driving strategies in overtaking"), without
+-- requiring a return to the lane, so passing in a separate lane counts.
 -- max_side = 6.0
 -- min_speed = 2.0
 WITH beside AS (
@@ -44,4 +44,4 @@ SELECT
     next_timestep AS last_timestep,
     next_seconds - seconds AS value
 FROM passes
-WHERE num_beside = next_timestep - timestep - 1  -- it was seen all the time
+WHERE num_beside = next_timestep - timestep - 1  -- observed at every timestep in between

@@ -1,6 +1,6 @@
--- A pedestrian crosses the ego's path in front of it: from one side to the other, at most $max_ahead metres ahead of the
--- ego's front along the path, and the ego comes within $within seconds or has not moved on when the recording ends.
--- From when the pedestrian enters the 3.5 m around the path until it leaves them; value is the smallest distance from the
+-- A pedestrian crosses the ego's path in front of it: from one side to the other, at most $max_ahead metres ahead of
+-- the ego's front along the path, and the ego comes within $within seconds or has not moved on when the recording ends.
+-- Lasts while the pedestrian is within the 3.5 m wide corridor around the path; value is the smallest distance from the
 -- ego's front, in m.
 -- Source: the crossing pedestrian of Euro NCAP's tests (CPNA, CPFA), with the ego's recorded path as the lane.
 -- max_ahead = 30.0

@@ -1,8 +1,8 @@
--- An object and the ego cross one place, one after the other, within $max seconds: from when the rear of the first has
--- left the area that both sweep until the front of the second enters it; 0 where they are in it together. The paths
--- cross at $min_angle degrees or more. From when the first is in the middle of the area until the second is; value in s.
--- Source: Allen, Shin and Cooper 1978, "Analysis of traffic conflicts and collisions"; 5 s is the limit of a conflict in
--- FHWA-HRT-08-051 (SSAM).
+-- An object and the ego pass the same area one after the other within $max seconds: from when the rear of the first
+-- leaves the area that both sweep until the front of the second enters it; 0 if both are in it at once. The paths cross
+-- at an angle of at least $min_angle degrees. Lasts from the first in the middle of the area to the second; value in s.
+-- Source: Allen, Shin and Cooper 1978, "Analysis of traffic conflicts and collisions"; 5 s is the limit of a conflict
+-- in FHWA-HRT-08-051 (SSAM).
 -- max = 5.0
 -- min_angle = 20.0
 WITH sides AS (
@@ -29,7 +29,7 @@ crossings AS (
         AND sine >= sin(radians($min_angle)) AND speed > 0.1 AND ego_passing_speed > 0.1
 ),
 areas AS (
-    -- Along its own path a box is in the area from this far before the crossing of the paths until this far beyond it.
+    -- Half the length of the conflict area along each path, around the crossing point.
     SELECT
         *,
         (length / 2 + (ego_width + width * cosine) / (2 * sine)) / speed AS object_half,

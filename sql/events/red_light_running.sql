@@ -1,6 +1,6 @@
--- A vehicle's front crosses the stop line of its lane while the light is red, and has been for $min_red seconds, faster
--- than $min_speed m/s. Of the ego alone with ego_only=true. Both timesteps are those before and after the crossing;
--- value is its speed, in m/s. Turning on red where that is allowed counts too: recordings do not say.
+-- A vehicle's front crosses the stop line of its lane while the light has been red for $min_red seconds, faster than
+-- $min_speed m/s; ego_only=true considers only the ego. The timesteps are those before and after the crossing; value is
+-- the speed, in m/s. Permitted turns on red count, too: recordings do not mark them.
 -- Source: the traffic light violation of the Waymo Open Sim Agents metrics (2025): crossing the stop point of the
 -- lane while its light is STOP or ARROW_STOP.
 -- min_speed = 1.0

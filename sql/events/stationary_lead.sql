@@ -1,5 +1,5 @@
--- A vehicle stands on the ego's path, the nearest ahead, at most $max_gap metres from bumper to bumper, for $min_duration
--- seconds or longer. Standing is less than 0.5 m/s. Value is the smallest gap, in m.
+-- The nearest vehicle ahead on the ego's path is stationary (slower than 0.5 m/s), at most $max_gap metres from bumper
+-- to bumper, for at least $min_duration seconds. Value is the smallest gap, in m.
 -- Source: the stationary vehicle target of Euro NCAP's car-to-car rear stationary test (CCRs), seen from the ego.
 -- max_gap = 30.0
 -- min_duration = 1.0

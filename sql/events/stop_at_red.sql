@@ -1,7 +1,7 @@
--- A vehicle stands in front of a red light of its lane for $min_duration seconds or longer: slower than 0.5 m/s, its front
--- at most $max_before metres before the stop line. Of the ego alone with ego_only=true. Value is the smallest distance
--- from its front to the line, in m.
--- Source: the tag stationary_at_traffic_light of nuPlan; red as the Waymo Open Sim Agents metrics have it (STOP and
+-- A vehicle waits at a red light of its lane for at least $min_duration seconds: slower than 0.5 m/s, its front at most
+-- $max_before metres before the stop line; ego_only=true considers only the ego. Value is the smallest distance from
+-- its front to the line, in m.
+-- Source: the tag stationary_at_traffic_light of nuPlan; red as in the Waymo Open Sim Agents metrics (STOP and
 -- ARROW_STOP).
 -- max_before = 8.0
 -- min_duration = 1.0
@@ -10,7 +10,7 @@ WITH standing AS (
     SELECT *, timestep - row_number() OVER (PARTITION BY scenario_id, track_id, light_id, lane_id ORDER BY timestep) AS run
     FROM at_red
     WHERE
-        speed < 0.5 AND before BETWEEN -2 AND $max_before  -- many stand a little beyond the line
+        speed < 0.5 AND before BETWEEN -2 AND $max_before  -- vehicles often stop slightly beyond the line
         AND (track_id = ego_id OR NOT $ego_only)
 ),
 stops AS (
@@ -29,6 +29,6 @@ SELECT
     NULL::VARCHAR AS other_id,
     first_timestep,
     last_timestep,
-    min(value) AS value  -- lanes that part at one line have a light each
+    min(value) AS value  -- lanes that diverge at one stop line have a light each
 FROM stops
 GROUP BY scenario_id, track_id, first_timestep, last_timestep

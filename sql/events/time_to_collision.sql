@@ -1,5 +1,5 @@
--- The ego and an object would collide within $max seconds if both kept their velocities and headings. A hit lasts as long
--- as that holds without a break; value is the shortest time to collision, in s.
+-- The ego and an object would collide within $max seconds if both kept their velocities and headings. A hit lasts as
+-- long as this holds without interruption; value is the shortest time to collision, in s.
 -- Source: Hayward 1972, "Near-miss determination through use of a scale of danger"; of rectangles, as in nuPlan's
 -- closed-loop metric; 1.5 s is the threshold of a conflict in FHWA-HRT-08-051 (SSAM).
 -- max = 1.5
@@ -9,7 +9,7 @@ WITH times AS (
         box_ttc(ahead, "left", turn, v_ahead, v_left, ego_length, ego_width, length, width) AS ttc
     FROM ego_pairs
     WHERE
-        -- Nothing else can be reached in time: circles around the boxes, at the speed at which they approach.
+        -- Prefilter with circles around the boxes and their closing speed.
         distance <= $max * sqrt(v_ahead ** 2 + v_left ** 2)
             + sqrt(length ** 2 + width ** 2) / 2 + sqrt(ego_length ** 2 + ego_width ** 2) / 2
         AND sqrt(v_ahead ** 2 + v_left ** 2) > 0.1

@@ -1,6 +1,6 @@
--- A vehicle or cyclist turns by $min to $max degrees in one go, to either side (view turns). Of the ego alone with
--- ego_only=true. Value is the angle, in degrees.
--- Source: the U-turns of the Waymo Open Motion trajectory types (Ettinger et al. 2021), told by the angle here.
+-- A vehicle or cyclist turns by $min to $max degrees in one turn, to either side (view turns); ego_only=true considers
+-- only the ego. Value is the angle, in degrees.
+-- Source: the U-turns of the Waymo Open Motion trajectory types (Ettinger et al. 2021), here defined by the angle.
 -- min = 135.0
 -- max = 225.0
 -- ego_only = false

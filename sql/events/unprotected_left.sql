@@ -1,6 +1,6 @@
--- A vehicle turns left across oncoming traffic that no light holds back: when its turn begins, or within $within seconds,
--- another vehicle comes towards it (within 30 degrees of opposite), faster than $min_speed m/s, at most $range metres
--- ahead and on its left side, and no light beside it (20 m) shows a green arrow. Of the ego alone with ego_only=true.
+-- A vehicle turns left across oncoming traffic that no light stops: when its turn begins, or within $within seconds,
+-- another vehicle approaches (within 30 degrees of opposite), faster than $min_speed m/s, at most $range metres
+-- ahead and on its left side, and no light beside it (20 m) shows a green arrow; ego_only=true considers only the ego.
 -- other_id is the nearest oncoming vehicle; value is its distance, in m.
 -- Source: the tag starting_unprotected_noncross/cross_turn of nuPlan; MUTCD 4D.17, permissive left turn: made after
 -- yielding to oncoming traffic, without a green arrow.

@@ -1,3 +1,3 @@
--- Scenarios on a list of whole ids, or of whole ids in the source.
+-- Scenarios whose id, or id in the source, is in the list $ids.
 -- ids = []
 scenario_id IN (SELECT unnest($ids::VARCHAR[])) OR source_scenario_id IN (SELECT unnest($ids::VARCHAR[]))

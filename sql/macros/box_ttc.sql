@@ -1,7 +1,7 @@
 -- needs: on_axes, reach_on_axes, contact_begins, contact_ends, if_before
--- Time to collision [s] of two boxes that keep their velocities and headings; null where they miss each other.
--- Boxes as in box_gap; (v_ahead, v_left) is the second's velocity less the first's [m/s]. Boxes overlap while they do
--- along all four axes: from the last of the four begins to the first of the four ends.
+-- Time to collision [s] of two boxes with constant velocities and headings; null if they do not collide.
+-- Boxes as in box_gap; (v_ahead, v_left) is the second's velocity minus the first's [m/s]. Boxes overlap while their
+-- projections on all four axes do: from the last of the four begins to the first of the four ends.
 CREATE MACRO box_ttc(ahead, "left", turn, v_ahead, v_left, length1, width1, length2, width2) AS
 if_before(
     list_max(

@@ -1,4 +1,4 @@
--- When [s] |d + v * t| first comes to at most `reach`: 0 where it is already, infinite where it never does.
+-- Time [s] at which |d + v * t| first is at most `reach`: 0 if it already is, infinite if it never is.
 CREATE MACRO contact_begins(d, v, reach) AS
 CASE
     WHEN abs(d) <= reach THEN 0.0

@@ -1,4 +1,4 @@
--- When [s] |d + v * t| is last at most `reach`: infinite where it stays, below 0 where it never is again.
+-- Time [s] at which |d + v * t| last is at most `reach`: infinite if it remains so, negative if that time has passed.
 CREATE MACRO contact_ends(d, v, reach) AS
 CASE
     WHEN v <> 0 THEN reach / abs(v) - d / v

@@ -1,4 +1,4 @@
--- Smallest distance [m] from the corners of the second box to the first, which lies at the origin along x.
+-- Smallest distance [m] from the corners of the second box to the first, which is centred at the origin along x.
 CREATE MACRO corners_gap(ahead, "left", turn, length1, width1, length2, width2) AS
 list_min(
     list_transform(

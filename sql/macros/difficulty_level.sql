@@ -1,6 +1,6 @@
 -- needs: metadata_rows
--- Level of a row of metadata, 1 (easiest) to $count, when the lake's scenarios are sorted by difficulty into levels of
--- equal size. Scenarios of equal difficulty share a level. For example: WHERE difficulty_level(5) = 1.
+-- Level of a row of metadata, 1 (easiest) to $count, with the lake's scenarios sorted by difficulty into levels of
+-- equal size. Scenarios of equal difficulty have the same level. For example: WHERE difficulty_level(5) = 1.
 CREATE MACRO difficulty_level("count") AS
 1 + len(
     list_filter(

@@ -1,4 +1,4 @@
--- How far apart [m] the centres of two boxes may be along each of the axes of on_axes before the boxes are apart.
+-- Largest distance [m] of the centres of two boxes along each axis of on_axes at which the boxes still overlap on it.
 CREATE MACRO reach_on_axes(turn, length1, width1, length2, width2) AS
 [
     (length1 + abs(cos(turn)) * length2 + abs(sin(turn)) * width2) / 2,

@@ -1,4 +1,4 @@
--- Scenarios that only one of two databases has, or that have other content in the second.
+-- Scenarios that only one of two databases contains, or whose content differs between them.
 SELECT
     coalesce(before.scenario_id, after.scenario_id) AS scenario_id,
     CASE

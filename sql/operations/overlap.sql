@@ -1,4 +1,4 @@
--- What two databases share, where ({keyed}) gives every member a key: how many members of each, and some examples.
+-- Overlap of two databases, where ({keyed}) gives every member a key: the number of members of each, and examples.
 WITH keyed AS MATERIALIZED (
 {keyed}
 ),

@@ -1,5 +1,6 @@
--- Other scenarios with the same drive: as many timesteps, and paths of the ego that nowhere lie more than 0.1 m apart
--- when both begin at the same point. Egos that travel less than 5 m are left out: parked cars are all alike.
+-- Scenarios with the same trajectory of the ego: equally many timesteps, and paths that differ by at most 0.1 m
+-- everywhere after moving both to the same start. Egos that travel less than 5 m are ignored: all parked cars are
+-- alike.
 WITH drives AS (
     SELECT
         parent, scenario_id, ego_id, num_timesteps,
@@ -7,7 +8,7 @@ WITH drives AS (
     FROM {scenarios}
     WHERE ego_distance >= 5
 ),
-probes AS (  -- what differs by less than a cell lies in the same or a neighbouring one
+probes AS (  -- values closer than a cell are in the same or a neighbouring cell
     SELECT * REPLACE (distance_cell + i AS distance_cell, speed_cell + j AS speed_cell)
     FROM drives, (SELECT unnest([-1, 0, 1]) AS i), (SELECT unnest([-1, 0, 1]) AS j)
     WHERE parent = 0

@@ -1,4 +1,4 @@
--- Other scenarios of the same recording that share some of its seconds: part of one is in the other.
+-- Scenarios of the same recording that overlap in time.
 WITH windows AS (
     SELECT parent, scenario_id, dataset || '/' || source_log AS log, start_time, start_time + duration AS end_time
     FROM {scenarios}

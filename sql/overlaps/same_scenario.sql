@@ -1,3 +1,3 @@
--- The very scenario, by its id.
+-- The same scenario, by id.
 SELECT parent, scenario_id, scenario_id AS key
 FROM members

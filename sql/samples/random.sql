@@ -1,3 +1,3 @@
--- Turns by luck alone.
-SELECT *, 0 AS turn
-FROM ({lucky})
+-- One round: scenarios are drawn by priority alone.
+SELECT *, 0 AS round
+FROM ({priorities})

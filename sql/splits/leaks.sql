@@ -1,4 +1,4 @@
--- Source logs with scenarios in several parts of a split.
+-- Source logs with scenarios in more than one part of a split.
 SELECT dataset, source_log, count(*) AS num_scenarios, count(DISTINCT part) AS num_parts
 FROM drawn JOIN metadata_rows USING (scenario_id)
 WHERE source_log IS NOT NULL

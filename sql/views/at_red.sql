@@ -1,7 +1,7 @@
 -- needs: states, stop_lines, metadata_rows, wrap_angle
 -- One row per vehicle, timestep and stop line whose light is red then, when the vehicle is within 20 m of it, in its
--- lane (2 m to either side) and within 45 degrees of its direction: `before` [m] is from the vehicle's front to the line,
--- below 0 when the front is beyond.
+-- lane (2 m to either side) and within 45 degrees of its direction: `before` [m] is the distance from the vehicle's
+-- front to the line, negative beyond it.
 CREATE VIEW at_red AS
 WITH red AS (
     SELECT

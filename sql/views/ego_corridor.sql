@@ -1,11 +1,11 @@
 -- needs: tracks, ego_path, ego_progress, wrap_angle
--- One row per object and timestep at which its centre is within 4 m of the ego's whole path, past and to come: where it
--- is in the frame of the path. `ahead` [m] is how far beyond the ego it is, along the path; `left` [m] how far to the
--- path's left; `turn` [rad] its heading less the path's there; `ego_passes` [s] when the ego's centre is there, null
--- beyond the recording; `ego_passing_speed` [m/s] how fast it is then.
+-- One row per object and timestep at which its centre is within 4 m of the ego's complete path: its position in the
+-- frame of the path. `ahead` [m] is the distance ahead of the ego along the path, `left` [m] the distance to the left
+-- of the path, `turn` [rad] the heading relative to the path, `ego_passes` [s] the time at which the ego's centre is
+-- there, null beyond the recording, and `ego_passing_speed` [m/s] the ego's speed at that time.
 CREATE VIEW ego_corridor AS
 WITH paths AS MATERIALIZED (
-    -- Numbers in place of scenario ids: millions of states are joined by them.
+    -- Integer keys instead of scenario ids, because millions of states are joined by them.
     SELECT
         scenario_id, row_number() OVER () AS number,
         min(x) - 4 AS min_x, min(y) - 4 AS min_y, max(x) + 4 AS max_x, max(y) + 4 AS max_y
@@ -21,7 +21,7 @@ squares AS (
 ),
 surface AS (
     -- The plane within 4 m of the path in squares of 2 m, each with the point of the path nearest to its middle: a state
-    -- meets one point and not every point around it.
+    -- is joined with one point instead of all points near it.
     SELECT
         number, square_x, square_y,
         unnest(arg_min(
@@ -32,8 +32,8 @@ surface AS (
     GROUP BY number, square_x, square_y
 ),
 spans AS (
-    -- Most tracks stay away from the path and need not become rows. (Zeros at steps that are not valid do no harm.)
-    SELECT number, t.*, unnest(range(len(x))) + 1 AS i  -- lists count from 1
+    -- Most tracks stay away from the path and need not be expanded. (Zeros at unobserved steps do not matter.)
+    SELECT number, t.*, unnest(range(len(x))) + 1 AS i  -- lists are 1-based
     FROM tracks AS t JOIN paths AS p USING (scenario_id)
     WHERE
         list_min(x) <= p.max_x AND list_max(x) >= p.min_x AND list_min(y) <= p.max_y AND list_max(y) >= p.min_y

@@ -1,11 +1,11 @@
 -- needs: maps, metadata_rows, ego_states, wrap_angle
--- One row per timestep at which the ego is on a lane: the lane whose centreline is nearest, within 2.5 m and 45 degrees of
--- the ego's position and heading.
+-- One row per timestep at which the ego is on a lane: the lane whose centreline is nearest, within 2.5 m and 45 degrees
+-- of the ego's position and heading.
 CREATE VIEW ego_lanes AS
 WITH egos AS (
     SELECT
         e.scenario_id, e.track_id, e.timestep, e.seconds, e.heading, e.speed, m.dataset, m.version, m.map_id,
-        e.x + m.origin_x AS x,  -- in the source's frame, which a shared map has in common with its scenarios
+        e.x + m.origin_x AS x,  -- in the source frame, which a shared map and its scenarios have in common
         e.y + m.origin_y AS y
     FROM ego_states AS e JOIN metadata_rows AS m USING (scenario_id)
 ),
@@ -31,7 +31,7 @@ segments AS (
     WHERE dx <> 0 OR dy <> 0
 ),
 squares AS (
-    -- A segment lies in every square of 10 m that its box, widened by 2.5 m, meets.
+    -- A segment belongs to every 10 m cell that its box, widened by 2.5 m, intersects.
     SELECT *, unnest(range(floor((least(y, y + dy) - 2.5) / 10)::BIGINT, floor((greatest(y, y + dy) + 2.5) / 10)::BIGINT + 1)) AS square_y
     FROM (
         SELECT *, unnest(range(floor((least(x, x + dx) - 2.5) / 10)::BIGINT, floor((greatest(x, x + dx) + 2.5) / 10)::BIGINT + 1)) AS square_x

@@ -1,6 +1,6 @@
 -- needs: ego_corridor
--- One row per timestep at which a vehicle is ahead of the ego on its path: the nearest of them, its centre within 1.5 m of
--- the path. `gap` [m] is from bumper to bumper along the path, `headway` [s] from front to front at the ego's speed.
+-- One row per timestep at which a vehicle is ahead of the ego on its path: the nearest one whose centre is within 1.5 m
+-- of the path. `gap` [m] is from bumper to bumper along the path, `headway` [s] from front to front at the ego's speed.
 CREATE VIEW ego_leads AS
 SELECT
     scenario_id,

@@ -1,7 +1,7 @@
 -- needs: states, ego_states, wrap_angle
--- One row per object and timestep at which it and the ego were observed: the object as the ego sees it. `ahead`, `left`
--- [m], `v_ahead`, `v_left` [m/s] and `turn` [rad] are the object's centre, velocity and heading less the ego's, in the
--- ego's frame; box_gap and box_ttc take them.
+-- One row per object and timestep at which it and the ego were observed: the object in the ego frame. `ahead`, `left`
+-- [m], `v_ahead`, `v_left` [m/s] and `turn` [rad] are the object's centre, velocity and heading relative to the ego's;
+-- they are the arguments of box_gap and box_ttc.
 CREATE VIEW ego_pairs AS
 SELECT
     scenario_id,

@@ -1,6 +1,6 @@
 -- needs: ego_progress, wrap_angle
--- The ego's recorded path as points about 2 m apart, and 50 m straight on from where the recording ends. `s` [m] is the
--- length of the path up to the point; `seconds` is when the ego is there, null beyond the recording.
+-- The ego's recorded path as points about 2 m apart, extended straight by 50 m beyond the recording. `s` [m] is the
+-- length of the path up to the point; `seconds` is the time at which the ego is there, null beyond the recording.
 CREATE VIEW ego_path AS
 WITH steps AS (
     SELECT
@@ -18,7 +18,7 @@ sampled AS (
     SELECT *, unnest(range(greatest(ceil(d / 2), 1)::INTEGER)) / greatest(ceil(d / 2), 1) AS share FROM steps
 ),
 recorded AS (
-    -- Of many points within 2 m, where the ego is slow, the first is enough.
+    -- Where the ego is slow, keep the first of the points within 2 m.
     SELECT
         scenario_id,
         min(s + share * d) AS s,

@@ -1,5 +1,5 @@
 -- needs: ego_states
--- ego_states with `s` [m], how far along its path the ego is.
+-- ego_states with `s` [m], the distance travelled along the ego's path.
 CREATE VIEW ego_progress AS
 SELECT * EXCLUDE (step), sum(step) OVER (PARTITION BY scenario_id ORDER BY timestep) AS s
 FROM (

@@ -2,10 +2,10 @@
 -- One row per timestep at which the ego was observed; `seconds` is its time from the scenario's first timestep.
 CREATE VIEW ego_states AS
 WITH spans AS (
-    -- The ego's row is found before lists become rows: one track in a hundred.
+    -- Select the ego's row before expanding lists: it is one track in a hundred.
     SELECT
         scenario_id, track_id, start, x, y, z, heading, vx, vy, length, width, height, valid, timestamps, dt,
-        unnest(range(len(vx))) + 1 AS i  -- lists count from 1; most questions are about speed
+        unnest(range(len(vx))) + 1 AS i  -- lists are 1-based; most queries use the speed
     FROM tracks JOIN (SELECT scenario_id, ego_id AS track_id, timestamps, dt FROM metadata_rows)
         USING (scenario_id, track_id)
 )

@@ -1,6 +1,7 @@
 -- needs: maps
 -- One row per link between lanes, as the source gives them: `relation` is SUCCESSOR, PREDECESSOR, LEFT or RIGHT.
--- `is_in_map` says whether the other lane is in the map too. metadata.map_id (with dataset and version) finds the map.
+-- `is_in_map` tells whether the other lane is in the map, too. metadata.map_id (with dataset and version) finds the
+-- map.
 CREATE VIEW lane_graph AS
 WITH lanes AS (
     SELECT dataset, version, map_id, feature_id, entry_lanes, exit_lanes, left_neighbors, right_neighbors

@@ -1,6 +1,6 @@
 -- needs: maps, metadata_rows
--- One row per scenario with a map, and one per shared map itself (scenario_id is null): the part of the map that is
--- meant, in the source's frame [m]. A scenario sees the features that meet its window; `is_whole`: every feature.
+-- One row per scenario with a map, and one per shared map itself (scenario_id is null): its part of the map
+-- in the source frame [m]. A scenario has the features that intersect its window, or all of them if `is_whole`.
 CREATE VIEW map_windows AS
 SELECT
     scenario_id,

@@ -1,3 +1,3 @@
--- The metadata files' rows as they are stored.
+-- Rows of the metadata files as stored.
 CREATE VIEW metadata_rows AS
 SELECT * FROM {files};

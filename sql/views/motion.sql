@@ -1,13 +1,13 @@
 -- needs: tracks, metadata_rows, wrap_angle
 -- One row per object and timestep with its motion over the last half second (at least one timestep), because single
--- steps are noise: `acceleration` [m/s^2] along its heading, `turned` [rad] and `yaw_rate` [rad/s], counter-clockwise.
--- `num_steps` and `seconds` are how far back that reaches.
+-- steps are noisy: `acceleration` [m/s^2] along its heading, `turned` [rad] and `yaw_rate` [rad/s], counter-clockwise.
+-- `num_steps` and `seconds` are the length of that interval.
 CREATE VIEW motion AS
 WITH spans AS (
     SELECT
         scenario_id, track_id, object_type, track_id = ego_id AS is_ego,
         start, heading, vx, vy, valid, timestamps, dt, num_steps,
-        unnest(range(num_steps + 1, len(x) + 1)) AS i  -- lists count from 1
+        unnest(range(num_steps + 1, len(x) + 1)) AS i  -- lists are 1-based
     FROM tracks JOIN (
         SELECT scenario_id, ego_id, timestamps, dt, greatest(round(0.5 / dt), 1)::INTEGER AS num_steps
         FROM metadata_rows

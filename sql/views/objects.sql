@@ -1,8 +1,8 @@
 -- needs: tracks
--- One row per object with facts of its own: how long it was seen, how far it went, how fast.
+-- One row per object: how long it was observed, distance travelled, mean and maximum speed.
 CREATE VIEW objects AS
 WITH kept AS (
-    -- Steps inside the span that are not valid hold 0: leave them out before measuring.
+    -- Unobserved steps inside the span hold 0: omit them before measuring.
     SELECT
         *,
         list_filter(range(1, len(x) + 1), lambda i: valid IS NULL OR valid[i]) AS seen

@@ -1,3 +1,3 @@
--- One row per vehicle and recorded timestep: what it observes there.
+-- One row per vehicle and recorded timestep: its observation.
 CREATE VIEW observations AS
 SELECT * {derived} FROM {files};

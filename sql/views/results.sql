@@ -1,3 +1,3 @@
--- One row per scenario and judged vehicle of every run of the simulator: how it ended, and every metric.
+-- One row per scenario and evaluated vehicle of every simulation run: outcome and metrics.
 CREATE VIEW results AS
 SELECT * {derived} FROM {files};

@@ -1,3 +1,3 @@
--- One row per object of every simulated scenario: what it did.
+-- One row per object of every simulated scenario: its trajectory.
 CREATE VIEW rollouts AS
 SELECT * {derived} FROM {files};

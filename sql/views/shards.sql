@@ -1,3 +1,3 @@
--- One row per converted shard: what went in, which files came out.
+-- One row per converted shard: raw inputs and files written.
 CREATE VIEW shards AS
 SELECT * {derived} FROM {files};

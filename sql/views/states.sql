@@ -2,7 +2,7 @@
 -- One row per object and timestep at which it was observed (the long form of tracks).
 CREATE VIEW states AS
 WITH spans AS (
-    SELECT *, unnest(range(len(x))) + 1 AS i  -- lists count from 1
+    SELECT *, unnest(range(len(x))) + 1 AS i  -- lists are 1-based
     FROM tracks
 )
 SELECT

@@ -1,9 +1,9 @@
 -- needs: tracks, metadata_rows
--- One row per object and pair of successive timesteps at which it was observed: how it moved between them.
+-- One row per object and pair of successive timesteps at which it was observed: its motion between them.
 -- `timestep` is the second of the two; `is_inner` is false for the first and last pair of a run of timesteps.
 CREATE VIEW steps AS
 WITH spans AS (
-    SELECT tracks.*, timestamps, dt, unnest(range(1, len(x))) AS i  -- lists count from 1
+    SELECT tracks.*, timestamps, dt, unnest(range(1, len(x))) AS i  -- lists are 1-based
     FROM tracks JOIN metadata_rows USING (scenario_id)
 )
 SELECT

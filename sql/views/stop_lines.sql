@@ -1,6 +1,6 @@
 -- needs: lights, maps, metadata_rows
--- One row per recorded light whose lane is in the map: where its traffic stops (`x`, `y` [m], scenario frame; where the
--- source does not say, the lane's first point) and the lane's direction there (`heading` [rad]).
+-- One row per recorded light whose lane is in the map: the stop point (`x`, `y` [m], scenario frame; the lane's first
+-- point if the source does not record it) and the lane's direction there (`heading` [rad]).
 CREATE VIEW stop_lines AS
 WITH lanes AS (
     SELECT

@@ -1,3 +1,3 @@
--- One row per object of a scenario, lists over its span; dataset, version and split come from the folders.
+-- One row per object of a scenario, lists over its span; dataset, version and split are read from the folder names.
 CREATE VIEW tracks AS
 SELECT * {derived} FROM {files};

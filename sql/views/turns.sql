@@ -1,6 +1,6 @@
 -- needs: motion
 -- One row per turn of a vehicle or cyclist by more than 30 degrees: while it moves faster than 0.5 m/s it turns to one
--- side by more than 0.08 rad/s; standing in between does not end the turn. `angle` [rad] is to the left.
+-- side by more than 0.08 rad/s; stopping in between does not end the turn. `angle` [rad] is positive to the left.
 CREATE VIEW turns AS
 WITH moving AS (
     SELECT
@@ -23,7 +23,7 @@ SELECT
     is_ego,
     (min(timestep) - any_value(num_steps))::INTEGER AS first_timestep,
     max(timestep) AS last_timestep,
-    sum(turned / num_steps) AS angle  -- each change of heading counts in num_steps rows
+    sum(turned / num_steps) AS angle  -- each change of heading is part of num_steps rows
 FROM runs
 WHERE side <> 0
 GROUP BY scenario_id, track_id, object_type, is_ego, side, run

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from scenarionet_data.conversion import Job, Outcome, convert, plan_conversion
+from scenarionet_data.conversion import ShardJob, ShardResult, convert, plan_conversion
 from scenarionet_data.conversion.jobs import lost_shard
 from scenarionet_data.conversion.plan import largest_first
 from scenarionet_data.execution.executors import Executor, ProcessExecutor
@@ -174,7 +174,7 @@ def _memory(root: Path, executor: Executor) -> Iterator[Figure]:
 # --- many shards --------------------------------------------------------------------------------------
 
 
-def _nothing(job: Job) -> Outcome:
+def _nothing(job: ShardJob) -> ShardResult:
     return lost_shard(job, "converted by nobody")
 
 
@@ -183,7 +183,7 @@ def _many(root: Path, executor: Executor) -> Iterator[Figure]:
     raw = write_raw(root / "tiny", {f"s{k:05d}": [k] for k in range(_TINY)})
     started = time.perf_counter()
     plan = plan_conversion(NAME, str(raw), root / "tiny-lake")
-    jobs = [Job(NAME, shard, str(root / "tiny-lake")) for shard in largest_first(plan.shards)]
+    jobs = [ShardJob(NAME, shard, str(root / "tiny-lake")) for shard in largest_first(plan.shards)]
     planned = time.perf_counter() - started
     names = {outcome.shard for outcome in executor(jobs, _nothing, lost_shard)}
     assert len(names) == _TINY

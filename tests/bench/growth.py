@@ -13,9 +13,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from scenarionet_data.conversion import Job
+from scenarionet_data.conversion import ShardJob
 from scenarionet_data.conversion.plan import make_plan
-from scenarionet_data.ingest.shard import Options, RawItem, Shard
+from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.shard import RawItem, Shard
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import commit as commits
@@ -44,7 +45,7 @@ def _books(root: Path) -> Iterator[Figure]:
     size = tracemalloc.get_traced_memory()[0]
     tracemalloc.stop()
     yield Figure("a planned shard of one file, in the client's memory", size / _SHARDS, "bytes")
-    yield Figure("a job, as it travels to a worker", len(pickle.dumps(Job("waymo", wanted[0], "/lake"))), "bytes")
+    yield Figure("a job, as it travels to a worker", len(pickle.dumps(ShardJob("waymo", wanted[0], "/lake"))), "bytes")
     files, held = LocalLakeFiles(root / "books"), [_record(shard) for shard in wanted]
     started = time.process_time()
     (manifest,) = manifests.write(files, snapshots.EMPTY, held, frozenset())

@@ -24,9 +24,9 @@ from scenarionet_data.errors import LakeError, NoSuchSnapshot, ScenarioNotFound
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.lake_files import sha256
 from scenarionet_data.storage.files.local import LocalLakeFiles
-from scenarionet_data.storage.read import row_group_readers
-from scenarionet_data.storage.read.parquet import row_groups
-from scenarionet_data.storage.read.row_table import ArrowRows
+from scenarionet_data.storage.read import row_groups
+from scenarionet_data.storage.read.parquet import footer, page_kernels
+from scenarionet_data.storage.read.row_table import RowTable
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.shard_record import partition
 from scenarionet_data.storage.write.table_file import write_table
@@ -98,8 +98,11 @@ def test_a_batch_keeps_the_order_asked_for(lake):
         assert differences(tracks, made(seed).tracks) == []
 
 
-def test_what_compiled_loops_do_not_know_is_read_by_arrow(lake, monkeypatch):
-    monkeypatch.setattr(row_groups, "_KNOWN", {})
+@pytest.mark.parametrize("known", ["everything", "nothing"])
+def test_kernels_and_arrow_read_the_same(lake, known, monkeypatch):
+    monkeypatch.setattr(page_kernels, "is_compiled", lambda: True)
+    if known == "nothing":
+        monkeypatch.setattr(footer, "_KNOWN", {})
     for seed, scenario in enumerate(ScenarioLoader(lake)):
         assert differences(scenario, made(seed)) == []
 
@@ -197,8 +200,8 @@ def test_metadata_that_counts_too_many_rows_is_refused(tmp_path):
     loaded = ScenarioLoader(compacted(tmp_path, [made(seed) for seed in range(4)], [range(4)]))
     rows = loaded._rows.table
     place = rows.column_names.index("tracks_num_rows")
-    loaded._rows = ArrowRows(rows.set_column(place, "tracks_num_rows", pc.add(rows[place], 9)))
-    with pytest.raises(LakeError, match="fewer rows than its lake says"):
+    loaded._rows = RowTable(rows.set_column(place, "tracks_num_rows", pc.add(rows[place], 9)))
+    with pytest.raises(LakeError, match="fewer rows than its metadata"):
         loaded[3]
 
 
@@ -248,14 +251,14 @@ def test_worker_processes_load(lake, method):
 
 
 def test_few_files_stay_open(tmp_path, monkeypatch):
-    monkeypatch.setattr(row_group_readers, "_OPEN_FILES", 2)
+    monkeypatch.setattr(row_groups, "_MAX_OPEN_FILES", 2)
     for seed in range(4):
         lake = write_lake(tmp_path, [made(seed)], name=f"s{seed}")
     loaded = ScenarioLoader(lake)
     for _ in range(2):
         for seed in random.Random(2).sample(range(4), 4):
             scenario = loaded[seed]
-            assert len(loaded._reader._open) <= 2
+            assert len(loaded._reader._row_groups._open) <= 2
             assert differences(scenario, made(seed)) == []
     kept = [loaded[seed] for seed in range(4)]  # what was loaded outlives its file
     del loaded

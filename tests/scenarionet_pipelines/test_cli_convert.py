@@ -35,8 +35,8 @@ def test_report(raw, tmp_path):
 
 def test_running_again_skips_and_succeeds(raw, lake, ok):
     text = ok("convert", NAME, raw, lake)
-    assert "skipped    2 shards that the lake had already" in text
-    assert text.splitlines()[-1].startswith("See what the lake holds: scenarionet list")
+    assert "skipped    2 shards already in the lake" in text
+    assert text.splitlines()[-1].startswith("Show what the lake contains: scenarionet list")
 
 
 def test_json_report(raw, tmp_path):
@@ -54,7 +54,7 @@ def test_json_report(raw, tmp_path):
     assert failed["shard"] == "c"
     assert "corrupt" in failed["reason"]
     assert report["is_clean"] is False
-    assert report["next"].startswith("Mend what failed")
+    assert report["next"].startswith("Fix the cause")
 
 
 def test_failed_shards_are_named(raw, tmp_path):
@@ -82,9 +82,9 @@ def test_where_and_files_choose(raw, tmp_path, ok):
     text = ok("convert", NAME, raw, tmp_path / "new", "--dry-run", "--files", "1:")
     assert "would convert  1 shard with 1 raw input" in text
     for words, message in (
-        (["--where", "city=pit"], "known before reading are file, name"),
-        (["--where", "city"], "wants name=value"),
-        (["--files", "5"], "wants START:END"),
+        (["--where", "city=pit"], "inputs can be selected by file, name"),
+        (["--where", "city"], "expects name=value"),
+        (["--files", "5"], "takes START:END"),
     ):
         refused = run("convert", NAME, raw, tmp_path / "new", *words)
         assert refused.exit_code == 2

@@ -11,31 +11,31 @@ from tests.scenarionet_pipelines.conftest import run
 @pytest.fixture
 def two(lake, ok):
     """Databases low (s000001 to s000004, @2 of them) and high (s000003 and above)."""
-    ok("filter", lake, "--where", "true", "--to", "low")
-    ok("filter", lake, "--where", "source_scenario_id <= 's000004'", "--to", "low", "--replace")
-    ok("filter", lake, "--where", "source_scenario_id >= 's000003'", "--to", "high")
+    ok("filter", lake, "--where", "true", "--name", "low")
+    ok("filter", lake, "--where", "source_scenario_id <= 's000004'", "--name", "low", "--replace")
+    ok("filter", lake, "--where", "source_scenario_id >= 's000003'", "--name", "high")
     return lake
 
 
 def test_filter_by_ids(lake, tmp_path, ok, as_json):
     (tmp_path / "ids.txt").write_text("made/v1/s000001\ns000002\n")
     words = ("--ids", tmp_path / "ids.txt", "--id", "made/v1/s000003")
-    assert ok("filter", lake, *words, "--to", "three") == "three@1: 3 of 9 scenarios\n"
-    unknown = run("filter", lake, "--id", "s00000", "--to", "x")
+    assert ok("filter", lake, *words, "--name", "three") == "three@1: 3 scenarios\n"
+    unknown = run("filter", lake, "--id", "s00000", "--name", "x")
     assert unknown.exit_code == 1
     assert "1 of 1 ids are not in snapshot 1, for example s00000" in unknown.stderr
-    assert run("filter", lake, "--ids", tmp_path / "none.txt", "--to", "x").exit_code == 1
-    empty = run("filter", lake, "--where", "false", "--to", "x")
+    assert run("filter", lake, "--ids", tmp_path / "none.txt", "--name", "x").exit_code == 1
+    empty = run("filter", lake, "--where", "false", "--name", "x")
     assert empty.exit_code == 2
     assert "--allow-empty" in empty.stderr
-    assert as_json("filter", lake, "--where", "false", "--to", "x", "--allow-empty")["count"] == 0
+    assert as_json("filter", lake, "--where", "false", "--name", "x", "--allow-empty")["count"] == 0
 
 
 @pytest.mark.filterwarnings("ignore:this split leaks")
 def test_split_ways(lake, ok, as_json):
-    assert len(as_json("split", lake, "--levels", "3", "--prefix", "l")) == 3
-    assert set(as_json("split", lake, "--each", "num_objects", "--prefix", "n")) == {"4", "5"}
-    assert "(50.0%)" not in ok("split", lake, "--fractions", "a=0.7", "b=0.3", "--stratify", "has_z", "--prefix", "s")
+    assert len(as_json("split", lake, "--levels", "3", "--name", "l")) == 3
+    assert set(as_json("split", lake, "--each", "num_objects", "--name", "n")) == {"4", "5"}
+    assert "(50.0%)" not in ok("split", lake, "--fractions", "a=0.7", "b=0.3", "--stratify", "has_z", "--name", "s")
     strict = run("split", lake, "--fractions", "a=0.5", "b=0.5", "--strict")
     assert strict.exit_code == 1
     assert "this split leaks" in strict.stderr
@@ -53,22 +53,22 @@ def test_a_leak_is_a_warning_in_one_line(lake):
 
 
 def test_sample(two, ok, as_json):
-    assert ok("sample", two, "-n", "4", "--to", "few") == "few@1: 4 of 9 scenarios\n"
+    assert ok("sample", two, "-n", "4", "--name", "few") == "few@1: 4 scenarios\n"
     found = as_json(
-        "sample", two, "low", "--fraction", "0.5", "--seed", "3", "--weights", "num_objects", "--to", "half"
+        "sample", two, "low", "--fraction", "0.5", "--seed", "3", "--weights", "num_objects", "--name", "half"
     )
-    assert (found["count"], found["of"], found["parameters"]["seed"]) == (2, 4, 3)
-    assert "only 4 can be drawn" in run("sample", two, "low", "-n", "5", "--to", "x").stderr
+    assert (found["count"], found["parameters"]["seed"]) == (2, 3)
+    assert "only 4 can be drawn" in run("sample", two, "low", "-n", "5", "--name", "x").stderr
 
 
 def test_sets(two, ok, as_json):
-    text = ok("merge", two, "low", "high", "--to", "both")
-    assert text == "both@1: 9 scenarios\nleft out: 2 scenarios that came again with a later database\n"
-    assert as_json("merge", two, "low", "high", "--to", "both", "--replace")["repeated"] == 2
-    assert ok("intersect", two, "low", "high", "--to", "shared") == "shared@1: 2 of 4 scenarios\n"
-    assert ok("subtract", two, "low", "high", "--to", "rest") == "rest@1: 2 of 4 scenarios\n"
-    assert as_json("subtract", two, "low", "low", "--to", "none", "--allow-empty")["count"] == 0
-    assert run("merge", two, "low", "--to", "x").exit_code == 2
+    text = ok("merge", two, "low", "high", "--name", "both")
+    assert text == "both@1: 9 scenarios\nleft out: 2 repeated scenarios\n"
+    assert as_json("merge", two, "low", "high", "--name", "both", "--replace")["repeated"] == 2
+    assert ok("intersect", two, "low", "high", "--name", "shared") == "shared@1: 2 scenarios\n"
+    assert ok("subtract", two, "low", "high", "--name", "rest") == "rest@1: 2 scenarios\n"
+    assert as_json("subtract", two, "low", "low", "--name", "none", "--allow-empty")["count"] == 0
+    assert run("merge", two, "low", "--name", "x").exit_code == 2
 
 
 def test_diff(two, ok, as_json):
@@ -84,29 +84,29 @@ def test_overlap(two, ok, as_json):
     assert "low@2 / high@1  same_scenario" in text
     assert as_json("overlap", two, "low", "high", "--only", "same_scenario")["overlaps"][0]["num_first"] == 2
     assert run("overlap", two, "low", "high", "--strict").exit_code == 1
-    ok("subtract", two, "low", "high", "--to", "rest")
+    ok("subtract", two, "low", "high", "--name", "rest")
     assert as_json("overlap", two, "rest", "high", "--only", "same_scenario", "--strict")["is_clean"]
 
 
 def test_lineage_is_a_tree(two, ok, as_json):
-    ok("sample", two, "low", "-n", "2", "--seed", "7", "--to", "few")
+    ok("sample", two, "low", "-n", "2", "--seed", "7", "--name", "few")
     text = ok("lineage", two, "few")
     assert text.startswith("few@1: 2 scenarios by sample, seed 7, snapshot 1, ")
     assert "\n    low@2: 4 scenarios by filter, snapshot 1, " in text
-    assert "\n        versions 1, 2\n        went into few@1\n" in text
+    assert "\n        versions 1, 2\n        used by few@1\n" in text
     detailed = ok("lineage", two, "few", "--sql")
     assert "    $seed = 7\n" in detailed
     assert "source_scenario_id <= 's000004'" in detailed
     tree = as_json("lineage", two, "few")
     assert tree["parents"][0]["lineage"]["operation"] == "filter"
     ok("drop", two, "low", "--force")
-    assert "    low@2: is gone\n" in ok("lineage", two, "few")
+    assert "    low@2: no longer in the lake\n" in ok("lineage", two, "few")
 
 
 def test_rebuild_and_rebase(two, ok, as_json):
     assert ok("rebuild", two, "low") == "low@2: the same 4 scenarios in the same order\n"
     assert as_json("rebuild", two, "low@1")["is_same"]
-    assert ok("rebase", two, "low") == "low is on the newest snapshot\n"
+    assert ok("rebase", two, "low") == "low is already on the newest snapshot\n"
     text = ok("rebase", two, "low", "--keep-members")
     assert text == "low@2 -> low@3: 0 scenarios came, 0 scenarios went, 0 scenarios changed; 4 -> 4\n"
     assert as_json("rebase", two, "low")["moved"] == []

@@ -11,7 +11,7 @@ from tests.scenarionet_pipelines.conftest import run
 
 
 def test_mine(lake, ok, as_json):
-    found = as_json("mine", lake, "closest_approach", "--set", "max=30", "--limit", "2")
+    found = as_json("mine", lake, "closest_approach", "-p", "max=30", "--limit", "2")
     assert (found["event"], len(found["rows"])) == ("closest_approach", 2)
     assert found["hits"] > 2
     assert set(found["rows"][0]) == {
@@ -19,13 +19,13 @@ def test_mine(lake, ok, as_json):
     }  # fmt: skip
     result = run("mine", lake, "closest_approach", "--limit", "3")
     assert len(result.stdout.splitlines()) == 4
-    assert " hits in " in result.stderr
-    ok("filter", lake, "--where", "source_scenario_id < 's00001'", "--to", "few")
-    few = as_json("mine", lake, "closest_approach", "--from", "few")
+    assert " occurrences in " in result.stderr
+    ok("filter", lake, "--where", "source_scenario_id < 's00001'", "--name", "few")
+    few = as_json("mine", lake, "closest_approach", "--database", "few")
     assert 0 < few["scenarios"] <= 6
     assert run("mine", lake, "near_mis").exit_code == 2
     assert "near_miss" in run("mine", lake, "near_mis").stderr
-    assert "has no parameter 'far'" in run("mine", lake, "near_miss", "--set", "far=1").stderr
+    assert "has no parameter 'far'" in run("mine", lake, "near_miss", "-p", "far=1").stderr
 
 
 def test_mine_without_an_event_lists_them(lake, ok, as_json):
@@ -37,54 +37,54 @@ def test_mine_without_an_event_lists_them(lake, ok, as_json):
 
 
 def test_filter_by_event(lake, ok):
-    hits = json.loads(ok("mine", lake, "closest_approach", "--set", "max=15", "--json"))
-    text = ok("filter", lake, "--event", "closest_approach:max=15", "--to", "close")
-    assert text == f"close@1: {hits['scenarios']} of 9 scenarios\n"
+    hits = json.loads(ok("mine", lake, "closest_approach", "-p", "max=15", "--json"))
+    text = ok("filter", lake, "--event", "closest_approach:max=15", "--name", "close")
+    assert text == f"close@1: {hits['scenarios']} scenarios\n"
 
 
-def test_tag(lake, ok, as_json, tmp_path):
-    assert "No columns yet" in ok("tag", lake)
+def test_tag_adds_lists_and_drops_user_columns(lake, ok, as_json, tmp_path):
+    assert "no user columns" in ok("tag", lake)
     assert ok("tag", lake, "crowded", "--where", "num_objects > 3") == "crowded@1: bool for 9 of 9 scenarios\n"
     ok("tag", lake, "approaches", "--event", "closest_approach")
     ok("tag", lake, "tracks_seen", "--sql", "SELECT scenario_id, count(*) FROM tracks GROUP BY 1")
     (tmp_path / "scores.csv").write_text("scenario_id,score\nmade/v1/s000001,0.5\n")
     made = as_json("tag", lake, "score", "--file", tmp_path / "scores.csv", "--column", "score")
     assert (made["reference"], made["type"], made["count"]) == ("score@1", "double", 1)
-    listed = as_json("tag", lake)["layers"]
+    listed = as_json("tag", lake)["user_columns"]
     assert {layer["name"] for layer in listed} == {"crowded", "approaches", "tracks_seen", "score"}
     assert "scores.csv" in ok("tag", lake)
-    assert ok("filter", lake, "--where", "score > 0.1", "--to", "scored") == "scored@1: 1 of 9 scenarios\n"
+    assert ok("filter", lake, "--where", "score > 0.1", "--name", "scored") == "scored@1: 1 scenario\n"
     assert ok("tag", lake, "--drop", "crowded") == "dropped crowded\n"
     refused = run("tag", lake, "--drop", "score")
-    assert (refused.exit_code, "scored@1 asked score@1; drop those first, or --force" in refused.stderr) == (1, True)
+    assert (refused.exit_code, "scored@1 uses score@1; drop those first" in refused.stderr) == (1, True)
     assert as_json("tag", lake, "--drop", "score@1", "--force") == {"dropped": "score@1"}
-    assert {layer["name"] for layer in as_json("tag", lake)["layers"]} == {"approaches", "tracks_seen"}
+    assert {layer["name"] for layer in as_json("tag", lake)["user_columns"]} == {"approaches", "tracks_seen"}
 
 
 @pytest.mark.parametrize(
     ("words", "code", "message"),
     [
-        (["x"], 2, "wanted one of --where"),
-        (["--where", "true"], 2, "wanted a NAME for the column"),
-        (["x", "--drop", "y"], 2, "--drop NAME stands alone"),
-        (["x", "--where", "true", "--force"], 2, "--drop NAME stands alone"),
-        (["--drop", "y"], 2, "no layer 'y'; layers: none yet"),
-        (["x", "--where", "true", "--sql", "SELECT 1"], 2, "wanted one of --where"),
-        (["x", "--where", "true", "--column", "y"], 2, "--column only with --file"),
+        (["x"], 2, "expected one of --where"),
+        (["--where", "true"], 2, "the column needs a NAME"),
+        (["x", "--drop", "y"], 2, "--drop NAME takes no other option"),
+        (["x", "--where", "true", "--force"], 2, "--drop NAME takes no other option"),
+        (["--drop", "y"], 2, "no user column 'y'; user columns: none yet"),
+        (["x", "--where", "true", "--sql", "SELECT 1"], 2, "expected one of --where"),
+        (["x", "--where", "true", "--column", "y"], 2, "--column requires --file"),
         (["ego_id", "--where", "true"], 2, "choose another name"),
         (["x", "--file", "gone.csv"], 2, "no such file"),
         (["x", "--sql", "SELECT 'nobody' AS scenario_id, 1 AS v"], 1, "ids look like made/v1/"),
         (["x", "--sql", "DROP VIEW metadata"], 2, "only reads"),
     ],
 )
-def test_tags_that_are_refused(lake, words, code, message):
+def test_invalid_user_columns_are_rejected(lake, words, code, message):
     result = run("tag", lake, *words)
     assert result.exit_code == code
     assert message in result.stderr
 
 
 def test_stats(lake, ok, as_json, tmp_path):
-    ok("filter", lake, "--where", "source_scenario_id < 's00001'", "--to", "few")
+    ok("filter", lake, "--where", "source_scenario_id < 's00001'", "--name", "few")
     lines = ok("stats", lake, "few").splitlines()
     assert lines[0].split() == ["few@1"]
     assert lines[1].split() == ["scenarios", "6"]

@@ -9,7 +9,7 @@ from typing import Literal
 import pytest
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.ingest.shard import Options
+from scenarionet_data.ingest.options import Options
 from scenarionet_pipelines.cli.converter import find, options, parse_options
 from tests.fixtures.made import Made
 

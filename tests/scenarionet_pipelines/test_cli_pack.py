@@ -9,7 +9,7 @@ from tests.scenarionet_pipelines.conftest import run
 
 @pytest.fixture
 def picked(lake, ok):
-    ok("filter", lake, "--where", "num_objects > 0", "--to", "picked")
+    ok("filter", lake, "--where", "num_objects > 0", "--name", "picked")
     return lake
 
 
@@ -17,7 +17,7 @@ def test_packs_and_verifies(picked, ok, as_json, tmp_path):
     said = ok("pack", picked, "picked", tmp_path / "pack")
     assert said.startswith(f"{tmp_path / 'pack'}: picked@1, 9 scenarios, ")
     assert as_json("list", tmp_path / "pack")
-    assert ok("pack", "--verify", tmp_path / "pack").endswith(": whole\n")
+    assert ok("pack", "--verify", tmp_path / "pack").endswith(": intact\n")
     packed = as_json("pack", picked, "picked", tmp_path / "p.tar", "--tar")
     assert (packed["reference"], packed["num_scenarios"]) == ("picked@1", 9)
     assert as_json("pack", "--verify", tmp_path / "p.tar") == {
@@ -38,7 +38,7 @@ def test_every_verb_that_reads_opens_a_pack(picked, ok, tmp_path):
         ok(words[0], tmp_path / "pack", *words[1:])
 
 
-def test_names_what_is_broken(picked, ok, tmp_path):
+def test_verify_names_broken_files(picked, ok, tmp_path):
     ok("pack", picked, "picked", tmp_path / "pack")
     broken = next((tmp_path / "pack" / "maps").rglob("*.parquet"))
     broken.write_bytes(broken.read_bytes()[:-1])
@@ -51,19 +51,19 @@ def test_names_what_is_broken(picked, ok, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("pack",), "wanted LAKE DB OUT"),
-        (("pack", "lake", "picked"), "wanted LAKE DB OUT"),
-        (("pack", "--verify", "x", "y"), "stands alone"),
+        (("pack",), "expected LAKE DATABASE OUT"),
+        (("pack", "lake", "picked"), "expected LAKE DATABASE OUT"),
+        (("pack", "--verify", "x", "y"), "takes no other arguments"),
         (("pack", "--verify", "nowhere"), "no such pack"),
     ],
 )
-def test_words_that_make_no_sense(words, message):
+def test_invalid_arguments(words, message):
     result = run(*words)
     assert result.exit_code == 2
     assert message in result.stderr
 
 
-def test_refuses_what_is_there_and_who_is_not(picked, tmp_path):
+def test_rejects_existing_output_and_unknown_database(picked, tmp_path):
     taken = run("pack", picked, "picked", tmp_path)
     assert (taken.exit_code, "give another name" in taken.stderr) == (2, True)
     unknown = run("pack", picked, "nobody", tmp_path / "pack")

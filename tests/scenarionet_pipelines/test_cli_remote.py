@@ -21,7 +21,7 @@ def run(*words, code=0):
 @pytest.fixture
 def lake(url):
     run("convert", "pg", "0:8", url, "--split", "train", "--workers", 2, "--quiet")
-    run("filter", url, "--where", "num_objects > 1", "--to", "busy")
+    run("filter", url, "--where", "num_objects > 1", "--name", "busy")
     return url
 
 

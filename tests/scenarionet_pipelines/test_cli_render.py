@@ -31,8 +31,8 @@ def test_a_video(lake, as_json, tmp_path):
 def test_what_happened_in_a_run(tmp_path, ok, as_json):
     """A car that keeps its speed, drawn where it drove and not where it was recorded."""
     lake = write_lake(tmp_path / "lake", [make_drive(num_steps=12)]).root
-    ok("filter", lake, "--where", "true", "--to", "all")
-    ok("sim", lake, "all", "--policy", "constant", "--backend", "kinematic", "--to", "straight_on", "--quiet")
+    ok("filter", lake, "--where", "true", "--name", "all")
+    ok("sim", lake, "all", "--policy", "constant", "--backend", "kinematic", "--name", "straight_on", "--quiet")
     words = ("--size", "64", "--run", "straight_on", "--quiet")
     frames = as_json("render", lake, "drive", "-o", tmp_path / "s.gif", *words)["frames"]
     (steps,) = Lake(lake).sql("SELECT len(x) AS n FROM rollouts")["n"]

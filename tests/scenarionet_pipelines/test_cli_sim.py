@@ -18,12 +18,12 @@ def lake(tmp_path) -> Path:
     return write_lake(tmp_path / "lake", SCENARIOS).root
 
 
-def test_sim_prints_how_it_went_and_where_to_look(lake, ok):
+def test_sim_prints_results_and_the_next_query(lake, ok):
     text = ok("sim", lake, "--policy", "replay", "--workers", "1")
     assert "run                     all-replay-replay-kinematic\n" in text
     assert "success                 1\n" in text
     assert "collided_vehicles       3\n" in text
-    query = text.partition("Where it fails: scenarionet sql ")[2].partition(' "')[2].strip().removesuffix('"')
+    query = text.partition("Failures: scenarionet sql ")[2].partition(' "')[2].strip().removesuffix('"')
     assert "JOIN metadata" in query
     ok("sql", lake, query)
     assert "skipped    3 scenarios" in ok("sim", lake, "--policy", "replay", "--workers", "1")
@@ -31,8 +31,8 @@ def test_sim_prints_how_it_went_and_where_to_look(lake, ok):
 
 
 def test_sim_of_a_database_as_json(lake, ok, as_json):
-    ok("filter", lake, "--where", "ego_mean_speed > 8.5", "--to", "fast")
-    found = as_json("sim", lake, "fast", "--policy", "idm", "--traffic", "idm", "--to", "mine", "--workers", "1")
+    ok("filter", lake, "--where", "ego_mean_speed > 8.5", "--name", "fast")
+    found = as_json("sim", lake, "fast", "--policy", "idm", "--traffic", "idm", "--name", "mine", "--workers", "1")
     assert (found["run"], found["scenarios"], found["not_simulated"], found["broken"]) == ("mine", 2, 0, [])
     assert 0.0 < found["route_completion"] <= 1.0
 
@@ -61,18 +61,18 @@ def test_sim_with_a_driver_in_the_current_folder(lake, tmp_path, monkeypatch, as
         (("--policy", "idn"), "unknown policy 'idn'"),
         (("nothing", "--policy", "idm"), "no database 'nothing'"),
         ((), "Missing option '--policy'"),
-        (("--policy", "idm", "--to", "a/b"), "'a/b' is no name of a run"),
+        (("--policy", "idm", "--name", "a/b"), "'a/b' is no name of a run"),
     ],
 )
-def test_sim_says_what_was_typed_wrong(lake, words, message):
+def test_sim_rejects_bad_options(lake, words, message):
     result = run("sim", lake, *words)
     assert result.exit_code == 2
     assert message in result.stderr
 
 
 def test_a_run_of_another_kind_is_refused(lake, ok):
-    ok("sim", lake, "--policy", "replay", "--to", "mine", "--workers", "1")
-    result = run("sim", lake, "--policy", "constant", "--to", "mine")
+    ok("sim", lake, "--policy", "replay", "--name", "mine", "--workers", "1")
+    result = run("sim", lake, "--policy", "constant", "--name", "mine")
     assert result.exit_code == 2
     assert "a run 'mine' is there with policy 'replay', not 'constant'; choose another name" in result.stderr
 
@@ -87,7 +87,7 @@ def test_record(lake, as_json, ok):
 
 def test_check_simulate_names_the_broken(lake, ok):
     words = "check", lake, "--simulate", "--only", "ids_are_unique", "--workers", "1"
-    assert "ok  replays         Every recording replays to its destination.\n" in ok(*words)
+    assert "ok  replays         The ego of every recording reaches its destination when replayed.\n" in ok(*words)
     path = next((lake / "tracks").rglob("*.parquet"))
     damaged = bytearray(path.read_bytes())
     damaged[200:400] = bytes(200)

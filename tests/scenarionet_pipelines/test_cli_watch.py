@@ -1,4 +1,4 @@
-"""``convert --watch``, and ``--stale``, which asks."""
+"""``convert --watch``, and ``--reconvert-stale``, which asks."""
 
 from __future__ import annotations
 
@@ -47,35 +47,36 @@ def test_watching_ends_cleanly(number, tmp_path):
 
 @pytest.mark.long
 def test_stale_lists_first_what_it_would_convert_again(raw, lake):
-    refused = run("convert", NEWER, raw, lake, "--stale")
+    refused = run("convert", NEWER, raw, lake, "--reconvert-stale")
     assert refused.exit_code == 2
     assert "would convert again 2 shards that another version of the converter wrote:" in refused.stderr
     assert "  made/v1/train/a\n  made/v1/train/b\n" in refused.stderr
     assert "add --yes to convert them again" in refused.stderr
     assert "2 shards written by another version of the converter" in run("convert", NEWER, raw, lake).stdout
-    report = json.loads(run("convert", NEWER, raw, lake, "--stale", "--yes", "--json", "--quiet").stdout)
+    report = json.loads(run("convert", NEWER, raw, lake, "--reconvert-stale", "--yes", "--json", "--quiet").stdout)
     assert (report["replaced"], report["stale"]) == (2, 0)
-    assert run("convert", NEWER, raw, lake, "--stale").exit_code == 0  # nothing left to ask about
+    assert run("convert", NEWER, raw, lake, "--reconvert-stale").exit_code == 0  # nothing left to ask about
 
 
 @pytest.mark.parametrize(("answer", "replaced"), [("y", True), ("n", False)])
 def test_stale_asks(raw, lake, monkeypatch, answer, replaced):
-    monkeypatch.setattr("scenarionet_pipelines.cli.verbs.convert._is_there", lambda: True)
+    monkeypatch.setattr("scenarionet_pipelines.cli.verbs.convert._is_interactive", lambda: True)
     before = Lake(lake).snapshot.number
-    asked = CliRunner().invoke(cli, ["convert", NEWER, str(raw), str(lake), "--stale"], input=f"{answer}\n")
-    assert "go on? [y/N]" in asked.stderr
+    asked = CliRunner().invoke(cli, ["convert", NEWER, str(raw), str(lake), "--reconvert-stale"], input=f"{answer}\n")
+    assert "continue? [y/N]" in asked.stderr
     assert (Lake(lake).snapshot.number > before) == replaced
 
 
-def test_a_quick_look_is_taken_here(tmp_path):
+def test_limit_excludes_cluster_and_watch(tmp_path):
     for words in (("--cluster", "local"), ("--watch",)):
         result = run("convert", NAME, tmp_path, tmp_path / "lake", "--limit", 1, *words)
         assert result.exit_code == 2
-        assert "--limit is a quick look" in result.stderr
+        assert "--limit converts one shard at a time" in result.stderr
 
 
 def test_durations():
-    assert [seconds(text, "--every") for text in ("30s", "1.5 min", "2h", "7")] == [30.0, 90.0, 7200.0, 7.0]
-    for text in ("", "0s", "soon", "5d", "-3s"):
-        with pytest.raises(BadParameter, match="--every wants a duration such as 30s"):
+    expected = {"30s": 30.0, "1.5 min": 90.0, "2h": 7200.0, "1.5d": 129_600.0, "2w": 1_209_600.0}
+    assert {text: seconds(text, "--every") for text in expected} == expected
+    for text in ("", "0s", "soon", "7", "5y", "-3s"):
+        with pytest.raises(BadParameter, match="--every expects a duration such as 30s"):
             seconds(text, "--every")

@@ -23,13 +23,13 @@ def test_demo_twice(tmp_path):
     assert len(ScenarioLoader(lake, "busy_train")) + len(ScenarioLoader(lake, "busy_val")) == len(lake.database("busy"))
     assert (tmp_path / "demo" / "pickles" / "dataset_summary.pkl").exists()
     typed = [line.removeprefix("$ ") for line in result.stdout.splitlines() if line.startswith("$ scenarionet ")]
-    assert [shlex.split(line)[1] for line in typed] == ["convert", "list", "sql", "filter", "split", "export"]
-    assert "together" in result.stdout
+    assert [shlex.split(line)[1] for line in typed] == ["convert", "list", "sql", "filter", "split", "render", "export"]
+    assert "total" in result.stdout
 
 
 def test_a_step_is_a_command_line_and_its_failure_ends_the_demo(tmp_path, capsys):
     with pytest.raises(SystemExit) as ended:
-        demo._type("list", str(tmp_path))()
+        demo._command("list", str(tmp_path))()
     assert ended.value.code == 1
     assert capsys.readouterr().out == f"$ scenarionet list {tmp_path}\n"
 

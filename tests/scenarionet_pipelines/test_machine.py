@@ -52,7 +52,7 @@ def test_versions():
 def test_a_package_that_is_not_there(monkeypatch):
     wanted = ["nothing-like-it>=1", "numpy<2", "nor-this>=2; extra == 'sim'", "b>=1; python_version == '2.7'"]
     monkeypatch.setattr(local, "_requirements", lambda: wanted)
-    found = [(f.subject, f.state, f.remedy) for f in local.examine() if f.topic == "packages"]
+    found = [(f.subject, f.state, f.remedy) for f in local.examine_installation() if f.topic == "packages"]
     assert found == [
         ("nothing-like-it", "bad", "pip install 'nothing-like-it>=1'"),
         ("numpy", "bad", "pip install 'numpy<2'"),
@@ -81,5 +81,5 @@ def test_a_converter_that_does_not_load_is_named(monkeypatch):
 
     monkeypatch.setattr(converters, "names", lambda: ["old"])
     monkeypatch.setattr(converters, "get", broken)
-    (found,) = [f for f in local.examine() if f.topic == "converters"]
+    (found,) = [f for f in local.examine_installation() if f.topic == "converters"]
     assert (found.state, found.found) == ("bad", "does not load: RuntimeError: of another age")

@@ -115,7 +115,7 @@ def test_notebooks_run_on_a_lake_of_one(name, tmp_path):
 
 def test_the_template_of_ones_own_dataset_is_that_of_the_page():
     """The converter in the notebook is the documentation's, which passes the conformance suite in another test."""
-    page = (PAGES.parent / "adding_a_dataset.md").read_text("utf-8")
+    page = (PAGES.parent / "guides" / "adding_a_dataset.md").read_text("utf-8")
     (cell,) = [cell.source for cell in read("your_own_dataset").cells if cell.source.startswith("%%writefile")]
     assert cell.split("\n", 1)[1].strip() in page
     assert "CsvTrajectories" not in converters.names()

@@ -1,7 +1,7 @@
-"""The command ``scenarionet``: every verb is a file in ``verbs/`` that parses, makes one library call, and prints.
+"""The ``scenarionet`` command. Each verb is a module in ``verbs/`` that parses, makes one library call and prints.
 
-Exit codes: 0 ok, 1 problems with data, 2 usage, 130 interrupted. Results go to standard output, everything else
-to standard error.
+Exit codes: 0 success, 1 problems with the data, 2 usage errors, 130 interrupted. Results are written to standard
+output; progress, warnings and errors to standard error.
 """
 
 from __future__ import annotations
@@ -9,19 +9,19 @@ from __future__ import annotations
 import click
 
 from scenarionet_pipelines.cli.group import Verbs
-from scenarionet_pipelines.cli.interrupt import stop_cleanly
+from scenarionet_pipelines.cli.interrupt import handle_signals
 
 VERBS = {
-    "Bring recordings in": ("convert", "converters"),
-    "Look": ("list", "show", "sql", "mine", "stats", "files", "render", "browse", "report"),
-    "Choose": ("filter", "filters", "split", "sample", "tag"),
-    "Combine": ("merge", "intersect", "subtract", "diff", "overlap"),
-    "Keep databases": ("lineage", "rebuild", "rebase", "copy", "rename", "drop", "checkout"),
+    "Convert recordings": ("convert", "converters"),
+    "Inspect a lake": ("list", "show", "sql", "mine", "stats", "files", "render", "browse", "report"),
+    "Select scenarios": ("filter", "filters", "split", "sample", "tag"),
+    "Combine databases": ("merge", "intersect", "subtract", "diff", "overlap"),
+    "Manage databases": ("lineage", "rebuild", "rebase", "copy", "rename", "drop", "checkout"),
     "Simulate": ("sim", "record"),
-    "Hand on": ("export", "pack"),
-    "Keep healthy": ("check", "fsck", "compact", "vacuum", "doctor"),
+    "Share": ("export", "pack"),
+    "Maintain": ("check", "fsck", "compact", "vacuum", "doctor"),
 }
-"""The verbs by what a person wants to do; ``<verb>`` is ``verbs/<verb>.py``."""
+"""Verbs by task, in the order of ``--help``; ``verbs/<verb>.py`` defines each."""
 
 
 def _print_version(ctx: click.Context, option: click.Parameter, is_wanted: bool) -> None:  # noqa: ARG001
@@ -36,16 +36,16 @@ def _print_version(ctx: click.Context, option: click.Parameter, is_wanted: bool)
 @click.option(
     "--version", is_flag=True, is_eager=True, expose_value=False, callback=_print_version, help="Show the version."
 )
-@click.option("--debug", is_flag=True, help="Show the traceback of an error.")
+@click.option("--debug", is_flag=True, help="Show the full traceback of an error.")
 def cli(debug: bool) -> None:
-    """Traffic scenarios from every driving dataset in one columnar lake.
+    """Convert, query, select, load and simulate traffic scenarios from any driving dataset.
 
-    Convert recordings once, ask them in SQL, choose what you need, load or export it.
-    `scenarionet VERB --help` explains a verb and shows an example.
+    A lake is a folder, or a URL in an object store, that holds converted scenarios as Parquet files.
+    Run `scenarionet VERB --help` for the options of a verb, with examples.
     """
 
 
 def main() -> None:
-    """Entry point of the command."""
-    stop_cleanly()
+    """Run the command line; the entry point of the installed script."""
+    handle_signals()
     cli(prog_name="scenarionet")

@@ -2,5 +2,5 @@
 
 from scenarionet_pipelines.cli import main
 
-if __name__ == "__main__":  # workers of a process pool import this module too
+if __name__ == "__main__":  # worker processes import this module too
     main()

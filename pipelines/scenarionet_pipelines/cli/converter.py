@@ -1,4 +1,4 @@
-"""The converter a person names on the command line, and its options as they type them."""
+"""Converters and their options, as typed on the command line."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from scenarionet_data.converters.base import Converter
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.ingest.shard import Options
+from scenarionet_data.ingest.options import Options
 from scenarionet_pipelines.cli.parameters import look_in_current_folder, pairs
 
 _WORDS = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
 
 
 @dataclass(frozen=True)
-class Option:
-    """One option of a converter.
+class ConverterOption:
+    """An option of a converter.
 
     Attributes:
-        name: Its field.
-        type: Its type.
-        default: Its default.
-        doc: What it does.
+        name: Name of the field in the converter's ``Options``.
+        type: Type of the field.
+        default: Default value.
+        doc: Description.
     """
 
     name: str
@@ -33,15 +33,15 @@ class Option:
 
     @property
     def type_text(self) -> str:
-        """Its type as a person writes it."""
+        """The type as it is written in source code."""
         return self.type.__name__ if isinstance(self.type, type) else str(self.type).replace("typing.", "")
 
 
 def find(name: str) -> Converter[Any]:
-    """The converter of that name; ``module:Class`` is also looked for in the current folder.
+    """Return the converter of that name; ``module:Class`` may be a module in the current folder.
 
     Raises:
-        SourceNotFound: There is none.
+        SourceNotFound: No converter has that name.
     """
     from scenarionet_data import converters
 
@@ -49,20 +49,20 @@ def find(name: str) -> Converter[Any]:
     return converters.get(name)
 
 
-def options(converter: Converter[Any]) -> list[Option]:
-    """What a converter can be told, in the order of its fields."""
+def options(converter: Converter[Any]) -> list[ConverterOption]:
+    """Return a converter's options in the order of its fields."""
     hints = get_type_hints(converter.Options)
     return [
-        Option(field.name, hints[field.name], _default(field), field.metadata.get("doc", ""))
+        ConverterOption(field.name, hints[field.name], _default(field), field.metadata.get("doc", ""))
         for field in fields(converter.Options)
     ]
 
 
 def parse_options(converter: Converter[Any], words: Iterable[str]) -> Options:
-    """A converter's options from ``key=value`` words.
+    """Parse ``key=value`` words into a converter's options.
 
     Raises:
-        BadParameter: No such option, or no such value; the message lists the options.
+        BadParameter: An option is unknown or a value does not match its type; the message names what is valid.
     """
     known = {option.name: option for option in options(converter)}
     given = {}
@@ -78,7 +78,7 @@ def parse_options(converter: Converter[Any], words: Iterable[str]) -> Options:
 
 
 def _convert(wanted: Any, word: str) -> Any:
-    """A typed word as a value of the wanted type; ValueError or KeyError when it is none."""
+    """Convert a word to the wanted type; raises ValueError or KeyError where that is impossible."""
     origin, inner = get_origin(wanted), get_args(wanted)
     if origin in (Union, types.UnionType):
         if type(None) in inner and word.lower() == "none":

@@ -1,4 +1,4 @@
-"""What verbs print about databases they made, and about what is different in two."""
+"""Output of verbs that create or compare databases."""
 
 from __future__ import annotations
 
@@ -16,25 +16,21 @@ if TYPE_CHECKING:
 _MAX_IDS, _MAX_CELL = 5, 60
 
 
-def print_made(made: Database, as_json: bool, total: int | None = None) -> None:
-    """Print a database: its reference and how many scenarios it has (of how many).
+def print_created(created: Database, as_json: bool) -> None:
+    """Print a new database: its reference and its number of scenarios, or its lineage as JSON.
 
     Args:
-        made: The database.
-        as_json: As one JSON object, with its lineage.
-        total: Scenarios it was chosen from.
+        created: The database.
+        as_json: Print one JSON object.
     """
     if as_json:
-        of = {} if total is None else {"of": total}
-        print_json({"name": made.name, "reference": made.reference} | of | asdict(made.lineage))
-    elif total is None:
-        click.echo(f"{made.reference}: {count(len(made), 'scenario')}")
+        print_json({"name": created.name, "reference": created.reference} | asdict(created.lineage))
     else:
-        click.echo(f"{made.reference}: {len(made):,} of {count(total, 'scenario')}")
+        click.echo(f"{created.reference}: {count(len(created), 'scenario')}")
 
 
 def print_diff(diff: Diff) -> None:
-    """Print what came, went and changed, a few of each by name."""
+    """Print the number of scenarios that came, went and changed, with a few ids of each."""
     words = ", ".join(f"{count(diff.count(what), 'scenario')} {what}" for what in ("came", "went", "changed"))
     click.echo(f"{diff.before} -> {diff.after}: {words}; {diff.counts[0]:,} -> {diff.counts[1]:,}")
     for what in ("came", "went", "changed"):
@@ -50,7 +46,7 @@ def print_diff(diff: Diff) -> None:
 
 
 def diff_as_json(diff: Diff) -> dict[str, Any]:
-    """What :func:`print_diff` prints, whole."""
+    """Return everything :func:`print_diff` prints, without shortening."""
     return {
         "before": {"reference": diff.before, "count": diff.counts[0]},
         "after": {"reference": diff.after, "count": diff.counts[1]},

@@ -1,10 +1,10 @@
-"""Executors as chosen by --workers and --cluster, and the statistics of their workers for a person to read."""
+"""Executors selected by ``--workers`` and ``--cluster``, and what each worker did."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -15,69 +15,66 @@ if TYPE_CHECKING:
     from scenarionet_data.execution.executors import Executor
     from scenarionet_data.execution.worker_stats import WorkerStats
 
-_SHOWN = 8
+_MAX_WORKER_ROWS = 8
 
 
+@dataclass(frozen=True)
 class Execution:
-    """How a verb runs its jobs.
+    """Where the jobs of a verb run.
 
     Attributes:
-        executor: The workers of a cluster; None for processes of this machine.
-        measured: The same, with its jobs counted in :attr:`stats`.
-        stats: Statistics by worker of what :attr:`measured` ran.
+        executor: The executor of ``--cluster``; None for processes on this machine.
+        measured: The same executor, which also fills :attr:`stats`.
+        stats: Jobs, time and memory by worker, of the jobs given to :attr:`measured`.
     """
 
-    def __init__(self, executor: Executor | None) -> None:
-        self.executor = executor
-        self.measured: Executor | None = None
-        self.stats: Mapping[str, WorkerStats] = {}
-        if executor is not None:
-            from scenarionet_data.execution.worker_stats import MeasuringExecutor
-
-            self.measured = measuring = MeasuringExecutor(executor)
-            self.stats = measuring.stats
+    executor: Executor | None = None
+    measured: Executor | None = None
+    stats: Mapping[str, WorkerStats] = field(default_factory=dict)
 
 
 @contextmanager
 def executor_from_options(cluster: str | None, workers: int | None, *, quiet: bool = False) -> Iterator[Execution]:
-    """Open the executor that the options name, until the block ends.
+    """Open the executor that the options select; a cluster it started is closed at the end of the block.
 
     Args:
         cluster: Value of ``--cluster``.
         workers: Value of ``--workers``.
-        quiet: Do not print the cluster's address.
+        quiet: Do not print the cluster's addresses.
     """
     if cluster is None:
-        yield Execution(None)
+        yield Execution()
         return
+    from scenarionet_data.execution.worker_stats import MeasuringExecutor
     from scenarionet_pipelines.cluster import open_cluster
 
     with open_cluster(cluster, workers) as executor:
         if not quiet:
             where = f"{count(executor.workers, 'worker')} at {executor.address}"
             click.echo(f"cluster {cluster}: {where}, dashboard {executor.dashboard}", err=True)
-        yield Execution(executor)
+        measured = MeasuringExecutor(executor)
+        yield Execution(executor, measured, measured.stats)
 
 
 def worker_facts(stats: Mapping[str, WorkerStats]) -> dict[str, Any]:
-    """Statistics by worker as an entry of a JSON object; empty without a cluster."""
+    """Return the statistics by worker as an entry of a JSON object; empty without a cluster."""
     return {"workers": {name: asdict(each) for name, each in stats.items()}} if stats else {}
 
 
 def worker_rows(stats: Mapping[str, WorkerStats], noun: str = "shard") -> list[tuple[str, str]]:
-    """Return one row per worker, or a single row if there are many.
+    """Return table rows: one per worker, or a summary if there are many.
 
     Args:
-        stats: By worker.
-        noun: Name of a job.
+        stats: Statistics by worker.
+        noun: What one job handles, for example ``"shard"``.
     """
     if not stats:
         return []
-    if len(stats) > _SHOWN:
+    if len(stats) > _MAX_WORKER_ROWS:
         jobs = sorted(each.jobs for each in stats.values())
-        range_ = f"{jobs[0]:,} to {jobs[-1]:,} {noun}s each"
-        most = size(max(each.peak_memory for each in stats.values()))
-        return [("workers", f"{count(len(stats), 'worker')}, {range_}, at most {most} of memory")]
+        per_worker = f"{jobs[0]:,} to {jobs[-1]:,} {noun}s each"
+        peak = size(max(each.peak_memory for each in stats.values()))
+        return [("workers", f"{count(len(stats), 'worker')}, {per_worker}, peak memory at most {peak}")]
     return [("worker", f"{name}: {_worker_text(stats[name], noun)}") for name in sorted(stats)]
 
 

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM: both end the command at once, keep what is finished, and say so."""
+"""Handling of Ctrl-C and SIGTERM: both end the command at once and keep finished work."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class Interrupted(click.ClickException):
         click.echo(f"interrupted: {self.message}", file=file, err=True)
 
 
-def stop_cleanly() -> None:
-    """Make SIGTERM an interrupt like Ctrl-C, and let neither wait for worker processes."""
+def handle_signals() -> None:
+    """Make SIGINT and SIGTERM raise KeyboardInterrupt after terminating worker processes."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _interrupt)
 
@@ -28,6 +28,6 @@ def stop_cleanly() -> None:
 def _interrupt(number: int, frame: FrameType | None) -> NoReturn:  # noqa: ARG001
     from multiprocessing import active_children
 
-    for child in active_children():  # what they are writing has no name yet: nobody will see the half of it
+    for child in active_children():  # their unfinished files are not published yet, so no reader can see them
         child.terminate()
     raise KeyboardInterrupt

@@ -1,4 +1,4 @@
-"""What verbs print: plain tables that other programs can cut, or one JSON object."""
+"""Output of verbs: plain aligned tables, or one JSON object."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import Any
 import click
 
 _MAX_NUMBER = 1e12
-"""Larger ones are no quantities but names, such as hashes."""
+"""Larger numbers are identifiers such as hashes and are printed without separators."""
 
 
 def print_json(content: Mapping[str, Any]) -> None:
-    """Print one JSON object; what JSON has no word for (NaN, infinity) becomes null."""
+    """Print one JSON object; NaN and infinity become null."""
     click.echo(json.dumps(_plain(content), indent=1, ensure_ascii=False, allow_nan=False, default=str))
 
 
@@ -29,12 +29,12 @@ def _plain(value: Any) -> Any:
 
 
 def print_table(rows: Iterable[Iterable[Any]], columns: Iterable[str] = (), max_cell: int | None = None) -> None:
-    """Print rows with aligned columns, numbers to the right.
+    """Print rows with aligned columns; numeric columns are right-aligned.
 
     Args:
         rows: Cells of each row.
-        columns: Heads of the columns; none for a list of facts.
-        max_cell: Shorten longer cells.
+        columns: Column headers; without them no header line is printed.
+        max_cell: Maximum length of a cell; longer cells are shortened.
     """
     head = [*columns]
     body = [[shorten(cell(value), max_cell) for value in row] for row in rows]
@@ -50,7 +50,7 @@ def print_table(rows: Iterable[Iterable[Any]], columns: Iterable[str] = (), max_
 
 
 def cell(value: Any) -> str:
-    """A value in one line."""
+    """Format a value in one line."""
     if value is None:
         return "-"
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
@@ -61,7 +61,7 @@ def cell(value: Any) -> str:
 
 
 def shorten(text: str, length: int | None) -> str:
-    """The text, or its beginning when it is longer."""
+    """Shorten a text to at most ``length`` characters, ending in an ellipsis."""
     return text if length is None or len(text) <= length else text[: length - 1] + "…"
 
 
@@ -70,7 +70,7 @@ def _is_number(text: str) -> bool:
 
 
 def size(num_bytes: float) -> str:
-    """Bytes for a person.
+    """Format a number of bytes.
 
     Example:
         >>> size(12_300_000)
@@ -84,7 +84,7 @@ def size(num_bytes: float) -> str:
 
 
 def duration(seconds: float) -> str:
-    """Seconds for a person.
+    """Format a duration in seconds.
 
     Example:
         >>> duration(3725)
@@ -97,7 +97,7 @@ def duration(seconds: float) -> str:
 
 
 def count(number: int, noun: str) -> str:
-    """A number with its noun.
+    """Format a number with its noun.
 
     Example:
         >>> count(1, "scenario"), count(2000, "scenario")

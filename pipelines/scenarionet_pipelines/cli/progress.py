@@ -1,4 +1,4 @@
-"""Progress of long tasks on standard error: a bar on a terminal, a line now and then elsewhere, or nothing."""
+"""Progress of long tasks on standard error: a bar on a terminal, otherwise a line every ten seconds."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ import click
 from scenarionet_pipelines.cli.output import count, duration
 
 if TYPE_CHECKING:
-    from rich.progress import Progress as Bar
+    from rich.progress import Progress
 
-_LINE_EVERY = 10.0
+_SECONDS_BETWEEN_LINES = 10.0
 
 
 class ProgressDisplay:
-    """A long task's progress.
+    """Progress display of one task, as a context manager.
 
     Args:
-        task: What is going on, for example ``"convert waymo"``.
-        step: What is counted, for example ``"shard"``.
-        is_quiet: Say nothing.
+        task: Description of the task, for example ``"convert waymo"``.
+        step: Noun of one step, for example ``"shard"``.
+        is_quiet: Display nothing.
     """
 
     def __init__(self, task: str, step: str = "scenario", *, is_quiet: bool = False) -> None:
@@ -53,30 +53,30 @@ class ProgressDisplay:
         if self._lines:
             self._lines.join()
 
-    def update(self, done: int, total: int, scenarios: int) -> None:
-        """Note progress.
+    def update(self, done: int, total: int, scenarios: int = 0) -> None:
+        """Update the display.
 
         Args:
-            done: Steps done.
-            total: Steps there are.
-            scenarios: Scenarios finished.
+            done: Number of finished steps.
+            total: Number of steps.
+            scenarios: Number of finished scenarios.
         """
         self.done, self.total, self.scenarios = done, total, scenarios
         if self._bar:
             self._bar.update(self._bar.task_ids[0], completed=done, total=total, rate=self._rate)
 
     def _print_lines(self) -> None:
-        """Also while nothing gets done: who waits wants to know that it goes on."""
-        while not self._has_ended.wait(_LINE_EVERY):
+        """Print a line at regular intervals, even while no step finishes."""
+        while not self._has_ended.wait(_SECONDS_BETWEEN_LINES):
             click.echo(self.line, err=True)
 
     @property
     def line(self) -> str:
-        """The progress in a line."""
+        """The progress as one line of text."""
         elapsed = time.monotonic() - self._started
         steps = f"{self._task}: {self.done:,} of {count(self.total, self._step)} after {duration(elapsed)}"
         if not self.done:
-            return steps if self.total else f"{self._task}: listing what there is to do"
+            return steps if self.total else f"{self._task}: listing the work to do"
         left = elapsed / self.done * (self.total - self.done)
         return ", ".join(filter(None, (steps, self._rate, f"about {duration(left)} left")))
 
@@ -86,12 +86,18 @@ class ProgressDisplay:
         return f"{self.scenarios / elapsed:,.1f} scenarios/s" if self.scenarios else ""
 
 
-def _bar(task: str) -> Bar:
+def _bar(task: str) -> Progress:
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-    from rich.progress import Progress as Bar
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
-    bar = Bar(
+    bar = Progress(
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),

@@ -1,4 +1,4 @@
-"""Tables into files: Parquet, CSV or JSON, by the name's ending."""
+"""Write tables as Parquet, CSV or JSON, depending on the file name's suffix."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ _SUFFIXES = (".parquet", ".csv", ".json")
 
 
 def check_suffix(path: str, option: str) -> None:
-    """Refuse a file name of another kind, before anything is computed.
+    """Raise for an unsupported suffix, before anything is computed.
 
     Raises:
-        BadParameter: Naming the kinds there are.
+        BadParameter: The message lists the supported suffixes.
     """
     if Path(path).suffix not in _SUFFIXES:
-        raise BadParameter(f"{option} {path}: wanted a file name that ends in {', '.join(_SUFFIXES)}")
+        raise BadParameter(f"{option} {path}: the file name has to end in {', '.join(_SUFFIXES)}")
 
 
 def write_table(rows: pl.DataFrame, path: str) -> None:
-    """Write rows to a file."""
+    """Write rows to a file in the format of its suffix."""
     suffix = Path(path).suffix
     if suffix == ".parquet":
         rows.write_parquet(path)
@@ -36,7 +36,7 @@ def write_table(rows: pl.DataFrame, path: str) -> None:
 
 
 def flat(rows: pl.DataFrame) -> pl.DataFrame:
-    """Lists and structs as JSON text, which is all a CSV file can hold."""
+    """Convert lists and structs to JSON text, because CSV has no nested values."""
     import polars as pl
 
     nested = [name for name, kind in rows.schema.items() if kind.is_nested()]

@@ -1,4 +1,4 @@
-"""What this installation has, what it lacks, and what brings it."""
+"""Checks of the installed packages, this machine, and a lake on a local disk."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import platform
 import re
 import tomllib
 from collections.abc import Iterator
-from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 from typing import Literal
@@ -17,41 +16,17 @@ from scenarionet_data import converters
 from scenarionet_data.errors import ScenarioNetError
 from scenarionet_data.version import PACKAGE
 from scenarionet_pipelines import machine
+from scenarionet_pipelines.doctor.finding import Finding
 
 _REQUIREMENT = re.compile(r"([A-Za-z0-9._-]+)(?:\[[^\]]*\])?\s*([^;]*)(?:;(.*))?")
 _ENOUGH_DISK = 10 * 10**9
 
 
-@dataclass(frozen=True)
-class Finding:
-    """One thing that was looked at.
-
-    Attributes:
-        topic: What it is about.
-        subject: What was looked at.
-        state: ``missing`` is for what one can do without, ``bad`` for what has to be mended.
-        found: What there is.
-        remedy: What to do; empty when nothing is to be done.
-    """
-
-    topic: str
-    subject: str
-    state: Literal["ok", "missing", "bad"]
-    found: str
-    remedy: str = ""
-
-
-def examine(lake: str | None = None) -> list[Finding]:
-    """Look at Python, packages, converters, the machine, and a lake when one is given."""
-    from scenarionet_data.storage.files.cache import folder_of
-    from scenarionet_data.storage.files.opening import is_url
-
-    found = [*_python(), *_packages(), *_converters()]
-    if lake is None or not is_url(lake):
-        return [*found, *_machine(lake or "."), *(_lake(lake) if lake else ())]
-    from scenarionet_pipelines.doctor.remote import examine_store
-
-    return [*found, *_machine(str(folder_of(lake))), *examine_store(lake)]
+def examine_installation() -> Iterator[Finding]:
+    """Check Python, the required and optional packages, and the converters."""
+    yield from _python()
+    yield from _packages()
+    yield from _converters()
 
 
 def _python() -> Iterator[Finding]:
@@ -70,7 +45,7 @@ def _packages() -> Iterator[Finding]:
         extra = re.search(r"extra == ['\"](\w+)['\"]", marker)
         python = re.search(r"python_version == ['\"]([\d.]+)['\"]", marker)
         if python and not platform.python_version().startswith(python.group(1) + "."):
-            yield Finding("packages", name, "missing", f"there is none for this Python, only for {python.group(1)}")
+            yield Finding("packages", name, "missing", f"not available for this Python, only for {python.group(1)}")
         else:
             yield _package(name, wanted, extra.group(1) if extra else None)
 
@@ -80,7 +55,7 @@ def _package(name: str, wanted: str, extra: str | None) -> Finding:
     remedy = f"pip install '{PACKAGE}[{extra}]'" if extra else f"pip install '{name}{wanted}'"
     try:
         version = metadata.version(name)
-        if not extra:  # what everything needs must also load
+        if not extra:  # a required package must also be importable
             importlib.import_module(name.replace("-", "_"))
     except metadata.PackageNotFoundError:
         return Finding("packages", name, absent, "not installed", remedy)
@@ -92,7 +67,7 @@ def _package(name: str, wanted: str, extra: str | None) -> Finding:
 
 
 def _requirements() -> list[str]:
-    """Requirements of the installed package; of ``pyproject.toml`` in a checkout that is not installed."""
+    """Requirements of the installed distribution, or of ``pyproject.toml`` in a checkout that is not installed."""
     try:
         return metadata.requires(PACKAGE) or []
     except metadata.PackageNotFoundError:
@@ -106,14 +81,14 @@ def _with_extra(text: str, extra: str) -> str:
 
 
 def _parse(requirement: str) -> tuple[str, str, str]:
-    """Name, versions and marker of a requirement."""
+    """Split a requirement into name, version bounds and marker."""
     found = _REQUIREMENT.match(requirement)
     name, wanted, marker = found.groups() if found else (requirement, "", "")
     return name, wanted.strip(), marker or ""
 
 
 def is_within(version: str, wanted: str) -> bool:
-    """Whether a version satisfies bounds such as ``>=19,<27``.
+    """Return whether a version satisfies bounds such as ``>=19,<27``.
 
     Example:
         >>> is_within("26.0.1", ">=19,<27"), is_within("27.0", ">=19,<27")
@@ -139,38 +114,46 @@ def _converters() -> Iterator[Finding]:
     for name in converters.names():
         try:
             found = converters.get(name)
-        except Exception as error:  # an installed package of anybody's may fail in any way; say so and go on
+        except Exception as error:  # a third-party plug-in can fail in any way
             text = f"does not load: {type(error).__name__}: {error}"
-            yield Finding("converters", name, "bad", text, "update or remove the package that registers it")
+            yield Finding("converters", name, "bad", text, "update or uninstall the package that provides it")
         else:
             yield Finding("converters", name, "ok", f"version {found.version} for {found.release}")
 
 
-def _machine(folder: str) -> Iterator[Finding]:
+def examine_machine(folder: str) -> Iterator[Finding]:
+    """Check cores, memory, and the free disk space of a folder."""
     free = machine.free_disk(folder)
     yield Finding("machine", "cores", "ok", f"{machine.num_cores()}")
     yield Finding("machine", "memory", "ok", f"{machine.memory() / 2**30:.1f} GiB")
-    yield Finding("machine", "workers", "ok", f"{machine.default_workers()} unless --workers says otherwise")
+    yield Finding("machine", "workers", "ok", f"{machine.default_workers()} by default (--workers)")
     is_enough = free >= _ENOUGH_DISK
-    remedy = "" if is_enough else "free some: Waymo's training set takes more than a TB"
+    remedy = "" if is_enough else "free disk space: the training split of Waymo needs more than 1 TB"
     yield Finding("machine", "free disk", "ok" if is_enough else "missing", f"{free / 1e9:,.1f} GB", remedy)
 
 
-def _lake(root: str) -> Iterator[Finding]:
+def examine_lake(root: str) -> Iterator[Finding]:
+    """Check that a lake on a local disk can be read and written."""
     from scenarionet_data import Lake
 
     path = Path(root).resolve()
     if not (path / "snapshots").is_dir():
-        yield Finding("lake", root, "missing", "no lake there", f"scenarionet convert DATASET RAW {root}")
+        yield Finding("lake", root, "missing", "not a lake yet", f"scenarionet convert DATASET RAW {root}")
     else:
         try:
             lake = Lake(root)
             yield Finding("lake", root, "ok", f"snapshot {lake.snapshot.number}, {len(lake):,} scenarios")
         except (ScenarioNetError, OSError) as error:
-            yield Finding("lake", root, "bad", f"cannot be read: {error}", "restore it, or convert anew elsewhere")
+            yield Finding(
+                "lake",
+                root,
+                "bad",
+                f"cannot be read: {error}",
+                "restore it from a backup, or convert again into a new lake",
+            )
     place = path
     while not place.exists():
         place = place.parent
     is_open = place.is_dir() and os.access(place, os.R_OK | os.W_OK | os.X_OK)
-    found = f"{place} can be written" if is_open else f"{place} cannot be written"
+    found = f"{place} is writable" if is_open else f"{place} is not writable"
     yield Finding("lake", "writing", "ok" if is_open else "bad", found, "" if is_open else "change its permissions")

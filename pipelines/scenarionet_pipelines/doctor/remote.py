@@ -1,4 +1,4 @@
-"""What this installation knows of an object store: endpoint, credentials, and whether a lake can be written there."""
+"""Checks of an object store: endpoint, credentials, local cache, and whether a lake can be written."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from scenarionet_data import Lake
 from scenarionet_data.errors import NoSuchSnapshot, ScenarioNetError
 from scenarionet_data.storage.files import cache, object_store
 from scenarionet_data.storage.files.opening import open_files
-from scenarionet_pipelines.doctor.local import Finding
+from scenarionet_pipelines.doctor.finding import Finding
 
 _CREDENTIALS = {
     "s3": ("AWS_ACCESS_KEY_ID", "AWS_PROFILE", "AWS_WEB_IDENTITY_TOKEN_FILE", "AWS_CONTAINER_CREDENTIALS_RELATIVE_URI"),
@@ -19,25 +19,28 @@ _CREDENTIALS = {
 
 
 def examine_store(url: str) -> Iterator[Finding]:
-    """Look at what is set for an object store, then at the store, then at the lake.
+    """Check the settings for an object store, the lake, and whether the store supports commits.
 
-    A file is put there and removed again: stores differ in whether they refuse a second one of the same name, and
-    commits need that they do.
+    A commit relies on the store refusing to create an object that exists. This is tested with a small object, which
+    is deleted again.
+
+    Args:
+        url: URL of a lake; it need not exist.
     """
     scheme = url.partition("://")[0]
     if scheme == "s3":
         region = os.environ.get("AWS_REGION") or os.environ.get("AWS_DEFAULT_REGION") or "us-east-1"
         yield Finding("store", "endpoint", "ok", f"{object_store.endpoint() or 'Amazon'}, region {region}")
     found = [name for name in _CREDENTIALS.get(scheme, ()) if os.environ.get(name)]
-    remedy = "" if found else f"set {_CREDENTIALS.get(scheme, ('what it needs',))[0]} unless this machine has a role"
-    yield Finding("store", "credentials", "ok" if found else "missing", ", ".join(found) or "none are set", remedy)
-    copies = cache.folder_of(url).parent
-    yield Finding("store", "copies", "ok", f"{copies}, up to {cache.room() / 1e9:,.0f} GB ($SCENARIONET_CACHE_GB)")
+    remedy = "" if found else f"set {_CREDENTIALS.get(scheme, ('its credentials',))[0]}, unless this machine has a role"
+    yield Finding("store", "credentials", "ok" if found else "missing", ", ".join(found) or "not set", remedy)
+    folder = cache.folder_of(url).parent
+    yield Finding("store", "cache", "ok", f"{folder}, up to {cache.room() / 1e9:,.0f} GB ($SCENARIONET_CACHE_GB)")
     try:
         yield _lake(url)
         yield _writing(url)
     except ScenarioNetError as error:
-        yield Finding("store", url, "bad", str(error), "see above what is set")
+        yield Finding("store", url, "bad", str(error), "check the endpoint and the credentials above")
 
 
 def _lake(url: str) -> Finding:
@@ -45,7 +48,7 @@ def _lake(url: str) -> Finding:
         lake = Lake(url)
         return Finding("lake", url, "ok", f"snapshot {lake.snapshot.number}, {len(lake):,} scenarios")
     except NoSuchSnapshot:
-        return Finding("lake", url, "missing", "no lake there", f"scenarionet convert DATASET RAW {url}")
+        return Finding("lake", url, "missing", "not a lake yet", f"scenarionet convert DATASET RAW {url}")
 
 
 def _writing(url: str) -> Finding:
@@ -53,6 +56,6 @@ def _writing(url: str) -> Finding:
     made = [files.publish_new(name, b"") for _ in range(2)]
     files.remove(name)
     if made == [True, False]:
-        return Finding("lake", "writing", "ok", f"{url} can be written, and a file is put there only once")
-    remedy = "commit from one client at a time, or use a store that knows If-None-Match: *"
-    return Finding("lake", "writing", "bad", f"{url} lets a second file take the place of the first", remedy)
+        return Finding("lake", "writing", "ok", f"{url} is writable and refuses to overwrite objects on commit")
+    remedy = "commit from one client at a time, or use a store that supports If-None-Match: *"
+    return Finding("lake", "writing", "bad", f"{url} overwrites an object that should have been refused", remedy)

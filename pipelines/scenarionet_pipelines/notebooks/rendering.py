@@ -51,8 +51,6 @@ def _shown(output: Any, name: str, folder: Path) -> list[str]:
     if "image/png" in data:
         picture = _write(base64.b64decode(data["image/png"]), "png", name, folder)
         return [f"![A figure of this notebook]({picture})"]
-    if "application/vnd.plotly.v1+json" in data:
-        return ["*(an interactive view, in the notebook)*"]
     return [_text(data["text/plain"])] if "text/plain" in data and not _videos(output) else []
 
 

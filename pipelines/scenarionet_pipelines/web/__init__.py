@@ -1,1 +1,1 @@
-"""A lake in the browser: ``scenarionet browse``. The server is here, what runs in the browser lies in ``static/``."""
+"""``scenarionet browse``: a local web server for a lake, and its page in ``static/``."""

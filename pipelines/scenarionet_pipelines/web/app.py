@@ -1,4 +1,4 @@
-"""What the server answers: the page itself, and the questions its scripts ask."""
+"""Routes of the server: the page and the JSON, binary and image requests of its scripts."""
 
 from __future__ import annotations
 
@@ -26,50 +26,50 @@ from scenarionet_data.errors import (
     ScenarioNetError,
     ScenarioNotFound,
 )
-from scenarionet_pipelines.cli.group import one_line
+from scenarionet_pipelines.cli.advice import one_line
 from scenarionet_pipelines.web.guards import Guard
 from scenarionet_pipelines.web.picture import PICTURE
-from scenarionet_pipelines.web.rows import MOST_ROWS, Column, Question, columns, page, plain
-from scenarionet_pipelines.web.scenes import Latest, Scenes
+from scenarionet_pipelines.web.rows import MAX_ROWS, PageColumn, PageQuery, columns, plain, read_page
+from scenarionet_pipelines.web.scenes import LruCache, ScenarioCache
 
 STATIC = Path(__file__).with_name("static")
 
-_PLACE = re.compile(r"\bcharacter (\d+)")
-_MOST_PARTS = 8
-_LOOK_EVERY = 0.2
-"""Seconds between looks whether the answer is still waited for."""
+_POSITION = re.compile(r"\bcharacter (\d+)")
+_MAX_VIEWS = 8
+_POLL_INTERVAL = 0.2
+"""Interval at which a running query checks whether its client has disconnected [s]."""
 
 _THUMBNAIL_SIDES = range(32, 513)
-_KEEP = {"cache-control": "private, max-age=86400, immutable"}
-"""For what belongs to a snapshot, whose number the page names in the address."""
-_ASK_AGAIN = {"cache-control": "no-store"}
+_IMMUTABLE = {"cache-control": "private, max-age=86400, immutable"}
+"""For content of a snapshot, whose number is part of the address."""
+_NO_STORE = {"cache-control": "no-store"}
 
 
-class Browser:
-    """A lake and what is known about it, behind one method an address.
+class LakeRoutes:
+    """Request handlers for one lake, one method per route.
 
     Args:
         lake: The lake.
         is_writable: Whether databases may be saved.
-        secret: What the page brings along when it saves one.
+        secret: Token that the page sends along with requests that save.
     """
 
     def __init__(self, lake: Lake, *, is_writable: bool, secret: str) -> None:
         self.lake = lake
         self.is_writable = is_writable
         self._secret = secret
-        self._columns: dict[str, Column] = {column.name: column for column in columns(lake)}
+        self._columns: dict[str, PageColumn] = {column.name: column for column in columns(lake)}
         self._count = len(lake)
-        self._scenes = Scenes(lake)
-        self._parts: Latest[Lake] = Latest(_MOST_PARTS)
-        self._turn = asyncio.Lock()  # the lake answers one question at a time: who interrupts, interrupts their own
+        self._scenarios = ScenarioCache(lake)
+        self._views: LruCache[Lake] = LruCache(_MAX_VIEWS)
+        self._query_lock = asyncio.Lock()  # one query at a time, so that interrupt() stops only its own
 
     async def index(self, request: Request) -> Response:  # noqa: ARG002
-        """The page."""
-        return FileResponse(STATIC / "index.html", headers=_ASK_AGAIN)
+        """Serve the page."""
+        return FileResponse(STATIC / "index.html", headers=_NO_STORE)
 
     def about(self, request: Request) -> Response:  # noqa: ARG002
-        """The lake, its columns and databases, and the colours that pictures have."""
+        """Describe the lake: its columns and databases, and the colours of pictures."""
         return JSONResponse(
             {
                 "name": self.lake.name,
@@ -83,87 +83,91 @@ class Browser:
                 "isWritable": self.is_writable,
                 "secret": self._secret if self.is_writable else None,
             },
-            headers=_ASK_AGAIN,
+            headers=_NO_STORE,
         )
 
     async def rows(self, request: Request) -> Response:
-        """A page of the table; nobody goes on looking for one that is not waited for any more."""
-        asked = request.query_params
-        wanted = tuple(name for name in asked.get("columns", "").split(",") if name)
-        question = Question(
-            where=asked.get("where", "").strip() or "true",
-            sort=asked.get("sort", "scenario_id"),
-            is_falling=asked.get("order") == "falling",
-            first=_number(asked.get("first", "0"), range(2**31)),
-            count=_number(asked.get("count", "50"), range(1, MOST_ROWS + 1)),
+        """Return one page of the table; the query is interrupted if the client disconnects."""
+        parameters = request.query_params
+        wanted = tuple(name for name in parameters.get("columns", "").split(",") if name)
+        query = PageQuery(
+            where=parameters.get("where", "").strip() or "true",
+            sort=parameters.get("sort", "scenario_id"),
+            is_falling=parameters.get("order") == "falling",
+            first=_number(parameters.get("first", "0"), range(2**31)),
+            count=_number(parameters.get("count", "50"), range(1, MAX_ROWS + 1)),
             columns=wanted,
         )
-        async with self._turn:
-            part = await run_in_threadpool(self._part, asked.get("database", ""))
-            asking = asyncio.ensure_future(run_in_threadpool(page, part, question, self._columns))
-            while not (await asyncio.wait([asking], timeout=_LOOK_EVERY))[0]:
+        async with self._query_lock:
+            view = await run_in_threadpool(self._view, parameters.get("database", ""))
+            running = asyncio.ensure_future(run_in_threadpool(read_page, view, query, self._columns))
+            while not (await asyncio.wait([running], timeout=_POLL_INTERVAL))[0]:
                 if await request.is_disconnected():
-                    part.interrupt()
-            found = asking.result()
-        self._scenes.expect([row["scenario_id"] for row in found.rows])
-        return JSONResponse(asdict(found), headers=_ASK_AGAIN)
+                    view.interrupt()
+            page = running.result()
+        self._scenarios.expect([row["scenario_id"] for row in page.rows])
+        return JSONResponse(asdict(page), headers=_NO_STORE)
 
     def facts(self, request: Request) -> Response:
-        """What is known about one scenario."""
-        found = self._scenes.facts(_id(request))
-        return JSONResponse({name: plain(value) for name, value in found.items()}, headers=_ASK_AGAIN)
+        """Return the metadata of one scenario."""
+        found = self._scenarios.facts(_id(request))
+        return JSONResponse({name: plain(value) for name, value in found.items()}, headers=_NO_STORE)
 
     def scene(self, request: Request) -> Response:
-        """One scenario, packed."""
-        return Response(self._scenes.packed(_id(request)), media_type="application/octet-stream", headers=_KEEP)
+        """Return one scenario in the binary format of ``packing``."""
+        return Response(self._scenarios.packed(_id(request)), media_type="application/octet-stream", headers=_IMMUTABLE)
 
     def thumbnail(self, request: Request) -> Response:
-        """A small picture of one scenario."""
-        asked = request.query_params
-        width = _number(asked.get("width", "256"), _THUMBNAIL_SIDES)
-        height = _number(asked.get("height", "160"), _THUMBNAIL_SIDES)
-        return Response(self._scenes.thumbnail(_id(request), (width, height)), media_type="image/png", headers=_KEEP)
+        """Return a small PNG picture of one scenario."""
+        parameters = request.query_params
+        width = _number(parameters.get("width", "256"), _THUMBNAIL_SIDES)
+        height = _number(parameters.get("height", "160"), _THUMBNAIL_SIDES)
+        return Response(
+            self._scenarios.thumbnail(_id(request), (width, height)), media_type="image/png", headers=_IMMUTABLE
+        )
 
     async def save(self, request: Request) -> Response:
-        """Save what the filter shows as a database."""
+        """Save the scenarios that match the filter as a database."""
         if not self.is_writable:
-            return JSONResponse({"error": "this server only reads; start it with --write to save databases"}, 403)
+            return JSONResponse({"error": "the server is read-only; start it with --write to save databases"}, 403)
         name, where, parent = _texts(await request.body(), "name", "where", "database")
-        async with self._turn:
-            made = await run_in_threadpool(self.lake.filter, where.strip() or "true", name=name, parent=parent or None)
-        return JSONResponse({"reference": made.reference, "count": len(made), "databases": self.lake.databases})
+        async with self._query_lock:
+            created = await run_in_threadpool(
+                self.lake.filter, where.strip() or "true", name=name, database=parent or None
+            )
+        return JSONResponse({"reference": created.reference, "count": len(created), "databases": self.lake.databases})
 
-    def _part(self, database: str) -> Lake:
-        """The lake, or its part that belongs to a database."""
+    def _view(self, database: str) -> Lake:
+        """The lake, restricted to a database if one is named."""
         if not database:
             return self.lake
-        reference = self.lake.database(database).reference  # of a name, the newest version
-        return self._parts.get_or(reference, lambda: self.lake.only(reference))
+        reference = self.lake.database(database).reference  # a name alone means its newest version
+        return self._views.get_or(reference, lambda: self.lake.restrict_to(reference))
 
 
 def make_app(lake: Lake, *, is_writable: bool = False, names: frozenset[str] = frozenset()) -> Starlette:
-    """The server's answers.
+    """Create the web application.
 
     Args:
-        lake: What is shown.
+        lake: The lake to show.
         is_writable: Whether the page may save databases.
-        names: Host names of this machine that the page may be asked for by.
+        names: Host names of this machine that requests may use, besides ``localhost`` and IP addresses.
     """
     secret = secrets.token_urlsafe()
-    browser = Browser(lake, is_writable=is_writable, secret=secret)
+    routes = LakeRoutes(lake, is_writable=is_writable, secret=secret)
     return Starlette(
         routes=[
-            Route("/", browser.index),
-            Route("/api/about", browser.about),
-            Route("/api/rows", browser.rows),
-            Route("/api/facts", browser.facts),
-            Route("/api/scene", browser.scene),
-            Route("/api/thumbnail", browser.thumbnail),
-            Route("/api/databases", browser.save, methods=["POST"]),
+            Route("/", routes.index),
+            Route("/api/about", routes.about),
+            Route("/api/rows", routes.rows),
+            Route("/api/facts", routes.facts),
+            Route("/api/scene", routes.scene),
+            Route("/api/thumbnail", routes.thumbnail),
+            Route("/api/databases", routes.save, methods=["POST"]),
             Mount("/static", StaticFiles(directory=STATIC)),
         ],
         middleware=[Middleware(Guard, names=names, secret=secret)],
-        exception_handlers={ScenarioNetError: _refused, OSError: _refused},
+        exception_handlers={ScenarioNetError: _error_response, OSError: _error_response},
     )
 
 
@@ -175,12 +179,12 @@ _STATUS: tuple[tuple[type[Exception], int], ...] = (
 )
 
 
-def _refused(request: Request, error: Exception) -> Response:  # noqa: ARG001
-    """An error as the page shows it: in words, with the character of the condition that is meant."""
+def _error_response(request: Request, error: Exception) -> Response:  # noqa: ARG001
+    """Return an error as JSON: the message and, for a condition, the position of the offending character."""
     text = one_line(error)
     status = next((number for kind, number in _STATUS if isinstance(error, kind)), 500)
-    place = _PLACE.search(text)
-    return JSONResponse({"error": text, "character": int(place.group(1)) if place else None}, status)
+    position = _POSITION.search(text)
+    return JSONResponse({"error": text, "character": int(position.group(1)) if position else None}, status)
 
 
 def _id(request: Request) -> str:
@@ -188,7 +192,7 @@ def _id(request: Request) -> str:
 
 
 def _texts(body: bytes, *names: str) -> list[str]:
-    """Values of a JSON object, all of them text."""
+    """Read the named values of a JSON object, all of which have to be strings."""
     try:
         given = json.loads(body)
     except ValueError:
@@ -196,11 +200,11 @@ def _texts(body: bytes, *names: str) -> list[str]:
     found = [given.get(name) for name in names] if isinstance(given, dict) else []
     texts = [each for each in found if isinstance(each, str)]
     if len(texts) != len(names):
-        raise BadParameter(f"wanted a JSON object with {', '.join(names)}, all of them text")
+        raise BadParameter(f"expected a JSON object with the strings {', '.join(names)}")
     return texts
 
 
 def _number(text: str, allowed: range) -> int:
     if not text.isdecimal() or int(text) not in allowed:
-        raise BadParameter(f"wanted a number from {allowed[0]} to {allowed[-1]}, found {text!r}")
+        raise BadParameter(f"expected a number from {allowed[0]} to {allowed[-1]}, found {text!r}")
     return int(text)

@@ -1,8 +1,9 @@
-"""What keeps other web pages and other machines out: checked for every request, before anything is answered.
+"""Protection against requests from other web pages and other machines; checked for every request.
 
-A page elsewhere may send requests to this machine, and may give its own name this machine's address (DNS rebinding).
-So the ``Host`` asked for must be a name of ours; what changes something must come from our own page, with the secret
-that only this page was told; and our page may load nothing from elsewhere (its ``Content-Security-Policy``).
+A foreign page can send requests to this machine, and can resolve its own name to this machine's address (DNS
+rebinding). Therefore the ``Host`` header must be a known name or an IP address, a request that changes something must
+come from our own page and carry its secret, and a ``Content-Security-Policy`` keeps our page from loading anything
+from elsewhere.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-SECRET_HEADER = "x-scenarionet-secret"  # noqa: S105  # its name, not the secret
+SECRET_HEADER = "x-scenarionet-secret"  # noqa: S105  # the name of the header
 
 _HEADERS = {
     "content-security-policy": (
@@ -29,12 +30,12 @@ _HEADERS = {
 
 
 class Guard:
-    """Refuses requests that are not for us, or not from our page; adds the headers that bind our page.
+    """Middleware that rejects foreign requests and adds security headers to responses.
 
     Args:
-        app: What answers the others.
-        names: Host names that we go by, beside ``localhost`` and plain addresses.
-        secret: What requests that change something must bring.
+        app: The protected application.
+        names: Accepted host names, besides ``localhost`` and IP addresses.
+        secret: Token required of requests that change something.
     """
 
     def __init__(self, app: ASGIApp, names: frozenset[str], secret: str) -> None:
@@ -43,12 +44,12 @@ class Guard:
         self._secret = secret
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer one request."""
+        """Handle one request."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
 
-        async def send_bound(message: Message) -> None:
+        async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
                 for name, value in _HEADERS.items():
@@ -57,23 +58,23 @@ class Guard:
 
         reason = self._refusal(scope["method"], Headers(scope=scope))
         answer = JSONResponse({"error": reason}, 403) if reason else self._app
-        await answer(scope, receive, send_bound)
+        await answer(scope, receive, send_with_headers)
 
     def _refusal(self, method: str, headers: Headers) -> str | None:
-        """Why a request is refused; None when it is not."""
-        if not self._is_ours(headers.get("host", "")):
-            return "this server does not go by that name; open the address that `scenarionet browse` printed"
+        """Reason to reject a request, None to accept it."""
+        if not self._is_accepted(headers.get("host", "")):
+            return "unknown host name; open the address that `scenarionet browse` printed"
         if method in ("GET", "HEAD"):
             return None
         origin = headers.get("origin", "")
         if urlsplit(origin).netloc != headers["host"]:
-            return "only this server's own page may change something"
+            return "only this server's own page may save"
         if not secrets.compare_digest(headers.get(SECRET_HEADER, "").encode(), self._secret.encode()):
-            return "the page is of an earlier run of the server; load it again"
+            return "the server was restarted; reload the page"
         return None
 
-    def _is_ours(self, host: str) -> bool:
-        """Whether the host asked for is ours. An address is: rebinding needs a name."""
+    def _is_accepted(self, host: str) -> bool:
+        """Whether a host is accepted. IP addresses always are, because DNS rebinding needs a name."""
         try:
             name = urlsplit(f"//{host}").hostname or ""
         except ValueError:

@@ -1,8 +1,8 @@
-"""A scenario as bytes for the browser: a JSON header, then plain arrays that JavaScript views without parsing.
+"""Binary format of a scenario for the browser: a JSON header and plain arrays that JavaScript reads without parsing.
 
-Layout: the header's length (uint32, little-endian), the header (UTF-8, padded with spaces to a multiple of 4),
-then the arrays one after the other, each beginning at a multiple of 4. ``header["arrays"]`` gives dtype, shape and
-first byte after the header of each. ``static/scene.js`` reads it.
+Layout: length of the header (uint32, little-endian), header (UTF-8, padded with spaces to a multiple of 4), arrays,
+each aligned to 4 bytes. ``header["arrays"]`` gives the dtype, shape and offset after the header of each array.
+``static/scene.js`` reads the format.
 """
 
 from __future__ import annotations
@@ -38,13 +38,14 @@ _STATES = names(LightState)
 
 
 def pack(scenario: ScenarioDescription) -> bytes:
-    """The scenario's motion, lights and map as bytes.
+    """Pack the trajectories, traffic lights and map of a scenario.
 
-    Positions are float32 metres in the scenario frame, headings radians; a timestep is a row's second axis.
+    Positions are float32 [m] in the scenario frame, headings are in radians. Arrays of objects and lights have the
+    shape (N, T, ...).
     """
     features = scenario.map
     arrays: dict[str, Array] = {"time": scenario.timestamps.astype(np.float32)}
-    arrays |= _motion(scenario.tracks) | _shown(scenario.lights, features)
+    arrays |= _motion(scenario.tracks) | _lights(scenario.lights, features)
     header: dict[str, Any] = {
         "id": scenario.id,
         "dt": scenario.dt,
@@ -87,8 +88,8 @@ def _objects(scenario: ScenarioDescription) -> list[dict[str, Any]]:
     ]
 
 
-def _shown(lights: Lights, features: MapFeatures | None) -> dict[str, Array]:
-    """Where lights stand and what they show."""
+def _lights(lights: Lights, features: MapFeatures | None) -> dict[str, Array]:
+    """Stop points and states of traffic lights."""
     stop = lights.stop_point[:, :2]
     if features is not None:
         rows = np.flatnonzero(is_lane(features.types))
@@ -97,7 +98,7 @@ def _shown(lights: Lights, features: MapFeatures | None) -> dict[str, Array]:
 
 
 def _features(features: MapFeatures) -> list[dict[str, Any]]:
-    """Facts of map features; a speed limit in m/s, None where unknown."""
+    """Properties of map features; speed limits in m/s, None if unknown."""
     return [
         {
             "id": str(name),
@@ -112,7 +113,7 @@ def _features(features: MapFeatures) -> list[dict[str, Any]]:
 
 
 def _kinds(types: UInt8) -> list[str]:
-    """What each feature is drawn as."""
+    """The drawing style of each feature."""
     chosen = np.select(
         [
             is_lane(types),

@@ -1,4 +1,4 @@
-"""Colours and measures of pictures, for the browser: the player shows what thumbnails and videos show."""
+"""Colours and sizes for the browser player, the same as in thumbnails and videos."""
 
 from __future__ import annotations
 
@@ -23,4 +23,4 @@ PICTURE = {
     "arrowEvery": palette.ARROW_EVERY,
     "routeWidth": palette.ROUTE,
 }
-"""Colours in hexadecimal, objects by type, lights by colour with the shape that tells them apart; measures in m."""
+"""Colours in hexadecimal notation, objects by type, lights by colour with their shape; sizes in metres."""

@@ -1,4 +1,4 @@
-"""The table of scenarios, a page at a time: which rows, in which order, found by DuckDB whatever the table's length."""
+"""Pages of the scenario table, filtered and sorted by DuckDB."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from scenarionet_data.query import suggestions
 from scenarionet_data.query.members import ADDRESS_COLUMNS
 from scenarionet_data.query.statements import check_expression
 
-MOST_ROWS = 200
-"""Of a page."""
+MAX_ROWS = 200
+"""Maximum number of rows of a page."""
 
 _NESTED = ("List", "Struct", "Array")
 _NUMBERS = ("Int", "UInt", "Float")
@@ -21,15 +21,15 @@ _FLOATS = "Float"
 
 
 @dataclass(frozen=True)
-class Column:
+class PageColumn:
     """A column of ``metadata``.
 
     Attributes:
-        name: As SQL has it.
-        unit, doc: The contract's; empty for a column of the user's own.
-        is_number: Whether it is drawn to the right.
-        is_sortable: Lists have no order that means something.
-        may_be_nan: Holds floating-point numbers.
+        name: Name in SQL.
+        unit, doc: Unit and description from the schema; empty for user columns.
+        is_number: Whether values are numbers, which are right-aligned.
+        is_sortable: False for nested values.
+        may_be_nan: Whether values are floating-point numbers.
     """
 
     name: str
@@ -41,21 +41,21 @@ class Column:
 
     @property
     def order(self) -> str:
-        """SQL for what rows are ordered by: to DuckDB, NaN is the largest number."""
+        """SQL expression to sort by; NaN, which DuckDB sorts as the largest number, becomes null."""
         return f"""nullif("{self.name}", 'nan')""" if self.may_be_nan else f'"{self.name}"'
 
 
 @dataclass(frozen=True)
-class Question:
-    """What a page shows.
+class PageQuery:
+    """Which rows a page shows.
 
     Attributes:
         where: SQL condition over ``metadata``.
-        sort: Column it is ordered by; ids break ties.
-        is_falling: Largest first; what is null comes last either way.
-        first: Rows to skip.
-        count: Rows wanted.
-        columns: Columns wanted beside the id.
+        sort: Column to sort by; ties are broken by scenario id.
+        is_falling: Sort in descending order; nulls come last in either case.
+        first: Number of rows to skip.
+        count: Number of rows of the page.
+        columns: Columns besides the scenario id.
     """
 
     where: str
@@ -68,12 +68,12 @@ class Question:
 
 @dataclass(frozen=True)
 class Page:
-    """The answer.
+    """Rows of one page.
 
     Attributes:
-        total: Rows that satisfy the condition.
-        first: Place of the first row here.
-        rows: By column; what JSON has no word for is text or None.
+        total: Number of rows that satisfy the condition.
+        first: Position of the first row of the page.
+        rows: Values by column, in JSON types; see :func:`plain`.
     """
 
     total: int
@@ -81,8 +81,8 @@ class Page:
     rows: list[dict[str, Any]]
 
 
-def columns(lake: Lake) -> list[Column]:
-    """Every column that a condition may name but for addresses, the user's own ones included."""
+def columns(lake: Lake) -> list[PageColumn]:
+    """Return the columns that conditions can use, including user columns but not row addresses."""
     from scenarionet_data.schema import tables
 
     metadata = tables.load("metadata")
@@ -93,57 +93,56 @@ def columns(lake: Lake) -> list[Column]:
             column, word = declared.get(name), str(kind)
             unit, doc = (column.unit or "", column.doc) if column else ("", "")
             is_number, is_sortable = word.startswith(_NUMBERS), not word.startswith(_NESTED)
-            found.append(Column(name, unit, doc, is_number, is_sortable, word.startswith(_FLOATS)))
+            found.append(PageColumn(name, unit, doc, is_number, is_sortable, word.startswith(_FLOATS)))
     return found
 
 
-def page(lake: Lake, question: Question, known: dict[str, Column]) -> Page:
-    """The rows of a page.
+def read_page(lake: Lake, query: PageQuery, known: dict[str, PageColumn]) -> Page:
+    """Read the rows of a page.
 
     Args:
-        lake: The lake, or the part of it that is looked at.
-        question: Which rows.
-        known: The columns by name.
+        lake: The lake, possibly restricted to a database.
+        query: Which rows.
+        known: The lake's columns by name.
 
     Raises:
-        UnsafeSql: The condition is no single expression.
-        QueryError: DuckDB does not understand it; the message says where.
-        BadParameter: A column that is not there, or one without an order.
+        UnsafeSql: The condition is not a single expression.
+        QueryError: The condition is not valid SQL; the message says where.
+        BadParameter: A column does not exist or cannot be sorted.
     """
-    for name in (question.sort, *question.columns):
+    for name in (query.sort, *query.columns):
         if name not in known:
-            raise BadParameter(f"no column {name!r}; the page's list of columns has them all")
-    if not known[question.sort].is_sortable:
-        raise BadParameter(f"{question.sort} holds lists, which have no order; sort by another column")
-    check_expression(question.where)
+            raise BadParameter(f"no column {name!r}; choose one from the page's list of columns")
+    if not known[query.sort].is_sortable:
+        raise BadParameter(f"{query.sort} holds nested values, which cannot be sorted; sort by another column")
+    check_expression(query.where)
     try:
-        total = int(lake.arrow(f"SELECT count(*) FROM metadata WHERE ({question.where}\n)")[0][0].as_py())
-        return Page(total, question.first, _rows(lake, question, known[question.sort], total))
+        total = int(lake.arrow(f"SELECT count(*) FROM metadata WHERE ({query.where}\n)")[0][0].as_py())
+        return Page(total, query.first, _rows(lake, query, known[query.sort], total))
     except QueryError as error:
-        raise suggestions.in_condition(error, question.where) from error
+        raise suggestions.explain_unknown_column(error, query.where) from error
 
 
-def _rows(lake: Lake, question: Question, sort: Column, total: int) -> list[dict[str, Any]]:
-    """Rows counted from the nearer end: DuckDB then keeps fewer of them in order while it looks."""
-    count = min(question.count, total - question.first)
+def _rows(lake: Lake, query: PageQuery, sort: PageColumn, total: int) -> list[dict[str, Any]]:
+    """Read rows from the nearer end of the order, so that DuckDB keeps fewer rows for its top-N sort."""
+    count = min(query.count, total - query.first)
     if count <= 0:
         return []
-    is_mirrored = question.first > total // 2
-    skipped = total - question.first - count if is_mirrored else question.first
-    falling = question.is_falling != is_mirrored
+    is_mirrored = query.first > total // 2
+    skipped = total - query.first - count if is_mirrored else query.first
+    falling = query.is_falling != is_mirrored
     order = f"{sort.order} {'DESC' if falling else 'ASC'} NULLS {'FIRST' if is_mirrored else 'LAST'}"
     ties = f"scenario_id {'DESC' if is_mirrored else 'ASC'}"
-    wanted = ", ".join(f'"{name}"' for name in dict.fromkeys(("scenario_id", *question.columns)))
+    wanted = ", ".join(f'"{name}"' for name in dict.fromkeys(("scenario_id", *query.columns)))
     found = lake.arrow(
-        f"SELECT {wanted} FROM metadata WHERE ({question.where}\n) "
-        f"ORDER BY {order}, {ties} LIMIT $count OFFSET $skipped",
+        f"SELECT {wanted} FROM metadata WHERE ({query.where}\n) ORDER BY {order}, {ties} LIMIT $count OFFSET $skipped",
         {"count": count, "skipped": skipped},
     ).to_pylist()
     return [{name: plain(value) for name, value in row.items()} for row in (found[::-1] if is_mirrored else found)]
 
 
 def plain(value: Any) -> Any:
-    """A value as JSON and JavaScript know it; whole numbers beyond 2^53 are text there."""
+    """Convert a value to JSON types; NaN, infinity and integers beyond 2^53 become text."""
     if isinstance(value, float):
         return value if math.isfinite(value) else str(value)
     if isinstance(value, int) and abs(value) > 2**53:

@@ -1,4 +1,4 @@
-"""Scenarios for the browser, by id: thumbnails and packed scenes, the latest of them kept."""
+"""Cached scenarios for the browser: thumbnails and packed scenes by scenario id."""
 
 from __future__ import annotations
 
@@ -14,97 +14,108 @@ from scenarionet_pipelines.web.packing import pack
 
 Value = TypeVar("Value")
 
-_MOST_PLACES = 10_000
-_MOST_THUMBNAILS = 4_000
-_MOST_SCENES = 16
+_MAX_LOCATIONS = 10_000
+_MAX_THUMBNAILS = 4_000
+_MAX_PACKED = 16
 
 
-class Latest(Generic[Value]):
-    """A mapping that forgets what was not used for longest; threads may share it."""
+class LruCache(Generic[Value]):
+    """A thread-safe mapping that drops the least recently used entry.
 
-    def __init__(self, most: int) -> None:
-        self._most = most
-        self._held: OrderedDict[Hashable, Value] = OrderedDict()
+    Args:
+        max_size: Maximum number of entries.
+    """
+
+    def __init__(self, max_size: int) -> None:
+        self._max_size = max_size
+        self._entries: OrderedDict[Hashable, Value] = OrderedDict()
         self._lock = threading.Lock()
 
     def get(self, key: Hashable) -> Value | None:
-        """What is held for a key; None when nothing is."""
+        """Return the value of a key, or None."""
         with self._lock:
-            if key in self._held:
-                self._held.move_to_end(key)
-            return self._held.get(key)
+            if key in self._entries:
+                self._entries.move_to_end(key)
+            return self._entries.get(key)
 
     def put(self, key: Hashable, value: Value) -> None:
-        """Hold a value."""
+        """Store a value."""
         with self._lock:
-            self._held[key] = value
-            self._held.move_to_end(key)
-            while len(self._held) > self._most:
-                self._held.popitem(last=False)
+            self._entries[key] = value
+            self._entries.move_to_end(key)
+            while len(self._entries) > self._max_size:
+                self._entries.popitem(last=False)
 
     def get_or(self, key: Hashable, make: Callable[[], Value]) -> Value:
-        """What is held for a key, or is made now."""
-        held = self.get(key)
-        if held is None:
-            held = make()
-            self.put(key, held)
-        return held
+        """Return the value of a key, creating it if it is missing."""
+        value = self.get(key)
+        if value is None:
+            value = make()
+            self.put(key, value)
+        return value
 
 
-class Scenes:
-    """The scenarios of a lake.
+class ScenarioCache:
+    """Loads and caches scenarios of a lake.
 
-    Looking up where scenarios lie takes a while among a million: it is done once a page of the table, when the first
-    picture of it is wanted, and on a connection of its own, so that filters do not wait for it.
+    Locating scenarios among a million takes a while. It is done once per page of the table, when its first picture
+    is requested, and on a separate connection, so that filters do not wait.
 
     Args:
-        lake: The lake; ids are looked up in its snapshot.
+        lake: The lake; its snapshot is read.
     """
 
     def __init__(self, lake: Lake) -> None:
-        self._lake = Lake(lake.root, lake.snapshot.number, lake.layers)
-        self._pages: Latest[tuple[str, ...]] = Latest(_MOST_PLACES)
-        self._places: Latest[tuple[ScenarioLoader, int]] = Latest(_MOST_PLACES)
-        self._thumbnails: Latest[bytes] = Latest(_MOST_THUMBNAILS)
-        self._packed: Latest[bytes] = Latest(_MOST_SCENES)
-        self._looking = threading.Lock()
+        self._lake = Lake(lake.root, lake.snapshot.number, lake.user_columns)
+        self._pages: LruCache[tuple[str, ...]] = LruCache(_MAX_LOCATIONS)
+        self._locations: LruCache[tuple[ScenarioLoader, int]] = LruCache(_MAX_LOCATIONS)
+        self._thumbnails: LruCache[bytes] = LruCache(_MAX_THUMBNAILS)
+        self._packed: LruCache[bytes] = LruCache(_MAX_PACKED)
+        self._lookup_lock = threading.Lock()
 
     def expect(self, scenario_ids: Sequence[str]) -> None:
-        """These are shown together: whoever is asked for, all will be."""
+        """Note that these scenarios are shown together: the first request locates all of them."""
         page = tuple(scenario_ids)
         for scenario_id in page:
             self._pages.put(scenario_id, page)
 
     def facts(self, scenario_id: str) -> dict[str, Any]:
-        """What is known about it; see ``Lake.facts``."""
-        return self._lake.facts(scenario_id)
+        """Return the metadata of a scenario."""
+        return self._lake.describe(scenario_id)
 
     def thumbnail(self, scenario_id: str, size: tuple[int, int]) -> bytes:
-        """A small picture of it (PNG), of so many pixels.
+        """Return a small picture.
+
+        Args:
+            scenario_id: Id of the scenario.
+            size: Width and height [pixel].
+
+        Returns:
+            A PNG file.
 
         Raises:
-            ScenarioNotFound: There is none of that id.
+            ScenarioNotFound: No scenario has that id.
         """
         return self._thumbnails.get_or((scenario_id, size), lambda: thumbnail(self._load(scenario_id), size))
 
     def packed(self, scenario_id: str) -> bytes:
-        """It, as ``packing`` writes it.
+        """Return a scenario in the binary format of ``packing``.
 
         Raises:
-            ScenarioNotFound: There is none of that id.
+            ScenarioNotFound: No scenario has that id.
         """
         return self._packed.get_or(scenario_id, lambda: pack(self._load(scenario_id)))
 
     def _load(self, scenario_id: str) -> ScenarioDescription:
-        with self._looking:  # the others of its page wait, and then are there
-            loader, index = self._places.get(scenario_id) or self._look_up(scenario_id)
+        with self._lookup_lock:  # other requests of the same page wait for the lookup
+            loader, index = self._locations.get(scenario_id) or self._locate(scenario_id)
         scenario: ScenarioDescription = loader[index]
         return scenario
 
-    def _look_up(self, scenario_id: str) -> tuple[ScenarioLoader, int]:
-        """Find a scenario, and those that are shown with it."""
+    def _locate(self, scenario_id: str) -> tuple[ScenarioLoader, int]:
+        """Locate a scenario together with those of the same page."""
         page = self._pages.get(scenario_id) or (scenario_id,)
         loader = ScenarioLoader(self._lake, page)
         for index, each in enumerate(page):
-            self._places.put(each, (loader, index))
+            self._locations.put(each, (loader, index))
         return loader, page.index(scenario_id)

@@ -1,4 +1,4 @@
-"""The server that runs while somebody browses: a port of this machine, found before anything is said about it."""
+"""The web server of ``scenarionet browse``; it binds its port before printing the address."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from scenarionet_data import Lake
 from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_pipelines.web.app import make_app
 
-USUAL_PORT = 8642
-"""Taken unless it is in use: an address to come back to."""
+DEFAULT_PORT = 8642
+"""Used if it is free, so that the address can be bookmarked."""
 
 try:
     import uvicorn
@@ -18,16 +18,16 @@ except ImportError as error:
 
 
 class Server:
-    """A lake's pages at an address of this machine.
+    """Web server for one lake.
 
     Args:
-        lake: What is shown.
-        host: Address to listen at; ``127.0.0.1`` is reached from this machine alone.
-        port: Port to listen at, 0 for any free one; None for the usual one, or any when that is taken.
+        lake: The lake to show.
+        host: Address to listen on; ``127.0.0.1`` accepts connections from this machine only.
+        port: Port to listen on, 0 for any free one; None for the default port, or a free one if that is taken.
         is_writable: Whether the page may save databases.
 
     Raises:
-        BadParameter: The address cannot be had.
+        BadParameter: The address or port is not available.
 
     Example:
         with Server(Lake("lake")) as server:
@@ -61,7 +61,7 @@ class Server:
         self._socket.close()
 
     def run(self) -> None:
-        """Answer until interrupted, or told to :meth:`stop`."""
+        """Serve requests until Ctrl-C or :meth:`stop`."""
         self._server.run(sockets=[self._socket])
 
     def stop(self) -> None:
@@ -72,16 +72,16 @@ class Server:
 def _listen(host: str, port: int | None) -> socket.socket:
     if port is None:
         try:
-            return _bound(host, USUAL_PORT)
+            return _bind(host, DEFAULT_PORT)
         except OSError:
             port = 0
     try:
-        return _bound(host, port)
+        return _bind(host, port)
     except OSError as error:
-        raise BadParameter(f"{host}:{port} cannot be listened at: {error.strerror}; try another --port") from error
+        raise BadParameter(f"cannot listen on {host}:{port}: {error.strerror}; choose another port") from error
 
 
-def _bound(host: str, port: int) -> socket.socket:
+def _bind(host: str, port: int) -> socket.socket:
     found = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET)
     try:
         found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -1,4 +1,4 @@
-"""What a worker has of raw recordings in an object store: the files of the shard it converts, and of the one before."""
+"""Downloads of raw recordings on a worker: the files of the current shard, reused for the next one."""
 
 from __future__ import annotations
 
@@ -9,75 +9,61 @@ from fnmatch import fnmatchcase
 from pathlib import PurePosixPath
 from typing import Any
 
-from scenarionet_data.conversion.remote_raw.listing import AT_ONCE, bucket_of, moved, rename
-from scenarionet_data.conversion.remote_raw.scratch import Scratch, sweep
+from scenarionet_data.conversion.remote_raw.mirror import MAX_CONNECTIONS, bucket_of, relocated, rename_paths
+from scenarionet_data.conversion.remote_raw.scratch import ScratchFolder, sweep
 from scenarionet_data.converters.base import Converter
 from scenarionet_data.errors import FileGone, SourceNotFound
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.object_store import ObjectStore
-from scenarionet_data.storage.files.opening import is_url
 
 _idle: list[_Downloads] = []
-"""Those that no shard of this process is converted from at the moment; one, unless it has several threads."""
+"""Downloads of this process that no shard is using; more than one only with several threads."""
 
 
 @contextmanager
-def at_hand(converter: Converter[Any], shard: Shard) -> Iterator[Shard]:
-    """The shard with its files on this machine.
+def local_copy(converter: Converter[Any], shard: Shard) -> Iterator[Shard]:
+    """The shard with its files downloaded from the object store.
 
-    What was downloaded stays until the next shard, so that what both need is fetched once, and what only the last one
-    needed goes then.
+    Downloads are kept until the next shard: files that both need are downloaded once, the others are deleted then.
 
     Raises:
-        SourceNotFound: A file is gone since it was listed.
-        LakeError: The store does not answer, or this machine's disk is full.
+        SourceNotFound: A file was deleted since it was listed.
+        LakeError: The store does not answer, or the local disk is full.
     """
-    if not is_url(shard.root):
-        yield shard
-        return
-    downloads = _taken(bucket_of(shard.root))
+    downloads = _take(bucket_of(shard.root))
     try:
-        yield downloads.bring(converter, shard)
+        yield downloads.fetch(converter, shard)
     except Exception as error:
-        rename(error, downloads.folder, downloads.bucket)
+        rename_paths(error, downloads.folder, downloads.bucket)
         raise
     finally:
         _idle.append(downloads)
 
 
-def _taken(bucket: str) -> _Downloads:
-    """Idle downloads of a bucket, or new ones; those of other buckets go."""
+def _take(bucket: str) -> _Downloads:
+    """Take idle downloads of a bucket, or new ones; delete those of other buckets."""
     with suppress(IndexError):
         while True:
-            downloads = _idle.pop()  # one step, so that no other thread takes them too
+            downloads = _idle.pop()  # atomic: no other thread takes the same ones
             if downloads.bucket == bucket:
                 return downloads
             downloads.close()
     return _Downloads(bucket)
 
 
-def forget() -> None:
-    """Remove what this process has downloaded and does not need at the moment."""
+def remove_downloads() -> None:
+    """Delete the idle downloads of this process, and those that killed processes left behind."""
     with suppress(IndexError):
         while True:
             _idle.pop().close()
-
-
-@contextmanager
-def kept_meanwhile() -> Iterator[None]:
-    """Whatever this process downloads is gone afterwards, and whatever killed ones left."""
-    try:
-        yield
-    finally:
-        forget()
-        sweep()
+    sweep()
 
 
 class _Downloads:
-    """Files of a bucket, in a folder that looks like it.
+    """Files of a bucket, in a folder with the same structure.
 
-    A file counts as there when all of it is: then its mark is known.
+    A file is complete once its ETag is recorded.
 
     Attributes:
         bucket: The bucket's URL.
@@ -87,38 +73,42 @@ class _Downloads:
     def __init__(self, bucket: str) -> None:
         self.bucket = bucket
         self._store = ObjectStore(bucket)
-        self._scratch = Scratch()
+        self._scratch = ScratchFolder()
         self.folder = str(self._scratch.path)
         self._marks: dict[str, str] = {}
 
     def close(self) -> None:
         self._scratch.close()
 
-    def bring(self, converter: Converter[Any], shard: Shard) -> Shard:
-        """Bring a shard's files here, remove all others, and say where the shard lies now."""
-        here = moved(shard, self.bucket, self.folder)
-        root = PurePosixPath(here.root).relative_to(self.folder)
-        listed = {str(root / item.name) for item in shard.items}
-        asked: set[str] = set()
-        with ThreadPoolExecutor(AT_ONCE) as pool:
-            for batch in converter.files(here) if shard.split else [[item.name for item in shard.items]]:
-                names = {each for name in batch for each in self._matching(str(root / name))} - asked
-                asked |= names
-                list(pool.map(self._bring, sorted(names)))
-                self._refuse_lost(listed & names)
-        self._remove(self._marks.keys() - asked)
-        return here
+    def fetch(self, converter: Converter[Any], shard: Shard) -> Shard:
+        """Download a shard's files, delete all others, and return the shard with local paths."""
+        local = relocated(shard, self.bucket, self.folder)
+        root = PurePosixPath(local.root).relative_to(self.folder)
+        items = {str(root / item.name) for item in shard.items}
+        needed: set[str] = set()
+        with ThreadPoolExecutor(MAX_CONNECTIONS) as pool:
+            for batch in converter.files(local) if shard.split else [[item.name for item in shard.items]]:
+                names = {each for name in batch for each in self._matching(str(root / name))} - needed
+                needed |= names
+                list(pool.map(self._download, sorted(names)))
+                for name in items & names:
+                    if name not in self._marks:
+                        raise SourceNotFound(
+                            f"{self.bucket}/{name}: deleted since it was listed; run the same command again"
+                        )
+        self._remove(self._marks.keys() - needed)
+        return local
 
     def _matching(self, name: str) -> Iterable[str]:
-        """The name itself, or the names of the files in its folder that fit it as a pattern."""
+        """The name itself, or for a pattern the names of matching files in its folder."""
         folder, _, last = name.rpartition("/")
         if "*" not in last:
             return [name]
         names = [each.name for each in self._store.list(folder or ".")[0]]
         return [each for each in names if fnmatchcase(each.rpartition("/")[2], last)]
 
-    def _bring(self, name: str) -> None:
-        """Fetch a file unless it is here, unchanged; what the store does not have is not here either."""
+    def _download(self, name: str) -> None:
+        """Download a file unless an unchanged copy exists; skip files missing from the store."""
         path, known = self._scratch.path / name, self._marks.get(name)
         if known is not None:
             found = self._store.find(name)
@@ -131,16 +121,11 @@ class _Downloads:
         with suppress(FileGone):
             self._marks[name] = self._store.download(name, path).mark
 
-    def _refuse_lost(self, names: Iterable[str]) -> None:
-        for name in names:
-            if name not in self._marks:
-                raise SourceNotFound(f"{self.bucket}/{name}: gone since it was listed; run the same command again")
-
     def _remove(self, names: Iterable[str]) -> None:
         for name in list(names):
             del self._marks[name]
             path = self._scratch.path / name
             path.unlink(missing_ok=True)
-            with suppress(OSError):  # a folder that is not empty stays
+            with suppress(OSError):  # folders that are not empty stay
                 for folder in path.relative_to(self._scratch.path).parents[:-1]:
                     (self._scratch.path / folder).rmdir()

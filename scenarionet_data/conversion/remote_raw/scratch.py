@@ -1,4 +1,4 @@
-"""Folders for what is needed for a while: they go with the process, and what a killed one left goes with the next."""
+"""Temporary folders that are deleted with their process, or by the next process if theirs was killed."""
 
 from __future__ import annotations
 
@@ -13,42 +13,37 @@ from pathlib import Path
 _PREFIX = "scenarionet-raw-"
 
 
-class Scratch:
-    """An empty folder among the temporary ones.
+class ScratchFolder:
+    """An empty folder in the system's temporary folder.
 
-    This process holds a lock on it, which the system releases when the process ends, however that happens: a folder
-    that nobody holds is what a killed process left.
+    The process holds a lock on it, which the system releases when the process ends for whatever reason: an unlocked
+    folder was left behind by a killed process.
 
     Attributes:
-        path: The folder, free of symbolic links.
+        path: The folder, with symbolic links resolved.
     """
 
     def __init__(self) -> None:
         sweep()
-        self.path, lock = _made()
-        self._end = weakref.finalize(self, _remove, self.path, lock, os.getpid())
+        while True:
+            self.path = Path(tempfile.mkdtemp(prefix=_PREFIX)).resolve()
+            with suppress(OSError):  # another process may sweep it before it is locked: make another one
+                lock = os.open(self.path, os.O_RDONLY)
+                fcntl.flock(lock, fcntl.LOCK_EX)
+                if self.path.is_dir():
+                    break
+                os.close(lock)
+        self._remove = weakref.finalize(self, _remove, self.path, lock, os.getpid())
 
     def close(self) -> None:
-        """Remove it now."""
-        self._end()
-
-
-def _made() -> tuple[Path, int]:
-    """A new folder, and the lock on it."""
-    while True:
-        path = Path(tempfile.mkdtemp(prefix=_PREFIX)).resolve()
-        with suppress(OSError):  # another process may sweep it before it is locked; then there will be another one
-            lock = os.open(path, os.O_RDONLY)
-            fcntl.flock(lock, fcntl.LOCK_EX)
-            if path.is_dir():
-                return path, lock
-            os.close(lock)
+        """Delete the folder now."""
+        self._remove()
 
 
 def sweep() -> None:
-    """Remove the folders that nobody holds."""
+    """Delete unlocked folders."""
     for path in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
-        with suppress(OSError):  # somebody else's, or gone meanwhile
+        with suppress(OSError):  # locked by its process, owned by another user, or already deleted
             lock = os.open(path, os.O_RDONLY)
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -58,6 +53,6 @@ def sweep() -> None:
 
 
 def _remove(path: Path, lock: int, owner: int) -> None:
-    if os.getpid() == owner:  # a forked process ends without taking its parent's folder along
+    if os.getpid() == owner:  # a forked process must not delete its parent's folder
         shutil.rmtree(path, ignore_errors=True)
     os.close(lock)

@@ -20,8 +20,9 @@ from scenarionet_data.converters.argoverse1.scenario import describe
 from scenarionet_data.converters.argoverse1.table import city_of, is_recording, read_recording
 from scenarionet_data.converters.base import Budgets, Converter, find_files
 from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario, SourceNotFound
-from scenarionet_data.ingest.input_properties import Facts, FactsOnDemand, is_at_hand
-from scenarionet_data.ingest.shard import Options, RawItem, Shard, bucket, fingerprint
+from scenarionet_data.ingest.input_properties import InputProperties, LazyProperties, is_local
+from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.shard import RawItem, Shard, bucket, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription, make_scenario_id
 
 _FINGERPRINT_SAMPLE = 4096
@@ -35,7 +36,7 @@ class Argoverse1Options(Options):
     """Where the maps are, and how much of them goes with a scenario."""
 
     maps: str = field(
-        default="", metadata={"doc": "Folder of the *_vector_map.xml; empty: below RAW.", "is_place": True}
+        default="", metadata={"doc": "Folder of the *_vector_map.xml; empty: below RAW.", "is_path": True}
     )
     has_map: bool = field(default=True, metadata={"doc": "Whether scenarios get a map."})
     radius: float = field(default=100.0, metadata={"doc": "Metres of map around the box that holds the ego's path."})
@@ -54,7 +55,7 @@ class Argoverse1(Converter[RawItem]):
     licence = "CC BY-NC-SA 4.0"
     raw = "folder of forecasting files (*.csv), with the maps (*_vector_map.xml) in it or in -O maps=FOLDER"
     Options = Argoverse1Options
-    facts = ("location",)
+    properties = ("location",)
     # Positions are as recorded, with 0.1 m of noise, sticking and jumps, which differences show ten times as large;
     # velocities are fitted to a second of them. Of 40 recordings: medians of 0.4 ... 1.6 m/s, 99 % below 7 ... 24
     # (one 36) m/s and 0.3 (one 0.6) rad, five jumps above 60 m/s.
@@ -78,7 +79,9 @@ class Argoverse1(Converter[RawItem]):
         known = fingerprint(maps) if maps else ""  # a map that arrives later changes what stands on it
         resolved = replace(options, maps=os.pathsep.join(map(str, maps)))  # workers need not search
         items = [
-            RawItem(path.relative_to(root).as_posix(), fingerprint([path], _FINGERPRINT_SAMPLE) + known, _facts(path))
+            RawItem(
+                path.relative_to(root).as_posix(), fingerprint([path], _FINGERPRINT_SAMPLE) + known, _properties(path)
+            )
             for path in files
         ]
         for name, members in bucket(items).items():
@@ -114,8 +117,8 @@ def _options(shard: Shard) -> Argoverse1Options:
     return shard.options
 
 
-def _facts(path: Path) -> Facts:
-    return FactsOnDemand({}, ("location",), _fact, path)
+def _properties(path: Path) -> InputProperties:
+    return LazyProperties({}, ("location",), _fact, path)
 
 
 def _fact(path: Path, _key: str) -> str | tuple[str, ...]:
@@ -129,7 +132,7 @@ def _find_recordings(raw: str, split: str) -> list[Path]:
         SourceNotFound: There are none, or they are another dataset's.
     """
     found = find_files(raw, "*.csv", f"Argoverse 1 recordings of split {split}", split)
-    if not any(is_recording(path) or not is_at_hand(path) for path in found[:_PEEKED]):
+    if not any(is_recording(path) or not is_local(path) for path in found[:_PEEKED]):
         raise SourceNotFound(f"{found[0]} and its like are no Argoverse 1 recordings; give a folder that holds some")
     return found
 

@@ -28,8 +28,9 @@ from scenarionet_data.converters.argoverse2.sensor import (
 from scenarionet_data.converters.argoverse2.table import word_in_footer
 from scenarionet_data.converters.base import Budgets, Converter
 from scenarionet_data.errors import BadParameter, SourceNotFound
-from scenarionet_data.ingest.input_properties import Facts, FactsOnDemand
-from scenarionet_data.ingest.shard import Options, RawItem, Shard, bucket, fingerprint
+from scenarionet_data.ingest.input_properties import InputProperties, LazyProperties
+from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.shard import RawItem, Shard, bucket, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription
 
 _SPLITS = {"train", "val", "test"}
@@ -67,14 +68,14 @@ class Argoverse2(Converter[RawItem | Window]):
     licence = "CC BY-NC-SA 4.0"
     raw = "folder of motion forecasting scenarios (scenario_*.parquet) or sensor logs (annotations.feather)"
     Options = Argoverse2Options
-    facts = ("kind", "log", "location")
+    properties = ("kind", "log", "location")
     budgets = Budgets(velocity_median=0.5, velocity_p99=5.0, heading_p99=1.0)
     ignored = frozenset({"sensors"})
 
     def shards(self, raw: str, split: str, version: str, options: Argoverse2Options) -> Iterator[Shard]:
         """Buckets of forecasting scenarios, then sensor logs, see :meth:`Converter.shards`."""
         scenarios, logs = _find(Path(raw), split, options.kind)
-        items = [_item(raw, path, _scenario_files(path), _facts(path)) for path in scenarios]
+        items = [_item(raw, path, _scenario_files(path), _properties(path)) for path in scenarios]
         for name, members in bucket(items).items():
             yield Shard(
                 self.name, version, split, f"forecasting-{name}", raw, members, options, {"kind": "forecasting"}
@@ -82,8 +83,8 @@ class Argoverse2(Converter[RawItem | Window]):
         for path in logs:
             name = "sensor-" + re.sub(r"[^A-Za-z0-9._-]", "-", path.resolve().parent.name)
             items = [_item(raw, path, log_files(path), {})]
-            facts = {"kind": "sensor", "log": path.resolve().parent.name, "location": city_of(path) or ""}
-            yield Shard(self.name, version, split, name, raw, tuple(items), options, facts)
+            properties = {"kind": "sensor", "log": path.resolve().parent.name, "location": city_of(path) or ""}
+            yield Shard(self.name, version, split, name, raw, tuple(items), options, properties)
 
     def files(self, shard: Shard) -> Iterator[list[str]]:
         """Tables and maps, without what sensors saw, see :meth:`Converter.files`."""
@@ -137,12 +138,12 @@ def _find(raw: Path, split: str, kind: str) -> tuple[list[Path], list[Path]]:
     return sorted(scenarios), sorted(logs)
 
 
-def _item(raw: str, path: Path, files: list[Path], facts: Facts) -> RawItem:
-    return RawItem(path.relative_to(raw).as_posix(), fingerprint(files, _FINGERPRINT_SAMPLE), facts)
+def _item(raw: str, path: Path, files: list[Path], properties: InputProperties) -> RawItem:
+    return RawItem(path.relative_to(raw).as_posix(), fingerprint(files, _FINGERPRINT_SAMPLE), properties)
 
 
-def _facts(scenario: Path) -> Facts:
-    return FactsOnDemand({}, ("location",), _fact, scenario)
+def _properties(scenario: Path) -> InputProperties:
+    return LazyProperties({}, ("location",), _fact, scenario)
 
 
 def _fact(scenario: Path, _key: str) -> str | tuple[str, ...]:

@@ -3,14 +3,14 @@
 Reading never leaves a message. Damage moves the position to ``_BAD``, beyond every end, so that loops stop by
 themselves, and a loop that does not stop exactly at its end has met damage. Indices are unsigned because the test
 for Python's negative ones takes time, and a walk is one long function because handing its arrays on to others takes
-four times as long. All of it is one file because the compiler's cache does not see changes in other files.
+four times as long.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Int32, Int64, UInt8, UInt64
 
 VARINT, DOUBLE, BYTES, FLOAT = 0, 1, 2, 5
@@ -19,7 +19,7 @@ VARINT, DOUBLE, BYTES, FLOAT = 0, 1, 2, 5
 _BAD = np.int64(1 << 62)
 
 
-@njit(cache=True)
+@kernel
 def walk(buffer: UInt8, firsts: Int32, ends: Int32, wires: Int64, values: UInt64, fields: Int32) -> np.int64:
     """Goes through the fields of messages.
 
@@ -72,7 +72,7 @@ def walk(buffer: UInt8, firsts: Int32, ends: Int32, wires: Int64, values: UInt64
     return count
 
 
-@njit(cache=True)
+@kernel
 def unpack(buffer: UInt8, firsts: Int32, ends: Int32, wire: int, elements: Int64) -> np.int64:
     """Goes through the elements of lists.
 
@@ -104,7 +104,7 @@ def unpack(buffer: UInt8, firsts: Int32, ends: Int32, wire: int, elements: Int64
     return count
 
 
-@njit(cache=True, forceinline=True)
+@device_function(forceinline=True)
 def _read_varint(buffer: UInt8, pos: np.int64, end: np.int64) -> tuple[np.int64, np.int64]:
     """Value, as 64 signed bits, and the position behind it; nearly all are one byte long."""
     if pos < end and buffer[np.uint64(pos)] < 0x80:
@@ -112,7 +112,7 @@ def _read_varint(buffer: UInt8, pos: np.int64, end: np.int64) -> tuple[np.int64,
     return _read_long_varint(buffer, pos, end)
 
 
-@njit(cache=True)
+@device_function
 def _read_long_varint(buffer: UInt8, pos: np.int64, end: np.int64) -> tuple[np.int64, np.int64]:
     value, shift = np.int64(0), np.int64(0)
     while pos < end and shift < 70:
@@ -125,7 +125,7 @@ def _read_long_varint(buffer: UInt8, pos: np.int64, end: np.int64) -> tuple[np.i
     return np.int64(0), _BAD
 
 
-@njit(cache=True, forceinline=True)
+@device_function(forceinline=True)
 def _bits(buffer: UInt8, pos: np.int64, size: int) -> np.uint64:
     """``size`` bytes as a number, the lowest first; becomes a single load."""
     bits = np.uint64(0)

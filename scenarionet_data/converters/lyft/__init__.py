@@ -35,7 +35,8 @@ from scenarionet_data.converters.lyft.options import LyftOptions
 from scenarionet_data.converters.lyft.recording import Recording, Scene
 from scenarionet_data.converters.lyft.scenario import CITY, MAP_ID, Window, describe, windows
 from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario
-from scenarionet_data.ingest.shard import Options, RawItem, Shard, fingerprint
+from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.shard import RawItem, Shard, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription
 
 __all__ = ["Lyft", "LyftOptions"]
@@ -53,7 +54,7 @@ class Lyft(Converter[Window]):
     licence = "CC BY-NC-SA 4.0"
     raw = "folder with scenes/*.zarr, semantic_map/semantic_map.pb and meta.json, or one of the zarr folders"
     Options = LyftOptions
-    facts = ("location", "log", "date", "host")
+    properties = ("location", "log", "date", "host")
     listed = (*DESCRIPTIONS, "*.zarr/scenes/*")
     # The recorded scene's two windows: 0.5 and 0.7, 12 and 12 m/s, 1.6 and 2.0 rad, jumps of 79 and 84 m/s.
     budgets = Budgets(velocity_median=1.0, velocity_p99=15.0, heading_p99=2.2, step_speed=100.0)

@@ -92,8 +92,8 @@ def scene_items(recording: Recording, name: str, map_mark: str) -> list[RawItem]
                 marks[file] = fingerprint([file], _FINGERPRINT_SAMPLE) if file.is_file() else ""
             parts.append(marks[file])
         mark = hashlib.blake2b("\n".join(parts).encode(), digest_size=8).hexdigest()
-        facts = {"log": scene.name, "host": scene.host, "date": scene.date}
-        items.append(RawItem(f"{name}:{scene.index}", mark, facts))
+        properties = {"log": scene.name, "host": scene.host, "date": scene.date}
+        items.append(RawItem(f"{name}:{scene.index}", mark, properties))
     return items
 
 

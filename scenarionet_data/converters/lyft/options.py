@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.ingest.shard import Options
+from scenarionet_data.ingest.options import Options
 
 DT = 0.1
 """Nominal time between frames [s]."""
@@ -22,7 +22,7 @@ class LyftOptions(Options):
         default=True, metadata={"doc": "Whether scenarios get a map, from semantic_map.pb and meta.json."}
     )
     maps: str = field(
-        default="", metadata={"doc": "Folder of semantic_map.pb and meta.json; empty: below RAW.", "is_place": True}
+        default="", metadata={"doc": "Folder of semantic_map.pb and meta.json; empty: below RAW.", "is_path": True}
     )
     keep_unknown: bool = field(
         default=True, metadata={"doc": "Keep objects whose label is unknown, two thirds of all; they are OTHER."}

@@ -24,18 +24,19 @@ from scenarionet_data.converters.nuplan.content import read_content
 from scenarionet_data.converters.nuplan.files import (
     MANIFESTS,
     SENSORS,
-    facts_of,
     find_atlas,
     find_logs,
     logs_of,
     place_of,
+    properties_of,
 )
 from scenarionet_data.converters.nuplan.log import Log, opened, read_log
 from scenarionet_data.converters.nuplan.map_features import read_city
 from scenarionet_data.converters.nuplan.scenario import Cut, describe
 from scenarionet_data.converters.nuplan.windows import Window, scenes, tag_windows
 from scenarionet_data.errors import BadParameter, CorruptSource
-from scenarionet_data.ingest.shard import Options, RawItem, Shard, fingerprint
+from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.shard import RawItem, Shard, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription
 
 
@@ -61,7 +62,7 @@ class NuPlanOptions(Options):
         default="",
         metadata={
             "doc": "Folder of nuplan-maps-v1.0.json; empty: below RAW, or $NUPLAN_MAPS_ROOT.",
-            "is_place": True,
+            "is_path": True,
         },
     )
 
@@ -91,7 +92,7 @@ class NuPlan(Converter[Cut]):
     licence = "CC BY-NC-SA 4.0"
     raw = "folder of nuPlan logs (*.db), with the maps in it or in $NUPLAN_MAPS_ROOT"
     Options = NuPlanOptions
-    facts = ("location", "log", "date", "tag")
+    properties = ("location", "log", "date", "tag")
     listed = (MANIFESTS,)
     ignored = SENSORS
     # Of two recorded scenarios one has 0.15, 2.7 and 0.13, the other, of 0.2 s at 20 Hz, 0.8, 8.3 and 0.08.
@@ -105,7 +106,7 @@ class NuPlan(Converter[Cut]):
         for log in sorted(places, key=lambda log: (places[log].map_name, log.stem)):
             item = RawItem(log.relative_to(raw).as_posix(), fingerprint([log, atlas.manifest]))
             name = re.sub(r"[^A-Za-z0-9._-]", "-", log.stem)
-            yield Shard(self.name, version, split, name, raw, (item,), resolved, facts_of(log, places[log]))
+            yield Shard(self.name, version, split, name, raw, (item,), resolved, properties_of(log, places[log]))
 
     def files(self, shard: Shard) -> Iterator[list[str]]:
         """The log and, if it lies below the same root, the map of its city, see :meth:`Converter.files`."""

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from scenarionet_data.converters.nuplan.log import Place, opened, read_place, read_tag_types
 from scenarionet_data.errors import CorruptSource, SourceNotFound
-from scenarionet_data.ingest.input_properties import Facts, FactsOnDemand, is_at_hand
+from scenarionet_data.ingest.input_properties import InputProperties, LazyProperties, is_local
 
 _SPLITS = {"mini", "train", "val", "test"}
 SENSORS = frozenset({"sensor_blobs"})
@@ -54,7 +54,7 @@ def logs_of(split: str, root: Path) -> list[Path]:
 
 def place_of(log: Path) -> Place:
     """Where a log was recorded; nowhere when it is not at hand, or cannot be read, as its own shard will say."""
-    if not is_at_hand(log):
+    if not is_local(log):
         return Place("", "", None)
     try:
         with opened(log) as database:
@@ -63,10 +63,10 @@ def place_of(log: Path) -> Place:
         return Place("", "", None)
 
 
-def facts_of(log: Path, place: Place) -> Facts:
+def properties_of(log: Path, place: Place) -> InputProperties:
     """What is known of a log before it is converted; its tags only when asked for: they fill megabytes."""
     told = {"location": place.map_name, "log": log.stem, "date": place.date}
-    return FactsOnDemand({key: value for key, value in told.items() if value}, ("tag",), _tags_of, log)
+    return LazyProperties({key: value for key, value in told.items() if value}, ("tag",), _tags_of, log)
 
 
 def _tags_of(log: Path, _key: str) -> tuple[str, ...]:
@@ -107,7 +107,7 @@ class Atlas:
 
     def maps_of(self, logs: Iterable[Path]) -> dict[str, Path]:
         """Paths of the maps of some logs, by id; of all maps where a log is not at hand to say which is its."""
-        places = {place_of(log) if is_at_hand(log) else None for log in logs}
+        places = {place_of(log) if is_local(log) else None for log in logs}
         if None in places:
             places = {Place(name, name, None) for name in self.versions}
         return dict(sorted(found for place in places if place and (found := self.find(place))))

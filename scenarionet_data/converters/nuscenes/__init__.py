@@ -47,7 +47,8 @@ from scenarionet_data.converters.nuscenes.windows import (
     whole,
 )
 from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario, SourceNotFound
-from scenarionet_data.ingest.shard import Options, RawItem, Shard, bucket, fingerprint
+from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.shard import RawItem, Shard, bucket, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription, make_scenario_id
 
 _GET_MAPS = "download nuScenes' map expansion v1.3, or leave maps out with -O has_map=false"
@@ -100,7 +101,7 @@ class NuScenes(Converter[Window | InvalidScenario]):
     licence = "CC BY-NC-SA 4.0"
     raw = "the dataroot: v1.0-*/*.json and maps/expansion/*.json"
     Options = NuScenesOptions
-    facts = ("location", "log", "date")
+    properties = ("location", "log", "date")
     listed = ("scene.json", "log.json")
     ignored = SENSORS
     budgets = Budgets(velocity_median=0.1, velocity_p99=3.0, heading_p99=1.0)
@@ -131,7 +132,7 @@ class NuScenes(Converter[Window | InvalidScenario]):
             items = []
             for name, log in names.items():
                 said = can_bus_mark(root, name) if options.has_can_bus else ""
-                items.append(RawItem(f"{folder.name}/{name}{_SUFFIX[options.by]}", mark + said, _facts(log)))
+                items.append(RawItem(f"{folder.name}/{name}{_SUFFIX[options.by]}", mark + said, _properties(log)))
             for number, members in bucket(items, _SCENES_PER_SHARD[options.by]).items():
                 shard = f"{folder.name}-{map_id(place)}-{options.by}-{number}"
                 yield Shard(self.name, version, split, shard, str(root), members, options, {"location": place})
@@ -147,7 +148,7 @@ class NuScenes(Converter[Window | InvalidScenario]):
         if options.by == "window":
             names.append(CHALLENGE.as_posix())
         if options.has_map:
-            names.append(map_file(Path(), str(shard.facts["location"])).as_posix())
+            names.append(map_file(Path(), str(shard.properties["location"])).as_posix())
         if options.has_can_bus:
             names += [name for item in shard.items for name in can_bus_files(_scene_of(item, options))]
         yield names
@@ -245,7 +246,7 @@ def _scenes_by_place(folder: Path, split: str, options: NuScenesOptions) -> dict
     return {place: found[place] for place in sorted(found)}
 
 
-def _facts(log: dict[str, Any]) -> dict[str, str]:
+def _properties(log: dict[str, Any]) -> dict[str, str]:
     """What a log's record, if there is one, tells of its scenes."""
     told = {"log": log_name(log), "date": log["date_captured"]} if "token" in log else {}
     return {key: value for key, value in told.items() if value}

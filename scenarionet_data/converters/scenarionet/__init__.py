@@ -25,7 +25,7 @@ from scenarionet_data.converters.base import Converter, find_files
 from scenarionet_data.converters.scenarionet.frame import Frame, find_frame
 from scenarionet_data.converters.scenarionet.lights import make_lights
 from scenarionet_data.converters.scenarionet.map_features import make_map
-from scenarionet_data.converters.scenarionet.summary import SUMMARISED, facts_of
+from scenarionet_data.converters.scenarionet.summary import SUMMARISED, properties_of
 from scenarionet_data.converters.scenarionet.tracks import (
     States,
     count_unstored_states,
@@ -35,7 +35,8 @@ from scenarionet_data.converters.scenarionet.tracks import (
 )
 from scenarionet_data.converters.scenarionet.unpickling import load
 from scenarionet_data.errors import CorruptSource, InvalidScenario, SourceNotFound
-from scenarionet_data.ingest.shard import Options, RawItem, Shard, bucket, fingerprint
+from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.shard import RawItem, Shard, bucket, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription, Source, make_scenario_id
 
 _DT = 0.1
@@ -66,12 +67,12 @@ class ScenarioNetPickles(Converter[RawItem]):
     licence = "the licence of the dataset that was pickled"
     raw = "folder of ScenarioNet pickles (sd_*.pkl), or of such folders"
     listed = (_MAPPING,)
-    facts = tuple(SUMMARISED)
+    properties = tuple(SUMMARISED)
 
     def shards(self, raw: str, split: str, version: str, options: Options) -> Iterator[Shard]:
         """Buckets of pickles, by a hash of their names."""
         root = Path(raw) if Path(raw).is_dir() else Path(raw).parent
-        items = [RawItem(name, fingerprint([root / name]), facts_of(root / name)) for name in _list_pickles(raw)]
+        items = [RawItem(name, fingerprint([root / name]), properties_of(root / name)) for name in _list_pickles(raw)]
         for name, members in bucket(items).items():
             yield Shard(self.name, version, split, name, str(root), members, options)
 

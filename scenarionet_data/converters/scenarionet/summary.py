@@ -8,15 +8,15 @@ from typing import Any
 
 from scenarionet_data.converters.scenarionet.unpickling import load
 from scenarionet_data.errors import InvalidScenario
-from scenarionet_data.ingest.input_properties import Facts, FactsOnDemand
+from scenarionet_data.ingest.input_properties import InputProperties, LazyProperties
 
 SUMMARISED = {"dataset": "dataset", "location": "map", "log": "log_name", "date": "date"}
-"""Facts, and what the summary's metadata call them."""
+"""InputProperties, and what the summary's metadata call them."""
 
 
-def facts_of(pickle: Path) -> Facts:
+def properties_of(pickle: Path) -> InputProperties:
     """What the summary beside a scenario's pickle says of it; looked up when it is asked for."""
-    return FactsOnDemand({}, tuple(SUMMARISED), _fact, pickle)
+    return LazyProperties({}, tuple(SUMMARISED), _fact, pickle)
 
 
 def _fact(pickle: Path, key: str) -> str | tuple[str, ...]:

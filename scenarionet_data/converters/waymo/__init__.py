@@ -21,7 +21,8 @@ from scenarionet_data.converters.formats.tfrecord import Record, read_records
 from scenarionet_data.converters.waymo.map_features import map_features
 from scenarionet_data.converters.waymo.wire import WireLights, WireScenario, WireTracks, decode
 from scenarionet_data.errors import InvalidScenario
-from scenarionet_data.ingest.shard import Options, RawItem, Shard, fingerprint
+from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.shard import RawItem, Shard, fingerprint
 from scenarionet_data.scenario.description import (
     Lights,
     MapFeatures,

@@ -3,27 +3,43 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Protocol, TypeAlias
 from urllib.parse import unquote, urlsplit
 
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.files.local import LocalLakeFiles
 
 
-def open_files(root: str | Path) -> LakeFiles:
-    """Files of a lake by its folder or URL: ``lake``, ``file:///data/lake``, ``s3://bucket/lake``, ``gs://...``.
+class HasFiles(Protocol):
+    """An open lake, such as :class:`scenarionet_data.Lake`."""
+
+    @property
+    def files(self) -> LakeFiles:
+        """Files of the lake."""
+        ...
+
+
+LakeLike: TypeAlias = HasFiles | str | Path
+"""An open lake, or a lake's folder or URL."""
+
+
+def open_files(lake: LakeLike) -> LakeFiles:
+    """Files of a lake: an open one, or by its folder or URL (``lake``, ``file:///data/lake``, ``s3://bucket/lake``).
 
     Raises:
         LakeError: The URL scheme is not supported.
         MissingDependency: The libraries for object stores are not installed.
     """
-    if not is_url(root):
-        return LocalLakeFiles(root)
-    parts = urlsplit(str(root))
+    if not isinstance(lake, str | Path):
+        return lake.files
+    if not is_url(lake):
+        return LocalLakeFiles(lake)
+    parts = urlsplit(str(lake))
     if parts.scheme == "file" and parts.netloc in ("", "localhost"):
         return LocalLakeFiles(unquote(parts.path))
     from scenarionet_data.storage.files.remote import RemoteLakeFiles  # lazy: local lakes do not need it
 
-    return RemoteLakeFiles(str(root))
+    return RemoteLakeFiles(str(lake))
 
 
 def is_url(place: str | Path) -> bool:

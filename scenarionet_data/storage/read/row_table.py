@@ -1,6 +1,6 @@
-"""Rows of an Arrow table as dicts, one at a time: a quarter of the time that Arrow itself takes for one.
+"""Rows of an Arrow table as dicts, one at a time, in a quarter of the time that Arrow takes.
 
-Polars would be quicker still, but does not survive a fork, and whoever loads scenarios may be forked.
+Polars would be faster, but does not survive a fork, and loaders run in forked workers.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-Getter = Callable[[int], Any]
+_Getter = Callable[[int], Any]
 
 
-class ArrowRows:
-    """Rows by their number.
+class RowTable:
+    """Rows of a table by number.
 
     Args:
         table: The rows.
@@ -27,24 +27,24 @@ class ArrowRows:
         self._getters = [_getter(_whole(column)) for column in self.table.columns]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return ArrowRows, (self.table,)
+        return RowTable, (self.table,)
 
     def __len__(self) -> int:
         return int(self.table.num_rows)
 
     def __getitem__(self, index: int) -> dict[str, Any]:
-        """A row, as ``to_pylist`` has it."""
+        """A row, with the values that ``to_pylist`` gives."""
         return {name: get(index) for name, get in zip(self._names, self._getters, strict=True)}
 
 
 def _whole(column: pa.ChunkedArray) -> pa.Array:
-    """A column of one chunk, or none, as an array."""
+    """A column as one array."""
     found: pa.Array = column.chunk(0) if column.num_chunks == 1 else column.combine_chunks()
     return found
 
 
-def _getter(column: pa.Array) -> Getter:
-    """What gives a column's value in a row."""
+def _getter(column: pa.Array) -> _Getter:
+    """Function that returns the value of a column in a row."""
     if column.null_count == len(column):
         return lambda _: None
     if pa.types.is_dictionary(column.type):

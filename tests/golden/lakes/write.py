@@ -83,7 +83,7 @@ def write_recorded(root: Path, raw: Path) -> None:
     made.run(raw / "made", root)
     run("filter", root, "--where", "dataset = 'made'", "--to", "before")
     # Other options for what is there: the members of `before` are in an older snapshot alone.
-    convert(made.NAME, str(raw / "made"), root, options=made.MadeOptions(num_objects=3), replace_old=True)
+    convert(made.NAME, str(raw / "made"), root, options=made.MadeOptions(num_objects=3), replace=True)
     run("filter", root, "--where", "map_crop IS NOT NULL", "--to", "shared_maps")
     run("filter", root, "--where", "true", "--to", "whole")
     run("split", root, "whole", "--each", "dataset")

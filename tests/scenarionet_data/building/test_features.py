@@ -53,7 +53,7 @@ def test_points_of_many_lines_are_those_of_each(lines, height):
     ],
 )
 def test_points_of_no_dimension_are_refused(line):
-    with pytest.raises(ValueError, match="wanted"):
+    with pytest.raises(ValueError, match="expected"):
         flat_points([[(0.0, 0.0, 0.0)], line])
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from scenarionet_data import converters
-from scenarionet_data.conversion import Selection, measure_pace, plan_conversion
+from scenarionet_data.conversion import InputSelection, measure_pace, plan_conversion
 from tests.fixtures import argoverse1, argoverse2, lyft, nuplan, nuplan_drive, nuscenes, scenarionet_pickles, waymo
 
 
@@ -78,12 +78,12 @@ def test_every_dataset_is_tried() -> None:
 
 
 @pytest.mark.parametrize("dataset", WRITE)
-def test_facts_are_the_declared_ones_and_travel(dataset: str, raws: Callable[[str], str]) -> None:
+def test_properties_are_the_declared_ones_and_travel(dataset: str, raws: Callable[[str], str]) -> None:
     converter = converters.get(dataset)
     options = converter.Options()
     shards = list(converter.shards(raws(dataset), SPLIT.get(dataset, "train"), converter.release, options))
-    told = {key for shard in shards for item in shard.items for key in (*shard.facts, *item.facts)}
-    assert told == set(converter.facts)
+    told = {key for shard in shards for item in shard.items for key in (*shard.properties, *item.properties)}
+    assert told == set(converter.properties)
     assert pickle.loads(pickle.dumps(shards)) == shards
 
 
@@ -110,7 +110,7 @@ def test_where_chooses(
 ) -> None:
     def planned(**selection: Any) -> int:
         plan = plan_conversion(
-            dataset, raws(dataset), tmp_path, split=SPLIT.get(dataset, "train"), selection=Selection(**selection)
+            dataset, raws(dataset), tmp_path, split=SPLIT.get(dataset, "train"), selection=InputSelection(**selection)
         )
         return sum(len(shard.items) for shard in plan.shards)
 

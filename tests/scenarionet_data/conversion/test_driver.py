@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from scenarionet_data import Lake, ScenarioLoader, convert
-from scenarionet_data.conversion import Job, convert_shard, plan_conversion
+from scenarionet_data.conversion import ShardJob, convert_shard, plan_conversion
 from scenarionet_data.errors import BadParameter, SourceNotFound
 from scenarionet_data.testing import differences
 from tests.fixtures.lakes import content
@@ -133,7 +133,7 @@ def test_finished_shards_are_adopted(raw, root):
     """A job that was killed between finishing a shard and committing it."""
     write_raw(raw, {"a": [1], "b": [2]})
     plan = plan_conversion(NAME, str(raw), root, options=FEW)
-    finished = convert_shard(Job(NAME, plan.shards[0], str(root)))
+    finished = convert_shard(ShardJob(NAME, plan.shards[0], str(root)))
     assert finished.record.num_scenarios == 1
     report = run(raw, root)
     assert (report.adopted, report.shards, report.converted) == (1, 2, 2)
@@ -164,7 +164,7 @@ def test_long_jobs_commit_now_and_then(raw, root, monkeypatch):
 def test_jobs_travel_to_workers(raw, root):
     write_raw(raw, {"a": [1]})
     (shard,) = plan_conversion(NAME, str(raw), root, options=FEW).shards
-    job = Job(NAME, shard, str(root), 3)
+    job = ShardJob(NAME, shard, str(root), 3)
     assert pickle.loads(pickle.dumps(job)) == job
     outcome = convert_shard(replace(job, max_scenarios=None))
     assert pickle.loads(pickle.dumps(outcome)) == outcome

@@ -74,7 +74,7 @@ class History:
         replaces = self.random.random() < 0.4
         options = MadeOptions(num_objects=self.random.choice([2, 2, 2, 3]))
         before = self.ids()
-        how = {"replace_old": replaces, "stale": self.random.random() < 0.2, "limit": limit, "options": options}
+        how = {"replace": replaces, "reconvert_stale": self.random.random() < 0.2, "limit": limit, "options": options}
         try:
             report = convert(self.converter, str(self.raw), self.root, split="train", **how)
         except DuplicateScenario:

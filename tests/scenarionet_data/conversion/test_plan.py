@@ -34,7 +34,7 @@ def test_a_changed_file_is_refused_or_replaced(raw, root):
     with pytest.raises(DuplicateScenario, match=r"a\.made is in the lake already, converted and has changed since"):
         run(raw, root)
     assert ids(root) == wanted(1, 2, 3)
-    report = run(raw, root, replace_old=True)
+    report = run(raw, root, replace=True)
     assert (report.converted, report.replaced, report.skipped) == (2, 1, 1)
     assert ids(root) == wanted(1, 3, 5)
 
@@ -43,10 +43,10 @@ def test_other_options_are_refused_replaced_or_kept_apart(raw, root):
     write_raw(raw, {"a": [1]})
     run(raw, root)
     more = MadeOptions(num_objects=4)
-    with pytest.raises(DuplicateScenario, match=r"--replace .*--version"):
+    with pytest.raises(DuplicateScenario, match=r"replace=True .*another version"):
         run(raw, root, options=more)
     run(raw, root, options=more, version="v2")
-    assert run(raw, root, options=more, replace_old=True).replaced == 1
+    assert run(raw, root, options=more, replace=True).replaced == 1
     found = Lake(root).sql("SELECT version, tracks_num_rows FROM metadata ORDER BY 1").rows()
     assert found == [("v1", 4), ("v2", 4)]
 
@@ -54,7 +54,7 @@ def test_other_options_are_refused_replaced_or_kept_apart(raw, root):
 def test_replacing_with_the_same_skips(raw, root):
     write_raw(raw, {"a": [1]})
     run(raw, root)
-    assert run(raw, root, replace_old=True).skipped == 1
+    assert run(raw, root, replace=True).skipped == 1
 
 
 def test_a_newer_converter_replaces_only_when_told(raw, root):
@@ -62,12 +62,12 @@ def test_a_newer_converter_replaces_only_when_told(raw, root):
     run(raw, root)
     report = run(raw, root, NEWER)
     assert (report.converted, report.skipped, report.stale) == (0, 2, 2)
-    report = run(raw, root, NEWER, stale=True)
+    report = run(raw, root, NEWER, reconvert_stale=True)
     assert (report.converted, report.replaced) == (2, 2)
     versions = Lake(root).sql("SELECT DISTINCT converter_version AS v FROM metadata")["v"].to_list()
     assert versions == ["2"]
     assert ids(root) == wanted(1, 2)
-    assert run(raw, root, NEWER, replace_old=True).skipped == 2
+    assert run(raw, root, NEWER, replace=True).skipped == 2
 
 
 def test_another_contract_is_refused_until_replaced(raw, root, monkeypatch):
@@ -81,7 +81,7 @@ def test_another_contract_is_refused_until_replaced(raw, root, monkeypatch):
         ids(root)
     with pytest.raises(DuplicateScenario, match="under another version of the contract"):
         run(raw, root)
-    assert run(raw, root, replace_old=True).replaced == 1
+    assert run(raw, root, replace=True).replaced == 1
     assert ids(root) == wanted(1)
 
 
@@ -128,7 +128,7 @@ def test_a_bucket_with_a_changed_file_is_replaced_whole(raw, root):
     write_raw(raw, {"f3": [30]})
     with pytest.raises(DuplicateScenario, match=r"f3\.made .*has changed since"):
         run(raw, root, BUCKETED)
-    report = run(raw, root, BUCKETED, replace_old=True)
+    report = run(raw, root, BUCKETED, replace=True)
     assert report.replaced == 1
     assert 1 <= report.converted < 8
     assert ids(root) == wanted(0, 1, 2, 4, 5, 6, 7, 30)
@@ -142,7 +142,7 @@ def test_replacing_a_bucket_must_not_drop_its_other_files(raw, root):
     (raw / pair[0]).unlink()
     (raw / pair[1]).write_text("77")
     with pytest.raises(DuplicateScenario, match=f"would drop {pair[0]}, .*give the whole raw folder"):
-        run(raw, root, BUCKETED, replace_old=True)
+        run(raw, root, BUCKETED, replace=True)
     assert ids(root) == wanted(*range(4))
 
 
@@ -154,16 +154,16 @@ def test_stale_buckets_that_have_grown_apart_go_together(raw, root, monkeypatch)
     write_raw(raw, files_of(*range(9)))
     monkeypatch.setattr(Made, "version", "2")
     (raw / "f3.made").write_text("3 corrupt")  # its old bucket holds 0 and 1 too, its new one itself alone
-    report = run(raw, root, BUCKETED, replace_old=True)
+    report = run(raw, root, BUCKETED, replace=True)
     assert sorted(reason.split(";")[-1] for _, reason in report.failed) == [
         " copy it again",
-        *2 * [" mend those and run the same command again: it is finished and will be adopted"],
+        *2 * [" fix those and run the same command again: this shard is finished and will be adopted"],
     ]
     assert report.converted == 5
     assert report.replaced == 1
     assert ids(root) == wanted(0, 1, 2, 3, 4, 5, 6, 7)
     (raw / "f3.made").write_text("3")
-    report = run(raw, root, BUCKETED, replace_old=True)
+    report = run(raw, root, BUCKETED, replace=True)
     assert report.is_clean
     assert report.adopted == 2
     assert ids(root) == wanted(*range(9))
@@ -176,7 +176,7 @@ def test_what_is_refused_replaces_nothing(raw, root):
     write_raw(raw, {"a": [1], "b": [2]})
     run(raw, root)
     write_raw(raw, {"a": [1, 2]})
-    report = run(raw, root, replace_old=True)
+    report = run(raw, root, replace=True)
     assert [name for name, _ in report.failed] == ["a"]
     assert (report.converted, report.replaced) == (0, 0)
     assert ids(root) == wanted(1, 2)

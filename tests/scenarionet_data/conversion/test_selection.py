@@ -8,29 +8,30 @@ from dataclasses import replace
 import pytest
 
 from scenarionet_data import Lake, convert
-from scenarionet_data.conversion import Pace, Selection, measure_pace, parse_slice, plan_conversion
+from scenarionet_data.conversion import InputSelection, Pace, measure_pace, parse_slice, plan_conversion
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.ingest.shard import Options, RawItem, Shard
+from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.shard import RawItem, Shard
 from tests.fixtures.made import BUCKETED, NAME, MadeOptions, write_raw
 
 FEW = MadeOptions(num_objects=2)
 
 
-def shard(name: str, items: int, **facts: str) -> Shard:
+def shard(name: str, items: int, **properties: str) -> Shard:
     files = tuple(RawItem(f"{name}/{number}.raw", "0") for number in range(items))
-    return Shard("made", "v1", "train", name, "/raw", files, Options(), facts)
+    return Shard("made", "v1", "train", name, "/raw", files, Options(), properties)
 
 
 SHARDS = [shard("a", 3, location="pit", date="2021-05-01"), shard("b", 2, location="miami"), shard("c", 2)]
 
 
-def names(selection: Selection) -> list[str]:
-    return [item.name for chosen in selection.of(SHARDS) for item in chosen.items]
+def names(selection: InputSelection) -> list[str]:
+    return [item.name for chosen in selection.select(SHARDS) for item in chosen.items]
 
 
 def test_everything_is_wanted_unless_told_otherwise() -> None:
-    assert Selection().of(iter(SHARDS)) == SHARDS
-    assert Selection({"location": "pit"}).of([]) == []
+    assert InputSelection().select(iter(SHARDS)) == SHARDS
+    assert InputSelection({"location": "pit"}).select([]) == []
 
 
 @pytest.mark.parametrize(
@@ -43,7 +44,7 @@ def test_everything_is_wanted_unless_told_otherwise() -> None:
     ],
 )
 def test_where_chooses_shards_and_inputs(where: dict[str, str], wanted: list[str]) -> None:
-    assert names(Selection(where)) == wanted
+    assert names(InputSelection(where)) == wanted
 
 
 @pytest.mark.parametrize(
@@ -57,21 +58,23 @@ def test_where_chooses_shards_and_inputs(where: dict[str, str], wanted: list[str
     ],
 )
 def test_files_counts_inputs_over_all_shards(text: str, wanted: list[str]) -> None:
-    assert names(Selection(files=parse_slice(text))) == wanted
+    assert names(InputSelection(files=parse_slice(text))) == wanted
 
 
 def test_files_counts_what_where_leaves() -> None:
-    assert names(Selection({"location": "*"}, slice(2, 4))) == ["a/2.raw", "b/0.raw"]
-    assert names(Selection({"location": "miami"}, slice(1, None))) == ["b/1.raw"]
+    assert names(InputSelection({"location": "*"}, slice(2, 4))) == ["a/2.raw", "b/0.raw"]
+    assert names(InputSelection({"location": "miami"}, slice(1, None))) == ["b/1.raw"]
 
 
 def test_what_cannot_be_chosen_is_said() -> None:
-    with pytest.raises(BadParameter, match="--where city: known before reading are date, file, location, name"):
-        Selection({"city": "pit"}).of(SHARDS)
-    with pytest.raises(BadParameter, match="nothing is left of 3 shards; there is location miami, pit"):
-        Selection({"location": "boston"}).of(SHARDS)
-    with pytest.raises(BadParameter, match="--files counts 7 raw inputs, from 0"):
-        Selection(files=slice(7, 9)).of(SHARDS)
+    with pytest.raises(
+        BadParameter, match="unknown property 'city': inputs can be selected by date, file, location, name"
+    ):
+        InputSelection({"city": "pit"}).select(SHARDS)
+    with pytest.raises(BadParameter, match="the selection matches nothing in 3 shards; values of location: miami, pit"):
+        InputSelection({"location": "boston"}).select(SHARDS)
+    with pytest.raises(BadParameter, match="there are 7 raw inputs, numbered from 0"):
+        InputSelection(files=slice(7, 9)).select(SHARDS)
 
 
 @pytest.mark.parametrize("text", ["", "3", "a:b", "-1:", "1:2:3"])
@@ -80,7 +83,7 @@ def test_slices_that_are_none_are_refused(text: str) -> None:
         parse_slice(text)
 
 
-def test_facts_travel_but_are_no_part_of_the_key() -> None:
+def test_properties_travel_but_are_no_part_of_the_key() -> None:
     first, same = SHARDS[0], shard("a", 3)
     assert first.key("1") == same.key("1")
     assert pickle.loads(pickle.dumps(first)) == first
@@ -91,9 +94,9 @@ def test_facts_travel_but_are_no_part_of_the_key() -> None:
 def test_the_rest_is_converted_later(dataset: str, tmp_path) -> None:
     raw, root = tmp_path / "raw", tmp_path / "lake"
     write_raw(raw, {name: [number] for number, name in enumerate("abcde")})
-    some = convert(dataset, str(raw), root, options=FEW, selection=Selection({"file": "[ab]*"}))
+    some = convert(dataset, str(raw), root, options=FEW, selection=InputSelection({"file": "[ab]*"}))
     assert some.converted == 2
-    more = convert(dataset, str(raw), root, options=FEW, selection=Selection(files=slice(0, 4)))
+    more = convert(dataset, str(raw), root, options=FEW, selection=InputSelection(files=slice(0, 4)))
     rest = convert(dataset, str(raw), root, options=FEW)
     assert more.converted + rest.converted == 3
     found = Lake(root).sql("SELECT scenario_id FROM metadata")["scenario_id"].to_list()

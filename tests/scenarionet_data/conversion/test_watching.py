@@ -7,7 +7,7 @@ import os
 import pytest
 
 from scenarionet_data import Lake
-from scenarionet_data.conversion import Selection, watch
+from scenarionet_data.conversion import InputSelection, watch
 from scenarionet_data.errors import BadParameter, DuplicateScenario
 from tests.fixtures.made import BUCKETED, NAME, MadeOptions, write_raw
 
@@ -81,14 +81,14 @@ def test_a_bucket_that_grows_gets_another_shard(tmp_path):
 def test_what_is_in_the_lake_must_not_change(tmp_path):
     raw = write_raw(tmp_path / "raw", {"a": [1]})
     changes = iter([nothing, lambda: write_raw(raw, {"a": [2]}), nothing])
-    with pytest.raises(DuplicateScenario, match="add --replace"):
+    with pytest.raises(DuplicateScenario, match="pass replace=True"):
         list(watch(NAME, str(raw), tmp_path / "lake", wait=lambda _: next(changes)()))
 
 
 def test_a_selection_holds_for_what_arrives(tmp_path):
     raw = write_raw(tmp_path / "raw", {"a1": [1], "b1": [2]})
-    wanted = Selection({"name": "a*"})
+    wanted = InputSelection({"name": "a*"})
     found = looks(raw, tmp_path / "lake", nothing, lambda: write_raw(raw, {"a2": [3]}), nothing, selection=wanted)
     assert found == [(1, 1, []), (3, 1, [])]
-    with pytest.raises(BadParameter, match="--where town"):
-        next(watch(NAME, str(raw), tmp_path / "lake", selection=Selection({"town": "x"})))
+    with pytest.raises(BadParameter, match="unknown property 'town'"):
+        next(watch(NAME, str(raw), tmp_path / "lake", selection=InputSelection({"town": "x"})))

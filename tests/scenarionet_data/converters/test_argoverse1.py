@@ -34,9 +34,11 @@ class TestRecordings(ConverterConformance):
     converter = CONVERTER
     damaged_glob = "*.csv"
 
-    @pytest.fixture
-    def raw(self, tmp_path: Path) -> Path:
-        return write_dataset(tmp_path / "raw")
+    @pytest.fixture(scope="class")
+    @classmethod
+    def raw(cls, tmp_path_factory: pytest.TempPathFactory) -> Path:
+        folder = tmp_path_factory.mktemp("raw")
+        return write_dataset(folder / "raw")
 
 
 class TestMaps(ConverterConformance):
@@ -44,11 +46,13 @@ class TestMaps(ConverterConformance):
     damaged_glob = "*.xml"
     split = "val"
 
-    @pytest.fixture
-    def raw(self, tmp_path: Path) -> Path:
-        fixture.write_recordings(tmp_path / "raw" / "val" / "data", 2, seed=1, city="MIA")
-        fixture.write_map(tmp_path / "raw", "MIA", has_heights=True)
-        return tmp_path / "raw"
+    @pytest.fixture(scope="class")
+    @classmethod
+    def raw(cls, tmp_path_factory: pytest.TempPathFactory) -> Path:
+        folder = tmp_path_factory.mktemp("raw")
+        fixture.write_recordings(folder / "raw" / "val" / "data", 2, seed=1, city="MIA")
+        fixture.write_map(folder / "raw", "MIA", has_heights=True)
+        return folder / "raw"
 
 
 class TestObservedOnly(ConverterConformance):
@@ -57,10 +61,12 @@ class TestObservedOnly(ConverterConformance):
     split = "test"
     options = {"has_map": False}  # noqa: RUF012
 
-    @pytest.fixture
-    def raw(self, tmp_path: Path) -> Path:
-        fixture.write_recordings(tmp_path / "raw" / "test_obs" / "data", 2, num_frames=20)
-        return tmp_path / "raw"
+    @pytest.fixture(scope="class")
+    @classmethod
+    def raw(cls, tmp_path_factory: pytest.TempPathFactory) -> Path:
+        folder = tmp_path_factory.mktemp("raw")
+        fixture.write_recordings(folder / "raw" / "test_obs" / "data", 2, num_frames=20)
+        return folder / "raw"
 
 
 # --- finding --------------------------------------------------------------------------------------------

@@ -27,8 +27,9 @@ class TestRecordings(ConverterConformance):
     damaged_glob = "*.csv"
     options = {"has_map": False}  # noqa: RUF012
 
-    @pytest.fixture
-    def raw(self, recordings: Path) -> Path:
+    @pytest.fixture(scope="class")
+    @classmethod
+    def raw(cls, recordings: Path) -> Path:
         return recordings / "argoverse1"
 
 
@@ -169,7 +170,7 @@ def test_a_crop_is_what_the_builder_makes(tmp_path: Path) -> None:
 # --- recordings -----------------------------------------------------------------------------------------
 
 
-def test_recorded_facts(recordings: Path) -> None:
+def test_recorded_properties(recordings: Path) -> None:
     found = {s.source.scenario_id: s for s in scenarios(CONVERTER, recordings / "argoverse1", has_map=False)}
     assert len(found) == 40
     assert sum(len(s.tracks) for s in found.values()) == 1568

@@ -24,20 +24,24 @@ class TestForecasting(ConverterConformance):
     converter = CONVERTER
     damaged_glob = "*.parquet"
 
-    @pytest.fixture
-    def raw(self, tmp_path: Path) -> Path:
-        fixture.write_forecasting(tmp_path / "raw", num_scenarios=3, num_tracks=20, num_timesteps=60)
-        return tmp_path / "raw"
+    @pytest.fixture(scope="class")
+    @classmethod
+    def raw(cls, tmp_path_factory: pytest.TempPathFactory) -> Path:
+        folder = tmp_path_factory.mktemp("raw")
+        fixture.write_forecasting(folder / "raw", num_scenarios=3, num_tracks=20, num_timesteps=60)
+        return folder / "raw"
 
 
 class TestForecastingMaps(ConverterConformance):
     converter = CONVERTER
     damaged_glob = "*.json"
 
-    @pytest.fixture
-    def raw(self, tmp_path: Path) -> Path:
-        fixture.write_forecasting(tmp_path / "raw", num_scenarios=2, seed=1, num_tracks=5, num_timesteps=110)
-        return tmp_path / "raw"
+    @pytest.fixture(scope="class")
+    @classmethod
+    def raw(cls, tmp_path_factory: pytest.TempPathFactory) -> Path:
+        folder = tmp_path_factory.mktemp("raw")
+        fixture.write_forecasting(folder / "raw", num_scenarios=2, seed=1, num_tracks=5, num_timesteps=110)
+        return folder / "raw"
 
 
 class TestSensor(ConverterConformance):
@@ -45,29 +49,34 @@ class TestSensor(ConverterConformance):
     damaged_glob = "annotations.feather"
     options = {"window": 2.0, "stride": 1.0}  # noqa: RUF012
 
-    @pytest.fixture
-    def raw(self, tmp_path: Path) -> Path:
-        fixture.write_sensor_log(tmp_path / "raw", seconds=3.5)
-        fixture.write_sensor_log(tmp_path / "raw", seed=1, seconds=1.0)
-        return tmp_path / "raw"
+    @pytest.fixture(scope="class")
+    @classmethod
+    def raw(cls, tmp_path_factory: pytest.TempPathFactory) -> Path:
+        folder = tmp_path_factory.mktemp("raw")
+        fixture.write_sensor_log(folder / "raw", seconds=3.5)
+        fixture.write_sensor_log(folder / "raw", seed=1, seconds=1.0)
+        return folder / "raw"
 
 
 class TestSensorPoses(ConverterConformance):
     converter = CONVERTER
     damaged_glob = "city_SE3_egovehicle.feather"
 
-    @pytest.fixture
-    def raw(self, tmp_path: Path) -> Path:
-        fixture.write_sensor_log(tmp_path / "raw", seconds=2.0, is_exact=False)
-        return tmp_path / "raw"
+    @pytest.fixture(scope="class")
+    @classmethod
+    def raw(cls, tmp_path_factory: pytest.TempPathFactory) -> Path:
+        folder = tmp_path_factory.mktemp("raw")
+        fixture.write_sensor_log(folder / "raw", seconds=2.0, is_exact=False)
+        return folder / "raw"
 
 
 class TestRecordings(ConverterConformance):
     converter = CONVERTER
     split = "val"
 
-    @pytest.fixture
-    def raw(self, recordings: Path, tmp_path: Path) -> Path:
+    @pytest.fixture(scope="class")
+    @classmethod
+    def raw(cls, recordings: Path) -> Path:
         return recordings / "argoverse2"
 
 
@@ -79,7 +88,7 @@ def test_both_kinds_are_found_and_told_apart(tmp_path: Path) -> None:
         "forecasting-00000-of-00001",
         f"sensor-{log.name}",
     ]
-    assert [s.facts for s in shards(CONVERTER, tmp_path, "val")] == [
+    assert [s.properties for s in shards(CONVERTER, tmp_path, "val")] == [
         {"kind": "forecasting"},
         {"kind": "sensor", "log": log.name, "location": "PIT"},
     ]

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from scenarionet_data import Lake, convert
-from scenarionet_data.conversion import Report
+from scenarionet_data.conversion import ConversionReport
 from scenarionet_data.errors import SourceError
 from tests.scenarionet_data.conversion.test_choosing_recordings import SPLIT, WRITE
 
@@ -53,13 +53,13 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     return raw
 
 
-def outcome(dataset: str, raw: Path, lake: Path) -> Report | SourceError:
+def outcome(dataset: str, raw: Path, lake: Path) -> ConversionReport | SourceError:
     """What a conversion comes to; nothing half-written lies in the lake."""
     try:
-        report: Report | SourceError = convert(dataset, str(raw), lake, split=SPLIT.get(dataset, "train"))
+        report: ConversionReport | SourceError = convert(dataset, str(raw), lake, split=SPLIT.get(dataset, "train"))
     except SourceError as error:
         report = error
-    if isinstance(report, Report) and report.converted:
+    if isinstance(report, ConversionReport) and report.converted:
         assert len(Lake(lake)) == report.converted
         assert Lake(lake).sql("SELECT count(DISTINCT scenario_id) AS n FROM tracks")["n"].item() == report.converted
     assert not [path for path in lake.rglob("*") if path.name.startswith(".") and path.is_file()]
@@ -73,7 +73,7 @@ def test_a_damaged_recording(dataset: str, damage: str, written: Callable[[str],
     victim = sorted(raw.glob(RECORDING[dataset]))[0]
     victim.write_bytes(DAMAGES[damage](victim.read_bytes()))
     found = outcome(dataset, raw, tmp_path / "lake")
-    if isinstance(found, Report):
+    if isinstance(found, ConversionReport):
         assert found.failed or found.quarantined
         assert (found.converted > 0) >= (dataset in OTHERS_GO_ON)
     else:
@@ -86,7 +86,7 @@ def test_a_companion_that_is_missing(dataset: str, written: Callable[[str], Path
     victim = sorted(raw.glob(COMPANION[dataset]))[0]
     victim.unlink()
     found = outcome(dataset, raw, tmp_path / "lake")
-    if isinstance(found, Report):
+    if isinstance(found, ConversionReport):
         assert found.failed or found.quarantined
         assert (found.converted > 0) >= (dataset in OTHERS_GO_ON)
     else:
@@ -100,7 +100,7 @@ def test_a_foreign_folder(dataset: str, other: str, written: Callable[[str], Pat
         other = "lyft"
     raw = tmp_path if other == "nothing" else written(other)
     found = outcome(dataset, raw, tmp_path / "lake")
-    if isinstance(found, Report):  # a pickle's name may be that of a tfrecord
+    if isinstance(found, ConversionReport):  # a pickle's name may be that of a tfrecord
         assert found.failed and not found.converted
     else:
         assert "give" in str(found) or "set " in str(found) or "no " in str(found)

@@ -28,9 +28,11 @@ class TestFormat2(ConverterConformance):
     converter = CONVERTER
     damaged_glob = "0"
 
-    @pytest.fixture
-    def raw(self, tmp_path: Path) -> Path:
-        return fixture.write_dataset(tmp_path / "lyft", num_scenes=3, num_frames=30)
+    @pytest.fixture(scope="class")
+    @classmethod
+    def raw(cls, tmp_path_factory: pytest.TempPathFactory) -> Path:
+        folder = tmp_path_factory.mktemp("raw")
+        return fixture.write_dataset(folder / "lyft", num_scenes=3, num_frames=30)
 
 
 class TestFormat1(ConverterConformance):
@@ -38,18 +40,22 @@ class TestFormat1(ConverterConformance):
     options: dict[str, Any] = {"window": 2.0, "stride": 1.0}  # noqa: RUF012
     damaged_glob = ".zarray"
 
-    @pytest.fixture
-    def raw(self, tmp_path: Path) -> Path:
-        return fixture.write_dataset(tmp_path / "lyft", num_scenes=2, num_frames=30, version=1)
+    @pytest.fixture(scope="class")
+    @classmethod
+    def raw(cls, tmp_path_factory: pytest.TempPathFactory) -> Path:
+        folder = tmp_path_factory.mktemp("raw")
+        return fixture.write_dataset(folder / "lyft", num_scenes=2, num_frames=30, version=1)
 
 
 class TestDamagedMap(ConverterConformance):
     converter = CONVERTER
     damaged_glob = "semantic_map.pb"
 
-    @pytest.fixture
-    def raw(self, tmp_path: Path) -> Path:
-        return fixture.write_dataset(tmp_path / "lyft", num_scenes=1, num_frames=20)
+    @pytest.fixture(scope="class")
+    @classmethod
+    def raw(cls, tmp_path_factory: pytest.TempPathFactory) -> Path:
+        folder = tmp_path_factory.mktemp("raw")
+        return fixture.write_dataset(folder / "lyft", num_scenes=1, num_frames=20)
 
 
 class TestRecorded(ConverterConformance):
@@ -57,8 +63,9 @@ class TestRecorded(ConverterConformance):
     options: dict[str, Any] = {"has_map": False}  # noqa: RUF012
     damaged_glob = "0"
 
-    @pytest.fixture
-    def raw(self, recordings: Path) -> Path:
+    @pytest.fixture(scope="class")
+    @classmethod
+    def raw(cls, recordings: Path) -> Path:
         return recordings / "lyft"
 
 

@@ -44,8 +44,9 @@ class Conformance(ConverterConformance):
     split = "mini"
     damaged_glob = "*.db"
 
-    @pytest.fixture
-    def raw(self, written: Path) -> Path:
+    @pytest.fixture(scope="class")
+    @classmethod
+    def raw(cls, written: Path) -> Path:
         return written
 
 
@@ -75,8 +76,9 @@ class TestRecorded(ConverterConformance):
     split = "mini"
     damaged_glob = None
 
-    @pytest.fixture
-    def raw(self, recorded: Path) -> Path:
+    @pytest.fixture(scope="class")
+    @classmethod
+    def raw(cls, recorded: Path) -> Path:
         return recorded
 
 
@@ -85,7 +87,9 @@ class TestRecorded(ConverterConformance):
 
 def test_a_shard_is_a_log_and_a_map_is_listed_once(written: Path) -> None:
     found = shards(CONVERTER, written, "mini")
-    assert all(set(shard.facts) >= {"log", "location"} and shard.facts["log"] == shard.name for shard in found)
+    assert all(
+        set(shard.properties) >= {"log", "location"} and shard.properties["log"] == shard.name for shard in found
+    )
     assert [len(shard.items) for shard in found] == [1, 1]
     assert [shard.items[0].name for shard in found] == [f"splits/mini/{shard.name}.db" for shard in found]
     (city,) = CONVERTER.maps(str(written), "v1.1", NuPlanOptions())

@@ -47,8 +47,9 @@ class TestScenes(ConverterConformance):
     split = "mini"
     damaged_glob = "v1.0-mini/sample_annotation.json"
 
-    @pytest.fixture
-    def raw(self, written: Path) -> Path:
+    @pytest.fixture(scope="class")
+    @classmethod
+    def raw(cls, written: Path) -> Path:
         return written
 
 
@@ -61,10 +62,12 @@ class TestLyft(ConverterConformance):
     converter = CONVERTER
     damaged_glob = "train_data/ego_pose.json"
 
-    @pytest.fixture
-    def raw(self, tmp_path: Path) -> Path:
-        fixture.write_lyft(tmp_path / "raw")
-        return tmp_path / "raw"
+    @pytest.fixture(scope="class")
+    @classmethod
+    def raw(cls, tmp_path_factory: pytest.TempPathFactory) -> Path:
+        folder = tmp_path_factory.mktemp("raw")
+        fixture.write_lyft(folder / "raw")
+        return folder / "raw"
 
 
 # --- what is found ----------------------------------------------------------------------------------------

@@ -17,8 +17,9 @@ class TestProcedural(ConverterConformance):
     converter = Procedural()
     damaged_glob = None
 
-    @pytest.fixture
-    def raw(self) -> str:
+    @pytest.fixture(scope="class")
+    @classmethod
+    def raw(cls) -> str:
         return "0:6"
 
 

@@ -12,7 +12,7 @@ import pytest
 from scenarionet_data.converters.boundary_segments import to_records
 from scenarionet_data.converters.scenarionet import ScenarioNetPickles
 from scenarionet_data.errors import InvalidScenario
-from scenarionet_data.ingest.shard import Options
+from scenarionet_data.ingest.options import Options
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.vocabulary import LightState, MapFeatureType, ObjectType
 from scenarionet_data.testing import ConverterConformance, differences
@@ -35,17 +35,20 @@ class TestVintages(ConverterConformance):
     converter = CONVERTER
     damaged_glob = "sd_*.pkl"
 
-    @pytest.fixture
-    def raw(self, tmp_path: Path) -> Path:
-        return made.write_vintages(tmp_path / "vintages")
+    @pytest.fixture(scope="class")
+    @classmethod
+    def raw(cls, tmp_path_factory: pytest.TempPathFactory) -> Path:
+        folder = tmp_path_factory.mktemp("raw")
+        return made.write_vintages(folder / "vintages")
 
 
 class TestRecordings(ConverterConformance):
     converter = CONVERTER
     damaged_glob = "sd_*.pkl"
 
-    @pytest.fixture
-    def raw(self, recordings: Path) -> Path:
+    @pytest.fixture(scope="class")
+    @classmethod
+    def raw(cls, recordings: Path) -> Path:
         return recordings / "scenarionet"
 
     def test_every_recording_is_read(self, raw: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 from scenarionet_data import converters
 from scenarionet_data.converters.scenarionet import ScenarioNetPickles
 from scenarionet_data.errors import CorruptSource, SourceNotFound
-from scenarionet_data.ingest.shard import Options
+from scenarionet_data.ingest.options import Options
 from tests.fixtures import scenarionet_pickles as made
 
 CONVERTER = ScenarioNetPickles()

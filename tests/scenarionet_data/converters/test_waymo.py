@@ -27,28 +27,33 @@ NAME = "training.tfrecord-00000-of-01000"
 class TestWritten(ConverterConformance):
     converter = CONVERTER
 
-    @pytest.fixture
-    def raw(self, tmp_path: Path) -> Path:
-        write_tfrecord(tmp_path / "raw" / NAME, [scenario_bytes(seed) for seed in (1, 2)])
-        write_tfrecord(tmp_path / "raw" / "more" / NAME, [scenario_bytes(3, packed=True)])
-        return tmp_path / "raw"
+    @pytest.fixture(scope="class")
+    @classmethod
+    def raw(cls, tmp_path_factory: pytest.TempPathFactory) -> Path:
+        folder = tmp_path_factory.mktemp("raw")
+        write_tfrecord(folder / "raw" / NAME, [scenario_bytes(seed) for seed in (1, 2)])
+        write_tfrecord(folder / "raw" / "more" / NAME, [scenario_bytes(3, packed=True)])
+        return folder / "raw"
 
 
 class TestTwentySeconds(ConverterConformance):
     converter = CONVERTER
 
-    @pytest.fixture
-    def raw(self, tmp_path: Path) -> Path:
+    @pytest.fixture(scope="class")
+    @classmethod
+    def raw(cls, tmp_path_factory: pytest.TempPathFactory) -> Path:
+        folder = tmp_path_factory.mktemp("raw")
         payloads = [scenario_bytes(4, num_steps=198), scenario_bytes(5, num_steps=199)]
-        write_tfrecord(tmp_path / "raw" / "training_20s.tfrecord-00000-of-01000", payloads)
-        return tmp_path / "raw"
+        write_tfrecord(folder / "raw" / "training_20s.tfrecord-00000-of-01000", payloads)
+        return folder / "raw"
 
 
 class TestRecorded(ConverterConformance):
     converter = CONVERTER
 
-    @pytest.fixture
-    def raw(self, recordings: Path) -> Path:
+    @pytest.fixture(scope="class")
+    @classmethod
+    def raw(cls, recordings: Path) -> Path:
         return recordings / "waymo" / "training"
 
 

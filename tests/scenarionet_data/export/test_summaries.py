@@ -12,7 +12,7 @@ from scenarionet_data.converters.scenarionet import ScenarioNetPickles
 from scenarionet_data.converters.scenarionet.unpickling import load
 from scenarionet_data.export import to_pickle_dict
 from scenarionet_data.export.summary import map_height_diff, summarize_object
-from scenarionet_data.ingest.shard import Options
+from scenarionet_data.ingest.options import Options
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.vocabulary import LightState
 from tests.fixtures.scenarios import with_lights

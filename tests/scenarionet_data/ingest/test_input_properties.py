@@ -1,4 +1,4 @@
-"""Facts that a file tells are known where the file is."""
+"""InputProperties that a file tells are known where the file is."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from scenarionet_data.conversion import Selection
+from scenarionet_data.conversion import InputSelection
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.ingest.input_properties import PLACEHOLDER, FactsOnDemand, is_at_hand
-from scenarionet_data.ingest.shard import Options, RawItem, Shard
+from scenarionet_data.ingest.input_properties import PLACEHOLDER, LazyProperties, is_local
+from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.shard import RawItem, Shard
 
 
 def first_word(path: Path, key: str) -> str:
@@ -18,30 +19,30 @@ def first_word(path: Path, key: str) -> str:
 
 
 @pytest.fixture
-def facts(tmp_path):
-    return FactsOnDemand({"log": "a"}, ("tag",), first_word, tmp_path / "file")
+def properties(tmp_path):
+    return LazyProperties({"log": "a"}, ("tag",), first_word, tmp_path / "file")
 
 
-def test_facts_of_a_file_that_is_here(facts):
-    facts.path.write_text("left turn")
-    assert is_at_hand(facts.path)
-    assert dict(pickle.loads(pickle.dumps(facts))) == {"log": "a", "tag": "tag left"}
-    assert len(facts) == 2
+def test_properties_of_a_file_that_is_here(properties):
+    properties.path.write_text("left turn")
+    assert is_local(properties.path)
+    assert dict(pickle.loads(pickle.dumps(properties))) == {"log": "a", "tag": "tag left"}
+    assert len(properties) == 2
     with pytest.raises(KeyError):
-        facts["speed"]
+        properties["speed"]
 
 
-def test_facts_of_a_file_that_is_elsewhere(facts):
-    facts.path.write_bytes(PLACEHOLDER + b"mark")
-    assert not is_at_hand(facts.path)
-    assert dict(facts) == {"log": "a"}
-    assert facts.get("tag") is None
-    root = str(facts.path.parent)
-    shard = Shard("made", "v1", "train", "one", root, (RawItem("file", "", facts),), Options())
-    assert Selection({"log": "a"}).of([shard]) == [shard]
-    with pytest.raises(BadParameter, match=r"known before reading are file, log, name; .* copy them to a folder"):
-        Selection({"tag": "*"}).of([shard])
+def test_properties_of_a_file_that_is_elsewhere(properties):
+    properties.path.write_bytes(PLACEHOLDER + b"mark")
+    assert not is_local(properties.path)
+    assert dict(properties) == {"log": "a"}
+    assert properties.get("tag") is None
+    root = str(properties.path.parent)
+    shard = Shard("made", "v1", "train", "one", root, (RawItem("file", "", properties),), Options())
+    assert InputSelection({"log": "a"}).select([shard]) == [shard]
+    with pytest.raises(BadParameter, match=r"inputs can be selected by file, log, name; .* copy them first"):
+        InputSelection({"tag": "*"}).select([shard])
 
 
-def test_a_file_that_cannot_be_opened_is_nobody_s_placeholder(facts):
-    assert is_at_hand(facts.path)
+def test_a_file_that_cannot_be_opened_is_nobody_s_placeholder(properties):
+    assert is_local(properties.path)

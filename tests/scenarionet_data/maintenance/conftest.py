@@ -54,7 +54,7 @@ def make_small(seed, **how):
 
 
 def convert_to(raw: Path, root: Path, **how) -> Path:
-    convert(NAME, str(raw), root, **({"options": OPTIONS, "is_checked": False} | how))
+    convert(NAME, str(raw), root, **({"options": OPTIONS, "check": False} | how))
     return root
 
 

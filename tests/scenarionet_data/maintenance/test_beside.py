@@ -52,7 +52,7 @@ while time.monotonic() < end:
     seed += 1
     name = f"w{seed % 7}"
     write_raw(raw, {name: [seed], "s1": [10, 5000 + seed]})
-    report = convert(NAME, str(raw), root, options=MadeOptions(num_objects=2), is_checked=False, replace_old=True)
+    report = convert(NAME, str(raw), root, options=MadeOptions(num_objects=2), check=False, replace=True)
     assert report.is_clean, report.failed
     rounds += 1
 print(rounds)

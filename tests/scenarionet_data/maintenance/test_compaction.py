@@ -42,7 +42,7 @@ def test_nothing_changes_but_where_scenarios_lie(root):
     assert content(after) == before
     assert rows(root) == counted
     assert {r.key for r in records(root).values()} == keys
-    assert after.members("all").column("scenario_id").to_pylist() == database.scenario_ids
+    assert after.resolve("all")[1].column("scenario_id").to_pylist() == database.scenario_ids
     assert [scenario.id for scenario in ScenarioLoader(after, "all")] == database.scenario_ids
     assert [result for result in run_checks(after) if result.is_hard and not result.is_met] == []
     check_whole(root)
@@ -111,10 +111,10 @@ def test_where_chooses_partitions(raw, root):
 def test_converting_again_skips_and_replacing_one_shard_leaves_the_others(raw, root, profile):
     compact(root, profile)
     before = content(Lake(root))
-    report = convert(NAME, str(raw), root, options=OPTIONS, is_checked=False)
+    report = convert(NAME, str(raw), root, options=OPTIONS, check=False)
     assert (report.skipped, report.shards, report.snapshot) == (4, 0, 2)
     write_raw(raw, {"s1": [10, 99]})
-    report = convert(NAME, str(raw), root, options=OPTIONS, replace_old=True, is_checked=False)
+    report = convert(NAME, str(raw), root, options=OPTIONS, replace=True, check=False)
     assert (report.replaced, report.converted, report.skipped) == (1, 2, 3)
     after = content(Lake(root))
     assert set(after) == set(before) - {"made/v1/s000011"} | {"made/v1/s000099"}
@@ -128,7 +128,7 @@ def test_replacing_all_that_shares_a_file_rewrites_nothing(raw, root, monkeypatc
     compact(root, "analytics")
     monkeypatch.setattr("scenarionet_data.storage.write.rewriting.rewrite", None)
     write_raw(raw, {f"s{k}": [500 + k] for k in range(4)})
-    assert convert(NAME, str(raw), root, options=OPTIONS, replace_old=True, is_checked=False).replaced == 4
+    assert convert(NAME, str(raw), root, options=OPTIONS, replace=True, check=False).replaced == 4
     check_whole(root)
 
 
@@ -180,7 +180,7 @@ def test_what_is_replaced_meanwhile_is_planned_anew(raw, root):
 
     def replaces():
         if not happened:
-            happened.append(convert_to(write_raw(raw, {"s2": [20, 98]}), root, replace_old=True))
+            happened.append(convert_to(write_raw(raw, {"s2": [20, 98]}), root, replace=True))
 
     done = compact(root, "analytics", executor=beside(replaces))
     assert (done.shards, done.left) == (4, 0)
@@ -196,7 +196,7 @@ def test_files_that_are_vacuumed_meanwhile_are_no_damage(raw, root, monkeypatch)
 
     def replaces():
         if not happened:
-            happened.append(convert_to(write_raw(raw, {"s2": [20], "s3": [30]}), root, replace_old=True))
+            happened.append(convert_to(write_raw(raw, {"s2": [20], "s3": [30]}), root, replace=True))
             vacuum(root, keep_last=1)
 
     done = compact(root, "analytics", executor=beside(replaces))
@@ -215,7 +215,7 @@ def test_rivals_that_never_end_are_reported(raw, root):
     seeds = iter(range(200, 300))
 
     def replaces():
-        convert_to(write_raw(raw, {"s2": [next(seeds)]}), root, replace_old=True)
+        convert_to(write_raw(raw, {"s2": [next(seeds)]}), root, replace=True)
 
     done = compact(root, "analytics", executor=beside(replaces))
     assert done.left == 4

@@ -159,7 +159,7 @@ def test_databases_users_columns_and_runs(root):
 
 def test_a_database_whose_members_have_changed_needs_its_snapshot(raw, root):
     Lake(root).filter(name="old")
-    convert_to(write_raw(raw, {"s0": [0, 55]}), root, replace_old=True)
+    convert_to(write_raw(raw, {"s0": [0, 55]}), root, replace=True)
     assert found(root) == {}
     snapshots.expire(LocalLakeFiles(root), 1)
     assert found(root) == {

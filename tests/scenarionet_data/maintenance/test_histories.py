@@ -15,7 +15,7 @@ from hypothesis.stateful import Bundle, RuleBasedStateMachine, consumes, invaria
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.codec.content_hash import content_hash
 from scenarionet_data.maintenance import compact, fsck, plan_compaction, vacuum
-from scenarionet_data.operations.database_query import StaleDatabaseWarning
+from scenarionet_data.query.lake_view import StaleDatabaseWarning
 from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import metadata_files
@@ -63,7 +63,7 @@ class Maintained(RuleBasedStateMachine):
         for path in self.raw.iterdir():
             if path.stem not in {f"s{seed}" for seed in seeds}:
                 path.unlink()
-        convert_to(self.raw, self.root, options=MadeOptions(num_objects=num_objects), replace_old=True)
+        convert_to(self.raw, self.root, options=MadeOptions(num_objects=num_objects), replace=True)
         for seed in seeds:
             self.held[seed] = dict([self.hash_of(seed, num_objects)])
 

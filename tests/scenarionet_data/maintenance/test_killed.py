@@ -125,7 +125,7 @@ def test_replacing_in_a_compacted_lake_stopped_at_every_step(lake):
     write_raw(raw, {"b": [2, 22]})
 
     def work(root):
-        convert_to(raw, root, replace_old=True)
+        convert_to(raw, root, replace=True)
 
     def check(root, before):
         found = content(Lake(root))

@@ -9,10 +9,10 @@ import pytest
 
 from scenarionet_data import Lake, ScenarioLoader, convert
 from scenarionet_data.conversion import plan_conversion
-from scenarionet_data.conversion.jobs import Job, convert_shard
+from scenarionet_data.conversion.jobs import ShardJob, convert_shard
 from scenarionet_data.errors import BadParameter, LakeError, NoSuchSnapshot
 from scenarionet_data.maintenance import compact, plan_vacuum, vacuum
-from scenarionet_data.operations.database_query import StaleDatabaseWarning
+from scenarionet_data.query.lake_view import StaleDatabaseWarning
 from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests, metadata_files
@@ -72,7 +72,7 @@ def test_merged_metadata_and_what_it_was_merged_from(raw, root, monkeypatch):
     convert_to(write_raw(raw, {"new": [77]}), root)
     vacuum(root, keep_last=1)
     write_raw(raw, {"new": [78]})  # falls back to the shards' own files
-    convert_to(raw, root, replace_old=True)
+    convert_to(raw, root, replace=True)
     assert len(content(Lake(root))) == 9
     check_whole(root)
 
@@ -128,7 +128,7 @@ def test_a_damaged_list_stops_it(compacted):
 def test_a_snapshot_that_a_database_was_made_on_stays(raw, root):
     Lake(root).filter(name="old")
     write_raw(raw, {"s0": [0, 55]})
-    convert_to(raw, root, replace_old=True)
+    convert_to(raw, root, replace=True)
     compact(root, "analytics")
     planned = plan_vacuum(root, keep_last=1)
     done = vacuum(root, keep_last=1)
@@ -205,7 +205,7 @@ def test_who_opens_the_newest_while_it_expires_gets_the_next(raw, root, monkeypa
 def finished(raw, root):
     """Shards that a job has finished and not committed."""
     plan = plan_conversion(NAME, str(raw), root, options=OPTIONS)
-    return [convert_shard(Job(NAME, shard, str(root), is_checked=False)) for shard in plan.shards]
+    return [convert_shard(ShardJob(NAME, shard, str(root), check=False)) for shard in plan.shards]
 
 
 def test_what_is_not_committed_stays_for_a_day(raw, root):
@@ -242,9 +242,9 @@ def test_what_is_adopted_is_young_again(raw, root):
 def test_what_an_expired_snapshot_named_is_safe_once_it_is_adopted_again(raw, root):
     """Replaced by other options, and about to come back."""
     more = {"options": type(OPTIONS)(num_objects=3)}
-    convert_to(raw, root, replace_old=True, **more)
-    plan = plan_conversion(NAME, str(raw), root, options=OPTIONS, replace_old=True)
-    back = [convert_shard(Job(NAME, shard, str(root))) for shard in plan.shards]
+    convert_to(raw, root, replace=True, **more)
+    plan = plan_conversion(NAME, str(raw), root, options=OPTIONS, replace=True)
+    back = [convert_shard(ShardJob(NAME, shard, str(root))) for shard in plan.shards]
     assert all(outcome.was_finished for outcome in back)
     done = vacuum(root, keep_last=1)
     assert done.expired == (1,)
@@ -287,7 +287,7 @@ def test_a_commit_whose_base_goes_meanwhile_reads_again(raw, compacted, monkeypa
     def slow(files, base, name):
         if not happened:
             happened.append(1)
-            convert_to(write_raw(raw, {"s0": [1, 2, 3]}), compacted, replace_old=True)
+            convert_to(write_raw(raw, {"s0": [1, 2, 3]}), compacted, replace=True)
             vacuum(compacted, keep_last=1)
         return column(files, base, name)
 

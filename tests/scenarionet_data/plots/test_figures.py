@@ -1,4 +1,4 @@
-"""Figures of many scenarios: multiples, profiles, distributions, comparisons, animations, the interactive view."""
+"""Figures of many scenarios: multiples, profiles, distributions, comparisons, animations."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_distributions_of_nothing_of_nan_and_of_one(lake, tmp_path):
     assert (part.counts.sum(), part.missing) == (0, len(lake))
     drawn(plots.draw_distributions(strange, [strange_column(strange), "duration"]))
     drawn(plots.draw_distributions(lake, databases=["one"]))
-    empty = lake.only([])
+    empty = lake.restrict_to([])
     with pytest.raises(BadParameter, match="no scenarios to draw"):
         plots.draw_distributions(empty)
 
@@ -110,7 +110,7 @@ def test_distributions_have_units_and_a_legend(lake):
 @pytest.mark.long
 def test_no_words_of_a_figure_overlap(lake):
     """Titles, labels and ticks of all panels of the comparison and of the distributions."""
-    for figure in (plots.draw_distributions(lake), plots.draw_comparison(lake.compare(["many", "few"]))):
+    for figure in (plots.draw_distributions(lake), plots.draw_comparison(lake.compare("many", "few"))):
         drawn(figure)
         for first, second in pairwise(axes for axes in figure.axes if axes.get_visible()):
             assert not first.get_tightbbox().overlaps(second.get_tightbbox().shrunk(0.98, 0.98))
@@ -190,29 +190,3 @@ def test_an_animation_is_a_gif_where_nothing_writes_mp4(monkeypatch):
     assert plots.animate(make_drive(num_steps=2), drawing=plots.Drawing(size=64)).kind == "gif"
     with pytest.raises(MissingDependency, match="video"):
         plots.animate(make_drive(num_steps=2), kind="mp4")
-
-
-@pytest.mark.parametrize(
-    "scenario",
-    [make_scenario(1), make_drive(red=True, others=(Other(20.0),)), make_drive(num_steps=1, has_map=False)],
-    ids=["everything", "drive", "one timestep, no map"],
-)
-def test_the_interactive_view_says_what_things_are(scenario):
-    pytest.importorskip("plotly", reason="the extra `notebooks` is not installed")
-    figure = plots.explore(replace(scenario, id=HOSTILE))
-    assert len(figure.frames) == scenario.num_timesteps
-    kinds = {trace.name for trace in figure.data}
-    assert "ego" in kinds
-    words = [word for trace in figure.data if trace.hovertext for word in trace.hovertext]
-    assert any(word.startswith(f"{scenario.ego_id}<br>VEHICLE") for word in words)
-    assert any(word.startswith("lane ") for word in words) == (scenario.map is not None)
-    assert any(word.startswith("light: ") for word in words) == bool(len(scenario.lights))
-    assert "<script>" not in figure.layout.title.text
-    for frame in figure.frames:
-        assert len(frame.data) == len(frame.traces)
-        assert max(frame.traces) < len(figure.data)
-
-
-def test_long_scenarios_have_fewer_frames():
-    pytest.importorskip("plotly", reason="the extra `notebooks` is not installed")
-    assert len(plots.explore(make_drive(num_steps=150)).frames) == 50

@@ -64,4 +64,3 @@ def test_recordings_are_drawn(dataset, place, has_map):
         plots.scenario_figure(first, view="all", color_by=color_by).savefig(io.BytesIO())
     plots.draw_profiles(first).savefig(io.BytesIO())
     plots.small_multiples(found[:6]).savefig(io.BytesIO())
-    assert len(plots.explore(first).frames) > 1

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from scenarionet_data import Lake, convert
-from scenarionet_data.conversion.remote_raw.downloads import at_hand, forget
+from scenarionet_data.conversion.remote_raw.downloads import local_copy, remove_downloads
 from scenarionet_data.errors import LakeError, SourceNotFound
 from scenarionet_data.ingest.shard import RawItem, Shard
 from scenarionet_data.storage.files.object_store import ObjectStore
@@ -40,7 +40,7 @@ TABLES = {"tables/one.json", "tables/two.json", "maps/index", "maps/x"}
 def place(store, request):
     """A URL with those files; its prefix is the test's name."""
     yield put(FILES, request.node.name)
-    forget()
+    remove_downloads()
 
 
 def shard(place, *names):
@@ -56,46 +56,46 @@ def there(here):
 def test_a_shard_has_what_it_needs_and_no_more(place, store, request):
     prefix = request.node.name
     store.set()
-    with at_hand(WithTables(), shard(place, "a", "b")) as here:
+    with local_copy(WithTables(), shard(place, "a", "b")) as here:
         assert there(here) == {"a.made", "b.made"} | TABLES
         assert [path.read_bytes() for path in here.paths] == [b"1", b"2"]
     assert fetched(store, prefix) == dict.fromkeys({"a.made", "b.made", "nowhere"} | TABLES, 1)
     states = {name: (Path(here.root) / name).stat() for name in TABLES}
-    with at_hand(WithTables(), shard(place, "c")) as again:
+    with local_copy(WithTables(), shard(place, "c")) as again:
         assert there(again) == {"c.made"} | TABLES
         assert {name: (Path(again.root) / name).stat() for name in TABLES} == states
     assert fetched(store, prefix) == {"c.made": 1, "nowhere": 1}
-    forget()
+    remove_downloads()
     assert not Path(here.root).exists()
 
 
 def test_what_has_changed_meanwhile_is_fetched_again(place, store, request):
-    with at_hand(WithTables(), shard(place, "a")):
+    with local_copy(WithTables(), shard(place, "a")):
         pass
     put({"tables/one.json": b"[3]", "maps/index": b"maps/y"}, request.node.name)
     ObjectStore(place).delete(["tables/two.json"])
-    with at_hand(WithTables(), shard(place, "a")) as here:
+    with local_copy(WithTables(), shard(place, "a")) as here:
         assert there(here) == {"a.made", "tables/one.json", "maps/index", "maps/y"}
         assert (Path(here.root) / "tables/one.json").read_bytes() == b"[3]"
 
 
 def test_what_was_deleted_here_is_fetched_again(place):
-    with at_hand(WithTables(), shard(place, "a")) as here:
+    with local_copy(WithTables(), shard(place, "a")) as here:
         (Path(here.root) / "maps" / "x").unlink()
-    with at_hand(WithTables(), shard(place, "a")) as here:
+    with local_copy(WithTables(), shard(place, "a")) as here:
         assert there(here) == {"a.made"} | TABLES
 
 
 def test_a_file_that_is_gone_since_it_was_listed(place):
     with (
-        pytest.raises(SourceNotFound, match=f"{place}/z.made: gone since it was listed"),
-        at_hand(WithTables(), shard(place, "a", "z")),
+        pytest.raises(SourceNotFound, match=f"{place}/z.made: deleted since it was listed"),
+        local_copy(WithTables(), shard(place, "a", "z")),
     ):
         pass
 
 
 def test_errors_name_the_store(place):
-    with pytest.raises(ValueError, match=f"^{place}/a.made is odd$"), at_hand(Made(), shard(place, "a")) as here:
+    with pytest.raises(ValueError, match=f"^{place}/a.made is odd$"), local_copy(Made(), shard(place, "a")) as here:
         raise ValueError(f"{here.paths[0]} is odd")
 
 
@@ -110,24 +110,24 @@ def test_an_interrupted_download_is_not_taken_for_a_file(place, monkeypatch):
         return whole(self, name, path)
 
     monkeypatch.setattr(ObjectStore, "download", half)
-    with pytest.raises(KeyboardInterrupt), at_hand(WithTables(), shard(place, "a")):
+    with pytest.raises(KeyboardInterrupt), local_copy(WithTables(), shard(place, "a")):
         pass
-    with at_hand(WithTables(), shard(place, "a")) as here:
+    with local_copy(WithTables(), shard(place, "a")) as here:
         assert (Path(here.root) / "tables" / "two.json").read_bytes() == b"[2]"
 
 
 def test_a_store_that_is_ill_for_a_while(place, store, monkeypatch):
     monkeypatch.setenv("SCENARIONET_PATIENCE", "0.2")
     store.set(failures=100, status=500, part="tables/one", method="GET")
-    with pytest.raises(LakeError, match="answers 500"), at_hand(WithTables(), shard(place, "a")):
+    with pytest.raises(LakeError, match="answers 500"), local_copy(WithTables(), shard(place, "a")):
         pass
     store.set()
-    with at_hand(WithTables(), shard(place, "a")) as here:
+    with local_copy(WithTables(), shard(place, "a")) as here:
         assert there(here) == {"a.made"} | TABLES
 
 
 def test_shards_side_by_side_do_not_disturb_each_other(place):
-    with at_hand(WithTables(), shard(place, "a")) as one, at_hand(WithTables(), shard(place, "b")) as other:
+    with local_copy(WithTables(), shard(place, "a")) as one, local_copy(WithTables(), shard(place, "b")) as other:
         assert there(one) - TABLES == {"a.made"}
         assert there(other) - TABLES == {"b.made"}
         assert one.root != other.root
@@ -135,7 +135,7 @@ def test_shards_side_by_side_do_not_disturb_each_other(place):
 
 def test_a_shard_of_the_whole_bucket(place, request):
     moved = replace(shard(f"s3://{BUCKET}"), items=(RawItem(f"{request.node.name}/a.made", ""),))
-    with at_hand(Made(), moved) as here:
+    with local_copy(Made(), moved) as here:
         assert here.paths[0].read_bytes() == b"1"
 
 

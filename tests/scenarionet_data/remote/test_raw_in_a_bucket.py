@@ -8,7 +8,7 @@ import tempfile
 import pytest
 
 from scenarionet_data import Lake, convert
-from scenarionet_data.conversion import Selection, driver, watch
+from scenarionet_data.conversion import InputSelection, driver, watch
 from scenarionet_data.converters.argoverse1 import Argoverse1Options
 from scenarionet_data.converters.nuplan import NuPlanOptions
 from scenarionet_data.errors import BadParameter, DuplicateScenario, SourceNotFound
@@ -53,7 +53,7 @@ def test_what_is_converted_is_skipped_and_what_has_changed_is_seen(store, tmp_pa
     put({"s1.made": b"7"}, "changing")  # as long as it was
     with pytest.raises(DuplicateScenario, match="has changed since"):
         driver.plan_conversion(NAME, place, tmp_path / "lake", options=FEW)
-    assert convert(NAME, place, tmp_path / "lake", options=FEW, replace_old=True).replaced == 1
+    assert convert(NAME, place, tmp_path / "lake", options=FEW, replace=True).replaced == 1
     assert len(Lake(tmp_path / "lake")) == 3
 
 
@@ -61,7 +61,7 @@ def test_what_a_newer_converter_makes_better(store, tmp_path):
     place = upload(write_raw(tmp_path / "raw", {"s0": [1], "s1": [2]}), "stale")
     convert(NAME, place, tmp_path / "lake", options=FEW)
     assert convert(NEWER, place, tmp_path / "lake", options=FEW).stale == 2
-    assert convert(NEWER, place, tmp_path / "lake", options=FEW, stale=True).replaced == 2
+    assert convert(NEWER, place, tmp_path / "lake", options=FEW, reconvert_stale=True).replaced == 2
 
 
 def test_a_map_that_changes_is_seen(store, tmp_path):
@@ -118,12 +118,14 @@ def test_choosing_by_what_is_known(store, tmp_path):
     nuscenes.write_invented(tmp_path / "nuscenes", num_scenes=2, num_keyframes=16)
     nuplan.write_raw(tmp_path / "nuplan", [nuplan_drive.invented(seconds=4.0)])
     scenes, logs = (upload(tmp_path / name, f"chosen/{name}") for name in ("nuscenes", "nuplan"))
-    boston = Selection({"location": "boston-*"})
+    boston = InputSelection({"location": "boston-*"})
     assert convert("nuscenes", scenes, tmp_path / "lake", split="mini", selection=boston).converted == 1
     for key in ("location", "tag"):
-        with pytest.raises(BadParameter, match=f"--where {key}: known before .* copy them to a folder"):
-            convert("nuplan", logs, tmp_path / "lake", split="mini", selection=Selection({key: "*"}))
-    named = Selection({"log": nuplan_drive.invented(seconds=4.0).name})
+        with pytest.raises(
+            BadParameter, match=f"unknown property '{key}': inputs can be selected by .* copy them first"
+        ):
+            convert("nuplan", logs, tmp_path / "lake", split="mini", selection=InputSelection({key: "*"}))
+    named = InputSelection({"log": nuplan_drive.invented(seconds=4.0).name})
     assert len(driver.plan_conversion("nuplan", logs, tmp_path / "lake", split="mini", selection=named).shards) == 1
 
 
@@ -228,6 +230,6 @@ def test_what_cannot_be(store, tmp_path):
     with pytest.raises(SourceNotFound, match=r"s3://bucket/strange: no folder with scene.json"):
         convert("nuscenes", place, tmp_path / "lake")
     for name, options in (("nuplan", NuPlanOptions(maps=place)), ("argoverse1", Argoverse1Options(maps=place))):
-        with pytest.raises(BadParameter, match="maps: s3://bucket/strange is no folder on this machine"):
+        with pytest.raises(BadParameter, match="option 'maps': s3://bucket/strange is not a folder on this machine"):
             convert(name, str(tmp_path), tmp_path / "lake", options=options)
     assert fetched(store, "strange") == {}

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from scenarionet_data import convert, converters
-from scenarionet_data.conversion import Selection
+from scenarionet_data.conversion import InputSelection
 from scenarionet_data.converters import lyft as lyft_converter
 from scenarionet_data.converters import nuscenes as nuscenes_converter
 from tests.fixtures import argoverse1, argoverse2, lyft, nuplan, nuplan_drive, nuscenes
@@ -109,7 +109,7 @@ def test_a_bucket_becomes_the_lake_of_a_folder(store, tmp_path, case, workers):
 def test_a_few_chunks_of_a_recording(store, tmp_path):
     place = upload(write_lyft(tmp_path / "raw"), "few/lyft")
     store.set()
-    report = convert("lyft", place, tmp_path / "lake", selection=Selection(files=slice(0, 1)), split="train")
+    report = convert("lyft", place, tmp_path / "lake", selection=InputSelection(files=slice(0, 1)), split="train")
     chunks = [path for path in fetched(store, "few/lyft") if "/agents/" in path and path[-1].isdigit()]
     assert report.converted == 1
     assert 0 < len(chunks) < len(list((tmp_path / "raw/scenes/sample.zarr/agents").glob("[0-9]*"))) / 2
@@ -136,7 +136,7 @@ def test_a_log_takes_the_map_of_its_city(store, tmp_path):
     place = upload(raw, "cities/nuplan")
     store.set()
     how = {"split": "mini", "options": options_of("nuplan", {"past": 0.5})}
-    convert("nuplan", place, tmp_path / "lake", selection=Selection(files=slice(0, 1)), **how)
+    convert("nuplan", place, tmp_path / "lake", selection=InputSelection(files=slice(0, 1)), **how)
     assert {path: times for path, times in fetched(store, "cities/nuplan").items() if "splits" not in path} == {
         las_vegas: 1,
         las_vegas.replace(nuplan.LOCATION, BOSTON): 1,  # nobody knows yet that no log needs it

@@ -13,8 +13,8 @@ from scenarionet_data.errors import DatabaseExists, LakeError, MissingDependency
 from scenarionet_data.storage.files import remote
 from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.files.opening import open_files
-from scenarionet_data.storage.read import row_group_readers
-from scenarionet_data.storage.read.parquet import row_groups
+from scenarionet_data.storage.read import row_groups
+from scenarionet_data.storage.read.parquet import footer, page_kernels
 from scenarionet_data.testing import differences
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import make_scenario
@@ -50,7 +50,8 @@ def lake(url):
 
 
 def test_what_arrow_reads_comes_by_ranges_too(lake, store, monkeypatch):
-    monkeypatch.setattr(row_groups, "_KNOWN", {"float32": row_groups._KNOWN["float32"]})  # leaves the rest to Arrow
+    monkeypatch.setattr(page_kernels, "is_compiled", lambda: True)
+    monkeypatch.setattr(footer, "_KNOWN", {"float32": footer._KNOWN["float32"]})  # leaves the rest to Arrow
     loaded = ScenarioLoader(lake)
     assert [differences(a, b) for a, b in zip(loaded.batch(range(6)), MADE, strict=True)] == [[]] * 6
     store.set()
@@ -73,14 +74,14 @@ def test_a_batch_is_fetched_together(lake, store):
 
 @pytest.mark.long
 def test_batches_load_while_footers_make_way(url, monkeypatch):
-    monkeypatch.setattr(row_group_readers, "_KEPT_FOOTERS", 2)
+    monkeypatch.setattr(row_groups, "_MAX_FOOTERS", 2)
     for k, scenario in enumerate(MADE):
         lake = write_lake(url, [scenario], name=f"shard{k}")
     loaded = ScenarioLoader(lake)
     for _ in range(2):
         assert [differences(a, b) for a, b in zip(loaded.batch(range(6)), MADE, strict=True)] == [[]] * 6
         assert [differences(a, b) for a, b in zip(loaded, MADE, strict=True)] == [[]] * 6
-    assert len(loaded._reader._footers) <= 18
+    assert len(loaded._reader._row_groups._footers) <= 18
 
 
 @pytest.mark.long
@@ -110,11 +111,11 @@ def test_databases_and_layers(lake, url):
     lake.tag_where("odd", "source_scenario_id LIKE '%1'")
     assert Lake(url).sql("SELECT sum(odd::INT) AS n FROM metadata")["n"][0] == 1
     lake.drop(val.name)
-    lake.rename(train.name, "learning")
+    lake.rename(train.name, name="learning")
     assert Lake(url).databases == ["all", "learning"]
     assert lake.database("learning").scenario_ids == train.scenario_ids
     with pytest.raises(DatabaseExists):
-        lake.rename("learning", "all")
+        lake.rename("learning", name="all")
 
 
 @pytest.mark.long

@@ -75,8 +75,8 @@ def test_sim_check_and_export_on_workers_that_are_processes(dask: Dask, lake, tm
     Lake(lake).filter("true", name="all")
     dask.start_worker()
     where = ("--cluster", dask.address, "--quiet")
-    simulated = as_json("sim", lake, "--policy", "replay", "--backend", "kinematic", "--to", "far", *where)
-    near = as_json("sim", lake, "--policy", "replay", "--backend", "kinematic", "--to", "near", "--workers", 1)
+    simulated = as_json("sim", lake, "--policy", "replay", "--backend", "kinematic", "--name", "far", *where)
+    near = as_json("sim", lake, "--policy", "replay", "--backend", "kinematic", "--name", "near", "--workers", 1)
     timing = {"run", "seconds", "next", "workers"}
     assert {k: v for k, v in simulated.items() if k not in timing} == {k: v for k, v in near.items() if k not in timing}
     checked = as_json("check", lake, "--simulate", *where)

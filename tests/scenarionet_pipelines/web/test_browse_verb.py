@@ -18,7 +18,7 @@ from tests.scenarionet_pipelines.conftest import run
 def test_help_teaches():
     text = run("browse", "--help").output
     assert "scenarionet browse lake --open --write" in text
-    assert "only read unless --write" in " ".join(text.split())
+    assert "only this machine can connect and the lake is read-only" in " ".join(text.split())
 
 
 def test_no_lake_there(tmp_path):

@@ -132,7 +132,7 @@ def test_the_player(browser, served):
             lambda: page.get_by_label("roads").uncheck(),
             lambda: page.get_by_label("roads").check(),
             lambda: page.keyboard.press("+"),
-            lambda: page.get_by_role("button", name="Show everything recorded").click(),
+            lambda: page.get_by_role("button", name="Show the whole scenario").click(),
             lambda: page.keyboard.press("End"),
         ):
             change()
@@ -225,7 +225,7 @@ def test_what_is_not_there_is_said_so(browser, served):
         page.get_by_role("link", name="All scenarios").first.click()
         apply(page, "num_objects > 1e6")
         page.wait_for_selector("#nothing")
-        assert page.inner_text("#nothing") == "No scenario satisfies this filter."
+        assert page.inner_text("#nothing") == "No scenario matches this filter."
         check_layout(page)
 
 
@@ -236,7 +236,7 @@ def test_an_empty_lake(browser, tmp_path, width):
     assert run("convert", NAME, raw, tmp_path / "lake").exit_code == 1
     with serving(Lake(tmp_path / "lake")) as address, visiting(browser, address, width) as page:
         page.wait_for_selector("#nothing")
-        assert "There are no scenarios in this lake yet" in page.inner_text("#nothing")
+        assert "This lake has no scenarios yet" in page.inner_text("#nothing")
         check_layout(page)
 
 

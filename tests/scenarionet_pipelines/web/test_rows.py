@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 
 from scenarionet_data.errors import BadParameter, QueryError, UnsafeSql
-from scenarionet_pipelines.web.rows import Question, columns, page
+from scenarionet_pipelines.web.rows import PageQuery, columns, read_page
 
 
 def ask(lake, where="true", sort="scenario_id", is_falling=False, first=0, count=10, names=()):
     known = {column.name: column for column in columns(lake)}
-    return page(lake, Question(where, sort, is_falling, first, count, tuple(names)), known)
+    return read_page(lake, PageQuery(where, sort, is_falling, first, count, tuple(names)), known)
 
 
 @pytest.mark.parametrize(
@@ -46,14 +46,14 @@ def test_beyond_the_last_page_there_is_nothing(lake):
     assert ask(lake, "num_objects > 1e6").total == 0
 
 
-def test_mistakes_are_told_with_their_place(lake):
-    with pytest.raises(QueryError, match=r"no column ego_dist at character 1 .* near are ego_distance"):
+def test_errors_have_a_position(lake):
+    with pytest.raises(QueryError, match=r"no column ego_dist at character 1 .* similar: ego_distance"):
         ask(lake, "ego_dist > 3")
     with pytest.raises(UnsafeSql, match="character 21"):
         ask(lake, "ego_distance > 3 AND)")
     with pytest.raises(BadParameter, match="no column 'nothing'"):
         ask(lake, sort="nothing")
-    with pytest.raises(BadParameter, match="no order"):
+    with pytest.raises(BadParameter, match="cannot be sorted"):
         ask(lake, sort="timestamps")
 
 

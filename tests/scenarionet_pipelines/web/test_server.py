@@ -98,7 +98,7 @@ def test_a_page_of_another_name_gets_nothing(served):
 def test_mistakes_in_a_filter_come_with_their_place(served):
     status, answer = said(request(served, "/api/rows?where=" + quote("num_objects > 1 AND ego_dist > 3")))
     assert (status, answer["character"]) == (400, 21)
-    assert "near are ego_distance" in answer["error"]
+    assert "similar: ego_distance" in answer["error"]
     status, answer = said(request(served, "/api/rows?where=" + quote("num_objects > > 1 )")))
     assert (status, answer["character"]) == (400, 15)
 
@@ -174,9 +174,9 @@ def test_saving_takes_our_own_page_and_its_secret(tmp_path):
         assert lake.databases == ["mine", "several"]
 
 
-def test_a_port_that_is_taken_is_said_so(lake):
+def test_a_port_in_use_is_an_error(lake):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
-        with pytest.raises(BadParameter, match="try another --port"):
+        with pytest.raises(BadParameter, match="choose another port"):
             Server(lake, port=taken.getsockname()[1])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarionet_sim.kernels.raster import draw_polygons, draw_segments
@@ -26,7 +26,6 @@ def filled(outline, turns=None):
     return picture[0]
 
 
-@settings(max_examples=60)
 @given(st.integers(0, 10**6), st.integers(3, 9))
 def test_a_polygon_covers_the_pixels_whose_centres_it_contains(seed, count):
     """Star-shaped polygons of any size, also beyond the borders of the image."""
@@ -60,7 +59,6 @@ def test_a_polygon_without_area_covers_nothing(outline):
     assert not filled(np.reshape(outline, (-1, 2))).any()
 
 
-@settings(max_examples=100)
 @given(st.integers(0, 10**6), st.sampled_from([5, 40, 400]))
 def test_a_line_is_one_pixel_wide(seed, scale):
     """Both ends, and one pixel per column (row, if steep) whose middle it crosses."""

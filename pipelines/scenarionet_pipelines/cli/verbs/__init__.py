@@ -1,1 +1,1 @@
-"""One verb a file; each file has a ``command``."""
+"""Verbs of the command line, one module each."""

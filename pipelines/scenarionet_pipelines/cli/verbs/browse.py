@@ -1,4 +1,4 @@
-"""``scenarionet browse``: a lake in the browser."""
+"""``scenarionet browse``: open a lake in the browser."""
 
 from __future__ import annotations
 
@@ -18,20 +18,22 @@ _LOOPBACK = ("127.0.0.1", "localhost", "::1")
     "scenarionet browse lake --port 9000 --snapshot 3",
 )
 @lake_argument
-@click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen at.")
-@click.option("--port", type=click.IntRange(0, 65535), help="Port; 8642, or a free one, unless given. 0: a free one.")
-@click.option("--write", is_flag=True, help="Let the page save filters as databases.")
-@click.option("--open", "is_opened", is_flag=True, help="Open it in the browser.")
+@click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
+@click.option(
+    "--port", type=click.IntRange(0, 65535), help="Port; 0 selects a free one. [default: 8642, or a free one if taken]"
+)
+@click.option("--write", is_flag=True, help="Allow the page to save filters as databases.")
+@click.option("--open", "is_opened", is_flag=True, help="Open the page in the default browser.")
 @snapshot_option
 @json_option
 def command(
     lake: str, host: str, port: int | None, write: bool, is_opened: bool, snapshot: int | None, as_json: bool
 ) -> None:
-    """Look at a lake in the browser: filter, sort and page through it, and play its scenarios.
+    """Open a lake in the browser: filter and sort its scenarios, and play them.
 
-    Serves a page at http://127.0.0.1:8642/ until Ctrl-C. Only this machine reaches it unless --host says otherwise,
-    nothing is sent or loaded from elsewhere, and the lake is only read unless --write is given. Needs the extra
-    `web`. With --json, the address is printed as one JSON object as soon as the page is served.
+    The page is served at http://127.0.0.1:8642/ until Ctrl-C. By default only this machine can connect and the lake
+    is read-only; the page loads nothing from other hosts. With --json, the address is printed as one JSON object as
+    soon as the page is available. Requires the extra `web`.
     """
     from scenarionet_data import Lake
     from scenarionet_pipelines.web.server import Server
@@ -41,13 +43,13 @@ def command(
         if as_json:
             print_json({"address": server.address, "lake": str(opened.root), "is_writable": write})
         else:
-            click.echo(f"{opened.root} at {server.address} (Ctrl-C ends)")
+            click.echo(f"{opened.root} at {server.address} (stop with Ctrl-C)")
         if host not in _LOOPBACK:
-            what = "read the lake and save databases" if write else "read the lake"
-            click.echo(f"warning: whoever reaches {host} can {what}; there is no password", err=True)
+            access = "read the lake and save databases" if write else "read the lake"
+            click.echo(f"warning: anyone who can connect to {host} can {access}; there is no password", err=True)
         if is_opened:
             click.launch(server.address)
         try:
             server.run()
         except KeyboardInterrupt:
-            click.echo("ended", err=True)
+            click.echo("stopped", err=True)

@@ -1,4 +1,4 @@
-"""``scenarionet check``: whether a lake's content satisfies the rules."""
+"""``scenarionet check``: check scenarios against the quality rules."""
 
 from __future__ import annotations
 
@@ -8,28 +8,31 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from scenarionet_data.errors import BadParameter
+from scenarionet_pipelines.cli.advice import one_line
 from scenarionet_pipelines.cli.execution import executor_from_options, worker_facts, worker_rows
-from scenarionet_pipelines.cli.group import one_line, verb
+from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import count, print_json, print_table
 from scenarionet_pipelines.cli.parameters import (
     cluster_option,
     json_option,
     lake_argument,
     new_version_option,
+    optional_database_argument,
     quiet_option,
     snapshot_option,
+    workers_option,
 )
 from scenarionet_pipelines.cli.progress import ProgressDisplay
 from scenarionet_pipelines.cli.table_file import check_suffix, write_table
 
 if TYPE_CHECKING:
     from scenarionet_data import Lake
-    from scenarionet_data.databases.record import Database
+    from scenarionet_data.databases.record import DatabaseRecord
     from scenarionet_data.execution.executors import Executor
-    from scenarionet_data.quality.report import CheckResult, Findings
-    from scenarionet_data.quality.scorecard import Partition, Scorecard
+    from scenarionet_data.quality.report import CheckReport, CheckResult
+    from scenarionet_data.quality.scorecard import PartitionScore, Scorecard
 
-_REPLAYS = "Every recording replays to its destination."
+_REPLAYS = "The ego of every recording reaches its destination when replayed."
 
 
 @verb(
@@ -37,24 +40,28 @@ _REPLAYS = "Every recording replays to its destination."
     "scenarionet check lake",
     "scenarionet check lake busy --only ids_are_unique --only nobody_teleports",
     "scenarionet check lake --scorecard -o scorecard.csv",
-    "scenarionet check lake busy --to good --broken broken.parquet",
+    "scenarionet check lake busy --name good --broken broken.parquet",
     "scenarionet check lake --strict --json",
     "scenarionet check lake busy --simulate --workers 4",
     "scenarionet check lake --scorecard --cluster local",
 )
 @lake_argument
-@click.argument("database", metavar="DB", required=False)
-@click.option("--only", multiple=True, metavar="NAME", help="Run this check and no others; repeatable.")
-@click.option("--strict", is_flag=True, help="Let plausibility count like structure.")
+@optional_database_argument
+@click.option("--only", multiple=True, metavar="NAME", help="Run only this check; repeatable.")
+@click.option("--strict", is_flag=True, help="Treat plausibility rules like structural ones.")
 @click.option(
-    "--scorecard", is_flag=True, help="Count by dataset, version and split, and compare with what is published."
+    "--scorecard",
+    is_flag=True,
+    help="Report by dataset, version and split, and compare with published scenario counts.",
 )
-@click.option("-o", "output", metavar="FILE", help="Write the scorecard to a .parquet, .csv or .json file.")
-@click.option("--to", "good", metavar="NAME", help="Save what breaks no hard rule (with --strict: none) as a database.")
+@click.option("-o", "--output", metavar="FILE", help="Write the scorecard to a .parquet, .csv or .json file.")
+@click.option(
+    "--name", metavar="NAME", help="Save the scenarios that pass as a database (with --strict: pass every rule)."
+)
 @new_version_option
-@click.option("--broken", metavar="FILE", help="Write what breaks a rule to a .parquet, .csv or .json file.")
-@click.option("--simulate", is_flag=True, help="Replay every scenario in the simulator too; names the broken ones.")
-@click.option("--workers", type=click.IntRange(1), help="Processes that simulate; one a core unless given.")
+@click.option("--broken", metavar="FILE", help="Write the violations to a .parquet, .csv or .json file.")
+@click.option("--simulate", is_flag=True, help="Also replay every scenario in the simulator.")
+@workers_option
 @cluster_option
 @snapshot_option
 @json_option
@@ -66,7 +73,7 @@ def command(
     strict: bool,
     scorecard: bool,
     output: str | None,
-    good: str | None,
+    name: str | None,
     replace: bool,
     broken: str | None,
     simulate: bool,
@@ -76,34 +83,35 @@ def command(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Check a lake, or a database of it, rule by rule.
+    """Check the scenarios of a lake, or of a database, against the quality rules.
 
-    The rules are files in sql/checks. Hard ones are structural: scenarios that break them cannot be trusted; they are
-    asked while converting, too. Soft ones ask whether recorded motion is plausible. Recordings break them now and
-    then: each dataset has its budgets, and a share of its scenarios that may stray; they fail the command with
-    --strict only.
+    The rules are SQL files in sql/checks. Hard rules are structural and also checked during conversion; scenarios
+    that violate one cannot be trusted. Soft rules test whether recorded motion is plausible. Real recordings violate
+    some of them: each dataset has budgets, and a share of its scenarios may exceed them. Soft rules fail the command
+    only with --strict.
 
-    --simulate replays every recording in the simulator: what cannot be replayed to its destination counts as broken.
-
-    --scorecard says for each split how many scenarios break which rule and how much of what its owner publishes is
-    there. --to saves the good scenarios, --broken writes the others with rule and reason.
+    --simulate also replays every recording in the simulator; a scenario whose ego does not reach its destination
+    fails. --scorecard reports the violations of each rule by split, and the share of the published scenarios that
+    the lake contains. --name saves the scenarios that pass, --broken writes the violations with rule and reason.
     """
     from scenarionet_data import Lake
-    from scenarionet_data.quality.checks import find
-    from scenarionet_data.quality.passing import save_good
+    from scenarionet_data.quality.checks import run_checks
+    from scenarionet_data.quality.passing import save_passing
     from scenarionet_data.quality.scorecard import make_scorecard
 
-    _refuse(output, broken, scorecard)
+    _check_outputs(output, broken, scorecard)
     opened = Lake(lake, snapshot)
     with executor_from_options(cluster, workers, quiet=quiet) as execution:
         with ProgressDisplay(f"check {lake}", "check", is_quiet=quiet) as progress:
-            findings = find(opened, database, only or None, progress.update, execution.measured)
+            findings = run_checks(
+                opened, database, only or None, on_progress=progress.update, executor=execution.measured
+            )
         if simulate:
-            findings = findings.adding(
+            findings = findings.with_check(
                 "replays", _REPLAYS, _simulate(opened, database, workers, execution.measured, quiet)
             )
     card = make_scorecard(findings) if scorecard else None
-    made = save_good(findings, good, is_strict=strict, replace=replace) if good else None
+    made = save_passing(findings, name, strict=strict, replace=replace) if name else None
     if broken:
         _write(findings.rows, broken)
     if card and output:
@@ -128,10 +136,10 @@ def _simulate(
         return find_broken(lake, database, workers=processes, executor=executor, on_progress=progress.update)
 
 
-def _refuse(output: str | None, broken: str | None, scorecard: bool) -> None:
-    """Refuse what cannot be written before anything is asked."""
+def _check_outputs(output: str | None, broken: str | None, scorecard: bool) -> None:
+    """Raise for output options that cannot be used, before anything is checked."""
     if output and not scorecard:
-        raise BadParameter("-o writes the scorecard: add --scorecard, or write the broken ones with --broken FILE")
+        raise BadParameter("-o writes the scorecard: add --scorecard, or use --broken FILE to write the violations")
     for path, option in ((output, "-o"), (broken, "--broken")):
         if path:
             check_suffix(path, option)
@@ -145,7 +153,7 @@ def _write(rows: Any, path: str) -> None:
     click.echo(f"{count(len(table), 'row')} in {path}", err=True)
 
 
-def _content(findings: Findings, card: Scorecard | None, made: Database | None) -> dict[str, Any]:
+def _content(findings: CheckReport, card: Scorecard | None, made: DatabaseRecord | None) -> dict[str, Any]:
     content: dict[str, Any] = {"checks": [asdict(result) for result in findings.results]}
     if card:
         content["scorecard"] = card.to_dict()
@@ -154,10 +162,10 @@ def _content(findings: Findings, card: Scorecard | None, made: Database | None) 
     return content
 
 
-# --- for a person -----------------------------------------------------------------------------------------
+# --- tables -----------------------------------------------------------------------------------------------
 
 
-def _print(findings: Findings, card: Scorecard | None, made: Database | None) -> None:
+def _print(findings: CheckReport, card: Scorecard | None, made: DatabaseRecord | None) -> None:
     if card:
         _print_card(card)
     else:
@@ -174,7 +182,7 @@ def _print_examples(result: CheckResult) -> None:
         return
     broken = [count(result.num_scenarios, "scenario")] if result.num_scenarios else []
     broken += [count(result.num_others, "map or shard").replace("shards", "shard")] if result.num_others else []
-    within = ", as many as the budget allows" if result.is_met else ""
+    within = ", within the budget" if result.is_met else ""
     click.echo(f"\n{result.name}: {' and '.join(broken)}{within}, for example")
     print_table(("", scenario_id or "-", detail) for scenario_id, detail in result.examples)
 
@@ -202,15 +210,15 @@ def _print_card(card: Scorecard) -> None:
                 f"{mark.share:.2%}",
                 one_line(": ".join(mark.examples[0])) if mark.examples else "",
             )
-            for mark in partition.marks
+            for mark in partition.rules
         )
     for check, detail in card.others:
         click.echo(f"\n{check}: {detail}")
 
 
-def _facts(partition: Partition) -> list[tuple[str, str, str]]:
+def _facts(partition: PartitionScore) -> list[tuple[str, str, str]]:
     found = f"{count(partition.scenarios, 'scenario')}, {partition.quarantined:,} in quarantine"
     budgets = ", ".join(f"{name} {value:g}" for name, value in asdict(partition.budgets).items())
     coverage = partition.coverage
-    published = f"{coverage.text} ({coverage.release.source})" if coverage else "nothing is published about this split"
+    published = f"{coverage.text} ({coverage.release.source})" if coverage else "no published counts for this split"
     return [("", "holds", found), ("", "split", published), ("", "budgets", budgets)]

@@ -1,4 +1,4 @@
-"""``scenarionet compact``: fewer, larger files, in the profile that suits what is done with them."""
+"""``scenarionet compact``: rewrite small files as fewer, larger ones."""
 
 from __future__ import annotations
 
@@ -7,11 +7,19 @@ from typing import TYPE_CHECKING
 
 import click
 
+from scenarionet_pipelines.cli.advice import one_line
 from scenarionet_pipelines.cli.execution import executor_from_options
-from scenarionet_pipelines.cli.group import one_line, verb
+from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.interrupt import Interrupted
 from scenarionet_pipelines.cli.output import count, duration, print_json, print_table, size
-from scenarionet_pipelines.cli.parameters import cluster_option, json_option, lake_argument, pairs, quiet_option
+from scenarionet_pipelines.cli.parameters import (
+    cluster_option,
+    json_option,
+    lake_argument,
+    pairs,
+    quiet_option,
+    workers_option,
+)
 from scenarionet_pipelines.cli.progress import ProgressDisplay
 
 if TYPE_CHECKING:
@@ -32,12 +40,14 @@ if TYPE_CHECKING:
     type=click.Choice(["training", "analytics"]),
     default="training",
     show_default=True,
-    help="What the files are for.",
+    help="Access pattern to optimise for.",
 )
-@click.option("--where", multiple=True, metavar="KEY=PATTERN", help="Only this dataset, version or split; repeatable.")
-@click.option("--workers", type=click.IntRange(1), help="Processes. [default: one a core, 2 GB of memory each]")
+@click.option(
+    "--where", multiple=True, metavar="KEY=PATTERN", help="Only matching datasets, versions or splits; repeatable."
+)
+@workers_option
 @cluster_option
-@click.option("--dry-run", is_flag=True, help="Say what there is to do.")
+@click.option("--dry-run", is_flag=True, help="Print what would be rewritten.")
 @json_option
 @quiet_option
 def command(
@@ -50,15 +60,15 @@ def command(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Rewrite many small files as few.
+    """Rewrite small files as fewer, larger ones, in one new snapshot.
 
-    training: one scenario a row group and up to 64 a file, as converted; random scenarios load quickest.
-    analytics: 16 scenarios a row group and up to 1,024 a file; SQL over tracks is quicker and the files are smaller,
-    but a random scenario takes several times as long to load.
+    training: one scenario per row group and up to 64 per file, as converted; loads random scenarios fastest.
+    analytics: 16 scenarios per row group and up to 1,024 per file; files are smaller and SQL over tracks is faster,
+    but loading a random scenario takes several times longer.
 
-    Scenarios, ids and databases stay as they are; only where they lie changes, in one new snapshot. Others may read
-    and convert meanwhile. What lies well already is left alone, and what an interrupted run has finished is kept. The
-    old files stay until `scenarionet vacuum` lets the snapshots expire that name them.
+    Scenarios, ids and databases do not change. Other processes can read and convert at the same time. Files that
+    already fit the profile are skipped, and work finished by an interrupted run is reused. The old files remain
+    until `scenarionet vacuum` expires the snapshots that refer to them.
     """
     from scenarionet_data.maintenance import compact, plan_compaction
     from scenarionet_pipelines.machine import default_workers
@@ -82,7 +92,7 @@ def command(
             )
         except KeyboardInterrupt as error:
             finished = f"{progress.done:,} of {count(progress.total, 'bin')} rewritten and kept"
-            raise Interrupted(f"{finished}; the same command goes on from there, and commits them all") from error
+            raise Interrupted(f"{finished}; run the same command again to continue") from error
     _print(done, lake, as_json)
     click.get_current_context().exit(1 if done.failed or done.left else 0)
 
@@ -93,7 +103,7 @@ def _print_plan(bins: list[Bin], profile: str, as_json: bool) -> None:
         print_json({"profile": profile, "bins": len(bins), "shards": shards, "scenarios": scenarios})
         return
     what = f"{count(scenarios, 'scenario')} of {count(shards, 'shard')}, in {count(len(bins), 'bin')}"
-    click.echo(f"would rewrite {what}" if bins else f"nothing to do: everything lies well for {profile}")
+    click.echo(f"would rewrite {what}" if bins else f"nothing to do: all files fit the profile {profile}")
 
 
 def _print(done: Compaction, lake: str, as_json: bool) -> None:
@@ -106,12 +116,12 @@ def _print(done: Compaction, lake: str, as_json: bool) -> None:
         ("files", f"{done.files_before:,} before, {done.files_after:,} now"),
         ("bytes", f"{size(done.bytes_before)} before, {size(done.bytes_after)} now"),
     ]
-    rows += [("left", f"{count(done.left, 'shard')} that others changed meanwhile")] if done.left else []
-    rows += [("failed", f"{name} and what is with it: {one_line(reason)}") for name, reason in done.failed]
+    rows += [("left", f"{count(done.left, 'shard')} changed by another process in the meantime")] if done.left else []
+    rows += [("failed", f"{name} and the rest of its file: {one_line(reason)}") for name, reason in done.failed]
     print_table([*rows, ("took", duration(done.seconds))] if done.shards or len(rows) > 3 else [])
     if done.failed:
-        click.echo(f"See what is damaged: scenarionet fsck {lake}")
+        click.echo(f"Find the damage: scenarionet fsck {lake}")
     elif done.shards:
-        click.echo(f"The old files go with: scenarionet vacuum {lake} --keep-last 1")
+        click.echo(f"Delete the old files: scenarionet vacuum {lake} --keep-last 1")
     else:
-        click.echo(f"nothing to do: everything lies well for {done.profile}")
+        click.echo(f"nothing to do: all files fit the profile {done.profile}")

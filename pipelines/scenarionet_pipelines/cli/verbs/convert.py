@@ -1,4 +1,4 @@
-"""``scenarionet convert``: raw recordings into a lake."""
+"""``scenarionet convert``: convert recordings into a lake."""
 
 from __future__ import annotations
 
@@ -20,13 +20,14 @@ from scenarionet_pipelines.cli.parameters import (
     pairs,
     quiet_option,
     seconds,
+    workers_option,
 )
 from scenarionet_pipelines.cli.progress import ProgressDisplay
 
 if TYPE_CHECKING:
-    from scenarionet_data.conversion import Plan, Report
+    from scenarionet_data.conversion import ConversionPlan, ConversionReport
 
-_LISTED = 20
+_MAX_LISTED = 20
 
 
 @verb(
@@ -43,23 +44,32 @@ _LISTED = 20
 @click.argument("dataset")
 @click.argument("raw")
 @lake_argument
-@click.option("--split", help="The owner's split: train, val, ... [default: guessed from the folder's name]")
-@click.option("--version", help="The dataset's release. [default: the converter's]")
-@click.option("--workers", type=click.IntRange(1), help="Processes. [default: one a core, 2 GB of memory each]")
+@click.option("--split", help="Split of the dataset: train, val, ... [default: inferred from the folder's name]")
+@click.option("--version", help="Release of the dataset. [default: the converter's]")
+@workers_option
 @cluster_option
-@click.option("--limit", type=click.IntRange(1), help="Stop after that many scenarios, for a quick look.")
-@click.option("--files", metavar="START:END", help="Only these of the raw inputs, counted from 0: 0:10, or 10:.")
-@click.option("--where", multiple=True, metavar="KEY=PATTERN", help="Only what is known to be so: file, name, log, ...")
-@click.option("--replace", is_flag=True, help="Replace what was converted with other options or has changed.")
-@click.option("--stale", is_flag=True, help="Replace what another version of the converter wrote; asks first.")
-@click.option("--yes", is_flag=True, help="Do not ask.")
-@click.option("--watch", "is_watching", is_flag=True, help="Go on and convert what arrives, until Ctrl-C.")
+@click.option("--limit", type=click.IntRange(1), metavar="N", help="Stop after N scenarios, for a quick look.")
+@click.option("--files", metavar="START:END", help="Only this range of raw inputs, counted from 0: 0:10, or 10:.")
 @click.option(
-    "--every", default="30s", metavar="TIME", help="How often to look, and how long a file has to stand still."
+    "--where", multiple=True, metavar="KEY=PATTERN", help="Only matching inputs: file, name, log, ...; repeatable."
 )
-@click.option("--no-check", is_flag=True, help="Take scenarios that break a hard rule of `scenarionet check`, too.")
-@click.option("--dry-run", is_flag=True, help="Say what there is to do, and about how long it takes.")
-@click.option("-O", "options", multiple=True, metavar="KEY=VALUE", help="An option of the converter; repeatable.")
+@click.option("--replace", is_flag=True, help="Replace shards whose input or options have changed.")
+@click.option(
+    "--reconvert-stale", is_flag=True, help="Replace shards written by another version of the converter; asks first."
+)
+@click.option("--yes", is_flag=True, help="Do not ask for confirmation.")
+@click.option(
+    "--watch", "is_watching", is_flag=True, help="Keep converting new recordings as they arrive, until Ctrl-C."
+)
+@click.option(
+    "--every", default="30s", metavar="TIME", show_default=True,
+    help="With --watch: interval between scans; a file has to be unchanged for as long.",
+)  # fmt: skip
+@click.option("--no-check", is_flag=True, help="Also accept scenarios that violate a hard rule of `scenarionet check`.")
+@click.option("--dry-run", is_flag=True, help="Print what would be converted and how long it would take.")
+@click.option(
+    "-O", "--option", "options", multiple=True, metavar="KEY=VALUE", help="Option of the converter; repeatable."
+)
 @json_option
 @quiet_option
 def command(
@@ -74,7 +84,7 @@ def command(
     files: str | None,
     where: tuple[str, ...],
     replace: bool,
-    stale: bool,
+    reconvert_stale: bool,
     yes: bool,
     is_watching: bool,
     every: str,
@@ -86,27 +96,26 @@ def command(
 ) -> None:
     """Convert recordings into a lake.
 
-    DATASET is a converter (`scenarionet converters` lists them, and what RAW has to be: mostly the folder with
-    the recordings, or its URL in an object store), or a class of your own as module:Class. LAKE is a folder or a URL,
-    made when it is not there.
+    DATASET is a converter or a class of your own, module:Class. `scenarionet converters` lists the converters and
+    what each expects as RAW, usually the folder of the recordings or its URL in an object store. LAKE is a folder or
+    a URL; it is created if it does not exist.
 
-    What is converted once is never converted again: run the same command after an interruption, or when
-    recordings were added, and it goes on from there.
+    Recordings already in the lake are skipped: run the same command again after an interruption, or when
+    recordings have been added.
 
-    A record that cannot be read, and a scenario that breaks a hard rule of `scenarionet check`, go to quarantine
-    with the reason, and the run goes on; the exit code is 1 then.
+    Records that cannot be read and scenarios that violate a hard rule of `scenarionet check` are quarantined with
+    the reason; the conversion continues and the exit code is 1.
 
-    --where chooses by what is known before anything is converted, with shell patterns: the file of an input, the
-    name of its shard, and what the dataset tells, for example the location, log, date and tags of nuPlan's logs
-    (`scenarionet converters nuplan` lists them). --dry-run converts a few inputs into a folder that it throws away,
-    to say how long the rest will take.
+    --where selects inputs before they are converted, with shell patterns: by file, by the name of the shard, and by
+    properties of the dataset such as location, log, date and tags of nuPlan (`scenarionet converters nuplan` lists
+    them). --dry-run converts a few inputs into a temporary folder to estimate the duration.
 
-    --cluster lets a Dask cluster convert: `local` starts one on this machine, an address is that of a scheduler that
-    runs already, other names and files are profiles (docs/guides/cluster.md).
+    --cluster runs on a Dask cluster: `local` starts one on this machine, tcp://HOST:PORT connects to a running
+    scheduler, other names and files are profiles (see docs/guides/cluster.md).
 
-    --watch looks for new recordings again and again, and converts each as soon as it has not changed between two looks.
+    --watch scans for new recordings repeatedly and converts each once it is unchanged between two scans.
     """
-    from scenarionet_data.conversion import Selection, parse_slice, plan_conversion
+    from scenarionet_data.conversion import InputSelection, parse_slice, plan_conversion
     from scenarionet_pipelines.cli import converter
     from scenarionet_pipelines.machine import default_workers
 
@@ -115,18 +124,18 @@ def command(
         "split": split,
         "version": version,
         "options": chosen,
-        "selection": Selection(pairs(where, "--where"), parse_slice(files or ":")),
-        "replace_old": replace,
-        "stale": stale,
+        "selection": InputSelection(pairs(where, "--where"), parse_slice(files or ":")),
+        "replace": replace,
+        "reconvert_stale": reconvert_stale,
     }
     if limit and (cluster or is_watching):
-        raise BadParameter("--limit is a quick look, one shard after the other: leave out --cluster and --watch")
+        raise BadParameter("--limit converts one shard at a time: leave out --cluster and --watch")
     if dry_run:
         _print_plan(dataset, plan_conversion(dataset, raw, lake, **common), workers or default_workers(), as_json)
         return
-    if stale and not yes:
-        _ask_about(plan_conversion(dataset, raw, lake, **common))
-    how = {"workers": workers or default_workers(), "is_checked": not no_check, **common}
+    if reconvert_stale and not yes:
+        _confirm(plan_conversion(dataset, raw, lake, **common))
+    how = {"workers": workers or default_workers(), "check": not no_check, **common}
     with executor_from_options(cluster, workers, quiet=quiet) as execution:
         if is_watching:
             is_clean = _watch(
@@ -139,7 +148,7 @@ def command(
     click.get_current_context().exit(0 if is_clean else 1)
 
 
-def _convert(dataset: str, raw: str, lake: str, quiet: bool, **how: Any) -> Report:
+def _convert(dataset: str, raw: str, lake: str, quiet: bool, **how: Any) -> ConversionReport:
     from scenarionet_data.conversion import convert
 
     with ProgressDisplay(f"convert {dataset}", "shard", is_quiet=quiet) as progress:
@@ -150,49 +159,51 @@ def _convert(dataset: str, raw: str, lake: str, quiet: bool, **how: Any) -> Repo
 
 
 def _watch(dataset: str, raw: str, lake: str, every: float, as_json: bool, **how: Any) -> bool:
-    """Convert what arrives until Ctrl-C; returns whether all of it was clean."""
+    """Convert new recordings until Ctrl-C; return whether every report was clean."""
     from scenarionet_data.conversion import watch
 
-    click.echo(f"watching {raw}: a look every {duration(every)}, until Ctrl-C", err=True)
+    click.echo(f"watching {raw} every {duration(every)}; stop with Ctrl-C", err=True)
     is_clean = True
     try:
         for report in watch(dataset, raw, lake, every=every, **how):
             print_report(report, lake, as_json)
             is_clean = is_clean and report.is_clean
     except KeyboardInterrupt:
-        click.echo(f"stopped watching {raw}; what is finished is kept in {lake}", err=True)
+        click.echo(f"stopped watching {raw}; finished shards are kept in {lake}", err=True)
     return is_clean
 
 
-def _ask_about(plan: Plan) -> None:
-    """List what would be converted again, and go on only if that is wanted."""
+def _confirm(plan: ConversionPlan) -> None:
+    """List the shards that would be converted again and ask for confirmation."""
     if not plan.replaced:
         return
-    anew = [f"{shard.dataset}/{shard.version}/{shard.split}/{shard.name}" for shard in plan.anew]
+    shards = [f"{shard.dataset}/{shard.version}/{shard.split}/{shard.name}" for shard in plan.replacing]
     click.echo(
-        f"would convert again {count(len(anew), 'shard')} that another version of the converter wrote:", err=True
+        f"would convert again {count(len(shards), 'shard')} written by another version of the converter:", err=True
     )
-    for name in anew[:_LISTED]:
+    for name in shards[:_MAX_LISTED]:
         click.echo(f"  {name}", err=True)
-    if len(anew) > _LISTED:
-        click.echo(f"  and {len(anew) - _LISTED:,} more; --dry-run --json names all", err=True)
-    if not _is_there():
-        raise BadParameter("nobody is there to be asked: add --yes to convert them again, or leave out --stale")
-    click.confirm("go on?", abort=True, err=True)
+    if len(shards) > _MAX_LISTED:
+        click.echo(f"  and {len(shards) - _MAX_LISTED:,} more; --dry-run --json lists all", err=True)
+    if not _is_interactive():
+        raise BadParameter(
+            "standard input is not a terminal, cannot ask for confirmation: add --yes, or leave out --reconvert-stale"
+        )
+    click.confirm("continue?", abort=True, err=True)
 
 
-def _is_there() -> bool:
-    """Whether somebody can be asked."""
+def _is_interactive() -> bool:
+    """Whether standard input is a terminal."""
     return sys.stdin.isatty()
 
 
 def _kept(progress: ProgressDisplay, lake: str) -> str:
     done = f"{progress.done:,} of {count(progress.total, 'shard')} ({count(progress.scenarios, 'scenario')})"
     kept = f"{done} converted and kept in {lake}" if progress.done else "no shard was finished"
-    return f"{kept}; the same command goes on from there"
+    return f"{kept}; run the same command again to continue"
 
 
-def _print_plan(dataset: str, plan: Plan, workers: int, as_json: bool) -> None:
+def _print_plan(dataset: str, plan: ConversionPlan, workers: int, as_json: bool) -> None:
     from scenarionet_data.conversion import measure_pace
 
     num_inputs = sum(len(shard.items) for shard in plan.shards)
@@ -206,10 +217,10 @@ def _print_plan(dataset: str, plan: Plan, workers: int, as_json: bool) -> None:
         return
     rows = [
         ("would convert", f"{count(len(plan.shards), 'shard')} with {count(num_inputs, 'raw input')}"),
-        ("would skip", f"{count(plan.num_skipped, 'shard')} that the lake has already"),
+        ("would skip", f"{count(plan.num_skipped, 'shard')} already in the lake"),
         ("would replace", count(len(plan.replaced), "shard")),
     ]
     if pace and seconds is not None:
-        measured = f"as {count(pace.inputs, 'input')} with {count(pace.scenarios, 'scenario')} took"
+        measured = f"measured on {count(pace.inputs, 'input')} with {count(pace.scenarios, 'scenario')}"
         rows += [("would take", f"about {duration(seconds)} with {count(processes, 'worker')}, {measured}")]
     print_table(rows + stale_row(plan.num_stale))

@@ -1,4 +1,4 @@
-"""``scenarionet converters``: what can be converted, and what each converter can be told."""
+"""``scenarionet converters``: list converters and their options."""
 
 from __future__ import annotations
 
@@ -6,18 +6,19 @@ from typing import Any
 
 import click
 
-from scenarionet_pipelines.cli.group import one_line, verb
+from scenarionet_pipelines.cli.advice import one_line
+from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import print_json, print_table
 from scenarionet_pipelines.cli.parameters import json_option
 
-_FACTS = ("raw", "release", "licence", "version")
+_PROPERTIES = ("raw", "release", "licence", "version")
 
 
 @verb("converters", "scenarionet converters", "scenarionet converters pg", "scenarionet converters --json")
 @click.argument("name", required=False)
 @json_option
 def command(name: str | None, as_json: bool) -> None:
-    """List the converters, or explain one with its options."""
+    """List the converters, or describe one with its options."""
     if name:
         _explain(name, as_json)
     else:
@@ -31,21 +32,21 @@ def _list(as_json: bool) -> None:
     if as_json:
         print_json({"converters": found})
         return
-    for facts in found:
-        click.echo(click.style(facts["name"], bold=True))
-        print_table([("", key, facts[key]) for key in ("error", *_FACTS) if key in facts])
-    click.echo("Options of one: scenarionet converters NAME")
+    for properties in found:
+        click.echo(click.style(properties["name"], bold=True))
+        print_table([("", key, properties[key]) for key in ("error", *_PROPERTIES) if key in properties])
+    click.echo("Options of a converter: scenarionet converters NAME")
 
 
 def _describe(name: str) -> dict[str, Any]:
-    """A converter's facts, or why it cannot be loaded."""
+    """Properties of a converter, or the error that prevents loading it."""
     from scenarionet_pipelines.cli import converter
 
     try:
         found = converter.find(name)
-    except Exception as error:  # an installed package of anybody's may fail in any way; list it with the rest
+    except Exception as error:  # a third-party plug-in can fail in any way; list it with its error
         return {"name": name, "error": one_line(error)}
-    return {"name": name} | {fact: getattr(found, fact) for fact in _FACTS}
+    return {"name": name} | {key: getattr(found, key) for key in _PROPERTIES}
 
 
 def _explain(name: str, as_json: bool) -> None:
@@ -56,12 +57,12 @@ def _explain(name: str, as_json: bool) -> None:
         {"name": option.name, "type": option.type_text, "default": option.default, "doc": option.doc}
         for option in converter.options(found)
     ]
-    facts = {"name": name} | {fact: getattr(found, fact) for fact in _FACTS}
-    facts["where"] = ["file", "name", *found.facts]
+    properties = {"name": name} | {key: getattr(found, key) for key in _PROPERTIES}
+    properties["where"] = ["file", "name", *found.properties]
     if as_json:
-        print_json(facts | {"options": options})
+        print_json(properties | {"options": options})
         return
-    print_table((facts | {"where": ", ".join(facts["where"])}).items())
+    print_table((properties | {"where": ", ".join(properties["where"])}).items())
     click.echo()
     if options:
         print_table([option.values() for option in options], ("option", "type", "default", ""))

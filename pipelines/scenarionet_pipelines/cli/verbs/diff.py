@@ -1,4 +1,4 @@
-"""``scenarionet diff``: what is different in another database, version or snapshot."""
+"""``scenarionet diff``: compare two databases, or two snapshots of the lake."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from scenarionet_pipelines.cli.parameters import json_option, lake_argument
 
 @verb("diff", "scenarionet diff lake busy@1 busy", "scenarionet diff lake @3 @7 --json")
 @lake_argument
-@click.argument("before", metavar="BEFORE")
-@click.argument("after", metavar="AFTER")
+@click.argument("old", metavar="OLD")
+@click.argument("new", metavar="NEW")
 @json_option
-def command(lake: str, before: str, after: str, as_json: bool) -> None:
-    """Say which scenarios came, went or changed, and which columns of metadata changed for how many.
+def command(lake: str, old: str, new: str, as_json: bool) -> None:
+    """Show which scenarios were added, removed or changed, and which columns changed.
 
-    BEFORE and AFTER are databases (DB or DB@VERSION), or @SNAPSHOT for the whole lake at that snapshot.
+    OLD and NEW are databases (DATABASE or DATABASE@VERSION), or @SNAPSHOT for the whole lake at that snapshot.
     """
     from scenarionet_data import Lake
 
-    diff = Lake(lake).diff(before, after)
+    diff = Lake(lake).diff(old, new)
     if as_json:
         print_json(diff_as_json(diff))
     else:

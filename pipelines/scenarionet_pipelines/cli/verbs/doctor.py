@@ -1,4 +1,4 @@
-"""``scenarionet doctor``: whether everything is there, and what brings what is not."""
+"""``scenarionet doctor``: check the installation, this machine and a lake."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from dataclasses import asdict
 
 import click
 
-from scenarionet_pipelines.cli.group import one_line, verb
+from scenarionet_pipelines.cli.advice import one_line
+from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import print_json, print_table
 from scenarionet_pipelines.cli.parameters import json_option
 
@@ -17,11 +18,11 @@ _MARKS = {"ok": "ok", "missing": "--", "bad": "BAD"}
 @click.argument("lake", required=False)
 @json_option
 def command(lake: str | None, as_json: bool) -> None:
-    """Check the installation, the converters, this machine, and a lake when one is given.
+    """Check the installation, the converters, this machine and, if given, a lake.
 
-    `--` marks what is not there and not needed for everything; `BAD` what has to be mended.
+    `--` marks an optional part that is missing, `BAD` a problem to fix (exit code 1).
     """
-    from scenarionet_pipelines.doctor.local import examine
+    from scenarionet_pipelines.doctor import examine
 
     findings = examine(lake)
     num_bad = sum(finding.state == "bad" for finding in findings)

@@ -1,4 +1,4 @@
-"""``scenarionet drop``: a database less; the scenarios stay."""
+"""``scenarionet drop``: remove a database."""
 
 from __future__ import annotations
 
@@ -6,16 +6,18 @@ import click
 
 from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import print_json
-from scenarionet_pipelines.cli.parameters import json_option, lake_argument
+from scenarionet_pipelines.cli.parameters import database_argument, json_option, lake_argument
 
 
 @verb("drop", "scenarionet drop lake busy", "scenarionet drop lake busy@1 --force")
 @lake_argument
-@click.argument("database", metavar="DB")
-@click.option("--force", is_flag=True, help="Also when others were made from it; they cannot be rebuilt then.")
+@database_argument
+@click.option(
+    "--force", is_flag=True, help="Drop it even if other databases were made from it; those cannot be rebuilt."
+)
 @json_option
 def command(lake: str, database: str, force: bool, as_json: bool) -> None:
-    """Remove a database, or one version of it (DB@VERSION). The scenarios stay in the lake."""
+    """Remove a database, or one version of it (DATABASE@VERSION). The scenarios stay in the lake."""
     from scenarionet_data import Lake
 
     Lake(lake).drop(database, force=force)

@@ -1,4 +1,4 @@
-"""``scenarionet export``: a database in a format of other tools."""
+"""``scenarionet export``: write a database in the format of another tool."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ from pathlib import Path
 
 import click
 
+from scenarionet_pipelines.cli.advice import one_line
 from scenarionet_pipelines.cli.execution import executor_from_options, worker_facts, worker_rows
-from scenarionet_pipelines.cli.group import one_line, verb
+from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import count, print_json, print_table, size
 from scenarionet_pipelines.cli.parameters import (
     cluster_option,
+    database_argument,
     json_option,
     lake_argument,
     quiet_option,
@@ -28,10 +30,10 @@ _FORMATS = ("scenarionet",)
     "scenarionet export lake busy_val exported/busy_val --cluster local",
 )
 @lake_argument
-@click.argument("database", metavar="DB")
+@database_argument
 @click.argument("directory", metavar="DIR")
-@click.option("--format", "to", type=click.Choice(_FORMATS), default=_FORMATS[0], help="Whose pickles to write.")
-@click.option("--workers", type=click.IntRange(1), help="Processes; one unless given.")
+@click.option("--format", "file_format", type=click.Choice(_FORMATS), default=_FORMATS[0], help="Format of the output.")
+@click.option("--workers", type=click.IntRange(1), metavar="N", help="Number of processes. [default: 1]")
 @cluster_option
 @replace_option
 @json_option
@@ -40,17 +42,17 @@ def command(
     lake: str,
     database: str,
     directory: str,
-    to: str,
+    file_format: str,
     workers: int | None,
     cluster: str | None,
     replace: bool,
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Write a database's scenarios to DIR.
+    """Export a database to the folder DIR.
 
-    `scenarionet` writes the pickles that ScenarioNet and MetaDrive load unchanged; `scenarionet convert
-    scenarionet DIR LAKE` reads such pickles.
+    The format `scenarionet` is a folder of pickles that ScenarioNet and MetaDrive load unchanged. To read such
+    pickles, run `scenarionet convert scenarionet DIR LAKE`.
     """
     from scenarionet_data import ScenarioLoader
     from scenarionet_data.execution.executors import ProcessExecutor
@@ -72,7 +74,7 @@ def command(
         refused = [{"scenario_id": e.scenario_id, "field": e.field, "reason": e.reason} for e in report.refused]
         written = {"scenarios": report.num_scenarios, "bytes": report.num_bytes}
         print_json(
-            {"directory": report.directory, "format": to}
+            {"directory": report.directory, "format": file_format}
             | written
             | {"refused": refused}
             | worker_facts(execution.stats)

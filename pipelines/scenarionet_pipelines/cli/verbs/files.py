@@ -1,4 +1,4 @@
-"""``scenarionet files``: which Parquet files make up a table, for any other engine."""
+"""``scenarionet files``: list the Parquet files of a table."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from scenarionet_pipelines.cli.parameters import json_option, lake_argument, sna
 @snapshot_option
 @json_option
 def command(lake: str, table: str, snapshot: int | None, as_json: bool) -> None:
-    """List the files of a table: what Spark, Polars or pandas has to read.
+    """List the Parquet files of a table, for Spark, Polars, pandas or any other engine.
 
-    TABLE is metadata, tracks, lights, maps, shards or quarantine. Read these files and not the folder: it may
-    hold files of jobs that are not finished, and of older snapshots.
+    TABLE is metadata, tracks, lights, maps, shards or quarantine. Read these files rather than the whole folder,
+    which may also contain files of unfinished jobs and of older snapshots.
     """
     from scenarionet_data import Lake
 

@@ -1,4 +1,4 @@
-"""``scenarionet filters``: what one can filter by."""
+"""``scenarionet filters``: list the named filters and the columns of conditions."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from scenarionet_pipelines.cli.parameters import json_option
 
 
 @verb("filters", "scenarionet filters", "scenarionet filters --columns")
-@click.option("--columns", is_flag=True, help="The columns a condition may use, with units and meaning.")
+@click.option("--columns", is_flag=True, help="List the columns of metadata instead, with units and descriptions.")
 @json_option
 def command(columns: bool, as_json: bool) -> None:
-    """List the named filters, or the columns for conditions."""
+    """List the named filters, or the columns that conditions can use."""
     if columns:
         _list_columns(as_json)
     else:
@@ -30,12 +30,12 @@ def _list_filters(as_json: bool) -> None:
         print_json({"filters": [{"name": f.name, "doc": f.doc, "parameters": f.defaults} for f in found]})
         return
     for each in found:
-        parameters = ",".join(f"{key}={_word(value)}" for key, value in each.defaults.items())
+        parameters = ",".join(f"{key}={_as_typed(value)}" for key, value in each.defaults.items())
         click.echo(f"{each.name}:{parameters}" if parameters else each.name)
         click.echo(f"    {each.doc}")
 
 
-def _word(value: Any) -> str:
+def _as_typed(value: Any) -> str:
     """A default as it would be typed."""
     return f"{value:g}" if isinstance(value, (int, float)) else " ".join(value) if isinstance(value, list) else value
 

@@ -1,4 +1,4 @@
-"""``scenarionet fsck``: whether a lake's files are whole."""
+"""``scenarionet fsck``: verify the files of a lake."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from scenarionet_pipelines.cli.group import one_line, verb
+from scenarionet_pipelines.cli.advice import one_line
+from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import count, print_json, print_table, size
 from scenarionet_pipelines.cli.parameters import json_option, lake_argument, quiet_option
 from scenarionet_pipelines.cli.progress import ProgressDisplay
@@ -25,22 +26,26 @@ _SHOWN = 20
     "scenarionet fsck lake --deep --repair",
 )
 @lake_argument
-@click.option("--deep", is_flag=True, help="Read every byte: checksums, and who lies in every row.")
+@click.option("--deep", is_flag=True, help="Read every byte and verify checksums and the scenario ids of all rows.")
 @click.option(
-    "--repair", "is_repair", is_flag=True, help="Take damaged shards out, so that they can be converted again."
+    "--repair",
+    "is_repair",
+    is_flag=True,
+    help="Remove damaged shards from the lake, so that they can be converted again.",
 )
-@click.option("--workers", type=click.IntRange(1), help="Threads; one a core unless given.")
+@click.option("--workers", type=click.IntRange(1), metavar="N", help="Number of threads. [default: one per core]")
 @json_option
 @quiet_option
 def command(lake: str, deep: bool, is_repair: bool, workers: int | None, as_json: bool, quiet: bool) -> None:
-    """Check that every file is there and whole.
+    """Verify that every file of a lake exists and is intact.
 
-    fsck looks at files, `scenarionet check` at what scenarios say. Of every snapshot, each file has to be there with
-    its size, footer and number of rows; in the newest, and in those that databases were made on, every address,
-    shared map, member and column of users is followed. Each problem is printed with its remedy; exit code 1.
+    fsck examines files; `scenarionet check` examines the content of scenarios. In every snapshot, each file must
+    exist with its recorded size, footer and number of rows. In the newest snapshot, and in those that databases use,
+    every row address, shared map, database member and user column is resolved. Each problem is printed with a
+    remedy; the exit code is 1.
 
-    --repair makes a snapshot without the shards whose files are damaged, and deletes those files; then the same
-    `scenarionet convert` as before brings them back.
+    --repair publishes a snapshot without the shards whose files are damaged and deletes those files. Run the
+    original `scenarionet convert` again to restore them.
     """
     from scenarionet_data.maintenance import fsck, repair
 
@@ -52,7 +57,7 @@ def command(lake: str, deep: bool, is_repair: bool, workers: int | None, as_json
     else:
         _print(found, lake)
         if again:
-            click.echo(f"convert again, as before: {', '.join(again[:_SHOWN])}")
+            click.echo(f"convert again: {', '.join(again[:_SHOWN])}")
     click.get_current_context().exit(0 if found.is_whole else 1)
 
 
@@ -61,7 +66,7 @@ def _print(found: Fsck, lake: str) -> None:
         click.echo(f"{problem.file}\n  {one_line(problem.reason)}\n  {problem.remedy.replace('LAKE', lake)}")
     if len(found.problems) > _SHOWN:
         click.echo(f"... and {len(found.problems) - _SHOWN:,} more; --json lists them all")
-    verdict = "whole" if found.is_whole else count(len(found.problems), "problem")
+    verdict = "intact" if found.is_whole else count(len(found.problems), "problem")
     checked = f"{count(found.num_files, 'file')} of {count(len(found.snapshots), 'snapshot')}: {verdict}"
     rows = [("checked", checked)]
     rows += [("left over", f"{count(n.num_files, 'file')}, {size(n.size)}, {n.text}") for n in found.notes]

@@ -1,4 +1,4 @@
-"""``scenarionet lineage``: where a database comes from."""
+"""``scenarionet lineage``: show how a database was made."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import click
 
 from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import count, print_json
-from scenarionet_pipelines.cli.parameters import json_option, lake_argument
+from scenarionet_pipelines.cli.parameters import database_argument, json_option, lake_argument
 
 if TYPE_CHECKING:
     from scenarionet_data.databases.record import Lineage
-    from scenarionet_data.operations.lineage import Ancestry
+    from scenarionet_data.operations.lineage import LineageTree
 
 
 @verb(
@@ -24,22 +24,22 @@ if TYPE_CHECKING:
     "scenarionet lineage lake busy --json",
 )
 @lake_argument
-@click.argument("database", metavar="DB")
-@click.option("--sql", "with_sql", is_flag=True, help="Print the SQL and its parameters too.")
+@database_argument
+@click.option("--sql", "with_sql", is_flag=True, help="Also print the SQL and its parameters.")
 @json_option
 def command(lake: str, database: str, with_sql: bool, as_json: bool) -> None:
-    """Show how a database was made, and what it was made from, as a tree."""
+    """Show how a database was made, with the databases it was made from, as a tree."""
     from scenarionet_data import Lake
 
-    found = Lake(lake).ancestry(database)
+    found = Lake(lake).lineage(database)
     if as_json:
         print_json(asdict(found))
     else:
         _print(found, with_sql, "")
 
 
-def _print(found: Ancestry, with_sql: bool, margin: str) -> None:
-    away = "; its members stayed behind" if found.lineage and not found.is_here else ""
+def _print(found: LineageTree, with_sql: bool, margin: str) -> None:
+    away = "; its members are not in this lake" if found.lineage and not found.is_here else ""
     click.echo(f"{margin}{found.reference}: {_made(found.lineage)}{away}")
     inner = margin + "    "
     if found.lineage and with_sql:
@@ -49,14 +49,14 @@ def _print(found: Ancestry, with_sql: bool, margin: str) -> None:
     if len(found.versions) > 1:
         click.echo(f"{inner}versions {', '.join(map(str, found.versions))}")
     if found.children:
-        click.echo(f"{inner}went into {', '.join(found.children)}")
+        click.echo(f"{inner}used by {', '.join(found.children)}")
     for parent in found.parents:
         _print(parent, with_sql, inner)
 
 
 def _made(lineage: Lineage | None) -> str:
     if lineage is None:
-        return "is gone"
+        return "no longer in the lake"
     seed = f", seed {lineage.parameters['seed']}" if "seed" in lineage.parameters else ""
     where = f"snapshot {lineage.snapshot}, {lineage.created_at}, {lineage.created_with}"
     return f"{count(lineage.count, 'scenario')} by {lineage.operation}{seed}, {where}"

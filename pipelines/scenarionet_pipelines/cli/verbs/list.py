@@ -1,4 +1,4 @@
-"""``scenarionet list``: what a lake holds."""
+"""``scenarionet list``: list the content of a lake."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @snapshot_option
 @json_option
 def command(lake: str, snapshot: int | None, as_json: bool) -> None:
-    """List datasets, splits, snapshots and databases of a lake."""
+    """List the datasets, databases and snapshots of a lake."""
     from scenarionet_data import Lake
 
     found = _describe(Lake(lake, snapshot))
@@ -35,7 +35,7 @@ def _describe(lake: Lake) -> dict[str, Any]:
         "lake": str(lake.root),
         "snapshot": lake.snapshot.number,
         "splits": lake.summary().to_dicts(),
-        "quarantined": int(lake.ask("quarantine_reasons")["scenarios"].sum()),
+        "quarantined": int(lake.named_query("quarantine_reasons")["scenarios"].sum()),
         "databases": [_database(lake, name) for name in lake.databases],
         "snapshots": [
             {"number": found.number, "created_at": found.created_at, "operation": found.operation}
@@ -71,6 +71,6 @@ def _print(found: dict[str, Any]) -> None:
 
 
 def _origin(lineage: dict[str, Any]) -> str:
-    """How a database was made, in a few words."""
+    """Summary of how a database was made."""
     parents = ", ".join(lineage["parents"]) or "the lake"
     return f"{lineage['operation']} of {parents} at snapshot {lineage['snapshot']}"

@@ -1,4 +1,4 @@
-"""``scenarionet merge``: several databases as one."""
+"""``scenarionet merge``: save the union of several databases."""
 
 from __future__ import annotations
 
@@ -6,28 +6,32 @@ from dataclasses import asdict
 
 import click
 
-from scenarionet_pipelines.cli.databases import print_made
+from scenarionet_pipelines.cli.databases import print_created
 from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import count, print_json
 from scenarionet_pipelines.cli.parameters import combination_options
 
 
-@verb("merge", "scenarionet merge lake busy far --to both", "scenarionet merge lake a b c --to all --replace --json")
+@verb(
+    "merge", "scenarionet merge lake busy far --name both", "scenarionet merge lake a b c --name all --replace --json"
+)
 @combination_options
 def command(lake: str, databases: tuple[str, ...], name: str, replace: bool, allow_empty: bool, as_json: bool) -> None:
-    """Save the scenarios of several databases as one: one database after the other, nobody twice.
+    """Save the union of several databases, one after the other, each scenario once.
 
-    Who is in several of them keeps the place and weight of the first. How many that are is reported;
-    `scenarionet overlap` says between which.
+    A scenario that is in several databases keeps the position and weight it has in the first. The number of repeated
+    scenarios is printed; `scenarionet overlap` shows which databases share them.
     """
     from scenarionet_data import Lake
 
     opened = Lake(lake)
-    made = opened.merge(databases, name=name, replace=replace, allow_empty=allow_empty)
-    shared = sum(len(opened.database(parent)) for parent in made.lineage.parents) - len(made)
+    created = opened.merge(*databases, name=name, replace=replace, allow_empty=allow_empty)
+    repeated = sum(len(opened.database(parent)) for parent in created.lineage.parents) - len(created)
     if as_json:
-        print_json({"name": made.name, "reference": made.reference, "repeated": shared} | asdict(made.lineage))
+        print_json(
+            {"name": created.name, "reference": created.reference, "repeated": repeated} | asdict(created.lineage)
+        )
         return
-    print_made(made, as_json)
-    if shared:
-        click.echo(f"left out: {count(shared, 'scenario')} that came again with a later database")
+    print_created(created, as_json)
+    if repeated:
+        click.echo(f"left out: {count(repeated, 'repeated scenario')}")

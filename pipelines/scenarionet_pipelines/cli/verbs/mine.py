@@ -1,4 +1,4 @@
-"""``scenarionet mine``: where an event happens."""
+"""``scenarionet mine``: find events in scenarios."""
 
 from __future__ import annotations
 
@@ -8,7 +8,14 @@ import click
 
 from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import count, print_json, print_table
-from scenarionet_pipelines.cli.parameters import json_option, lake_argument, pairs, snapshot_option
+from scenarionet_pipelines.cli.parameters import (
+    database_option,
+    json_option,
+    lake_argument,
+    pairs,
+    parameter_option,
+    snapshot_option,
+)
 
 if TYPE_CHECKING:
     import polars as pl
@@ -19,31 +26,33 @@ if TYPE_CHECKING:
 @verb(
     "mine",
     "scenarionet mine lake cut_in",
-    "scenarionet mine lake time_to_collision --set max=2.5 --from busy --limit 20",
-    "scenarionet mine lake hard_braking --set ego_only=true --json",
+    "scenarionet mine lake time_to_collision -p max=2.5 --database busy --limit 20",
+    "scenarionet mine lake hard_braking -p ego_only=true --json",
     "scenarionet mine lake",
 )
 @lake_argument
 @click.argument("event", required=False)
-@click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Value of a parameter; repeatable.")
-@click.option("--from", "database", metavar="DB", help="Look at the members of this database only.")
-@click.option("--limit", type=click.IntRange(0), help="Show so many hits; a table shows 50 unless told.")
+@parameter_option
+@database_option
+@click.option(
+    "--limit", type=click.IntRange(0), metavar="N", help="Print at most N occurrences. [default: 50 in a table]"
+)
 @snapshot_option
 @json_option
 def command(
     lake: str,
     event: str | None,
-    settings: tuple[str, ...],
+    parameters: tuple[str, ...],
     database: str | None,
     limit: int | None,
     snapshot: int | None,
     as_json: bool,
 ) -> None:
-    """List where an event happens: scenario, who, with whom, from when to when.
+    """List the occurrences of an event: scenario, objects involved, start and end.
 
-    Events are files in sql/events, each with its definition, source and parameters; without an EVENT they are listed.
-    `scenarionet filter --event cut_in` keeps the scenarios in which it happens, `scenarionet tag --event cut_in` counts
-    it once and for all.
+    Events are SQL files in sql/events, each with its definition, source and parameters; without EVENT they are
+    listed. `scenarionet filter --event cut_in` selects the scenarios with the event, `scenarionet tag --event
+    cut_in` stores its number of occurrences as a user column.
     """
     from scenarionet_data import Lake
     from scenarionet_data.query.named_sql import EVENTS
@@ -51,7 +60,7 @@ def command(
     if event is None:
         _list_events([EVENTS.load(name) for name in EVENTS.names()], as_json)
         return
-    found = Lake(lake, snapshot).mine(event, pairs(settings, "--set"), database=database)
+    found = Lake(lake, snapshot).mine(event, EVENTS.load(event).parse(pairs(parameters, "--parameter")), database)
     if as_json:
         shown = found if limit is None else found.head(limit)
         scenarios = found["scenario_id"].n_unique()
@@ -62,7 +71,7 @@ def command(
 
 def _print(found: pl.DataFrame, limit: int) -> None:
     print_table(found.head(limit).iter_rows(), found.columns if len(found) and limit else ())
-    hits, scenarios = count(len(found), "hit"), count(found["scenario_id"].n_unique(), "scenario")
+    hits, scenarios = count(len(found), "occurrence"), count(found["scenario_id"].n_unique(), "scenario")
     click.echo(f"{hits} in {scenarios}", err=True)
 
 

@@ -1,4 +1,4 @@
-"""``scenarionet overlap``: what databases share that train and test must not share."""
+"""``scenarionet overlap``: detect leakage between databases."""
 
 from __future__ import annotations
 
@@ -18,18 +18,19 @@ from scenarionet_pipelines.cli.parameters import databases_argument, json_option
 )
 @lake_argument
 @databases_argument
-@click.option("--only", multiple=True, metavar="RULE", help="Apply this rule and no others; repeatable.")
-@click.option("--strict", is_flag=True, help="Exit with 1 when anything is shared.")
+@click.option("--only", multiple=True, metavar="RULE", help="Apply only this rule; repeatable.")
+@click.option("--strict", is_flag=True, help="Exit with code 1 if anything is shared.")
 @json_option
 def command(lake: str, databases: tuple[str, ...], only: tuple[str, ...], strict: bool, as_json: bool) -> None:
-    """Look for leakage between databases, two by two.
+    """Detect leakage between databases such as train and test, pair by pair.
 
-    The rules are files in sql/overlaps: the same scenario, the same content under another id, scenarios of the same
-    recording, scenarios that share seconds of one, and scenarios with the same drive. The last reads tracks.
+    The rules are SQL files in sql/overlaps: the same scenario, the same content under another id, scenarios from the
+    same recording, scenarios that overlap in time, and scenarios with the same ego trajectory. The last one reads
+    tracks.
     """
     from scenarionet_data import Lake
 
-    found = Lake(lake).overlap(*databases, only=only or None)
+    found = Lake(lake).overlap(*databases, kinds=only or None)
     is_clean = not any(each.examples for each in found)
     if as_json:
         print_json({"overlaps": [asdict(each) for each in found], "is_clean": is_clean})
@@ -43,7 +44,7 @@ def command(lake: str, databases: tuple[str, ...], only: tuple[str, ...], strict
 
 
 def _example(examples: tuple[tuple[str, str, str], ...]) -> str:
-    """The first example: what is shared, and a scenario of each side that is not named so itself."""
+    """The first example: the shared key and, unless it is the key itself, a scenario of each database."""
     if not examples:
         return "-"
     key, *ids = examples[0]

@@ -1,4 +1,4 @@
-"""``scenarionet pack``: a database with its scenarios, to carry elsewhere."""
+"""``scenarionet pack``: write a database with its scenarios as a portable lake."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from dataclasses import asdict
 
 import click
 
-from scenarionet_pipelines.cli.group import one_line, verb
+from scenarionet_pipelines.cli.advice import one_line
+from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import count, print_json, print_table, size
 from scenarionet_pipelines.cli.parameters import json_option, quiet_option
 from scenarionet_pipelines.cli.progress import ProgressDisplay
@@ -18,27 +19,27 @@ from scenarionet_pipelines.cli.progress import ProgressDisplay
     "scenarionet pack lake busy_val busy_val.tar --tar",
     "scenarionet pack --verify busy_pack",
 )
-@click.argument("words", nargs=-1, metavar="LAKE DB OUT")
-@click.option("--tar", is_flag=True, help="Write one tar file; unpack it to open it.")
-@click.option("--verify", "pack", metavar="PATH", help="Verify a pack, folder or tar, instead of writing one.")
+@click.argument("words", nargs=-1, metavar="LAKE DATABASE OUT")
+@click.option("--tar", is_flag=True, help="Write a single tar file; it has to be unpacked before use.")
+@click.option("--verify", "pack", metavar="PATH", help="Verify a pack (folder or tar file) instead of writing one.")
 @json_option
 @quiet_option
 def command(words: tuple[str, ...], tar: bool, pack: str | None, as_json: bool, quiet: bool) -> None:
-    """Write a database with everything its scenarios need to OUT.
+    """Write a database and everything its scenarios need to OUT, a self-contained lake.
 
-    OUT is a lake of its own: every verb and the loader open it, wherever it is moved, on read-only media too.
-    Row groups are copied as they are; of maps that scenarios share, the tiles that the members see. Users' columns
-    come along, quarantine does not. OUT/SHA256SUMS lists every file for `sha256sum -c`.
+    OUT can be moved anywhere and is read by every verb and by the loader, also from read-only media. It contains the
+    scenarios, the tiles of shared maps that they use, and user columns, but no quarantined scenarios.
+    OUT/SHA256SUMS lists every file for `sha256sum -c`.
 
-    --verify reads every byte, checks checksums, row counts and references, and names what is broken (exit code 1).
+    --verify reads every byte and verifies checksums, row counts and references (exit code 1 if something is wrong).
     """
     if pack is not None:
         if words or tar:
-            raise click.UsageError("--verify PATH stands alone: it writes nothing")
+            raise click.UsageError("--verify PATH takes no other arguments")
         _verify(pack, as_json, quiet)
         return
     if len(words) != 3:
-        raise click.UsageError("wanted LAKE DB OUT, or --verify PATH")
+        raise click.UsageError("expected LAKE DATABASE OUT, or --verify PATH")
     _pack(*words, tar=tar, as_json=as_json, quiet=quiet)
 
 
@@ -65,6 +66,6 @@ def _verify(path: str, as_json: bool, quiet: bool) -> None:
         print_json(asdict(found) | {"is_whole": found.is_whole})
     else:
         print_table((damage.file, one_line(damage.reason)) for damage in found.damages)
-        verdict = "whole" if found.is_whole else count(len(found.damages), "file") + " broken"
+        verdict = "intact" if found.is_whole else count(len(found.damages), "file") + " broken"
         click.echo(f"{path}: {', '.join(found.references)}, {count(found.num_files, 'file')}: {verdict}")
     click.get_current_context().exit(0 if found.is_whole else 1)

@@ -1,4 +1,4 @@
-"""``scenarionet rebase``: a database on the newest snapshot."""
+"""``scenarionet rebase``: update a database to the newest snapshot."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ import click
 from scenarionet_pipelines.cli.databases import diff_as_json, print_diff
 from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import print_json
-from scenarionet_pipelines.cli.parameters import json_option, lake_argument
+from scenarionet_pipelines.cli.parameters import database_argument, json_option, lake_argument
 
 
 @verb("rebase", "scenarionet rebase lake busy", "scenarionet rebase lake busy --keep-members --json")
 @lake_argument
-@click.argument("database", metavar="DB")
-@click.option("--keep-members", is_flag=True, help="Ask nothing again: keep who is still in the lake.")
+@database_argument
+@click.option("--keep-members", is_flag=True, help="Do not run the query; keep the members still in the lake.")
 @json_option
 def command(lake: str, database: str, keep_members: bool, as_json: bool) -> None:
-    """Move a database to the newest snapshot, as a new version, and say what changed.
+    """Update a database to the newest snapshot, as a new version, and show what changed.
 
-    The SQL that made it runs again; the databases it was made from are moved first. The old versions stay.
+    The query of the database runs again, after those of the databases it was made from. Earlier versions are kept.
     """
     from scenarionet_data import Lake
 
@@ -27,6 +27,6 @@ def command(lake: str, database: str, keep_members: bool, as_json: bool) -> None
         print_json({"moved": [diff_as_json(diff) for diff in moved]})
         return
     if not moved:
-        click.echo(f"{database} is on the newest snapshot")
+        click.echo(f"{database} is already on the newest snapshot")
     for diff in moved:
         print_diff(diff)

@@ -1,4 +1,4 @@
-"""``scenarionet rebuild``: whether a database's lineage still gives its members."""
+"""``scenarionet rebuild``: verify that a database's query still selects its members."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ import click
 from scenarionet_pipelines.cli.databases import diff_as_json, print_diff
 from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import count, print_json
-from scenarionet_pipelines.cli.parameters import json_option, lake_argument
+from scenarionet_pipelines.cli.parameters import database_argument, json_option, lake_argument
 
 
 @verb("rebuild", "scenarionet rebuild lake busy", "scenarionet rebuild lake busy@1 --json")
 @lake_argument
-@click.argument("database", metavar="DB")
+@database_argument
 @json_option
 def command(lake: str, database: str, as_json: bool) -> None:
-    """Run the SQL that made a database again, on its snapshot and parents, and compare.
+    """Run a database's query again on its snapshot and parents, and compare the result.
 
-    Nothing is saved. The exit code is 1 when members, weights or order are not the same.
+    Nothing is saved. The exit code is 1 if members, weights or order differ.
     """
     from scenarionet_data import Lake
 

@@ -1,4 +1,4 @@
-"""``scenarionet record``: what vehicles observe along their recordings, for imitation."""
+"""``scenarionet record``: record the observations of vehicles for imitation learning."""
 
 from __future__ import annotations
 
@@ -10,18 +10,29 @@ from scenarionet_pipelines.cli.execution import executor_from_options
 from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.interrupt import Interrupted
 from scenarionet_pipelines.cli.output import count, duration, print_json
-from scenarionet_pipelines.cli.parameters import cluster_option, json_option, lake_argument, quiet_option
+from scenarionet_pipelines.cli.parameters import (
+    cluster_option,
+    json_option,
+    lake_argument,
+    optional_database_argument,
+    quiet_option,
+    workers_option,
+)
 from scenarionet_pipelines.cli.progress import ProgressDisplay
 
 
-@verb("record", "scenarionet record lake busy_train", "scenarionet record lake busy_train --agents ego --to ego_states")
+@verb(
+    "record", "scenarionet record lake busy_train", "scenarionet record lake busy_train --agents ego --name ego_states"
+)
 @lake_argument
-@click.argument("database", metavar="DB", required=False)
-@click.option("--agents", default="vehicles", metavar="NAME", help="Who observes: vehicles (default), or ego.")
-@click.option("--to", "name", metavar="RUN", help="Name of the run; DB-AGENTS-observed unless given.")
-@click.option("--workers", type=click.IntRange(1), help="Processes; one a core unless given.")
+@optional_database_argument
+@click.option(
+    "--agents", default="vehicles", metavar="NAME", show_default=True, help="Agents that observe: vehicles or ego."
+)
+@click.option("--name", metavar="NAME", help="Name of the run. [default: DATABASE-AGENTS-observed]")
+@workers_option
 @cluster_option
-@click.option("--seed", type=int, default=0, help="Of the sensors' noise.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the sensor noise.")
 @json_option
 @quiet_option
 def command(
@@ -35,12 +46,12 @@ def command(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Write each vehicle's observations along the log of a database, or of the whole lake.
+    """Record what every vehicle observes along its logged trajectory, for imitation learning.
 
-    They stand in the view `observations`: a row a vehicle and timestep, with the paper's observation as one list.
-    They are states without actions, the paper's dataset for imitation with many agents.
+    The view `observations` has one row per vehicle and timestep, with the paper's observation as a list. The rows are
+    states without actions, the paper's dataset for multi-agent imitation.
 
-    What is done once is kept: run the same command after an interruption and it goes on from there.
+    Finished scenarios are kept: run the same command again to continue after an interruption.
     """
     from scenarionet_data import Lake
     from scenarionet_pipelines.machine import default_workers
@@ -64,7 +75,9 @@ def command(
                 on_progress=progress.update,
             )
         except KeyboardInterrupt as error:
-            raise Interrupted(f"what is finished is kept in run {run}; the same command goes on from there") from error
+            raise Interrupted(
+                f"finished scenarios are kept in run {run}; run the same command again to continue"
+            ) from error
     query = "SELECT count(*), count(DISTINCT scenario_id) FROM observations WHERE run = $run"
     rows, scenarios = Lake(lake).sql(query, {"run": run}).row(0)
     took = time.monotonic() - started
@@ -72,4 +85,4 @@ def command(
         print_json({"run": run, "scenarios": scenarios, "skipped": skipped, "observations": rows, "seconds": took})
     else:
         click.echo(f"{run}: {count(rows, 'observation')} of {count(scenarios, 'scenario')}, took {duration(took)}")
-        click.echo(f"Read them: scenarionet sql {lake} \"SELECT * FROM observations WHERE run = '{run}' LIMIT 3\"")
+        click.echo(f"Query them: scenarionet sql {lake} \"SELECT * FROM observations WHERE run = '{run}' LIMIT 3\"")

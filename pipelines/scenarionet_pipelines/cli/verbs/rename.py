@@ -1,4 +1,4 @@
-"""``scenarionet rename``: another name for a database."""
+"""``scenarionet rename``: rename a database."""
 
 from __future__ import annotations
 
@@ -6,22 +6,22 @@ import click
 
 from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import print_json
-from scenarionet_pipelines.cli.parameters import json_option, lake_argument
+from scenarionet_pipelines.cli.parameters import database_argument, json_option, lake_argument
 
 
 @verb("rename", "scenarionet rename lake busy crowded", "scenarionet rename lake tmp train --json")
 @lake_argument
-@click.argument("database", metavar="DB")
+@database_argument
 @click.argument("name", metavar="NAME")
 @json_option
 def command(lake: str, database: str, name: str, as_json: bool) -> None:
-    """Give a database, with all its versions, another name.
+    """Rename a database with all its versions.
 
-    Refused where other databases were made from it, which name it in their lineage.
+    Refused if other databases were made from it, because their lineage refers to its name.
     """
     from scenarionet_data import Lake
 
-    Lake(lake).rename(database, name)
+    Lake(lake).rename(database, name=name)
     if as_json:
         print_json({"before": database, "name": name})
     else:

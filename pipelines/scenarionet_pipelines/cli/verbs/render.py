@@ -1,4 +1,4 @@
-"""``scenarionet render``: a picture or a video of one scenario, from above."""
+"""``scenarionet render``: draw a picture or a video of a scenario."""
 
 from __future__ import annotations
 
@@ -34,18 +34,33 @@ if TYPE_CHECKING:
 )
 @lake_argument
 @click.argument("scenario_id", metavar="ID")
-@click.option("-o", "--output", "file", required=True, help="What to write: .png .pdf .svg, or a video: .gif .mp4")
-@click.option("--run", help="Draw what happened in this run of `scenarionet sim`, not what was recorded.")
-@click.option("--at", type=click.FloatRange(0.0), help="A picture's time [s]; the current timestep, if not given.")
+@click.option(
+    "-o",
+    "--output",
+    "file",
+    required=True,
+    metavar="FILE",
+    help="Output: .png, .pdf or .svg; .gif or .mp4 for a video.",
+)
+@click.option("--run", metavar="NAME", help="Draw this run of `scenarionet sim` instead of the recording.")
+@click.option("--at", type=click.FloatRange(0.0), help="Time of the picture [s]. [default: the current timestep]")
 @click.option(
     "--view",
     type=click.Choice(["route", "ego", "all"]),
-    help="The ego's whole route (pictures), the ego in the middle (videos), or everything recorded.",
+    help="Frame the route, follow the ego, or show everything. [default: route in pictures, ego in videos]",
 )
-@click.option("--width", type=click.FloatRange(1.0), default=100.0, show_default=True, help="Of the view `ego` [m].")
-@click.option("--size", type=click.IntRange(64, 8192), default=1000, show_default=True, help="Longer side [pixel].")
-@click.option("--speed", type=click.FloatRange(0.01), default=1.0, show_default=True, help="A video's; 2 is twice.")
-@click.option("--color-by", type=click.Choice(["time", "speed"]), help="A picture's: whole ways in these colours.")
+@click.option(
+    "--width", type=click.FloatRange(1.0), default=100.0, show_default=True, help="Width of the view `ego` [m]."
+)
+@click.option(
+    "--size", type=click.IntRange(64, 8192), default=1000, show_default=True, help="Length of the longer side [pixel]."
+)
+@click.option("--speed", type=click.FloatRange(0.01), default=1.0, show_default=True, help="Playback speed of a video.")
+@click.option(
+    "--color-by",
+    type=click.Choice(["time", "speed"]),
+    help="Draw whole trajectories in a picture, coloured by time or speed.",
+)
 @snapshot_option
 @replace_option
 @json_option
@@ -66,20 +81,20 @@ def command(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Draw a scenario from above: a picture for a paper, or a video.
+    """Draw a top-down picture or video of a scenario.
 
-    ID is the scenario's id, or a part of it that only this scenario has. Lines have their true colours and dashes,
-    the ego is orange like its route, lights differ in colour and shape; trails show the last two seconds.
-    Pictures need the extra `plots`, mp4 the extra `video`; no display is needed.
+    ID is the id of the scenario or any part of it that is unique in the lake. The ego and its route are orange, lane
+    lines have their real colours and dashes, traffic lights differ in colour and shape, trails show the last two
+    seconds. Requires the extra `plots`, and `video` for mp4; no display is needed.
     """
     from scenarionet_data import Lake, ScenarioLoader
     from scenarionet_data.plots import Drawing, Scene
 
     path = Path(file)
     if path.exists() and not replace:
-        raise BadParameter(f"{file} is there already; give another name, or --replace")
+        raise BadParameter(f"{file} exists; choose another name, or --replace")
     opened = Lake(lake, snapshot)
-    scenario = ScenarioLoader(opened, [opened.facts(scenario_id)["scenario_id"]])[0]
+    scenario = ScenarioLoader(opened, [opened.describe(scenario_id)["scenario_id"]])[0]
     scene = Scene.of(scenario)
     moments = scene.moments() if run is None else _rollout_moments(opened, run, scene)
     now = scenario.current_timestep if at is None else round(at / scene.dt)

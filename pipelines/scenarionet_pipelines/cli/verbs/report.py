@@ -1,4 +1,4 @@
-"""``scenarionet report``: a lake on one page."""
+"""``scenarionet report``: write an HTML report about a lake."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from scenarionet_pipelines.cli.progress import ProgressDisplay
     "report",
     "scenarionet report lake -o report.html",
     "scenarionet report lake busy_train busy_val -o splits.html --replace",
-    "scenarionet report lake -o quick.html --no-checks",
+    "scenarionet report lake -o quick.html --no-check",
 )
 @lake_argument
-@click.argument("databases", metavar="[DB]...", nargs=-1)
-@click.option("-o", "--output", "file", required=True, metavar="FILE", help="The page to write, .html.")
-@click.option("--checks/--no-checks", "is_checked", default=True, help="Ask which scenarios break which rule.")
+@click.argument("databases", metavar="[DATABASE]...", nargs=-1)
+@click.option("-o", "--output", "file", required=True, metavar="FILE", help="The .html file to write.")
+@click.option("--check/--no-check", "is_checked", default=True, help="Check the quality rules.")
 @snapshot_option
 @replace_option
 @json_option
@@ -43,27 +43,27 @@ def command(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Write a page about a lake, or about some of its databases side by side.
+    """Write an HTML report about a lake, or about several of its databases side by side.
 
-    What it holds, the databases compared, distributions, which scenarios break which rule, and pictures of typical,
-    extreme and random scenarios. One HTML file that holds everything and opens without a network; send it to a
-    colleague as it is. Needs the extra `plots`.
+    The report shows the content, a comparison of the databases, distributions, violations of quality rules, and
+    pictures of typical, extreme and random scenarios. It is a single file that needs no network. Requires the extra
+    `plots`.
     """
     from scenarionet_data import Lake
     from scenarionet_pipelines.report import gather, write
 
     path = Path(file)
     if path.suffix not in (".html", ".htm"):
-        raise BadParameter(f"{file}: a report is a web page; give a name that ends in .html")
+        raise BadParameter(f"{file}: the file name of a report has to end in .html")
     if path.exists() and not replace:
-        raise BadParameter(f"{file} is there already; give another name, or --replace")
+        raise BadParameter(f"{file} exists; choose another name, or --replace")
     with ProgressDisplay(f"report {path.name}", "percent", is_quiet=quiet) as progress:
         opened = Lake(lake, snapshot)
         contents = gather(opened, databases, is_checked=is_checked, on_progress=progress.update)
         write(contents, path)
-    num_bytes, count = path.stat().st_size, sum(part.statistics.count for part in contents.parts)
+    num_bytes, count = path.stat().st_size, sum(section.statistics.count for section in contents.sections)
     if as_json:
-        names = [part.name for part in contents.parts]
+        names = [section.name for section in contents.sections]
         output.print_json({"file": file, "bytes": num_bytes, "databases": names, "scenarios": count})
     else:
         click.echo(f"{file}: {output.count(count, 'scenario')}, {output.size(num_bytes)}")

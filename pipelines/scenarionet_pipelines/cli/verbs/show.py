@@ -1,4 +1,4 @@
-"""``scenarionet show``: what is known about one scenario."""
+"""``scenarionet show``: show the metadata of one scenario."""
 
 from __future__ import annotations
 
@@ -24,26 +24,28 @@ if TYPE_CHECKING:
 )
 @lake_argument
 @click.argument("scenario_id", metavar="ID")
-@click.option("--picture", type=click.Path(dir_okay=False), help="Draw it into this .png, .svg or .pdf file, too.")
+@click.option(
+    "--picture", type=click.Path(dir_okay=False), metavar="FILE", help="Also draw it to a .png, .svg or .pdf file."
+)
 @snapshot_option
 @replace_option
 @json_option
 def command(
     lake: str, scenario_id: str, picture: str | None, snapshot: int | None, replace: bool, as_json: bool
 ) -> None:
-    """Show one scenario's facts, with their units, and a picture of it.
+    """Show the metadata of one scenario with units, and optionally draw it.
 
-    ID is the scenario's id, or a part of it that only this scenario has. The picture shows the current timestep
-    from above, and needs the extra `plots`; `scenarionet render` draws other moments, and videos.
+    ID is the id of the scenario or any part of it that is unique in the lake. The picture shows the current timestep
+    and requires the extra `plots`; `scenarionet render` draws other timesteps and videos.
     """
     from scenarionet_data import Lake
     from scenarionet_data.schema import tables
 
     opened = Lake(lake, snapshot)
-    facts = opened.facts(scenario_id)
+    facts = opened.describe(scenario_id)
     if picture:
         _draw(opened, facts["scenario_id"], picture, replace=replace)
-        click.echo(f"drawn in {picture}", err=True)
+        click.echo(f"wrote {picture}", err=True)
     if as_json:
         print_json(facts)
         return
@@ -58,5 +60,5 @@ def _draw(lake: Lake, scenario_id: str, picture: str, *, replace: bool) -> None:
     from scenarionet_data.plots import scenario_figure, write_figure
 
     if Path(picture).exists() and not replace:
-        raise BadParameter(f"{picture} is there already; give another name, or --replace")
+        raise BadParameter(f"{picture} exists; choose another name, or --replace")
     write_figure(picture, scenario_figure(ScenarioLoader(lake, [scenario_id])[0]))

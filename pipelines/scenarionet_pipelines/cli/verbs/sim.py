@@ -1,4 +1,4 @@
-"""``scenarionet sim``: a policy drives every scenario of a database; how it went is in the lake."""
+"""``scenarionet sim``: evaluate a driving policy on every scenario of a database."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from scenarionet_pipelines.cli.advice import one_line
 from scenarionet_pipelines.cli.execution import executor_from_options, worker_facts, worker_rows
-from scenarionet_pipelines.cli.group import one_line, verb
+from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.interrupt import Interrupted
 from scenarionet_pipelines.cli.output import count, duration, print_json, print_table
 from scenarionet_pipelines.cli.parameters import (
@@ -15,7 +16,9 @@ from scenarionet_pipelines.cli.parameters import (
     json_option,
     lake_argument,
     look_in_current_folder,
+    optional_database_argument,
     quiet_option,
+    workers_option,
 )
 from scenarionet_pipelines.cli.progress import ProgressDisplay
 
@@ -25,30 +28,38 @@ if TYPE_CHECKING:
     from scenarionet_data.execution.worker_stats import WorkerStats
     from scenarionet_sim.evaluation.evaluation import EvaluationReport
 
-_NUM_EXAMPLES = 5
+_MAX_EXAMPLES = 5
 
 
 @verb(
     "sim",
     "scenarionet sim lake busy_val --policy idm",
     "scenarionet sim lake busy_val --policy my_planner:Planner --backend kinematic --traffic idm --workers 4",
-    "scenarionet sim lake busy_val --policy idm --to idm_twice --json",
+    "scenarionet sim lake busy_val --policy idm --name idm_twice --json",
     "scenarionet sim lake busy_val --policy idm --cluster tcp://10.0.0.5:8786",
 )
 @lake_argument
-@click.argument("database", metavar="DB", required=False)
+@optional_database_argument
 @click.option(
-    "--policy", required=True, metavar="NAME", help="Who drives the ego: replay, idm, constant, module:Class."
+    "--policy", required=True, metavar="NAME", help="Policy of the ego: replay, idm, constant or module:Class."
 )
-@click.option("--traffic", default="replay", metavar="NAME", help="Who drives the others: replay (default) or idm.")
 @click.option(
-    "--backend", metavar="NAME", help="Physics of what actions drive: bullet (default where they do) or kinematic."
+    "--traffic",
+    default="replay",
+    show_default=True,
+    metavar="NAME",
+    help="Policy of the other vehicles: replay or idm.",
 )
-@click.option("--to", "name", metavar="RUN", help="Name of the run; DB-POLICY-TRAFFIC-BACKEND unless given.")
-@click.option("--workers", type=click.IntRange(1), help="Processes; one a core unless given.")
+@click.option(
+    "--backend",
+    metavar="NAME",
+    help="Vehicle dynamics: bullet or kinematic. [default: bullet if the policy returns actions]",
+)
+@click.option("--name", metavar="NAME", help="Name of the run. [default: DATABASE-POLICY-TRAFFIC-BACKEND]")
+@workers_option
 @cluster_option
-@click.option("--seed", type=int, default=0, help="Of the sensors' noise.")
-@click.option("--metrics-only", is_flag=True, help="Do not write what everybody did.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the sensor noise.")
+@click.option("--metrics-only", is_flag=True, help="Do not write the trajectories of the run.")
 @json_option
 @quiet_option
 def command(
@@ -65,16 +76,16 @@ def command(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Let a policy drive every scenario of a database, or of the whole lake.
+    """Evaluate a policy on every scenario of a database, or of the whole lake.
 
-    How each scenario went stands in the view `results`, a row a scenario with every metric; what everybody did in
-    `rollouts`. Both are keyed by scenario_id: where a planner fails is one join with metadata away.
+    The view `results` has one row per scenario with every metric, the view `rollouts` the driven trajectories. Join
+    them with metadata by scenario_id to find out where a planner fails.
 
-    A policy of your own is module:Class. Either it has a method act(observation) that returns steering and
-    throttle in [-1, 1] (what it observes is the paper's observation, or its attribute `sensors`), or it is a
-    subclass of scenarionet_sim.policies.Policy.
+    A policy of your own is module:Class: a class with a method act(observation) that returns steering and throttle
+    in [-1, 1], or a subclass of scenarionet_sim.policies.Policy. It receives the paper's observation unless it has
+    an attribute `sensors`.
 
-    What is done once is kept: run the same command after an interruption and it goes on from there.
+    Finished scenarios are kept: run the same command again to continue after an interruption.
     """
     from scenarionet_pipelines.machine import default_workers
     from scenarionet_sim.evaluation.evaluation import plan_evaluation, run_evaluation
@@ -96,26 +107,28 @@ def command(
                 on_progress=progress.update,
             )
         except KeyboardInterrupt as error:
-            raise Interrupted(f"what is finished is kept in run {run}; the same command goes on from there") from error
+            raise Interrupted(
+                f"finished scenarios are kept in run {run}; run the same command again to continue"
+            ) from error
     _print(report, lake, execution.stats, as_json)
     click.get_current_context().exit(1 if report.broken else 0)
 
 
-def _print(report: EvaluationReport, lake: str, shares: Mapping[str, WorkerStats], as_json: bool) -> None:
+def _print(report: EvaluationReport, lake: str, workers: Mapping[str, WorkerStats], as_json: bool) -> None:
     from scenarionet_data import Lake
 
-    rows = Lake(lake).ask("runs", {"run": report.run}).to_dicts()
+    rows = Lake(lake).named_query("runs", {"run": report.run}).to_dicts()
     facts: dict[str, Any] = rows[0] if rows else {}
     join = f'scenarionet sql {lake} "SELECT * FROM results JOIN metadata USING (scenario_id) WHERE NOT success"'
     if as_json:
         broken = [{"scenario_id": scenario_id, "reason": reason} for scenario_id, reason in report.broken]
         done = {"run": report.run, "skipped": report.skipped, "seconds": report.seconds, "broken": broken}
-        print_json(facts | done | {"scenarios": report.scenarios, "next": join} | worker_facts(shares))
+        print_json(facts | done | {"scenarios": report.scenarios, "next": join} | worker_facts(workers))
         return
     if report.skipped:
-        click.echo(f"skipped    {count(report.skipped, 'scenario')} that an earlier command had done")
+        click.echo(f"skipped    {count(report.skipped, 'scenario')} finished by an earlier command")
     print_table([(key, value) for key, value in facts.items() if value is not None])
-    print_table(worker_rows(shares, "part"))
-    for scenario_id, reason in report.broken[:_NUM_EXAMPLES]:
+    print_table(worker_rows(workers, "part"))
+    for scenario_id, reason in report.broken[:_MAX_EXAMPLES]:
         click.echo(f"could not be simulated: {scenario_id}: {one_line(reason)}", err=True)
-    click.echo(f"took {duration(report.seconds)}. Where it fails: {join}")
+    click.echo(f"took {duration(report.seconds)}. Failures: {join}")

@@ -1,4 +1,4 @@
-"""``scenarionet split``: a database in parts, such as train and val."""
+"""``scenarionet split``: split a database into parts such as train and val."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ from scenarionet_pipelines.cli.parameters import (
     json_option,
     lake_argument,
     new_version_option,
+    optional_database_argument,
     pairs,
 )
 
 
 class _ManyFractions(Verb):
-    """Lets ``--fractions`` take several words: ``--fractions train=0.9 val=0.1``."""
+    """Accepts several words after ``--fractions``: ``--fractions train=0.9 val=0.1``."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Repeat the option before every word."""
+        """Parse the arguments with the option repeated before every word."""
         repeated: list[str] = []
         is_open = False
         for word in args:
@@ -43,16 +44,26 @@ class _ManyFractions(Verb):
     cls=_ManyFractions,
 )
 @lake_argument
-@click.argument("database", metavar="DB", required=False)
-@click.option("--fractions", multiple=True, metavar="PART=FRACTION ...", help="They add up to 1.")
-@click.option("--levels", type=int, help="Instead of fractions: parts of equal size, from easy to difficult.")
-@click.option("--each", metavar="COLUMN", help="Instead of fractions: a part for every value.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Another seed, another split.")
-@click.option("--by", default="scenario_id", show_default=True, help="Column whose equal values stay together.")
-@click.option("--stratify", metavar="COLUMN", help="Give every part its fraction of each value of this column.")
-@click.option("--along", metavar="COLUMN", help="Parts follow each other in the order of this column.")
-@click.option("--prefix", help="Parts are named PREFIX_PART. [default: DB]")
-@click.option("--strict", is_flag=True, help="Refuse a split with scenarios of one source log in several parts.")
+@optional_database_argument
+@click.option(
+    "--fractions", multiple=True, metavar="PART=FRACTION ...", help="Parts and their fractions, which add up to 1."
+)
+@click.option(
+    "--levels", type=int, metavar="N", help="Instead of fractions: N parts of equal size, from easy to difficult."
+)
+@click.option("--each", metavar="COLUMN", help="Instead of fractions: one part for each value of this column.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the random numbers.")
+@click.option(
+    "--by",
+    metavar="COLUMN",
+    default="scenario_id",
+    show_default=True,
+    help="Keep scenarios with equal values in one part.",
+)
+@click.option("--stratify", metavar="COLUMN", help="Keep the proportions of this column's values in every part.")
+@click.option("--along", metavar="COLUMN", help="Split in the order of this column, for example by date.")
+@click.option("--name", metavar="NAME", help="Name the parts NAME_PART. [default: DATABASE]")
+@click.option("--strict", is_flag=True, help="Fail if scenarios of one source log are in several parts.")
 @new_version_option
 @allow_empty_option
 @json_option
@@ -66,18 +77,18 @@ def command(
     by: str,
     stratify: str | None,
     along: str | None,
-    prefix: str | None,
+    name: str | None,
     strict: bool,
     replace: bool,
     allow_empty: bool,
     as_json: bool,
 ) -> None:
-    """Part a database (or the whole lake): nobody is in two parts, and nobody is left out.
+    """Split a database, or the whole lake, into disjoint parts that together contain every scenario.
 
-    By fractions alone, which part a scenario falls into depends on its id and the seed: the parts are the same on
-    every machine, and a scenario keeps its part as the lake grows. With --by source_log, scenarios of one recording
-    stay on one side; a split that tears them apart is reported before it is saved. --stratify and --along look at
-    the whole, and part it exactly. --levels makes a curriculum along the column difficulty.
+    With fractions alone, a hash of the scenario id and the seed decides the part: the split is the same on every
+    machine, and a scenario keeps its part as the lake grows. --by source_log keeps the scenarios of one recording
+    together; a split that separates them causes a warning. --stratify and --along sort all scenarios and meet the
+    fractions exactly. --levels makes a curriculum along the column difficulty.
     """
     from scenarionet_data import Lake
 
@@ -91,7 +102,7 @@ def command(
         along=along,
         levels=levels,
         each=each,
-        prefix=prefix,
+        name=name,
         strict=strict,
         replace=replace,
         allow_empty=allow_empty,
@@ -108,4 +119,4 @@ def _fraction(part: str, word: str) -> float:
     try:
         return float(word)
     except ValueError as error:
-        raise BadParameter(f"--fractions {part} wants a number such as 0.9, found {word!r}") from error
+        raise BadParameter(f"--fractions {part} expects a number such as 0.9, found {word!r}") from error

@@ -1,4 +1,4 @@
-"""``scenarionet sql``: any question, in SQL or by name."""
+"""``scenarionet sql``: query a lake."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import click
 
 from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import count, print_json, print_table
-from scenarionet_pipelines.cli.parameters import json_option, lake_argument, pairs, snapshot_option
+from scenarionet_pipelines.cli.parameters import json_option, lake_argument, pairs, parameter_option, snapshot_option
 from scenarionet_pipelines.cli.table_file import check_suffix, flat, write_table
 
 if TYPE_CHECKING:
@@ -29,8 +29,10 @@ _MAX_ROWS, _MAX_CELL = 100, 60
 )
 @lake_argument
 @click.argument("query", required=False)
-@click.option("-p", "parameters", multiple=True, metavar="NAME=VALUE", help="Value for $NAME; repeatable.")
-@click.option("-o", "output", type=click.Path(dir_okay=False), help="Write to a .parquet, .csv or .json file.")
+@parameter_option
+@click.option(
+    "-o", "--output", type=click.Path(dir_okay=False), metavar="FILE", help="Write to a .parquet, .csv or .json file."
+)
 @click.option("--csv", "as_csv", is_flag=True, help="Print as CSV.")
 @snapshot_option
 @json_option
@@ -43,22 +45,27 @@ def command(
     snapshot: int | None,
     as_json: bool,
 ) -> None:
-    """Ask a lake one SELECT, or a question by name.
+    """Query a lake with a SELECT statement or a named query.
 
-    The views are metadata (a row a scenario; `scenarionet filters --columns` explains it), tracks, objects,
-    states, lights, maps, shards and quarantine; docs/guides/events.md has ego_states, lane_graph and more. Without a
-    query, the questions with a name are listed.
+    QUERY is one SELECT over the views metadata (one row per scenario; see `scenarionet filters --columns`), tracks,
+    objects, states, lights, maps, shards and quarantine, or over derived views such as ego_states and lane_graph
+    (see docs/guides/events.md). $NAME in the statement is replaced by the parameter NAME. Without QUERY, the named
+    queries are listed.
     """
     from scenarionet_data import Lake
+    from scenarionet_data.query.named_sql import ANALYTICS
 
     if not query:
         _list_names(as_json)
         return
     if output:
         check_suffix(output, "-o")
-    words = pairs(parameters, "-p")
+    words = pairs(parameters, "--parameter")
     opened = Lake(lake, snapshot)
-    rows = opened.ask(query, words) if _NAME.fullmatch(query) else opened.sql(query, _values(words))
+    if _NAME.fullmatch(query):
+        rows = opened.named_query(query, ANALYTICS.load(query).parse(words))
+    else:
+        rows = opened.sql(query, _values(words))
     if output:
         write_table(rows, output)
         click.echo(f"{count(len(rows), 'row')} in {output}", err=True)
@@ -71,7 +78,7 @@ def command(
 
 
 def _values(words: dict[str, str]) -> dict[str, Any]:
-    """Numbers and truth values as such, everything else as text."""
+    """Parse numbers and booleans; everything else is text."""
     return {name: _value(word) for name, word in words.items()}
 
 
@@ -85,15 +92,15 @@ def _value(word: str) -> Any:
 def _print(rows: pl.DataFrame) -> None:
     print_table(rows.head(_MAX_ROWS).iter_rows(), rows.columns, _MAX_CELL)
     if len(rows) > _MAX_ROWS:
-        click.echo(f"... {len(rows) - _MAX_ROWS:,} more rows; --csv, --json or -o FILE give all", err=True)
+        click.echo(f"... {len(rows) - _MAX_ROWS:,} more rows; use --csv, --json or -o FILE for all rows", err=True)
 
 
 def _list_names(as_json: bool) -> None:
-    from scenarionet_data.query.named_sql import QUESTIONS
+    from scenarionet_data.query.named_sql import ANALYTICS
 
-    found = [QUESTIONS.load(name) for name in QUESTIONS.names()]
+    found = [ANALYTICS.load(name) for name in ANALYTICS.names()]
     if as_json:
         print_json({"queries": [{"name": q.name, "doc": q.doc, "parameters": q.defaults} for q in found]})
         return
     print_table([(q.name, ", ".join(f"{k}={v}" for k, v in q.defaults.items()), q.doc) for q in found])
-    click.echo("Ask one: scenarionet sql LAKE NAME -p PARAMETER=VALUE")
+    click.echo("Run one: scenarionet sql LAKE NAME -p PARAMETER=VALUE")

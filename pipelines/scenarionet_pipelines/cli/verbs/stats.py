@@ -1,4 +1,4 @@
-"""``scenarionet stats``: databases side by side."""
+"""``scenarionet stats``: compare statistics of databases."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from scenarionet_pipelines.cli.output import cell, print_json, print_table
 from scenarionet_pipelines.cli.parameters import json_option, lake_argument, snapshot_option
 
 if TYPE_CHECKING:
-    from scenarionet_data.operations.comparison import Measure, Statistics
+    from scenarionet_data.operations.comparison import DatabaseStatistics, Measure
 
 
 @verb(
@@ -22,30 +22,33 @@ if TYPE_CHECKING:
     "scenarionet stats lake busy_train busy_val -o stats.svg",
 )
 @lake_argument
-@click.argument("databases", metavar="[DB]...", nargs=-1)
-@click.option("-o", "output", type=click.Path(dir_okay=False), help="Draw them into a .png, .svg or .pdf file.")
+@click.argument("databases", metavar="[DATABASE]...", nargs=-1)
+@click.option(
+    "-o", "--output", type=click.Path(dir_okay=False), metavar="FILE", help="Draw a chart to a .png, .svg or .pdf file."
+)
 @snapshot_option
 @json_option
 def command(lake: str, databases: tuple[str, ...], output: str | None, snapshot: int | None, as_json: bool) -> None:
-    """Compare databases: track length, vehicles, intersections, construction, ... as mean ± standard deviation.
+    """Compare statistics of databases: track length, vehicles, intersections, construction and more.
 
-    Without a DB, the whole lake. Pictures need the extra `plots` (matplotlib).
+    Values are mean ± standard deviation over scenarios. Without DATABASE, the whole lake is described. Charts require
+    the extra `plots`.
     """
     from scenarionet_data import Lake
 
-    found = Lake(lake, snapshot).compare(databases)
+    found = Lake(lake, snapshot).compare(*databases)
     if output:
         from scenarionet_data.plots import write_comparison
 
         write_comparison(found, output)
-        click.echo(f"drawn in {output}", err=True)
+        click.echo(f"wrote {output}", err=True)
     if as_json:
         print_json({"databases": [asdict(each) for each in found]})
     elif not output:
         _print(found)
 
 
-def _print(found: list[Statistics]) -> None:
+def _print(found: list[DatabaseStatistics]) -> None:
     rows = [["scenarios", *(each.count for each in found)]]
     full = next((each.measures for each in found if each.measures), ())
     for place, measure in enumerate(full):

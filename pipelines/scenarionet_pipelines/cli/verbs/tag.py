@@ -1,4 +1,4 @@
-"""``scenarionet tag``: columns of one's own."""
+"""``scenarionet tag``: add, list and remove user columns."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import click
 from scenarionet_data.errors import BadParameter
 from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import count, print_json, print_table
-from scenarionet_pipelines.cli.parameters import json_option, lake_argument, new_version_option
+from scenarionet_pipelines.cli.parameters import json_option, lake_argument
 
 if TYPE_CHECKING:
     from scenarionet_data import Lake
-    from scenarionet_data.databases.user_columns import Layer
+    from scenarionet_data.databases.user_columns import UserColumn
 
 
 @verb(
@@ -29,16 +29,19 @@ if TYPE_CHECKING:
 )
 @lake_argument
 @click.argument("name", required=False)
-@click.option("--where", metavar="EXPR", help="A label: whether this condition over the columns of metadata holds.")
-@click.option("--event", metavar="NAME:KEY=VALUE,...", help="A count: how often this event happens.")
-@click.option("--sql", "query", metavar="SELECT", help="A SELECT of scenario_id and one more column.")
+@click.option("--where", metavar="EXPR", help="Label: whether this SQL condition over the columns of metadata holds.")
+@click.option("--event", metavar="NAME[:KEY=VALUE,...]", help="Count: number of occurrences of this event.")
+@click.option("--sql", "query", metavar="SELECT", help="Query that selects scenario_id and one other column.")
 @click.option(
-    "--file", type=click.Path(dir_okay=False), help="A .csv or .parquet file with scenario_id and one more column."
+    "--file",
+    type=click.Path(dir_okay=False),
+    metavar="FILE",
+    help="A .csv or .parquet file with scenario_id and another column.",
 )
-@click.option("--column", metavar="NAME", help="With --file: the column, where there are several.")
-@new_version_option
-@click.option("--drop", metavar="NAME", help="Remove this column, or a version of it: NAME@VERSION.")
-@click.option("--force", is_flag=True, help="With --drop: also when databases need it; they cannot be rebuilt then.")
+@click.option("--column", metavar="NAME", help="With --file: the column to use if there are several.")
+@click.option("--replace", is_flag=True, help="Save a new version if the column exists.")
+@click.option("--drop", metavar="NAME", help="Remove a user column, or one version of it (NAME@VERSION).")
+@click.option("--force", is_flag=True, help="With --drop: even if databases use the column; those cannot be rebuilt.")
 @json_option
 def command(
     lake: str,
@@ -53,11 +56,11 @@ def command(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Add a column to scenarios: a label, a count, a score, an embedding; or remove it.
+    """Add a user column to the lake, such as a label, a count, a score or an embedding.
 
-    It is a side table, keyed by scenario id; nothing is rewritten. `--where`, `sql` and every filter know it like any
-    other column; scenarios without a value have null. Without a NAME, the lake's columns of this kind are listed.
-    A column that queries of databases asked is not removed without --force.
+    A user column is a side table keyed by scenario id; no scenario is rewritten. Conditions, SQL and filters use it
+    like any other column of metadata, with null for scenarios without a value. Without NAME, the user columns are
+    listed. --drop removes one; --force is required if databases depend on it.
     """
     from scenarionet_data import Lake
 
@@ -65,7 +68,7 @@ def command(
     given = {"--where": where, "--event": event, "--sql": query, "--file": file}
     chosen = [(option, value) for option, value in given.items() if value is not None]
     if (drop and (name or chosen or column or replace)) or (force and not drop):
-        raise BadParameter("--drop NAME stands alone, or with --force")
+        raise BadParameter("--drop NAME takes no other option than --force")
     if drop:
         _drop(opened, drop, force, as_json)
         return
@@ -73,17 +76,17 @@ def command(
         _list(opened, as_json)
         return
     if name is None:
-        raise BadParameter("wanted a NAME for the column: scenarionet tag LAKE NAME ...")
+        raise BadParameter("the column needs a NAME: scenarionet tag LAKE NAME ...")
     if len(chosen) != 1 or (column and not file):
-        raise BadParameter(f"wanted one of {', '.join(given)} (and --column only with --file)")
-    layer = _tag(opened, name, *chosen[0], column, replace)
+        raise BadParameter(f"expected one of {', '.join(given)}; --column requires --file")
+    tagged = _tag(opened, name, *chosen[0], column, replace)
     if as_json:
-        print_json(asdict(layer) | {"reference": layer.reference})
+        print_json(asdict(tagged) | {"reference": tagged.reference})
     else:
-        click.echo(f"{layer.reference}: {layer.type} for {layer.count:,} of {count(len(opened), 'scenario')}")
+        click.echo(f"{tagged.reference}: {tagged.type} for {tagged.count:,} of {count(len(opened), 'scenario')}")
 
 
-def _tag(lake: Lake, name: str, option: str, value: str, column: str | None, replace: bool) -> Layer:
+def _tag(lake: Lake, name: str, option: str, value: str, column: str | None, replace: bool) -> UserColumn:
     if option == "--where":
         return lake.tag_where(name, value, replace=replace)
     if option == "--event":
@@ -104,11 +107,11 @@ def _drop(lake: Lake, reference: str, force: bool, as_json: bool) -> None:
 def _list(lake: Lake, as_json: bool) -> None:
     from scenarionet_data.databases import user_columns
 
-    found = [user_columns.read(lake.files, name, version) for name, version in lake.layers.items()]
+    found = [user_columns.read(lake.files, name, version) for name, version in lake.user_columns.items()]
     if as_json:
-        print_json({"layers": [asdict(layer) | {"reference": layer.reference} for layer in found]})
+        print_json({"user_columns": [asdict(each) | {"reference": each.reference} for each in found]})
     elif found:
-        rows = [(layer.reference, layer.type, layer.count, layer.source, layer.created_at) for layer in found]
+        rows = [(each.reference, each.type, each.count, each.source, each.created_at) for each in found]
         print_table(rows, ("column", "type", "scenarios", "from", "at"), max_cell=60)
     else:
-        click.echo("No columns yet: scenarionet tag LAKE NAME --where ...")
+        click.echo("no user columns; add one: scenarionet tag LAKE NAME --where ...")

@@ -1,23 +1,20 @@
-"""``scenarionet vacuum``: snapshots that nobody needs expire, and what only they name is deleted."""
+"""``scenarionet vacuum``: expire old snapshots and delete the files only they use."""
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING
 
 import click
 
-from scenarionet_data.errors import BadParameter
 from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import count, print_json, print_table, size
-from scenarionet_pipelines.cli.parameters import json_option, lake_argument, quiet_option
+from scenarionet_pipelines.cli.parameters import json_option, lake_argument, quiet_option, seconds
 from scenarionet_pipelines.cli.progress import ProgressDisplay
 
 if TYPE_CHECKING:
     from scenarionet_data.maintenance import Vacuum
 
-_SHOWN = 8
-_UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 24 * 3600.0, "w": 7 * 24 * 3600.0}
+_MAX_LISTED = 8
 
 
 @verb(
@@ -28,9 +25,9 @@ _UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 24 * 3600.0, "w": 7 * 24 * 36
 )
 @lake_argument
 @click.option("--keep-last", type=click.IntRange(1), metavar="N", help="Keep the N newest snapshots.")
-@click.option("--older-than", metavar="TIME", help="Keep what is younger: 30d, 12h, 2w, 90min.")
-@click.option("--dry-run", is_flag=True, help="Say what would go, and change nothing: so it is without --yes.")
-@click.option("--yes", is_flag=True, help="Do it.")
+@click.option("--older-than", metavar="TIME", help="Keep snapshots younger than this: 30d, 12h, 2w, 90min.")
+@click.option("--dry-run", is_flag=True, help="Print what would be deleted (the default without --yes).")
+@click.option("--yes", is_flag=True, help="Delete.")
 @json_option
 @quiet_option
 def command(
@@ -42,49 +39,33 @@ def command(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Delete what older snapshots alone need.
+    """Expire old snapshots and delete the files that only they use.
 
-    Without --yes it only says what would go. With both --keep-last and --older-than, a snapshot goes when neither
-    keeps it. The newest snapshot never goes, nor one that a database was made on: drop or rebase that database first.
-    Databases, users' columns and results of the simulator are not touched.
+    Without --yes, nothing is deleted. With both --keep-last and --older-than, a snapshot expires only if neither
+    keeps it. The newest snapshot never expires, nor does one that a database uses: drop or rebase that database
+    first. Databases, user columns and simulation results are not deleted.
 
-    Others may convert and read meanwhile: what nothing names yet stays for a day. Who reads a snapshot that goes is
-    told to open the lake again.
+    Other processes can convert and read at the same time: files younger than a day are never deleted. A reader of an
+    expired snapshot gets an error that asks to open the lake again.
     """
     from scenarionet_data.maintenance import plan_vacuum, vacuum
 
     if keep_last is None and older_than is None:
-        raise click.UsageError("say which snapshots may go: --keep-last N, --older-than 30d, or both")
+        raise click.UsageError("choose the snapshots to expire: --keep-last N, --older-than 30d, or both")
     if yes and dry_run:
         raise click.UsageError("--dry-run and --yes contradict each other")
-    seconds = None if older_than is None else parse_time(older_than)
+    age = None if older_than is None else seconds(older_than, "--older-than", allow_zero=True)
     if yes:
         with ProgressDisplay(f"vacuum {lake}", "file", is_quiet=quiet) as progress:
             done = vacuum(
                 lake,
                 keep_last=keep_last,
-                older_than=seconds,
+                older_than=age,
                 on_progress=progress.update,
             )
     else:
-        done = plan_vacuum(lake, keep_last=keep_last, older_than=seconds)
+        done = plan_vacuum(lake, keep_last=keep_last, older_than=age)
     _print(done, as_json)
-
-
-def parse_time(text: str) -> float:
-    """Seconds of ``30d``, ``12h``, ``2w``, ``90min`` or ``45s``.
-
-    Raises:
-        BadParameter: It is none of these.
-
-    Example:
-        >>> parse_time("12h")
-        43200.0
-    """
-    match = re.fullmatch(r"(\d+(?:\.\d+)?)(s|min|h|d|w)", text)
-    if not match:
-        raise BadParameter(f"--older-than {text!r}: wanted a number and s, min, h, d or w, for example 30d")
-    return float(match[1]) * _UNITS[match[2]]
 
 
 def _print(done: Vacuum, as_json: bool) -> None:
@@ -97,9 +78,9 @@ def _print(done: Vacuum, as_json: bool) -> None:
         return
     verb_ = "expired" if done.is_done else "would expire"
     rows = [(verb_, f"{count(len(done.expired), 'snapshot')}{_listed(done.expired)}")]
-    rows += [("stay", f"{count(len(done.kept), 'snapshot')}{_listed(done.kept)}")]
+    rows += [("kept", f"{count(len(done.kept), 'snapshot')}{_listed(done.kept)}")]
     rows += [
-        ("needed", f"snapshot {n} by {', '.join(names)}; rebase it and drop this version")
+        ("needed", f"snapshot {n} by {', '.join(names)}; rebase it and drop that version")
         for n, names in done.needed.items()
     ]
     rows += [
@@ -107,17 +88,17 @@ def _print(done: Vacuum, as_json: bool) -> None:
         for name, (number, held) in done.tables.items()
     ]
     if done.young:
-        rows += [("left", f"{count(len(done.young), 'file')}, {size(young)}: named by nothing, but not a day old")]
+        rows += [("left", f"{count(len(done.young), 'file')}, {size(young)}: unused, but younger than a day")]
     print_table(rows)
     if done.is_done:
-        click.echo(f"{size(done.size)} are free again")
+        click.echo(f"freed {size(done.size)}")
     elif done.expired or done.files:
-        click.echo(f"--yes does it: {size(done.size)} would be free again")
+        click.echo(f"add --yes to delete; frees {size(done.size)}")
     else:
         click.echo("nothing to do")
 
 
 def _listed(numbers: tuple[int, ...]) -> str:
-    """The numbers behind a colon; nothing when there are none."""
-    shown = ", ".join(map(str, numbers[:_SHOWN])) + (", ..." if len(numbers) > _SHOWN else "")
+    """A colon and the first numbers; empty without numbers."""
+    shown = ", ".join(map(str, numbers[:_MAX_LISTED])) + (", ..." if len(numbers) > _MAX_LISTED else "")
     return f": {shown}" if numbers else ""

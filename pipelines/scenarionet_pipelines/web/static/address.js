@@ -1,4 +1,4 @@
-// What is looked at, kept in the page's address: it can be reloaded, gone back to, and sent to a colleague.
+// The state of the page, stored in its address so that it can be reloaded, bookmarked and shared.
 
 const defaults = {
   where: "",

@@ -1,4 +1,4 @@
-// What part of the world a canvas shows: a middle [m], and pixels per metre. North is up.
+// The part of the world that a canvas shows: its centre [m] and its scale [pixel/m]. North is up.
 
 const closest = 60;
 const farthest = 0.02;
@@ -20,7 +20,7 @@ export class Camera {
     this.scale = clamp(Math.min(this.width / across, this.height / down));
   }
 
-  // Closer by a factor, with the point under (px, py) held in its place.
+  // Zoom by a factor around the point (px, py).
   zoom(factor, px = this.width / 2, py = this.height / 2) {
     const [x, y] = this.toWorld(px, py);
     this.scale = clamp(this.scale * factor);
@@ -38,7 +38,7 @@ export class Camera {
     return [this.x + (px - this.width / 2) / this.scale, this.y - (py - this.height / 2) / this.scale];
   }
 
-  // Let a context draw in metres.
+  // Set the transform of a context so that it draws in metres.
   apply(context, ratio) {
     const s = this.scale * ratio;
     context.setTransform(s, 0, 0, -s, (ratio * this.width) / 2 - s * this.x, (ratio * this.height) / 2 + s * this.y);

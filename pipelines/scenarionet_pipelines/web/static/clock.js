@@ -1,4 +1,4 @@
-// The time that is shown: it runs at the speed of the recording, or a multiple of it, and stops at the end.
+// Playback time: runs at a multiple of the recording's speed and stops at the end.
 
 export class Clock {
   constructor(duration) {
@@ -9,7 +9,7 @@ export class Clock {
     this.before = null;
   }
 
-  // Go on to the moment of a frame [ms].
+  // Advance to the time of an animation frame [ms].
   tick(now) {
     if (this.isRunning && this.before !== null) {
       this.time = Math.min(this.duration, this.time + ((now - this.before) / 1000) * this.speed);

@@ -1,4 +1,4 @@
-// The player's controls: play, step, speed, slider and layers below the picture; zoom and follow upon it.
+// Controls of the player: play, step, slider, speed and layers below the canvas; zoom and follow on it.
 
 import { make } from "/static/elements.js";
 
@@ -18,7 +18,7 @@ export function controls(player, layers) {
   const step = (label, by, words) => make("button", { type: "button", "aria-label": words, onclick: () => player.goTo(scene.at(clock.time).step + by) }, label);
   const bar = make(
     "div", { class: "controls" },
-    make("div", { class: "row" }, play, step("−1", -1, "One step back"), step("+1", 1, "One step on"), slider, time, speed),
+    make("div", { class: "row" }, play, step("−1", -1, "One step back"), step("+1", 1, "One step forward"), slider, time, speed),
     make("fieldset", { class: "layers" }, make("legend", {}, "Layers"), ...Object.keys(layers).map((name) => layer(player, layers, name))),
   );
   const view = viewButtons(player);
@@ -48,13 +48,13 @@ function layer(player, layers, name) {
 function viewButtons(player) {
   const zoom = (factor) => { player.stage.camera.zoom(factor); player.stage.moved(); };
   const button = (label, words, action) => make("button", { type: "button", "aria-label": words, title: words, onclick: action }, label);
-  const follow = button("Follow", "Follow the chosen object, or the ego (F)", () => player.follow(!player.stage.follows));
+  const follow = button("Follow", "Follow the selected object or the ego (F)", () => player.follow(!player.stage.follows));
   const element = make(
     "div", { class: "view" },
-    button("+", "Closer (+)", () => zoom(1.4)),
-    button("−", "Farther (-)", () => zoom(1 / 1.4)),
+    button("+", "Zoom in (+)", () => zoom(1.4)),
+    button("−", "Zoom out (-)", () => zoom(1 / 1.4)),
     button("Route", "Show the ego's route (0)", () => player.stage.fitRoute()),
-    button("All", "Show everything recorded", () => player.stage.fitAll()),
+    button("All", "Show the whole scenario", () => player.stage.fitAll()),
     follow,
   );
   return { element, follow };

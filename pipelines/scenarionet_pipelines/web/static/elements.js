@@ -1,4 +1,4 @@
-// Elements made from data. Text goes in as text: whatever a scenario is called, it cannot become markup.
+// DOM elements built from data. Strings are inserted as text, never as markup.
 
 export function make(tag, attributes = {}, ...children) {
   const element = document.createElement(tag);

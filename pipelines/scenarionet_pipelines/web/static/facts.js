@@ -1,11 +1,11 @@
-// Facts about what is drawn, as lists of terms: for what the pointer is on, and for the object that is chosen.
+// Properties of objects, map features and scenarios, for the tooltip and the side panel.
 
 import { make } from "/static/elements.js";
 import { cell, number, words } from "/static/format.js";
 
 const degrees = 180 / Math.PI;
 
-// An object at a timestep.
+// Properties of an object at a timestep.
 export function objectFacts(scene, row, step) {
   const object = scene.objects[row];
   const at = row * scene.numSteps + step;
@@ -18,22 +18,22 @@ export function objectFacts(scene, row, step) {
     terms: [
       ["type", words(object.type) + (object.source ? ` (${object.source})` : "")],
       ["marked", marks.join(", ")],
-      ["speed", isThere ? `${scene.speed(row, step).toFixed(1)} m/s` : "not there now"],
+      ["speed", isThere ? `${scene.speed(row, step).toFixed(1)} m/s` : "not visible now"],
       ["heading", isThere ? `${(scene.heading[at] * degrees).toFixed(0)}°` : ""],
       ["position", isThere ? `${scene.position[2 * at].toFixed(1)}, ${scene.position[2 * at + 1].toFixed(1)} m` : ""],
       ["size", `${size} m`],
-      ["there", first < 0 ? "never" : `${scene.time[first].toFixed(1)} – ${scene.time[last].toFixed(1)} s`],
+      ["visible", first < 0 ? "never" : `${scene.time[first].toFixed(1)} – ${scene.time[last].toFixed(1)} s`],
     ],
   };
 }
 
-// A map feature.
+// Properties of a map feature.
 export function featureFacts(scene, row) {
   const { id, type, limit } = scene.features[row];
   return { title: id, terms: [["type", words(type)], ["speed limit", limit === null ? "" : `${number(limit)} m/s`]] };
 }
 
-// The facts as elements; what is empty is left out.
+// Build elements from properties; empty ones are left out.
 export function described({ title, terms }) {
   const rows = terms.filter(([, value]) => value !== "").flatMap(([term, value]) => [make("dt", {}, term), make("dd", {}, value)]);
   return [make("strong", {}, title), make("dl", {}, ...rows)];

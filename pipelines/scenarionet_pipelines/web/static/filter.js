@@ -1,4 +1,4 @@
-// The filter box: a condition, the columns that come near while it is typed, and where a mistake is.
+// The filter box: completes column names and marks the position of errors.
 
 import { find, make, fill } from "/static/elements.js";
 
@@ -22,7 +22,7 @@ export function startFilter(lake, go) {
   box.addEventListener("keydown", onKey);
 }
 
-// The word that is being typed: where it begins, and itself.
+// The word before the cursor and its start.
 function word() {
   const box = find("where");
   const before = box.value.slice(0, box.selectionStart);
@@ -85,7 +85,7 @@ function choose(options, step) {
   find("where").setAttribute("aria-activedescendant", options[chosen].id);
 }
 
-// What the server refused, in its words; with the place in the condition where there is one. Nothing for null.
+// Show an error of the server and mark its position in the condition; null clears it.
 export function showProblem(error) {
   const problem = find("problem");
   problem.hidden = !error;

@@ -1,4 +1,4 @@
-// Values as people read them.
+// Formatting of values.
 
 const whole = new Intl.NumberFormat("en");
 const broken = new Intl.NumberFormat("en", { maximumSignificantDigits: 4 });
@@ -19,7 +19,7 @@ export function plural(count, noun) {
   return `${whole.format(count)} ${noun}${count === 1 ? "" : "s"}`;
 }
 
-// A type's word as in the lake, for people: TRAFFIC_CONE -> traffic cone.
+// Readable name of a type: TRAFFIC_CONE -> traffic cone.
 export function words(name) {
   return name ? name.toLowerCase().replaceAll("_", " ") : "unknown";
 }

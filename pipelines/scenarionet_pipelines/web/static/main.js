@@ -1,4 +1,4 @@
-// The page: opens the lake, then shows what its address says, and says in its address what is shown.
+// Entry point of the page: shows the state stored in its address and updates the address on changes.
 
 import * as address from "/static/address.js";
 import { find, make, fill } from "/static/elements.js";
@@ -29,7 +29,7 @@ async function show(state) {
   }
 }
 
-// Changes what is looked at; other filters begin at the first page.
+// Change the state; a new filter, database or order starts at the first page.
 function go(changes) {
   const before = address.read();
   const state = { ...before, ...changes };
@@ -62,7 +62,7 @@ async function start() {
     return;
   }
   find("lake-name").textContent = lake.name;
-  find("lake-facts").textContent = `${plural(lake.scenarios, "scenario")} · snapshot ${lake.snapshot} · ${lake.isWritable ? "databases may be saved" : "read-only"}`;
+  find("lake-facts").textContent = `${plural(lake.scenarios, "scenario")} · snapshot ${lake.snapshot} · ${lake.isWritable ? "writable" : "read-only"}`;
   find("lake-facts").title = `${lake.path}, ${lake.software}`;
   showDatabases(lake.databases);
   startFilter(lake, go);

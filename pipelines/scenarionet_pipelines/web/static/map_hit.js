@@ -1,4 +1,4 @@
-// Which map feature lies under a point: the nearest line within reach, else the lane or area around it.
+// Find the map feature at a point: the nearest line within reach, otherwise the lane or area around it.
 
 import { list } from "/static/map_layer.js";
 
@@ -8,7 +8,7 @@ export class MapHit {
     this.boxes = scene.features.map((feature, row) => box(list(scene.linePoints, scene.lineOffsets, row), list(scene.areaPoints, scene.areaOffsets, row)));
   }
 
-  // The row of the feature, -1 for none; reach in metres, kinds as in the layers that are shown.
+  // Return the row of the feature, -1 for none. `reach` is in metres; `isShown` selects visible kinds.
   at(x, y, reach, isShown) {
     const { scene } = this;
     let nearest = -1;
@@ -42,7 +42,7 @@ function box(...lists) {
   return found;
 }
 
-// Distance from a point to a line; infinite from one without points.
+// Distance from a point to a polyline; infinite if it has no points.
 function apart(points, x, y) {
   let best = points.length === 2 ? Math.hypot(points[0] - x, points[1] - y) : Infinity;
   for (let k = 2; k < points.length; k += 2) {

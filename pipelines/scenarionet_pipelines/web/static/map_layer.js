@@ -1,9 +1,9 @@
-// The map: surfaces, crosswalks, lines in their true colours and dashes, edges, the lanes' direction.
-// Drawn into a picture larger than what is seen, which is shown until something else is seen.
+// The map: surfaces, crosswalks, lane lines in their real colours and dashes, edges, lane directions.
+// Drawn into an off-screen canvas larger than the view, which is reused until the view leaves it.
 
-const laneWidth = 3.5; // of a lane without an outline [m]
-const margin = 0.35; // of the picture beyond each side of what is seen
-const slow = 30; // [ms]: a map that takes longer is not drawn while one zooms
+const laneWidth = 3.5; // width of a lane without an outline [m]
+const margin = 0.35; // of the off-screen canvas beyond each side of the view
+const slow = 30; // [ms] a map that takes longer is not redrawn during a zoom
 
 export class MapLayer {
   constructor(scene, style, layers) {
@@ -11,16 +11,16 @@ export class MapLayer {
     this.layers = layers;
     this.paths = build(scene, style);
     this.canvas = document.createElement("canvas");
-    this.shown = null; // the camera and ratio of the picture
+    this.shown = null; // camera and pixel ratio of the off-screen canvas
     this.took = 0;
   }
 
-  // Forget the picture: a layer was switched.
+  // Discard the off-screen canvas, for example when a layer is toggled.
   forget() {
     this.shown = null;
   }
 
-  // Paint what the camera sees; true when it is to be painted again once the camera rests.
+  // Paint the view; returns true if it has to be redrawn once the camera rests.
   paint(context, camera, ratio, isMoving) {
     const isSharp = this.shown && this.shown.scale === camera.scale && this.shown.ratio === ratio;
     const isCovered = this.shown && covers(this.shown, camera);
@@ -99,7 +99,7 @@ function stroke(context, path, width) {
   context.stroke(path);
 }
 
-// One path for everything that is drawn alike.
+// Build one path per style.
 function build(scene, style) {
   const paths = { surfaces: new Path2D(), bareLanes: new Path2D(), arrows: new Path2D(), edges: new Path2D(), stops: new Path2D(), crosswalks: [] };
   const painted = {};
@@ -136,7 +136,7 @@ function trace(path, points, isClosed = false) {
   if (isClosed) path.closePath();
 }
 
-// How a line is painted: how far left of the recorded line each stroke is [m], and whether it is broken.
+// Strokes of a lane line: lateral offset to the left [m] and whether it is broken.
 function strokes(type, line) {
   if (type === "ROAD_LINE_PASSING_DOUBLE_YELLOW") return [[line, false], [-line, true]];
   const isBroken = type.includes("BROKEN");
@@ -158,7 +158,7 @@ function beside(points, left) {
   return moved;
 }
 
-// Small chevrons along a lane, so many metres apart.
+// Chevrons along a lane, `every` metres apart.
 function arrows(path, points, every) {
   let next = every / 4;
   for (let k = 2; k < points.length; k += 2) {
@@ -178,7 +178,7 @@ function arrows(path, points, every) {
   }
 }
 
-// A crosswalk: one broad broken line along its longest side, cut to its outline.
+// Draw a crosswalk as a broad dashed line along its longest side, clipped to its outline.
 function zebra(context, outline, style) {
   if (outline.length < 6) return;
   const path = new Path2D();

@@ -1,8 +1,8 @@
-// What moves: boxes with headings, trails, the ego's way, traffic lights, names.
+// Objects as boxes with headings, trails, the ego's route, traffic lights and labels.
 
 const trail = 2; // [s]
-const bands = 5; // of fading
-const least = 0.8; // shortest side of a drawn box [m]: pedestrians would hardly be seen
+const bands = 5; // levels of fading
+const least = 0.8; // minimum side of a drawn box [m], so that pedestrians are visible
 const shapes = { s: 4, "^": 3, D: 4, o: 0 };
 
 export class ObjectLayer {
@@ -50,7 +50,7 @@ export class ObjectLayer {
     context.lineCap = "butt";
   }
 
-  // One path a colour and age: a few strokes however many objects there are.
+  // One path per colour and age, so that the number of strokes does not grow with the number of objects.
   paintTrails(context, camera, { step }) {
     const { scene } = this;
     const since = scene.time[step] - trail;
@@ -138,7 +138,7 @@ export class ObjectLayer {
     }
   }
 
-  // The topmost object under a point [m], within some slack [m]; -1 for none.
+  // Return the topmost object at a point [m] within a tolerance [m]; -1 for none.
   hit(x, y, slack, moment) {
     for (let place = this.order.length - 1; place >= 0; place--) {
       const box = this.scene.place(this.order[place], moment, this.there);
@@ -159,7 +159,7 @@ function polygon(context, points) {
   context.closePath();
 }
 
-// A mark of matplotlib's names: s square, ^ triangle, D diamond, o circle.
+// Draw a marker by its matplotlib name: s square, ^ triangle, D diamond, o circle.
 function mark(context, x, y, radius, shape) {
   const corners = shapes[shape];
   context.beginPath();

@@ -1,4 +1,4 @@
-// Thumbnails: fetched when they come into view, a few at a time, so that filters find a connection free.
+// Thumbnails: fetched when they become visible, a few at a time, so that a connection stays free for filters.
 
 const most = 4;
 let waiting = [];
@@ -14,13 +14,13 @@ const watcher = new IntersectionObserver((entries) => {
   fetchNext();
 }, { rootMargin: "300px" });
 
-// Show the picture at an address in an image, once somebody sees it.
+// Load the picture at an address into an image element once it is visible.
 export function showWhenSeen(image, address) {
   image.dataset.address = address;
   watcher.observe(image);
 }
 
-// Nobody waits for the pictures of the page before.
+// Cancel the pictures of the previous page.
 export function forgetPictures() {
   watcher.disconnect();
   waiting = [];

@@ -1,4 +1,4 @@
-// The player: one scenario on a canvas, with its controls, its layers, and what is known about it and its objects.
+// The player: one scenario on a canvas, with controls, layers and properties.
 
 import * as address from "/static/address.js";
 import { Clock } from "/static/clock.js";
@@ -19,7 +19,7 @@ export function closePlayer() {
   fill(find("player"));
 }
 
-// Opens a scenario; `listed` are the ids of the table's page it was chosen from.
+// Open a scenario; `listed` are the ids on the current page of the table.
 export async function openPlayer(lake, state, listed, go) {
   closePlayer();
   const id = state.scenario;
@@ -35,7 +35,7 @@ export async function openPlayer(lake, state, listed, go) {
     if (address.read().scenario === id) fill(find("player"), head(state, id, back, listed), make("p", { class: "problem", role: "alert" }, error.message));
     return;
   }
-  if (address.read().scenario !== id) return; // something else was opened meanwhile
+  if (address.read().scenario !== id) return; // another scenario was opened in the meantime
   playing = new Player(lake, scene, facts, head(state, id, back, listed), () => go({ scenario: "" }));
 }
 
@@ -58,13 +58,13 @@ class Player {
     Object.assign(this, { scene, onEnd });
     this.clock = new Clock(scene.duration);
     this.clock.set(scene.time[scene.now]);
-    const canvas = make("canvas", { tabindex: "0", role: "img", "aria-label": `Scenario ${scene.id} from above; space plays, arrows step, plus and minus zoom` });
+    const canvas = make("canvas", { tabindex: "0", role: "img", "aria-label": `Scenario ${scene.id} from above; space plays, arrow keys step, plus and minus zoom` });
     this.tip = make("div", { class: "tip", "aria-hidden": "true", hidden: true });
     this.chosen = make("div", { class: "chosen", "aria-live": "off" });
     this.controls = controls(this, layers);
     const picture = make("div", { class: "picture" }, canvas, this.tip, this.controls.view, legend(lake.picture, scene));
     const side = make(
-      "aside", { "aria-label": "Facts" },
+      "aside", { "aria-label": "Properties" },
       make("h2", {}, "Object"), this.chosen,
       make("details", { open: true }, make("summary", {}, plural(scene.numObjects, "object")), this.objectList()),
       make("details", {}, make("summary", {}, "Scenario"), scenarioFacts(lake, facts)),
@@ -80,7 +80,7 @@ class Player {
     document.addEventListener("keydown", this.onKey);
     this.pick(scene.ego);
     this.frame = requestAnimationFrame((now) => this.run(now));
-    find("content").focus({ preventScroll: true }); // keys play at once
+    find("content").focus({ preventScroll: true }); // so that keyboard shortcuts work immediately
   }
 
   close() {
@@ -105,7 +105,7 @@ class Player {
     this.stage.hover();
   }
 
-  // Something was changed by hand.
+  // Called after a change by the user.
   changed() {
     this.stage.isStale = true;
     this.showTime();
@@ -139,7 +139,7 @@ class Player {
   showChosen() {
     const row = this.stage.objects.selected;
     this.shownStep = this.scene.at(this.clock.time).step;
-    fill(this.chosen, ...(row < 0 ? [make("p", {}, "Choose one in the picture or in the list.")] : described(objectFacts(this.scene, row, this.shownStep))));
+    fill(this.chosen, ...(row < 0 ? [make("p", {}, "Select an object in the picture or in the list.")] : described(objectFacts(this.scene, row, this.shownStep))));
   }
 
   showTip(under) {
@@ -195,7 +195,7 @@ class Player {
   }
 }
 
-// What the colours mean that occur in a scene.
+// Legend of the colours that occur in a scene.
 function legend(style, scene) {
   const types = [...new Set(scene.objects.filter((_, row) => row !== scene.ego).map(({ type }) => type))].sort();
   const item = (color, text) => {

@@ -1,4 +1,4 @@
-// Saving what the filter shows as a database; the server does so only when it was started with --write.
+// Dialog that saves the filtered scenarios as a database; available if the server was started with --write.
 
 import * as address from "/static/address.js";
 import { find, make, fill } from "/static/elements.js";
@@ -20,7 +20,7 @@ function ask(lake, showDatabases) {
   const form = make(
     "form", {},
     make("h2", { id: "saving-title" }, "Save as a database"),
-    make("p", {}, "A database copies nothing: it lists these scenarios and remembers how they were chosen."),
+    make("p", {}, "A database is a list of these scenarios together with the query that selected them; nothing is copied."),
     make("dl", {}, make("dt", {}, "from"), make("dd", {}, database || "whole lake"), make("dt", {}, "where"), make("dd", {}, make("code", {}, where || "true"))),
     make("label", { class: "field" }, make("span", {}, "Name"), name),
     said,

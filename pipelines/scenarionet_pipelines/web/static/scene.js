@@ -1,4 +1,4 @@
-// A scenario as the server packs it (pipelines/scenarionet_pipelines/web/packing.py): a JSON header, then plain arrays, viewed in place.
+// A scenario in the binary format of pipelines/scenarionet_pipelines/web/packing.py.
 
 const kinds = { float32: Float32Array, float64: Float64Array, int32: Int32Array, uint8: Uint8Array };
 
@@ -13,7 +13,7 @@ export function unpack(buffer) {
   return new Scene(header, arrays);
 }
 
-// One scenario: N objects, T timesteps; metres, radians, seconds; what an object is at a time.
+// One scenario with N objects and T timesteps, in metres, radians and seconds.
 class Scene {
   constructor(header, arrays) {
     Object.assign(this, header, arrays);
@@ -22,7 +22,7 @@ class Scene {
     this.numObjects = this.objects.length;
   }
 
-  // The last timestep that is not after a time, and how far it is to the next one, from 0 to 1.
+  // The last timestep not after a time, and the fraction of the way to the next one.
   at(time) {
     let step = 0;
     let end = this.numSteps - 1;
@@ -39,7 +39,7 @@ class Scene {
     return this.valid[object * this.numSteps + step] === 1;
   }
 
-  // Where an object is: between two recorded steps on the straight line, as long as it is there at both.
+  // Pose of an object, interpolated linearly between timesteps if it is valid at both.
   place(object, { step, part }, into) {
     const row = object * this.numSteps + step;
     into.isThere = this.valid[row] === 1;
@@ -62,14 +62,14 @@ class Scene {
     return Math.hypot(this.velocity[row], this.velocity[row + 1]);
   }
 
-  // First and last timestep at which an object is there.
+  // First and last valid timestep of an object.
   span(object) {
     const start = object * this.numSteps;
     const row = this.valid.subarray(start, start + this.numSteps);
     return [row.indexOf(1), row.lastIndexOf(1)];
   }
 
-  // What everything recorded fits in: [min x, min y, max x, max y].
+  // Bounding box of the scenario: [min x, min y, max x, max y].
   bounds() {
     const box = [Infinity, Infinity, -Infinity, -Infinity];
     for (let row = 0; row < this.valid.length; row++) {
@@ -78,7 +78,7 @@ class Scene {
     return box;
   }
 
-  // The same for the ego's way.
+  // Bounding box of the ego's trajectory.
   route() {
     const box = [Infinity, Infinity, -Infinity, -Infinity];
     for (let step = 0; step < this.numSteps; step++) {

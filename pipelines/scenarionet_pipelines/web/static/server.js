@@ -1,9 +1,9 @@
-// What the page asks its server. A refusal becomes a Refusal with the server's words.
+// Requests to the server. An error response is thrown as a ServerError with the server's message.
 
-export class Refusal extends Error {
+export class ServerError extends Error {
   constructor(message, character = null) {
     super(message);
-    this.character = character; // of the condition, from 1
+    this.character = character; // position in the condition, from 1
   }
 }
 
@@ -13,11 +13,11 @@ async function answered(path, options) {
     response = await fetch(path, options);
   } catch (error) {
     if (error.name === "AbortError") throw error;
-    throw new Refusal("the server does not answer; is `scenarionet browse` still running?");
+    throw new ServerError("the server does not respond; is `scenarionet browse` still running?");
   }
   if (response.ok) return response;
   const said = await response.json().catch(() => ({}));
-  throw new Refusal(said.error ?? `the server answered ${response.status}`, said.character);
+  throw new ServerError(said.error ?? `the server answered ${response.status}`, said.character);
 }
 
 export async function getJson(path, parameters = {}, signal = undefined) {

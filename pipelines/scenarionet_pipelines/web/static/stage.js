@@ -1,11 +1,11 @@
-// The canvas of the player: paints a scene at a time, and turns pointers and wheels into a camera's moves.
+// The canvas of the player: paints a scene at a time and moves the camera with pointer and wheel.
 
 import { Camera } from "/static/camera.js";
 import { MapHit } from "/static/map_hit.js";
 import { MapLayer } from "/static/map_layer.js";
 import { ObjectLayer } from "/static/object_layer.js";
 
-const rest = 150; // [ms] after which a camera that was moved has come to rest
+const rest = 150; // [ms] without movement after which the camera counts as resting
 const bars = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000]; // [m]
 const layerOf = { lane: "roads", area: "roads", line: "lines", stop: "lines", edge: "edges", crosswalk: "crosswalks" };
 
@@ -61,7 +61,7 @@ export class Stage {
     this.isStale = true;
   }
 
-  // Paint if anything changed.
+  // Paint if something has changed.
   paint(now, isForced) {
     if (!this.isStale && !isForced) return;
     this.isStale = false;
@@ -79,7 +79,7 @@ export class Stage {
     if (place.isThere) [this.camera.x, this.camera.y] = [place.x, place.y];
   }
 
-  // A bar of a round length, so that one can tell how large things are.
+  // Scale bar of a round length.
   paintBar() {
     const { context, camera, ratio, style } = this;
     const length = bars.findLast((bar) => bar * camera.scale <= camera.width * 0.22) ?? bars[0];
@@ -157,13 +157,13 @@ export class Stage {
     if (event.type === "pointerup" && this.dragged <= 4) this.onPick(this.under([event.offsetX, event.offsetY]).object);
   }
 
-  // The pointer is there, or still is while things move under it; null: it left.
+  // Update the tooltip for a pointer position; null hides it.
   hover(here = this.pointer) {
     this.pointer = here;
     this.onHover(here && { ...this.under(here), place: here });
   }
 
-  // What lies under a place of the canvas: rows of an object and of a map feature, -1 for none.
+  // Object and map feature at a canvas position, as rows; -1 for none.
   under([px, py]) {
     const [x, y] = this.camera.toWorld(px, py);
     const slack = 4 / this.camera.scale;

@@ -1,4 +1,4 @@
-// The table of scenarios: one page of it, its heads to sort by, and the columns it has.
+// The table of scenarios: one page, sortable headers and the choice of columns.
 
 import * as address from "/static/address.js";
 import { find, make, fill } from "/static/elements.js";
@@ -26,20 +26,20 @@ export function startTable(lake, go) {
     const sort = event.target.closest("button[data-sort]")?.dataset.sort;
     if (!sort) return;
     const { sort: before, order } = address.read();
-    const isNumber = known[sort].is_number; // the largest are what one looks for
+    const isNumber = known[sort].is_number; // numbers are sorted from the largest first
     go({ sort, order: sort === before ? (order === "falling" ? "rising" : "falling") : isNumber ? "falling" : "rising" });
   });
   startChooser(lake, go);
 }
 
-// Shows a page of the table; gives the ids on it, or null when something newer was asked for meanwhile.
+// Show a page of the table; returns its ids, or null if a newer request has replaced it.
 export async function showTable(lake, state, showProblem) {
   asking?.abort();
   forgetPictures();
   const mine = (asking = new AbortController());
   const columns = state.columns.split(",").filter((name) => known[name]);
   find("table").setAttribute("aria-busy", "true");
-  const patience = setTimeout(() => { find("count").textContent = "Looking…"; }, 400);
+  const patience = setTimeout(() => { find("count").textContent = "Searching…"; }, 400);
   find("page-size").value = String(state.rows);
   let found;
   try {
@@ -57,7 +57,7 @@ export async function showTable(lake, state, showProblem) {
   showChosen(columns);
   fill(find("table").tBodies[0], ...found.rows.map((row) => tableRow(lake, state, columns, row)));
   showPages(found, state);
-  find("table").dataset.where = state.where; // what is shown, for who waits for it
+  find("table").dataset.where = state.where; // marks the finished request, for tests
   return found.rows.map((row) => row.scenario_id);
 }
 
@@ -101,8 +101,8 @@ function showPages({ total, first, rows }, state) {
   if (total && !rows.length) find("count").textContent = `page ${state.page} of ${numPages}: beyond the last`;
   find("nothing").hidden = total > 0;
   find("nothing").textContent = state.where || state.database
-    ? "No scenario satisfies this filter."
-    : "There are no scenarios in this lake yet: scenarionet convert DATASET RAW LAKE brings some in.";
+    ? "No scenario matches this filter."
+    : "This lake has no scenarios yet. Convert some: scenarionet convert DATASET RAW LAKE";
   find("page").value = String(state.page);
   find("page").max = String(numPages);
   find("num-pages").textContent = `of ${number(numPages)}`;

@@ -1,1 +1,9 @@
-"""Parquet row groups and footers as bytes: read and copied without Arrow where our own writer made them."""
+"""Parquet decoder for row groups as this package writes them; :class:`ColumnReader` is its only entry.
+
+Depends on nothing of this package but ``arrays``, so that it can be replaced by Arrow or used elsewhere.
+"""
+
+from scenarionet_data.storage.read.parquet.column_reader import ColumnReader
+from scenarionet_data.storage.read.parquet.footer import Footer, RowGroup, UnreadableFile
+
+__all__ = ["ColumnReader", "Footer", "RowGroup", "UnreadableFile"]

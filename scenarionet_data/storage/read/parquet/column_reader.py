@@ -1,8 +1,9 @@
-"""Columns of many row groups as NumPy arrays, without Arrow where our own writer made them.
+"""Decode columns of many row groups as NumPy arrays.
 
-Arrow takes 5-10 us to set up a column of a row group, 30 where it is in zstd, and builds the same list lengths for
-each; a scenario has 40 columns. Here compiled loops decode a column of all row groups that are wanted together. What
-they do not know (several pages, version 2, other codecs and encodings) is read by Arrow.
+Arrow takes 5-10 us to set up a column of a row group, 30 us with zstd, and decodes the same list lengths for each
+column; a scenario has 40 columns. The kernels decode a column of all requested row groups in one call. They know what
+our writer produces; other encodings (several pages, data pages of version 2, other codecs) are decoded by Arrow, and so
+are the first row groups of a process, because the kernels take seconds to compile where they are not cached.
 """
 
 from __future__ import annotations
@@ -10,35 +11,35 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from functools import lru_cache
-from itertools import accumulate
+from itertools import accumulate, groupby
 from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 import zstandard
 
+from scenarionet_data.arrays.columns import Columns, ColumnType, Lists
 from scenarionet_data.arrays.dtypes import Array
-from scenarionet_data.codec.columns import Columns, Lists
-from scenarionet_data.schema.tables import Column, Table
-from scenarionet_data.storage.files.errors import reading
 from scenarionet_data.storage.read.parquet import page_kernels as kernels
-from scenarionet_data.storage.read.parquet.row_groups import RowGroup
+from scenarionet_data.storage.read.parquet.footer import Footer, RowGroup, UnreadableFile
 from scenarionet_data.storage.read.parquet.thrift_kernels import UNKNOWN
 
-_TEXTS = ("string", "json")
-_NULLS = {"float32": np.float32(np.nan), "bool": np.int8(-1), "dictionary": np.int32(-1), **dict.fromkeys(_TEXTS)}
-_PLACES = [kernels.START, kernels.END, kernels.STORED, kernels.STORED_END]
+_COMPILE_AFTER = 64
+"""Row groups that a reader leaves to Arrow before it compiles the kernels: compiling costs as much as 1,500."""
+_TEXT = ("string", "json")
+_NULLS = {"float32": np.float32(np.nan), "bool": np.int8(-1), "dictionary": np.int32(-1), **dict.fromkeys(_TEXT)}
+_POSITIONS = [kernels.START, kernels.END, kernels.STORED, kernels.STORED_END]
 
 
 class _Damaged(Exception):
-    """Bytes of a column are not what was written."""
+    """The bytes of a column are damaged."""
 
 
-class _Found(NamedTuple):
-    """A column whose pages are found: its type (or that of its lists' elements), its rows, and the number of values."""
+class _Pages(NamedTuple):
+    """The pages of a column in all row groups, with the lengths and offsets of its rows and the number of values."""
 
-    column: Column
-    element: str
+    column: ColumnType
     pages: Array
     lengths: Array
     offsets: Array
@@ -49,190 +50,204 @@ class ColumnReader:
     """Reads columns of one table; for one thread.
 
     Args:
-        table: The table.
-        names: Its columns to read, those of every footer.
+        columns: The columns.
+        compile_after: Row groups that are left to Arrow unless the kernels are compiled already.
     """
 
-    def __init__(self, table: Table, names: Sequence[str]) -> None:
-        self._columns = [table.column(name) for name in names]
+    def __init__(self, columns: Sequence[ColumnType], compile_after: int = _COMPILE_AFTER) -> None:
+        self._columns = list(columns)
         self._shapes = np.array([kernels.LIST * c.is_list + kernels.NULLABLE * c.nullable for c in self._columns])
-        self._elements = [column.element for column in self._columns]
         self._zstd = zstandard.ZstdDecompressor()
+        self._left_to_arrow = compile_after
 
-    def read(self, groups: Sequence[RowGroup]) -> Columns:
-        """Rows of row groups, one after the other.
+    def footer(self, url: str, metadata: pq.FileMetaData) -> Footer:
+        """Locate the columns in a file.
+
+        Args:
+            url: The file, for errors.
+            metadata: Its footer.
 
         Raises:
-            LakeError: A page is damaged; the message names its file.
+            UnreadableFile: A required column is missing.
         """
+        return Footer(url, metadata, self._columns)
+
+    def read(self, groups: Sequence[RowGroup]) -> Columns:
+        """Rows of some row groups, concatenated.
+
+        Raises:
+            UnreadableFile: A page is damaged.
+        """
+        if self._left_to_arrow > 0 and not kernels.is_compiled():
+            self._left_to_arrow -= len(groups)
+            return _read_by_arrow(groups, self._columns)
         try:
             return self._read(groups)
         except _Damaged as error:
             if len(groups) > 1:
-                for group in groups:  # one of them says that it is it
+                for group in groups:  # raises for the damaged one
                     self.read([group])
-            with reading(groups[0].url):
-                raise OSError(str(error)) from error
+            raise UnreadableFile(groups[0].footer.url, str(error)) from error
 
     def _read(self, groups: Sequence[RowGroup]) -> Columns:
-        pages, data = self._staged(groups)
+        pages, data = self._load_pages(groups)
         num_rows = sum(group.num_rows for group in groups)
-        found, others = self._found(pages, data, num_rows)
-        texts = [each for each in found if each.element in _TEXTS]
+        known, others = self._read_levels(pages, data, num_rows)
+        texts = [each for each in known if each.column.element in _TEXT]
         values = dict(zip([each.column.name for each in texts], _texts(texts, data), strict=True))
         words: dict[str, Sequence[str]] = {}
-        for each in found:
-            name = each.column.name
-            if each.element == "dictionary":
-                words[name], values[name] = _numbers_of_words(each, data)
-            elif name not in values:
-                values[name] = _numbers(each, data)
         flat: dict[str, Array] = {}
         lists: dict[str, Lists] = {}
-        for each in found:
+        for each in known:
             name = each.column.name
+            if each.column.element == "dictionary":
+                words[name], values[name] = _indices(each, data)
+            elif name not in values:
+                values[name] = _numbers(each, data)
             if each.column.is_list:
                 lists[name] = Lists(each.lengths, each.offsets, values[name])
             else:
-                flat[name] = _spread(each, values[name])
+                flat[name] = _with_nulls(each, values[name])
         if others:
             read = _read_by_arrow(groups, others)
             flat, lists, words = flat | {**read.flat}, lists | {**read.lists}, words | {**read.words}
         return Columns(num_rows, flat, lists, words)
 
-    def _staged(self, groups: Sequence[RowGroup]) -> tuple[Array, Array]:
-        """Pages of every column and row group, (columns, groups, NUM_PAGE_FIELDS) int64, and their bytes, inflated."""
-        chunks = [group.chunks for group in groups]
+    def _load_pages(self, groups: Sequence[RowGroup]) -> tuple[Array, Array]:
+        """Pages by column and row group, (columns, groups, NUM_PAGE_FIELDS) int64, and their decompressed bytes."""
+        chunks = [group.footer.chunks(group.number) for group in groups]
         size = sum(int(each[:, kernels.CHUNK_SIZE].sum()) for each in chunks)
         data = np.empty(size + kernels.SPARE, np.uint8)
         pages = np.zeros((len(self._columns), len(groups), kernels.NUM_PAGE_FIELDS), np.int64)
-        at = 0
-        for place, (group, its_chunks) in enumerate(zip(groups, chunks, strict=True)):
-            at = kernels.stage(group.content, group.base, its_chunks, pages, place, data, at)
-        for column, place in np.argwhere(pages[:, :, kernels.STORED_END] > 0).tolist():
-            start, end, *stored = pages[column, place, _PLACES].tolist()
-            if not self._inflate(groups[place].content[slice(*stored)].data, data[start:end]):
-                pages[column, place, kernels.START] = kernels.DAMAGED
+        end = 0
+        for index, (group, positions) in enumerate(zip(groups, chunks, strict=True)):
+            end = kernels.load_pages(group.content, group.base, positions, pages, index, data, end)
+        for column, index in np.argwhere(pages[:, :, kernels.STORED_END] > 0).tolist():
+            start, stop, *stored = pages[column, index, _POSITIONS].tolist()
+            if not self._decompress(groups[index].content[slice(*stored)].data, data[start:stop]):
+                pages[column, index, kernels.START] = kernels.DAMAGED
         self._require(pages[:, :, kernels.START] != kernels.DAMAGED)
-        data.flags.writeable = False  # as files are: loops are compiled for each kind of array
+        data.flags.writeable = False  # like mapped files: kernels are compiled for each kind of array
         return pages, data
 
-    def _inflate(self, stored: memoryview, place: Array) -> bool:
-        """Inflate a page in zstd; returns whether it fills its place."""
+    def _decompress(self, stored: memoryview, target: Array) -> bool:
+        """Decompress a zstd page; returns whether it fills the target exactly."""
         try:
-            # Asked first: what is longer than its place is damaged, too.
+            # Compared first, because readinto would truncate a longer page.
             size = zstandard.frame_content_size(stored)
-            return size == len(place) == self._zstd.stream_reader(stored).readinto(place)
+            return size == len(target) == self._zstd.stream_reader(stored).readinto(target)
         except zstandard.ZstdError:
             return False
 
-    def _found(self, pages: Array, data: Array, num_rows: int) -> tuple[list[_Found], list[Column]]:
-        """Columns that compiled loops know, and those that they do not."""
+    def _read_levels(self, pages: Array, data: Array, num_rows: int) -> tuple[list[_Pages], list[ColumnType]]:
+        """Lengths and offsets of the columns that the kernels know, and the columns that are left to Arrow."""
         is_known = (pages[:, :, kernels.START] != UNKNOWN).all(axis=1)
-        room = pages[:, :, kernels.LEVELS].sum(axis=1) + 1
-        firsts, lists = np.cumsum(room) - room, np.empty((2, int(room.sum())), np.int32)
+        sizes = pages[:, :, kernels.LEVELS].sum(axis=1) + 1
+        firsts, lists = np.cumsum(sizes) - sizes, np.empty((2, int(sizes.sum())), np.int32)
         rows = np.empty(len(pages), np.int64)
         kernels.read_levels(data, pages, self._shapes, firsts, lists, rows)
         self._require((rows == num_rows) | ~is_known)
         counts = pages[:, :, kernels.COUNT].sum(axis=1).tolist()
-        found, others = [], []
-        for place, (column, first) in enumerate(zip(self._columns, firsts.tolist(), strict=True)):
-            if is_known[place]:
+        known: list[_Pages] = []
+        others: list[ColumnType] = []
+        for index, (column, first) in enumerate(zip(self._columns, firsts.tolist(), strict=True)):
+            if is_known[index]:
                 lengths, offsets = lists[0, first : first + num_rows], lists[1, first : first + num_rows + 1]
-                found.append(_Found(column, self._elements[place], pages[place], lengths, offsets, counts[place]))
+                known.append(_Pages(column, pages[index], lengths, offsets, counts[index]))
             else:
                 others.append(column)
-        return found, others
+        return known, others
 
-    def _require(self, is_whole: Array) -> None:
-        """Refuse columns, or their pages, that are not whole."""
-        damaged = np.argwhere(~is_whole)
+    def _require(self, is_valid: Array) -> None:
+        """Raise for the first column with a False, in any of its pages."""
+        damaged = np.argwhere(~is_valid)
         if len(damaged):
             raise _Damaged(f"column {self._columns[damaged[0, 0]].name} is damaged")
 
 
-def _numbers(found: _Found, data: Array) -> Array:
+def _numbers(column: _Pages, data: Array) -> Array:
     """Numbers or truth values; int8 where a truth value may be null."""
-    if found.element == "bool":
-        values = np.empty(found.num_values, np.int8)
-        is_whole = kernels.read_bits(data, found.pages, values)
-        values = values if found.column.type == "bool" and found.column.nullable else values.view(np.bool_)
+    declared = column.column
+    if declared.element == "bool":
+        values = np.empty(column.num_values, np.int8)
+        is_complete = kernels.read_bits(data, column.pages, values)
+        values = values if declared.nullable and not declared.is_list else values.view(np.bool_)
     else:
-        values = np.empty(found.num_values, found.element)
-        is_whole = kernels.read_words(data, found.pages, values.view(np.uint32))
-    return _whole(found, values, is_whole)
+        values = np.empty(column.num_values, declared.element)
+        is_complete = kernels.read_words(data, column.pages, values.view(np.uint32))
+    return _complete(column, values, is_complete)
 
 
-def _numbers_of_words(found: _Found, data: Array) -> tuple[list[str], Array]:
-    """Words of all pages' dictionaries, and the number of each value's word among them."""
-    numbers: dict[str, int] = {}
-    codes, values = [], np.empty(found.num_values, np.int32)
-    for page in found.pages:
+def _indices(column: _Pages, data: Array) -> tuple[list[str], Array]:
+    """The union of all pages' dictionaries, and the index of each value in it."""
+    positions: dict[str, int] = {}
+    codes, values = [], np.empty(column.num_values, np.int32)
+    for page in column.pages:
         words = _words(data[page[kernels.WORDS_START] : page[kernels.WORDS_END]].tobytes())
         page[kernels.NUM_WORDS] = len(words)
-        codes += [numbers.setdefault(word, len(numbers)) for word in words]
-    is_whole = kernels.read_indices(data, found.pages, np.array(codes, np.int32), values)
-    return list(numbers), _whole(found, values, is_whole)
+        codes += [positions.setdefault(word, len(positions)) for word in words]
+    is_complete = kernels.read_indices(data, column.pages, np.array(codes, np.int32), values)
+    return list(positions), _complete(column, values, is_complete)
 
 
 @lru_cache(1024)
 def _words(page: bytes) -> tuple[str, ...]:
-    """Words of a dictionary, PLAIN."""
-    words, at = [], 0
+    """Words of a dictionary page, in PLAIN encoding."""
+    words, position = [], 0
     try:
-        while at < len(page):
-            (size,) = struct.unpack_from("<I", page, at)
-            words.append(page[at + 4 : at + 4 + size].decode())
-            at += 4 + size
+        while position < len(page):
+            (size,) = struct.unpack_from("<I", page, position)
+            words.append(page[position + 4 : position + 4 + size].decode())
+            position += 4 + size
     except (struct.error, UnicodeDecodeError) as error:
         raise _Damaged("a dictionary is damaged") from error
     return tuple(words)
 
 
-def _texts(columns: Sequence[_Found], data: Array) -> list[Array]:
-    """Texts of columns: all are made in one go, and each column has its part of them."""
+def _texts(columns: Sequence[_Pages], data: Array) -> list[Array]:
+    """Values of string columns, (n,) str each; all strings are created in one Arrow call."""
     if not columns:
         return []
-    ends = list(accumulate(found.num_values for found in columns))
-    size = sum(int((found.pages[:, kernels.END] - found.pages[:, kernels.VALUES]).sum()) for found in columns)
+    ends = list(accumulate(column.num_values for column in columns))
+    size = sum(int((column.pages[:, kernels.END] - column.pages[:, kernels.VALUES]).sum()) for column in columns)
     offsets, text = np.zeros(ends[-1] + 1, np.int64), np.empty(size, np.uint8)
-    for found, end in zip(columns, ends, strict=True):
-        first = end - found.num_values
-        _whole(found, offsets, kernels.read_texts(data, found.pages, offsets[first:], text))
-    strings = _strings(offsets, text)
-    return [strings[end - found.num_values : end] for found, end in zip(columns, ends, strict=True)]
-
-
-def _strings(offsets: Array, text: Array) -> Array:
-    """(n,) str from texts one after the other."""
+    for column, end in zip(columns, ends, strict=True):
+        first = end - column.num_values
+        _complete(column, offsets, kernels.read_texts(data, column.pages, offsets[first:], text))
     buffers = [None, pa.py_buffer(offsets), pa.py_buffer(text)]
-    array = pa.Array.from_buffers(pa.large_string(), len(offsets) - 1, buffers)
+    array = pa.Array.from_buffers(pa.large_string(), ends[-1], buffers)
     try:
         strings: Array = array.to_numpy(zero_copy_only=False)
     except (UnicodeDecodeError, pa.ArrowException) as error:
         raise _Damaged("a text is damaged") from error
-    return strings
+    return [strings[end - column.num_values : end] for column, end in zip(columns, ends, strict=True)]
 
 
-def _whole(found: _Found, values: Array, is_whole: bool) -> Array:
-    if not is_whole:
-        raise _Damaged(f"column {found.column.name} is damaged")
+def _complete(column: _Pages, values: Array, is_complete: bool) -> Array:
+    if not is_complete:
+        raise _Damaged(f"column {column.column.name} is damaged")
     return values
 
 
-def _spread(found: _Found, values: Array) -> Array:
-    """Values with nulls, one a row."""
-    if len(values) == len(found.lengths):
+def _with_nulls(column: _Pages, values: Array) -> Array:
+    """One value per row: the values of rows that have one, else the null value of the type."""
+    if len(values) == len(column.lengths):
         return values
-    spread: Array = np.full(len(found.lengths), _NULLS[found.element], values.dtype)
-    spread[found.lengths > 0] = values
-    return spread
+    rows: Array = np.full(len(column.lengths), _NULLS[column.column.element], values.dtype)
+    rows[column.lengths > 0] = values
+    return rows
 
 
-def _read_by_arrow(groups: Sequence[RowGroup], columns: Sequence[Column]) -> Columns:
-    """Columns that compiled loops do not know."""
-    names, read = [column.name for column in columns], []
-    for group in groups:
-        with reading(group.url):
-            read.append(group.open().read_row_group(group.number, names, use_threads=False))
-    return Columns.from_arrow(pa.concat_tables(read), columns)
+def _read_by_arrow(groups: Sequence[RowGroup], columns: Sequence[ColumnType]) -> Columns:
+    """Read columns with Arrow; consecutive row groups in the same bytes are read in one call."""
+    tables = []
+    for _, run in groupby(groups, key=lambda group: (id(group.footer), id(group.content))):
+        together = list(run)
+        footer = together[0].footer
+        names = [column.name for column in columns if column.name not in footer.missing]
+        try:
+            file = together[0].open()
+            tables.append(file.read_row_groups([group.number for group in together], names, use_threads=False))
+        except (OSError, pa.ArrowInvalid) as error:
+            raise UnreadableFile(footer.url, str(error)) from error
+    return Columns.from_arrow(pa.concat_tables(tables, promote_options="default"), columns)

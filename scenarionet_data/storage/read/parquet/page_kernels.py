@@ -1,22 +1,24 @@
-"""Parquet pages decoded by compiled code: a column of many row groups in one call.
+"""Compiled decoder of Parquet pages: a column of many row groups in one call.
 
 Format: https://parquet.apache.org/docs/file-format/ (data pages of version 1; levels and dictionary indices in the
 RLE/bit-packed hybrid; values PLAIN or in BYTE_STREAM_SPLIT) and LZ4 blocks,
-https://github.com/lz4/lz4/blob/dev/doc/lz4_Block_format.md. Damaged bytes end in ``UNKNOWN``, nothing is read or
-written out of bounds.
+https://github.com/lz4/lz4/blob/dev/doc/lz4_Block_format.md. Damaged bytes result in ``UNKNOWN``;
+nothing is read or written out of bounds.
 
-They run without Python's lock, so that threads decode side by side.
+The kernels release the interpreter lock, so that threads decode in parallel.
 
-A column's values are told by ``lengths``, one for each row: of its list, or 1 and 0 for a value and a null.
+Rows of a column are described by ``lengths``: that of the row's list, or 1 for a value and 0 for null.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numba import njit
 
+from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.storage.read.parquet.thrift_kernels import (
     DATA_PAGE,
@@ -28,79 +30,91 @@ from scenarionet_data.storage.read.parquet.thrift_kernels import (
 
 DAMAGED = -2
 
-# Columns of an array of chunks: where one begins in its file, where its data page does and where it ends, its levels,
-# its codec, its size when inflated, and the encodings that are known for it, a bit each.
+# Columns of an array of chunks: position of the chunk and of its data page in the file, end, number of levels, codec,
+# uncompressed size, and the encodings that can be decoded, one bit each.
 CHUNK_START, _DATA, CHUNK_END, _LEVELS, _CODEC, CHUNK_SIZE, _KNOWN = range(7)
 OTHER_CODEC, LZ4, ZSTD = 0, 1, 2
 
-# Columns of an array of pages: where one begins (or UNKNOWN, DAMAGED) and ends, its levels and encoding, where its
-# dictionary begins and ends and how many words it holds, where what is not inflated yet is in the file, and where its
-# values begin and how many they are.
+# Columns of an array of pages: start (or UNKNOWN, DAMAGED) and end of the uncompressed page, number of levels,
+# encoding, start, end and number of words of the dictionary, start and end in the file of a page that is still
+# compressed, and start and number of the values.
 NUM_PAGE_FIELDS = 11
 START, END, LEVELS, ENCODING, WORDS_START, WORDS_END, NUM_WORDS = range(7)
 STORED, STORED_END, VALUES, COUNT = range(7, NUM_PAGE_FIELDS)
 PLAIN, BYTE_STREAM_SPLIT, INDICES = 0, 9, 8
 
 SPARE = 4
-"""Bytes after the pages: what is read a word at a time may begin with a page's last byte."""
+"""Bytes allocated after the pages, because a 4-byte word may start at a page's last byte."""
 
 # Shapes of a column.
 NULLABLE, LIST = 1, 2
 
+Function = TypeVar("Function", bound=Callable[..., Any])
 
-@njit(cache=True, nogil=True)
-def stage(data: Array, base: int, chunks: Array, pages: Array, number: int, scratch: Array, at: int) -> int:
-    """Find a row group's pages and inflate those in LZ4; those in zstd get their place.
+
+def _kernel(function: Function) -> Function:
+    options: dict[str, Any] = {"cache": True, "nogil": True, "no_cfunc_wrapper": True}
+    return cast(Function, njit(**options)(function))
+
+
+def is_compiled() -> bool:
+    """Whether this process has compiled the kernels or loaded them from the cache."""
+    return bool(getattr(load_pages, "signatures", True))
+
+
+@_kernel
+def load_pages(data: Array, base: int, chunks: Array, pages: Array, number: int, scratch: Array, at: int) -> int:
+    """Locate a row group's pages; decompress those in LZ4, and reserve space for those in zstd.
 
     Args:
-        data: (n,) uint8 bytes of the file, from ``base`` on.
-        chunks: (C, 7) int64, see there.
-        pages: (C, k, NUM_PAGE_FIELDS) int64, 0, filled at the row group's ``number``; UNKNOWN for a column of more than
-            one page, or of another kind.
-        number: Which of the k row groups it is.
-        scratch: (m,) uint8, filled from ``at`` on; it has room for the chunks' sizes.
+        data: (n,) uint8 bytes of the file, starting at position ``base``.
+        chunks: (C, 7) int64, see CHUNK_START.
+        pages: (C, k, NUM_PAGE_FIELDS) int64 zeros, filled for row group ``number``; UNKNOWN for a column with more than
+            one page or of another kind.
+        number: Index of the row group.
+        scratch: (m,) uint8, filled from ``at`` on; large enough for all chunks.
 
     Returns:
-        Where the next row group's pages begin.
+        Start of the next row group's pages in ``scratch``.
     """
     for column in range(len(chunks)):
         limit = min(at + chunks[column, CHUNK_SIZE], len(scratch))
         page = pages[column, number]
-        page[START] = _stage(data, base, chunks[column], page, scratch, at, limit)
+        page[START] = _load_page(data, base, chunks[column], page, scratch, at, limit)
         at = limit
     return at
 
 
-@njit(inline="always")
-def _stage(data: Array, base: int, chunk: Array, page: Array, scratch: Array, at: int, limit: int) -> int:
-    """One column's page: where it begins in ``scratch``, between ``at`` and ``limit``."""
+@device_function
+def _load_page(data: Array, base: int, chunk: Array, page: Array, scratch: Array, at: int, limit: int) -> int:
+    """Load a column's page into ``scratch`` between ``at`` and ``limit``; returns its start."""
     first, middle, end = chunk[CHUNK_START] - base, chunk[_DATA] - base, chunk[CHUNK_END] - base
     codec = chunk[_CODEC]
     if not 0 <= first <= middle <= end <= len(data) or codec == OTHER_CODEC:
         return UNKNOWN
-    if first < middle:  # a dictionary, up to the data page
+    if first < middle:  # a dictionary before the data page
         kind, size, stored_size, count, _ = read_header(data, first)
         if kind != DICTIONARY_PAGE or codec != LZ4 or stored_size > middle - first or size > limit - at:
             return UNKNOWN
-        if not _inflate(data, middle - stored_size, middle, scratch, at, at + size):
+        if not _decompress(data, middle - stored_size, middle, scratch, at, at + size):
             return DAMAGED
         page[WORDS_START], page[WORDS_END], page[NUM_WORDS] = at, at + size, count
         at += size
     kind, size, stored_size, count, encoding = read_header(data, middle)
     is_known = kind == DATA_PAGE and count == chunk[_LEVELS] and encoding < 16 and chunk[_KNOWN] >> encoding & 1
-    if not is_known or stored_size > end - middle or size > limit - at:  # a page of several does not hold all levels
+    if not is_known or stored_size > end - middle or size > limit - at:  # one of several pages does not hold all levels
         return UNKNOWN
     page[END], page[LEVELS], page[ENCODING] = at + size, count, encoding
     if codec == ZSTD:
         page[STORED], page[STORED_END] = end - stored_size, end
-    elif not _inflate(data, end - stored_size, end, scratch, at, at + size):
+    elif not _decompress(data, end - stored_size, end, scratch, at, at + size):
         return DAMAGED
     return at
 
 
-@njit(nogil=True)
-def _inflate(data: Array, at: int, end: int, target: Array, first: int, stop: int) -> bool:
-    """Inflate an LZ4 block into ``target[first:stop]``; returns whether it fills just that."""
+@device_function
+def _decompress(data: Array, at: int, end: int, target: Array, first: int, stop: int) -> bool:
+    """Decompress an LZ4 block into ``target[first:stop]``; returns whether it fills exactly this."""
     to = first
     while at < end:
         token = _byte(data, at)
@@ -119,15 +133,15 @@ def _inflate(data: Array, at: int, end: int, target: Array, first: int, stop: in
         length += 4
         if distance == 0 or distance > to - first or length > stop - to:
             return False
-        for k in range(length):  # may read what it has just written
+        for k in range(length):  # the match may overlap the bytes being written
             target[to + k] = target[to + k - distance]
         to += length
     return False
 
 
-@njit(inline="always")
+@device_function
 def _extended(data: Array, at: int, end: int, nibble: int) -> tuple[int, int]:
-    """A length that goes on in further bytes when its four bits are full."""
+    """A length that continues in further bytes when its four bits are set."""
     length = nibble
     if length == 15:
         while at < end:
@@ -139,17 +153,17 @@ def _extended(data: Array, at: int, end: int, nibble: int) -> tuple[int, int]:
     return length, at
 
 
-@njit(cache=True, nogil=True)
+@_kernel
 def read_levels(data: Array, pages: Array, shapes: Array, firsts: Array, lists: Array, rows: Array) -> None:
-    """Lengths of all columns' rows, and where the values of their pages are.
+    """Decode the lengths of all columns' rows, and locate the values of their pages.
 
     Args:
-        data: (n,) uint8 inflated pages, and SPARE bytes.
-        pages: (C, k, NUM_PAGE_FIELDS) int64 of C columns and k row groups; VALUES and COUNT are filled.
-        shapes: (C,) int64 LIST or 0, plus NULLABLE where a row may be null.
-        firsts: (C,) int64 where each column begins in ``lists``.
-        lists: (2, C + sum of levels) int32, filled: rows' lengths, and the offsets of their values.
-        rows: (C,) int64 numbers of rows, filled; UNKNOWN when the parts of a page do not add up.
+        data: (n,) uint8 decompressed pages, followed by SPARE bytes.
+        pages: (C, k, NUM_PAGE_FIELDS) int64 of C columns and k row groups; fills VALUES and COUNT.
+        shapes: (C,) int64 LIST or 0, plus NULLABLE.
+        firsts: (C,) int64 start of each column in ``lists``.
+        lists: (2, C + sum of levels) int32, filled with lengths of rows and offsets of their values.
+        rows: (C,) int64, filled with the number of rows; UNKNOWN when a page is inconsistent.
     """
     lengths, offsets = lists[0], lists[1]
     for column in range(len(pages)):
@@ -170,17 +184,17 @@ def read_levels(data: Array, pages: Array, shapes: Array, firsts: Array, lists: 
             offsets[row + 1] = offsets[row] + lengths[row]
 
 
-@njit(cache=True, nogil=True)
+@_kernel
 def read_words(data: Array, pages: Array, values: Array) -> bool:
-    """Values of 4 bytes, PLAIN or in BYTE_STREAM_SPLIT.
+    """Decode 4-byte values, PLAIN or BYTE_STREAM_SPLIT.
 
     Args:
-        data: (n,) uint8 inflated pages, and SPARE bytes.
-        pages: (k, NUM_PAGE_FIELDS) int64 the column's, row group by row group.
+        data: (n,) uint8 decompressed pages, followed by SPARE bytes.
+        pages: (k, NUM_PAGE_FIELDS) int64 pages of the column, by row group.
         values: (sum of COUNT,) uint32, filled.
 
     Returns:
-        Whether the parts of all pages add up.
+        Whether all pages are consistent.
     """
     done = 0
     for page in pages:
@@ -196,9 +210,9 @@ def read_words(data: Array, pages: Array, values: Array) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)
+@_kernel
 def read_bits(data: Array, pages: Array, values: Array) -> bool:
-    """Like :func:`read_words`, truth values: ``values`` is (sum of COUNT,) int8."""
+    """Decode truth values like :func:`read_words`; ``values`` is (sum of COUNT,) int8."""
     done = 0
     for page in pages:
         at, count = page[VALUES], page[COUNT]
@@ -210,13 +224,13 @@ def read_bits(data: Array, pages: Array, values: Array) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)
+@_kernel
 def read_texts(data: Array, pages: Array, offsets: Array, text: Array) -> bool:
-    """Like :func:`read_words`, texts.
+    """Decode texts like :func:`read_words`.
 
     Args:
-        offsets: (1 + sum of COUNT,) int64, filled from the second on: where texts end; the first says where to begin.
-        text: (n,) uint8, filled from there on: texts one after the other.
+        offsets: (1 + sum of COUNT,) int64; the first is where to begin in ``text``, the others are filled with ends.
+        text: (n,) uint8, filled with the concatenated texts.
     """
     done, size = 0, offsets[0]
     for page in pages:
@@ -236,12 +250,12 @@ def read_texts(data: Array, pages: Array, offsets: Array, text: Array) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)
+@_kernel
 def read_indices(data: Array, pages: Array, codes: Array, values: Array) -> bool:
-    """Like :func:`read_words`, words of a dictionary: ``values`` is (sum of COUNT,) int32.
+    """Decode dictionary indices like :func:`read_words`; ``values`` is (sum of COUNT,) int32.
 
     Args:
-        codes: (sum of NUM_WORDS,) int32 what stands for each page's words, page by page.
+        codes: (sum of NUM_WORDS,) int32 code of each word of each page's dictionary.
     """
     done, first = 0, 0
     for page in pages:
@@ -256,14 +270,14 @@ def read_indices(data: Array, pages: Array, codes: Array, values: Array) -> bool
     return True
 
 
-@njit(nogil=True)
+@device_function
 def _read_indices(data: Array, at: int, end: int, values: Array) -> bool:
-    """Indices of a page: their width, and the hybrid; returns whether all are there."""
+    """Decode the indices of a page (bit width, then RLE/bit-packed hybrid); returns whether it is complete."""
     if at >= end:
         return len(values) == 0
     width = _byte(data, at)
     at, done = at + 1, 0
-    if width > 24:  # of words, not of rows
+    if width > 24:  # more words than any vocabulary
         return False
     while done < len(values) and at < end:
         header, at = count_at(data, at)
@@ -280,9 +294,9 @@ def _read_indices(data: Array, at: int, end: int, values: Array) -> bool:
     return done == len(values)
 
 
-@njit(nogil=True)
+@device_function
 def _join(streams: Array, count: int, values: Array) -> None:
-    """Words from their first, second, third and fourth bytes, one stream after the other."""
+    """Join 4-byte words from the streams of their first, second, third and fourth bytes."""
     first, second = streams[:count], streams[count : 2 * count]
     third, fourth = streams[2 * count : 3 * count], streams[3 * count : 4 * count]
     for i in range(count):
@@ -290,9 +304,9 @@ def _join(streams: Array, count: int, values: Array) -> None:
         values[i] = low | np.uint32(third[i]) << np.uint32(16) | np.uint32(fourth[i]) << np.uint32(24)
 
 
-@njit(inline="always")
+@device_function
 def _read_levels(data: Array, page: Array, shape: int, lengths: Array) -> tuple[int, int, int]:
-    """Lengths of a page's rows; their number (or UNKNOWN), the number of values, and where these begin."""
+    """Decode the lengths of a page's rows; returns the number of rows (or UNKNOWN), of values, and their start."""
     at, end, num_levels = page[START], page[END], page[LEVELS]
     rows, empty = num_levels, 0
     if not shape & LIST:
@@ -310,25 +324,25 @@ def _read_levels(data: Array, page: Array, shape: int, lengths: Array) -> tuple[
     return UNKNOWN if empty == UNKNOWN else rows, num_levels - empty, at
 
 
-@njit(nogil=True)
+@device_function
 def _levels_end(data: Array, at: int, end: int) -> int:
-    """Where levels end that begin with their size."""
+    """End of levels that are preceded by their size."""
     if end - at < 4:
         return UNKNOWN
     stop = at + 4 + _uint32(data, at)
     return stop if stop <= end else UNKNOWN
 
 
-@njit(nogil=True)
+@device_function
 def _count_levels(data: Array, at: int, end: int, num_levels: int, lengths: Array) -> int:
-    """Levels of each list, from repetition levels: 0 where a list begins, else 1; returns the number of lists."""
+    """Count the levels of each list from repetition levels (0 at its first element); returns the number of lists."""
     done, rows, begin = 0, 0, 0
     while done < num_levels and at < end:
         header, at = count_at(data, at)
         is_packed, length = header & 1, header >> 1
         stop = min(done + (length << 3 if is_packed else length), num_levels)
         size = (stop - done + 7) >> 3 if is_packed else 1
-        if at + size > end or (done == 0 and size and data[at] & 1):  # no list begins with the first level
+        if at + size > end or (done == 0 and size and data[at] & 1):  # the first level must begin a list
             return UNKNOWN
         has_none = not is_packed and data[at] & 1
         for place in range(done, done if has_none else stop, 8):
@@ -347,11 +361,11 @@ def _count_levels(data: Array, at: int, end: int, num_levels: int, lengths: Arra
     return rows
 
 
-@njit(nogil=True)
+@device_function
 def _mark_empty(data: Array, at: int, end: int, num_levels: int, deepest: int, lengths: Array) -> int:
-    """Set lengths of rows without values to 0: their one definition level is not the deepest; returns their number.
+    """Set lengths of rows without values to 0 (their only definition level is below ``deepest``); returns their number.
 
-    Levels have 1 bit each, or 2 where ``deepest`` is 2; both never cross a byte.
+    A level has 1 bit, or 2 bits when ``deepest`` is 2; levels never cross a byte.
     """
     width, mask = deepest, (1 << deepest) - 1
     shift, full = (3, 255) if deepest == 1 else (2, 0b10101010)  # levels in a byte, as a power of two
@@ -379,13 +393,13 @@ def _mark_empty(data: Array, at: int, end: int, num_levels: int, deepest: int, l
     return empty if done == num_levels else UNKNOWN
 
 
-@njit(nogil=True)
+@device_function
 def _uint32(data: Array, at: int) -> Any:
     low = _byte(data, at) | _byte(data, at + 1) << 8
     return low | _byte(data, at + 2) << 16 | _byte(data, at + 3) << 24
 
 
-@njit(inline="always")
+@device_function
 def _byte(data: Array, at: int) -> Any:
-    """A byte to reckon with: of an unsigned and a signed number compiled code makes a float."""
+    """Read a byte as int64 (Numba promotes uint8 + int64 to float64)."""
     return np.int64(data[at])

@@ -1,36 +1,33 @@
-"""Thrift's compact protocol in compiled code: a Parquet page's header, and where a struct ends.
+"""Compiled reader of Parquet page headers, in Thrift's compact protocol.
 
 Format: https://github.com/apache/thrift/blob/master/doc/specs/thrift-compact-protocol.md
 """
 
 from __future__ import annotations
 
-from numba import njit
-
+from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Array
 
 UNKNOWN = -1
-"""What is not what our writer makes."""
+"""Result for bytes that differ from what our writer produces."""
 
 DATA_PAGE, DICTIONARY_PAGE = 0, 2
 
 _BEYOND = 1 << 40
-_STOP, _BINARY, _STRUCT = 0, 8, 12
-_VARINTS = (4, 5, 6)
 _NEXT_NUMBER, _DATA_HEADER, _DICTIONARY_HEADER = 0x15, 0x2C, 0x4C
-"""Heads of fields: a number in the next one, and after the third field a struct in the fifth or the seventh."""
+"""Field headers: a number in the next field; after the third field a struct in the fifth or seventh."""
 
 
-@njit(nogil=True)
+@device_function
 def read_header(data: Array, at: int) -> tuple[int, int, int, int, int]:
-    """A page's type, uncompressed and compressed size, values and encoding: what its header begins with.
+    """Read the first fields of a page header: type, uncompressed and compressed size, number of values, encoding.
 
     Args:
-        data: (n,) uint8 the file.
-        at: Where the header begins.
+        data: (n,) uint8 bytes of the file.
+        at: Start of the header.
 
     Returns:
-        All UNKNOWN when the header begins otherwise than those of dictionaries and data pages of version 1.
+        UNKNOWN in all fields unless it is the header of a dictionary or a data page of version 1.
     """
     kind, at = _number(data, at)
     size, at = _number(data, at)
@@ -44,9 +41,9 @@ def read_header(data: Array, at: int) -> tuple[int, int, int, int, int]:
     return UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN
 
 
-@njit(nogil=True)
+@device_function
 def _number(data: Array, at: int) -> tuple[int, int]:
-    """A number of 32 bits in the field after the last one, not negative; else the end of the data."""
+    """Read a non-negative 32-bit number from the next field; if it is none, moves to the end of the data."""
     if at < len(data) and data[at] == _NEXT_NUMBER:
         value, at = count_at(data, at + 1)
         if value & 1 == 0:
@@ -54,7 +51,7 @@ def _number(data: Array, at: int) -> tuple[int, int]:
     return UNKNOWN, len(data)
 
 
-@njit(nogil=True)
+@device_function
 def _varint(data: Array, at: int) -> tuple[int, int]:
     value, shift = 0, 0
     while at < len(data) and shift < 70:  # ten bytes hold 64 bits
@@ -67,10 +64,10 @@ def _varint(data: Array, at: int) -> tuple[int, int]:
     return value, at
 
 
-@njit(nogil=True)
+@device_function
 def count_at(data: Array, at: int) -> tuple[int, int]:
-    """A number of bytes or values; what no file can hold, or is negative, becomes a number beyond every end."""
-    if at < len(data) and data[at] < 128:  # as most are
+    """Read a number of bytes or values; negative and implausibly large ones become a number beyond any end."""
+    if at < len(data) and data[at] < 128:  # the common case
         return int(data[at]), at + 1
     value, at = _varint(data, at)
     return value if 0 <= value < _BEYOND else _BEYOND, at

@@ -11,12 +11,12 @@ from contextlib import closing
 
 import pytest
 
-from scenarionet_data.conversion.remote_raw.scratch import Scratch
+from scenarionet_data.conversion.remote_raw.scratch import ScratchFolder
 
 HOLD = """
 import sys
-from scenarionet_data.conversion.remote_raw.scratch import Scratch
-scratch = Scratch()
+from scenarionet_data.conversion.remote_raw.scratch import ScratchFolder
+scratch = ScratchFolder()
 (scratch.path / "deep").mkdir()
 (scratch.path / "deep" / "file").write_text("half a do")
 print(scratch.path, flush=True)
@@ -44,7 +44,7 @@ def test_what_a_killed_process_left_goes_with_the_next(temporary):
         process.send_signal(signal.SIGKILL)
     (left,) = temporary.iterdir()
     assert (left / "deep" / "file").is_file()
-    with closing(Scratch()) as scratch:
+    with closing(ScratchFolder()) as scratch:
         assert list(temporary.iterdir()) == [scratch.path] != [left]
     assert list(temporary.iterdir()) == []
 
@@ -52,7 +52,7 @@ def test_what_a_killed_process_left_goes_with_the_next(temporary):
 def test_what_a_process_holds_stays_until_it_ends(temporary):
     with holder() as process:
         held = process.stdout.readline().strip()
-        with closing(Scratch()) as scratch, closing(Scratch()) as other:
+        with closing(ScratchFolder()) as scratch, closing(ScratchFolder()) as other:
             assert {str(path) for path in temporary.iterdir()} == {held, str(scratch.path), str(other.path)}
         assert [str(path) for path in temporary.iterdir()] == [held]
         process.stdin.write("\n")
@@ -62,7 +62,7 @@ def test_what_a_process_holds_stays_until_it_ends(temporary):
 
 
 def test_a_forked_process_leaves_it_alone(temporary):
-    with closing(Scratch()) as scratch:
+    with closing(ScratchFolder()) as scratch:
         child = os.fork()
         if not child:
             scratch.close()

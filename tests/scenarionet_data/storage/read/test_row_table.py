@@ -6,7 +6,7 @@ import pyarrow as pa
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarionet_data.storage.read.row_table import ArrowRows
+from scenarionet_data.storage.read.row_table import RowTable
 
 COLUMNS = {
     "whole": (pa.int32(), st.integers(-5, 5)),
@@ -28,7 +28,7 @@ def test_rows_are_those_of_arrow(rows, is_full):
     kept = [row for row in rows if not is_full or None not in row.values()]
     schema = pa.schema({name: kind for name, (kind, _) in COLUMNS.items()})
     table = pa.concat_tables([pa.Table.from_pylist(kept[:2], schema), pa.Table.from_pylist(kept[2:], schema)])
-    for made in (ArrowRows(table), pickle.loads(pickle.dumps(ArrowRows(table)))):
+    for made in (RowTable(table), pickle.loads(pickle.dumps(RowTable(table)))):
         assert len(made) == len(kept)
         found = [made[index] for index in range(len(kept))]
         assert found == table.to_pylist()

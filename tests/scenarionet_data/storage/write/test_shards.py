@@ -9,7 +9,8 @@ import pytest
 
 from scenarionet_data import Lake
 from scenarionet_data.errors import InvalidScenario
-from scenarionet_data.ingest.shard import Options, RawItem, Shard
+from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.shard import RawItem, Shard
 from scenarionet_data.storage.files.lake_files import sha256
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots.shard_record import find_finished

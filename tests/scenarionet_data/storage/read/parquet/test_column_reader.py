@@ -1,4 +1,4 @@
-"""What compiled loops read is what Arrow reads, and damage is an error, never a crash."""
+"""The kernels decode what Arrow decodes, and damage is an error, never a crash."""
 
 import mmap
 
@@ -6,15 +6,15 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from numba import njit
 
-from scenarionet_data.codec import Columns
+from scenarionet_data.arrays.columns import Columns
 from scenarionet_data.errors import LakeError
 from scenarionet_data.schema import tables
+from scenarionet_data.storage.read.parquet import ColumnReader, RowGroup, UnreadableFile
 from scenarionet_data.storage.read.parquet import page_kernels as kernels
-from scenarionet_data.storage.read.parquet.column_reader import ColumnReader
-from scenarionet_data.storage.read.parquet.row_groups import Footer, RowGroup
 
 READ = ("tracks", "lights", "maps")
 WORDS = ["VEHICLE", "PEDESTRIAN", "", "straße", "自動車", "x" * 300]
@@ -56,28 +56,31 @@ def written(path, table, batches, **options):
     return path
 
 
+def reader_of(table):
+    return ColumnReader(tables.load(table).columns, compile_after=0)
+
+
 def row_groups(path, table, content=None):
     """A file's row groups, the file as it is or with other bytes."""
     metadata = pq.read_metadata(path)
-    footer = Footer(metadata, tables.load(table), names(table))
+    footer = reader_of(table).footer(str(path), metadata)
     if content is None:
         with path.open("rb") as file:
             content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     else:
         path.write_bytes(content)
     data = np.frombuffer(bytes(content), np.uint8)
-    return [
-        RowGroup(str(path), footer, number, data, 0, lambda: pq.ParquetFile(path))
-        for number in range(metadata.num_row_groups)
-    ]
-
-
-def names(table):
-    return [column.name for column in tables.load(table).columns]
+    return [RowGroup(footer, number, data) for number in range(metadata.num_row_groups)]
 
 
 def read(table, groups):
-    return ColumnReader(tables.load(table), names(table)).read(groups)
+    return reader_of(table).read(groups)
+
+
+def unknown_columns(table, path):
+    """Columns that the kernels leave to Arrow."""
+    pages, _ = reader_of(table)._load_pages(row_groups(path, table))
+    return {column.name for column, its in zip(tables.load(table).columns, pages, strict=True) if its[0, 0] < 0}
 
 
 def by_arrow(table, paths):
@@ -102,6 +105,7 @@ def assert_same(table, found, expected):
 
 
 @pytest.mark.parametrize("table", READ)
+@settings(max_examples=settings.default.max_examples // 2)
 @given(sizes=st.lists(st.integers(1, 30), min_size=1, max_size=3), seed=st.integers(0, 2**32))
 def test_reads_what_arrow_reads(tmp_path_factory, table, sizes, seed):
     folder = tmp_path_factory.mktemp("files")
@@ -115,22 +119,19 @@ def test_reads_what_arrow_reads(tmp_path_factory, table, sizes, seed):
 
 
 @pytest.mark.parametrize("table", READ)
-def test_reads_without_arrow_what_our_writer_makes(tmp_path, table):
+def test_kernels_read_all_columns_that_our_writer_produces(tmp_path, table):
     path = written(tmp_path / "f.parquet", table, [rows_of(table, 30, seed) for seed in range(3)])
-    pages, _ = ColumnReader(tables.load(table), names(table))._staged(row_groups(path, table))
-    unknown = {column.name for column, its in zip(tables.load(table).columns, pages, strict=True) if its[0, 0] < 0}
-    assert unknown <= {"origin_x", "origin_y", "origin_z", "tile"}  # which no loader reads
+    assert unknown_columns(table, path) <= {"origin_x", "origin_y", "origin_z", "tile"}  # not loaded
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("table", "num_rows"), [("tracks", 19_000), ("maps", 4_000)])
 def test_a_column_of_megabytes_is_one_page(tmp_path, table, num_rows):
-    """As in row groups that many scenarios share."""
+    """As in row groups shared by many scenarios."""
     path = written(tmp_path / "f.parquet", table, [rows_of(table, num_rows, 7)])
     group = pq.read_metadata(path).row_group(0)
     assert max(group.column(k).total_uncompressed_size for k in range(group.num_columns)) > 2e6
-    pages, _ = ColumnReader(tables.load(table), names(table))._staged(row_groups(path, table))
-    unknown = {column.name for column, its in zip(tables.load(table).columns, pages, strict=True) if its[0, 0] < 0}
-    assert unknown <= {"origin_x", "origin_y", "origin_z", "tile"}
+    assert unknown_columns(table, path) <= {"origin_x", "origin_y", "origin_z", "tile"}
     assert_same(table, read(table, row_groups(path, table)), by_arrow(table, [path]))
 
 
@@ -147,7 +148,7 @@ def test_a_column_of_megabytes_is_one_page(tmp_path, table, num_rows):
     ],
     ids=["snappy", "plain", "many-pages", "version-2", "dictionaries", "zstd"],
 )
-def test_what_our_writer_does_not_make_is_left_to_arrow(tmp_path, table, options):
+def test_other_encodings_are_left_to_arrow(tmp_path, table, options):
     paths = [
         written(tmp_path / "1.parquet", table, [rows_of(table, 30, 1), rows_of(table, 90, 2)], **options),
         written(tmp_path / "2.parquet", table, [rows_of(table, 5, 3)]),
@@ -157,6 +158,7 @@ def test_what_our_writer_does_not_make_is_left_to_arrow(tmp_path, table, options
 
 
 @pytest.mark.parametrize("table", READ)
+@settings(max_examples=settings.default.max_examples // 2)
 @given(data=st.data())
 def test_damage_is_an_error_and_never_a_crash(tmp_path_factory, table, data):
     path = written(tmp_path_factory.mktemp("t") / "f.parquet", table, [rows_of(table, 20, 4), rows_of(table, 9, 5)])
@@ -166,15 +168,15 @@ def test_damage_is_an_error_and_never_a_crash(tmp_path_factory, table, data):
         content[data.draw(st.integers(start, end - 1))] = data.draw(st.integers(0, 255))
     try:
         found = read(table, row_groups(path, table, content))
-    except LakeError as error:
-        assert f"cannot read {path}: " in str(error)
+    except UnreadableFile as error:
+        assert error.url == str(path)
         return
     assert found.num_rows == 29
     for column in found.lists.values():
         assert 0 <= column.offsets[-1] <= len(column.values)
 
 
-def test_the_damaged_one_of_many_files_is_named(tmp_path):
+def test_the_damaged_file_of_many_is_named(tmp_path):
     paths = [written(tmp_path / f"{k}.parquet", "tracks", [rows_of("tracks", 20, k)]) for k in range(3)]
     content = bytearray(paths[1].read_bytes())
     start, end = row_groups(paths[1], "tracks")[0].footer.span(0)
@@ -184,11 +186,13 @@ def test_the_damaged_one_of_many_files_is_named(tmp_path):
         *row_groups(paths[1], "tracks", content),
         *row_groups(paths[2], "tracks"),
     ]
-    with pytest.raises(LakeError, match=f"cannot read {paths[1]}: "):
+    with pytest.raises(UnreadableFile) as raised:
         read("tracks", groups)
+    assert raised.value.url == str(paths[1])
 
 
 @pytest.mark.parametrize("table", READ)
+@settings(max_examples=settings.default.max_examples // 2)
 @given(first=st.lists(st.integers(0, 20), min_size=1, max_size=4), count=st.integers(0, 9))
 def test_picks_as_arrow_slices(table, first, count):
     batch = rows_of(table, 29, 6)
@@ -198,17 +202,23 @@ def test_picks_as_arrow_slices(table, first, count):
     assert_same(table, picked, Columns.from_arrow(expected, columns))
 
 
-def test_rows_that_are_not_there_are_refused():
+def test_spans_beyond_the_rows_are_refused():
     columns = Columns.from_arrow(rows_of("lights", 5, 1), tables.load("lights").columns)
-    with pytest.raises(LakeError, match="fewer rows than its lake says"):
+    with pytest.raises(LakeError, match="fewer rows than its metadata"):
         columns.pick([(3, 3)])
 
 
 GUARD = 8
 
 
+@njit
+def decompress(block, start, end, target, first, stop):
+    """Make the device function callable from Python."""
+    return kernels._decompress(block, start, end, target, first, stop)
+
+
 def guarded(size, kind):
-    """Room for ``size`` values, and behind it some that nobody may touch."""
+    """Space for ``size`` values, followed by guard values that must not change."""
     return np.full(size + GUARD, -7 if np.dtype(kind).kind != "u" else 7, kind)
 
 
@@ -219,7 +229,7 @@ def guarded(size, kind):
     encoding=st.sampled_from([kernels.PLAIN, kernels.BYTE_STREAM_SPLIT]),
     num_words=st.integers(0, 4),
 )
-def test_no_page_whatever_reads_or_writes_out_of_bounds(content, levels, shape, encoding, num_words):
+def test_arbitrary_pages_are_not_read_or_written_out_of_bounds(content, levels, shape, encoding, num_words):
     data = np.frombuffer(content + bytes(kernels.SPARE), np.uint8)
     pages = np.zeros((1, 1, kernels.NUM_PAGE_FIELDS), np.int64)
     pages[0, 0, kernels.END] = len(content)
@@ -246,17 +256,17 @@ def test_no_page_whatever_reads_or_writes_out_of_bounds(content, levels, shape, 
 
 
 @given(content=st.binary(max_size=80), size=st.integers(0, 200))
-def test_no_block_whatever_inflates_out_of_bounds(content, size):
+def test_arbitrary_blocks_are_not_decompressed_out_of_bounds(content, size):
     data, target = np.frombuffer(content, np.uint8), guarded(size + GUARD, np.uint8)
-    kernels._inflate(data, 0, len(data), target, GUARD, GUARD + size)
+    decompress(data, 0, len(data), target, GUARD, GUARD + size)
     assert (target[:GUARD] == 7).all()
     assert (target[GUARD + size :] == 7).all()
 
 
 @given(texts=st.lists(st.sampled_from([b"a" * 20, b"scenario", bytes(range(40)), b"ab"]), max_size=40))
-def test_inflates_what_arrow_deflates(texts):
+def test_decompresses_what_arrow_compresses(texts):
     content = b"".join(texts)
     block = np.frombuffer(pa.Codec("lz4_raw").compress(content, asbytes=True), np.uint8)
     target = np.zeros(len(content), np.uint8)
-    assert kernels._inflate(block, 0, len(block), target, 0, len(content))
+    assert decompress(block, 0, len(block), target, 0, len(content))
     assert target.tobytes() == content

@@ -4,8 +4,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numba import njit
 
 from scenarionet_data.storage.read.parquet import thrift_kernels as kernels
+
+
+@njit
+def read_header(data, at):
+    """Make the device function callable from Python."""
+    return kernels.read_header(data, at)
 
 
 def varint(value):
@@ -26,7 +33,7 @@ def header_of(kind, numbers):
 
 @given(header=st.binary(max_size=60))
 def test_arbitrary_bytes_are_not_taken_for_a_page(header):
-    kind, *others = kernels.read_header(np.frombuffer(header, np.uint8), 0)
+    kind, *others = read_header(np.frombuffer(header, np.uint8), 0)
     assert kind in (kernels.UNKNOWN, kernels.DATA_PAGE, kernels.DICTIONARY_PAGE)
     assert [value == kernels.UNKNOWN for value in others] == [kind == kernels.UNKNOWN] * 4
     assert kind == kernels.UNKNOWN or min(others) >= 0
@@ -36,13 +43,13 @@ def test_arbitrary_bytes_are_not_taken_for_a_page(header):
 def test_reads_the_first_fields_of_a_header(numbers, is_dictionary):
     kind = kernels.DICTIONARY_PAGE if is_dictionary else kernels.DATA_PAGE
     header = header_of(kind, numbers)
-    assert kernels.read_header(np.frombuffer(header, np.uint8), 0) == (kind, *numbers)
+    assert read_header(np.frombuffer(header, np.uint8), 0) == (kind, *numbers)
     cut = np.frombuffer(header[: len(header) - 5], np.uint8)  # before the end of the encoding
-    assert kernels.read_header(cut, 0)[0] == kernels.UNKNOWN
+    assert read_header(cut, 0)[0] == kernels.UNKNOWN
 
 
 @pytest.mark.parametrize("first", [b"\x15", b"\x06", b"\x18", b"\x1c\x08", b"\x19\xfc"])
 @pytest.mark.parametrize("rest", [b"\xff" * 9 + b"\x01", b"\xff" * 20, b"\x80" * 9 + b"\x01\x15\x02"])
 def test_numbers_of_64_bits_stay_within_the_file(first, rest):
     data = np.frombuffer(first + rest + b"\x00", np.uint8)
-    assert kernels.read_header(data, 0)[0] == kernels.UNKNOWN
+    assert read_header(data, 0)[0] == kernels.UNKNOWN

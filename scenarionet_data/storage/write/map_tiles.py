@@ -1,7 +1,7 @@
-"""Writes a map that many scenarios share: once, in square tiles with an origin and a row group each.
+"""Write a shared map in square tiles, each with its own origin and row group.
 
-Coordinates are float32 offsets from their tile's origin, so a city of any size keeps the precision of a
-scenario. A feature longer than a tile stands in a row group of its own kind, so that it does not widen others.
+Coordinates are float32 offsets from the tile's origin, which keeps the precision of a scenario in a city of any size.
+Features longer than a tile have separate row groups, so that they do not enlarge the bounds of others.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ TILE = 200.0
 def write_shared_map(
     files: LakeFiles, shard: Shard, features: MapBuilder, converter_version: str, licence: str
 ) -> ShardRecord:
-    """Publish a shared map and return its record; it becomes part of the lake by a commit.
+    """Publish the file of a shared map; a commit of the returned record adds it to the lake.
 
     Args:
-        files: The lake.
-        shard: Of ``Converter.maps``; its name is the map's id.
+        files: The lake's files.
+        shard: A shard of ``Converter.maps``; its name is the map's id.
         features: In the source frame.
         converter_version: Version of the converter.
         licence: Licence of the source.
@@ -67,7 +67,7 @@ def write_shared_map(
 
 
 def _tiles(bounds: Float64) -> list[tuple[Int64, Float64]]:
-    """Rows and origin of every tile, long features apart from the others; those without geometry lie at 0."""
+    """Features and origin of each tile; long features have separate tiles, those without geometry are put at 0."""
     boxes = np.nan_to_num(bounds)
     cell = np.floor((boxes[:, :2] + boxes[:, 2:]) / 2 / TILE).astype(np.int64)
     is_long = (boxes[:, 2:] - boxes[:, :2]).max(axis=1, initial=0.0) > TILE

@@ -11,7 +11,7 @@ import pytest
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.building import meets
 from scenarionet_data.conversion import convert
-from scenarionet_data.storage.write.shared_map import TILE
+from scenarionet_data.storage.write.map_tiles import TILE
 from tests.fixtures.made import write_raw
 from tests.fixtures.made_city import NAME, MadeCity, city
 

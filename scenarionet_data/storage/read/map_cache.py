@@ -1,4 +1,4 @@
-"""Crops of maps that many scenarios share: the map is read once a process, a crop is a gather."""
+"""Cache of shared maps: each is read once per process and cropped for every scenario."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from scenarionet_data import codec
+from scenarionet_data.arrays.columns import Columns
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import meets
@@ -20,7 +21,7 @@ from scenarionet_data.scenario.description import MapFeatures
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.lake_files import LakeFiles
 
-_KEPT_MAPS = 4
+_MAX_MAPS = 4
 
 
 @dataclass(frozen=True)
@@ -28,8 +29,8 @@ class SharedMap:
     """A shared map in memory.
 
     Attributes:
-        features: In the source's order; coordinates from each feature's origin.
-        origins: (M, 3) float64 [m] of each feature's tile.
+        features: In the order of the source; coordinates relative to the feature's origin.
+        origins: (M, 3) float64 [m] origin of each feature's tile.
         bounds: (M, 4) float64 [m] min_x, min_y, max_x, max_y in the source frame; NaN without geometry.
     """
 
@@ -38,41 +39,41 @@ class SharedMap:
     bounds: Float64
 
     def crop(self, window: tuple[float, float, float, float], origin: Float64) -> MapFeatures:
-        """The features, whole, that meet a window, in the frame of a scenario.
+        """Features that intersect a window, uncut, in the frame of a scenario.
 
         Args:
             window: min_x, min_y, max_x, max_y [m] in the scenario's frame.
-            origin: (3,) of the scenario.
+            origin: (3,) float64 [m] of the scenario in the source frame.
         """
         corner = np.array([origin[0], origin[1], origin[0], origin[1]])
         min_x, min_y, max_x, max_y = np.asarray(window) + corner
         rows = np.flatnonzero(meets(self.bounds, (min_x, min_y, max_x, max_y)))
         chosen, shift = self.features.take(rows), self.origins[rows] - origin
-        return replace(chosen, polyline=_moved(chosen.polyline, shift), polygon=_moved(chosen.polygon, shift))
+        return replace(chosen, polyline=_translated(chosen.polyline, shift), polygon=_translated(chosen.polygon, shift))
 
 
-class SharedMaps:
-    """The shared maps of a lake, the most recently used kept in memory.
+class MapCache:
+    """The most recently used shared maps of a lake.
 
     Args:
         files: The lake's files.
-        names: File of each map, by dataset, version and map id.
+        names: File of each map by dataset, version and map id.
     """
 
     def __init__(self, files: LakeFiles, names: dict[tuple[str, str, str], str]) -> None:
         self._files = files
         self._names = names
-        self._kept: OrderedDict[tuple[str, str, str], SharedMap] = OrderedDict()
+        self._maps: OrderedDict[tuple[str, str, str], SharedMap] = OrderedDict()
         self._lock = threading.Lock()
 
     def __getstate__(self) -> dict[str, Any]:
         return {"files": self._files, "names": self._names}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__init__(**state)  # type: ignore[misc]  # what is kept in memory does not travel
+        self.__init__(**state)  # type: ignore[misc]  # cached maps are not pickled
 
     def get(self, dataset: str, version: str, map_id: str) -> SharedMap:
-        """A map.
+        """Read a map, or return it from the cache.
 
         Raises:
             ScenarioNotFound: The lake has no such map.
@@ -81,27 +82,27 @@ class SharedMaps:
         if key not in self._names:
             raise ScenarioNotFound(f"no map {map_id!r} of {dataset} {version} in the lake; convert it with its maps")
         with self._lock:
-            if key not in self._kept:
-                self._kept[key] = read(self._files.path(self._names[key]))
-                if len(self._kept) > _KEPT_MAPS:
-                    self._kept.popitem(last=False)
-            self._kept.move_to_end(key)
-            return self._kept[key]
+            if key not in self._maps:
+                self._maps[key] = _read(self._files.path(self._names[key]))
+                if len(self._maps) > _MAX_MAPS:
+                    self._maps.popitem(last=False)
+            self._maps.move_to_end(key)
+            return self._maps[key]
 
 
-def read(path: Path) -> SharedMap:
-    """A shared map from its file."""
+def _read(path: Path) -> SharedMap:
+    """Read a shared map from its file."""
     file = pq.ParquetFile(path)
     tables.load("maps").check_version(file.metadata.metadata, str(path))
     (rows,) = file.read(use_threads=False).sort_by("feature_index").combine_chunks().to_batches()
     origins = np.column_stack([rows.column(f"origin_{axis}").to_numpy() for axis in "xyz"])
     boxes = [rows.column(name).to_numpy(zero_copy_only=False) for name in ("min_x", "min_y", "max_x", "max_y")]
     bounds = np.column_stack(boxes).astype(np.float64) + origins[:, [0, 1, 0, 1]]
-    columns = codec.Columns.from_arrow(rows, tables.load("maps").columns)
-    (features,) = codec.decode_maps(codec.Rows(columns, [0, rows.num_rows]))
+    columns = Columns.from_arrow(rows, tables.load("maps").columns)
+    (features,) = codec.decode_maps(codec.ScenarioColumns(columns, [0, rows.num_rows]))
     return SharedMap(features, origins, bounds)
 
 
-def _moved(points: Ragged, shift: Float64) -> Ragged:
-    moved = points.values + np.repeat(shift, points.lengths, axis=0)
-    return Ragged(points.offsets, moved.astype(np.float32))
+def _translated(points: Ragged, shift: Float64) -> Ragged:
+    translated = points.values + np.repeat(shift, points.lengths, axis=0)
+    return Ragged(points.offsets, translated.astype(np.float32))

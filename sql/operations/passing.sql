@@ -1,4 +1,4 @@
--- Scenarios of the pool that no rule finds broken, in its order.
+-- Scenarios of the pool that violate no rule, in its order.
 WITH {rules}
 SELECT scenario_id, weight, content_hash
 FROM {pool}

@@ -1,0 +1,66 @@
+"""Options of converters."""
+
+from __future__ import annotations
+
+import difflib
+import types
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, fields
+from typing import Any, Literal, Self, Union, get_args, get_origin, get_type_hints
+
+from scenarionet_data.errors import BadParameter
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of a converter; subclasses add fields with defaults and ``metadata={"doc": ...}``.
+
+    A field with ``"is_path": True`` as well names a folder on this machine; it is not part of a shard's identity.
+    """
+
+    @property
+    def paths(self) -> dict[str, str]:
+        """Fields that name folders; values may be empty, or several paths joined as in ``$PATH``."""
+        return {each.name: getattr(self, each.name) for each in fields(self) if each.metadata.get("is_path")}
+
+    @classmethod
+    def from_mapping(cls, values: Mapping[str, Any]) -> Self:
+        """Make options from Python values by name.
+
+        Raises:
+            BadParameter: An unknown name, or a value of the wrong type.
+        """
+        hints, known = get_type_hints(cls), {each.name: each for each in fields(cls)}
+        for name, value in values.items():
+            if name not in known:
+                near = difflib.get_close_matches(name, known, n=1)
+                hint = f"did you mean {near[0]!r}? " if near else ""
+                raise BadParameter(f"no option {name!r}; {hint}options: {', '.join(known) or 'none'}")
+            if not _is_of_type(value, hints[name]):
+                field = known[name]
+                default = field.default if field.default_factory is MISSING else field.default_factory()
+                wanted = hints[name].__name__ if isinstance(hints[name], type) else str(hints[name])
+                raise BadParameter(
+                    f"option {name!r}: expected {wanted.removeprefix('typing.')}, for example {default!r}; "
+                    f"found {value!r}"
+                )
+        return cls(**values)
+
+
+def _is_of_type(value: Any, hint: Any) -> bool:
+    """Whether a value fits the type of a field; an int is a float, as for type checkers."""
+    origin, inner = get_origin(hint), get_args(hint)
+    if origin in (Union, types.UnionType):
+        return any(_is_of_type(value, kind) for kind in inner)
+    if origin is Literal:
+        return value in inner
+    if origin is tuple:
+        if not isinstance(value, tuple):
+            return False
+        kinds = [inner[0]] * len(value) if inner[-1] is Ellipsis else list(inner)
+        return len(kinds) == len(value) and all(map(_is_of_type, value, kinds))
+    if hint is float:
+        return isinstance(value, int | float) and not isinstance(value, bool)
+    if hint is int:
+        return isinstance(value, int) and not isinstance(value, bool)
+    return hint is Any or not isinstance(hint, type) or isinstance(value, hint)

@@ -1,0 +1,162 @@
+"""Footers of Parquet files, and row groups with their bytes."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from scenarionet_data.arrays.columns import ColumnType
+from scenarionet_data.arrays.dtypes import Array, Int64
+from scenarionet_data.storage.read.parquet import page_kernels as kernels
+
+_CODECS = {"LZ4": kernels.LZ4, "ZSTD": kernels.ZSTD}
+_PLAIN = 1 << kernels.PLAIN
+_KNOWN = {
+    "float32": _PLAIN | 1 << kernels.BYTE_STREAM_SPLIT,
+    "int32": _PLAIN,
+    "bool": _PLAIN,
+    "string": _PLAIN,
+    "json": _PLAIN,
+    "dictionary": 1 << kernels.INDICES,
+}
+"""Encodings that the kernels decode, one bit each, by type."""
+_MAX_CHUNK = 2**30
+"""Bytes of a column chunk that are allocated on the word of a footer; larger ones are left to Arrow."""
+
+
+class UnreadableFile(OSError):
+    """Bytes of a Parquet file cannot be decoded.
+
+    Attributes:
+        url: The file.
+    """
+
+    def __init__(self, url: str, reason: str) -> None:
+        super().__init__(reason)
+        self.url = url
+
+
+class Footer:
+    """A file's footer, and the positions of some of its columns.
+
+    Args:
+        url: The file, for errors.
+        metadata: Its footer.
+        columns: The columns to read; nullable ones may be missing.
+
+    Raises:
+        UnreadableFile: A required column is missing.
+    """
+
+    def __init__(self, url: str, metadata: pq.FileMetaData, columns: Sequence[ColumnType]) -> None:
+        self.url = url
+        self.metadata = metadata
+        positions = {metadata.schema.column(index).path: index for index in range(metadata.num_columns)}
+        missing = [column.name for column in columns if column.path not in positions]
+        self.missing = frozenset(missing)
+        required = [column.name for column in columns if column.name in self.missing and not column.nullable]
+        if required:
+            raise UnreadableFile(url, f"it has no column {required[0]}")
+        self._columns = [(positions.get(column.path), _known_encodings(column)) for column in columns]
+        self._chunks: dict[int, Int64] = {}
+
+    def num_rows(self, number: int) -> int:
+        """Rows of a row group."""
+        return int(self.metadata.row_group(number).num_rows)
+
+    def span(self, number: int) -> tuple[int, int]:
+        """Start and end of the bytes of a row group's columns."""
+        chunks = self.chunks(number)
+        present = chunks[:, kernels.CHUNK_END] > 0
+        return int(chunks[present, kernels.CHUNK_START].min()), int(chunks[:, kernels.CHUNK_END].max())
+
+    def chunks(self, number: int) -> Int64:
+        """(columns, 7) positions of a row group's column chunks, see ``page_kernels``; 0 for missing columns."""
+        if number not in self._chunks:
+            group = self.metadata.row_group(number)
+            rows = [_chunk(group, index, known) for index, known in self._columns]
+            self._chunks[number] = np.array(rows, np.int64)
+        return self._chunks[number]
+
+
+def _known_encodings(column: ColumnType) -> int:
+    # Nullable integers become floats; no table that is loaded has them.
+    is_float = column.element == "int32" and column.nullable and not column.is_list
+    return 0 if is_float else _KNOWN.get(column.element, 0)
+
+
+def _chunk(group: pq.RowGroupMetaData, index: int | None, known: int) -> tuple[int, int, int, int, int, int, int]:
+    if index is None:
+        return 0, 0, 0, 0, kernels.OTHER_CODEC, 0, 0
+    chunk = group.column(index)
+    data, size = chunk.data_page_offset, chunk.total_uncompressed_size
+    start = min(data, chunk.dictionary_page_offset or data)
+    codec = _CODECS.get(chunk.compression, kernels.OTHER_CODEC) if 0 <= size < _MAX_CHUNK else kernels.OTHER_CODEC
+    end = start + chunk.total_compressed_size
+    return start, data, end, chunk.num_values, codec, size if codec else 0, known
+
+
+@dataclass(frozen=True, eq=False)
+class RowGroup:
+    """A row group with its bytes.
+
+    Attributes:
+        footer: Footer of the file.
+        number: Number of the row group in the file.
+        content: (n,) uint8 read-only bytes of the file that contain the row group.
+        base: Position of these bytes in the file.
+    """
+
+    footer: Footer
+    number: int
+    content: Array
+    base: int = 0
+
+    @property
+    def num_rows(self) -> int:
+        """Number of rows."""
+        return self.footer.num_rows(self.number)
+
+    def open(self) -> pq.ParquetFile:
+        """Open the bytes with Arrow; other row groups that they contain can be read, too."""
+        source = pa.PythonFile(_Window(self.content, self.base), "r") if self.base else pa.BufferReader(self.content)
+        return pq.ParquetFile(source, metadata=self.footer.metadata, pre_buffer=False)
+
+
+class _Window(io.RawIOBase):
+    """A file of which only a range of bytes is in memory."""
+
+    def __init__(self, content: Array, base: int) -> None:
+        self._content, self._base = content, base
+        self._position = 0
+
+    def readable(self) -> bool:
+        """Always True; required by io.RawIOBase."""
+        return True
+
+    def seekable(self) -> bool:
+        """Always True; required by io.RawIOBase."""
+        return True
+
+    def tell(self) -> int:
+        """Current position in the file."""
+        return self._position
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        """Change the position; the end of the file is the end of the range."""
+        end = self._base + len(self._content)
+        self._position = offset + {io.SEEK_SET: 0, io.SEEK_CUR: self._position, io.SEEK_END: end}[whence]
+        return self._position
+
+    def read(self, size: int = -1) -> bytes:
+        """Read bytes at the current position."""
+        start = self._position - self._base
+        if start < 0 or size < 0 or start + size > len(self._content):
+            raise OSError("a column chunk exceeds its row group")
+        self._position += size
+        return bytes(self._content[start : start + size])

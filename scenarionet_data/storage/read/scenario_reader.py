@@ -1,0 +1,115 @@
+"""Read the rows of scenarios from the tables tracks, lights and maps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import accumulate
+from typing import Any
+
+from scenarionet_data.arrays.columns import Columns
+from scenarionet_data.codec import ScenarioColumns
+from scenarionet_data.schema import tables
+from scenarionet_data.storage.files.errors import reading
+from scenarionet_data.storage.files.lake_files import LakeFiles
+from scenarionet_data.storage.files.remote import RemoteLakeFiles
+from scenarionet_data.storage.read.parquet import ColumnReader, UnreadableFile
+from scenarionet_data.storage.read.row_groups import LocalRowGroups, RemoteRowGroups, RowGroupAddress, RowGroups
+from scenarionet_data.storage.snapshots import snapshot as snapshots
+from scenarionet_data.storage.snapshots.snapshot import Snapshot
+
+TABLES = ("tracks", "lights", "maps")
+
+_UNUSED = {"scenario_id", "map_id", "track_index", "feature_index", "tile"} | {
+    f"{end}_{axis}" for end in ("min", "max", "origin") for axis in "xyz"
+}
+_ADDRESS = {
+    table: tuple(f"{table}_{part}" for part in ("file", "row_group", "first_row", "num_rows")) for table in TABLES
+}
+
+
+class ScenarioReader:
+    """Reads rows of scenarios; for one thread.
+
+    The row groups of the last call are cached when they hold other scenarios, too.
+
+    Args:
+        files: The lake's files.
+        snapshot: The snapshot of the scenarios.
+    """
+
+    def __init__(self, files: LakeFiles, snapshot: Snapshot) -> None:
+        self._files = files
+        self._snapshot = snapshot
+        self._readers = {
+            table: ColumnReader([column for column in tables.load(table).columns if column.name not in _UNUSED])
+            for table in TABLES
+        }
+        self._remote = RemoteRowGroups(files, self._readers) if isinstance(files, RemoteLakeFiles) else None
+        self._row_groups: RowGroups = self._remote or LocalRowGroups(files, self._readers)
+        self._cached: dict[str, tuple[dict[RowGroupAddress, int], Columns]] = {}
+
+    def prefetch(self, metadata: Iterable[Mapping[str, Any]], wanted: Sequence[str]) -> None:
+        """Request the row groups of scenarios that will be read next.
+
+        Args:
+            metadata: Their rows of the metadata table.
+            wanted: Some of TABLES.
+        """
+        if self._remote is None:  # the operating system reads mapped files ahead
+            return
+        cached = {address for starts, _ in self._cached.values() for address in starts}
+        addresses = [address for row in metadata for table in wanted for address in _addresses(table, [row])]
+        with snapshots.reading_from(self._files, self._snapshot):
+            self._remote.prefetch(address for address in addresses if address not in cached)
+
+    def read(self, metadata: Sequence[Mapping[str, Any]], wanted: Sequence[str]) -> dict[str, ScenarioColumns | None]:
+        """Rows of scenarios by table; None for a table in which none of them has rows.
+
+        Args:
+            metadata: Their rows of the metadata table.
+            wanted: Some of TABLES.
+
+        Raises:
+            LakeError: A file is missing or damaged; the message names it.
+            SchemaMismatch: A file has a schema version that cannot be read.
+        """
+        self.prefetch(metadata, wanted)
+        return {table: self._read_table(table, metadata) for table in wanted}
+
+    def _read_table(self, table: str, metadata: Sequence[Mapping[str, Any]]) -> ScenarioColumns | None:
+        addresses = _addresses(table, metadata)
+        if not addresses:
+            return None
+        starts, columns = self._cached.get(table, ({}, None))
+        if columns is None or not addresses.keys() <= starts.keys():
+            starts, columns = self._read_row_groups(table, list(addresses))
+        file, row_group, first_row, num_rows = _ADDRESS[table]
+        spans = [
+            (starts[RowGroupAddress(table, row[file], row[row_group])] + row[first_row], row[num_rows])
+            for row in metadata
+            if row[file]
+        ]
+        bounds = list(accumulate((row[num_rows] or 0 for row in metadata), initial=0))
+        if [first for first, _ in spans] == list(starts.values()) and bounds[-1] == columns.num_rows:
+            return ScenarioColumns(columns, bounds)
+        self._cached[table] = starts, columns  # shared row groups: scenarios read next are often in them
+        return ScenarioColumns(columns.pick(spans), bounds)
+
+    def _read_row_groups(
+        self, table: str, addresses: list[RowGroupAddress]
+    ) -> tuple[dict[RowGroupAddress, int], Columns]:
+        """Rows of row groups, concatenated, and the first row of each."""
+        with snapshots.reading_from(self._files, self._snapshot):
+            groups = self._row_groups.get(addresses)
+            try:
+                columns = self._readers[table].read(groups)
+            except UnreadableFile as error:
+                with reading(error.url):
+                    raise
+        return dict(zip(addresses, accumulate((group.num_rows for group in groups), initial=0), strict=False)), columns
+
+
+def _addresses(table: str, metadata: Sequence[Mapping[str, Any]]) -> dict[RowGroupAddress, None]:
+    """Distinct row groups of scenarios in one table, in their order."""
+    file, row_group, *_ = _ADDRESS[table]
+    return dict.fromkeys(RowGroupAddress(table, row[file], row[row_group]) for row in metadata if row[file])
