@@ -12,9 +12,10 @@ from gymnasium.vector.utils import batch_space
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.environments.batched import ENDS, NUMBERS, BatchedEnvironment
+from scenarionet_sim.environments.batched import ENDS, BatchedEnvironment
 from scenarionet_sim.environments.config import VectorConfig, make_config
 from scenarionet_sim.environments.episodes import Episodes, action_space
+from scenarionet_sim.kernels.scoring import NUMBERS
 from scenarionet_sim.task.task import ARRIVED
 
 _LOADED_AHEAD = 8  # many episodes tend to end in the same step
