@@ -15,6 +15,7 @@ from scenarionet_data.errors import BadParameter, NoSuchSnapshot
 from scenarionet_data.operations.database_query import Pool, StaleDatabaseWarning
 from scenarionet_data.query.members import ADDRESS_COLUMNS
 from scenarionet_data.query.statements import quoted
+from scenarionet_data.query.views import with_added_columns
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
@@ -153,7 +154,8 @@ def _changed_columns(lake: Lake, before: _Side, after: _Side) -> tuple[ColumnCha
 def _relation(lake: Lake, names: Sequence[str]) -> str:
     """SQL for the rows of metadata files, those of a lake without any too."""
     paths = ", ".join(quoted(str(path)) for path in lake.files.paths(names))
-    return f"read_parquet([{paths}], hive_partitioning = false)" if names else "(FROM metadata_rows LIMIT 0)"
+    scan = with_added_columns("metadata", f"read_parquet([{paths}], hive_partitioning = false)")
+    return scan if names else "(FROM metadata_rows LIMIT 0)"
 
 
 def _comparison(name: str) -> str:

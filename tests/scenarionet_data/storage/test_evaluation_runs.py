@@ -26,7 +26,7 @@ def rollout(scenario_id: str) -> dict:
     return {"scenario_id": scenario_id} | facts | {name: [0.0, 1.0] for name in ("x", "y", "heading", "vx", "vy")}
 
 
-def publish(run: evaluation_runs.Run, part: int, scenario_id: str, cost: int) -> None:
+def publish(run: evaluation_runs.EvaluationRun, part: int, scenario_id: str, cost: int) -> None:
     results = [{"scenario_id": scenario_id, "track_id": "t0", "cost": cost}]
     run.publish(part, {"rollouts": [rollout(scenario_id)], "results": results})
 
@@ -62,7 +62,7 @@ def test_only_the_same_work_goes_on_with_a_run(lake):
 def test_a_part_is_done_when_its_last_table_is_there(lake):
     run = evaluation_runs.claim(lake.files, "mine", ("rollouts", "results"), {})
     run.publish(0, {"rollouts": [rollout(SCENARIOS[0].id)], "results": []})
-    half = evaluation_runs.Run(lake.files, "mine", ("rollouts",))
+    half = evaluation_runs.EvaluationRun(lake.files, "mine", ("rollouts",))
     half.publish(1, {"rollouts": [rollout(SCENARIOS[1].id)]})
     assert run.done() == {0}
 
