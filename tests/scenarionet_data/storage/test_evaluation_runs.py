@@ -53,9 +53,9 @@ def test_without_runs_the_views_are_empty(lake):
 def test_only_the_same_work_goes_on_with_a_run(lake):
     first = evaluation_runs.claim(lake.files, "mine", ("results",), {"policy": "idm", "backend": "Kinematic()"})
     assert evaluation_runs.claim(lake.files, "mine", ("results",), {"backend": "Kinematic()", "policy": "idm"}) == first
-    with pytest.raises(BadParameter, match="'mine' is there with policy 'idm', not 'replay'; choose another name"):
+    with pytest.raises(BadParameter, match="'mine' exists with policy 'idm', not 'replay'; choose another name"):
         evaluation_runs.claim(lake.files, "mine", ("results",), {"policy": "replay", "backend": "Kinematic()"})
-    with pytest.raises(BadParameter, match="no name of a run"):
+    with pytest.raises(BadParameter, match="not a valid name of a run"):
         evaluation_runs.claim(lake.files, "../mine", ("results",), {})
 
 
