@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -165,6 +166,7 @@ class Views:
         return " ".join(joins)
 
 
+@cache
 def _definitions() -> dict[str, Path]:
     """File of each view and macro by name."""
     return {path.stem: path for folder in ("macros", "views") for path in (SQL / folder).glob("*.sql")}
