@@ -10,8 +10,9 @@ from tempfile import TemporaryDirectory
 
 from scenarionet_data.arrays.compiled import compilations, silent
 
-SEEDS = "0:4"
-"""Generated scenarios that the kernels run on: with traffic lights, road works and lane changes."""
+SEEDS = "8:10"
+"""Generated scenarios that the kernels run on: one without traffic lights, one with."""
+_NUM_SCENARIOS = 2
 
 
 @dataclass(frozen=True)
@@ -110,8 +111,9 @@ def _simulate(lake: str) -> None:
         (BirdView(),),
     ):
         env = ScenarioNetEnv(scenarios=Scenarios(lake), sensors=sensors, observation="dict", prefetch=0)
-        env.reset(seed=0)
-        env.step([0.0, 0.5])
+        for _ in range(_NUM_SCENARIOS):
+            env.reset()
+            env.step([0.0, 0.5])
         env.close()
 
 
@@ -119,7 +121,9 @@ def _simulate_traffic(lake: str) -> None:
     from scenarionet_sim import ConstantVelocity, External, Idm, Replay, RouteFollower, ScenarioNetVectorEnv, Scenarios
 
     for traffic in (Idm(), ConstantVelocity(), RouteFollower()):
-        env = ScenarioNetVectorEnv(num_envs=1, scenarios=Scenarios(lake), policies=(Replay(), traffic, External()))
+        env = ScenarioNetVectorEnv(
+            num_envs=_NUM_SCENARIOS, scenarios=Scenarios(lake), policies=(Replay(), traffic, External())
+        )
         env.reset(seed=0)
         env.step(env.action_space.sample())
         env.close()
@@ -129,6 +133,7 @@ def _simulate_many_agents(lake: str) -> None:
     from scenarionet_sim import ScenarioNetParallelEnv, Scenarios
 
     env = ScenarioNetParallelEnv(scenarios=Scenarios(lake))
-    env.reset(seed=0)
-    env.step({agent: env.action_space(agent).sample() for agent in env.agents})
+    for _ in range(_NUM_SCENARIOS):
+        env.reset()
+        env.step({agent: env.action_space(agent).sample() for agent in env.agents})
     env.close()

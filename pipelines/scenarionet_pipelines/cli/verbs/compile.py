@@ -10,7 +10,7 @@ from scenarionet_pipelines.cli.parameters import json_option, quiet_option
 from scenarionet_pipelines.cli.progress import ProgressDisplay
 
 
-@verb("compile", "scenarionet compile", "NUMBA_CACHE_DIR=/var/cache/scenarionet scenarionet compile --json")
+@verb("compile", "scenarionet compile", "scenarionet compile --json")
 @json_option
 @quiet_option
 def command(as_json: bool, quiet: bool) -> None:
