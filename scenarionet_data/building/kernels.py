@@ -1,4 +1,4 @@
-"""Compiled loops that make states canonical and that check them."""
+"""Compiled loops that bring states into canonical form."""
 
 from __future__ import annotations
 
@@ -61,26 +61,6 @@ def fill_sizes(size: Array, valid: Array, metres: np.float32, out: Array) -> Non
                 for axis in range(3):
                     value = size[row, step, axis]
                     out[row, step, axis] = _rounded(value, metres) if is_changing else value
-
-
-@kernel
-def count_faults(values: Array, valid: Array) -> tuple[int, int]:
-    """Count values that are not finite, and others that are not 0 at invalid states.
-
-    Args:
-        values: (N, T, D) float32.
-        valid: (N, T) bool.
-    """
-    num_not_finite, num_set = 0, 0
-    for row in range(values.shape[0]):
-        for step in range(values.shape[1]):
-            for axis in range(values.shape[2]):
-                value = values[row, step, axis]
-                if not np.isfinite(value):
-                    num_not_finite += 1
-                elif value != 0 and not valid[row, step]:
-                    num_set += 1
-    return num_not_finite, num_set
 
 
 @device_function

@@ -8,9 +8,9 @@ from typing import Any
 
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.execution.progress import Progress
-from scenarionet_data.operations.comparison import Statistics
+from scenarionet_data.operations.comparison import DatabaseStatistics
 from scenarionet_data.plots import thumbnail
-from scenarionet_data.quality.checks import find
+from scenarionet_data.quality.checks import run_checks
 from scenarionet_data.quality.scorecard import Scorecard, make_scorecard
 from scenarionet_data.schema import tables
 from scenarionet_pipelines.report.measures import (
@@ -48,14 +48,14 @@ class DatabaseSection:
     """Data about one database, or about the whole lake.
 
     Attributes:
-        statistics: Statistics of its scenarios.
+        statistics: DatabaseStatistics of its scenarios.
         origin: How the database was made; empty for the whole lake.
         missing: Number of scenarios without a value, for each nullable column that has missing values.
         scorecard: Violations of the quality rules; None if they were not checked.
         pictures: Pictures by group: typical, extreme and random scenarios.
     """
 
-    statistics: Statistics
+    statistics: DatabaseStatistics
     origin: str
     missing: dict[str, int]
     scorecard: Scorecard | None
@@ -112,9 +112,9 @@ def gather(
     percent = _PercentProgress(on_progress, max(1, len(databases)))
     names: Sequence[str | None] = databases or [None]
     sections = []
-    for name, statistics in zip(names, lake.compare(databases), strict=True):
-        view = lake if name is None else lake.only(name)
-        card = make_scorecard(find(lake, name, on_progress=percent.checked)) if is_checked else None
+    for name, statistics in zip(names, lake.compare(*databases), strict=True):
+        view = lake if name is None else lake.restrict_to(name)
+        card = make_scorecard(run_checks(lake, name, on_progress=percent.checked)) if is_checked else None
         pictures = _pictures(view, select_examples(read_measures(view)), percent)
         sections.append(DatabaseSection(statistics, _origin(lake, name), _missing(view), card, pictures))
         percent.end_section()

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from scenarionet_pipelines.report.markup import Markup, joined, tag
 
 if TYPE_CHECKING:
-    from scenarionet_data.operations.comparison import Measure, Statistics
-    from scenarionet_data.quality.scorecard import Mark, Partition, Scorecard
+    from scenarionet_data.operations.comparison import DatabaseStatistics, Measure
+    from scenarionet_data.quality.scorecard import PartitionScore, RuleScore, Scorecard
     from scenarionet_pipelines.report.contents import DatabaseSection
 
 
@@ -75,7 +75,7 @@ def summary(rows: Sequence[dict[str, Any]]) -> Markup:
     return table(head, cells, "Content of the lake")
 
 
-def comparison(statistics: Sequence[Statistics]) -> Markup:
+def comparison(statistics: Sequence[DatabaseStatistics]) -> Markup:
     """Table that compares measures of databases."""
     full = next(each.measures for each in statistics if each.measures)
     if len(statistics) == 1:
@@ -146,12 +146,12 @@ def scorecard(card: Scorecard) -> Markup:
     return joined(*map(_partition, card.partitions), *others)
 
 
-def _partition(partition: Partition) -> Markup:
+def _partition(partition: PartitionScore) -> Markup:
     name = "/".join((partition.dataset, partition.version, partition.split))
     text = f"{plural(partition.scenarios, 'scenario')}, {partition.quarantined:,} in quarantine"
     published = f"; {partition.coverage.text}" if partition.coverage else ""
-    broken = [mark for mark in partition.marks if mark.broken]
-    held = [mark.check for mark in partition.marks if not mark.broken]
+    broken = [mark for mark in partition.rules if mark.broken]
+    held = [mark.check for mark in partition.rules if not mark.broken]
     rules = table(("rule", "", "violations#", "share#", "for example"), map(_mark, broken), f"Rules violated in {name}")
     return joined(
         tag("h3", name),
@@ -163,7 +163,7 @@ def _partition(partition: Partition) -> Markup:
     )
 
 
-def _mark(mark: Mark) -> tuple[Markup, ...]:
+def _mark(mark: RuleScore) -> tuple[Markup, ...]:
     word = "ok" if mark.is_met else "failed" if mark.is_hard else "doubtful"
     text = {"ok": "within budget", "failed": "failed", "doubtful": "doubtful"}[word]
     example = ": ".join(mark.examples[0]) if mark.examples else ""

@@ -28,7 +28,7 @@ def test_the_whole_lake(lake, contents):
     assert section.missing["date"] == 12
     assert section.missing["map_id"] == 1
     assert "tracks_file" not in section.missing
-    assert sum(mark.broken for mark in section.scorecard.partitions[0].marks) > 0
+    assert sum(mark.broken for mark in section.scorecard.partitions[0].rules) > 0
 
 
 def test_pictures_are_typical_extreme_and_random_ones(lake, contents):
