@@ -37,7 +37,9 @@ def _lanes_near(features: MapFeatures, path: Array, distance: float) -> Array:
     """Rows of lanes whose bounding box overlaps that of the path, widened by ``distance``."""
     lower, upper = features.polyline.bounds()
     meets = (lower[:, :2] <= path.max(axis=0) + distance) & (upper[:, :2] >= path.min(axis=0) - distance)
-    return np.flatnonzero(meets.all(axis=1) & vocabulary.is_lane(features.types) & (features.polyline.lengths > 1))
+    return np.flatnonzero(
+        meets.all(axis=1) & vocabulary.is_lane(features.feature_type) & (features.polyline.lengths > 1)
+    )
 
 
 @kernel

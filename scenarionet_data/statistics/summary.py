@@ -121,7 +121,7 @@ def map_counts(features: MapFeatures | None) -> dict[str, int]:
     """Number of map features, and of lanes among them."""
     if features is None:
         return {"num_map_features": 0, "num_lanes": 0}
-    return {"num_map_features": len(features), "num_lanes": int(vocabulary.is_lane(features.types).sum())}
+    return {"num_map_features": len(features), "num_lanes": int(vocabulary.is_lane(features.feature_type).sum())}
 
 
 def map_height_diff(scenario: ScenarioDescription) -> float | None:
@@ -129,7 +129,7 @@ def map_height_diff(scenario: ScenarioDescription) -> float | None:
     features = scenario.map
     if features is None or not scenario.has_z:
         return None
-    per_point = np.repeat(features.types, features.polyline.lengths)
+    per_point = np.repeat(features.feature_type, features.polyline.lengths)
     chosen = vocabulary.is_road_line(per_point) | vocabulary.is_road_edge(per_point)
     if not chosen.any():
         chosen = vocabulary.is_lane(per_point)
