@@ -57,7 +57,7 @@ def moments(simulation: Simulation, steps: int, seed: int = 0, slot: int = 0) ->
         actions[simulation.agents[:, 0] == slot] = rng.uniform(-1, 1, 2)
         simulation.step(actions)
         state, n = simulation.state, simulation.batch.num_objects[slot]
-        arrays = (*state.motion, state.arc, state.lateral)
+        arrays = state.motion, state.route, state.present
         kept.append(np.concatenate([array[slot, :n].ravel().astype(float) for array in arrays]))
     return kept
 
@@ -87,7 +87,7 @@ def test_a_slot_takes_another_world_while_the_others_go_on():
         simulation.reset(0, world)
         simulation.step(np.array([[0.1, 0.1], rng.uniform(-1, 1, 2)]))
         state = simulation.state
-        arrays = (*state.motion, state.arc, state.lateral)
+        arrays = state.motion, state.route, state.present
         np.testing.assert_array_equal(wanted[t], np.concatenate([a[1, :4].ravel().astype(float) for a in arrays]))
     assert simulation.batch.worlds == [large(), drive()]
     assert simulation.state.timestep.tolist() == [1, 20]

@@ -13,14 +13,15 @@ from gymnasium.utils.env_checker import check_env
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
-from scenarionet_sim.environments.batched import ENDS, NUMBERS
+from scenarionet_sim.environments.batched import ENDS
 from scenarionet_sim.environments.config import BOUNDARY, PAPER_OBSERVATION, EnvConfig
 from scenarionet_sim.environments.observation import Observation
 from scenarionet_sim.environments.single_agent import ScenarioNetEnv
+from scenarionet_sim.kernels.scoring import NUMBERS, TERMS
 from scenarionet_sim.policies import External, Idm, Replay, ego
 from scenarionet_sim.scenarios import Scenarios
 from scenarionet_sim.sensors.lidar import Lidar
-from scenarionet_sim.task.task import TERMS, Termination
+from scenarionet_sim.task.task import Termination
 
 GO, COAST, LEFT = (0.0, 0.6), (0.0, 0.0), (1.0, 0.3)
 BACKENDS = [Kinematic(), Bullet()]

@@ -9,6 +9,7 @@ import pytest
 import shapely
 
 from scenarionet_sim.kernels.lanes import find_lanes, follow_lanes
+from scenarionet_sim.kernels.structures import Lanes
 
 BESIDE = 2.5
 
@@ -48,13 +49,12 @@ def test_the_nearest_lane_that_leads_the_way(seed):
 
 
 def follow(lines, successors, turn, lane, along, count=8):
-    """Points every 2 m from ``along`` a lane on."""
+    """Return points every 2 m from ``along`` on a lane."""
     way, number = np.zeros((1, count, 2)), np.zeros(1, np.int32)
-    follow_lanes(
-        np.array([[lane, along, 0.0]]), np.concatenate(lines).astype(np.float32),
-        np.cumsum([0, *map(len, lines)]).astype(np.int32), np.array([*chain(*successors)], np.int32),
-        np.cumsum([0, *map(len, successors)]).astype(np.int32), np.array(turn), 2.0, way, number,
-    )  # fmt: skip
+    offsets, successor_offsets = (np.cumsum([0, *map(len, lists)]).astype(np.int32) for lists in (lines, successors))
+    points, rows = np.concatenate(lines).astype(np.float32), np.array([*chain(*successors)], np.int32)
+    lanes = Lanes(points, offsets, rows, successor_offsets, np.array(turn))
+    follow_lanes(np.array([[lane, along, 0.0]]), lanes, 2.0, way, number)
     return way[0, : number[0]]
 
 

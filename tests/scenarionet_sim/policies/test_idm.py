@@ -133,6 +133,6 @@ def test_objects_recorded_standing_are_replayed():
     assert simulation.driver[0].tolist() == [1, 0, 1]
 
 
-def test_numbers_that_make_no_law_are_refused():
-    with pytest.raises(BadParameter, match="headway is 0"):
+def test_parameters_must_be_positive():
+    with pytest.raises(BadParameter, match="headway=0"):
         Idm(headway=0.0)

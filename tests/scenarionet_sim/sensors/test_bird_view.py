@@ -106,8 +106,8 @@ class TestBirdView(SensorConformance):
         drive.reset(0)
         assert not self.observed(drive, sensor, ego)[0, len(Channel) :].any()
 
-    def test_a_history_that_nobody_remembers_is_refused(self):
-        with pytest.raises(BadParameter, match="give Simulation history=2"):
+    def test_a_history_longer_than_the_simulation_keeps_is_refused(self):
+        with pytest.raises(BadParameter, match="pass history=2 to Simulation"):
             self.observed(simulate(make_drive(), history=1))
 
     def test_route_and_red_light_lie_ahead(self):

@@ -21,7 +21,7 @@ from tests.scenarionet_sim.sensors.conformance import SensorConformance, simulat
 
 def path_of(batch, world, row):
     first, end = batch.path_offsets[world, row : row + 2]
-    return batch.path_points[world, first:end].astype(float)
+    return batch.path[world, first:end, :2].astype(float)
 
 
 class TestEgoState(SensorConformance):
