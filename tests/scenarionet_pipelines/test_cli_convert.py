@@ -210,7 +210,7 @@ def test_a_bar_on_a_terminal(tmp_path):
     assert b"2/2" in shown
 
 
-def test_a_broken_contract_is_quarantined_unless_told_otherwise(tmp_path):
+def test_a_broken_contract_is_quarantined_unless_no_check(tmp_path):
     raw = write_raw(tmp_path / "raw", {"a": ["1", "2 oneway", "3"]})
     name = "tests.scenarionet_data.quality.test_audit:OneWay"
     result = run("convert", name, raw, tmp_path / "lake", "--quiet")
