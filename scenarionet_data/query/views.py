@@ -143,6 +143,7 @@ class Views:
         scan = f"read_parquet(getvariable('{table}_files'), hive_partitioning = {hive}" + (
             ", hive_types_autocast = false)" if table in _FOLDER_COLUMNS else ")"
         )
+        scan = with_added_columns(table, scan)
         if self._chosen is None or table not in _KEYS:
             return scan
         return f"(SELECT * FROM {scan} SEMI JOIN chosen USING ({_KEYS[table]}))"
@@ -162,6 +163,20 @@ class Views:
             path = self._files.path(f"layers/{name}/{self._user_columns[name]}.parquet")
             joins.append(f"LEFT JOIN read_parquet({quoted(str(path))}) AS user_{name} USING (scenario_id)")
         return " ".join(joins)
+
+
+def with_added_columns(table: str, scan: str) -> str:
+    """Return SQL for a scan of files of several schema versions: columns that older files lack are null.
+
+    Args:
+        table: The table.
+        scan: A call of ``read_parquet``.
+    """
+    added = tables.load(table).added
+    if not added:
+        return scan
+    nulls = ", ".join(f"NULL::{_sql_type(column)} AS {column.name}" for column in added)
+    return f"(SELECT * FROM {scan[:-1]}, union_by_name = true) UNION ALL BY NAME SELECT {nulls} WHERE false)"
 
 
 @cache

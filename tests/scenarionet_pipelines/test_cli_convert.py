@@ -146,7 +146,7 @@ def finished(lake: Path) -> int:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.long
-def test_an_interrupted_run_says_what_it_kept_and_is_continued(number, tmp_path, ok):
+def test_an_interrupted_run_is_continued(number, tmp_path, ok):
     raw, lake = held_raw(tmp_path / "raw", shards=10), tmp_path / "lake"
     gate.close(raw, admitted=3)
     # A session of its own: Ctrl-C reaches the workers too.
