@@ -72,7 +72,7 @@ class ObservationPlan:
 class _Job:
     plan: ObservationPlan
     part: Part
-    run: evaluation_runs.Run
+    run: evaluation_runs.EvaluationRun
 
 
 def record(

@@ -12,6 +12,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from scenarionet_data.conversion import convert
+from scenarionet_pipelines import machine
 from scenarionet_pipelines.cli import cli
 from tests.fixtures.made import NAME, write_raw
 
@@ -19,8 +20,10 @@ SHARDS = {"a": ["1", "2", "3", "4", "5", "6"], "b": ["11", "12", "13", "7 invali
 
 
 def run(*words: str | Path) -> Result:
-    """Type a command; standard output and error of the result are apart."""
-    return CliRunner().invoke(cli, [str(word) for word in words])
+    """Invoke a command in this process, with one worker by default; the result has output and errors apart."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(machine, "default_workers", lambda: 1)
+        return CliRunner().invoke(cli, [str(word) for word in words])
 
 
 @pytest.fixture

@@ -176,7 +176,7 @@ def test_a_video_that_fails_leaves_nothing(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_bad_words(scene, tmp_path):
+def test_invalid_parameters_are_rejected(scene, tmp_path):
     moments = recorded(scene, 2)
     with pytest.raises(BadParameter, match=r"\.png, \.pdf, \.svg, \.gif, \.mp4"):
         Drawing().save(tmp_path / "s.bmp", scene, moments)
@@ -184,7 +184,7 @@ def test_bad_words(scene, tmp_path):
         Drawing("sky").save(tmp_path / "s.png", scene, moments)
     with pytest.raises(BadParameter, match="ends with one of"):
         write_figure(tmp_path / "s.gif", scenario_figure(scene))
-    with pytest.raises(BadParameter, match="wider and higher"):
+    with pytest.raises(BadParameter, match="must be positive"):
         Window(0, 0, 0, 10)
 
 

@@ -39,18 +39,18 @@ def test_segments_are_the_lines_of_the_map(generated):
     roads, features = Roads.from_map(generated.map), generated.map
     wanted = []
     for row, line in enumerate(features.polyline):
-        if is_road_line(features.types[row]) or is_road_edge(features.types[row]):
+        if is_road_line(features.feature_type[row]) or is_road_edge(features.feature_type[row]):
             wanted += [(*start[:2], *end[:2], row) for start, end in pairwise(line)]
     found = np.column_stack([roads.segments, roads.segment_feature])
     np.testing.assert_array_equal(found, np.array(wanted))
-    np.testing.assert_array_equal(roads.segment_type, features.types[roads.segment_feature])
+    np.testing.assert_array_equal(roads.segment_type, features.feature_type[roads.segment_feature])
     assert roads.segments.dtype == np.float32
     assert roads.segment_feature.dtype == np.int32
 
 
 def test_lanes_and_their_successors(generated):
     roads, features = Roads.from_map(generated.map), generated.map
-    rows = np.flatnonzero(is_lane(features.types))
+    rows = np.flatnonzero(is_lane(features.feature_type))
     assert list(roads.lane_ids) == list(features.ids[rows])
     for lane, row in enumerate(rows):
         assert [roads.lane_ids[i] for i in roads.successors[lane]] == list(features.exit_lanes[row])
