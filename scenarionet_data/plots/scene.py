@@ -82,7 +82,7 @@ class Scene:
         if isinstance(scenario, Scene):
             return scenario
         tracks, shapes = scenario.tracks, MapShapes.from_map(scenario.map)
-        lane_ids = scenario.map.ids[is_lane(scenario.map.types)] if scenario.map else np.zeros(0, object)
+        lane_ids = scenario.map.ids[is_lane(scenario.map.feature_type)] if scenario.map else np.zeros(0, object)
         return cls(
             scenario_id=scenario.id,
             dt=scenario.dt,

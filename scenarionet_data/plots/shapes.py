@@ -42,7 +42,7 @@ class MapShapes:
         """Return the shapes of a scenario's map; empty for None."""
         if features is None:
             return cls.empty()
-        types, has_line = features.types, features.polyline.lengths > 1
+        types, has_line = features.feature_type, features.polyline.lengths > 1
         is_line = is_road_line(types) | is_road_edge(types) | (types == MapFeatureType.STOP_LINE)
         lane_rows = np.flatnonzero(is_lane(types))
         area_rows = np.flatnonzero(~is_lane(types) & (features.polygon.lengths > 2))

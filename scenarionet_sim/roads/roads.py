@@ -77,22 +77,22 @@ class Roads:
         if features is None:
             return cls.from_map(MapBuilder().build(np.zeros(3)))
         segments, feature = _segments(features)
-        lane_rows = np.flatnonzero(is_lane(features.types))
-        other_rows = np.flatnonzero(~is_lane(features.types) & (features.polygon.lengths > 0))
+        lane_rows = np.flatnonzero(is_lane(features.feature_type))
+        other_rows = np.flatnonzero(~is_lane(features.feature_type) & (features.polygon.lengths > 0))
         polygons = _joined(lane_outlines(features, lane_rows), _in_plane(features.polygon.take(other_rows)))
         start, end = segments[:, :2], segments[:, 2:]
         return cls(
             segments=segments,
-            segment_type=features.types[feature],
+            segment_type=features.feature_type[feature],
             segment_feature=feature,
             segment_grid=Grid.over(np.minimum(start, end), np.maximum(start, end)),
             lane_ids=features.ids[lane_rows],
-            lane_type=features.types[lane_rows],
+            lane_type=features.feature_type[lane_rows],
             lanes=_in_plane(features.polyline.take(lane_rows)),
             successors=_successors(features, lane_rows),
             speed_limit=features.speed_limit[lane_rows],
             polygons=polygons,
-            polygon_type=features.types[np.concatenate([lane_rows, other_rows])],
+            polygon_type=features.feature_type[np.concatenate([lane_rows, other_rows])],
             polygon_grid=Grid.over(*polygons.bounds()),
         )
 
@@ -120,7 +120,7 @@ class Roads:
 
 def _segments(features: MapFeatures) -> tuple[Float32, Int32]:
     """Return the segments (S, 4) of all lines, and the feature of each (S,)."""
-    types = features.types
+    types = features.feature_type
     is_line = is_road_line(types) | is_road_edge(types) | (types == MapFeatureType.STOP_LINE)
     has_line = features.polyline.lengths > 1
     open_rows, closed_rows = np.flatnonzero(is_line & has_line), np.flatnonzero(is_line & ~has_line)

@@ -115,7 +115,7 @@ def test_lights_and_maps_are_the_arrays(lake):
         (
             s.id,
             s.map.ids[k],
-            MapFeatureType(s.map.types[k]).name,
+            MapFeatureType(s.map.feature_type[k]).name,
             s.map.polyline[k][:, 0].tolist(),
             len(s.map.polygon[k]),
         )
