@@ -9,7 +9,7 @@ from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.scenario.description import MapFeatures
 
 HALF_WIDTH = 1.75
-"""From the centreline to either side [m] of a lane whose width nobody knows."""
+"""Distance from the centreline to either side [m] of lanes of unknown width."""
 
 _PLAUSIBLE = (0.5, 2.75)
 """Half widths [m] that are believed: sources give 0, or the way to a boundary across the street, where a lane has

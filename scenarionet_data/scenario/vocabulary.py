@@ -15,7 +15,7 @@ from scenarionet_data.arrays.dtypes import Bool, Object, UInt8
 
 
 class ObjectType(IntEnum):
-    """What moves or stands in a scenario."""
+    """Types of objects in a scenario."""
 
     UNSET = 0
     VEHICLE = 1
@@ -66,7 +66,7 @@ class MapFeatureType(IntEnum):
     INTERSECTION = 66
     ROADBLOCK = 67
     CARPARK_AREA = 68
-    TRAFFIC_LIGHT = 69  # where one stands; what it shows is in lights
+    TRAFFIC_LIGHT = 69  # its position; its states are in Lights
 
 
 AREAS_TO_DRIVE_ON = (
