@@ -9,11 +9,7 @@ from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.scenario.description import MapFeatures
 
 HALF_WIDTH = 1.75
-<<<<<<< HEAD
 """Distance from the centreline to either side [m] of lanes of unknown width."""
-=======
-"""From the centreline to either side [m] of a lane of unknown width."""
->>>>>>> main
 
 _PLAUSIBLE = (0.5, 2.75)
 """Plausible half widths [m]: where a lane has no boundary of its own, sources record 0, or the distance to a boundary
