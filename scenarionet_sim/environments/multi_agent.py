@@ -142,7 +142,7 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
 
     @property
     def core(self) -> BatchedEnvironment:
-        """The world inside, for who wants to look deeper.
+        """The simulated world and its agents.
 
         Raises:
             ResetNeeded: ``reset`` was not called yet.

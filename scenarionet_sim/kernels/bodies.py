@@ -31,7 +31,10 @@ def find_bodies(motion: Float64, size: Float64, present: Bool, agents: Int32, sl
     near = np.zeros(present.shape, np.bool_)
     mark_near(motion, size, present, agents, slack, dt, near)
     near[agents[:, 0], agents[:, 1]] = False
-    return np.concatenate([agents, np.argwhere(near)], dtype=np.int32, casting="same_kind")
+    worlds, others = near.nonzero()
+    found = np.empty((len(agents) + len(worlds), 2), np.int32)
+    found[: len(agents)], found[len(agents) :, 0], found[len(agents) :, 1] = agents, worlds, others
+    return found
 
 
 @kernel
@@ -70,7 +73,6 @@ def read_motion(motion: Float64, rows: Int32, num_agents: int, dt: float) -> Flo
 
 
 def write_motion(motion: Float64, agents: Int32, bodies: Float64) -> None:
-    """Write the bodies (A, 6) of the agents back into ``motion`` (W, N, 7); headings are wrapped to [-pi, pi)."""
-    moved = bodies.copy()
-    moved[:, 2] = (bodies[:, 2] + math.pi) % (2.0 * math.pi) - math.pi
-    motion[agents[:, :1], agents[:, 1:], _BODY] = moved
+    """Write the bodies (A, 6) of the agents back into ``motion`` (W, N, 7), with headings wrapped in place."""
+    bodies[:, 2] = (bodies[:, 2] + math.pi) % (2.0 * math.pi) - math.pi
+    motion[agents[:, :1], agents[:, 1:], _BODY] = bodies

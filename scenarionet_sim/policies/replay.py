@@ -15,7 +15,7 @@ from scenarionet_sim.worlds.world_batch import WorldBatch
 class Replay(Policy):
     """Objects follow their recorded states and are present only while those are valid.
 
-    After the end of the log they stand still.
+    After the end of the log they are at rest.
     """
 
     def advance(self, batch: WorldBatch, now: State, then: State, driver: UInt8, policy_id: int, dt: float) -> None:

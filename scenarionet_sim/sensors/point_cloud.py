@@ -22,8 +22,8 @@ class PointCloud(Sensor):
 
     Observes (rings, azimuths) float32 in [0, 1]: the range along the ray as a share of ``range``, 1 without a hit;
     :meth:`points` converts them to points. Ring r has an elevation between ``lowest`` and ``highest``, evenly
-    spaced from below; azimuth k is 2 pi k / azimuths counter-clockwise from straight ahead. Boxes stand upright between
-    their heights; the ground is the level plane that the agent stands on.
+    spaced from below; azimuth k is 2 pi k / azimuths counter-clockwise from straight ahead. Boxes are upright;
+    the ground is the horizontal plane below the agent.
 
     Attributes:
         rings, azimuths: Numbers of rays.

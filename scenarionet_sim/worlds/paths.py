@@ -22,7 +22,7 @@ SPACING = 0.1
 class Paths:
     """The reference path of each object: where it drove, without times. The ego's is its route.
 
-    Object n has the points ``path_offsets[n]:path_offsets[n + 1]``: none if it is never valid, one if it stands.
+    Object n has the points ``path_offsets[n]:path_offsets[n + 1]``: none if it is never valid, one if it never moves.
 
     Attributes:
         path: (P, 5) float32 x, y, z [m] of the box's centre, heading [rad] as recorded (an object may drive

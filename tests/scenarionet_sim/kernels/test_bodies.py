@@ -62,7 +62,7 @@ def test_other_bodies_start_one_step_back(scene):
 def test_agents_are_written_back_with_wrapped_headings(scene):
     bodies = np.random.default_rng(1).normal(0, 9, (len(AGENTS), 6))
     motion, before, at = scene["motion"], scene["motion"].copy(), (AGENTS[:, 0], AGENTS[:, 1])
-    write_motion(motion, AGENTS, bodies)
+    write_motion(motion, AGENTS, bodies.copy())
     np.testing.assert_array_equal(motion[at][:, :2], bodies[:, :2])
     np.testing.assert_allclose(motion[at][:, HEADING], wrap_angle(bodies[:, 2]), atol=1e-12)
     np.testing.assert_array_equal(motion[at][:, VX : VX + 2], bodies[:, 3:5])

@@ -38,7 +38,7 @@ class TestLidar(SensorConformance):
             np.testing.assert_allclose(shares, wanted, atol=1e-9)
         assert (found < 1).mean() > 0.1
 
-    def test_noise_disturbs_what_is_seen_and_stays_in_range(self, simulation):  # noqa: F811
+    def test_noise_changes_observations_within_their_range(self, simulation):  # noqa: F811
         exact = self.observed(simulation, Lidar(rays=90))
         noisy = self.observed(simulation, Lidar(rays=90, noise=0.5))
         seen = exact < 0.9

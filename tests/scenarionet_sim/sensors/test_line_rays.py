@@ -68,8 +68,8 @@ def cast(roads, position, heading, rays, reach):
 
 
 @given(st.integers(0, 10**6), st.integers(1, 40), st.sampled_from([3.0, 30.0, 300.0]))
-def test_the_walk_through_the_grid_misses_nothing(seed, count, scale):
-    """Random lines, seen from inside and outside of their grid, agree with all lines tried one by one."""
+def test_grid_traversal_misses_no_segment(seed, count, scale):
+    """Random lines, seen from inside and outside of their grid, agree with brute force."""
     rng = np.random.default_rng(seed)
     builder = MapBuilder()
     for number in range(count):
@@ -103,7 +103,7 @@ def test_rays_along_the_cells_borders(heading):
 
 
 def test_between_two_edges():
-    """The road's edges lie 1.75 m to the right and 5.25 m to the left of the ego."""
+    """The road's edges are 1.75 m to the right and 5.25 m to the left of the ego."""
     drive = simulate(make_drive(), steps=0)
     detector = BoundaryDetector(rays=4)
     shares = detector.observe(drive.batch, drive.state, drive.agents, np.random.default_rng(0), detector.empty(1))

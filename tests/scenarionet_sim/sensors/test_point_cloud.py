@@ -1,4 +1,4 @@
-"""The point cloud, against rays in space tried one by one."""
+"""The point cloud, against brute-force rays in space."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def slabs(sensor, state, world, row):
     return np.minimum(best / sensor.range, 1)
 
 
-def test_points_lie_on_what_is_seen():
+def test_points_are_on_visible_surfaces():
     """On the ground, which is ``mount`` below, or on the back of the car ahead."""
     drive = simulate(make_drive(speed=0.0, others=(Other(20.0),)), steps=0)
     sensor = PointCloud(rings=32, azimuths=360)

@@ -127,7 +127,7 @@ def test_the_last_step(changes, status, single, multi):
         assert (found, terms["terminal"], terms["displacement"]) == (status, multi, 0.0)
 
 
-def test_limits_themselves_are_inside():
+def test_limits_are_inclusive():
     assert scored(lateral=2.5)[1] is Status.DRIVING
     assert scored(arc=95.0)[1] is Status.DRIVING
     assert scored(timestep=139)[1] is Status.DRIVING
@@ -150,7 +150,7 @@ def test_a_route_under_two_metres_counts_as_reached(length):
     assert scored(length=length, arc=0.0)[1:] == (Status.ARRIVED, 1.0)
 
 
-def test_agents_are_judged_each_by_itself():
+def test_agents_are_scored_independently():
     rng, count = np.random.default_rng(0), 40
     columns = {
         "arc": rng.uniform(-5, 105, count), "arc_before": rng.uniform(0, 100, count),
