@@ -1,7 +1,7 @@
 """Statistics of a scenario for filters; each is a column of ``schemas/metadata.toml``.
 
-``summarise`` returns all of them. A stored statistic is a function here and its entry in the schema; one that
-follows from other columns is an entry in the schema alone (``[derived.<name>]`` with ``sql = ...``).
+``summarise`` returns all of them. A stored statistic is a function here and its entry in the schema; a derived
+one is an entry in the schema alone (``[derived.<name>]`` with ``sql = ...``).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A small lake and a way to type commands at it."""
+"""A small lake and helpers that run commands on it."""
 
 from __future__ import annotations
 
@@ -41,23 +41,23 @@ def _converted(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def lake(_converted: Path, tmp_path: Path) -> Path:
-    """A lake of one's own with the raw recordings converted."""
+    """A private copy of a lake with the converted recordings."""
     return Path(shutil.copytree(_converted, tmp_path / "lake"))
 
 
 @pytest.fixture
 def ok() -> Callable[..., str]:
-    """Type a command that has to succeed; returns what it prints."""
+    """Run a command that has to succeed and return its output."""
 
-    def type_it(*words: str | Path) -> str:
+    def run_it(*words: str | Path) -> str:
         result = run(*words)
         assert result.exit_code == 0, result.output
         return result.stdout
 
-    return type_it
+    return run_it
 
 
 @pytest.fixture
 def as_json(ok: Callable[..., str]) -> Callable[..., Any]:
-    """Type a command with ``--json``; returns the one object it prints."""
+    """Run a command with ``--json`` and return the printed object."""
     return lambda *words: json.loads(ok(*words, "--json"))

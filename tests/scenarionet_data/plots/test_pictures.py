@@ -153,7 +153,7 @@ def test_mp4(scene, tmp_path):
     assert np.abs(frames[0].astype(int) - exact).mean() < 6
 
 
-def test_what_is_missing_is_named(scene, tmp_path, monkeypatch):
+def test_missing_packages_are_named(scene, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "av", None)
     with pytest.raises(MissingDependency, match=r"scenarionet-lake\[video\]"):
         Drawing(size=64).save(tmp_path / "s.mp4", scene, recorded(scene, 2))
@@ -229,7 +229,7 @@ def test_axes_of_ones_own_keep_their_place_and_nothing_else_changes(scene):
     ("words", "message"),
     [({"timestep": 41}, "0 to 40"), ({"timestep": -1}, "no timestep -1"), ({"color_by": "mood"}, "time, speed")],
 )
-def test_what_cannot_be_drawn_is_said(scene, words, message):
+def test_invalid_drawings_are_rejected(scene, words, message):
     with pytest.raises(BadParameter, match=message):
         scenario_figure(scene, **words)
 

@@ -85,7 +85,7 @@ def test_copies_are_not_typical_twice():
     assert len(found["typical"]) == 2  # the distances from the median are 0 and 1
 
 
-def test_missing_numbers_make_nobody_strange_or_extreme():
+def test_missing_values_are_neither_typical_nor_extreme():
     found = select_examples(measured(ego_distance=[np.nan, 2, 3, 4], min_ego_gap=[np.nan] * 4))
     assert [why for _, why in found["extreme"]] == ["longest route"]
     assert select_examples(measured(ego_distance=[np.nan, np.nan]))["extreme"] == []
