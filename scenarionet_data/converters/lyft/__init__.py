@@ -122,7 +122,7 @@ class Lyft(Converter[Window]):
 
 def _options(shard: Shard) -> LyftOptions:
     if not isinstance(shard.options, LyftOptions):
-        raise BadParameter(f"wanted LyftOptions, found {type(shard.options).__name__}")
+        raise BadParameter(f"expected LyftOptions, found {type(shard.options).__name__}")
     return shard.options
 
 

@@ -64,7 +64,7 @@ def find_map(places: str) -> list[Path]:
         if len(found) != 1:
             count = f"found {len(found)}: {', '.join(map(str, found))}" if found else "found none"
             hint = "download the dataset's semantic map, or go without it: -O has_map=false"
-            raise SourceNotFound(f"{places}: wanted one {name} in it, {count}; {hint}")
+            raise SourceNotFound(f"{places}: expected one {name} in it, {count}; {hint}")
         chosen += found
     return chosen
 

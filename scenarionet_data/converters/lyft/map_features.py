@@ -112,10 +112,10 @@ def _read_world_to_ecef(path: Path) -> Float64:
     try:
         matrix = np.array(json.loads(path.read_bytes())["world_to_ecef"], dtype=np.float64)
     except (OSError, ValueError, TypeError, KeyError) as error:
-        raise CorruptSource(f"{path}: wanted world_to_ecef, found {error!r}; download it again") from error
+        raise CorruptSource(f"{path}: expected world_to_ecef, found {error!r}; download it again") from error
     is_turn = matrix.shape == (4, 4) and np.abs(matrix[:3, :3] @ matrix[:3, :3].T - np.eye(3)).max() < 1e-3
     if not (is_turn and np.isfinite(matrix).all()):
-        raise CorruptSource(f"{path}: world_to_ecef: wanted 4 by 4 numbers, a turn and a shift; download it again")
+        raise CorruptSource(f"{path}: world_to_ecef: expected 4 by 4 numbers, a turn and a shift; download it again")
     return matrix
 
 

@@ -31,6 +31,6 @@ class LyftOptions(Options):
     def __post_init__(self) -> None:
         if not (self.window >= DT and (self.stride == 0 or self.stride >= DT)):
             found = f"found {self.window} and {self.stride}"
-            raise BadParameter(f"window, stride: wanted {DT} s or more (or a stride of 0), {found}")
+            raise BadParameter(f"window, stride: expected {DT} s or more (or a stride of 0), {found}")
         if not 0.0 <= self.radius < 1e6:
-            raise BadParameter(f"radius: wanted metres of 0 or more, found {self.radius}")
+            raise BadParameter(f"radius: expected metres of 0 or more, found {self.radius}")

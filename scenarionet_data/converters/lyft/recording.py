@@ -111,7 +111,7 @@ class Recording:
             self._tables["traffic_light_faces"] = _table(path, "traffic_light_faces")
         shape = self._tables["agents"].dtype["label_probabilities"].shape
         if shape != (len(self.labels),):
-            raise CorruptSource(f"{path}: wanted a probability for each of {len(self.labels)} labels, found {shape}")
+            raise CorruptSource(f"{path}: expected a probability for each of {len(self.labels)} labels, found {shape}")
         table = self._tables["scenes"]
         self.scenes = [_scene(index, row) for index, row in enumerate(table.rows(0, len(table)))]
 
@@ -165,7 +165,7 @@ class Recording:
 
     def _frames(self, first: int, last: int, where: str) -> Array:
         if not 0 <= first < last <= self.num_frames:
-            wanted = f"wanted frames within 0 ... {self.num_frames}"
+            wanted = f"expected frames within 0 ... {self.num_frames}"
             raise InvalidScenario(where, "frame_index_interval", f"{wanted}, found {first} ... {last}")
         return self._tables["frames"].rows(first, last)
 
@@ -181,7 +181,7 @@ class Recording:
         lengths = np.diff(ranges, axis=1)[:, 0]
         is_run = (ranges[1:, 0] == ranges[:-1, 1]).all() and (lengths >= 0).all()
         if not (is_run and 0 <= first <= last <= len(table)):
-            wanted = f"wanted one range of rows after the other within 0 ... {len(table)}"
+            wanted = f"expected one range of rows after the other within 0 ... {len(table)}"
             raise InvalidScenario(where, f"frames.{name}", f"{wanted}, found {first} ... {last}")
         return lengths, first, last
 
@@ -192,7 +192,7 @@ def _table(path: Path, name: str) -> ChunkedTable:
     found = {field: table.dtype[field].shape for field in table.dtype.names or ()}
     wrong = [field for field, shape in wanted.items() if found.get(field) != shape]
     if wrong or (name == "agents" and "label_probabilities" not in found):
-        raise CorruptSource(f"{path / name}: wanted {list(wanted)}, found {list(found)}; is this a Lyft recording?")
+        raise CorruptSource(f"{path / name}: expected {list(wanted)}, found {list(found)}; is this a Lyft recording?")
     return table
 
 

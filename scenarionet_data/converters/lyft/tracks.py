@@ -101,7 +101,7 @@ class _Rows:
         (twice,) = np.nonzero((np.diff(self.track) == 0) & (np.diff(self.frame) == 0))
         if len(twice):
             found = f"found more of track {self.agents['track_id'][twice[0]]} at timestep {self.frame[twice[0]]}"
-            raise InvalidScenario(where, "agents.track_id", f"wanted one row per track and frame, {found}")
+            raise InvalidScenario(where, "agents.track_id", f"expected one row per track and frame, {found}")
         probabilities = self.agents["label_probabilities"]
         total = np.add.reduceat(probabilities, first, axis=0) if len(first) else np.zeros((0, len(labels)))
         label = total.argmax(axis=1)

@@ -113,10 +113,10 @@ def read_map(path: Path) -> WireMap:
     try:
         found = _decode(path.read_bytes())
     except (OSError, DamagedMessage, UnicodeDecodeError, ValueError) as error:
-        wanted = "wanted Lyft's semantic map"
+        wanted = "expected Lyft's semantic map"
         raise CorruptSource(f"{path}: {wanted}, found {error}; download it again") from error
     if not found.lanes.ids:
-        raise CorruptSource(f"{path}: wanted Lyft's semantic map, found no lanes in it; download it again")
+        raise CorruptSource(f"{path}: expected Lyft's semantic map, found no lanes in it; download it again")
     return found
 
 

@@ -68,14 +68,14 @@ class NuPlanOptions(Options):
 
     def __post_init__(self) -> None:
         if self.by not in ("scene", "tag"):
-            raise BadParameter(f"by: wanted scene or tag, found {self.by!r}")
+            raise BadParameter(f"by: expected scene or tag, found {self.by!r}")
         if self.tags and self.by != "tag":
             raise BadParameter("tags: choose what to cut with by=tag; scenes are all converted")
         if self.rate not in (10, 20):
-            raise BadParameter(f"rate: wanted 10 or 20 per second, found {self.rate}")
+            raise BadParameter(f"rate: expected 10 or 20 per second, found {self.rate}")
         if not (0.0 <= self.past < 1e6 and 0.0 <= self.future < 1e6 and 0.0 <= self.radius < 1e6):
             found = f"{self.past}, {self.future} and {self.radius}"
-            raise BadParameter(f"past, future, radius: wanted seconds and metres of 0 or more, found {found}")
+            raise BadParameter(f"past, future, radius: expected seconds and metres of 0 or more, found {found}")
 
     @property
     def wanted(self) -> frozenset[str]:
@@ -154,7 +154,7 @@ class NuPlan(Converter[Cut]):
 
 def _options(shard: Shard) -> NuPlanOptions:
     if not isinstance(shard.options, NuPlanOptions):
-        raise BadParameter(f"wanted NuPlanOptions, found {type(shard.options).__name__}")
+        raise BadParameter(f"expected NuPlanOptions, found {type(shard.options).__name__}")
     return shard.options
 
 

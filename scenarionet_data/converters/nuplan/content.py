@@ -166,7 +166,7 @@ def _filled(batch: pa.RecordBatch, kind: np.dtype[Any], known: Sequence[pa.Array
             if column < len(known):
                 cells = pc.index_in(cells, value_set=known[column])
             if not (pa.types.is_floating(cells.type) or pa.types.is_integer(cells.type)):
-                raise TypeError(f"wanted numbers in {kind.names}, found {cells.type}")
+                raise TypeError(f"expected numbers in {kind.names}, found {cells.type}")
             values = cells.to_numpy(zero_copy_only=False)
             field[:, part] = values if field.dtype.kind == "f" else np.nan_to_num(values, nan=-1.0)
             column += 1

@@ -147,7 +147,7 @@ def _versions(manifest: Path) -> dict[str, str]:
         entries = json.loads(manifest.read_bytes())
         return {location: str(entry["version"]) for location, entry in entries.items()}
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
-        raise CorruptSource(f"{manifest}: wanted map versions, found {error!r}; download the maps again") from error
+        raise CorruptSource(f"{manifest}: expected map versions, found {error!r}; download the maps again") from error
 
 
 def _walk(root: Path) -> Iterator[Path]:

@@ -78,7 +78,7 @@ class GeoPackage:
         is_wrong = shapely.get_type_id(shapes) != kind
         if is_wrong.any():
             fid = fids[int(np.argmax(is_wrong))]
-            raise CorruptSource(f"{self._path}: {name} {fid}: wanted a {kind.name}; download the maps again")
+            raise CorruptSource(f"{self._path}: {name} {fid}: expected a {kind.name}; download the maps again")
         return Layer(
             fids=list(fids),
             points=self._projected(name, shapes, system),

@@ -107,17 +107,17 @@ def _checked(scenario_id: str, cut: Cut) -> tuple[Float64, Scene | None]:
     """(T, 5) poses of the ego, and the scene of the current timestep; InvalidScenario where they are missing."""
     log, sweeps = cut.log, cut.window.sweeps
     if not len(sweeps):
-        wanted = f"wanted a row of lidar_pc for the tagged sweep {cut.window.token}, found none"
+        wanted = f"expected a row of lidar_pc for the tagged sweep {cut.window.token}, found none"
         raise InvalidScenario(scenario_id, "scenario_tag", wanted)
     ego = log.ego[sweeps]
     lost = sweeps[~np.isfinite(ego).all(axis=1)]
     if len(lost):
-        wanted = f"wanted numbers in a row of ego_pose for sweep {log.tokens[lost[0]]}, found none"
+        wanted = f"expected numbers in a row of ego_pose for sweep {log.tokens[lost[0]]}, found none"
         raise InvalidScenario(scenario_id, "ego_pose", wanted)
     row = int(log.scene[sweeps[cut.window.current]])
     scene = log.scenes[row] if row >= 0 else None
     if scene is not None and scene.name is None:
-        raise InvalidScenario(scenario_id, "scene", f"wanted a row of scene for token {scene.token}, found none")
+        raise InvalidScenario(scenario_id, "scene", f"expected a row of scene for token {scene.token}, found none")
     return ego, scene
 
 
@@ -178,12 +178,12 @@ def _tracks(scenario_id: str, cut: Cut, ego: Float64, timestamps: Float64, origi
 def _categories(scenario_id: str, content: Content, used: Int64) -> list[str]:
     """The category of each track; InvalidScenario where a box, or its track, refers to nothing."""
     if len(used) and used[0] < 0:
-        raise InvalidScenario(scenario_id, "lidar_box", "wanted a row of track for every box, found none for one")
+        raise InvalidScenario(scenario_id, "lidar_box", "expected a row of track for every box, found none for one")
     words = []
     for track in used:
         word = content.categories[track]
         if word is None:
-            wanted = f"wanted a row of category for track {content.tracks[track]}, found none"
+            wanted = f"expected a row of category for track {content.tracks[track]}, found none"
             raise InvalidScenario(scenario_id, "track", wanted)
         words.append(word)
     return words
@@ -192,12 +192,12 @@ def _categories(scenario_id: str, content: Content, used: Int64) -> list[str]:
 def _check_boxes(scenario_id: str, boxes: Array, cell: Int64) -> None:
     is_whole = np.isfinite(boxes["position"]).all(axis=1) & np.isfinite(boxes["state"][:, :4]).all(axis=1)
     if not is_whole.all():
-        wanted = "wanted numbers for the place, heading and size of every box"
+        wanted = "expected numbers for the place, heading and size of every box"
         raise InvalidScenario(scenario_id, "lidar_box", f"{wanted}, found {(~is_whole).sum()} without")
     taken = np.zeros(cell.max(initial=-1) + 1, np.bool_)
     taken[cell] = True
     if np.count_nonzero(taken) < len(cell):
-        raise InvalidScenario(scenario_id, "lidar_box", "wanted one box per track and sweep, found two")
+        raise InvalidScenario(scenario_id, "lidar_box", "expected one box per track and sweep, found two")
 
 
 def _velocity(boxes: Array, row: Int64, step: Int64, timestamps: Float64, is_static: Bool) -> tuple[Float32, Bool]:
@@ -233,7 +233,7 @@ def _lights(scenario_id: str, cut: Cut, origin: Float64) -> Lights:
     """One light per lane connector; traffic stops where the connector begins."""
     rows, step = cut.content.lights.of(cut.window.sweeps)
     if (rows["connector"] < 0).any() or (rows["state"] < 0).any():
-        wanted = "wanted a lane connector and green, yellow, red or unknown in every row, found something else"
+        wanted = "expected a lane connector and green, yellow, red or unknown in every row, found something else"
         raise InvalidScenario(scenario_id, "traffic_light_status", wanted)
     connectors, light = np.unique(rows["connector"], return_inverse=True)
     state = np.full((len(connectors), len(cut.window.sweeps)), LightState.ABSENT, np.uint8)

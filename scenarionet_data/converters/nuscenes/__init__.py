@@ -83,13 +83,13 @@ class NuScenesOptions(Options):
 
     def __post_init__(self) -> None:
         if self.by not in ("scene", "window"):
-            raise BadParameter(f"by: wanted scene or window, found {self.by!r}")
+            raise BadParameter(f"by: expected scene or window, found {self.by!r}")
         if not (0 <= self.past < 1000 and 0 <= self.future < 1000):
-            raise BadParameter(f"past, future: wanted seconds, found {self.past} and {self.future}")
+            raise BadParameter(f"past, future: expected seconds, found {self.past} and {self.future}")
         if not 2 <= self.rate <= 20:
-            raise BadParameter(f"rate: wanted 2 to 20 timesteps per second, found {self.rate}")
+            raise BadParameter(f"rate: expected 2 to 20 timesteps per second, found {self.rate}")
         if not 0 <= self.radius < 1e5:
-            raise BadParameter(f"radius: wanted metres, found {self.radius}")
+            raise BadParameter(f"radius: expected metres, found {self.radius}")
 
 
 class NuScenes(Converter[Window | InvalidScenario]):
@@ -188,7 +188,9 @@ class NuScenes(Converter[Window | InvalidScenario]):
             return _read_city(path, path.stat().st_size, path.stat().st_mtime_ns)
         if place in PLACES:
             scenario_id = make_scenario_id(shard.dataset, shard.version, window.recording.name)
-            raise InvalidScenario(scenario_id, "map", f"wanted {path.name} in maps/expansion, found none; {_GET_MAPS}")
+            raise InvalidScenario(
+                scenario_id, "map", f"expected {path.name} in maps/expansion, found none; {_GET_MAPS}"
+            )
         return None
 
 
@@ -204,7 +206,7 @@ def _said(shard: Shard, window: Window) -> Mapping[str, Messages]:
 
 def _options(shard: Shard) -> NuScenesOptions:
     if not isinstance(shard.options, NuScenesOptions):
-        raise BadParameter(f"wanted NuScenesOptions, found {type(shard.options).__name__}")
+        raise BadParameter(f"expected NuScenesOptions, found {type(shard.options).__name__}")
     return shard.options
 
 

@@ -112,5 +112,5 @@ def _read(path: Path, kind: str, _size: int, _changed: int) -> Messages:
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise CorruptSource(f"{path} cannot be read ({error!r}); download the CAN bus expansion again") from error
     if not is_whole:
-        raise CorruptSource(f"{path}: wanted two messages or more, of finite numbers; download the expansion again")
+        raise CorruptSource(f"{path}: expected two messages or more, of finite numbers; download the expansion again")
     return Messages(times, fields)

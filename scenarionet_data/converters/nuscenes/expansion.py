@@ -33,7 +33,7 @@ class Expansion:
 
     def __init__(self, content: Record) -> None:
         if content.get("version") != _VERSION:
-            raise ValueError(f"version {content.get('version', '1.0')!r}, wanted {_VERSION!r}")
+            raise ValueError(f"version {content.get('version', '1.0')!r}, expected {_VERSION!r}")
         self._content = content
         self._nodes = {node["token"]: (float(node["x"]), float(node["y"])) for node in content["node"]}
         self._lines = {line["token"]: line["node_tokens"] for line in content["line"]}

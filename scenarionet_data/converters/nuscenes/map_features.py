@@ -47,7 +47,7 @@ def read_map(path: Path) -> MapBuilder:
     except FileNotFoundError as error:
         raise CorruptSource(f"{path}: no such map; download nuScenes' map expansion v1.3") from error
     except (OSError, KeyError, TypeError, ValueError, AttributeError, ShapelyError) as error:
-        wanted = "wanted a nuScenes map expansion v1.3"
+        wanted = "expected a nuScenes map expansion v1.3"
         raise CorruptSource(f"{path}: {wanted}, found {error!r}; download it again") from error
 
 

@@ -83,9 +83,9 @@ def read_recording(release: Release, token: str, scenario_id: str) -> Recording:
     number, scene = list(release.scenes).index(token), release.scenes[token]
     samples = release.samples.of(number)
     times, wanted = samples["time"], scene["nbr_samples"]
-    check(scene["log_token"] in release.logs, "log", f"wanted a log {scene['log_token']!r}, found none")
-    check(len(times) == wanted > 0, "sample", f"wanted {wanted} of the scene, found {len(times)}")
-    check(np.isfinite(times).all() and (np.diff(times) > 0).all(), "sample", "wanted strictly increasing times")
+    check(scene["log_token"] in release.logs, "log", f"expected a log {scene['log_token']!r}, found none")
+    check(len(times) == wanted > 0, "sample", f"expected {wanted} of the scene, found {len(times)}")
+    check(np.isfinite(times).all() and (np.diff(times) > 0).all(), "sample", "expected strictly increasing times")
     pose_times, poses = _path(release.poses.of(number), times, check)
     return Recording(
         scene=scene,
@@ -101,31 +101,31 @@ def read_recording(release: Release, token: str, scenario_id: str) -> Recording:
 def _path(rows: dict[str, Array], times: Float64, check: Check) -> tuple[Float64, Float64]:
     """Times and poses of the ego."""
     is_known = np.isfinite(rows["time"]) & np.isfinite(rows["pose"]).all(axis=1)
-    check(is_known.all(), "ego_pose", "wanted a pose of finite numbers for every sweep of the lidar")
+    check(is_known.all(), "ego_pose", "expected a pose of finite numbers for every sweep of the lidar")
     moments, first = np.unique(rows["time"], return_index=True)
     is_covered = len(moments) > 0 and moments[0] <= times[0] + _REACH and moments[-1] >= times[-1] - _REACH
-    check(is_covered, "sample_data", "wanted sweeps of the lidar from the first keyframe to the last")
+    check(is_covered, "sample_data", "expected sweeps of the lidar from the first keyframe to the last")
     return moments, rows["pose"][first]
 
 
 def _objects(release: Release, number: int, num_keyframes: int, check: Check) -> Objects:
     rows = release.boxes.of(number)
     table = "sample_annotation"
-    check((rows["instance"] >= 0).all(), table, "wanted a known instance_token in every row")
-    check(np.isfinite(rows["box"]).all(), table, "wanted finite numbers, and rotations of length 1")
-    check((rows["box"][:, 4:] > 0).all(), table, "wanted sizes above 0")
-    check(not (rows["attributes"] >> np.uint64(UNKNOWN_BIT)).any(), table, "wanted known attribute_tokens")
+    check((rows["instance"] >= 0).all(), table, "expected a known instance_token in every row")
+    check(np.isfinite(rows["box"]).all(), table, "expected finite numbers, and rotations of length 1")
+    check((rows["box"][:, 4:] > 0).all(), table, "expected sizes above 0")
+    check(not (rows["attributes"] >> np.uint64(UNKNOWN_BIT)).any(), table, "expected known attribute_tokens")
     which, row = np.unique(rows["instance"], return_inverse=True)
     step = rows["sample"] - release.samples.start[number]
     boxes = np.zeros((len(which), num_keyframes, 7))
     boxes[row, step] = rows["box"]
     seen = np.zeros(boxes.shape[:2], np.bool_)
     seen[row, step] = True
-    check(seen.sum() == len(row), table, "wanted one row for each instance and sample, found two")
+    check(seen.sum() == len(row), table, "expected one row for each instance and sample, found two")
     tokens, categories, count = (release.instances[name][which] for name in ("token", "category", "count"))
     is_whole = seen.sum(axis=1) == count
-    check(is_whole.all(), table, f"wanted nbr_annotations rows of every instance, not so {tokens[~is_whole][:1]}")
-    check(None not in categories, "instance", "wanted a known category_token")
+    check(is_whole.all(), table, f"expected nbr_annotations rows of every instance, not so {tokens[~is_whole][:1]}")
+    check(None not in categories, "instance", "expected a known category_token")
     return Objects(
         tokens, categories, _attributes(rows["attributes"], row, len(which), release.attributes), boxes, seen
     )

@@ -127,7 +127,7 @@ def _read_release(folder: Path, _signature: tuple[tuple[int, int], ...]) -> Rele
     scenes, logs = read_scenes(folder)
     attributes = _records(folder, "attribute", "name")
     if len(attributes) > UNKNOWN_BIT:
-        raise CorruptSource(f"{folder / 'attribute.json'}: wanted {UNKNOWN_BIT} at most, found {len(attributes)}")
+        raise CorruptSource(f"{folder / 'attribute.json'}: expected {UNKNOWN_BIT} at most, found {len(attributes)}")
     samples = _read_samples(folder, list(scenes))
     instances = _read_instances(folder)
     boxes = _read_boxes(folder, samples, instances["token"], list(attributes))
@@ -140,7 +140,7 @@ def _records(folder: Path, table: str, *fields: str) -> Records:
     records = read_list(path)
     for name in ("token", *fields):
         if not all(name in record for record in records):
-            raise CorruptSource(f"{path}: wanted {name!r} in every record; is this a nuScenes table?")
+            raise CorruptSource(f"{path}: expected {name!r} in every record; is this a nuScenes table?")
     return {record["token"]: record for record in records}
 
 
@@ -206,7 +206,7 @@ def _read_sweeps(folder: Path, samples: Rows) -> tuple[Array, Array]:
     mounted = _records(folder, "calibrated_sensor", "sensor_token").items()
     lidars = {token.encode() for token, record in mounted if record["sensor_token"] in sensors}
     if not lidars:
-        raise CorruptSource(f"{folder / 'calibrated_sensor.json'}: wanted a sensor {LIDAR}, found none")
+        raise CorruptSource(f"{folder / 'calibrated_sensor.json'}: expected a sensor {LIDAR}, found none")
 
     def columns(rows: pa.Table) -> dict[str, Array]:
         sample = index(rows["sample_token"], samples.columns["token"])

@@ -62,7 +62,7 @@ def read_challenge(path: Path) -> Challenge:
         content = json.loads(path.read_bytes())
         return {str(scene): [str(entry) for entry in entries] for scene, entries in content.items()}
     except (OSError, ValueError, TypeError, AttributeError) as error:
-        wanted = "wanted lists of <instance>_<sample> by scene"
+        wanted = "expected lists of <instance>_<sample> by scene"
         raise CorruptSource(f"{path}: {wanted}, found {error!r}; download the map expansion again") from error
 
 
@@ -81,7 +81,9 @@ def challenge_windows(
     keyframes = {sample: number for number, sample in enumerate(recording.samples)}
     unknown = [sample for sample in targets if sample not in keyframes]
     if unknown:
-        raise InvalidScenario(scenario_id, "prediction_scenes", f"wanted keyframes of the scene, found {unknown[0]!r}")
+        raise InvalidScenario(
+            scenario_id, "prediction_scenes", f"expected keyframes of the scene, found {unknown[0]!r}"
+        )
     for current in sorted(keyframes[sample] for sample in targets):
         last = min(current + future, len(recording.times) - 1)
         asked = tuple(dict.fromkeys(targets[recording.samples[current]]))

@@ -181,16 +181,16 @@ def only_header(lines: list[str]) -> list[str]:
 @pytest.mark.parametrize(
     ("damage", "message"),
     [
-        (drop_tail, "wanted 20 or 50 times"),
+        (drop_tail, "expected 20 or 50 times"),
         (corrupt_row, "cannot be read"),
         (empty_cell, "column X"),
         (not_a_number, "column X"),
         (repeat_row, "two rows of one time"),
-        (second_city, "wanted one CITY_NAME"),
-        (second_agent, "wanted one AGENT"),
+        (second_city, "expected one CITY_NAME"),
+        (second_agent, "expected one AGENT"),
         (changing_type, "changes its OBJECT_TYPE"),
-        (no_ego, "wanted one AV"),
-        (only_header, "wanted rows"),
+        (no_ego, "expected one AV"),
+        (only_header, "expected rows"),
     ],
 )
 def test_damaged_recordings_are_refused_one_by_one(raw: Path, damage: Damage, message: str) -> None:
@@ -221,7 +221,7 @@ def test_a_city_without_a_map_is_quarantined_and_the_rest_goes_on(raw: Path, tmp
     ("old", "new", "message"),
     [
         ('<nd ref="7" />', '<nd ref="123456" />', "node 123456, which the file lacks"),
-        ('v="False"', 'v="Perhaps"', "wanted True or False"),
+        ('v="False"', 'v="Perhaps"', "expected True or False"),
         ('lane_id="9600010"', 'lane_id="9600000"', "ids"),
         ('k="l_neighbor_id"', 'k="neighbor"', "l_neighbor_id"),
         ('<node id="3" x="', '<node id="3" x="a', "could not convert"),

@@ -262,14 +262,14 @@ BAD_MAPS: dict[str, tuple[Callable[[Path], None], str]] = {
     "no projection": (empty("meta"), "projectedCoordSystem"),
     "no such projection": (lambda p: change(p, "UPDATE meta SET value = 'epsg:123456'"), "no projection from"),
     "no layer": (empty("gpkg_geometry_columns"), "no layer"),
-    "no geometry": (lambda p: geopackage.set_geometry(p, "crosswalks", None), "crosswalks [0-9]+: wanted a POLYGON"),
+    "no geometry": (lambda p: geopackage.set_geometry(p, "crosswalks", None), "crosswalks [0-9]+: expected a POLYGON"),
     "no polygon": (
         lambda p: geopackage.set_geometry(p, "walkways", shapely.Point(-115.0, 36.0)),
-        "walkways [0-9]+: wanted a POLYGON",
+        "walkways [0-9]+: expected a POLYGON",
     ),
     "damaged geometry": (
         lambda p: geopackage.set_geometry(p, "boundaries", b"GP\0\3" + bytes(50)),
-        "boundaries [0-9]+: wanted a LINESTRING",
+        "boundaries [0-9]+: expected a LINESTRING",
     ),
     "beyond the pole": (
         lambda p: geopackage.set_geometry(p, "walkways", shapely.box(-115.0, 95.0, -114.0, 96.0)),
@@ -293,7 +293,7 @@ def test_a_bad_map_is_named(raw: Path, name: str) -> None:
 @pytest.mark.parametrize("text", ["", "{", "[1]", '{"us-nv-las-vegas-strip": 9}', '{"us-nv-las-vegas-strip": {}}'])
 def test_a_bad_list_of_versions_is_named(raw: Path, text: str) -> None:
     (raw / "maps" / "nuplan-maps-v1.0.json").write_text(text)
-    with pytest.raises(CorruptSource, match=r"nuplan-maps-v1\.0\.json: wanted map versions"):
+    with pytest.raises(CorruptSource, match=r"nuplan-maps-v1\.0\.json: expected map versions"):
         shards(CONVERTER, raw, "mini")
 
 

@@ -243,12 +243,12 @@ BROKEN_ROWS: dict[str, tuple[str, Change, str]] = {
     "no rotation": ("sample_annotation", lambda rows: rows[7].update(rotation=[0.0] * 4), "length 1"),
     "unknown category": ("instance", lambda rows: rows[0].update(category_token="f"), "category_token"),
     "missing instance": ("instance", lambda rows: rows.pop(0), "instance_token"),
-    "missing sample": ("sample", lambda rows: rows.pop(3), "wanted 25"),
-    "unknown scene": ("sample", lambda rows: rows[3].update(scene_token="f"), "wanted 25"),
+    "missing sample": ("sample", lambda rows: rows.pop(3), "expected 25"),
+    "unknown scene": ("sample", lambda rows: rows[3].update(scene_token="f"), "expected 25"),
     "samples at one time": ("sample", lambda rows: rows[3].update(timestamp=rows[2]["timestamp"]), "increasing"),
-    "unknown log": ("scene", lambda rows: rows[0].update(log_token="f"), "wanted a log"),
-    "missing pose": ("ego_pose", lambda rows: rows.pop(7), "wanted a pose"),
-    "unknown pose": ("sample_data", lambda rows: rows[7].update(ego_pose_token="f"), "wanted a pose"),
+    "unknown log": ("scene", lambda rows: rows[0].update(log_token="f"), "expected a log"),
+    "missing pose": ("ego_pose", lambda rows: rows.pop(7), "expected a pose"),
+    "unknown pose": ("sample_data", lambda rows: rows[7].update(ego_pose_token="f"), "expected a pose"),
     "no sweeps": ("sample_data", lambda rows: rows.__delitem__(slice(0, 400)), "sweeps of the lidar"),
 }
 
@@ -276,7 +276,7 @@ def test_a_damaged_list_of_predictions_is_named(raw: Path, content: str) -> None
     path = raw / "maps" / "prediction" / "prediction_scenes.json"
     path.parent.mkdir()
     path.write_text(content)
-    with pytest.raises(CorruptSource, match=r"prediction_scenes\.json: wanted lists of"):
+    with pytest.raises(CorruptSource, match=r"prediction_scenes\.json: expected lists of"):
         scenarios(CONVERTER, raw, "mini", by="window")
 
 
@@ -287,7 +287,7 @@ def test_nothing_half_written(raw: Path, tmp_path: Path) -> None:
     report = convert("nuscenes", str(raw), lake, split="mini")
     assert (report.converted, report.quarantined, report.failed) == (1, 1, [])
     assert [s.source.scenario_id for s in ScenarioLoader(lake)[:]] == ["scene-0061"]
-    with pytest.raises(InvalidScenario, match=r"wanted boston-seaport.json in maps/expansion, found none; download"):
+    with pytest.raises(InvalidScenario, match=r"expected boston-seaport.json in maps/expansion, found none; download"):
         scenarios(CONVERTER, raw, "mini")
     shutil.rmtree(raw / "maps")
     with pytest.raises(SourceNotFound, match="no maps; download"):
@@ -320,4 +320,4 @@ def test_a_damaged_map_fails_its_location_alone(raw: Path, tmp_path: Path, chang
     report = convert("nuscenes", str(raw), tmp_path / "lake", split="mini")
     assert report.converted == 1
     assert len(report.failed) == 2  # the map, and the location's scenes
-    assert all("boston-seaport.json: wanted a nuScenes map expansion v1.3" in reason for _, reason in report.failed)
+    assert all("boston-seaport.json: expected a nuScenes map expansion v1.3" in reason for _, reason in report.failed)

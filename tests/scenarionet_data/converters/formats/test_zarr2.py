@@ -64,7 +64,7 @@ def test_only_wanted_chunks_are_needed(folder: Path, rows: np.ndarray) -> None:
 def test_truncated_chunks_are_named(folder: Path, size: int) -> None:
     chunk = folder / "2"
     chunk.write_bytes(chunk.read_bytes()[:size])
-    with pytest.raises(CorruptSource, match="2: wanted a whole Blosc chunk"):
+    with pytest.raises(CorruptSource, match="2: expected a whole Blosc chunk"):
         ChunkedTable(folder).rows(10, 11)
 
 
