@@ -38,7 +38,11 @@ def command_line() -> Iterator[str]:
             yield f"\n### `{name}`\n"
             yield f"```text\n{' '.join([context.command_path, *verb.collect_usage_pieces(context)])}\n```\n"
             yield _paragraphs(verb.help or "")
-            if options := [record for option in verb.params if (record := option.get_help_record(context))]:
+            if options := [
+                record
+                for option in verb.params
+                if isinstance(option, click.Option) and (record := option.get_help_record(context))
+            ]:
                 yield "| option | meaning |\n| --- | --- |"
                 yield from (f"| `{_cell(flags)}` | {_cell(help_text)} |" for flags, help_text in options)
             yield "\n```sh\n" + "\n".join(getattr(verb, "examples", ())) + "\n```\n"

@@ -1,37 +1,135 @@
 """Traffic scenarios as data: typed arrays, converters, the lake, its queries and its loader.
 
-from scenarionet_data import Lake, ScenarioLoader
+from scenarionet_data import Lake
 
 lake = Lake("lake")
 busy = lake.filter("ego_distance > 10 AND num_objects > 200", name="busy")
-scenario = ScenarioLoader(lake, busy)[0]
+scenario = busy[0]
 """
 
 from __future__ import annotations
 
 import importlib
+import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from scenarionet_data.conversion import convert
-    from scenarionet_data.databases.record import Database
+    from scenarionet_data import errors
+    from scenarionet_data.conversion import convert, plan_conversion
+    from scenarionet_data.converters.base import Converter
+    from scenarionet_data.export import export_database
+    from scenarionet_data.ingest.options import Options
+    from scenarionet_data.ingest.shard import RawItem, Shard
+    from scenarionet_data.lake.database import Database
     from scenarionet_data.lake.lake import Lake
     from scenarionet_data.loader import ScenarioLoader
+    from scenarionet_data.maintenance.compaction import compact
+    from scenarionet_data.maintenance.fsck import fsck
+    from scenarionet_data.maintenance.vacuuming import vacuum
+    from scenarionet_data.packs.verifying import verify_pack
+    from scenarionet_data.quality.checks import run_checks
     from scenarionet_data.scenario.description import ScenarioDescription
+    from scenarionet_data.scenario.parts import Lights, MapFeatures, Source, Tracks
+    from scenarionet_data.scenario.vocabulary import LightState, MapFeatureType, ObjectType
 
-__all__ = ["Database", "Lake", "ScenarioDescription", "ScenarioLoader", "convert"]
+    __version__: str
 
 _HOME = {
-    "Database": "scenarionet_data.databases.record",
+    "Converter": "scenarionet_data.converters.base",
+    "Database": "scenarionet_data.lake.database",
     "Lake": "scenarionet_data.lake.lake",
+    "LightState": "scenarionet_data.scenario.vocabulary",
+    "Lights": "scenarionet_data.scenario.parts",
+    "MapFeatureType": "scenarionet_data.scenario.vocabulary",
+    "MapFeatures": "scenarionet_data.scenario.parts",
+    "ObjectType": "scenarionet_data.scenario.vocabulary",
+    "Options": "scenarionet_data.ingest.options",
+    "RawItem": "scenarionet_data.ingest.shard",
     "ScenarioDescription": "scenarionet_data.scenario.description",
     "ScenarioLoader": "scenarionet_data.loader",
+    "Shard": "scenarionet_data.ingest.shard",
+    "Source": "scenarionet_data.scenario.parts",
+    "Tracks": "scenarionet_data.scenario.parts",
+    "compact": "scenarionet_data.maintenance",
     "convert": "scenarionet_data.conversion",
+    "export_database": "scenarionet_data.export",
+    "fsck": "scenarionet_data.maintenance",
+    "plan_conversion": "scenarionet_data.conversion",
+    "run_checks": "scenarionet_data.quality.checks",
+    "vacuum": "scenarionet_data.maintenance",
+    "verify_pack": "scenarionet_data.packs.verifying",
 }
+
+__all__ = [
+    "Converter",
+    "Database",
+    "Lake",
+    "LightState",
+    "Lights",
+    "MapFeatureType",
+    "MapFeatures",
+    "ObjectType",
+    "Options",
+    "RawItem",
+    "ScenarioDescription",
+    "ScenarioLoader",
+    "Shard",
+    "Source",
+    "Tracks",
+    "__version__",
+    "compact",
+    "convert",
+    "errors",
+    "export_database",
+    "fsck",
+    "plan_conversion",
+    "run_checks",
+    "vacuum",
+    "verify_pack",
+]
 
 
 def __getattr__(name: str) -> Any:
-    """Import on first use: a converter needs no DuckDB, and ``--help`` needs nothing."""
+    """Import a public name on first use: a converter needs no DuckDB, and ``--help`` needs nothing."""
+    if name == "__version__":
+        return importlib.import_module("scenarionet_data.version").__version__
+    if name == "errors":
+        return importlib.import_module("scenarionet_data.errors")
     if name not in _HOME:
         raise AttributeError(f"scenarionet_data has no {name!r}; it has {', '.join(__all__)}")
     return getattr(importlib.import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
+
+
+_CARDS = {
+    "Database": "database_card",
+    "Lake": "lake_card",
+    "ScenarioDescription": "scenario_card",
+    "ScenarioLoader": "loader_card",
+}
+"""Functions of ``display`` that make the HTML of a class."""
+
+
+def _show_in_notebooks() -> None:
+    """Register the HTML of scenarios, lakes and databases with a running IPython."""
+    ipython = sys.modules.get("IPython")
+    shell = ipython.get_ipython() if ipython else None
+    if shell is None:
+        return
+    html = shell.display_formatter.formatters["text/html"]
+    for name, function in _CARDS.items():
+        html.for_type_by_name(_HOME[name], name, _card(function))
+
+
+def _card(function: str) -> Any:
+    def card(shown: Any) -> str:
+        html: str = getattr(importlib.import_module("scenarionet_data.display"), function)(shown)
+        return html
+
+    return card
+
+
+_show_in_notebooks()

@@ -1,39 +1,39 @@
-"""What a notebook shows of a scenario, a lake or a database: a small picture and the facts, as HTML.
+"""HTML cards of scenarios, lakes and databases for notebooks: small pictures and properties.
 
-Everything that comes from a recording or a name is escaped; pictures are part of the page.
+Text from recordings and names is escaped; pictures are embedded.
 """
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from scenarionet_data.errors import MissingDependency, ScenarioNetError
-
-if TYPE_CHECKING:
-    from scenarionet_data.databases.record import Database
-    from scenarionet_data.lake.lake import Lake
-    from scenarionet_data.scenario.description import ScenarioDescription
+from scenarionet_data.lake.database import Database
+from scenarionet_data.lake.lake import Lake
+from scenarionet_data.loader import ScenarioLoader
+from scenarionet_data.query.lake_view import LakeView
+from scenarionet_data.scenario.description import ScenarioDescription
 
 _PICTURES = 4
 _CELL = "padding:2px 12px 2px 0;text-align:left;vertical-align:top;font-size:12px"
 
-_HOLDS = """
+_PARTITIONS = """
 SELECT dataset, version, split, count(*) AS scenarios, round(sum(duration) / 3600, 2) AS hours,
     round(avg(ego_distance), 1) AS mean_ego_distance, round(avg(num_objects), 1) AS mean_num_objects
 FROM metadata GROUP BY ALL ORDER BY ALL
 """
 
-_SPREAD = """
+_EXAMPLES = """
 SELECT scenario_id FROM metadata ORDER BY hash(scenario_id) LIMIT $count
 """
-"""Some scenarios, the same ones every time."""
+"""A few scenarios, the same ones every time."""
 
 
 def scenario_card(scenario: ScenarioDescription) -> str:
-    """A scenario's picture and facts."""
+    """Return a picture and the properties of a scenario."""
     tracks, source = scenario.tracks, scenario.source
     seconds = float(scenario.timestamps[-1] - scenario.timestamps[0])
     facts = {
@@ -46,11 +46,11 @@ def scenario_card(scenario: ScenarioDescription) -> str:
         "place": ", ".join(filter(None, (source.city, source.date))) or "unknown",
         "licence": source.licence,
     }
-    return _card(_facts(facts), [_picture(scenario)])
+    return _card(_table_of(facts), [_picture(scenario)])
 
 
 def database_card(database: Database) -> str:
-    """A database's facts and its first scenarios."""
+    """Return the properties and first scenarios of a database."""
     lineage = database.lineage
     facts = {
         "database": database.reference,
@@ -59,31 +59,31 @@ def database_card(database: Database) -> str:
         "with": " ".join(lineage.sql.split())[:300],
         "when": f"{lineage.created_at}, on snapshot {lineage.snapshot}",
     }
-    from scenarionet_data.lake.lake import Lake
-
     first = database.members["scenario_id"][:_PICTURES].to_pylist()
-    root, snapshot = database.files.root, lineage.snapshot
-    return _card(_facts(facts), _pictures(lambda: Lake(root, snapshot), first))
+    return _card(_table_of(facts), _pictures(database.view, first))
+
+
+def loader_card(loader: ScenarioLoader) -> str:
+    """Return the number of scenarios of a loader, and its first ones."""
+    return _card(_table_of({"loader": f"{len(loader):,} scenarios"}), [_picture(s) for s in loader[:_PICTURES]])
 
 
 def lake_card(lake: Lake) -> str:
-    """A lake's facts: what it holds by dataset and split, its databases, and some of its scenarios."""
-    rows = lake.sql(_HOLDS)
+    """Return the contents of a lake by dataset and split, its databases, and some of its scenarios."""
+    rows = lake.sql(_PARTITIONS)
     table = (
         _table(rows.columns, rows.rows()) if len(rows) else "<p>no scenarios yet: <code>scenarionet convert</code></p>"
     )
     databases = ", ".join(lake.databases) or "none yet"
     facts = {"lake": str(lake.root), "snapshot": f"{lake.snapshot.number}", "databases": databases}
-    spread = lake.sql(_SPREAD, {"count": _PICTURES})["scenario_id"].to_list()
-    return _card(_facts(facts) + table, _pictures(lambda: lake, spread))
+    examples = lake.sql(_EXAMPLES, {"count": _PICTURES})["scenario_id"].to_list()
+    return _card(_table_of(facts) + table, _pictures(lake, examples))
 
 
-def _pictures(open_lake: Callable[[], Lake], ids: Sequence[str]) -> list[str]:
-    from scenarionet_data.loader import ScenarioLoader
-
+def _pictures(view: LakeView, ids: Sequence[str]) -> list[str]:
     try:
-        return [_picture(scenario) for scenario in ScenarioLoader(open_lake(), ids)] if ids else []
-    except ScenarioNetError as error:  # the facts are there all the same
+        return [_picture(scenario) for scenario in ScenarioLoader(view, ids)]
+    except ScenarioNetError as error:  # the properties are shown all the same
         return [f"<small>no pictures: {escape(str(error))}</small>"]
 
 
@@ -98,11 +98,11 @@ def _picture(scenario: ScenarioDescription) -> str:
     return f'<img src="data:image/png;base64,{data}" width="220" height="165" alt="{words}" title="{words}">'
 
 
-def _facts(facts: dict[str, str]) -> str:
+def _table_of(properties: dict[str, str]) -> str:
     rows = "".join(
         f'<tr><th style="{_CELL}">{escape(name)}</th>'
         f'<td style="{_CELL};word-break:break-word">{escape(words)}</td></tr>'
-        for name, words in facts.items()
+        for name, words in properties.items()
     )
     return f"<table>{rows}</table>"
 

@@ -5,20 +5,29 @@
       InvalidScenario    one scenario is unusable: quarantined and counted, the run goes on
       LakeError          the lake: FileGone, SchemaMismatch, SnapshotConflict, NoSuchSnapshot,
                          ScenarioNotFound, DuplicateScenario, BrokenContract, DatabaseNotFound,
-                         DatabaseExists, DatabaseInUse, LeakingSplit, LayerExists, LayerNotFound,
-                         LayerInUse
-      WorkerLost         a worker process died; what it had finished is kept: ClusterLost
-      QueryError         the user's words: UnknownFilter, UnknownQuery, UnknownEvent,
+                         DatabaseExists, DatabaseInUse, LeakingSplit, UserColumnExists,
+                         UserColumnNotFound, UserColumnInUse
+      WorkerLost         a worker process died; finished work is kept: ClusterLost
+      QueryError         user input: UnknownFilter, UnknownQuery, UnknownEvent,
                          BadParameter, UnsafeSql, EmptyResult
 
-Messages are one sentence that says what was found, followed by what to do next.
+Messages are one sentence: the finding, followed by a remedy.
 """
 
 from __future__ import annotations
 
 
 class ScenarioNetError(Exception):
-    """Base of every error raised on purpose by this project."""
+    """Base of every error raised on purpose by this project.
+
+    Args:
+        *args: The message.
+        cli_remedy: Option or command with the same effect as the remedy in the message, which is for Python.
+    """
+
+    def __init__(self, *args: object, cli_remedy: str = "") -> None:
+        super().__init__(*args)
+        self.cli_remedy = cli_remedy
 
 
 class SourceError(ScenarioNetError):
@@ -26,7 +35,7 @@ class SourceError(ScenarioNetError):
 
 
 class SourceNotFound(SourceError):
-    """No raw recording of the wanted dataset at the given place."""
+    """No raw recording of the dataset at the given path."""
 
 
 class CorruptSource(SourceError):
@@ -34,14 +43,14 @@ class CorruptSource(SourceError):
 
 
 class MissingDependency(SourceError):
-    """A package that only this operation needs is not installed; the message names the extra."""
+    """A package that only this operation needs is not installed; the message names the extra to install."""
 
 
 class InvalidScenario(ScenarioNetError):
     """One scenario breaks the contract.
 
     Args:
-        scenario_id: The scenario, or where its record stands when it has no id yet.
+        scenario_id: The scenario, or the location of its record if it has no id yet.
         field: The offending field, for example ``"tracks.position"``.
         reason: What was wanted and what was found.
     """
@@ -57,105 +66,105 @@ class InvalidScenario(ScenarioNetError):
 
 
 class LakeError(ScenarioNetError):
-    """The lake on disk does not allow the operation."""
+    """The state of the lake does not allow the operation."""
 
 
 class SchemaMismatch(LakeError):
-    """A file was written under another version of the contract in ``schemas/``."""
+    """A file was written with another version of the contract in ``schemas/``."""
 
 
 class SnapshotConflict(LakeError):
-    """Another job kept publishing snapshots faster than this one could; run the command again."""
+    """Other jobs published snapshots faster than this one; run it again."""
 
 
 class NoSuchSnapshot(LakeError):
-    """The folder is not a lake, or the wanted snapshot has expired."""
+    """The folder is not a lake, or the requested snapshot has expired."""
 
 
 class FileGone(LakeError, FileNotFoundError):
-    """A file of the lake is not in its object store."""
+    """A file of the lake is missing from its object store."""
 
 
 class ScenarioNotFound(LakeError, KeyError):
-    """No scenario of that id in this snapshot."""
+    """The snapshot has no scenario of this id."""
 
     def __str__(self) -> str:
         return str(self.args[0])
 
 
 class DatabaseNotFound(LakeError, KeyError):
-    """No database of that name in this lake."""
+    """The lake has no database of this name."""
 
     def __str__(self) -> str:
         return str(self.args[0])
 
 
 class DatabaseExists(LakeError):
-    """A database of that name exists and replacing it was not asked for."""
+    """A database of this name exists, and ``replace`` is False."""
 
 
 class DatabaseInUse(LakeError):
-    """Other databases were made from this one: without it, nobody could say how."""
+    """Other databases depend on this one; dropping it would break their lineage."""
 
 
 class LeakingSplit(LakeError):
-    """Scenarios of one source log would stand in several parts of a split."""
+    """A split would put scenarios of one source log into several parts."""
 
 
-class LayerNotFound(LakeError, KeyError):
-    """No layer of that name, or no such version of it."""
+class UserColumnNotFound(LakeError, KeyError):
+    """The lake has no user column of this name or version."""
 
     def __str__(self) -> str:
         return str(self.args[0])
 
 
-class LayerInUse(LakeError):
-    """Queries of databases asked this layer: without it, they could not be made again."""
+class UserColumnInUse(LakeError):
+    """Databases depend on this user column; removing it would break their lineage."""
 
 
-class LayerExists(LakeError):
-    """A layer of that name exists and replacing it was not asked for."""
+class UserColumnExists(LakeError):
+    """A user column of this name exists, and ``replace`` is False."""
 
 
 class DuplicateScenario(LakeError):
-    """A scenario of the same id is in the lake already, converted from another source or with other options."""
+    """The lake already has a scenario of the same id, from another source or with other options."""
 
 
 class BrokenContract(LakeError):
-    """What was about to be committed breaks a hard rule of ``sql/checks``."""
+    """Data to be committed breaks a hard rule of ``sql/checks``."""
 
 
 class WorkerLost(ScenarioNetError):
-    """A worker process was killed; what had been finished is kept, and the next run goes on from there."""
+    """A worker process was killed; finished work is kept, and the next run continues from there."""
 
 
 class ClusterLost(WorkerLost):
-    """A cluster's scheduler or its last worker is gone, or they cannot be used; what had been finished is kept."""
+    """A cluster lost its scheduler or last worker, or cannot be used; finished work is kept."""
 
 
 class QueryError(ScenarioNetError, ValueError):
-    """The words of a query cannot be understood or are not allowed."""
+    """A query or one of its parameters is invalid or not allowed."""
 
 
 class UnknownFilter(QueryError):
-    """No filter of that name; the message lists the nearest."""
+    """Unknown filter; the message suggests similar names."""
 
 
 class UnknownQuery(QueryError):
-    """No question of that name; the message lists the nearest."""
+    """Unknown named query; the message suggests similar names."""
 
 
 class UnknownEvent(QueryError):
-    """No event of that name; the message lists the nearest."""
+    """Unknown event; the message suggests similar names."""
 
 
 class BadParameter(QueryError):
-    """A parameter is missing, unknown, or has a value outside its range."""
+    """A parameter is missing, unknown, of another type, or out of range."""
 
 
 class UnsafeSql(QueryError):
-    """The SQL is not a single reading statement or expression."""
+    """The SQL is not a single read-only statement or expression."""
 
 
 class EmptyResult(QueryError):
-    """No scenario is left, and a database without members was not asked for."""
+    """A database would have no members, and ``allow_empty`` is False."""

@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from scenarionet_data import codec
-from scenarionet_data.databases.record import Database
+from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import LakeError
-from scenarionet_data.lake.lake import Lake
+from scenarionet_data.query.lake_view import LakeLike, open_view
 from scenarionet_data.scenario.description import MapFeatures, ScenarioDescription, Tracks
 from scenarionet_data.storage.read.map_cache import MapCache
 from scenarionet_data.storage.read.row_table import RowTable
@@ -39,11 +38,11 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
     """The scenarios of a database (or of a list of ids, or of the whole lake) as a sequence.
 
     Args:
-        lake: The lake, its folder or its URL.
-        scenarios: A database or its name, or scenario ids; everything, ordered by id, for None.
+        lake: The lake, its path or its URL.
+        database: A database (saved or not), its name, or scenario ids; by default all scenarios, ordered by id.
 
     Raises:
-        ScenarioNotFound: A scenario is not in the lake.
+        ScenarioNotFound: The lake does not have a scenario.
 
     Example:
         loader = ScenarioLoader("lake", "busy")
@@ -51,13 +50,12 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
         scenario.tracks.position  # (N, T, 3) float32
     """
 
-    def __init__(self, lake: Lake | str | Path, scenarios: Database | str | Iterable[str] | None = None) -> None:
-        opened = lake if isinstance(lake, Lake) else Lake(lake)
-        holder, rows = opened.resolve(scenarios)
-        self._files = opened.files
-        self._snapshot = holder.snapshot
+    def __init__(self, lake: LakeLike, database: DatabaseRecord | str | Iterable[str] | None = None) -> None:
+        view, rows = open_view(lake).resolve(database)
+        self._files = view.files
+        self._snapshot = view.snapshot
         self._rows = RowTable(rows)
-        self._maps = MapCache(self._files, holder.shared_maps())
+        self._maps = MapCache(self._files, view.shared_maps())
         self.scenario_ids: list[str] = self._rows.table["scenario_id"].to_pylist()
         self._local = threading.local()
 
@@ -69,6 +67,9 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
         self._rows, self._maps = state["rows"], state["maps"]
         self.scenario_ids = self._rows.table["scenario_id"].to_pylist()
         self._local = threading.local()
+
+    def __repr__(self) -> str:
+        return f"ScenarioLoader({str(self._files.root)!r}, snapshot={self._snapshot.number}, {len(self):,} scenarios)"
 
     def __len__(self) -> int:
         return len(self.scenario_ids)

@@ -102,7 +102,6 @@ class ConverterConformance:
 
     def test_contracts_hold(self, raw: Any, tmp_path_factory: Any) -> None:
         """A lake of the scenarios breaks no hard rule of ``sql/checks``, and soft ones only within ``budgets``."""
-        from scenarionet_data import Lake
         from scenarionet_data.conversion import convert
         from scenarionet_data.quality.checks import run_checks
 
@@ -110,7 +109,7 @@ class ConverterConformance:
         kind = type(self.converter)
         options = self.converter.Options(**self.options)
         convert(f"{kind.__module__}:{kind.__qualname__}", str(raw), lake, split=self.split, options=options)
-        broken = [result for result in run_checks(Lake(lake)) if not result.is_met]
+        broken = [result for result in run_checks(lake).results if not result.is_met]
         assert broken == []
 
     def test_encodes_and_round_trips(self, raw: Any) -> None:

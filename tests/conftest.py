@@ -14,8 +14,10 @@ from hypothesis import settings
 from tests.fixtures import object_store
 from tests.fixtures.object_store import BUCKET, ObjectStore
 
-settings.register_profile("scenarionet", deadline=None)  # a busy machine is no failure
-settings.load_profile("scenarionet")
+# No deadlines: how long an example takes depends on the machine.
+settings.register_profile("quick", deadline=None, max_examples=30)
+settings.register_profile("thorough", deadline=None, max_examples=100)
+settings.load_profile(os.environ.get("SCENARIONET_HYPOTHESIS", "quick"))
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:

@@ -60,7 +60,7 @@ def test_conversion_examples_run(monkeypatch, tmp_path):
 @pytest.mark.long
 def test_evaluation_examples_run(monkeypatch, tmp_path):
     assert run_blocks("docs/guides/evaluation.md", monkeypatch, tmp_path) >= 5
-    runs = Lake(tmp_path / "lake").ask("runs")
+    runs = Lake(tmp_path / "lake").named_query("runs")
     planner = runs.filter(run="driven-my_planner.Planner-replay-kinematic")
     assert planner["success"].item() > 0.8, "the page's planner follows its route"
 
@@ -226,10 +226,10 @@ lake = Lake(copy / "lake")
 if kind == "derived column":
     assert (lake.sql("SELECT mean_object_speed_kmh AS v FROM metadata")["v"] > 30).all()
 elif kind == "filter":
-    assert 0 < len(lake.filter(name="crowded", named=["crowded:per_100m=10"])) <= 4
+    assert 0 < len(lake.filter(name="crowded", filters=["crowded:per_100m=10"])) <= 4
 else:
     from scenarionet_data.quality.checks import run_checks
-    (result,) = [r for r in run_checks(lake) if r.name == "ego_moves_backwards"]
+    (result,) = [r for r in run_checks(lake).results if r.name == "ego_moves_backwards"]
     assert result.doc
 """
     page = "docs/explanation/architecture.md"

@@ -53,4 +53,4 @@ def test_the_event_that_the_page_adds_is_found(tmp_path, monkeypatch):
     monkeypatch.setattr("scenarionet_data.query.named_sql.SQL", tmp_path)
     lake = write_lake(tmp_path / "lake", [moment("standing", along(0, 0, 5), car=along(9, 9))])
     assert [row[1:] for row in lake.mine(name).rows()] == [("car", None, 0, 100, 101.0)]
-    assert lake.mine(name, {"min": "102"}).is_empty()
+    assert lake.mine(name, {"min": 102}).is_empty()

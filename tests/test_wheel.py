@@ -1,6 +1,6 @@
-"""The package as others get it: source distribution, wheel, and a checkout that nobody installed.
+"""The source distribution, the wheel, and a checkout that is not installed.
 
-Environments are made beside the packages that are installed already, so nothing is downloaded.
+The environments reuse the packages of this one, so that nothing is downloaded.
 """
 
 from __future__ import annotations
@@ -13,9 +13,12 @@ import sysconfig
 import tarfile
 import venv
 import zipfile
+from email import message_from_bytes
 from pathlib import Path
 
 import pytest
+
+from scenarionet_data.version import __version__
 
 ROOT = Path(__file__).parents[1]
 PARTS = ("pipelines", "scenarionet_data", "scenarionet_sim", "schemas", "sql")
@@ -32,7 +35,7 @@ def call(*words: str | Path, cwd: Path, code: int = 0) -> str:
 
 
 def environment(folder: Path) -> Path:
-    """A new environment that sees what is installed here, but for this project; returns its Python."""
+    """Create an environment with the packages of this one but without this project; return its interpreter."""
     venv.create(folder, symlinks=True, with_pip=False)
     (packages,) = folder.glob("lib/python*/site-packages")
     # A folder named in a .pth file is searched, but .pth files in it are not read: no editable install.
@@ -46,7 +49,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("built")
     copy = folder / "checkout"
     names = (*PARTS, "tests", "docs", "Makefile", "README.md", "LICENSE", "pyproject.toml")
-    for name in names:  # a copy, so that nothing built earlier in the checkout gets in
+    for name in names:  # a copy, without outputs of earlier builds
         source = ROOT / name
         if source.is_dir():
             shutil.copytree(source, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
@@ -68,7 +71,7 @@ def installed(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return python.parent
 
 
-def test_the_wheel_holds_the_packages_the_contract_and_the_questions(built):
+def test_the_wheel_contains_three_packages_with_schemas_and_queries(built):
     (wheel,) = built.glob("*.whl")
     names = set(zipfile.ZipFile(wheel).namelist())
     files = (path for part in PARTS[:3] for path in (ROOT / part).rglob("*") if path.is_file())
@@ -81,9 +84,21 @@ def test_the_wheel_holds_the_packages_the_contract_and_the_questions(built):
     expected |= {f"scenarionet_data/{p.relative_to(ROOT).as_posix()}" for p in (ROOT / "sql").rglob("*.sql")}
     own = {name for name in names if ".dist-info/" not in name}
     assert own == expected
+    assert {name.partition("/")[0] for name in own} == {"scenarionet_data", "scenarionet_sim", "scenarionet_pipelines"}
 
 
-def test_the_source_distribution_holds_what_one_works_with(built):
+def test_the_metadata_has_version_author_and_urls(built):
+    (wheel,) = built.glob("*.whl")
+    archive = zipfile.ZipFile(wheel)
+    (name,) = [name for name in archive.namelist() if name.endswith(".dist-info/METADATA")]
+    fields = message_from_bytes(archive.read(name))
+    assert fields["Version"] == __version__
+    assert fields["Author"]
+    labels = {url.partition(",")[0] for url in fields.get_all("Project-URL")}
+    assert labels == {"Homepage", "Documentation", "Repository", "Changelog", "Issues"}
+
+
+def test_the_source_distribution_contains_the_project(built):
     (archive,) = built.glob("*.tar.gz")
     with tarfile.open(archive) as file:
         names = {name.partition("/")[2] for name in file.getnames()}
@@ -104,24 +119,26 @@ def test_the_installed_command_works_anywhere(installed, tmp_path):
 
 def test_a_checkout_works_uninstalled(tmp_path):
     python = environment(tmp_path / "python")
-    # What is compiled comes along (temporary files do not): compiling it again takes five seconds.
+    # Includes the compile cache, because compiling takes seconds, but no temporary files.
     for part in PARTS:
         shutil.copytree(ROOT / part, tmp_path / "checkout" / part, ignore=shutil.ignore_patterns("*.tmp.*"))
     where = call(python, "-c", "import scenarionet_data as s; print(s.__file__)", cwd=tmp_path / "checkout")
     assert where.startswith(str(tmp_path / "checkout"))
-    check_command(python, "-m", "scenarionet_pipelines.cli", cwd=tmp_path / "checkout")
+    uninstalled = ("env", "PYTHONPATH=.:pipelines", python, "-m", "scenarionet_pipelines.cli")
+    check_command(*uninstalled, cwd=tmp_path / "checkout")
 
 
 def check_command(*scenarionet: str | Path, cwd: Path) -> None:
     """Converters, a conversion, a question, a filter."""
     names = {each["name"] for each in json.loads(call(*scenarionet, "converters", "--json", cwd=cwd))["converters"]}
     assert {"pg", "scenarionet", "waymo"} <= names
-    (cwd / "own.py").write_text((ROOT / "tests/fixtures/made.py").read_text().replace("tests.fixtures.", ""))
-    shutil.copy(ROOT / "tests/fixtures/scenarios.py", cwd)
+    (cwd / "tests" / "fixtures").mkdir(parents=True)
+    for name in ("gate.py", "made.py", "scenarios.py", "waiting.py"):
+        shutil.copy(ROOT / "tests/fixtures" / name, cwd / "tests" / "fixtures")
     (cwd / "raw").mkdir()
     (cwd / "raw" / "a.made").write_text("1\n2\n3")
     (cwd / "raw" / "b.made").write_text("4\n5")
-    call(*scenarionet, "convert", "own:Made", "raw", "lake", "--workers", "1", cwd=cwd)
+    call(*scenarionet, "convert", "tests.fixtures.made:Made", "raw", "lake", "--workers", "1", cwd=cwd)
     rows = json.loads(call(*scenarionet, "sql", "lake", "summary", "--json", cwd=cwd))["rows"]
     assert rows[0]["scenarios"] == 5
     text = call(*scenarionet, "filter", "lake", "--filter", "object_count:min=1", "--name", "some", cwd=cwd)

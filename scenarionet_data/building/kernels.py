@@ -1,17 +1,17 @@
-"""Compiled loops that make states canonical and that check them."""
+"""Compiled loops that bring states into canonical form."""
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array
 
 _PI = np.pi
 _BELOW_PI = np.nextafter(np.float32(np.pi), np.float32(0.0))
 
 
-@njit(cache=True)
+@kernel
 def fill_poses(
     position: Array, heading: Array, velocity: Array, valid: Array, origin: Array, steps: Array, outs: tuple[Array, ...]
 ) -> None:
@@ -39,7 +39,7 @@ def fill_poses(
             outs[1][row, step] = min(max(turned, -np.float32(_PI)), _BELOW_PI) if turned == turned else turned
 
 
-@njit(cache=True)
+@kernel
 def fill_sizes(size: Array, valid: Array, metres: np.float32, out: Array) -> None:
     """Fill sizes at valid states: exact for objects of constant size, else rounded.
 
@@ -63,33 +63,13 @@ def fill_sizes(size: Array, valid: Array, metres: np.float32, out: Array) -> Non
                     out[row, step, axis] = _rounded(value, metres) if is_changing else value
 
 
-@njit(cache=True)
-def count_faults(values: Array, valid: Array) -> tuple[int, int]:
-    """Count values that are not finite, and others that are not 0 at invalid states.
-
-    Args:
-        values: (N, T, D) float32.
-        valid: (N, T) bool.
-    """
-    num_not_finite, num_set = 0, 0
-    for row in range(values.shape[0]):
-        for step in range(values.shape[1]):
-            for axis in range(values.shape[2]):
-                value = values[row, step, axis]
-                if not np.isfinite(value):
-                    num_not_finite += 1
-                elif value != 0 and not valid[row, step]:
-                    num_set += 1
-    return num_not_finite, num_set
-
-
-@njit(cache=True)
+@device_function
 def _rounded(value: float, step: np.float32) -> np.float32:
     """Round to a multiple of ``step`` (a power of two), as float32, without negative zeros."""
     return np.float32(np.rint(np.float32(value) * (np.float32(1.0) / step)) * step) + np.float32(0.0)
 
 
-@njit(cache=True)
+@device_function
 def _wrapped(angle: float) -> float:
     if -_PI <= angle < _PI:
         return angle

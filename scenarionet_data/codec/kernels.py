@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from numba import njit
-
+from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.dtypes import Array
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def fill_states(
     first: int, start: Array, lengths: Array, at: int, at_z: int, inputs: tuple[Array, ...], outputs: tuple[Array, ...]
 ) -> None:
@@ -37,7 +36,7 @@ def fill_states(
             at_z += at_z >= 0
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def fill_valid(first: int, start: Array, lengths: Array, num_flags: Array, at: int, flags: Array, valid: Array) -> None:
     """Mark the valid timesteps of each span: all of them, or those with a flag.
 
@@ -56,7 +55,7 @@ def fill_valid(first: int, start: Array, lengths: Array, num_flags: Array, at: i
             at += has_flags
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def fill_sizes(
     first: int, start: Array, spans: Array, lengths: Array, at: int, values: Array, valid: Array, size: Array, axis: int
 ) -> None:
@@ -80,7 +79,7 @@ def fill_sizes(
         at += length
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def find_bounds(offsets: Array, points: Array, bounds: Array) -> None:
     """Extend each row's bounding box by the points of its list.
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import difflib
 import importlib
+from functools import cache
 from importlib.metadata import entry_points
 from typing import Any
 
@@ -62,5 +63,7 @@ def _instance(reference: str) -> Converter[Any]:
     return converter
 
 
+@cache
 def _installed() -> Any:
+    """Entry points of converters; finding them reads the metadata of every installed package."""
     return entry_points(group="scenarionet.converters")

@@ -156,7 +156,7 @@ def _tracks(episode: Episode, origin: Float64) -> Tracks:
 
 def _lights(episode: Episode, origin: Float64) -> Lights:
     """Build one light for each lane across a signalised intersection."""
-    signal = episode.graph.signal
+    signal = episode.graph.lanes.signal
     controlled = np.flatnonzero(signal >= 0)
     lanes = episode.road_map.lanes
     ids = strings(lanes[row].id for row in controlled)

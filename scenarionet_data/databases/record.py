@@ -1,11 +1,11 @@
-"""Databases: named, ordered sets of scenarios that copy nothing and remember where they came from."""
+"""Records of databases: named, ordered sets of scenarios that copy no data and know their lineage."""
 
 from __future__ import annotations
 
 import json
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -13,7 +13,6 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scenarionet_data.errors import BadParameter, DatabaseExists, DatabaseNotFound
-from scenarionet_data.query.statements import quoted
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import reading
 from scenarionet_data.storage.files.lake_files import LakeFiles
@@ -28,15 +27,15 @@ class Lineage:
 
     Attributes:
         operation: filter, split, ...
-        sql: The query, as it was run: over the views of the snapshot, and ``members``, the rows of all parents
-            with ``parent``, the place of theirs in ``parents``.
-        parameters: Values of ``$name`` in it, the seed among them.
+        sql: The query as it was run, over the views of the snapshot and ``members``, the rows of all parents with
+            ``parent``, the index of their database in ``parents``.
+        parameters: Values of ``$name`` in the query, including the seed.
         parents: ``name@version`` of the databases it was made from; empty for the whole lake.
         snapshot: Number of the snapshot it was made on.
         created_at: UTC, ISO 8601.
-        count: Members.
-        created_with: Version of this software.
-        layers: ``name@version`` of the users' columns that the query names.
+        count: Number of members.
+        created_with: Name and version of the software.
+        user_columns: ``name@version`` of the user columns that the query names.
     """
 
     operation: str
@@ -47,79 +46,97 @@ class Lineage:
     created_at: str
     count: int
     created_with: str = field(default="")
-    layers: list[str] = field(default_factory=list)
+    user_columns: list[str] = field(default_factory=list)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the lineage with the keys of its JSON form; user columns are stored as ``layers``."""
+        content = asdict(self)
+        content["layers"] = content.pop("user_columns")
+        return content
+
+    @classmethod
+    def from_dict(cls, content: dict[str, Any]) -> Lineage:
+        """Return the lineage of a dictionary that :meth:`to_dict` returned."""
+        fields = dict(content)
+        return cls(user_columns=fields.pop("layers", []), **fields)
 
 
 @dataclass(frozen=True)
-class Database:
-    """A version of a database.
+class DatabaseRecord:
+    """One version of a database, or a selection that is not saved.
 
     Attributes:
-        name: Its name.
-        version: From 1; replacing makes a new one.
+        name: Name of the database; None for an unsaved selection.
+        version: From 1, incremented on replacement; None for an unsaved selection.
         lineage: How it was made.
-        files: The lake it lies in.
+        files: Files of its lake.
+        selected: Members of an unsaved selection, rows of ``schemas/members.toml``.
     """
 
-    name: str
-    version: int
+    name: str | None
+    version: int | None
     lineage: Lineage
     files: LakeFiles = field(repr=False, compare=False)
-
-    def _repr_html_(self) -> str:
-        from scenarionet_data.display import database_card
-
-        return database_card(self)
+    selected: pa.Table | None = field(default=None, repr=False, compare=False)
 
     def __len__(self) -> int:
         return self.lineage.count
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "members"}  # read again where needed
+
     @cached_property
     def members(self) -> pa.Table:
-        """Rows of ``schemas/members.toml``, in order; read when they are asked for.
+        """Rows of ``schemas/members.toml`` in order, read on first access.
 
         Raises:
-            LakeError: The file is gone or damaged.
+            LakeError: The file is missing or damaged.
         """
-        return self.files.read(self.file)
+        return self.files.read(self.file) if self.selected is None else self.selected
+
+    @property
+    def is_saved(self) -> bool:
+        """Whether the lake has a database of this name and version, as opposed to an unsaved selection."""
+        return self.name is not None
 
     @property
     def file(self) -> str:
-        """Its file in the lake."""
+        """File in the lake.
+
+        Raises:
+            BadParameter: The selection is not saved.
+        """
+        if self.name is None or self.version is None:
+            raise BadParameter("this selection is not saved: give it a name with selection.save(name)")
         return path(self.name, self.version)
 
     @property
     def scenario_ids(self) -> list[str]:
-        """Members in order."""
+        """Ids of the members, in order."""
         ids: list[str] = self.members["scenario_id"].to_pylist()
         return ids
 
     @property
     def reference(self) -> str:
-        """``name@version``."""
-        return f"{self.name}@{self.version}"
-
-    @property
-    def relation(self) -> str:
-        """SQL for its members, which stay where they are."""
-        return f"read_parquet({quoted(str(self.files.path(self.file)))})"
+        """``name@version``, or ``unsaved selection``."""
+        return f"{self.name}@{self.version}" if self.is_saved else "unsaved selection"
 
 
 def check_name(name: str) -> None:
-    """Refuse a name that is no plain word.
+    """Raise if a database cannot have this name.
 
     Raises:
-        BadParameter: Naming what is allowed.
+        BadParameter: The message lists the allowed characters.
     """
     if not _NAME.fullmatch(name):
         raise BadParameter(f"{name!r} is no database name; use letters, digits, '.', '_' and '-'")
 
 
 def parse_reference(reference: str) -> tuple[str, int | None]:
-    """Name and version of ``name`` or ``name@version``.
+    """Return name and version of ``name`` or ``name@version``.
 
     Raises:
-        BadParameter: The version is no number.
+        BadParameter: The version is not a number.
     """
     name, at, version = reference.partition("@")
     if at and not version.isdecimal():
@@ -128,85 +145,89 @@ def parse_reference(reference: str) -> tuple[str, int | None]:
 
 
 def names(files: LakeFiles) -> list[str]:
-    """Databases of a lake, sorted."""
+    """Return the names of a lake's databases, sorted."""
     return files.folders(_FOLDER)
 
 
 def versions(files: LakeFiles, name: str) -> list[int]:
-    """Versions of a database, rising; empty when there is none."""
+    """Return the versions of a database in ascending order; empty if it does not exist."""
     found = files.names(f"{_FOLDER}/{name}", ".parquet")
     return sorted(int(path.rpartition("/")[2].removesuffix(".parquet")) for path in found)
 
 
-def read(files: LakeFiles, name: str, version: int | None = None) -> Database:
-    """A database by name; the newest version unless one is asked for.
+def read(files: LakeFiles, name: str, version: int | None = None) -> DatabaseRecord:
+    """Read the record of a database, of its newest version by default.
 
     Raises:
-        DatabaseNotFound: The message lists those that are there.
+        DatabaseNotFound: The message lists the existing ones.
     """
     check_name(name)
-    there = versions(files, name)
-    if not there or (version is not None and version not in there):
-        have = f"versions {there}" if there else f"databases: {', '.join(names(files)) or 'none yet'}"
+    existing = versions(files, name)
+    if not existing or (version is not None and version not in existing):
+        have = f"versions {existing}" if existing else f"databases: {', '.join(names(files)) or 'none yet'}"
         wanted = name if version is None else f"{name}@{version}"
         raise DatabaseNotFound(f"{files.root}: no database {wanted!r}; {have}")
-    number = version or there[-1]
-    return Database(name, number, _lineage(files, path(name, number)), files)
+    number = version or existing[-1]
+    file = path(name, number)
+    with reading(files.path(file)):
+        footer = pq.read_metadata(files.path(file)).metadata
+    tables.load("members").check_version(footer, file)
+    return DatabaseRecord(name, number, Lineage.from_dict(json.loads(footer[b"scenarionet.lineage"])), files)
 
 
-def resolve(files: LakeFiles, which: Database | str) -> Database:
-    """The database of that ``name`` or ``name@version``, or one of Python's as this lake has it.
+def resolve(files: LakeFiles, database: DatabaseRecord | str) -> DatabaseRecord:
+    """Return the record of a ``name`` or ``name@version``, or of an object of the same reference in this lake.
 
     Raises:
-        DatabaseNotFound: The message lists those that are there.
+        DatabaseNotFound: The message lists the existing ones.
+        BadParameter: It is an unsaved selection of another lake.
     """
-    return read(files, *parse_reference(which if isinstance(which, str) else which.reference))
+    if isinstance(database, str):
+        return read(files, *parse_reference(database))
+    if not database.is_saved:
+        if str(database.files.root) != str(files.root):
+            raise BadParameter(f"the selection is from {database.files.root}, not from {files.root}")
+        return database
+    return read(files, *parse_reference(database.reference))  # it may have been dropped and made again
 
 
 def children(files: LakeFiles, name: str, version: int | None = None) -> list[str]:
-    """``name@version`` of what other databases were made from a database, or from one version of it."""
+    """Return ``name@version`` of the databases made from a database, or from one version of it."""
     wanted = {f"{name}@{number}" for number in ([version] if version else versions(files, name))}
-    return [
-        other.reference for other in every(files) if other.name != name and wanted.intersection(other.lineage.parents)
-    ]
+    return [other.reference for other in all_records(files) if other.name != name and wanted & {*other.lineage.parents}]
 
 
-def every(files: LakeFiles) -> Iterator[Database]:
-    """Every version of every database, by name."""
+def all_records(files: LakeFiles) -> Iterator[DatabaseRecord]:
+    """Read every version of every database, by name."""
     for name in names(files):
         for number in versions(files, name):
             yield read(files, name, number)
 
 
-def _lineage(files: LakeFiles, file: str) -> Lineage:
-    """What the footer of a database's file says."""
-    with reading(files.path(file)):
-        footer = pq.read_metadata(files.path(file)).metadata
-    tables.load("members").check_version(footer, file)
-    return Lineage(**json.loads(footer[b"scenarionet.lineage"]))
-
-
 def check_free(files: LakeFiles, name: str, *, replace: bool) -> None:
-    """Refuse a name that is no plain word, or that is taken.
+    """Raise if a database of this name cannot be saved.
 
     Raises:
-        BadParameter: Naming what is allowed.
-        DatabaseExists: There is such a database and ``replace`` is False.
+        BadParameter: No database can have this name; the message lists the allowed characters.
+        DatabaseExists: The database exists and ``replace`` is False.
     """
     check_name(name)
     if not replace and versions(files, name):
-        raise DatabaseExists(f"database {name!r} exists; give another name, or --replace for a new version of it")
+        raise DatabaseExists(
+            f"database {name!r} exists; choose another name, or replace=True for a new version of it",
+            cli_remedy="--replace",
+        )
 
 
 def rename(files: LakeFiles, name: str, new_name: str) -> None:
-    """Give a database, with all its versions, another name.
+    """Rename a database with all its versions.
 
     Raises:
-        DatabaseExists: The other name is taken.
+        DatabaseExists: The new name is taken.
     """
     check_free(files, new_name, replace=False)
     if not files.move(f"{_FOLDER}/{name}", f"{_FOLDER}/{new_name}"):
-        raise DatabaseExists(f"database {new_name!r} exists; give another name, or drop it first")
+        raise DatabaseExists(f"database {new_name!r} exists; choose another name, or drop it first")
 
 
 def drop(files: LakeFiles, name: str, version: int | None = None) -> None:
@@ -218,5 +239,5 @@ def drop(files: LakeFiles, name: str, version: int | None = None) -> None:
 
 
 def path(name: str, version: int) -> str:
-    """File of a version of a database."""
+    """Return the file of a version of a database."""
     return f"{_FOLDER}/{name}/{version}.parquet"

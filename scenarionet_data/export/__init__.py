@@ -13,6 +13,6 @@ from __future__ import annotations
 
 from scenarionet_data.export.describe import to_pickle_dict
 from scenarionet_data.export.sanity import sanity_check
-from scenarionet_data.export.write import ExportReport, export
+from scenarionet_data.export.write import ExportReport, export, export_database
 
-__all__ = ["ExportReport", "export", "sanity_check", "to_pickle_dict"]
+__all__ = ["ExportReport", "export", "export_database", "sanity_check", "to_pickle_dict"]

@@ -16,11 +16,14 @@ from typing import Any
 
 import numpy as np
 
+from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter, DatabaseExists, InvalidScenario, LakeError, ScenarioNetError
 from scenarionet_data.execution.executors import Executor
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.export.parts import write_parts
 from scenarionet_data.export.pickling import Written, dump, twice, write_scenarios
+from scenarionet_data.loader import ScenarioLoader
+from scenarionet_data.query.lake_view import LakeLike
 from scenarionet_data.scenario.description import ScenarioDescription
 
 SUMMARY_FILE = "dataset_summary.pkl"
@@ -85,6 +88,26 @@ def export(
         dump(_without_arrays(summary), draft / SUMMARY_FILE)
         dump(dict.fromkeys(summary, ""), draft / MAPPING_FILE)
     return ExportReport(directory, len(summary), num_bytes, tuple(refused))
+
+
+def export_database(
+    lake: LakeLike,
+    database: DatabaseRecord | str | Iterable[str] | None,
+    directory: str | Path,
+    *,
+    replace: bool = False,
+    executor: Executor | None = None,
+    on_progress: Progress | None = None,
+) -> ExportReport:
+    """Write the scenarios of a lake as a ScenarioNet database; see :func:`export`.
+
+    Args:
+        lake: The lake, its path or its URL.
+        database: A database (saved or not), its name, scenario ids, or None for all scenarios.
+        directory, replace, executor, on_progress: See :func:`export`.
+    """
+    loader = ScenarioLoader(lake, database)
+    return export(loader, Path(directory), replace=replace, executor=executor, on_progress=on_progress)
 
 
 def _take(entry: Written | InvalidScenario, draft: Path, summary: dict[str, Any]) -> int:

@@ -1,1 +1,1 @@
-"""The handles ``Lake`` and ``Database``."""
+"""The handles :class:`~scenarionet_data.Lake` and :class:`~scenarionet_data.Database`."""

@@ -1,317 +1,423 @@
-"""The lake as a person asks it: SQL, filters, splits, databases. Reading only, but for the databases it saves."""
+"""The handle :class:`Lake`: queries over one snapshot of a lake, and the operations on its databases."""
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable, Mapping, Sequence
-from functools import cached_property
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import pyarrow as pa
-import pyarrow.compute as pc
+from scenarionet_data.databases.record import DatabaseRecord
+from scenarionet_data.lake.database import Database
+from scenarionet_data.lake.tagging import TaggableLake
+from scenarionet_data.operations import combine
+from scenarionet_data.operations.comparison import DatabaseStatistics, compare
+from scenarionet_data.operations.diff import Diff, diff
+from scenarionet_data.operations.events import mine
+from scenarionet_data.operations.filter import filter_database, select_scenarios
+from scenarionet_data.operations.lineage import LineageTree, lineage_tree
+from scenarionet_data.operations.overlap import DatabaseOverlap, overlap
+from scenarionet_data.operations.rebuild import RebuildResult, rebase, rebuild
+from scenarionet_data.operations.sample import sample
+from scenarionet_data.operations.split import split
+from scenarionet_data.query.named_sql import Conditions
 
-from scenarionet_data.databases import record as databases
-from scenarionet_data.databases import user_columns as layer_files
-from scenarionet_data.databases.record import Database
-from scenarionet_data.errors import BadParameter, ScenarioNotFound
-from scenarionet_data.operations import (
-    combine,
-    comparison,
-    database_query,
-    events,
-    tagging,
-)
-from scenarionet_data.operations import (
-    diff as comparing,
-)
-from scenarionet_data.operations import (
-    filter as filtering,
-)
-from scenarionet_data.operations import lineage as ancestors
-from scenarionet_data.operations import (
-    overlap as overlapping,
-)
-from scenarionet_data.operations import (
-    rebuild as repeating,
-)
-from scenarionet_data.operations import (
-    sample as sampling,
-)
-from scenarionet_data.operations import (
-    split as splitting,
-)
-from scenarionet_data.packs import packing
-from scenarionet_data.query.engine import Engine, Rows
-from scenarionet_data.query.members import ADDRESS_COLUMNS, locate
-from scenarionet_data.query.named_sql import QUESTIONS
-from scenarionet_data.query.views import FILE_TABLES, table_files
-from scenarionet_data.storage.files.opening import open_files
-from scenarionet_data.storage.snapshots import manifests
-from scenarionet_data.storage.snapshots import snapshot as snapshots
-from scenarionet_data.storage.snapshots.snapshot import Snapshot
-
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # loading, packs and export import numba, which takes 0.5 s that a query does not need
     import polars as pl
 
+    from scenarionet_data.execution.executors import Executor
+    from scenarionet_data.execution.progress import Progress
+    from scenarionet_data.export import ExportReport
+    from scenarionet_data.loader import ScenarioLoader
+    from scenarionet_data.packs.packing import PackReport
 
-class Lake:
-    """One snapshot of a lake, open for questions.
+
+class Lake(TaggableLake):
+    """One snapshot of a lake, open for queries and for operations on databases.
 
     Args:
-        root: The lake's folder or URL.
-        snapshot: Its number; the newest unless given.
-        layers: Versions of layers to show, by name; the newest of each other.
+        root: Folder or URL of the lake.
+        snapshot: Number of the snapshot; the newest by default.
+        user_columns: Versions of user columns by name; the newest of all others.
 
     Raises:
-        NoSuchSnapshot: There is no lake, or no such snapshot.
-        LayerNotFound: There is no such version of a layer.
+        NoSuchSnapshot: The folder is not a lake, or it has no such snapshot.
+        UserColumnNotFound: A user column has no such version.
 
     Example:
         lake = Lake("lake")
         lake.sql("SELECT dataset, count(*) AS n FROM metadata GROUP BY ALL")
         busy = lake.filter("ego_distance > 10 AND num_objects > 200", name="busy")
-        train, val = lake.split(busy, {"train": 0.9, "val": 0.1}, seed=0).values()
+        train, val = busy.split({"train": 0.9, "val": 0.1}, seed=0).values()
     """
-
-    def __init__(self, root: str | Path, snapshot: int | None = None, layers: Mapping[str, int] | None = None) -> None:
-        self.files = open_files(root)
-        snapshots.check_is_lake(self.files)
-        self.snapshot: Snapshot = snapshots.read(self.files, snapshot)
-        self.layers: dict[str, int] = layer_files.shown(self.files, layers or {})
-        self._chosen: pa.Table | None = None
-
-    def __repr__(self) -> str:
-        return f"Lake({str(self.files.root)!r}, snapshot={self.snapshot.number})"
-
-    def _repr_html_(self) -> str:
-        from scenarionet_data.display import lake_card
-
-        return lake_card(self)
-
-    @property
-    def root(self) -> Path | str:
-        """Absolute path of the lake, or its URL."""
-        return self.files.root
-
-    @property
-    def name(self) -> str:
-        """The last part of its path."""
-        return str(self.root).rstrip("/").rpartition("/")[2]
-
-    def refresh(self) -> Lake:
-        """The same lake at its newest snapshot."""
-        return Lake(self.root)
-
-    def at(self, snapshot: int, layers: Iterable[str] = ()) -> Lake:
-        """The same lake at another snapshot, with these versions of layers (``name@version``)."""
-        pinned = self.layers | layer_files.parse(layers)
-        is_same = snapshot == self.snapshot.number and pinned == self.layers
-        return self if is_same else Lake(self.root, snapshot, pinned)
-
-    def only(self, scenarios: Database | str | Iterable[str]) -> Lake:
-        """The lake at a snapshot that holds some scenarios, whose views show these and no others.
-
-        Args:
-            scenarios: A database or its name, or ids.
-
-        Raises:
-            ScenarioNotFound: One is not there.
-        """
-        holder, members = self.resolve(scenarios)
-        chosen = Lake(self.root, holder.snapshot.number, self.layers)
-        chosen._chosen = members
-        return chosen
-
-    @cached_property
-    def _engine(self) -> Engine:
-        return Engine(self.files, self.snapshot, layers=self.layers, only=self._chosen)
-
-    # --- questions ------------------------------------------------------------------------------------
-
-    def sql(self, query: str, parameters: Mapping[str, Any] | None = None) -> pl.DataFrame:
-        """Rows of one SELECT over the lake's views.
-
-        They are metadata, tracks, lights, maps, states, steps, objects, shards, quarantine, and those of
-        docs/guides/events.md.
-
-        Args:
-            query: The SELECT.
-            parameters: Values for ``$name`` in it.
-
-        Raises:
-            UnsafeSql: It is more or other than one SELECT.
-            QueryError: DuckDB does not understand it.
-        """
-        return self._engine.select(query, parameters)
-
-    def arrow(
-        self,
-        query: str,
-        parameters: Mapping[str, Any] | None = None,
-        *,
-        layers: Iterable[str] | None = None,
-        **tables: Rows,
-    ) -> pa.Table:
-        """Like :meth:`sql`, as an Arrow table; see :meth:`Engine.arrow`."""
-        return self._engine.arrow(query, parameters, layers=layers, **tables)
-
-    def batches(
-        self, query: str, parameters: Mapping[str, Any] | None = None, *, layers: Iterable[str] | None = None
-    ) -> Generator[pa.RecordBatch, None, None]:
-        """Like :meth:`arrow`, some rows at a time; every other question waits until it is closed, or at its end."""
-        return self._engine.batches(query, parameters, layers=layers)
-
-    def interrupt(self) -> None:
-        """Stop the question that another thread has asked; it fails there with a QueryError."""
-        self._engine.interrupt()
-
-    # Explained where they are done.
-    mine = events.mine
-    compare = comparison.compare
-    tag = tagging.tag
-    tag_by_sql = tagging.tag_by_sql
-    tag_where = tagging.tag_where
-    tag_event = tagging.tag_event
-    tag_from_file = tagging.tag_from_file
-    untag = tagging.untag
-
-    def summary(self) -> pl.DataFrame:
-        """Scenarios, objects and hours by dataset, version and split."""
-        return self.ask("summary")
-
-    def ask(self, name: str, words: Mapping[str, str] | None = None) -> pl.DataFrame:
-        """Rows of a named question of ``sql/analytics``.
-
-        Args:
-            name: Its file's name.
-            words: Values for its parameters, as typed; the rest keep their defaults.
-
-        Raises:
-            UnknownQuery: There is none of that name.
-            BadParameter: It has no such parameter.
-        """
-        question = QUESTIONS.load(name)
-        return self.sql(question.text, question.bind(words or {}))
-
-    def facts(self, scenario_id: str) -> dict[str, Any]:
-        """What is known about a scenario: its row of the view ``metadata`` without its addresses.
-
-        Args:
-            scenario_id: Its id, its id in the source, or a part of its id, when only one scenario has that.
-
-        Raises:
-            ScenarioNotFound: There is none, or several; the message lists a few that come near.
-        """
-        rows = f"SELECT * EXCLUDE ({', '.join(ADDRESS_COLUMNS)}) FROM metadata"
-        found = self.sql(f"{rows} WHERE scenario_id = $id", {"id": scenario_id})
-        if found.is_empty():
-            near = "source_scenario_id = $id OR contains(scenario_id, $id) ORDER BY scenario_id LIMIT 3"
-            found = self.sql(f"{rows} WHERE {near}", {"id": scenario_id})
-        if len(found) != 1:
-            ids = ", ".join(found["scenario_id"])
-            remedy = f"did you mean {ids}?" if ids else "SELECT scenario_id FROM metadata lists them all"
-            raise ScenarioNotFound(f"{self.root}: no one scenario {scenario_id!r} in this snapshot; {remedy}")
-        return found.row(0, named=True)
-
-    def history(self, last: int = 5) -> list[Snapshot]:
-        """The newest snapshots up to this one, rising."""
-        there = [number for number in snapshots.numbers(self.files) if number <= self.snapshot.number]
-        return [snapshots.read(self.files, number) for number in there[-last:]]
-
-    def paths(self, table: str) -> list[str]:
-        """Absolute paths (or URLs) of a table's files in this snapshot: what any Parquet engine may read."""
-        if table not in FILE_TABLES:
-            raise BadParameter(f"no table {table!r}; there are {', '.join(FILE_TABLES)}")
-        return [self.files.url(name) for name in table_files(self.files, self.snapshot, table)]
-
-    def __len__(self) -> int:
-        return int(self.sql("SELECT count(*) AS n FROM metadata")["n"][0])
 
     # --- databases ------------------------------------------------------------------------------------
 
-    @property
-    def databases(self) -> list[str]:
-        """Names of the lake's databases."""
-        return databases.names(self.files)
-
-    def database(self, which: Database | str) -> Database:
-        """A database by ``name`` or ``name@version``: how it was made, and its members when they are asked for.
+    def database(self, database: DatabaseRecord | str) -> Database:
+        """Return a database by ``name`` or ``name@version``.
 
         Raises:
-            DatabaseNotFound: The message lists those that are there.
+            DatabaseNotFound: The message lists the existing databases.
         """
-        return databases.resolve(self.files, which)
+        return Database.of(self.record(database), self)
 
-    # What is done with databases is explained where it is done.
-    filter = filtering.keep
-    split = splitting.split
-    sample = sampling.sample
-    merge = combine.merge
-    intersect = combine.intersect
-    subtract = combine.subtract
-    copy = combine.copy
-    rename = combine.rename
-    drop = combine.drop
-    checkout = combine.checkout
-    ancestry = ancestors.ancestry
-    rebuild = repeating.rebuild
-    rebase = repeating.rebase
-    diff = comparing.diff
-    overlap = overlapping.overlap
-    pack = packing.pack
+    def select(
+        self,
+        where: str = "true",
+        *,
+        database: DatabaseRecord | str | None = None,
+        filters: Conditions = (),
+        events: Conditions = (),
+        ids: Sequence[str] | None = None,
+        parameters: Mapping[str, Any] | None = None,
+    ) -> Database:
+        """Select the scenarios that satisfy all conditions, without saving them; see :meth:`filter`."""
+        found = select_scenarios(
+            self, where, database=database, filters=filters, events=events, ids=ids, parameters=parameters
+        )
+        return Database.of(found, self)
+
+    def filter(
+        self,
+        where: str = "true",
+        *,
+        name: str,
+        database: DatabaseRecord | str | None = None,
+        filters: Conditions = (),
+        events: Conditions = (),
+        ids: Sequence[str] | None = None,
+        parameters: Mapping[str, Any] | None = None,
+        replace: bool = False,
+        allow_empty: bool = False,
+    ) -> Database:
+        """Save the scenarios that satisfy all conditions as a database.
+
+        Args:
+            where: SQL condition over the columns of ``metadata``.
+            name: Name of the new database.
+            database: Search only the members of this database, in its order; the whole lake by default.
+            filters: Filters of ``sql/filters``: ``"ego_distance"``, ``["ego_distance:min=100", ...]`` or
+                ``{"ego_distance": {"min": 100}}``.
+            events: Events of ``sql/events`` that must occur, in the same forms.
+            ids: Ids or source ids that scenarios must have.
+            parameters: Values for ``$name`` in ``where``: numbers, texts, truth values, lists of them.
+            replace: Add a version if the database exists.
+            allow_empty: Save a database without members, too.
+
+        Raises:
+            UnsafeSql: ``where`` is not a single expression.
+            QueryError: DuckDB rejects the condition; the message has the position and similar names.
+            UnknownFilter, UnknownEvent, BadParameter: The message lists the valid names.
+            ScenarioNotFound: One of ``ids`` does not exist.
+            DatabaseExists: The database exists and ``replace`` is False.
+            EmptyResult: No scenario satisfies the conditions and ``allow_empty`` is False.
+        """
+        found = filter_database(
+            self,
+            where,
+            name=name,
+            database=database,
+            filters=filters,
+            events=events,
+            ids=ids,
+            parameters=parameters,
+            replace=replace,
+            allow_empty=allow_empty,
+        )
+        return Database.of(found, self)
+
+    def split(
+        self,
+        database: DatabaseRecord | str | None = None,
+        fractions: Mapping[str, float] | None = None,
+        *,
+        name: str | None = None,
+        seed: int = 0,
+        by: str = "scenario_id",
+        stratify: str | None = None,
+        along: str | None = None,
+        levels: int | None = None,
+        each: str | None = None,
+        strict: bool = False,
+        replace: bool = False,
+        allow_empty: bool = False,
+    ) -> dict[str, Database]:
+        """Split a database by fractions, into levels, or by the values of a column, and save the parts.
+
+        By fractions alone, the part of a scenario (or group, for example ``by="source_log"``) depends on a hash of its
+        id and the seed, so that it stays the same as the lake grows, and on all machines. ``stratify`` gives every part
+        its fraction of each value of a column, and ``along`` splits in the order of a column, for example a date: both
+        depend on all scenarios, and change as the lake grows.
+
+        Args:
+            database: Database to split; the whole lake by default.
+            fractions: Fraction of each part by its name; they add up to 1.
+            name: Parts are saved as ``<name>_<part>``; by default the name of the database, or ``all``.
+            seed: Another seed gives another split.
+            by: Column whose equal values stay together.
+            stratify: Column whose values are each split by the fractions.
+            along: Column whose order the parts follow; equal values stay together.
+            levels: Instead of fractions: number of parts ``level1``, ... of equal size in the order of ``along``
+                (difficulty by default).
+            each: Instead of fractions: column with one part for each value.
+            strict: Raise for a split that leaks, instead of a warning.
+            replace: Add a version to parts that exist.
+            allow_empty: Save parts without members, too.
+
+        Raises:
+            BadParameter: Fractions do not add up to 1, a column does not exist, or arguments exclude each other.
+            LeakingSplit: Several parts have scenarios of one source log, and ``strict`` is True.
+            DatabaseExists, EmptyResult: See :meth:`filter`; no part is saved.
+        """
+        parts = split(
+            self,
+            database,
+            fractions,
+            name=name,
+            seed=seed,
+            by=by,
+            stratify=stratify,
+            along=along,
+            levels=levels,
+            each=each,
+            strict=strict,
+            replace=replace,
+            allow_empty=allow_empty,
+        )
+        return {part: Database.of(found, self) for part, found in parts.items()}
+
+    def sample(
+        self,
+        database: DatabaseRecord | str | None = None,
+        *,
+        name: str,
+        n: int | None = None,
+        fraction: float | None = None,
+        seed: int = 0,
+        weights: str = "1",
+        stratify: str | None = None,
+        balance: str | None = None,
+        levels: int | None = None,
+        replace: bool = False,
+        allow_empty: bool = False,
+    ) -> Database:
+        """Save scenarios drawn without replacement, in the order of the database.
+
+        Args:
+            database: Database to draw from; the whole lake by default.
+            name: Name of the new database.
+            n: Exact number of scenarios.
+            fraction: Share of scenarios, instead of ``n``.
+            seed: Another seed gives another sample.
+            weights: SQL expression over ``metadata``, for example ``difficulty`` or ``weight``: probability of being
+                drawn first, up to a factor. Scenarios without a weight above 0 are never drawn.
+            stratify: Column whose values keep their proportions.
+            balance: Column whose values are drawn in equal numbers, while scenarios last.
+            levels: Number of levels of ``difficulty``, of equal size, that are drawn in equal numbers and saved from
+                easy to difficult: a curriculum.
+            replace: Add a version if the database exists.
+            allow_empty: Save a database without members, too.
+
+        Raises:
+            BadParameter: There are fewer scenarios than ``n``, or arguments exclude each other.
+            DatabaseExists, EmptyResult: See :meth:`filter`.
+        """
+        found = sample(
+            self,
+            database,
+            name=name,
+            n=n,
+            fraction=fraction,
+            seed=seed,
+            weights=weights,
+            stratify=stratify,
+            balance=balance,
+            levels=levels,
+            replace=replace,
+            allow_empty=allow_empty,
+        )
+        return Database.of(found, self)
+
+    def merge(
+        self, *databases: DatabaseRecord | str, name: str, replace: bool = False, allow_empty: bool = False
+    ) -> Database:
+        """Save the union of two or more databases, one after the other.
+
+        A scenario of several databases keeps position and weight of the first.
+
+        Raises:
+            ScenarioNotFound: No snapshot has the members of all databases unchanged.
+        """
+        found = combine.merge(self, *databases, name=name, replace=replace, allow_empty=allow_empty)
+        return Database.of(found, self)
+
+    def intersect(
+        self, *databases: DatabaseRecord | str, name: str, replace: bool = False, allow_empty: bool = False
+    ) -> Database:
+        """Save the scenarios that all databases have, by id, in the order of the first."""
+        found = combine.intersect(self, *databases, name=name, replace=replace, allow_empty=allow_empty)
+        return Database.of(found, self)
+
+    def subtract(
+        self, *databases: DatabaseRecord | str, name: str, replace: bool = False, allow_empty: bool = False
+    ) -> Database:
+        """Save the scenarios of the first database that no other has, by id, in its order."""
+        found = combine.subtract(self, *databases, name=name, replace=replace, allow_empty=allow_empty)
+        return Database.of(found, self)
+
+    def copy(
+        self, database: DatabaseRecord | str, *, name: str, replace: bool = False, allow_empty: bool = True
+    ) -> Database:
+        """Save a database under another name; later changes of the original do not affect the copy."""
+        return Database.of(combine.copy(self, database, name=name, replace=replace, allow_empty=allow_empty), self)
+
+    def rename(self, database: DatabaseRecord | str, *, name: str) -> Database:
+        """Rename a database with all its versions.
+
+        Raises:
+            DatabaseInUse: Lineages of other databases refer to it.
+            DatabaseExists: The new name is taken.
+        """
+        return Database.of(combine.rename(self, database, name=name), self)
+
+    def drop(self, database: DatabaseRecord | str, *, force: bool = False) -> None:
+        """Remove a database, or one version ``name@version``; the scenarios stay.
+
+        Args:
+            database: The database.
+            force: Remove it even if other databases depend on it; those stay readable, but cannot be rebuilt.
+
+        Raises:
+            DatabaseInUse: Other databases depend on it and ``force`` is False.
+        """
+        combine.drop(self, database, force=force)
+
+    def checkout(self, database: DatabaseRecord | str) -> Database:
+        """Make an old version ``name@version`` the newest again, with its lineage; all versions are kept."""
+        return Database.of(combine.checkout(self, database), self)
+
+    def lineage(self, database: DatabaseRecord | str) -> LineageTree:
+        """Return a database with its ancestors and how each was made."""
+        return lineage_tree(self, database)
+
+    def rebuild(self, database: DatabaseRecord | str) -> RebuildResult:
+        """Run the lineage of a database again on its snapshot and parents, and compare; nothing is saved.
+
+        Raises:
+            NoSuchSnapshot, DatabaseNotFound, UserColumnNotFound: The snapshot, a parent or a user column is gone.
+            LakeError: The database was packed, without the other scenarios that its query ran on.
+        """
+        return rebuild(self, database)
+
+    def rebase(self, database: DatabaseRecord | str, *, keep_members: bool = False) -> list[Diff]:
+        """Run the query of a database again on the newest snapshot, and save the result as a new version.
+
+        Its parents are rebased first.
+
+        Args:
+            database: The database.
+            keep_members: Keep the members that the newest snapshot still has, instead of running the query.
+
+        Returns:
+            Changes of each database, parents first; empty if all were made on the newest snapshot.
+
+        Raises:
+            DatabaseNotFound: A parent is gone.
+        """
+        return rebase(self, database, keep_members=keep_members)
+
+    # --- comparisons ----------------------------------------------------------------------------------
+
+    def compare(self, *databases: DatabaseRecord | str) -> list[DatabaseStatistics]:
+        """Return statistics of databases in the given order; of the whole lake without any."""
+        return compare(self, *databases)
+
+    def diff(self, before: DatabaseRecord | str, after: DatabaseRecord | str) -> Diff:
+        """Compare two sets of scenarios: members that came, went or changed, and columns with other values.
+
+        Args:
+            before, after: Databases, ``name``, ``name@version``, or ``@7`` for the whole lake at snapshot 7.
+        """
+        return diff(self, before, after)
+
+    def overlap(self, *databases: DatabaseRecord | str, kinds: Sequence[str] | None = None) -> list[DatabaseOverlap]:
+        """Find what two or more databases share, pair by pair: scenarios, contents, logs, seconds of a log, drives.
+
+        Args:
+            *databases: The databases; this snapshot describes their members.
+            kinds: Rules of ``sql/overlaps``, all by default. Only ``near_duplicate`` reads tracks.
+
+        Returns:
+            One result per pair and rule, including empty ones.
+
+        Raises:
+            UnknownQuery: No such rule.
+        """
+        return overlap(self, *databases, kinds=kinds)
+
+    def mine(
+        self,
+        event: str,
+        parameters: Mapping[str, Any] | None = None,
+        database: DatabaseRecord | str | None = None,
+    ) -> pl.DataFrame:
+        """Find all occurrences of an event, in order of scenario and time.
+
+        Args:
+            event: Name of an event of ``sql/events``.
+            parameters: Values of its parameters as Python values; the others keep their defaults.
+            database: Search only its members.
+
+        Raises:
+            UnknownEvent: No such event.
+            BadParameter: No such parameter, or a value of another type.
+        """
+        return mine(self, event, parameters, database)
 
     # --- scenarios ------------------------------------------------------------------------------------
 
-    def members(self, database: Database | str) -> pa.Table:
-        """Address and description columns of a database's members, in order.
+    def loader(self, database: DatabaseRecord | str | Iterable[str] | None = None) -> ScenarioLoader:
+        """Return a loader of a database, of scenario ids, or of all scenarios in order of id."""
+        from scenarionet_data.loader import ScenarioLoader
 
-        They are looked up in this snapshot when every member is what it was when the database was made, else
-        in the snapshot it was made on, with a warning.
+        return ScenarioLoader(self, database)
 
-        Raises:
-            ScenarioNotFound: They are in neither.
-        """
-        return self._holding(self.database(database))[1]
+    def pack(
+        self,
+        database: DatabaseRecord | str,
+        path: str | Path,
+        *,
+        tar: bool = False,
+        on_progress: Progress | None = None,
+    ) -> PackReport:
+        """Write a saved database and all data of its members as a small lake of its own.
 
-    def locate(self, scenario_ids: Sequence[str]) -> pa.Table:
-        """Address and description columns of scenarios, in the given order.
-
-        Raises:
-            ScenarioNotFound: Naming the first that is not in this snapshot.
-        """
-        found = locate(self._engine, pa.table({"scenario_id": pa.array(list(scenario_ids), pa.string())}))
-        return self._complete(found)
-
-    def resolve(self, scenarios: Database | str | Iterable[str] | None) -> tuple[Lake, pa.Table]:
-        """Scenarios as rows of addresses, and the lake at the snapshot that holds them.
+        Every scenario is read back and compared with its content hash, so that no damage is packed.
 
         Args:
-            scenarios: A database or its name, ids, or None for every scenario in order of id.
+            database: The database.
+            path: Folder or tar to write, which must not exist; it appears complete or not at all.
+            tar: Write a tar that contains the folder.
+            on_progress: Called after every 64 scenarios copied, and after each scenario read back.
 
         Raises:
-            ScenarioNotFound: One is not there.
+            BadParameter: ``path`` exists, or the database has no members.
+            ScenarioNotFound: The lake does not have a member.
+            LakeError: A file is missing or damaged, or ``path`` cannot be written.
         """
-        if scenarios is None:
-            scenarios = self._engine.arrow("SELECT scenario_id FROM metadata ORDER BY scenario_id")[0].to_pylist()
-        if isinstance(scenarios, (Database, str)):
-            return self._holding(self.database(scenarios))
-        return self, self.locate(list(scenarios))
+        from scenarionet_data.packs.packing import pack
 
-    def shared_maps(self) -> dict[tuple[str, str, str], str]:
-        """File of each map that scenarios share, by dataset, version and map id."""
-        listed = manifests.shard_table(self.files, self.snapshot).filter(pc.field("split") == "").to_pylist()
-        return {(row["dataset"], row["version"], row["name"]): row["files"][0] for row in listed}
+        return pack(self, database, path, tar=tar, on_progress=on_progress)
 
-    def _holding(self, database: Database) -> tuple[Lake, pa.Table]:
-        """The lake at a snapshot that holds every member unchanged, and where they lie in it."""
-        lake = database_query.holding(self, [database])
-        return lake, lake._complete(locate(lake._engine, database.members.select(["scenario_id", "content_hash"])))
+    def export(
+        self,
+        database: DatabaseRecord | str | Iterable[str] | None,
+        directory: str | Path,
+        *,
+        replace: bool = False,
+        executor: Executor | None = None,
+        on_progress: Progress | None = None,
+    ) -> ExportReport:
+        """Write scenarios as ScenarioNet pickles that MetaDrive reads; see :func:`scenarionet_data.export.export`."""
+        from scenarionet_data.export import export_database
 
-    def _complete(self, found: pa.Table) -> pa.Table:
-        missing = found.filter(pc.invert(found["is_found"]))
-        if missing.num_rows:
-            raise ScenarioNotFound(
-                f"{self.root}: no scenario {missing['scenario_id'][0]} in snapshot {self.snapshot.number}; "
-                f"{missing.num_rows} of {found.num_rows} are missing: replaced, or never converted"
-            )
-        return found
+        return export_database(self, database, directory, replace=replace, executor=executor, on_progress=on_progress)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 import pyarrow as pa
 
 from scenarionet_data.databases import record as databases
-from scenarionet_data.databases.record import Database
+from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import LakeError
 from scenarionet_data.schema import tables
 from scenarionet_data.storage import evaluation_runs
@@ -44,7 +44,7 @@ class _Contents:
         self._broken = broken
         self._kept: dict[int, pa.Table | None] = {}
 
-    def lost(self, database: Database, number: int) -> int | None:
+    def lost(self, database: DatabaseRecord, number: int) -> int | None:
         """Members that a snapshot does not hold as they were; None when it cannot tell."""
         if number not in self._kept:
             self._kept[number] = self._read(number)
@@ -68,7 +68,7 @@ def bases(files: LakeFiles) -> set[int]:
     return {found.lineage.snapshot for _, found in _each_database(files) if not isinstance(found, str)}
 
 
-def _each_database(files: LakeFiles) -> Iterator[tuple[str, Database | str]]:
+def _each_database(files: LakeFiles) -> Iterator[tuple[str, DatabaseRecord | str]]:
     """Every version of every database: its file, and itself or why it cannot be read."""
     for name in databases.names(files):
         for version in databases.versions(files, name):
@@ -87,7 +87,7 @@ def _database_damages(files: LakeFiles, contents: _Contents) -> Iterator[Damage]
         yield from damages or (Damage(file, reason) for reason in _complaints(files, found, contents))
 
 
-def _complaints(files: LakeFiles, found: Database, contents: _Contents) -> Iterator[str]:
+def _complaints(files: LakeFiles, found: DatabaseRecord, contents: _Contents) -> Iterator[str]:
     """What is wrong with a database that can be read."""
     made_on, count = found.lineage.snapshot, found.members.num_rows
     if count != found.lineage.count:
@@ -98,7 +98,7 @@ def _complaints(files: LakeFiles, found: Database, contents: _Contents) -> Itera
             yield f"members have changed, and snapshot {made_on}, which it was made on, is gone"
         elif lost:
             yield f"{lost:,} of {count:,} members are not in snapshot {made_on}, which it was made on"
-    for reference in found.lineage.layers:
+    for reference in found.lineage.user_columns:
         layer, _, version = reference.partition("@")
         if not files.has(f"layers/{layer}/{version}.parquet"):
             yield f"it was made with the column {reference}, which is gone"

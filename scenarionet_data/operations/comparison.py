@@ -1,14 +1,12 @@
-"""Databases side by side: what their scenarios are like, as the ScenarioNet paper's table of databases has it."""
+"""Statistics of databases side by side, as in the ScenarioNet paper's table of databases."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from scenarionet_data.databases.record import Database
-    from scenarionet_data.lake.lake import Lake
+from scenarionet_data.databases.record import DatabaseRecord
+from scenarionet_data.errors import BadParameter
+from scenarionet_data.query.lake_view import LakeLike, LakeView, open_view
 
 
 @dataclass(frozen=True)
@@ -16,10 +14,10 @@ class Measure:
     """One measure over the scenarios of a database.
 
     Attributes:
-        measure: What is measured.
-        unit: Its unit, ``ratio`` for a share of scenarios, empty for a count.
-        scenarios: Scenarios that have it.
-        mean, std, min, max: Over them; std is None for ratios and for a single scenario.
+        measure: Name of the measure.
+        unit: Its unit; ``ratio`` for a share of scenarios, empty for a count.
+        scenarios: Number of scenarios with a value.
+        mean, std, min, max: Statistics over those; std is None for ratios and for a single scenario.
     """
 
     measure: str
@@ -32,13 +30,13 @@ class Measure:
 
 
 @dataclass(frozen=True)
-class Statistics:
-    """What the scenarios of a database are like.
+class DatabaseStatistics:
+    """Statistics of the scenarios of a database.
 
     Attributes:
         name: ``name@version`` of the database, or ``lake`` for the whole lake.
-        count: Its scenarios.
-        measures: Those of ``sql/analytics/statistics.sql``, in its order; empty when there are no scenarios.
+        count: Number of scenarios.
+        measures: Measures of ``sql/analytics/statistics.sql`` in its order; empty without scenarios.
     """
 
     name: str
@@ -46,18 +44,18 @@ class Statistics:
     measures: tuple[Measure, ...]
 
 
-def compare(lake: Lake, databases: Sequence[Database | str] = ()) -> list[Statistics]:
-    """Statistics of databases in the given order; of the whole lake when none is given.
-
-    Raises:
-        DatabaseNotFound: The message lists those that are there.
-    """
+def compare(lake: LakeLike, *databases: DatabaseRecord | str) -> list[DatabaseStatistics]:
+    """Compute statistics of databases; see :meth:`Lake.compare <scenarionet_data.Lake.compare>`."""
+    view = open_view(lake)
+    wrong = [each for each in databases if not isinstance(each, DatabaseRecord | str)]
+    if wrong:
+        raise BadParameter(f'compare: give databases one by one, as compare("a", "b"), not {wrong[0]!r}')
     if not databases:
-        return [_statistics("lake", lake)]
-    found = [lake.database(each) if isinstance(each, str) else each for each in databases]
-    return [_statistics(each.reference, lake.only(each)) for each in found]
+        return [_statistics("lake", view)]
+    found = [view.record(each) for each in databases]
+    return [_statistics(each.reference, view.restrict_to(each)) for each in found]
 
 
-def _statistics(name: str, lake: Lake) -> Statistics:
-    measures = tuple(Measure(**row) for row in lake.ask("statistics").to_dicts())
-    return Statistics(name, len(lake), measures)
+def _statistics(name: str, view: LakeView) -> DatabaseStatistics:
+    measures = tuple(Measure(**row) for row in view.named_query("statistics").to_dicts())
+    return DatabaseStatistics(name, len(view), measures)

@@ -1,250 +1,270 @@
-"""What a database is made of: its parents' members, and the snapshot that is asked about them."""
+"""Queries that make databases: over the members of their parents and the views of a snapshot."""
 
 from __future__ import annotations
 
 import json
-import warnings
-from collections.abc import Generator, Mapping, Sequence
+import re
+from collections.abc import Generator, Iterable, Mapping
 from contextlib import closing
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypedDict
+from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import pyarrow as pa
 
 from scenarionet_data import version
-from scenarionet_data.databases import record as databases
-from scenarionet_data.databases import user_columns, writer
-from scenarionet_data.databases.record import Database, Lineage
-from scenarionet_data.errors import BadParameter, EmptyResult, NoSuchSnapshot, ScenarioNotFound
+from scenarionet_data.databases import record as records
+from scenarionet_data.databases import writer
+from scenarionet_data.databases.record import DatabaseRecord, Lineage
+from scenarionet_data.errors import BadParameter, EmptyResult
+from scenarionet_data.query.engine import Rows
+from scenarionet_data.query.lake_view import LakeLike, LakeView, open_view
+from scenarionet_data.query.members import relation
+from scenarionet_data.query.statements import words
+from scenarionet_data.schema import tables
 from scenarionet_data.schema.package_data import SQL
 from scenarionet_data.storage.snapshots import snapshot as snapshots
-
-if TYPE_CHECKING:
-    from scenarionet_data.lake.lake import Lake
 
 _WHOLE_LAKE = "(SELECT *, 1.0::DOUBLE AS weight, scenario_id AS place FROM metadata)"
 _MEMBERS = (
     "(SELECT * FROM metadata JOIN (SELECT scenario_id, weight, position AS place FROM members) USING (scenario_id))"
 )
-_CHANGED = (
-    "SELECT count(*) AS n, min(scenario_id) AS example "
-    "FROM (SELECT scenario_id, hash(scenario_id) AS id_hash, content_hash FROM {members}) "
-    "ANTI JOIN (SELECT hash(scenario_id) AS id_hash, content_hash FROM metadata_rows) USING (id_hash, content_hash)"
-)
-"""Members that are not in a snapshot as they were, told by 128 bits: of ids as text, a million take 70 MB more."""
+_WHOLE_LAKE_KEYS = "(SELECT scenario_id, 1.0::DOUBLE AS weight, content_hash, scenario_id AS place FROM metadata)"
+_MEMBER_KEYS = "(SELECT scenario_id, weight, content_hash, position AS place FROM members)"
 
-_DRAWN = "('0x' || substr(md5(concat($seed, ':', {name})), 1, 13))::BIGINT / 4503599627370496.0"
-"""A number in [0, 1) for a name and the seed: the same on every machine, for every version of the engine."""
-
-
-class StaleDatabaseWarning(UserWarning):
-    """Members of a database have changed in the newest snapshot; it is read from the one it was made on."""
-
-
-class Saving(TypedDict, total=False):
-    """How a database is saved.
-
-    Attributes:
-        replace: Make a further version of an existing database, which is refused otherwise.
-        allow_empty: Save it without members too.
-    """
-
-    replace: bool
-    allow_empty: bool
+_UNIFORM = "('0x' || substr(md5(concat($seed, ':', {name})), 1, 13))::BIGINT / 4503599627370496.0"
+"""A number in [0, 1) from a name and the seed: the same on every machine and every version of DuckDB."""
 
 
 @dataclass(frozen=True)
-class Pool:
-    """What scenarios are chosen from.
+class DatabaseQuery:
+    """The scenarios that an operation chooses from.
 
     Attributes:
-        lake: At the snapshot that is asked.
-        parents: The databases they are members of; none for the whole lake.
+        view: The lake at the snapshot that is queried.
+        parents: Databases whose members they are; empty for the whole lake.
     """
 
-    lake: Lake
-    parents: tuple[Database, ...] = ()
+    view: LakeView
+    parents: tuple[DatabaseRecord, ...] = ()
+
+    @classmethod
+    def over(cls, lake: LakeLike, *databases: DatabaseRecord | str | None, num_pinned: int = 1) -> Self:
+        """Query some databases, at a snapshot that has the members of the first ``num_pinned`` unchanged.
+
+        That is the snapshot of the lake if possible, else the newest that one of the databases was made on. An unsaved
+        selection is queried at its own snapshot, because its lineage becomes part of the new one.
+
+        Raises:
+            ScenarioNotFound: No such snapshot has them all.
+        """
+        view = open_view(lake)
+        found = tuple(view.record(database) for database in databases if database is not None)
+        unsaved = [database for database in found if not database.is_saved]
+        if not unsaved:
+            return cls(view.with_members(found[:num_pinned]), found)
+        if len(found) > 1:
+            raise BadParameter("one of the databases is an unsaved selection: save it first, with selection.save(name)")
+        lineage = unsaved[0].lineage
+        return cls(view.at_snapshot(lineage.snapshot, lineage.user_columns), found)
 
     @property
     def members(self) -> str:
-        """SQL for the rows of all parents, each with ``parent``, the place of its database."""
+        """SQL for the rows of all parents, each with ``parent``, the index of its database."""
+        sources = (relation(parent, f"selected_{number}")[0] for number, parent in enumerate(self.parents))
         return " UNION ALL ".join(
-            f"SELECT {number} AS parent, * FROM {parent.relation}" for number, parent in enumerate(self.parents)
+            f"SELECT {number} AS parent, * FROM {source}" for number, source in enumerate(sources)
         )
-
-    @property
-    def references(self) -> list[str]:
-        """``name@version`` of the parents."""
-        return [parent.reference for parent in self.parents]
 
     def __len__(self) -> int:
-        """Scenarios of the first parent, or of the whole lake."""
-        return len(self.parents[0]) if self.parents else len(self.lake)
+        """Return the number of scenarios of the first parent, or of the whole lake."""
+        return len(self.parents[0]) if self.parents else len(self.view)
 
     @property
-    def bare(self) -> str:
-        """SQL for what a database keeps of the scenarios, and their ``place``."""
-        if self.parents:
-            return "(SELECT scenario_id, weight, content_hash, position AS place FROM members)"
-        return "(SELECT scenario_id, 1.0::DOUBLE AS weight, content_hash, scenario_id AS place FROM metadata)"
+    def keys(self) -> str:
+        """SQL for the columns that a database stores, and ``place``: no other column of metadata is read."""
+        return _MEMBER_KEYS if self.parents else _WHOLE_LAKE_KEYS
 
-    def query(self, file: str, /, **words: str) -> str:
-        """The SQL of a file below ``sql/``, with ``{pool}`` and other ``{words}`` replaced."""
+    def query(self, file: str, /, fields: Mapping[str, str] | None = None) -> str:
+        """Return the SQL of a file below ``sql/``, with ``{pool}`` and other ``{fields}`` replaced."""
         lines = (SQL / f"{file}.sql").read_text("utf-8").splitlines()
         text = "\n".join(line for line in lines if not line.startswith("--"))
-        for word, value in ({"pool": _MEMBERS if self.parents else _WHOLE_LAKE} | words).items():
-            text = text.replace(f"{{{word}}}", value)
+        pool = _MEMBERS if self.parents else _WHOLE_LAKE
+        for name, value in ({"pool": pool} | dict(fields or {})).items():
+            text = text.replace(f"{{{name}}}", value)
         return text
 
-    def run(self, query: str, parameters: Mapping[str, Any]) -> pa.Table:
-        """Rows of a query over the snapshot's views and ``members``."""
-        return self.lake.arrow(self._over_members(query), parameters, layers=self._layers(query))
-
-    def batches(self, query: str, parameters: Mapping[str, Any]) -> Generator[pa.RecordBatch, None, None]:
-        """Like :meth:`run`, some rows at a time, see :meth:`Engine.batches`."""
-        return self.lake.batches(self._over_members(query), parameters, layers=self._layers(query))
-
-    def _layers(self, query: str) -> list[str]:
-        """Layers that a query asks; it has every column of the pool, but is asked for those it names."""
-        return user_columns.named(self.lake.layers, query)
-
-    def _over_members(self, query: str) -> str:
-        """The query with ``members`` to ask: read again where it is named twice, and not kept in memory."""
-        return (
-            f"WITH members AS NOT MATERIALIZED ({self.members}) SELECT * FROM (\n{query}\n)" if self.parents else query
+    def run(self, query: str, parameters: Mapping[str, Any], tables: Mapping[str, Rows] | None = None) -> pa.Table:
+        """Return the rows of a query over the views of the snapshot and ``members``."""
+        return self.view.engine.arrow(
+            self._with_members(query),
+            parameters,
+            user_columns=self.user_columns(query),
+            tables={**self._selected(), **(tables or {})},
         )
 
-    def make(self, operation: str, name: str, query: str, parameters: Mapping[str, Any], saving: Saving) -> Database:
+    def batches(self, query: str, parameters: Mapping[str, Any]) -> Generator[pa.RecordBatch, None, None]:
+        """Yield the rows of a query like :meth:`run`, in batches."""
+        return self.view.engine.batches(
+            self._with_members(query), parameters, user_columns=self.user_columns(query), tables=self._selected()
+        )
+
+    def user_columns(self, query: str) -> list[str]:
+        """Return the user columns that the query names, sorted; unused ones are not joined."""
+        found = words(query)
+        # COLUMNS('score_.*') may select any of them.
+        return sorted(self.view.user_columns if "columns" in found else found & set(self.view.user_columns))
+
+    def _with_members(self, query: str) -> str:
+        """Prefix a query with ``members``, which is read again for each use instead of kept in memory."""
+        if not self.parents:
+            return query
+        return f"WITH members AS NOT MATERIALIZED ({self.members}) SELECT * FROM (\n{query}\n)"
+
+    def _selected(self) -> dict[str, Rows]:
+        found: dict[str, Rows] = {}
+        for number, parent in enumerate(self.parents):
+            found |= relation(parent, f"selected_{number}")[1]
+        return found
+
+    def select(self, operation: str, query: str, parameters: Mapping[str, Any]) -> DatabaseRecord:
+        """Run a query that selects scenario_id, weight and content_hash; return its rows as an unsaved selection."""
+        parameters = as_recorded(parameters)
+        with closing(self.batches(query, parameters)) as batches:
+            return self.selection(self.lineage(operation, query, parameters), batches)
+
+    def selection(self, lineage: Lineage, batches: Iterable[pa.RecordBatch]) -> DatabaseRecord:
+        """Return members that a query selects as an unsaved selection."""
+        schema = tables.load("members").schema
+        rows = list(batches)
+        found = pa.Table.from_batches(rows) if rows else schema.empty_table().drop_columns(["position"])
+        positions = pa.array(range(found.num_rows), pa.int32())
+        members = found.append_column("position", positions).select(schema.names).cast(schema)
+        return DatabaseRecord(None, None, replace(lineage, count=len(members)), self.view.files, members)
+
+    def make(
+        self,
+        operation: str,
+        name: str,
+        query: str,
+        parameters: Mapping[str, Any],
+        *,
+        replace: bool,
+        allow_empty: bool,
+        min_count: int = 0,
+    ) -> DatabaseRecord:
         """Run a query that selects scenario_id, weight and content_hash, and save its rows as a database."""
-        recorded = as_recorded(parameters)
-        return self.save(self.lineage(operation, query, recorded), name, self.batches(query, recorded), saving)
+        parameters = as_recorded(parameters)
+        return self.save(
+            self.lineage(operation, query, parameters),
+            name,
+            self.batches(query, parameters),
+            replace=replace,
+            allow_empty=allow_empty,
+            min_count=min_count,
+        )
 
     def save(
         self,
         lineage: Lineage,
         name: str,
         members: Generator[pa.RecordBatch, None, None],
-        saving: Saving,
-        at_least: int = 0,
-    ) -> Database:
+        *,
+        replace: bool,
+        allow_empty: bool,
+        min_count: int = 0,
+    ) -> DatabaseRecord:
         """Save members that a query selects.
 
         Args:
-            lineage: The query, see :meth:`lineage`.
+            lineage: Lineage with the query, see :meth:`lineage`.
             name: Name of the database.
-            members: scenario_id, weight and content_hash, in order; closed in the end.
-            saving: See :class:`Saving`.
-            at_least: How many there have to be.
+            members: Batches of scenario_id, weight and content_hash in order; the generator is closed at the end.
+            replace: Add a version if the database exists.
+            allow_empty: Save a database without members, too.
+            min_count: Minimum number of members.
 
         Raises:
-            EmptyResult: There are none, and that was not asked for.
-            BadParameter: There are fewer than there have to be.
-            DatabaseExists: The name is taken, and replacing was not asked for.
+            EmptyResult: No members, and ``allow_empty`` is False.
+            BadParameter: Fewer members than ``min_count``.
+            DatabaseExists: The database exists, and ``replace`` is False.
         """
-        replace = saving.get("replace", False)
-        databases.check_free(self.lake.files, name, replace=replace)
-        with closing(members), writer.drafts(self.lake.files, [name]) as made:
-            draft = made[name]
+        records.check_free(self.view.files, name, replace=replace)
+        with closing(members), writer.database_writers(self.view.files, [name]) as writers:
+            database = writers[name]
             for rows in members:
-                draft.add(rows)
-            if draft.count < at_least:
+                database.add(rows)
+            if database.count < min_count:
                 raise BadParameter(
-                    f"wanted {at_least:,} scenarios of {len(self):,}, but only {draft.count:,} can be drawn"
+                    f"wanted {min_count:,} scenarios of {len(self):,}, but only {database.count:,} can be drawn"
                 )
-            if not (draft.count or saving.get("allow_empty", False)):
-                raise EmptyResult(
-                    f"{name}: no scenario is left of {len(self):,}; loosen the conditions, or --allow-empty"
-                )
-            draft.finish(lineage)
-            return draft.publish(name, replace=replace)
+            check_not_empty(name, database.count, len(self), allow_empty=allow_empty)
+            database.finish(lineage)
+            return database.publish(name, replace=replace)
 
-    def lineage(self, operation: str, query: str, parameters: dict[str, Any]) -> Lineage:
-        """How a database is made here; its draft knows how many members it has."""
+    def lineage(self, operation: str, query: str, parameters: Mapping[str, Any]) -> Lineage:
+        """Return the lineage of a database made by this query; the writer fills in the number of members.
+
+        The lineage of an unsaved parent becomes part of the query, so that it depends on saved databases only.
+        """
+        user_columns = {f"{name}@{self.view.user_columns[name]}" for name in self.user_columns(query)}
+        parents = [parent.reference for parent in self.parents]
+        if self.parents and not self.parents[0].is_saved:
+            inner = self.parents[0].lineage
+            selected, parameters = _renamed(inner, parameters)
+            query = (
+                f"WITH members AS (SELECT 0 AS parent, row_number() OVER () - 1 AS position, * FROM (\n{selected}\n))\n"
+                f"SELECT * FROM (\n{query}\n)"
+            )
+            parents, user_columns = inner.parents, user_columns | {*inner.user_columns}
         return Lineage(
             operation=operation,
             sql=query,
-            parameters=parameters,
-            parents=self.references,
-            snapshot=self.lake.snapshot.number,
+            parameters=dict(parameters),
+            parents=parents,
+            snapshot=self.view.snapshot.number,
             created_at=snapshots.now(),
             count=0,
             created_with=version.name_and_version(),
-            layers=[f"{name}@{self.lake.layers[name]}" for name in self._layers(query)],
+            user_columns=sorted(user_columns),
         )
 
 
-def of(lake: Lake, *parents: Database | str | None, held: int = 1) -> Pool:
-    """The pool of some databases, at a snapshot that holds the members of the first ``held`` unchanged.
-
-    That is the lake's own snapshot, else the newest that one of them was made on.
-
-    Raises:
-        ScenarioNotFound: No snapshot holds them all.
-    """
-    found = tuple(lake.database(parent) for parent in parents if parent is not None)
-    return Pool(holding(lake, found[:held]), found)
-
-
-def holding(lake: Lake, wanted: Sequence[Database]) -> Lake:
-    """The lake at a snapshot that holds every member of some databases unchanged."""
-    stale = [found for found in wanted if num_changed(lake, found)]
-    if not stale:
-        return lake
-    first = stale[0]
-    older = _made_on(lake, max(stale, key=lambda found: found.lineage.snapshot))
-    for found in wanted:
-        count, example = _changed(older, found)
-        if count:
-            raise ScenarioNotFound(
-                f"{lake.root}: no snapshot holds the members of {' and '.join(w.reference for w in wanted)} as they "
-                f"were: {count:,} of {len(found):,} of {found.reference} are not in snapshot {older.snapshot.number}, "
-                f"for example {example}; move on first: `scenarionet rebase {lake.root} {first.name}`"
-            )
-    warnings.warn(
-        f"{num_changed(lake, first)} of {len(first)} members of {first.reference} changed after snapshot "
-        f"{first.lineage.snapshot} and are read from it; `scenarionet rebase {lake.root} {first.name}` moves on",
-        StaleDatabaseWarning,
-        stacklevel=2,
-    )
-    return older
+def _renamed(inner: Lineage, outer: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
+    """Return the query of a lineage and all parameters, after renaming those that an outer query has, too."""
+    query, merged = inner.sql, dict(outer)
+    for name, value in inner.parameters.items():
+        new_name = name
+        while new_name in merged or (new_name != name and new_name in inner.parameters):
+            new_name = f"parent_{new_name}"
+        if new_name != name:
+            query = re.sub(rf"\${name}\b", f"${new_name}", query)
+        merged[new_name] = value
+    return query, merged
 
 
-def num_changed(lake: Lake, database: Database) -> int:
-    """Members that a snapshot does not hold, or not as they were."""
-    return _changed(lake, database)[0]
+def check_not_empty(name: str, count: int, total: int, *, allow_empty: bool) -> None:
+    """Raise EmptyResult for a database without members, unless they are allowed."""
+    if not (count or allow_empty):
+        raise EmptyResult(
+            f"{name}: no scenario is left of {total:,}; loosen the conditions, or allow_empty=True",
+            cli_remedy="--allow-empty",
+        )
 
 
-def _changed(lake: Lake, database: Database) -> tuple[int, str]:
-    """How many members changed, and one of them."""
-    (row,) = lake.arrow(_CHANGED.format(members=database.relation)).to_pylist()
-    return row["n"], row["example"]
-
-
-def _made_on(lake: Lake, database: Database) -> Lake:
-    """The lake at the snapshot a database was made on."""
-    try:
-        return lake.at(database.lineage.snapshot)
-    except NoSuchSnapshot as error:
-        raise NoSuchSnapshot(
-            f"{database.reference} was made on snapshot {database.lineage.snapshot}, which is gone, and members of it "
-            f"have changed since; `scenarionet rebase {lake.root} {database.name}` makes it again on the newest"
-        ) from error
-
-
-def drawn(name: str) -> str:
-    """SQL for a number in [0, 1) that a name and ``$seed`` decide, whatever the machine and engine.
+def uniform(name: str) -> str:
+    """Return SQL for a number in [0, 1) from a name and ``$seed``, the same on all machines.
 
     Args:
         name: SQL for the name.
     """
-    return _DRAWN.format(name=name)
+    return _UNIFORM.format(name=name)
 
 
 def as_recorded(parameters: Mapping[str, Any]) -> dict[str, Any]:
-    """Parameters as the lineage keeps them: what runs is what can be run again.
+    """Return parameters as the lineage stores them, so that queries run with the values that can be run again.
 
     Raises:
-        BadParameter: JSON has no word for one.
+        BadParameter: JSON cannot represent a value.
     """
     try:
         recorded: dict[str, Any] = json.loads(json.dumps(dict(parameters)))
@@ -256,12 +276,26 @@ def as_recorded(parameters: Mapping[str, Any]) -> dict[str, Any]:
     return recorded
 
 
-def check_column(lake: Lake, column: str, purpose: str) -> None:
-    """Refuse what is no column of ``metadata``.
+def check_column(view: LakeView, column: str, purpose: str) -> None:
+    """Raise if ``metadata`` does not have a column.
 
     Raises:
-        BadParameter: Naming those there are.
+        BadParameter: The message lists the columns.
     """
-    columns = lake.arrow("SELECT * FROM metadata LIMIT 0").column_names
+    columns = view.engine.arrow("SELECT * FROM metadata LIMIT 0").column_names
     if column not in columns:
         raise BadParameter(f"no column {column!r} {purpose}; there are {', '.join(columns)}")
+
+
+def several(operation: str, databases: tuple[DatabaseRecord | str, ...]) -> tuple[DatabaseRecord | str, ...]:
+    """Return at least two databases.
+
+    Raises:
+        BadParameter: Fewer than two, or a list in place of several arguments.
+    """
+    wrong = [each for each in databases if not isinstance(each, DatabaseRecord | str)]
+    if wrong:
+        raise BadParameter(f'{operation}: give databases one by one, as {operation}("a", "b"), not {wrong[0]!r}')
+    if len(databases) < 2:
+        raise BadParameter(f"{operation}: wanted two databases or more, found {len(databases)}")
+    return databases

@@ -3,35 +3,34 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from scenarionet_data.databases.record import Database
+from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter, NoSuchSnapshot
-from scenarionet_data.operations.database_query import Pool, StaleDatabaseWarning
-from scenarionet_data.query.members import ADDRESS_COLUMNS
+from scenarionet_data.operations.database_query import DatabaseQuery
+from scenarionet_data.query.engine import Rows
+from scenarionet_data.query.lake_view import LakeLike, LakeView, StaleDatabaseWarning, open_view
+from scenarionet_data.query.members import ADDRESS_COLUMNS, relation
 from scenarionet_data.query.statements import quoted
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 
-if TYPE_CHECKING:
-    from scenarionet_data.lake.lake import Lake
-
 
 @dataclass(frozen=True)
 class ColumnChange:
-    """A column of ``metadata`` that says something else about scenarios than before.
+    """A column of ``metadata`` with other values than before.
 
     Attributes:
         name: The column.
-        count: How many scenarios.
+        count: Number of scenarios with another value.
         scenario_id: One of them.
-        before, after: What was and is said about that one.
+        before, after: Its old and new value.
     """
 
     name: str
@@ -43,13 +42,13 @@ class ColumnChange:
 
 @dataclass(frozen=True)
 class Diff:
-    """What is different in the second of two sets of scenarios.
+    """Differences of a set of scenarios from an earlier one.
 
     Attributes:
         before, after: ``name@version``, or ``@snapshot`` for the whole lake.
-        counts: Scenarios of each.
-        rows: scenario_id and ``what``: came, went or changed (its content); sorted by id.
-        columns: Columns of ``metadata`` that changed for scenarios of both.
+        counts: Numbers of scenarios of both.
+        rows: scenario_id and ``what``: came, went, or changed (other content); sorted by id.
+        columns: Columns of ``metadata`` with other values for scenarios of both.
     """
 
     before: str
@@ -63,16 +62,16 @@ class Diff:
 
     @property
     def is_same(self) -> bool:
-        """Whether nothing is different."""
+        """Whether there are no differences."""
         return not (len(self) or self.columns)
 
     def ids(self, what: str, limit: int | None = None) -> list[str]:
-        """Scenarios that ``came``, ``went`` or ``changed`` (the first few of them)."""
+        """Return ids of scenarios that ``came``, ``went`` or ``changed``, at most ``limit``."""
         found: list[str] = self._of(what)["scenario_id"].slice(0, limit).to_pylist()
         return found
 
     def count(self, what: str) -> int:
-        """How many ``came``, ``went`` or ``changed``."""
+        """Return how many scenarios ``came``, ``went`` or ``changed``."""
         return int(self._of(what).num_rows)
 
     def _of(self, what: str) -> pa.Table:
@@ -81,78 +80,85 @@ class Diff:
 
 @dataclass(frozen=True)
 class _Side:
-    """One of the two: its name, how many, SQL for them, and the snapshot they are looked up in."""
+    """One of two sets of scenarios.
+
+    Attributes:
+        reference: ``name@version`` or ``@snapshot``.
+        count: Number of scenarios.
+        relation: SQL for them.
+        tables: Tables that the SQL needs.
+        snapshot: Snapshot whose metadata describes them.
+    """
 
     reference: str
     count: int
     relation: str
+    tables: Mapping[str, Rows]
     snapshot: int
 
 
-def diff(lake: Lake, before: Database | str, after: Database | str) -> Diff:
-    """What came, what went, and which columns changed from one set of scenarios to another.
-
-    Args:
-        lake: The lake.
-        before, after: Databases, ``name``, ``name@version``, or ``@7`` for the whole lake at snapshot 7.
-    """
-    sides = _side(lake, before), _side(lake, after)
-    first, second = sides
-    rows = differing(lake, first.relation, second.relation)
-    columns = _changed_columns(lake, *sides) if first.snapshot != second.snapshot else ()
+def diff(lake: LakeLike, before: DatabaseRecord | str, after: DatabaseRecord | str) -> Diff:
+    """Compare two sets of scenarios; see :meth:`Lake.diff <scenarionet_data.Lake.diff>`."""
+    view = open_view(lake)
+    first, second = _side(view, before, "selected_before"), _side(view, after, "selected_after")
+    rows = different_rows(view, first.relation, second.relation, {**first.tables, **second.tables})
+    columns = _changed_columns(view, first, second) if first.snapshot != second.snapshot else ()
     return Diff(first.reference, second.reference, (first.count, second.count), rows, columns)
 
 
-def differing(lake: Lake, before: str, after: str, **tables: pa.Table) -> pa.Table:
-    """Rows of :class:`Diff`.
+def different_rows(view: LakeView, before: str, after: str, tables: Mapping[str, Rows]) -> pa.Table:
+    """Return the rows of a :class:`Diff`.
 
     Args:
-        lake: The lake.
+        view: The lake.
         before, after: SQL for the members of both.
-        **tables: Tables that they name.
+        tables: Tables that the SQL needs.
     """
-    query = Pool(lake).query("operations/diff", before=before, after=after)
-    return lake.arrow(query, **tables)
+    query = DatabaseQuery(view).query("operations/diff", {"before": before, "after": after})
+    return view.engine.arrow(query, tables=tables)
 
 
-def _side(lake: Lake, which: Database | str) -> _Side:
-    if isinstance(which, str) and which.startswith("@"):
-        if not which[1:].isdecimal():
-            raise BadParameter(f"{which!r}: wanted a snapshot such as @7, or a database")
-        there = lake.at(int(which[1:]))
-        return _Side(which, len(there), _relation(lake, there.snapshot.metadata), there.snapshot.number)
-    database = lake.database(which)
-    return _Side(database.reference, len(database), database.relation, database.lineage.snapshot)
+def _side(view: LakeView, database: DatabaseRecord | str, table: str) -> _Side:
+    if isinstance(database, str) and database.startswith("@"):
+        if not database[1:].isdecimal():
+            raise BadParameter(f"{database!r}: wanted a snapshot such as @7, or a database")
+        snapshot = snapshots.read(view.files, int(database[1:]))
+        rows = _metadata_rows(view, snapshot.metadata)
+        count = view.engine.arrow(f"SELECT count(*) FROM {rows}")[0][0].as_py()
+        return _Side(database, count, rows, {}, snapshot.number)
+    found = view.record(database)
+    members, tables = relation(found, table)
+    return _Side(found.reference, len(found), members, tables, found.lineage.snapshot)
 
 
-def _changed_columns(lake: Lake, before: _Side, after: _Side) -> tuple[ColumnChange, ...]:
-    """Compares the rows of metadata files that only one of the snapshots has: files never change."""
+def _changed_columns(view: LakeView, before: _Side, after: _Side) -> tuple[ColumnChange, ...]:
+    """Compare the rows of metadata files that only one of the snapshots has: files never change."""
     try:
-        found = [snapshots.read(lake.files, side.snapshot) for side in (before, after)]
+        found = [snapshots.read(view.files, side.snapshot) for side in (before, after)]
     except NoSuchSnapshot as error:
-        warnings.warn(f"columns cannot be compared, only members: {error}", StaleDatabaseWarning, stacklevel=3)
+        warnings.warn(f"columns cannot be compared, only members: {error}", StaleDatabaseWarning, stacklevel=4)
         return ()
     for snapshot in found:
-        manifests.check_schemas(lake.files, snapshot)
+        manifests.check_schemas(view.files, snapshot)
     own = [sorted({*a.metadata} - {*b.metadata}) for a, b in (found, found[::-1])]
     if not all(own):
         return ()
     names = [c.name for c in tables.load("metadata").columns if c.name not in ("scenario_id", *ADDRESS_COLUMNS)]
-    query = Pool(lake).query(
-        "operations/changed_columns",
-        columns=", ".join(map(_comparison, names)),
-        rows_before=_relation(lake, own[0]),
-        rows_after=_relation(lake, own[1]),
-        before=before.relation,
-        after=after.relation,
-    )
-    (row,) = lake.arrow(query).to_pylist()
-    return _changes(names, row)
+    fields = {
+        "columns": ", ".join(map(_comparison, names)),
+        "rows_before": _metadata_rows(view, own[0]),
+        "rows_after": _metadata_rows(view, own[1]),
+        "before": before.relation,
+        "after": after.relation,
+    }
+    query = DatabaseQuery(view).query("operations/changed_columns", fields)
+    (row,) = view.engine.arrow(query, tables={**before.tables, **after.tables}).to_pylist()
+    return tuple(ColumnChange(name, row[name], **row[f"example_{name}"]) for name in names if row[name])
 
 
-def _relation(lake: Lake, names: Sequence[str]) -> str:
-    """SQL for the rows of metadata files, those of a lake without any too."""
-    paths = ", ".join(quoted(str(path)) for path in lake.files.paths(names))
+def _metadata_rows(view: LakeView, names: Sequence[str]) -> str:
+    """Return SQL for the rows of metadata files; of no rows without files."""
+    paths = ", ".join(quoted(str(path)) for path in view.files.paths(names))
     return f"read_parquet([{paths}], hive_partitioning = false)" if names else "(FROM metadata_rows LIMIT 0)"
 
 
@@ -160,7 +166,3 @@ def _comparison(name: str) -> str:
     differs = f"FILTER (before.{name} IS DISTINCT FROM after.{name})"
     example = f"{{'scenario_id': scenario_id, 'before': before.{name}, 'after': after.{name}}}"
     return f"count(*) {differs} AS {name}, min_by({example}, scenario_id) {differs} AS example_{name}"
-
-
-def _changes(names: Sequence[str], row: dict[str, Any]) -> tuple[ColumnChange, ...]:
-    return tuple(ColumnChange(name, row[name], **row[f"example_{name}"]) for name in names if row[name])

@@ -1,63 +1,62 @@
-"""Where a database comes from: the tree of its parents, each with its lineage."""
+"""Lineage trees: a database, its parents, and how each was made."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-from scenarionet_data.databases import record as databases
-from scenarionet_data.databases.record import Lineage
+from scenarionet_data.databases import pack_origins
+from scenarionet_data.databases import record as records
+from scenarionet_data.databases.record import DatabaseRecord, Lineage
 from scenarionet_data.errors import DatabaseNotFound
-from scenarionet_data.packs import origins
-
-if TYPE_CHECKING:
-    from scenarionet_data.lake.lake import Lake
+from scenarionet_data.query.lake_view import LakeLike, LakeView, open_view
 
 
 @dataclass(frozen=True)
-class Ancestry:
-    """A database in the tree.
+class LineageTree:
+    """A database and its ancestors.
 
     Attributes:
         reference: ``name@version``.
-        versions: The versions there are, rising.
-        lineage: How it was made; None when it is gone.
-        is_here: Whether its members are here: not those of a packed database's ancestors.
-        parents: What it was made from.
-        children: ``name@version`` of what was made from this version.
+        versions: Existing versions in ascending order.
+        lineage: How it was made; None if it is unknown.
+        is_here: Whether the lake has its members; a pack lacks those of ancestors.
+        parents: Databases it was made from.
+        children: ``name@version`` of the databases made from this version.
     """
 
     reference: str
     versions: tuple[int, ...]
     lineage: Lineage | None
     is_here: bool
-    parents: tuple[Ancestry, ...]
+    parents: tuple[LineageTree, ...]
     children: tuple[str, ...]
 
-
-def ancestry(lake: Lake, reference: str) -> Ancestry:
-    """The tree of a database's parents.
-
-    Args:
-        lake: The lake.
-        reference: ``name`` or ``name@version``.
-
-    Raises:
-        DatabaseNotFound: The message lists those that are there.
-    """
-    found = lake.database(reference)
-    parents = tuple(_parent(lake, parent) for parent in found.lineage.parents)
-    versions = tuple(databases.versions(lake.files, found.name))
-    children = tuple(databases.children(lake.files, found.name, found.version))
-    return Ancestry(found.reference, versions, found.lineage, True, parents, children)
+    def ancestors(self) -> Iterator[LineageTree]:
+        """Yield all databases above this one, depth first."""
+        for parent in self.parents:
+            yield parent
+            yield from parent.ancestors()
 
 
-def _parent(lake: Lake, reference: str) -> Ancestry:
+def lineage_tree(lake: LakeLike, database: DatabaseRecord | str) -> LineageTree:
+    """Return a database with its ancestors; see :meth:`Lake.lineage <scenarionet_data.Lake.lineage>`."""
+    view = open_view(lake)
+    found = view.record(database)
+    parents = tuple(_parent(view, parent) for parent in found.lineage.parents)
+    if found.name is None:
+        return LineageTree(found.reference, (), found.lineage, True, parents, ())
+    versions = tuple(records.versions(view.files, found.name))
+    children = tuple(records.children(view.files, found.name, found.version))
+    return LineageTree(found.reference, versions, found.lineage, True, parents, children)
+
+
+def _parent(view: LakeView, reference: str) -> LineageTree:
     try:
-        return ancestry(lake, reference)
+        return lineage_tree(view, reference)
     except DatabaseNotFound:
-        name, _ = databases.parse_reference(reference)
-        packed = origins.read(lake.files)
-        lineage = packed.lineages.get(reference) if packed else None
-        parents = tuple(_parent(lake, parent) for parent in lineage.parents) if lineage else ()
-        return Ancestry(reference, tuple(databases.versions(lake.files, name)), lineage, False, parents, ())
+        name, _ = records.parse_reference(reference)
+        origins = pack_origins.read(view.files)
+        lineage = origins.lineages.get(reference) if origins else None
+        parents = tuple(_parent(view, parent) for parent in lineage.parents) if lineage else ()
+        return LineageTree(reference, tuple(records.versions(view.files, name)), lineage, False, parents, ())

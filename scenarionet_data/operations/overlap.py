@@ -1,4 +1,4 @@
-"""What two databases share that train and test must not share: one rule a file in ``sql/overlaps``."""
+"""Overlap of databases, which would leak from train to test: one rule per file in ``sql/overlaps``."""
 
 from __future__ import annotations
 
@@ -6,30 +6,27 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import TYPE_CHECKING
 
-from scenarionet_data.databases.record import Database
+from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.operations.database_query import Pool, StaleDatabaseWarning
-from scenarionet_data.query.named_sql import OVERLAPS, NamedSql
-
-if TYPE_CHECKING:
-    from scenarionet_data.lake.lake import Lake
+from scenarionet_data.operations.database_query import DatabaseQuery, several
+from scenarionet_data.query.lake_view import LakeLike, StaleDatabaseWarning, open_view
+from scenarionet_data.query.members import relation
+from scenarionet_data.query.named_sql import OVERLAPS
 
 _SCENARIOS = "(SELECT * FROM (SELECT parent, scenario_id FROM members) JOIN metadata USING (scenario_id))"
-_GONE = "SELECT count(*) AS n FROM {members} ANTI JOIN metadata_rows USING (scenario_id)"
 
 
 @dataclass(frozen=True)
-class Overlap:
-    """What two databases share in one respect.
+class DatabaseOverlap:
+    """Overlap of two databases by one rule.
 
     Attributes:
         first, second: ``name@version`` of the two.
         kind: Name of the rule.
-        doc: What it means.
-        num_first, num_second: Members of each that are concerned.
-        examples: What is shared (a scenario, a log, ...), with one member of each.
+        doc: Description of the rule.
+        num_first, num_second: Overlapping members of each.
+        examples: Shared keys (a scenario, a log, ...), each with one member of both databases.
     """
 
     first: str
@@ -41,44 +38,33 @@ class Overlap:
     examples: tuple[tuple[str, str, str], ...]
 
 
-def overlap(lake: Lake, *which: Database | str, only: Sequence[str] | None = None) -> list[Overlap]:
-    """What databases share, two by two: scenarios, contents, logs, seconds of a log, drives.
-
-    Args:
-        lake: The lake; its snapshot is asked about the members.
-        *which: Two databases or more.
-        only: Rules to apply; all unless given. ``near_duplicate`` reads tracks, the others metadata alone.
-
-    Returns:
-        One for each pair of databases and rule, empty ones too.
-
-    Raises:
-        UnknownQuery: There is no such rule.
-    """
-    if len(which) < 2:
-        raise BadParameter(f"overlap: wanted two databases or more, found {len(which)}")
-    rules = [OVERLAPS.load(kind) for kind in (only or OVERLAPS.names())]
-    found = [lake.database(each) for each in which]
-    for database in found:
-        _warn_of_gone(lake, database)
-    return [_apply(lake, pair, rule) for pair in combinations(found, 2) for rule in rules]
-
-
-def _warn_of_gone(lake: Lake, database: Database) -> None:
-    gone = int(lake.arrow(_GONE.format(members=database.relation))["n"][0].as_py())
-    if gone:
-        warnings.warn(
-            f"{gone:,} of {len(database):,} members of {database.reference} are not in snapshot "
-            f"{lake.snapshot.number}: only their ids and contents are compared",
-            StaleDatabaseWarning,
-            stacklevel=3,
-        )
-
-
-def _apply(lake: Lake, pair: tuple[Database, Database], rule: NamedSql) -> Overlap:
-    pool = Pool(lake, pair)
-    keyed = rule.text.replace("{scenarios}", _SCENARIOS)
-    (row,) = pool.run(pool.query("operations/overlap", keyed=keyed), {}).to_pylist()
-    examples = tuple(tuple(example.values()) for example in row["examples"] or ())
-    first, second = pool.references
-    return Overlap(first, second, rule.name, rule.doc, row["num_first"], row["num_second"], examples)
+def overlap(
+    lake: LakeLike, *databases: DatabaseRecord | str, kinds: Sequence[str] | None = None
+) -> list[DatabaseOverlap]:
+    """Find what databases share, pair by pair; see :meth:`Lake.overlap <scenarionet_data.Lake.overlap>`."""
+    if isinstance(kinds, str):
+        raise BadParameter(f"kinds: wanted a list of rules, found {kinds!r}; write kinds=[{kinds!r}]")
+    view = open_view(lake)
+    rules = [OVERLAPS.load(kind) for kind in (kinds or OVERLAPS.names())]
+    records = [view.record(each) for each in several("overlap", databases)]
+    for database in records:
+        members, tables = relation(database)
+        query = f"SELECT count(*) FROM {members} ANTI JOIN metadata_rows USING (scenario_id)"
+        missing = view.engine.arrow(query, tables=tables)[0][0].as_py()
+        if missing:
+            warnings.warn(
+                f"{missing:,} of {len(database):,} members of {database.reference} are not in snapshot "
+                f"{view.snapshot.number}: only their ids and contents are compared",
+                StaleDatabaseWarning,
+                stacklevel=3,
+            )
+    found = []
+    for first, second in combinations(records, 2):
+        pair = DatabaseQuery(view, (first, second))
+        for rule in rules:
+            keyed = rule.text.replace("{scenarios}", _SCENARIOS)
+            (row,) = pair.run(pair.query("operations/overlap", {"keyed": keyed}), {}).to_pylist()
+            examples = tuple(tuple(example.values()) for example in row["examples"] or ())
+            counts = row["num_first"], row["num_second"]
+            found.append(DatabaseOverlap(first.reference, second.reference, rule.name, rule.doc, *counts, examples))
+    return found

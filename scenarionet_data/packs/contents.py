@@ -9,15 +9,17 @@ from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from scenarionet_data.databases import user_columns
-from scenarionet_data.databases.record import Database
+from scenarionet_data.databases import pack_origins, user_columns
+from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.execution.progress import Progress
-from scenarionet_data.packs import origins, tiles
+from scenarionet_data.operations.lineage import lineage_tree
+from scenarionet_data.packs import tiles
+from scenarionet_data.query.lake_view import LakeView
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import reading, writing
 from scenarionet_data.storage.files.lake_files import LakeFiles, sha256
@@ -30,56 +32,56 @@ from scenarionet_data.storage.write.relocation import addresses, copy_rows, prov
 from scenarionet_data.storage.write.shard_writer import SCENARIOS_PER_FILE
 from scenarionet_data.storage.write.table_file import write_table
 
-if TYPE_CHECKING:
-    from scenarionet_data.lake.lake import Lake
-
 SUMS = "SHA256SUMS"
 _SHARD = ("dataset", "version", "split", "converter_version", "options")
 _MAP_FOOTER = ("scenarionet.map", "scenarionet.licence")
 _ROWS_PER_GROUP = 65_536
 
 
-class Contents:
-    """Writes what a pack holds.
+class PackWriter:
+    """Writes the contents of a pack.
 
     Args:
-        holder: The lake at the snapshot that holds the members.
-        database: What is packed.
-        target: The pack's files.
-        on_progress: Told after every 64 scenarios.
+        view: The lake at a snapshot that has the members.
+        database: The database to pack.
+        target: Files of the pack.
+        on_progress: Called after every 64 scenarios.
 
     Attributes:
         sums: SHA-256 of each file written.
     """
 
     def __init__(
-        self, holder: Lake, database: Database, target: LakeFiles, on_progress: Progress | None = None
+        self, view: LakeView, database: DatabaseRecord, target: LakeFiles, on_progress: Progress | None = None
     ) -> None:
         self.sums: dict[str, str] = {}
         self._on_progress = on_progress
         self._num_done = 0
-        self._holder = holder
+        self._view = view
         self._database = database
         self._target = target
-        self._shards = _shards_of_file(holder)
-        self._rows = {table: ScenarioRows(holder.files, table) for table in ("tracks", "lights", "maps")}
+        self._shards = _shards_by_file(view)
+        self._rows = {table: ScenarioRows(view.files, table) for table in ("tracks", "lights", "maps")}
 
     def write(self) -> None:
-        """Write everything, SHA256SUMS last."""
+        """Write all files, SHA256SUMS last."""
         query = "SELECT r.* FROM metadata_rows AS r SEMI JOIN members USING (scenario_id)"
-        rows = self._holder.arrow(query, members=self._database.members.select(["scenario_id"]))
+        members = self._database.members.select(["scenario_id"])
+        rows = self._view.engine.arrow(query, tables={"members": members})
         records = [self._write_shard(f"packed-{k}", group) for k, group in enumerate(self._by_shard(rows))]
         records += self._write_shared_maps(rows)
-        self._write_layers(rows["scenario_id"].combine_chunks())
+        self._write_user_columns(rows["scenario_id"].combine_chunks())
         self._write_lists(records)
-        self._publish(origins.write(self._target, self._holder.ancestry(self._database.reference)), origins.FILE)
+        ancestors = lineage_tree(self._view, self._database).ancestors()
+        lineages = {each.reference: each.lineage for each in ancestors if each.lineage is not None}
+        self._publish(pack_origins.write(self._target, self._database.reference, lineages), pack_origins.FILE)
         shutil.rmtree(self._target.path(".tmp"))
         lines = "".join(f"{digest}  {name}\n" for name, digest in sorted(self.sums.items()))
         with writing(self._target.path(SUMS)):
             self._target.path(SUMS).write_text(lines, "utf-8")
 
-    def _tell(self, num_scenarios: int) -> None:
-        """Note progress."""
+    def _report(self, num_scenarios: int) -> None:
+        """Report progress."""
         self._num_done += num_scenarios
         if self._on_progress:
             self._on_progress(self._num_done, 2 * len(self._database), self._num_done // 2)
@@ -91,7 +93,7 @@ class Contents:
     # --- shards -------------------------------------------------------------------------------------
 
     def _by_shard(self, rows: pa.Table) -> Iterator[pa.Table]:
-        """The rows of each new shard, in the order of their files in the lake."""
+        """Yield the rows of each new shard, in the order of their files in the lake."""
         options = [self._shards[name][0]["options"] for name in rows["tracks_file"].to_pylist()]
         listed = rows.append_column("options", pa.array(options, pa.string()))
         listed = listed.sort_by([(name, "ascending") for name in (*_SHARD, "tracks_file", "tracks_row_group")])
@@ -106,7 +108,7 @@ class Contents:
         sources = {str(row["key"]): row for file in rows["tracks_file"].to_pylist() for row in self._shards[file]}
         inputs = {i: f for s in sources.values() for i, f in zip(s["items"], s["fingerprints"], strict=True)}
         folder = (first["dataset"], first["version"], first["split"])
-        footer = provenance(self._holder.files, [str(source["metadata_file"]) for source in sources.values()]) | {
+        footer = provenance(self._view.files, [str(source["metadata_file"]) for source in sources.values()]) | {
             "scenarionet.source": " ".join((*folder, name)),
             "scenarionet.licence": "; ".join(sorted(set(rows["licence"].to_pylist()))),
         }
@@ -118,7 +120,7 @@ class Contents:
                 chunk, written = self._copy(table, chunk, stem, footer)
                 files += written
             chunks.append(chunk)
-            self._tell(chunk.num_rows)
+            self._report(chunk.num_rows)
         is_whole = rows.num_rows == sum(int(source["num_scenarios"]) for source in sources.values())
         record = self._record(
             name=name,
@@ -155,10 +157,10 @@ class Contents:
         return with_addresses(rows, table, name, dict(zip(chosen, copied, strict=True))), [name]
 
     def _record(self, *, files: list[str], metadata_folder: str | None, **fields: Any) -> ShardRecord:
-        """The record of a packed shard: a part of what was converted has a key of its own."""
+        """Return the record of a packed shard; its key depends on its files."""
         checksums = [self.sums[name] for name in files]
-        told = json.dumps([fields, files, checksums], sort_keys=True)
-        key = hashlib.blake2b(told.encode(), digest_size=8).hexdigest()
+        content = json.dumps([fields, files, checksums], sort_keys=True)
+        key = hashlib.blake2b(content.encode(), digest_size=8).hexdigest()
         return ShardRecord(
             key=key,
             schemas=tables.content_tag(),
@@ -170,16 +172,16 @@ class Contents:
             **fields,
         )
 
-    # --- maps, users' columns, lists ----------------------------------------------------------------
+    # --- maps, user columns, lists ------------------------------------------------------------------
 
     def _write_shared_maps(self, rows: pa.Table) -> Iterator[ShardRecord]:
-        """The tiles of shared maps that the members see, map by map."""
-        names = self._holder.shared_maps()
+        """Write the tiles of shared maps in the windows of members, map by map; yield their shard records."""
+        names = self._view.shared_maps()
         for (dataset, version, map_id), listed in sorted(tiles.windows(rows).items()):
             source = names[dataset, version, map_id]
             record = self._shards[source][0]
             temporary = self._target.temporary()
-            self._copy_tiles(source, tiles.meeting(self._holder.files, source, listed), temporary)
+            self._copy_tiles(source, tiles.tiles_in(self._view.files, source, listed), temporary)
             digest = sha256(temporary)
             name = f"{partition('maps', dataset, version, '')}/{map_id}-{digest[:16]}.parquet"
             self._publish(temporary, name, digest)
@@ -194,7 +196,7 @@ class Contents:
 
     def _copy_tiles(self, source: str, numbers: list[int], path: Path) -> None:
         """Copy row groups of a shared map, each a tile, to a new file."""
-        table, place = tables.load("maps"), self._holder.files.path(source)
+        table, place = tables.load("maps"), self._view.files.path(source)
         with reading(place), pq.ParquetFile(place) as file:
             words = file.metadata.metadata
             footer = {key: words[key.encode()].decode() for key in _MAP_FOOTER if key.encode() in words}
@@ -203,22 +205,22 @@ class Contents:
                     rows = table.conform(file.read_row_group(number, use_threads=False))
                     writer.write_table(rows, row_group_size=max(rows.num_rows, 1))
 
-    def _write_layers(self, scenario_ids: pa.Array) -> None:
-        files = self._holder.files
-        asked = user_columns.parse(self._database.lineage.layers).items()
-        there = {(name, version) for name, version in asked if version in user_columns.versions(files, name)}
-        for name, version in sorted(there | self._holder.layers.items()):
+    def _write_user_columns(self, scenario_ids: pa.Array) -> None:
+        files = self._view.files
+        used = user_columns.parse(self._database.lineage.user_columns).items()
+        existing = {(name, version) for name, version in used if version in user_columns.versions(files, name)}
+        for name, version in sorted(existing | self._view.user_columns.items()):
             path = user_columns.copy_rows(files, self._target, name, version, scenario_ids)
             self.sums[path] = sha256(self._target.path(path))
 
     def _write_lists(self, records: list[ShardRecord]) -> None:
-        """The database, the manifest, and the snapshot under the number that the database's lineage may know."""
+        """Write the database, the manifest, and the snapshot, with its number in the lake for the lineage."""
         temporary = self._target.temporary()
         with writing(temporary, temporary):
-            shutil.copyfile(self._holder.files.path(self._database.file), temporary)
+            shutil.copyfile(self._view.files.path(self._database.file), temporary)
         self._publish(temporary, self._database.file)
         following = Snapshot(
-            number=self._holder.snapshot.number,
+            number=self._view.snapshot.number,
             created_at=snapshots.now(),
             operation=f"pack {self._database.reference}",
             metadata=tuple(record.metadata_file for record in records if record.metadata_file is not None),
@@ -229,10 +231,10 @@ class Contents:
             self.sums[name] = sha256(self._target.path(name))
 
 
-def _shards_of_file(lake: Lake) -> dict[str, list[dict[str, Any]]]:
-    """The rows of ``shards`` that each file of a snapshot belongs to: several, converted alike, when compacted."""
+def _shards_by_file(view: LakeView) -> dict[str, list[dict[str, Any]]]:
+    """Return the rows of ``shards`` of each file of a snapshot: several for compacted files."""
     found: dict[str, list[dict[str, Any]]] = defaultdict(list)
-    for row in manifests.shard_table(lake.files, lake.snapshot).to_pylist():
+    for row in manifests.shard_table(view.files, view.snapshot).to_pylist():
         for name in row["files"]:
             found[name].append(row)
     return found

@@ -1,4 +1,4 @@
-"""Whether a pack is whole: every checksum, footer, row, member and reference in it."""
+"""Verification of packs: every checksum, footer, row, member and reference."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path, PurePosixPath
 
 import pyarrow as pa
 
-from scenarionet_data.databases import record as databases
+from scenarionet_data.databases import record as records
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.packs.contents import SUMS
@@ -25,14 +25,14 @@ _LISTS = ("snapshots", "metadata", "databases")
 
 
 @dataclass(frozen=True)
-class Verification:
-    """What the verification of a pack has found.
+class PackVerification:
+    """Result of the verification of a pack.
 
     Attributes:
         path: The pack.
-        num_files: Files that SHA256SUMS lists.
-        references: ``name@version`` of the databases in it.
-        damages: What is wrong, one for each file.
+        num_files: Number of files that SHA256SUMS lists.
+        references: ``name@version`` of its databases.
+        damages: Damages, one per file.
     """
 
     path: Path
@@ -42,19 +42,19 @@ class Verification:
 
     @property
     def is_whole(self) -> bool:
-        """Whether nothing is wrong."""
+        """Whether there are no damages."""
         return not self.damages
 
 
-def verify_pack(path: str | Path, on_progress: Progress | None = None) -> Verification:
-    """Verify a pack: a folder, or a tar, which is unpacked below the system's temporary folder for it.
+def verify_pack(path: str | Path, on_progress: Progress | None = None) -> PackVerification:
+    """Verify a pack: a folder, or a tar, which is unpacked to a temporary folder.
 
     Args:
         path: The pack.
-        on_progress: Told after each file.
+        on_progress: Called after each file.
 
     Raises:
-        BadParameter: There is nothing at ``path``, or no pack.
+        BadParameter: ``path`` does not exist, or is not a pack.
     """
     path = Path(path)
     if path.is_dir():
@@ -66,25 +66,25 @@ def verify_pack(path: str | Path, on_progress: Progress | None = None) -> Verifi
             with tarfile.open(path) as archive:
                 archive.extractall(folder, filter="data")
         except (tarfile.TarError, EOFError) as error:
-            return Verification(path, 0, (), (Damage(path.name, f"cannot be unpacked: {error}"),))
+            return PackVerification(path, 0, (), (Damage(path.name, f"cannot be unpacked: {error}"),))
         inner = sorted(Path(folder).iterdir())
         if len(inner) != 1:
             raise BadParameter(f"{path}: no pack; wanted a tar with one folder in it, found {len(inner)}")
         return _verify_folder(inner[0], path, on_progress)
 
 
-def _verify_folder(folder: Path, path: Path, on_progress: Progress | None) -> Verification:
+def _verify_folder(folder: Path, path: Path, on_progress: Progress | None) -> PackVerification:
     files = LocalLakeFiles(folder)
     if not files.has(SUMS):
         if not files.folders("snapshots") and not files.names("snapshots"):
             raise BadParameter(f"{path}: no pack; wanted a folder with {SUMS}, or a tar of it")
-        return Verification(path, 0, (), (Damage(SUMS, "gone"),))
+        return PackVerification(path, 0, (), (Damage(SUMS, "gone"),))
     sums = _read_sums(files)
     references = tuple(_references(sums))
     damages: dict[str, Damage] = {}
     for damage in _damages(files, sums, on_progress):
         damages.setdefault(damage.file, damage)
-    return Verification(path, len(sums), references, tuple(damages.values()))
+    return PackVerification(path, len(sums), references, tuple(damages.values()))
 
 
 def _damages(files: LakeFiles, sums: dict[str, str], on_progress: Progress | None) -> Iterator[Damage]:
@@ -99,7 +99,7 @@ def _damages(files: LakeFiles, sums: dict[str, str], on_progress: Progress | Non
             are_lists_whole &= name.split("/")[0] not in _LISTS
         if on_progress:
             on_progress(done, len(sums), 0)
-    if are_lists_whole:  # else nobody can say what belongs together
+    if are_lists_whole:  # otherwise references between files cannot be checked
         snapshot = snapshots.read(files)
         unlisted = sorted({*snapshot.manifests, *snapshot.metadata} - set(sums))
         if unlisted or not _references(sums):
@@ -109,27 +109,27 @@ def _damages(files: LakeFiles, sums: dict[str, str], on_progress: Progress | Non
 
 
 def _read_sums(files: LakeFiles) -> dict[str, str]:
-    """SHA-256 by file name; what is no line of such a list, or leads out of the pack, is left out."""
+    """Return SHA-256 by file name; invalid lines and paths that lead out of the pack are left out."""
     text = files.path(SUMS).read_bytes().decode("utf-8", errors="replace")
     pairs = [line.split("  ", 1) for line in text.splitlines() if "  " in line]
     return {name: digest for digest, name in pairs if ".." not in PurePosixPath(name).parts and name[:1] != "/"}
 
 
 def _references(sums: dict[str, str]) -> list[str]:
-    """``name@version`` of the databases that were packed."""
+    """Return ``name@version`` of the packed databases."""
     paths = [PurePosixPath(name) for name in sums if name.startswith("databases/")]
     return [f"{path.parent.name}@{path.stem}" for path in paths]
 
 
 def _lost_members(files: LakeFiles, references: list[str]) -> Iterator[Damage]:
-    """Databases with members that the snapshot does not hold as they were."""
+    """Yield a damage for each database with members that the snapshot lacks or has with other content."""
     snapshot = snapshots.read(files)
     columns = ["scenario_id", "content_hash"]
     empty = tables.load("metadata").schema.empty_table().select(columns)
     there = pa.concat_tables([empty, *(files.read(name, columns) for name in snapshot.metadata if files.has(name))])
     for reference in references:
-        name, version = databases.parse_reference(reference)
-        found = databases.read(files, name, version)
+        name, version = records.parse_reference(reference)
+        found = records.read(files, name, version)
         lost = found.members.select(columns).join(there, columns, join_type="left anti")
         if lost.num_rows or not len(found):
             example = f", for example {lost['scenario_id'][0]}" if lost.num_rows else ""

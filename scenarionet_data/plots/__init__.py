@@ -11,7 +11,7 @@
     plots.small_multiples(scenarios)                       # many beside each other
     plots.draw_profiles(scenario, ["t1", "t7"])            # speed, acceleration, curvature
     plots.draw_distributions(lake)                         # of any column of metadata, by dataset or database
-    plots.draw_comparison(lake.compare(["busy", "calm"]))  # means and deviations
+    plots.draw_comparison(lake.compare("busy", "calm"))  # means and deviations
 
 Colours and measures stand in :mod:`scenarionet_data.plots.palette`, which needs nothing installed; drawing needs
 matplotlib (extra ``plots``), mp4 PyAV (extra ``video``). No display is needed and no global state is touched.

@@ -8,7 +8,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.operations.comparison import Statistics
+from scenarionet_data.operations.comparison import DatabaseStatistics
 from scenarionet_data.plots.files import PICTURES, write_figure
 from scenarionet_data.plots.palette import SERIES
 from scenarionet_data.plots.style import new_figure, plain, styled
@@ -16,7 +16,7 @@ from scenarionet_data.plots.style import new_figure, plain, styled
 _COLUMNS = 4
 
 
-def write_comparison(statistics: Sequence[Statistics], path: str | Path) -> None:
+def write_comparison(statistics: Sequence[DatabaseStatistics], path: str | Path) -> None:
     """Write the picture.
 
     Args:
@@ -31,7 +31,7 @@ def write_comparison(statistics: Sequence[Statistics], path: str | Path) -> None
     write_figure(path, draw_comparison(statistics))
 
 
-def draw_comparison(statistics: Sequence[Statistics]) -> Figure:
+def draw_comparison(statistics: Sequence[DatabaseStatistics]) -> Figure:
     """Databases beside each other; measures that no scenario has are left out.
 
     Args:

@@ -5,20 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.plots.palette import SERIES
 from scenarionet_data.plots.style import new_figure, plain, styled
+from scenarionet_data.query.lake_view import LakeLike, LakeView, open_view
 from scenarionet_data.schema import tables
-
-if TYPE_CHECKING:
-    from scenarionet_data.databases.record import Database
-    from scenarionet_data.lake.lake import Lake
 
 MEASURES = ("ego_distance", "ego_mean_speed", "ego_cumulative_curvature", "num_objects", "num_map_features", "duration")
 """What is drawn unless something else is asked for."""
@@ -61,7 +58,11 @@ class Distribution:
 
 
 def distributions(
-    lake: Lake, column: str, by: str = "dataset", databases: Sequence[Database | str] = (), bins: int | None = None
+    lake: LakeLike,
+    column: str,
+    by: str = "dataset",
+    databases: Sequence[DatabaseRecord | str] = (),
+    bins: int | None = None,
 ) -> list[Distribution]:
     """Distributions of a column of ``metadata``, a group after another, in bins that all share.
 
@@ -75,9 +76,10 @@ def distributions(
     Raises:
         BadParameter: There is no such column, or it holds no numbers.
     """
-    _check(lake, column, by)
-    chosen = [lake.database(each) for each in databases]
-    parts = [(each.reference, lake.only(each)) for each in chosen] or [("", lake)]
+    view = open_view(lake)
+    _check(view, column, by)
+    chosen = [view.record(each) for each in databases]
+    parts = [(each.reference, view.restrict_to(each)) for each in chosen] or [("", view)]
     limits = [part.sql(_LIMITS.format(column=column)).row(0) for _, part in parts]
     fewest = min(known for _, _, known in limits)
     edges = _edges(limits, _is_whole(column), bins or int(np.clip(2 * np.cbrt(fewest), 5, 60)))
@@ -95,8 +97,8 @@ def distributions(
     return found
 
 
-def _check(lake: Lake, column: str, by: str) -> None:
-    there = dict(lake.sql("SELECT column_name, column_type FROM (DESCRIBE metadata)").rows())
+def _check(view: LakeView, column: str, by: str) -> None:
+    there = dict(view.sql("SELECT column_name, column_type FROM (DESCRIBE metadata)").rows())
     for name in (column, by):
         if name not in there:
             raise BadParameter(f"no column {name!r} in metadata; docs/reference/data_dictionary.md lists them")
@@ -117,11 +119,11 @@ def _edges(limits: Sequence[tuple[float | None, float | None, int]], is_whole: b
 
 
 def draw_distributions(
-    lake: Lake,
+    lake: LakeLike,
     columns: Sequence[str] = MEASURES,
     *,
     by: str = "dataset",
-    databases: Sequence[Database | str] = (),
+    databases: Sequence[DatabaseRecord | str] = (),
     bins: int | None = None,
 ) -> Figure:
     """Distributions of columns of ``metadata``, a panel a column, a line a group.
@@ -136,8 +138,9 @@ def draw_distributions(
     Raises:
         BadParameter: There are no scenarios, too many groups, or no such column.
     """
-    if not len(lake):
-        raise BadParameter(f"{lake.root}: no scenarios to draw; `scenarionet convert` puts some there")
+    view = open_view(lake)
+    if not len(view):
+        raise BadParameter(f"{view.root}: no scenarios to draw; `scenarionet convert` puts some there")
     width, num_rows = min(3, len(columns)), -(-len(columns) // 3)
     with styled():
         figure = new_figure(3.2 * width, 2.4 * num_rows + 0.4, layout="constrained")
@@ -145,7 +148,7 @@ def draw_distributions(
         for panel in panels[len(columns) :]:
             panel.set_visible(False)
         for panel, column in zip(panels, columns, strict=False):
-            groups = distributions(lake, column, by, databases, bins)
+            groups = distributions(view, column, by, databases, bins)
             if len(groups) > _MOST_GROUPS:
                 raise BadParameter(f"{by} has {len(groups)} values, more than lines can be told apart: {_MOST_GROUPS}")
             for group, color in zip(groups, SERIES, strict=False):

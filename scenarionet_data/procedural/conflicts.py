@@ -1,102 +1,92 @@
-"""Which lanes get in each other's way, and where along them: crossings, splits and merges."""
+"""Conflicts between lanes: crossings, splits and merges, and where along the lanes they are."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import device_function, kernel
-from scenarionet_data.arrays.dtypes import Bool, Float64, Int32
+from scenarionet_data.arrays.compiled import kernel
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int64, Records
 
 CROSS, SPLIT, MERGE = 0, 1, 2
 _SAME_POINT = 0.5  # [m]
 _MARGIN = 1.5  # [m] added to both ends of a zone: points are up to 2 m apart
 
+CONFLICT = np.dtype(
+    [
+        ("lane", "i8"),  # the other lane
+        ("kind", "i8"),  # CROSS, SPLIT or MERGE
+        ("own_begin", "f8"),  # [m] along the own lane
+        ("own_end", "f8"),
+        ("other_begin", "f8"),  # [m] along the other lane
+        ("other_end", "f8"),
+    ]
+)
 
-@kernel
+
 def find_conflicts(
-    first: Int32,
-    points: Float64,
-    step: Float64,
-    exit_first: Int32,
-    exit_to: Int32,
-    junction: Int32,
-    rank: Int32,
-    clearance: float,
-) -> tuple[Int32, Int32, Float64, Bool]:
-    """Every pair of lanes of one junction, or with one start, whose centrelines come within ``clearance``.
+    lanes: Records, points: Records, links: Bool, junction: Int64, clearance: float
+) -> tuple[Records, Bool]:
+    """Find lanes of one junction, or with one start, whose centrelines come within ``clearance``.
 
     Args:
-        first, step, exit_first, exit_to, rank: As in ``LaneGraph``; points (P, 2) [m].
+        lanes: (L,) ``LANE`` records; their range of conflicts is written.
+        points: (P,) ``POINT`` records.
+        links: (L, L) whether a lane leads to another.
         junction: (L,) -1 outside junctions.
         clearance: Distance of centrelines below which two vehicles would touch [m].
 
     Returns:
-        conflict_first, conflicts, conflict_zones, needs_grant as in ``LaneGraph``.
+        ``CONFLICT`` records, in the order of the own lane, and (L,) whether entering a lane has to be granted.
     """
-    lanes = len(first) - 1
-    conflict_first = np.zeros(lanes + 1, dtype=np.int32)
-    needs_grant = np.zeros(lanes, dtype=np.bool_)
-    pairs = [(0, 0) for _ in range(0)]
-    zones = [(0.0, 0.0, 0.0, 0.0) for _ in range(0)]
-    for a in range(lanes):
-        for b in range(lanes):
-            if a == b or _is_linked(a, b, exit_first, exit_to):
-                continue
-            starts = _distance(points[first[a]], points[first[b]]) < _SAME_POINT
-            if not starts and (junction[a] < 0 or junction[a] != junction[b]):
-                continue
-            zone = _zone(points[first[a] : first[a + 1]], points[first[b] : first[b + 1]], clearance)
-            if zone[0] < 0:
-                continue
-            ends = _distance(points[first[a + 1] - 1], points[first[b + 1] - 1]) < _SAME_POINT
-            kind = SPLIT if starts else (MERGE if ends else CROSS)
-            pairs.append((b, kind))
-            own, other = step[a], step[b]
-            zones.append(
-                (
-                    zone[0] * own - _MARGIN,
-                    zone[1] * own + _MARGIN,
-                    zone[2] * other - _MARGIN,
-                    zone[3] * other + _MARGIN,
-                )
-            )
-            if kind == CROSS or (kind == MERGE and rank[a] <= rank[b]):
-                needs_grant[a] = True
-        conflict_first[a + 1] = len(pairs)
-    conflicts = np.zeros((len(pairs), 2), dtype=np.int32)
-    conflict_zones = np.zeros((len(pairs), 4))
+    xy = np.stack([points.x, points.y], axis=-1)
+    starts, ends = xy[lanes.points_begin], xy[lanes.points_end - 1]
+    has_one_start, has_one_end = _are_near(starts), _are_near(ends)
+    is_candidate = has_one_start | ((junction[:, None] >= 0) & (junction[:, None] == junction))
+    is_candidate &= ~(links | links.T | np.eye(len(lanes), dtype=np.bool_))
+    pairs = np.ascontiguousarray(np.argwhere(is_candidate))
+    zones = np.empty((len(pairs), 4), np.int64)
+    _find_zones(xy, lanes.points_begin, lanes.points_end, pairs, clearance * clearance, zones)
+    pairs, zones = pairs[zones[:, 0] >= 0], zones[zones[:, 0] >= 0]
+    own, other = pairs.T
+    conflicts: Records = np.recarray(len(pairs), CONFLICT)
+    conflicts.lane = other
+    conflicts.kind = np.where(has_one_start[own, other], SPLIT, np.where(has_one_end[own, other], MERGE, CROSS))
+    margins = np.array([-_MARGIN, _MARGIN, -_MARGIN, _MARGIN])
+    steps = lanes.step[pairs].repeat(2, axis=1)
+    conflicts.own_begin, conflicts.own_end, conflicts.other_begin, conflicts.other_end = (zones * steps + margins).T
+    lanes.conflicts_end = np.searchsorted(own, np.arange(len(lanes)), side="right")
+    lanes.conflicts_begin = np.searchsorted(own, np.arange(len(lanes)), side="left")
+    gives_way = (conflicts.kind == MERGE) & (lanes.rank[own] <= lanes.rank[other])
+    needs_grant = np.zeros(len(lanes), dtype=np.bool_)
+    needs_grant[own[(conflicts.kind == CROSS) | gives_way]] = True
+    return conflicts, needs_grant
+
+
+def _are_near(places: Float64) -> Bool:
+    """(L, L) which of the points (L, 2) are the same, within tolerance."""
+    near: Bool = np.hypot(*(places[:, None] - places).transpose(2, 0, 1)) < _SAME_POINT
+    return near
+
+
+@kernel
+def _find_zones(xy: Float64, begin: Int64, end: Int64, pairs: Int64, square: float, zones: Int64) -> None:
+    """First and last point of lane ``a`` and of ``b`` nearer than a distance to the other lane; -1 when none is.
+
+    Args:
+        xy: (P, 2) points of all lanes [m].
+        begin, end: (L,) range of each lane's points.
+        pairs: (K, 2) lanes a and b.
+        square: Of the distance [m2].
+        zones: (K, 4), written: first and last point of a, first and last point of b.
+    """
     for row in range(len(pairs)):
-        conflicts[row, 0], conflicts[row, 1] = pairs[row]
-        for column in range(4):
-            conflict_zones[row, column] = zones[row][column]
-    return conflict_first, conflicts, conflict_zones, needs_grant
-
-
-@device_function
-def _distance(a: Float64, b: Float64) -> float:
-    return float(np.hypot(a[0] - b[0], a[1] - b[1]))
-
-
-@device_function
-def _is_linked(a: int, b: int, exit_first: Int32, exit_to: Int32) -> bool:
-    found = False
-    for e in range(exit_first[a], exit_first[a + 1]):
-        found |= exit_to[e] == b
-    for e in range(exit_first[b], exit_first[b + 1]):
-        found |= exit_to[e] == a
-    return found
-
-
-@device_function
-def _zone(a: Float64, b: Float64, clearance: float) -> tuple[int, int, int, int]:
-    """First and last point of ``a`` and of ``b`` nearer than ``clearance`` to the other; -1 when none is."""
-    low_a, high_a, low_b, high_b = -1, -1, len(b), -1
-    for i in range(len(a)):
-        for j in range(len(b)):
-            if (a[i, 0] - b[j, 0]) ** 2 + (a[i, 1] - b[j, 1]) ** 2 < clearance**2:
-                if low_a < 0:
-                    low_a = i
-                high_a = i
-                low_b = min(low_b, j)
-                high_b = max(high_b, j)
-    return low_a, high_a, low_b, high_b
+        a, b = pairs[row, 0], pairs[row, 1]
+        low_a, high_a, low_b, high_b = -1, -1, end[b] - begin[b], -1
+        for i in range(end[a] - begin[a]):
+            x, y = xy[begin[a] + i, 0], xy[begin[a] + i, 1]
+            for j in range(end[b] - begin[b]):
+                if (x - xy[begin[b] + j, 0]) ** 2 + (y - xy[begin[b] + j, 1]) ** 2 < square:
+                    low_a = i if low_a < 0 else low_a
+                    high_a = i
+                    low_b, high_b = min(low_b, j), max(high_b, j)
+        zones[row, 0], zones[row, 1], zones[row, 2], zones[row, 3] = low_a, high_a, low_b, high_b

@@ -53,7 +53,7 @@ def place_construction(
     number = int(rng.choice(closable or candidates))
     lane, width = road_map.lanes[number], road_map.road.lane_width
     is_breakdown = bool(rng.random() < 0.4)
-    latest = graph.length[number] - TAPER - WORKS
+    latest = graph.lanes.length[number] - TAPER - WORKS
     if closable:
         begin = float(rng.uniform(APPROACH, latest))
         closed = close_lane(graph, number, begin - 2.0, begin + TAPER + WORKS)
@@ -71,22 +71,22 @@ def _candidates(road_map: RoadMap, graph: LaneGraph) -> list[int]:
         number
         for number, lane in enumerate(road_map.lanes)
         if lane.junction == NO_JUNCTION
-        and graph.right[number] == NONE
-        and graph.length[number] > TAPER + WORKS + 3.0
-        and np.isfinite(graph.cost[0, number])
-        and graph.conflict_first[number] == graph.conflict_first[number + 1]
+        and graph.lanes.right[number] == NONE
+        and graph.lanes.length[number] > TAPER + WORKS + 3.0
+        and np.isfinite(graph.routes.cost[0, number])
+        and graph.lanes.conflicts_begin[number] == graph.lanes.conflicts_end[number]
         and lane.id not in road_map.start
     ]
 
 
 def _is_closable(road_map: RoadMap, graph: LaneGraph, number: int) -> bool:
     """Whether traffic has the room and a lane to change to, and none, the ego included, needs this very lane."""
-    beside = graph.left[number]
-    if beside == NONE or graph.length[number] < APPROACH + TAPER + WORKS:
+    beside = graph.lanes.left[number]
+    if beside == NONE or graph.lanes.length[number] < APPROACH + TAPER + WORKS:
         return False
-    exits = graph.exit_to[graph.exit_first[number] : graph.exit_first[number + 1]]
+    exits = graph.successors[graph.lanes.successors_begin[number] : graph.lanes.successors_end[number]]
     is_plain = all(road_map.lanes[after].junction == NO_JUNCTION for after in exits)
-    return is_plain and abs(graph.cost[0, number] - graph.cost[0, beside]) < LANE_CHANGE_COST / 2.0
+    return is_plain and abs(graph.routes.cost[0, number] - graph.routes.cost[0, beside]) < LANE_CHANGE_COST / 2.0
 
 
 def _close_lane(lane: Lane, begin: float, width: float, is_breakdown: bool) -> list[Obstacle]:
@@ -114,7 +114,7 @@ def _on_shoulder(lane: Lane, begin: float, width: float, is_breakdown: bool) -> 
 def _off_lanes(graph: LaneGraph, obstacles: list[Obstacle]) -> list[Obstacle]:
     """The obstacles that do not stand on any lane, for example on a ramp beside the road."""
     places = np.array([(obstacle.x, obstacle.y) for obstacle in obstacles])
-    distance = np.hypot(graph.x[:, None] - places[:, 0], graph.y[:, None] - places[:, 1]).min(axis=0)
+    distance = np.hypot(graph.points.x[:, None] - places[:, 0], graph.points.y[:, None] - places[:, 1]).min(axis=0)
     half = graph.lane_width / 2.0
     return [
         obstacle
@@ -144,7 +144,7 @@ def _stand(
     size: tuple[float, float, float],
     turn: float,
 ) -> Obstacle:
-    pose = lane.path.pose_at(s).moved(0.0, left, turn)
+    pose = lane.path.pose_at(float(s)).moved(0.0, float(left), turn)
     return Obstacle(kind, word, pose.x, pose.y, pose.heading, size)
 
 

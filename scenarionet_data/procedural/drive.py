@@ -5,130 +5,127 @@ from __future__ import annotations
 import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function, kernel
-from scenarionet_data.arrays.dtypes import Bool, Float64, Int32
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, Record, Records
 from scenarionet_data.procedural.following import acceleration, room_needed
 from scenarionet_data.procedural.graph import NONE, LaneGraph
-from scenarionet_data.procedural.lane_change import carry_on, consider
+from scenarionet_data.procedural.lane_change import consider
 from scenarionet_data.procedural.right_of_way import update_grant
-from scenarionet_data.procedural.vehicles import (
-    Fleet,
-    Places,
-    State,
-    curvature_at,
-    lateral_offset,
-    occupy,
-    record,
-)
+from scenarionet_data.procedural.vehicles import PLACE, PLACES, curvature_at, lateral_offset, occupy, record
 
 EGO = 0
 _LAST_CHANCE = 10.0  # [m] before a vehicle would have to stop and wait to change lanes
-_CONSIDER_EVERY = 5  # timesteps between thoughts of a lane change
-_GENTLE = 2.0  # [m/s2] nobody has to brake harder at the start
+_CONSIDER_EVERY = 5  # timesteps between considerations of a lane change
+_GENTLE = 2.0  # [m/s2] hardest braking in the first timestep
 
 
-@kernel
-def drive(graph: LaneGraph, fleet: Fleet, state: State, lights: Int32, dt: float, motion: Float64, valid: Bool) -> int:
-    """Drive until the ego arrives or time is over.
-
-    Time is a loop because every step follows from the one before.
+def drive(graph: LaneGraph, vehicles: Records, lights: Int32, dt: float) -> tuple[Float64, Bool]:
+    """Drive until the ego arrives or the lights' time is over.
 
     Args:
         graph: The lanes.
-        fleet: What drives on them; vehicle 0 is the ego.
-        state: Where it starts; changed in place.
+        vehicles: (N,) ``VEHICLE`` records; vehicle 0 is the ego. Their state is changed in place.
         lights: (rows, T) states of the lights.
         dt: Timestep [s].
-        motion: (N, T, 4), written: x, y, heading, speed.
-        valid: (N, T), written.
+
+    Returns:
+        (N, t, 4) x, y [m], heading [rad] and speed [m/s], and (N, t) whether a vehicle is on the map.
+    """
+    count, steps = len(vehicles), lights.shape[1]
+    places: Records = np.recarray((count, PLACES), PLACE)
+    places.lane, places.s = NONE, 0.0
+    motion, valid = np.zeros((count, steps, 4)), np.zeros((count, steps), np.bool_)
+    driven = _drive(graph, vehicles, places, lights, dt, np.zeros(count), motion, valid)
+    return motion[:, :driven], valid[:, :driven]
+
+
+@kernel
+def _drive(
+    graph: LaneGraph,
+    vehicles: Records,
+    places: Records,
+    lights: Int32,
+    dt: float,
+    wanted: Float64,
+    motion: Float64,
+    valid: Bool,
+) -> int:
+    """Fill ``motion`` and ``valid``; ``places`` (N, 3) and ``wanted`` (N,) are working memory.
+
+    Vehicles decide one after the other, and each sees the decisions of those before it.
 
     Returns:
         Number of timesteps written.
     """
     count, steps = valid.shape
-    places = Places(np.full((count, 3), NONE, dtype=np.int32), np.zeros((count, 3)))
-    wanted = np.zeros(count)
     for i in range(count):
-        occupy(graph, fleet, state, places, i)
-    _calm_start(graph, fleet, state, places, lights)
+        occupy(graph, vehicles, places, i)
+    for i in range(count):
+        update_grant(graph, vehicles, places, lights, 0, i)
+    for _ in range(3):  # lower the random initial speeds until no vehicle has to brake hard
+        for i in range(count):
+            while vehicles[i].speed > 0.5 and acceleration(graph, vehicles, places, i) < -_GENTLE:
+                vehicles[i].speed *= 0.9
     for t in range(steps):
         for i in range(count):
-            if state.active[i]:
-                record(graph, state, i, motion[i, t])
+            if vehicles[i].active:
+                record(graph, vehicles[i], motion[i, t])
                 valid[i, t] = True
-        if not state.active[EGO]:
+        if not vehicles[EGO].active:
             return t
         for i in range(count):
-            if state.active[i]:
-                _decide(graph, fleet, state, places, lights, t, i)
+            if vehicles[i].active:
+                if (t + i) % _CONSIDER_EVERY == 0:
+                    consider(graph, vehicles, places, i)
+                _reroute(graph, vehicles, i)
+                occupy(graph, vehicles, places, i)
+                update_grant(graph, vehicles, places, lights, t, i)
         for i in range(count):
-            if state.active[i]:
-                wanted[i] = acceleration(graph, fleet, state, places, i)
+            if vehicles[i].active:
+                wanted[i] = acceleration(graph, vehicles, places, i)
         for i in range(count):
-            if state.active[i]:
-                _move(graph, state, i, wanted[i], dt)
-            occupy(graph, fleet, state, places, i)
+            if vehicles[i].active:
+                _move(graph, vehicles[i], wanted[i], dt)
+            occupy(graph, vehicles, places, i)
     return int(steps)
 
 
 @device_function
-def _calm_start(graph: LaneGraph, fleet: Fleet, state: State, places: Places, lights: Int32) -> None:
-    """Lower the speeds drawn at random until nobody has to brake hard in the first step."""
-    for i in range(len(state.lane)):
-        update_grant(graph, fleet, state, places, lights, 0, i)
-    for _ in range(3):
-        for i in range(len(state.lane)):
-            while state.speed[i] > 0.5 and acceleration(graph, fleet, state, places, i) < -_GENTLE:
-                state.speed[i] *= 0.9
-
-
-@device_function
-def _decide(graph: LaneGraph, fleet: Fleet, state: State, places: Places, lights: Int32, t: int, i: int) -> None:
-    """Lane change, destination and right of way of one vehicle; others see the outcome at once."""
-    if (t + i) % _CONSIDER_EVERY == 0:
-        consider(graph, fleet, state, places, i)
-    _reroute(graph, state, i)
-    occupy(graph, fleet, state, places, i)
-    update_grant(graph, fleet, state, places, lights, t, i)
-
-
-@device_function
-def _reroute(graph: LaneGraph, state: State, i: int) -> None:
-    """Whoever is too late to change lanes goes where its lane leads, except the ego."""
-    lane, destination = state.lane[i], state.destination[i]
-    is_end = graph.exit_first[lane] == graph.exit_first[lane + 1]
-    if i == EGO or is_end or graph.next_lane[destination, lane] != NONE:
+def _reroute(graph: LaneGraph, vehicles: Records, i: int) -> None:
+    """Give a vehicle that is too late to change lanes a destination that its lane leads to, except the ego."""
+    vehicle, lane = vehicles[i], vehicles[i].lane
+    if i == EGO or graph.lanes[lane].is_last or graph.routes[vehicle.destination, lane].next_lane != NONE:
         return
-    if graph.length[lane] - state.s[i] < room_needed(graph, state, i, lane) + _LAST_CHANCE:
-        for other in range(len(graph.cost)):
-            if graph.next_lane[other, lane] != NONE:
-                state.destination[i] = other
+    if graph.lanes[lane].length - vehicle.s < room_needed(graph, vehicle, lane) + _LAST_CHANCE:
+        for other in range(len(graph.routes)):
+            if graph.routes[other, lane].next_lane != NONE:
+                vehicle.destination = other
                 return
 
 
 @device_function
-def _move(graph: LaneGraph, state: State, i: int, acceleration_now: float, dt: float) -> None:
+def _move(graph: LaneGraph, vehicle: Record, acceleration_now: float, dt: float) -> None:
     """Move one vehicle by a step of constant acceleration, along its curve and over lane ends."""
-    speed = max(0.0, state.speed[i] + acceleration_now * dt)
-    left, slope = lateral_offset(state, i)
-    stretch = np.hypot(1.0 - curvature_at(graph, state.lane[i], state.s[i]) * left, slope)
-    travelled = 0.5 * (state.speed[i] + speed) * dt / stretch
-    state.speed[i] = speed
-    state.s[i] += travelled
-    carry_on(state, i, travelled, dt)
-    while state.active[i] and state.s[i] >= graph.length[state.lane[i]]:
-        _enter_next(graph, state, i)
-
-
-@device_function
-def _enter_next(graph: LaneGraph, state: State, i: int) -> None:
-    lane = state.lane[i]
-    following = graph.next_lane[state.destination[i], lane]
-    if following == NONE:
-        state.active[i] = False
-        return
-    if state.origin[i] != NONE:
-        state.origin[i] = graph.right[following] if state.lateral[i] < 0.0 else graph.left[following]
-    state.s[i] -= graph.length[lane]
-    state.previous[i], state.lane[i] = lane, following
-    if state.granted[i] == following:
-        state.granted[i] = NONE
+    speed = max(0.0, vehicle.speed + acceleration_now * dt)
+    left, slope = lateral_offset(vehicle)
+    stretch = np.hypot(1.0 - curvature_at(graph, vehicle.lane, vehicle.s) * left, slope)
+    travelled = 0.5 * (vehicle.speed + speed) * dt / stretch
+    vehicle.speed = speed
+    vehicle.s += travelled
+    vehicle.patience = max(0.0, vehicle.patience - dt)
+    if vehicle.lateral != 0.0:
+        vehicle.progress += travelled / vehicle.span
+        if vehicle.progress >= 1.0:
+            vehicle.lateral, vehicle.progress, vehicle.origin = 0.0, 0.0, NONE
+    while vehicle.active and vehicle.s >= graph.lanes[vehicle.lane].length:
+        lane = vehicle.lane
+        following = graph.routes[vehicle.destination, lane].next_lane
+        if following == NONE:
+            vehicle.active = False
+            return
+        if vehicle.origin != NONE:
+            beside = graph.lanes[following]
+            vehicle.origin = beside.right if vehicle.lateral < 0.0 else beside.left
+        vehicle.s -= graph.lanes[lane].length
+        vehicle.previous, vehicle.lane = lane, following
+        if vehicle.granted == following:
+            vehicle.granted = NONE

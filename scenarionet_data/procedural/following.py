@@ -5,152 +5,137 @@ from __future__ import annotations
 import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function
+from scenarionet_data.arrays.dtypes import Record, Records
+from scenarionet_data.arrays.idm import free_acceleration, interaction
 from scenarionet_data.procedural.conflicts import CROSS, SPLIT
 from scenarionet_data.procedural.graph import NONE, LaneGraph
-from scenarionet_data.procedural.idm import free_acceleration, interaction
-from scenarionet_data.procedural.vehicles import PLACES, Fleet, Places, State
+from scenarionet_data.procedural.vehicles import PLACES
 
-HORIZON = 30.0, 5.0  # [m], [s] drivers look ahead: the first, and the way in the second
-ROOM_TO_CHANGE = 16.0  # [m] kept free ahead by who has to change lanes before going on
+HORIZON = 30.0, 5.0  # [m], [s] look-ahead distance: the constant part, and the distance driven in so many seconds
+ROOM_TO_CHANGE = 16.0  # [m] kept free ahead by vehicles that have to change lanes before driving on
 HARDEST_BRAKING = 8.0  # [m/s2]
 _MANY_HOPS = 30
 
 
 @device_function
-def acceleration(graph: LaneGraph, fleet: Fleet, state: State, places: Places, i: int) -> float:
-    """What vehicle ``i`` does now [m/s2]."""
-    lane, s = state.lane[i], state.s[i]
-    braking = braking_along(graph, fleet, state, places, i, lane, s, True)
-    if state.origin[i] != NONE and places.lane[i, 1] != NONE:
-        gap, speed = nearest_on(graph, fleet, state, places, i, places.lane[i, 1], -places.s[i, 1])
-        braking = max(braking, _braking(fleet, state, i, gap, speed))
-    desired = graph.speed[lane] * fleet.eagerness[i]
-    wanted = free_acceleration(state.speed[i], desired, fleet.accel[i], fleet.decel[i]) - braking
+def acceleration(graph: LaneGraph, vehicles: Records, places: Records, i: int) -> float:
+    """Acceleration of vehicle ``i`` in this timestep [m/s2]."""
+    vehicle, leaving = vehicles[i], places[i, 1]
+    braking = braking_along(graph, vehicles, places, i, vehicle.lane, vehicle.s, True)
+    if vehicle.origin != NONE and leaving.lane != NONE:
+        gap, speed = nearest_on(graph, vehicles, places, i, leaving.lane, -leaving.s)
+        braking = max(braking, _braking(vehicle, gap, speed))
+    desired = graph.lanes[vehicle.lane].speed * vehicle.eagerness
+    wanted = free_acceleration(vehicle.speed, desired, vehicle.accel, vehicle.decel) - braking
     return float(max(wanted, -HARDEST_BRAKING))
 
 
 @device_function
 def braking_along(
-    graph: LaneGraph, fleet: Fleet, state: State, places: Places, i: int, lane: int, s: float, stops: bool
+    graph: LaneGraph, vehicles: Records, places: Records, i: int, lane: int, s: float, stops: bool
 ) -> float:
-    """The strongest braking that vehicle ``i`` at ``s`` on ``lane`` has to do for what is ahead [m/s2, >= 0].
+    """The strongest braking [m/s2, >= 0] that anything ahead requires of vehicle ``i`` at ``s`` on ``lane``.
 
     Args:
+        graph, vehicles, places: See ``drive``.
+        i: The vehicle.
+        lane: Where it drives, or would drive after a lane change.
+        s: Distance along that lane [m].
         stops: Whether to heed closed lanes, missing grants and bends too, not only vehicles.
     """
-    braking, before = 0.0, -s
-    horizon = HORIZON[0] + HORIZON[1] * state.speed[i]
+    vehicle, braking, before = vehicles[i], 0.0, -s
+    horizon = HORIZON[0] + HORIZON[1] * vehicle.speed
     for _ in range(_MANY_HOPS):
-        gap, speed = nearest_on(graph, fleet, state, places, i, lane, before)
-        braking = max(braking, _braking(fleet, state, i, gap, speed))
-        end = before + graph.length[lane]
-        following = graph.next_lane[state.destination[i], lane]
+        gap, speed = nearest_on(graph, vehicles, places, i, lane, before)
+        braking = max(braking, _braking(vehicle, gap, speed))
+        end = before + graph.lanes[lane].length
+        following = graph.routes[vehicle.destination, lane].next_lane
         if stops:
-            obstacle = _stop_on(graph, state, i, lane, before, following)
-            braking = max(braking, _braking(fleet, state, i, obstacle - fleet.length[i] / 2.0, 0.0))
+            stop = np.inf  # where to stop: before road works, a junction without a grant, the end of the route
+            if before + graph.lanes[lane].closed_until > 0.0:
+                stop = before + graph.lanes[lane].closed_from - ROOM_TO_CHANGE
+            if following == NONE:
+                stop = min(stop, end - room_needed(graph, vehicle, lane))
+            elif graph.lanes[following].needs_grant and vehicle.granted != following:
+                stop = min(stop, end)
+            braking = max(braking, _braking(vehicle, stop - vehicle.length / 2.0, 0.0))
         if following == NONE or end > horizon:
             break
-        if stops:
-            braking = max(braking, _braking_for_bend(graph, fleet, state, i, following, end))
+        slow = graph.lanes[following].speed * vehicle.eagerness
+        if stops and vehicle.speed > slow:  # brake for the bend ahead, as late as is comfortable
+            needed = (vehicle.speed**2 - slow**2) / (2.0 * max(end, 1.0))
+            if needed > 0.7 * vehicle.decel:
+                braking = max(braking, needed)
         lane, before = following, end
     return braking
 
 
 @device_function
 def nearest_on(
-    graph: LaneGraph, fleet: Fleet, state: State, places: Places, i: int, lane: int, before: float
+    graph: LaneGraph, vehicles: Records, places: Records, i: int, lane: int, before: float
 ) -> tuple[float, float]:
     """Gap to, and speed of, the nearest vehicle ahead of ``i`` on a lane that starts ``before`` ahead of it.
 
-    Vehicles on lanes that split from this one or merge into it count where the lanes are still together.
+    Vehicles on lanes that split from this one or merge into it count while the lanes still overlap.
     """
     gap, speed = np.inf, 0.0
-    is_apart = graph.conflict_first[lane] == graph.conflict_first[lane + 1]
-    for j in range(len(state.lane)):
-        if j == i or not state.active[j]:
+    own_lane, own_length = graph.lanes[lane], vehicles[i].length
+    for j in range(len(vehicles)):
+        other = vehicles[j]
+        if j == i or not other.active:
             continue
+        half = other.length / 2.0
         for place in range(PLACES):
-            if places.lane[j, place] == NONE:
+            where, s = places[j, place].lane, places[j, place].s
+            if where == NONE:
                 continue
-            if places.lane[j, place] == lane:
-                ahead = before + places.s[j, place]
-            elif is_apart:
-                continue
+            ahead = -np.inf
+            if where == lane:
+                ahead = before + s
             else:
-                ahead = _distance_beside(graph, fleet, places, j, place, lane, before)
-            clear = ahead - (fleet.length[i] + fleet.length[j]) / 2.0
+                for row in range(own_lane.conflicts_begin, own_lane.conflicts_end):
+                    conflict = graph.conflicts[row]
+                    if conflict.lane != where or conflict.kind == CROSS:
+                        continue
+                    if conflict.kind == SPLIT and s - half < conflict.other_end:
+                        ahead = before + s
+                        break
+                    if conflict.kind != SPLIT and s + half > conflict.other_begin:
+                        ahead = before + own_lane.length - (graph.lanes[where].length - s)
+                        break
+            clear = ahead - (own_length + other.length) / 2.0
             if (ahead > 0.0 or (ahead == 0.0 and j < i)) and clear < gap:
-                gap, speed = clear, state.speed[j]
+                gap, speed = clear, other.speed
     return gap, speed
 
 
 @device_function
-def _distance_beside(
-    graph: LaneGraph, fleet: Fleet, places: Places, j: int, place: int, lane: int, before: float
-) -> float:
-    """Distance to a place of vehicle ``j`` on a lane still or already joined with ``lane``, else minus infinity."""
-    where, s, half = places.lane[j, place], places.s[j, place], fleet.length[j] / 2.0
-    for row in range(graph.conflict_first[lane], graph.conflict_first[lane + 1]):
-        other, kind = graph.conflicts[row, 0], graph.conflicts[row, 1]
-        if other != where or kind == CROSS:
-            continue
-        if kind == SPLIT and s - half < graph.conflict_zones[row, 3]:
-            return float(before + s)
-        if kind != SPLIT and s + half > graph.conflict_zones[row, 2]:
-            return float(before + graph.length[lane] - (graph.length[other] - s))
-    return -np.inf
-
-
-@device_function
-def _stop_on(graph: LaneGraph, state: State, i: int, lane: int, before: float, following: int) -> float:
-    """Distance to where vehicle ``i`` must stop on ``lane``: before road works, a closed junction, a wrong way."""
-    end = before + graph.length[lane]
-    stop = np.inf
-    if before + graph.blocked[lane, 1] > 0.0:
-        stop = before + graph.blocked[lane, 0] - ROOM_TO_CHANGE
-    if following == NONE:
-        stop = min(stop, end - room_needed(graph, state, i, lane))
-    elif graph.needs_grant[following] and state.granted[i] != following:
-        stop = min(stop, end)
-    return stop
-
-
-@device_function
-def room_needed(graph: LaneGraph, state: State, i: int, lane: int) -> float:
-    """How far before the end of ``lane`` vehicle ``i`` has to leave it [m]: room for each lane change it needs."""
-    if graph.exit_first[lane] == graph.exit_first[lane + 1]:
+def room_needed(graph: LaneGraph, vehicle: Record, lane: int) -> float:
+    """Distance before the end of ``lane`` at which a vehicle has to leave it [m]: room for each lane change needed."""
+    if graph.lanes[lane].is_last:
         return -np.inf
     changes, left, right = 0, lane, lane
     while left != NONE or right != NONE:
         for beside in (left, right):
-            if beside != NONE and graph.next_lane[state.destination[i], beside] != NONE:
+            if beside != NONE and graph.routes[vehicle.destination, beside].next_lane != NONE:
                 return changes * ROOM_TO_CHANGE
         changes += 1
-        left = graph.left[left] if left != NONE else NONE
-        right = graph.right[right] if right != NONE else NONE
+        left = graph.lanes[left].left if left != NONE else NONE
+        right = graph.lanes[right].right if right != NONE else NONE
     return ROOM_TO_CHANGE
 
 
 @device_function
-def _braking(fleet: Fleet, state: State, i: int, gap: float, speed: float) -> float:
+def _braking(vehicle: Record, gap: float, speed: float) -> float:
+    """Braking for a leader at ``speed`` after a ``gap``."""
     if gap == np.inf:
         return 0.0
     return interaction(
-        state.speed[i],
+        vehicle.speed,
         gap,
-        state.speed[i] - speed,
-        fleet.headway[i],
-        fleet.accel[i],
-        fleet.decel[i],
-        fleet.standstill[i],
+        vehicle.speed - speed,
+        vehicle.headway,
+        vehicle.accel,
+        vehicle.decel,
+        vehicle.standstill,
     )
-
-
-@device_function
-def _braking_for_bend(graph: LaneGraph, fleet: Fleet, state: State, i: int, lane: int, ahead: float) -> float:
-    """Braking that slows vehicle ``i`` to a bend's speed when it gets there; 0 while there is time."""
-    slow = graph.speed[lane] * fleet.eagerness[i]
-    if state.speed[i] <= slow:
-        return 0.0
-    needed = (state.speed[i] ** 2 - slow**2) / (2.0 * max(ahead, 1.0))
-    return float(needed) if needed > 0.7 * fleet.decel[i] else 0.0

@@ -1,4 +1,4 @@
-"""The lane graph as flat arrays: what the traffic kernels drive on."""
+"""The lane graph as arrays of records, for the traffic kernels."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Bool, Float64, Int32
+from scenarionet_data.arrays.dtypes import Bool, Int64, Records
 from scenarionet_data.procedural.conflicts import find_conflicts
 from scenarionet_data.procedural.roadmap import Lane, RoadMap
 from scenarionet_data.procedural.routes import find_routes
@@ -15,52 +15,53 @@ NONE = -1
 AVOIDED_LANE_COST = 120.0  # [m] of detour a driver accepts to avoid a lane that ends or is closed
 LATERAL_ACCELERATION = 2.2  # [m/s2] with which drivers take a bend
 
+LANE = np.dtype(
+    [
+        ("points_begin", "i8"),  # rows of `LaneGraph.points`
+        ("points_end", "i8"),
+        ("successors_begin", "i8"),  # rows of `LaneGraph.successors`
+        ("successors_end", "i8"),
+        ("conflicts_begin", "i8"),  # rows of `LaneGraph.conflicts`
+        ("conflicts_end", "i8"),
+        ("length", "f8"),  # [m]
+        ("step", "f8"),  # distance between points [m]
+        ("speed", "f8"),  # desired speed [m/s]: the limit, or less in a bend
+        ("closed_from", "f8"),  # part closed by road works [m]; infinite when none is
+        ("closed_until", "f8"),
+        ("left", "i8"),  # lane beside
+        ("right", "i8"),
+        ("rank", "i8"),  # priority where lanes conflict: the higher rank goes first
+        ("signal", "i8"),  # row of the light that controls entering the lane
+        ("destination", "i8"),  # the destination reached at the lane's end
+        ("detour", "f8"),  # [m] that drivers accept to avoid the lane
+        ("needs_grant", "?"),  # whether entering has to be granted: another lane crosses or has priority
+        ("is_last", "?"),  # whether the lane leaves the map
+    ],
+    align=True,
+)
+"""A lane of the graph. Lanes are numbered; -1 is none."""
+
+POINT = np.dtype([("x", "f8"), ("y", "f8"), ("heading", "f8")])
+"""A point of a centreline [m, m, rad]."""
+
 
 class LaneGraph(NamedTuple):
-    """L lanes, P points, D destinations. Lanes, points, exits and conflicts are numbered; -1 is none.
+    """L lanes, P points, E links, C conflicts, D destinations.
 
     Attributes:
-        first: (L + 1,) a lane's points are ``x[first[l]:first[l + 1]]``, equally spaced by ``step[l]``.
-        x, y, heading: (P,) centrelines [m, rad].
-        length, step: (L,) [m].
-        speed: (L,) desired speed [m/s]: the limit, or less in a bend.
-        exit_first, exit_to: successors of lane l are ``exit_to[exit_first[l]:exit_first[l + 1]]``.
-        left, right: (L,) lanes beside.
-        rank: (L,) who goes first where lanes conflict.
-        signal: (L,) row of the light that controls entering the lane.
-        needs_grant: (L,) whether entering has to be granted: something may cross or has priority.
-        conflict_first: (L + 1,), conflicts: rows (other lane, kind), conflict_zones: rows (own begin, own end,
-            other begin, other end) [m] along the lanes.
-        cost: (D, L) [m] to a destination, lane changes counted as detours; infinite when there is no way.
-        next_lane: (D, L) the successor that leads to a destination.
-        blocked: (L, 2) [m] begin and end of the part closed by road works; infinite when none is.
-        detour: (L,) [m] what drivers accept to avoid the lane.
-        destination: (L,) the destination reached at the lane's end.
+        lanes: (L,) ``LANE`` records.
+        points: (P,) ``POINT`` records: centrelines, equally spaced along a lane.
+        successors: (E,) lanes that follow a lane.
+        conflicts: (C,) ``CONFLICT`` records.
+        routes: (D, L) ``ROUTE`` records.
         lane_width: [m].
     """
 
-    first: Int32
-    x: Float64
-    y: Float64
-    heading: Float64
-    length: Float64
-    step: Float64
-    speed: Float64
-    exit_first: Int32
-    exit_to: Int32
-    left: Int32
-    right: Int32
-    rank: Int32
-    signal: Int32
-    needs_grant: Bool
-    conflict_first: Int32
-    conflicts: Int32
-    conflict_zones: Float64
-    cost: Float64
-    next_lane: Int32
-    blocked: Float64
-    detour: Float64
-    destination: Int32
+    lanes: Records
+    points: Records
+    successors: Int64
+    conflicts: Records
+    routes: Records
     lane_width: float
 
 
@@ -69,102 +70,74 @@ def make_graph(road_map: RoadMap) -> LaneGraph:
 
     Destination 0 is the ego's; the others are the map's other ends.
     """
-    lanes = road_map.lanes
-    number = {lane.id: row for row, lane in enumerate(lanes)}
-    samples = [lane.samples for lane in lanes]
-    first = _offsets([len(points) for points, _ in samples])
-    points = np.concatenate([points for points, _ in samples])
-    length = np.array([lane.path.length for lane in lanes])
-    exit_first, exit_to = _exits(road_map, number)
-    left, right = (_numbers([getattr(lane, side) for lane in lanes], number) for side in ("left", "right"))
-    rank = np.array([lane.rank for lane in lanes], dtype=np.int32)
-    junction = np.array([lane.junction for lane in lanes], dtype=np.int32)
-    signal, _ = signal_rows(lanes)
-    step = length / (np.diff(first) - 1)
-    conflict_first, conflicts, zones, needs_grant = find_conflicts(
-        first, points, step, exit_first, exit_to, junction, rank, 0.94 * road_map.road.lane_width
-    )
-    destination = _destinations(road_map, np.diff(exit_first) == 0)
-    ending = np.array([lane.junction != NONE and lane.rank == 0 and not lane.is_intersection for lane in lanes])
-    detour = AVOIDED_LANE_COST * ending
-    cost, next_lane = find_routes(
-        length + detour, exit_first, exit_to, left, right, destination, int(destination.max()) + 1
-    )
-    return LaneGraph(
-        first=first,
-        x=points[:, 0].copy(),
-        y=points[:, 1].copy(),
-        heading=np.concatenate([headings for _, headings in samples]),
-        length=length,
-        step=step,
-        speed=_speeds(lanes, road_map.road.speed_limit),
-        exit_first=exit_first,
-        exit_to=exit_to,
-        left=left,
-        right=right,
-        rank=rank,
-        signal=signal,
-        needs_grant=needs_grant | (signal != NONE),
-        conflict_first=conflict_first,
-        conflicts=conflicts,
-        conflict_zones=zones,
-        cost=cost,
-        next_lane=next_lane,
-        blocked=np.full((len(lanes), 2), np.inf),
-        detour=detour,
-        destination=destination,
-        lane_width=road_map.road.lane_width,
-    )
+    own = road_map.lanes
+    number = {lane.id: row for row, lane in enumerate(own)}
+    following: list[list[int]] = [[] for _ in own]
+    links = np.zeros((len(own), len(own)), dtype=np.bool_)
+    for before, after in road_map.links:
+        following[number[before]].append(number[after])
+        links[number[before], number[after]] = True
+    samples = [lane.samples for lane in own]
+
+    points: Records = np.recarray(sum(len(headings) for _, headings in samples), POINT)
+    points.x, points.y = np.concatenate([xy for xy, _ in samples]).T
+    points.heading = np.concatenate([headings for _, headings in samples])
+
+    lanes: Records = np.recarray(len(own), LANE)
+    lanes.points_begin, lanes.points_end = _ranges([len(headings) for _, headings in samples])
+    lanes.successors_begin, lanes.successors_end = _ranges([len(row) for row in following])
+    lanes.is_last = lanes.successors_begin == lanes.successors_end
+    lanes.length = [lane.path.length for lane in own]
+    lanes.step = lanes.length / (lanes.points_end - lanes.points_begin - 1)
+    curvature = np.array([lane.path.max_curvature for lane in own])
+    bend_speed = np.sqrt(LATERAL_ACCELERATION / np.maximum(curvature, 1e-6))
+    lanes.speed = np.minimum(road_map.road.speed_limit, bend_speed)
+    lanes.closed_from = lanes.closed_until = np.inf
+    lanes.left = [NONE if lane.left is None else number[lane.left] for lane in own]
+    lanes.right = [NONE if lane.right is None else number[lane.right] for lane in own]
+    lanes.rank = [lane.rank for lane in own]
+    lanes.signal, _ = signal_rows(own)
+    lanes.destination = _destinations(road_map, lanes.is_last)
+    is_ending = [lane.junction != NONE and lane.rank == 0 and not lane.is_intersection for lane in own]
+    lanes.detour = AVOIDED_LANE_COST * np.array(is_ending)
+
+    junction = np.array([lane.junction for lane in own])
+    conflicts, crosses = find_conflicts(lanes, points, links, junction, 0.94 * road_map.road.lane_width)
+    lanes.needs_grant = crosses | (lanes.signal != NONE)
+    successors = np.array([lane for row in following for lane in row], dtype=np.int64)
+    routes = find_routes(lanes, successors)
+    return LaneGraph(lanes, points, successors, conflicts, routes, road_map.road.lane_width)
 
 
 def close_lane(graph: LaneGraph, lane: int, begin: float, end: float) -> LaneGraph:
-    """The graph with a lane closed from ``begin`` to ``end`` [m]: routes lead past it where there is a way."""
-    blocked, detour = graph.blocked.copy(), graph.detour.copy()
-    blocked[lane] = begin, end
-    detour[lane] += AVOIDED_LANE_COST
-    beside = graph.left, graph.right
-    cost, next_lane = find_routes(
-        graph.length + detour, graph.exit_first, graph.exit_to, *beside, graph.destination, len(graph.cost)
-    )
-    return graph._replace(blocked=blocked, detour=detour, cost=cost, next_lane=next_lane)
+    """Return the graph with a lane closed from ``begin`` to ``end`` [m]; routes avoid it where possible."""
+    lanes = graph.lanes.copy()
+    lanes.closed_from[lane], lanes.closed_until[lane] = begin, end
+    lanes.detour[lane] += AVOIDED_LANE_COST
+    return graph._replace(lanes=lanes, routes=find_routes(lanes, graph.successors))
 
 
-def signal_rows(lanes: list[Lane]) -> tuple[Int32, list[tuple[int, int]]]:
-    """The light row of each lane, and the (junction, axis) of each row."""
+def signal_rows(lanes: list[Lane]) -> tuple[Int64, list[tuple[int, int]]]:
+    """Return the light row of each lane, and the (junction, axis) of each row."""
     rows: dict[tuple[int, int], int] = {}
-    signal = np.full(len(lanes), NONE, dtype=np.int32)
+    signal = np.full(len(lanes), NONE, dtype=np.int64)
     for number, lane in enumerate(lanes):
         if lane.axis != NONE:
             signal[number] = rows.setdefault((lane.junction, lane.axis), len(rows))
     return signal, list(rows)
 
 
-def _offsets(lengths: list[int]) -> Int32:
-    return np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
+def _ranges(lengths: list[int]) -> tuple[Int64, Int64]:
+    """Begin and end of consecutive ranges."""
+    ends = np.cumsum(lengths, dtype=np.int64)
+    return ends - np.array(lengths, dtype=np.int64), ends
 
 
-def _exits(road_map: RoadMap, number: dict[str, int]) -> tuple[Int32, Int32]:
-    exits: list[list[int]] = [[] for _ in number]
-    for before, after in road_map.links:
-        exits[number[before]].append(number[after])
-    return _offsets([len(row) for row in exits]), np.array([lane for row in exits for lane in row], dtype=np.int32)
-
-
-def _numbers(ids: list[str | None], number: dict[str, int]) -> Int32:
-    return np.array([NONE if lane is None else number[lane] for lane in ids], dtype=np.int32)
-
-
-def _speeds(lanes: list[Lane], limit: float) -> Float64:
-    curvature = np.array([lane.path.max_curvature for lane in lanes])
-    gentle: Float64 = np.minimum(limit, np.sqrt(LATERAL_ACCELERATION / np.maximum(curvature, 1e-6)))
-    return gentle
-
-
-def _destinations(road_map: RoadMap, is_end: Bool) -> Int32:
+def _destinations(road_map: RoadMap, is_last: Bool) -> Int64:
     """The destination each lane ends at: lanes that leave the map side by side share one; -1 elsewhere."""
     roads: dict[str, int] = {road_map.goal[0].rstrip("0123456789"): 0}
-    destination = np.full(len(is_end), NONE, dtype=np.int32)
+    destination = np.full(len(is_last), NONE, dtype=np.int64)
     for row, lane in enumerate(road_map.lanes):
-        if is_end[row]:
+        if is_last[row]:
             destination[row] = roads.setdefault(lane.id.rstrip("0123456789"), len(roads))
     return destination

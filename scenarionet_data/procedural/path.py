@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import kernel
+from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Float64
 
 Pieces = tuple[tuple[float, float], ...]
@@ -80,7 +80,8 @@ class Path:
         """Points (n, 2) [m] and headings (n,) [rad], equally spaced by at most ``spacing``, ends included."""
         count = max(2, math.ceil(self.length / spacing - 1e-9) + 1)
         start = np.array([self.start.x, self.start.y, self.start.heading])
-        samples = _trace(start, np.array(self.pieces, dtype=np.float64), self.length / (count - 1), count)
+        samples = np.empty((count, 3))
+        _trace(start, np.array(self.pieces, dtype=np.float64), self.length / (count - 1), samples)
         return samples[:, :2], samples[:, 2]
 
 
@@ -115,7 +116,6 @@ def connect(start: Pose, end: Pose, lead: float) -> Path:
     return Path(start, tuple(piece for piece in pieces if piece[0] > 1e-9))
 
 
-@kernel
 def _advance(x: float, y: float, heading: float, length: float, curvature: float) -> tuple[float, float, float]:
     """Pose after ``length`` on a circle, or straight on."""
     turn = curvature * length
@@ -124,18 +124,20 @@ def _advance(x: float, y: float, heading: float, length: float, curvature: float
     return x + chord * math.cos(heading + half), y + chord * math.sin(heading + half), heading + turn
 
 
+_advance_compiled = device_function(_advance)
+
+
 @kernel
-def _trace(start: Float64, pieces: Float64, step: float, count: int) -> Float64:
-    """(count, 3) x, y, heading every ``step`` metres along ``pieces`` (k, 2)."""
-    samples = np.empty((count, 3))
+def _trace(start: Float64, pieces: Float64, step: float, samples: Float64) -> None:
+    """Write x, y, heading every ``step`` metres along ``pieces`` (k, 2) to ``samples`` (n, 3)."""
     x, y, heading = start[0], start[1], start[2]
     piece, done = 0, 0.0
-    for row in range(count):
+    for row in range(len(samples)):
         ahead = row * step - done
         while piece < len(pieces) - 1 and ahead > pieces[piece, 0]:
-            x, y, heading = _advance(x, y, heading, pieces[piece, 0], pieces[piece, 1])
+            x, y, heading = _advance_compiled(x, y, heading, pieces[piece, 0], pieces[piece, 1])
             done += pieces[piece, 0]
             ahead = row * step - done
             piece += 1
-        samples[row, 0], samples[row, 1], samples[row, 2] = _advance(x, y, heading, ahead, pieces[piece, 1])
-    return samples
+        pose = _advance_compiled(x, y, heading, ahead, pieces[piece, 1])
+        samples[row, 0], samples[row, 1], samples[row, 2] = pose

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.arrays.dtypes import Float64, Int64, Records
 from scenarionet_data.procedural.graph import NONE, LaneGraph
 from scenarionet_data.procedural.options import GeneratorOptions
 from scenarionet_data.procedural.roadmap import NO_JUNCTION, RoadMap
-from scenarionet_data.procedural.vehicles import Fleet, State
+from scenarionet_data.procedural.vehicles import VEHICLE
 
 
 @dataclass(frozen=True)
@@ -38,12 +38,17 @@ _TRIES = 20
 
 @dataclass(frozen=True, eq=False)
 class Population:
-    """Vehicles of a scenario, the ego first: kind, (N, 3) length, width, height [m], driver and start."""
+    """Vehicles of a scenario, the ego first.
+
+    Attributes:
+        kinds: Names of their kinds.
+        size: (N, 3) length, width, height [m].
+        vehicles: (N,) ``VEHICLE`` records.
+    """
 
     kinds: list[str]
     size: Float64
-    fleet: Fleet
-    state: State
+    vehicles: Records
 
 
 def populate(road_map: RoadMap, graph: LaneGraph, options: GeneratorOptions, rng: np.random.Generator) -> Population:
@@ -53,20 +58,22 @@ def populate(road_map: RoadMap, graph: LaneGraph, options: GeneratorOptions, rng
     kinds, size = _draw_vehicles(wanted, rng)
     places = _place(road_map, graph, share, size[:, 0], rng)
     kept = [row for row, place in enumerate(places) if place is not None]
-    lane = np.array([place[0] for place in places if place is not None], dtype=np.int32)
+    lane = np.array([place[0] for place in places if place is not None], dtype=np.int64)
     s = np.array([place[1] for place in places if place is not None])
-    fleet = _draw_drivers([kinds[row] for row in kept], size[kept], rng)
-    state = _start(graph, fleet, lane, s, rng)
-    return Population([kinds[row].name for row in kept], size[kept], fleet, state)
+    vehicles: Records = np.recarray(len(kept), VEHICLE)
+    _draw_drivers(vehicles, [kinds[row] for row in kept], size[kept], rng)
+    _draw_start(vehicles, graph, lane, s, rng)
+    return Population([kinds[row].name for row in kept], size[kept], vehicles)
 
 
 def _lane_shares(road_map: RoadMap, graph: LaneGraph, options: GeneratorOptions) -> Float64:
     """(L,) expected number of vehicles on each lane; none in junctions, tapers and on very short lanes."""
     is_open = np.array([lane.junction == NO_JUNCTION for lane in road_map.lanes])
-    is_open &= (np.diff(graph.conflict_first) == 0) & (graph.length > 3.0 * END_ROOM)
-    with_ego = np.isfinite(graph.cost[0])
+    is_open &= graph.lanes.conflicts_begin == graph.lanes.conflicts_end
+    is_open &= graph.lanes.length > 3.0 * END_ROOM
+    with_ego = np.isfinite(graph.routes.cost[0])
     density = options.density / 100.0 * np.where(with_ego, 1.0, options.oncoming)
-    shares: Float64 = density * graph.length * is_open
+    shares: Float64 = density * graph.lanes.length * is_open
     return shares
 
 
@@ -93,7 +100,7 @@ def _place(
         place = None
         for u, v in rng.random((_TRIES, 2)):
             lane = int(np.searchsorted(cumulative, u * cumulative[-1], side="right"))
-            s = float(END_ROOM + v * (graph.length[lane] - 2.0 * END_ROOM))
+            s = float(END_ROOM + v * (graph.lanes.length[lane] - 2.0 * END_ROOM))
             if _has_room(graph, taken.get(lane, []), lane, s, own):
                 place = (lane, s)
                 taken.setdefault(lane, []).append((s, float(own)))
@@ -103,46 +110,33 @@ def _place(
 
 
 def _has_room(graph: LaneGraph, taken: list[tuple[float, float]], lane: int, s: float, length: float) -> bool:
-    begin, end = graph.blocked[lane]
+    begin, end = graph.lanes.closed_from[lane], graph.lanes.closed_until[lane]
     if begin - 40.0 < s < end + length:
         return False
     return all(abs(s - other) > ROOM + (length + other_length) / 2.0 for other, other_length in taken)
 
 
-def _draw_drivers(kinds: list[Kind], size: Float64, rng: np.random.Generator) -> Fleet:
+def _draw_drivers(vehicles: Records, kinds: list[Kind], size: Float64, rng: np.random.Generator) -> None:
+    """Set the constant parameters of vehicles and drivers."""
     count = len(kinds)
-    accel = np.array([rng.uniform(*kind.accel) for kind in kinds])
-    return Fleet(
-        length=size[:, 0].copy(),
-        width=size[:, 1].copy(),
-        eagerness=rng.uniform(0.85, 1.1, count),
-        headway=rng.uniform(1.0, 1.8, count),
-        accel=accel,
-        decel=rng.uniform(1.6, 2.6, count),
-        standstill=rng.uniform(1.8, 2.8, count),
-        politeness=rng.uniform(0.1, 0.5, count),
-    )
+    vehicles.length, vehicles.width = size[:, 0], size[:, 1]
+    vehicles.accel = [rng.uniform(*kind.accel) for kind in kinds]
+    vehicles.eagerness = rng.uniform(0.85, 1.1, count)
+    vehicles.headway = rng.uniform(1.0, 1.8, count)
+    vehicles.decel = rng.uniform(1.6, 2.6, count)
+    vehicles.standstill = rng.uniform(1.8, 2.8, count)
+    vehicles.politeness = rng.uniform(0.1, 0.5, count)
 
 
-def _start(graph: LaneGraph, fleet: Fleet, lane: np.ndarray, s: Float64, rng: np.random.Generator) -> State:
-    """The state at time 0, with destinations that can be reached; speeds are lowered later where they must."""
+def _draw_start(vehicles: Records, graph: LaneGraph, lane: Int64, s: Float64, rng: np.random.Generator) -> None:
+    """Set the state at time 0, with reachable destinations; ``drive`` lowers speeds where it must."""
     count = len(lane)
-    destination = np.zeros(count, dtype=np.int32)
+    vehicles.active, vehicles.lane, vehicles.s = True, lane, s
+    vehicles.destination = 0
     for i in range(1, count):
-        (reachable,) = np.nonzero(np.isfinite(graph.cost[:, lane[i]]))
-        destination[i] = rng.choice(reachable)
-    none = np.full(count, NONE, dtype=np.int32)
-    return State(
-        active=np.ones(count, dtype=np.bool_),
-        destination=destination,
-        lane=lane,
-        s=s,
-        speed=graph.speed[lane] * fleet.eagerness * rng.uniform(0.5, 1.0, count),
-        previous=none.copy(),
-        granted=none.copy(),
-        origin=none.copy(),
-        lateral=np.zeros(count),
-        progress=np.zeros(count),
-        span=np.ones(count),
-        patience=rng.uniform(0.0, 4.0, count),
-    )
+        (reachable,) = np.nonzero(np.isfinite(graph.routes.cost[:, lane[i]]))
+        vehicles.destination[i] = rng.choice(reachable)
+    vehicles.speed = graph.lanes.speed[lane] * vehicles.eagerness * rng.uniform(0.5, 1.0, count)
+    vehicles.previous = vehicles.granted = vehicles.origin = NONE
+    vehicles.lateral, vehicles.progress, vehicles.span = 0.0, 0.0, 1.0
+    vehicles.patience = rng.uniform(0.0, 4.0, count)

@@ -1,7 +1,7 @@
-"""Who may enter a junction: lights, priority, and one vehicle at a time through every conflict.
+"""Right of way: which vehicle may enter a junction, by lights, priority and conflicting lanes.
 
-A lane that conflicts with others is entered only when granted. A grant is given when no vehicle is in, or
-has a grant for, a conflicting part of another lane, and none with priority is about to arrive. So crossing
+A lane that conflicts with others is entered only when granted. A grant requires that no vehicle is in, or
+has a grant for, a conflicting part of another lane, and that none with priority is about to arrive. So crossing
 paths are free of collisions by construction, not by braking.
 """
 
@@ -10,121 +10,106 @@ from __future__ import annotations
 import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function
-from scenarionet_data.arrays.dtypes import Int32
+from scenarionet_data.arrays.dtypes import Int32, Record, Records
 from scenarionet_data.procedural.conflicts import SPLIT
 from scenarionet_data.procedural.graph import NONE, LaneGraph
-from scenarionet_data.procedural.vehicles import PLACES, Fleet, Places, State
+from scenarionet_data.procedural.vehicles import PLACES
 
 GO, CAUTION, STOP = 1, 2, 3
 _FIRM_BRAKING = 3.0  # [m/s2] with which drivers still stop for a light
-_GAP = 1.5  # [s] left to who has priority
-_CRAWL = 4.0  # [m/s] least speed assumed of who is about to cross
+_GAP = 1.5  # [s] left to vehicles with priority
+_CRAWL = 4.0  # [m/s] least speed assumed of a vehicle about to cross
 _STANDING = 0.3  # [m/s]
 _AT_THE_LINE = 8.0  # [m]
 _HOPS = 4
 
 
 @device_function
-def update_grant(graph: LaneGraph, fleet: Fleet, state: State, places: Places, lights: Int32, t: int, i: int) -> None:
-    """Grant vehicle ``i`` the next lane that needs it; take that back when its light turns and it can stop.
+def update_grant(graph: LaneGraph, vehicles: Records, places: Records, lights: Int32, t: int, i: int) -> None:
+    """Grant vehicle ``i`` the next lane that needs it; revoke the grant when its light turns and it can stop.
 
     Args:
+        graph, vehicles, places: See ``drive``.
         lights: (rows, T) GO, CAUTION or STOP.
+        t: Timestep.
+        i: The vehicle.
     """
-    following, distance = _next_to_grant(graph, state, i)
-    if following == NONE:
-        return
-    ahead = distance - fleet.length[i] / 2.0
-    closed = is_closed(graph, lights, t, following, ahead, state.speed[i])
-    if state.granted[i] == following:
-        if closed:
-            state.granted[i] = NONE
-        return
-    if places.lane[i, 1] != NONE and ahead > _AT_THE_LINE:
-        return  # still blocks, and may be blocked by, the lane it leaves
-    reach = state.speed[i] ** 2 / (2.0 * fleet.decel[i]) + 12.0
-    if ahead < reach and not closed and _is_free(graph, fleet, state, places, lights, t, i, following, ahead):
-        state.granted[i] = following
-
-
-@device_function
-def _next_to_grant(graph: LaneGraph, state: State, i: int) -> tuple[int, float]:
-    """The first lane ahead of vehicle ``i`` that it may not simply enter, and the distance to it [m]."""
-    where, ahead = state.lane[i], -state.s[i]
+    vehicle = vehicles[i]
+    following, ahead = vehicle.lane, -vehicle.s
     for _ in range(_HOPS):
-        ahead += graph.length[where]
-        where = graph.next_lane[state.destination[i], where]
-        if where == NONE or graph.needs_grant[where]:
-            return where, ahead
-    return NONE, np.inf
-
-
-@device_function
-def is_closed(graph: LaneGraph, lights: Int32, t: int, lane: int, ahead: float, speed: float) -> bool:
-    """Whether a light ``ahead`` metres forbids entering ``lane`` to who drives at ``speed``."""
-    if graph.signal[lane] == NONE:
-        return False
-    light = lights[graph.signal[lane], t]
-    can_stop = ahead > speed**2 / (2.0 * _FIRM_BRAKING)
-    return bool(can_stop and light != GO)
+        ahead += graph.lanes[following].length
+        following = graph.routes[vehicle.destination, following].next_lane
+        if following == NONE:
+            return
+        if graph.lanes[following].needs_grant:
+            break
+    if not graph.lanes[following].needs_grant:
+        return
+    ahead -= vehicle.length / 2.0
+    signal = graph.lanes[following].signal
+    can_stop = ahead > vehicle.speed**2 / (2.0 * _FIRM_BRAKING)
+    closed = signal != NONE and can_stop and lights[signal, t] != GO
+    if vehicle.granted == following:
+        if closed:
+            vehicle.granted = NONE
+        return
+    if places[i, 1].lane != NONE and ahead > _AT_THE_LINE:
+        return  # still blocks, and may be blocked by, the lane it leaves
+    reach = vehicle.speed**2 / (2.0 * vehicle.decel) + 12.0
+    if ahead < reach and not closed and _is_free(graph, vehicles, places, lights, t, i, following, ahead):
+        vehicle.granted = following
 
 
 @device_function
 def _is_free(
-    graph: LaneGraph,
-    fleet: Fleet,
-    state: State,
-    places: Places,
-    lights: Int32,
-    t: int,
-    i: int,
-    lane: int,
-    ahead: float,
+    graph: LaneGraph, vehicles: Records, places: Records, lights: Int32, t: int, i: int, lane: int, ahead: float
 ) -> bool:
-    for row in range(graph.conflict_first[lane], graph.conflict_first[lane + 1]):
-        other, kind = graph.conflicts[row, 0], graph.conflicts[row, 1]
-        if kind == SPLIT:
+    """Whether vehicle ``i``, ``ahead`` metres before ``lane``, can pass all its conflicts."""
+    own, vehicle = graph.lanes[lane], vehicles[i]
+    pace = max(vehicle.speed, _CRAWL)
+    for row in range(own.conflicts_begin, own.conflicts_end):
+        conflict = graph.conflicts[row]
+        if conflict.kind == SPLIT:
             continue
-        zone = graph.conflict_zones[row]
-        pace = max(state.speed[i], _CRAWL)
-        leave = (ahead + min(zone[1], graph.length[lane]) + fleet.length[i]) / pace
-        for j in range(len(state.lane)):
-            if j == i or not state.active[j]:
+        other = graph.lanes[conflict.lane]
+        leave = (ahead + min(conflict.own_end, own.length) + vehicle.length) / pace
+        is_red = other.signal != NONE and lights[other.signal, t] == STOP
+        for j in range(len(vehicles)):
+            if j == i or not vehicles[j].active:
                 continue
-            if _is_in(fleet, state, places, j, other, zone[3]):
+            if _is_in(vehicles, places, j, conflict.lane, conflict.other_end):
                 return False
-            if graph.rank[other] > graph.rank[lane]:
-                red = graph.signal[other] != NONE and lights[graph.signal[other], t] == STOP
-                if not red and _arrival(graph, state, j, other, zone[2]) < leave + _GAP:
-                    return False
+            has_priority = other.rank > own.rank and not is_red
+            if has_priority and _arrival(graph, vehicles[j], conflict.lane, conflict.other_begin) < leave + _GAP:
+                return False
     return True
 
 
 @device_function
-def _is_in(fleet: Fleet, state: State, places: Places, j: int, lane: int, zone_end: float) -> bool:
+def _is_in(vehicles: Records, places: Records, j: int, lane: int, zone_end: float) -> bool:
     """Whether vehicle ``j`` has a grant for ``lane`` or is on it, its rear not yet past ``zone_end``."""
-    if state.granted[j] == lane:
+    if vehicles[j].granted == lane:
         return True
     for place in range(PLACES):
-        if places.lane[j, place] == lane and places.s[j, place] - fleet.length[j] / 2.0 < zone_end:
+        if places[j, place].lane == lane and places[j, place].s - vehicles[j].length / 2.0 < zone_end:
             return True
     return False
 
 
 @device_function
-def _arrival(graph: LaneGraph, state: State, j: int, lane: int, zone_begin: float) -> float:
-    """Time until vehicle ``j`` is at ``zone_begin`` of ``lane`` [s]; infinite when its route avoids it.
+def _arrival(graph: LaneGraph, vehicle: Record, lane: int, zone_begin: float) -> float:
+    """Time until a vehicle is at ``zone_begin`` of ``lane`` [s]; infinite when its route avoids it.
 
-    Who stands still without a light to wait for may itself be waiting: it has no priority until it moves.
+    A vehicle that stands without a light to wait for may itself be waiting: it has no priority until it moves.
     """
-    if state.speed[j] < _STANDING and graph.signal[lane] == NONE:
+    if vehicle.speed < _STANDING and graph.lanes[lane].signal == NONE:
         return np.inf
-    ahead, where = -state.s[j], state.lane[j]
+    ahead, where = -vehicle.s, vehicle.lane
     for _ in range(_HOPS):
         if where == lane:
-            return float(max(ahead + zone_begin, 0.0) / max(state.speed[j], _CRAWL))
-        ahead += graph.length[where]
-        where = graph.next_lane[state.destination[j], where]
+            return float(max(ahead + zone_begin, 0.0) / max(vehicle.speed, _CRAWL))
+        ahead += graph.lanes[where].length
+        where = graph.routes[vehicle.destination, where].next_lane
         if where == NONE:
             break
     return np.inf

@@ -1,48 +1,54 @@
-"""Ways through the lane graph: for every lane and destination how far it is, and which successor to take."""
+"""Routes through the lane graph: for every lane and destination the cost, and the successor to take."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from scenarionet_data.arrays.compiled import kernel
-from scenarionet_data.arrays.dtypes import Float64, Int32
+from scenarionet_data.arrays.dtypes import Int64, Records
 
 LANE_CHANGE_COST = 80.0  # [m] of detour a driver accepts rather than change lanes
 
+ROUTE = np.dtype([("cost", "f8"), ("next_lane", "i8")])
+"""Cost from a lane to a destination [m], infinite where unreachable, and the successor to take, -1 for none."""
 
-@kernel
-def find_routes(
-    length: Float64, exit_first: Int32, exit_to: Int32, left: Int32, right: Int32, destination: Int32, count: int
-) -> tuple[Float64, Int32]:
-    """Bellman-Ford from every destination backwards.
+
+def find_routes(lanes: Records, successors: Int64) -> Records:
+    """Find the cheapest routes to all destinations.
 
     Args:
-        length: (L,) [m], with what a lane costs beyond its length.
-        exit_first, exit_to, left, right: As in ``LaneGraph``.
-        destination: (L,) the destination reached at the lane's end, -1 for none.
-        count: D, the number of destinations.
+        lanes: (L,) ``LANE`` records.
+        successors: (E,) of all lanes.
 
     Returns:
-        cost (D, L) [m] and next_lane (D, L), -1 where the destination cannot be reached by driving on.
+        (D, L) ``ROUTE`` records.
     """
-    lanes = len(length)
-    cost = np.full((count, lanes), np.inf)
-    next_lane = np.full((count, lanes), -1, dtype=np.int32)
-    for goal in range(count):
+    routes: Records = np.recarray((int(lanes.destination.max()) + 1, len(lanes)), ROUTE)
+    routes.cost, routes.next_lane = np.inf, -1
+    _relax(lanes, successors, routes)
+    return routes
+
+
+@kernel
+def _relax(lanes: Records, successors: Int64, routes: Records) -> None:
+    """Bellman-Ford from every destination backwards."""
+    for goal in range(len(routes)):
         changed = True
         while changed:
             changed = False
-            for lane in range(lanes - 1, -1, -1):
-                best = length[lane] if destination[lane] == goal else np.inf
-                for e in range(exit_first[lane], exit_first[lane + 1]):
-                    through = length[lane] + cost[goal, exit_to[e]]
+            for number in range(len(lanes) - 1, -1, -1):
+                lane, route = lanes[number], routes[goal, number]
+                length = lane.length + lane.detour
+                best = length if lane.destination == goal else np.inf
+                for e in range(lane.successors_begin, lane.successors_end):
+                    through = length + routes[goal, successors[e]].cost
                     if through < best:
                         best = through
-                        next_lane[goal, lane] = exit_to[e]
-                for beside in (left[lane], right[lane]):
-                    if beside >= 0:
-                        best = min(best, cost[goal, beside] + LANE_CHANGE_COST)
-                if best < cost[goal, lane] - 1e-9:
-                    cost[goal, lane] = best
+                        route.next_lane = successors[e]
+                if lane.left >= 0:
+                    best = min(best, routes[goal, lane.left].cost + LANE_CHANGE_COST)
+                if lane.right >= 0:
+                    best = min(best, routes[goal, lane.right].cost + LANE_CHANGE_COST)
+                if best < route.cost - 1e-9:
+                    route.cost = best
                     changed = True
-    return cost, next_lane

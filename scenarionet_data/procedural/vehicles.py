@@ -1,131 +1,109 @@
-"""Vehicles in the traffic kernels: what they are, how they move at a moment, and which lanes they occupy."""
+"""Vehicles in the traffic kernels: their parameters and state, where they are, and which lanes they occupy."""
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function
-from scenarionet_data.arrays.dtypes import Bool, Float64, Int32
+from scenarionet_data.arrays.dtypes import Float64, Record, Records
 from scenarionet_data.procedural.graph import NONE, LaneGraph
 
 STRADDLE = 0.3  # [m] from the new lane's centre until which a vehicle still blocks the lane it leaves
-PLACES = 3  # a vehicle is on its lane, on the lane it leaves, and with its tail on the lane before
+PLACES = 3  # a vehicle is on its lane, on the lane it leaves, and with its tail on the previous lane
 
+VEHICLE = np.dtype(
+    [
+        ("length", "f8"),  # [m]
+        ("width", "f8"),  # [m]
+        ("eagerness", "f8"),  # scales the desired speed
+        ("headway", "f8"),  # desired time gap [s]
+        ("accel", "f8"),  # comfortable acceleration [m/s2]
+        ("decel", "f8"),  # comfortable deceleration [m/s2]
+        ("standstill", "f8"),  # desired gap at rest [m]
+        ("politeness", "f8"),  # weight of the follower's loss in a lane change
+        ("lane", "i8"),
+        ("s", "f8"),  # distance of the vehicle's centre along its lane [m]
+        ("speed", "f8"),  # along its path [m/s]
+        ("destination", "i8"),  # row of `LaneGraph.routes`
+        ("previous", "i8"),  # the lane before
+        ("granted", "i8"),  # the lane ahead that it may enter
+        ("origin", "i8"),  # the lane it leaves during a lane change
+        ("lateral", "f8"),  # offset to the left at which the lane change began [m]; 0 without one
+        ("progress", "f8"),  # of the lane change, 0 to 1
+        ("span", "f8"),  # distance over which the lane change is completed [m]
+        ("patience", "f8"),  # time until it may change lanes for advantage again [s]
+        ("active", "?"),  # False after it has left the map
+    ],
+    align=True,
+)
+"""Parameters of a vehicle and its driver, and the state that the kernels change in place; lanes are -1 where unset."""
 
-class Fleet(NamedTuple):
-    """(N,) what each vehicle and its driver are: metres, seconds, m/s2; ``eagerness`` scales the desired speed."""
-
-    length: Float64
-    width: Float64
-    eagerness: Float64
-    headway: Float64
-    accel: Float64
-    decel: Float64
-    standstill: Float64
-    politeness: Float64
-
-
-class State(NamedTuple):
-    """(N,) how the vehicles move; the kernels change it in place.
-
-    Attributes:
-        active: False before and after a vehicle is on the map.
-        destination: Row of ``LaneGraph.cost``.
-        lane, s: Lane and distance along it [m] of the vehicle's centre.
-        speed: Along its path [m/s].
-        previous: The lane before.
-        granted: The lane ahead it was granted to enter.
-        origin: During a lane change, the lane it leaves.
-        lateral: Offset to the left of the lane's centre at which the lane change began [m]; 0 without one.
-        progress: Of the lane change, 0 to 1.
-        span: Distance over which it is done [m].
-        patience: Time until it may change lanes for advantage again [s].
-    """
-
-    active: Bool
-    destination: Int32
-    lane: Int32
-    s: Float64
-    speed: Float64
-    previous: Int32
-    granted: Int32
-    origin: Int32
-    lateral: Float64
-    progress: Float64
-    span: Float64
-    patience: Float64
-
-
-class Places(NamedTuple):
-    """(N, 3) lanes that vehicles occupy, -1 where less than three, and the distance of their centre along them."""
-
-    lane: Int32
-    s: Float64
+PLACE = np.dtype([("lane", "i8"), ("s", "f8")])
+"""A lane that a vehicle occupies, -1 for none, and the distance of its centre along that lane [m]."""
 
 
 @device_function
-def lateral_offset(state: State, i: int) -> tuple[float, float]:
+def lateral_offset(vehicle: Record) -> tuple[float, float]:
     """Offset from the lane's centre [m] and its slope along the lane, of a smooth (quintic) lane change."""
-    if state.lateral[i] == 0.0:
+    if vehicle.lateral == 0.0:
         return 0.0, 0.0
-    u = state.progress[i]
+    u = vehicle.progress
     blend = u * u * u * (10.0 + u * (6.0 * u - 15.0))
-    slope = 30.0 * u * u * (1.0 - u) ** 2 / state.span[i]
-    return state.lateral[i] * (1.0 - blend), -state.lateral[i] * slope
+    slope = 30.0 * u * u * (1.0 - u) ** 2 / vehicle.span
+    return vehicle.lateral * (1.0 - blend), -vehicle.lateral * slope
 
 
 @device_function
-def occupy(graph: LaneGraph, fleet: Fleet, state: State, places: Places, i: int) -> None:
-    """Write where vehicle ``i`` is."""
-    places.lane[i] = NONE
-    if not state.active[i]:
+def occupy(graph: LaneGraph, vehicles: Records, places: Records, i: int) -> None:
+    """Write the places (3,) of vehicle ``i``."""
+    vehicle = vehicles[i]
+    for place in range(PLACES):
+        places[i, place].lane = NONE
+    if not vehicle.active:
         return
-    lane, s = state.lane[i], state.s[i]
-    places.lane[i, 0], places.s[i, 0] = lane, s
-    origin = state.origin[i]
-    if origin != NONE and abs(lateral_offset(state, i)[0]) > STRADDLE:
-        places.lane[i, 1], places.s[i, 1] = origin, s * graph.length[origin] / graph.length[lane]
-    previous = state.previous[i]
-    if previous != NONE and s - fleet.length[i] / 2.0 < 0.0:
-        places.lane[i, 2], places.s[i, 2] = previous, graph.length[previous] + s
+    lane, s = vehicle.lane, vehicle.s
+    places[i, 0].lane, places[i, 0].s = lane, s
+    origin = vehicle.origin
+    if origin != NONE and abs(lateral_offset(vehicle)[0]) > STRADDLE:
+        places[i, 1].lane, places[i, 1].s = origin, s * graph.lanes[origin].length / graph.lanes[lane].length
+    previous = vehicle.previous
+    if previous != NONE and s - vehicle.length / 2.0 < 0.0:
+        places[i, 2].lane, places[i, 2].s = previous, graph.lanes[previous].length + s
 
 
 @device_function
 def curvature_at(graph: LaneGraph, lane: int, s: float) -> float:
     """Curvature of a lane's centreline [1/m]."""
-    row = graph.first[lane] + _segment(graph, lane, s)
-    return float((graph.heading[row + 1] - graph.heading[row]) / graph.step[lane])
+    row = _point_before(graph, lane, s)
+    return float((graph.points[row + 1].heading - graph.points[row].heading) / graph.lanes[lane].step)
 
 
 @device_function
-def pose_at(graph: LaneGraph, lane: int, s: float) -> tuple[float, float, float]:
-    """x, y, heading on a lane's centreline: cubic Hermite between its points, true to arcs within 0.1 mm."""
-    segment = _segment(graph, lane, s)
-    row, step = graph.first[lane] + segment, graph.step[lane]
-    u = s / step - segment
-    h0, h1 = graph.heading[row], graph.heading[row + 1]
+def record(graph: LaneGraph, vehicle: Record, motion: Float64) -> None:
+    """Write x, y, heading, speed of a vehicle into ``motion`` (4,).
+
+    The centreline is a cubic Hermite spline between its points, which deviates from arcs by less than 0.1 mm.
+    """
+    lane, s = vehicle.lane, vehicle.s
+    row, step = _point_before(graph, lane, s), graph.lanes[lane].step
+    start, end = graph.points[row], graph.points[row + 1]
+    u = s / step - (row - graph.lanes[lane].points_begin)
+    h0, h1 = start.heading, end.heading
     a, b = (1.0 + 2.0 * u) * (1.0 - u) ** 2, u * u * (3.0 - 2.0 * u)
     c, d = step * u * (1.0 - u) ** 2, step * u * u * (u - 1.0)
-    x = a * graph.x[row] + b * graph.x[row + 1] + c * np.cos(h0) + d * np.cos(h1)
-    y = a * graph.y[row] + b * graph.y[row + 1] + c * np.sin(h0) + d * np.sin(h1)
-    return x, y, h0 + u * (h1 - h0)
-
-
-@device_function
-def _segment(graph: LaneGraph, lane: int, s: float) -> int:
-    last = graph.first[lane + 1] - graph.first[lane] - 2
-    return int(min(max(int(s / graph.step[lane]), 0), last))
-
-
-@device_function
-def record(graph: LaneGraph, state: State, i: int, motion: Float64) -> None:
-    """Write x, y, heading, speed of vehicle ``i`` into ``motion`` (4,)."""
-    x, y, heading = pose_at(graph, state.lane[i], state.s[i])
-    left, slope = lateral_offset(state, i)
-    curvature = curvature_at(graph, state.lane[i], state.s[i])
+    x = a * start.x + b * end.x + c * np.cos(h0) + d * np.cos(h1)
+    y = a * start.y + b * end.y + c * np.sin(h0) + d * np.sin(h1)
+    heading = h0 + u * (h1 - h0)
+    left, slope = lateral_offset(vehicle)
+    curvature = curvature_at(graph, lane, s)
     motion[0] = x - left * np.sin(heading)
     motion[1] = y + left * np.cos(heading)
     motion[2] = heading + np.arctan2(slope, 1.0 - curvature * left)
-    motion[3] = state.speed[i]
+    motion[3] = vehicle.speed
+
+
+@device_function
+def _point_before(graph: LaneGraph, lane: int, s: float) -> int:
+    """Row of the last centreline point before ``s``."""
+    begin, last = graph.lanes[lane].points_begin, graph.lanes[lane].points_end - graph.lanes[lane].points_begin - 2
+    return int(begin + min(max(int(s / graph.lanes[lane].step), 0), last))

@@ -1,7 +1,7 @@
-"""The hard rules of ``sql/checks`` asked of rows in memory, before they are written: what breaks one stays out.
+"""Checks the hard rules of ``sql/checks`` on rows in memory before they are written; violating scenarios are left out.
 
-Each question is one query over all rules, because on so few rows DuckDB spends its time on planning. What
-``ScenarioDescription.validate`` has looked at on the way here is not asked again.
+All rules run as one query, because DuckDB spends most of the time on planning for so few rows. Rules that
+``ScenarioDescription.validate`` has checked already are left out.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ from scenarionet_data.storage.snapshots.shard_record import ShardRecord
 VALIDATED = frozenset(
     ("ego_is_valid_now", "headings_are_wrapped", "sizes_are_positive", "states_are_finite", "timestamps_increase")
 )
-"""Rules that no valid scenario breaks; ``check`` asks them of lakes, whoever wrote those."""
+"""Rules that no valid scenario violates; checks of lakes include them, as other software may have written a lake."""
 
 _GIVEN = ("metadata_rows", "tracks", "lights", "maps")
 
 
 def audit(files: LakeFiles, scenarios: Sequence[Encoded]) -> dict[int, InvalidScenario]:
-    """Scenarios that break a hard rule: position in the sequence to the rule and what breaks it.
+    """Return the scenarios that violate a hard rule: the error by index in the sequence.
 
-    Lights above lanes of a shared map are not judged, because the map is not at hand.
+    Lights above lanes of a shared map are not checked, because the map is not loaded.
 
     Args:
-        files: The lake they are for.
-        scenarios: Of one release of a dataset.
+        files: Files of the lake they are written to.
+        scenarios: Scenarios of one release of a dataset.
     """
     own = [s for s in scenarios if s.metadata["map_crop"] is None]
     rows = {
@@ -57,25 +57,25 @@ def audit(files: LakeFiles, scenarios: Sequence[Encoded]) -> dict[int, InvalidSc
 
 
 def audit_shared_map(files: LakeFiles, record: ShardRecord) -> None:
-    """Ask the hard rules of a shared map that has been written and not committed yet.
+    """Check the hard rules on a shared map that is written, but not committed yet.
 
     Raises:
-        BrokenContract: It breaks one.
+        BrokenContract: It violates one.
     """
     rows = {"maps": files.read(record.files[0], _schema("maps").names)}
     for name, _, detail in _broken(files, rows, record.dataset, record.version):
         raise BrokenContract(
-            f"{detail} ({name}); every scenario there needs the map: mend the converter, or take it as it is with "
-            "--no-check"
+            f"{detail} ({name}); all its scenarios need the map: fix the converter, or convert with check=False",
+            cli_remedy="--no-check",
         )
 
 
 def _broken(files: LakeFiles, rows: Mapping[str, pa.Table], dataset: str, version: str) -> list[tuple[str, str, str]]:
-    """Rule, scenario id and detail of what breaks a rule, by rule."""
+    """Return rule, scenario id and detail of all violations, by rule."""
     given = {name: rows.get(name, _schema(name).empty_table()) for name in _GIVEN}
-    for name, value in (("dataset", dataset), ("version", version)):  # in a lake, the names of folders
+    for name, value in (("dataset", dataset), ("version", version)):  # names of folders in a lake
         given["maps"] = given["maps"].append_column(name, pa.repeat(value, given["maps"].num_rows))
-    return _engine(str(files.root)).fetch(_query(), **given)
+    return _engine(str(files.root)).fetch(_query(), given)
 
 
 @cache
@@ -87,19 +87,19 @@ def _query() -> str:
 
 @cache
 def _engine(root: str) -> Engine:
-    """One for each process and lake: opening it takes as long as a question. Workers are processes, so one thread."""
+    """Cached per process and lake; opening DuckDB costs as much as a query. Single-threaded: workers are processes."""
     return Engine(open_files(root), snapshots.EMPTY, given=_GIVEN, threads=1)
 
 
 def _table(name: str, batches: Sequence[Any]) -> pa.Table:
-    """The record batches of scenarios as one table; None where a scenario has no rows."""
+    """Return the record batches of scenarios as one table; a scenario without rows has None."""
     names = _schema(name).names
     return pa.Table.from_batches([batch.select(names) for batch in batches if batch is not None], _schema(name))
 
 
 @cache
 def _schema(name: str) -> pa.Schema:
-    """The columns of a table that the rules may ask for: planning takes twice as long over all of them."""
+    """Return the columns of a table that the rules may use: planning takes twice as long with all columns."""
     words = set(re.findall(r"\w+", _query()))
     for view in sorted(words):
         path = SQL / "views" / f"{view}.sql"

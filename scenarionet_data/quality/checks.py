@@ -1,8 +1,8 @@
-"""Checks: asks a lake, or the members of a database, which of the rules of ``sql/checks`` they break."""
+"""Checks: which scenarios of a lake, or members of a database, violate the rules of ``sql/checks``."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from itertools import islice
@@ -12,140 +12,142 @@ import pyarrow.compute as pc
 
 from scenarionet_data import converters
 from scenarionet_data.converters.base import Budgets
-from scenarionet_data.databases.record import Database
-from scenarionet_data.errors import LakeError
+from scenarionet_data.databases.record import DatabaseRecord
+from scenarionet_data.errors import BadParameter, LakeError
 from scenarionet_data.execution.executors import Executor
 from scenarionet_data.execution.progress import Progress
-from scenarionet_data.lake.lake import Lake
 from scenarionet_data.quality import rules
-from scenarionet_data.quality.report import CheckResult, Findings
-from scenarionet_data.quality.rules import BROKEN, Check
+from scenarionet_data.quality.report import CheckReport
+from scenarionet_data.quality.rules import VIOLATIONS, Check
 from scenarionet_data.query.engine import Engine
+from scenarionet_data.query.lake_view import LakeLike, LakeView, open_view
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
 
 
 def run_checks(
-    lake: Lake, database: Database | str | None = None, names: Iterable[str] | None = None
-) -> list[CheckResult]:
-    """Run checks over a lake or the members of a database, hard ones first; see :func:`find`."""
-    return find(lake, database, names).results
-
-
-def find(
-    lake: Lake,
-    database: Database | str | None = None,
+    lake: LakeLike,
+    database: DatabaseRecord | str | None = None,
     names: Iterable[str] | None = None,
+    *,
     on_progress: Progress | None = None,
     executor: Executor | None = None,
-) -> Findings:
-    """Everything that breaks a rule in a lake, or among the members of a database.
+) -> CheckReport:
+    """Check a lake, or the members of a database.
 
     Args:
-        lake: At the snapshot to check.
-        database: Look only at its members; shards and shared maps are not looked at then.
-        names: Which checks; all of them for None.
-        on_progress: Told before the first check and after each.
+        lake: The lake, its path or its URL.
+        database: Check only its members; shards and shared maps are not checked then.
+        names: Names of the checks; all by default.
+        on_progress: Called before the first check and after each.
         executor: Runs the checks, one job each, for example on a cluster; by default they run in this process.
 
     Raises:
-        UnknownQuery: There is no check of such a name.
-        LakeError: A file that the snapshot needs to list its scenarios is gone.
+        UnknownQuery: No check has one of these names.
+        LakeError: A file that lists the scenarios of the snapshot is missing.
     """
-    chosen = sorted((rules.load(name) for name in (rules.names() if names is None else names)), key=_rank)
-    members = lake.database(database) if isinstance(database, str) else database
-    holder = lake if members is None else lake.resolve(members)[0]
-    inquest = _Inquest(holder, members)
-    reference = None if members is None else members.reference
-    jobs = [_Rule(str(holder.root), holder.snapshot.number, reference, check) for check in chosen]
-    answers = (
-        ((rule.check.name, inquest.rows(rule.check)) for rule in jobs) if executor is None else executor(jobs, _ask)
-    )
+    view = open_view(lake)
+    if isinstance(names, str):
+        raise BadParameter(f"names: wanted a list of checks, found {names!r}; write names=[{names!r}]")
+    checks = [rules.load(name) for name in (rules.names() if names is None else names)]
+    checks.sort(key=lambda check: (not check.is_hard, check.name))
+    record = None if database is None else view.record(database)
+    if record is not None:
+        view, _ = view.resolve(record)
+    session = CheckSession(view, record)
+    answers: Iterator[tuple[str, pa.Table]] = ((check.name, session.violations(check)) for check in checks)
+    if executor is not None:
+        answers = executor([_Job(str(view.root), view.snapshot.number, record, check) for check in checks], _run)
     found: dict[str, pa.Table] = {}
-    for number in range(len(jobs) + 1):
+    for number in range(len(checks) + 1):
         if on_progress:
-            on_progress(number, len(jobs), 0)
+            on_progress(number, len(checks), 0)
         found.update(islice(answers, 1))
-    totals = inquest.totals()
-    inquest.close()
-    rows = pa.concat_tables([BROKEN.empty_table(), *(found[check.name].cast(BROKEN) for check in chosen)])
-    return Findings(tuple(chosen), rows, totals, inquest.broken_files, holder, members)
+    totals = session.totals()
+    session.close()
+    rows = pa.concat_tables([VIOLATIONS.empty_table(), *(found[check.name].cast(VIOLATIONS) for check in checks)])
+    return CheckReport(tuple(checks), rows, totals, session.broken_files, view, record)
 
 
-class _Inquest:
-    """A lake, or the members of a database of it, open for the questions of rules.
+class CheckSession:
+    """A lake, or the members of one of its databases, open for checks.
+
+    Args:
+        view: The lake at the snapshot to check.
+        database: Check only its members.
 
     Attributes:
-        broken_files: Files that are gone or of another size: file and reason.
+        broken_files: Files that are missing or of another size: file and reason.
     """
 
-    def __init__(self, holder: Lake, members: Database | None) -> None:
-        self.broken_files = _broken_files(holder.files, holder.snapshot)
-        self._tables = {"broken_files": self.broken_files, "budgets": budget_table(holder)}
+    def __init__(self, view: LakeView, database: DatabaseRecord | None) -> None:
+        self.broken_files = _broken_files(view.files, view.snapshot)
+        self._tables = {"broken_files": self.broken_files, "budgets": budget_table(view)}
         self._scope = ""
-        if members is not None:
-            self._tables["members"], self._scope = members.members, "SEMI JOIN members USING (scenario_id)"
-        self._engine = Engine(holder.files, holder.snapshot, without=self.broken_files["file"].to_pylist())
+        if database is not None:
+            self._tables["members"], self._scope = database.members, "SEMI JOIN members USING (scenario_id)"
+        self._engine = Engine(view.files, view.snapshot, without=self.broken_files["file"].to_pylist())
 
-    def rows(self, check: Check) -> pa.Table:
-        """What breaks a rule."""
-        return self._engine.arrow(check.sql(self._scope), **self._tables)
+    def violations(self, check: Check) -> pa.Table:
+        """Return the violations of a rule."""
+        return self._engine.arrow(check.sql(self._scope), tables=self._tables)
 
     def totals(self) -> pa.Table:
-        """Scenarios looked at, by partition."""
-        return self._engine.arrow(
+        """Return the number of checked scenarios by partition."""
+        query = (
             "SELECT dataset, version, split, count(*) AS scenarios "
-            f"FROM metadata_rows {self._scope} GROUP BY ALL ORDER BY ALL",
-            **self._tables,
+            f"FROM metadata_rows {self._scope} GROUP BY ALL ORDER BY ALL"
         )
+        return self._engine.arrow(query, tables=self._tables)
 
     def close(self) -> None:
-        """Give back what the questions took."""
+        """Close the connection."""
         self._engine.close()
 
 
 @dataclass(frozen=True)
-class _Rule:
-    """A rule to ask elsewhere: of which snapshot of a lake, and of which database's members."""
+class _Job:
+    """A check to run on a worker: the lake, its snapshot, the database, and the check."""
 
     root: str
     snapshot: int
-    database: str | None
+    database: DatabaseRecord | None
     check: Check
 
 
-def _ask(rule: _Rule) -> tuple[str, pa.Table]:
-    """A rule's name and what breaks it, on a worker."""
-    return rule.check.name, _inquest(rule.root, rule.snapshot, rule.database).rows(rule.check)
+def _run(job: _Job) -> tuple[str, pa.Table]:
+    """Return the name of a check and its violations; runs on a worker."""
+    reference = job.database.reference if job.database and job.database.is_saved else None
+    if job.database is not None and reference is None:
+        session = CheckSession(LakeView(job.root, job.snapshot), job.database)
+    else:
+        session = _session(job.root, job.snapshot, reference)
+    return job.check.name, session.violations(job.check)
 
 
 @lru_cache(maxsize=1)
-def _inquest(root: str, snapshot: int, database: str | None) -> _Inquest:
-    """Opened once a process: looking for broken files takes longer than most questions."""
-    holder = Lake(root, snapshot)
-    return _Inquest(holder, None if database is None else holder.database(database))
+def _session(root: str, snapshot: int, database: str | None) -> CheckSession:
+    """Open a session once per process: looking for broken files takes longer than most checks."""
+    view = LakeView(root, snapshot)
+    return CheckSession(view, None if database is None else view.record(database))
 
 
-def budget_table(lake: Lake) -> pa.Table:
-    """The table ``budgets`` that soft rules join: one row a dataset of the lake, as its converter declares it."""
-    datasets = pc.unique(manifests.column(lake.files, lake.snapshot, "dataset")).to_pylist()
+def budget_table(view: LakeView) -> pa.Table:
+    """Return the table ``budgets`` that soft rules join: one row per dataset, as its converter declares it."""
+    datasets = pc.unique(manifests.column(view.files, view.snapshot, "dataset")).to_pylist()
     rows = [{"dataset": name, **asdict(converters.budgets(name))} for name in sorted(datasets)]
     numbers = [(name, pa.float64()) for name in asdict(Budgets())]
     return pa.Table.from_pylist(rows, schema=pa.schema([("dataset", pa.string()), *numbers]))
 
 
-def _rank(check: Check) -> tuple[bool, str]:
-    return not check.is_hard, check.name
-
-
 def _broken_files(files: LakeFiles, snapshot: Snapshot) -> pa.Table:
-    """Files of a snapshot that are gone or of another size than when they were written: file and reason."""
+    """Return files of a snapshot that are missing or of another size than when written: file and reason."""
     lists = [*snapshot.metadata, *snapshot.manifests]
     needed = [name for name, size in zip(lists, files.sizes(lists), strict=True) if size is None]
     if needed:
         raise LakeError(
-            f"{files.url(needed[0])}: gone, and {len(needed) - 1} more that list the lake's scenarios; "
+            f"{files.url(needed[0])}: missing, and {len(needed) - 1} more that list the lake's scenarios; "
             "restore them from a copy of the lake, or open an older snapshot"
         )
     shards = manifests.shard_table(files, snapshot)

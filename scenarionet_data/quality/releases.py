@@ -1,4 +1,4 @@
-"""How much of an owner's split a lake holds: the numbers that owners publish, in ``releases.toml``."""
+"""Coverage of published splits by a lake, compared with the numbers that dataset owners publish (``releases.toml``)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from scenarionet_data.storage.snapshots.shard_record import ShardRecord
 
 @dataclass(frozen=True)
 class Release:
-    """A split as its owner publishes it; the fields are described in ``releases.toml``."""
+    """Published numbers of a split; the fields are described in ``releases.toml``."""
 
     inputs: int
     unit: str
@@ -25,12 +25,12 @@ class Release:
 
 @dataclass(frozen=True)
 class Coverage:
-    """How much of a published split is there.
+    """Coverage of a published split.
 
     Attributes:
-        release: What is published.
-        inputs: Raw inputs that are in the lake, whole.
-        records: Scenarios that they gave, converted or quarantined.
+        release: The published numbers.
+        inputs: Number of raw inputs that are completely in the lake.
+        records: Number of their scenarios, converted or quarantined.
     """
 
     release: Release
@@ -39,12 +39,12 @@ class Coverage:
 
     @property
     def is_whole(self) -> bool:
-        """Whether every input of the split is there."""
+        """Whether the lake has every input of the split."""
         return self.inputs >= self.release.inputs
 
     @property
     def is_as_published(self) -> bool | None:
-        """Whether a whole split has as many inputs and scenarios as published; None for what cannot be compared."""
+        """Whether a complete split has the published numbers of inputs and scenarios; None if it is incomplete."""
         if not self.is_whole:
             return None
         wanted = (self.release.inputs, self.release.scenarios or self.records)
@@ -52,7 +52,7 @@ class Coverage:
 
     @property
     def text(self) -> str:
-        """In a few words.
+        """The coverage in a few words.
 
         Example:
             >>> Coverage(Release(1000, "files", "their names"), 12, 5847).text
@@ -71,7 +71,7 @@ class Coverage:
 
 @cache
 def load() -> dict[tuple[str, str, str], Release]:
-    """Published splits, by dataset, version and split."""
+    """Load the published splits, by dataset, version and split."""
     declared = tomllib.loads(Path(__file__).with_name("releases.toml").read_text("utf-8"))
     return {
         (dataset, version, split): Release(**fields)
@@ -82,11 +82,11 @@ def load() -> dict[tuple[str, str, str], Release]:
 
 
 def coverage(partition: tuple[str, str, str], shards: Iterable[ShardRecord]) -> Coverage | None:
-    """How much of a partition's published split is there; None when nothing is published about what is there.
+    """Return the coverage of a partition's published split; None if no numbers are published for it.
 
     Args:
         partition: Dataset, version and split.
-        shards: Of the lake.
+        shards: Shards of the lake.
     """
     release = load().get(partition)
     if release is None:
@@ -95,6 +95,8 @@ def coverage(partition: tuple[str, str, str], shards: Iterable[ShardRecord]) -> 
     of_release = [shard for shard in found if fnmatchcase(shard.name, release.shards)]
     if found and not of_release:
         return None
-    held = [shard for shard in of_release if shard.max_scenarios is None]  # a quick look is no whole input
-    inputs = {item for shard in held for item in shard.items}
-    return Coverage(release, len(inputs), sum(shard.num_scenarios + shard.num_quarantined for shard in held))
+    complete = [
+        shard for shard in of_release if shard.max_scenarios is None
+    ]  # a limited conversion does not cover its input
+    inputs = {item for shard in complete for item in shard.items}
+    return Coverage(release, len(inputs), sum(shard.num_scenarios + shard.num_quarantined for shard in complete))

@@ -1,4 +1,4 @@
-"""Findings: what checks found in a lake or database, and what of it counts."""
+"""Reports of checks: violations in a lake or database, and whether they are within the budgets."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scenarionet_data import converters
-from scenarionet_data.databases.record import Database
-from scenarionet_data.lake.lake import Lake
-from scenarionet_data.quality.rules import BROKEN, Check
+from scenarionet_data.databases.record import DatabaseRecord
+from scenarionet_data.quality.rules import VIOLATIONS, Check
+from scenarionet_data.query.lake_view import LakeView
 from scenarionet_data.query.statements import quoted
 
 _NUM_EXAMPLES = 5
@@ -20,14 +20,14 @@ _NUM_EXAMPLES = 5
 
 @dataclass(frozen=True)
 class CheckResult:
-    """What a check found.
+    """Result of one check.
 
     Attributes:
         name, doc, is_hard: Of the check.
-        is_met: Nothing breaks it; or, of a soft one, no more scenarios of any dataset than its budget allows.
-        num_scenarios: Scenarios that break it.
-        num_others: Shared maps or shards that break it.
-        examples: The first few: scenario id (None for a map or shard) and detail.
+        is_met: No violations; for a soft rule, no more scenarios of any dataset than its budget allows.
+        num_scenarios: Number of scenarios that violate it.
+        num_others: Number of shared maps or shards that violate it.
+        examples: The first few violations: scenario id (None for a map or shard) and detail.
     """
 
     name: str
@@ -40,45 +40,45 @@ class CheckResult:
 
 
 @dataclass(frozen=True)
-class Findings:
-    """What checks found in a lake or database.
+class CheckReport:
+    """Results of checks of a lake or database.
 
     Attributes:
-        checks: Those that were run, hard ones first.
-        rows: What breaks them: check, is_hard, scenario_id, dataset, version, split, detail; by check and scenario.
-        totals: Scenarios looked at: dataset, version, split, scenarios.
-        broken_files: Files that are gone or of another size: file and reason.
-        holder: The lake at the snapshot that was looked at.
-        database: Whose members were looked at; None for the whole lake.
+        checks: Checks that ran, hard ones first.
+        rows: Violations: check, is_hard, scenario_id, dataset, version, split, detail; by check and scenario.
+        totals: Numbers of checked scenarios: dataset, version, split, scenarios.
+        broken_files: Files that are missing or of another size: file and reason.
+        view: The lake at the snapshot that was checked.
+        database: The database whose members were checked; None for the whole lake.
     """
 
     checks: tuple[Check, ...]
     rows: pa.Table
     totals: pa.Table
     broken_files: pa.Table
-    holder: Lake
-    database: Database | None
+    view: LakeView
+    database: DatabaseRecord | None
 
-    def broken_ids(self, *, is_strict: bool = False) -> pa.Array:
-        """Scenarios that break a hard rule, or with ``is_strict`` any, each once."""
-        rows = self.rows if is_strict else self.rows.filter(pc.field("is_hard"))
+    def failing_ids(self, *, strict: bool = False) -> pa.Array:
+        """Return the unique ids of scenarios that violate a hard rule, or with ``strict`` any rule."""
+        rows = self.rows if strict else self.rows.filter(pc.field("is_hard"))
         return pc.unique(rows["scenario_id"].drop_null())
 
-    def adding(self, name: str, doc: str, broken: Sequence[tuple[str, str]]) -> Findings:
-        """These, and a hard rule that was asked elsewhere.
+    def with_check(self, name: str, doc: str, violations: Sequence[tuple[str, str]]) -> CheckReport:
+        """Return the report with a further hard rule that was checked outside the lake.
 
         Args:
             name, doc: The rule.
-            broken: Scenario id and detail of what breaks it.
+            violations: Scenario id and detail of each violation.
         """
-        ids, details = (_texts(column) for column in zip(*broken, strict=True)) if broken else (_texts(()), _texts(()))
+        ids, details = (_texts([each[column] for each in violations]) for column in (0, 1))
         check = Check(name, doc, "hard", f"SELECT unnest({ids}) AS scenario_id, unnest({details}) AS detail")
-        rows = self.holder.arrow(check.sql()).cast(BROKEN)
+        rows = self.view.engine.arrow(check.sql()).cast(VIOLATIONS)
         return replace(self, checks=(check, *self.checks), rows=pa.concat_tables([rows, self.rows]))
 
     @cached_property
     def results(self) -> list[CheckResult]:
-        """One of each check."""
+        """One result per check."""
         return [self._result(check) for check in self.checks]
 
     def _result(self, check: Check) -> CheckResult:
@@ -107,5 +107,5 @@ def _by_dataset(counted: pa.Table, column: str) -> dict[str, int]:
 
 
 def _texts(values: Sequence[str]) -> str:
-    """SQL for a list of texts."""
+    """Return SQL for a list of texts."""
     return f"[{', '.join(map(quoted, values))}]::VARCHAR[]"

@@ -1,13 +1,13 @@
-"""Rules that a lake's content must satisfy, one a file in ``sql/checks``; ``checks`` asks them.
+"""Rules for the content of a lake, one per file in ``sql/checks``; :mod:`.checks` runs them.
 
 -- hard: Every heading lies in [-pi, pi).
 SELECT scenario_id, '...' AS detail FROM ... WHERE ...
 
-A hard rule is structural and judged by a scenario's own rows: it is asked while converting, too (see ``audit``). A
-rule about the lake is as hard, and asks how its files fit together. A soft rule asks whether recorded motion is
-plausible, within the budgets that the dataset's converter declares; real recordings break it now and then.
+Hard rules are structural and need only the rows of one scenario; they are also checked during conversion (see
+:mod:`.audit`). Lake rules are as strict, and check the consistency of files. Soft rules check whether recorded motion
+is plausible, within the budgets that the converter of the dataset declares; some real recordings violate them.
 
-What breaks a rule is a scenario; or a shared map or a shard, which has no scenario_id and is named in the detail.
+A scenario violates a rule, or a shared map or a shard, which has no scenario_id and is named in the detail.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _KINDS = ("hard", "lake", "soft")
 
 PARTITION = ("dataset", "version", "split")
 
-BROKEN = pa.schema(
+VIOLATIONS = pa.schema(
     [
         ("check", pa.string()),
         ("is_hard", pa.bool_()),
@@ -32,7 +32,7 @@ BROKEN = pa.schema(
         ("detail", pa.string()),
     ]
 )
-"""Columns of what breaks a rule."""
+"""Columns of violations."""
 
 
 @dataclass(frozen=True)
@@ -40,10 +40,10 @@ class Check:
     """A rule.
 
     Attributes:
-        name: Its file's name.
-        doc: What holds when nothing breaks it.
+        name: Name of its file.
+        doc: The rule, as a statement.
         kind: hard, lake or soft.
-        query: Selects scenario_id and detail of what breaks it.
+        query: Selects scenario_id and detail of violations.
     """
 
     name: str
@@ -53,14 +53,14 @@ class Check:
 
     @property
     def is_hard(self) -> bool:
-        """Whether what breaks it cannot be trusted."""
+        """Whether data that violates it cannot be trusted."""
         return self.kind != "soft"
 
     def sql(self, scope: str = "") -> str:
-        """The query with one row for each scenario, and where that belongs: columns as in BROKEN.
+        """Return a query with one row per scenario, with its partition: columns as in VIOLATIONS.
 
         Args:
-            scope: A join that leaves only some scenarios.
+            scope: Join that keeps some scenarios only.
         """
         return f"""
             SELECT
@@ -74,16 +74,16 @@ class Check:
 
 
 def names() -> list[str]:
-    """Checks there are, sorted."""
+    """Return the names of all checks, sorted."""
     return CHECKS.names()
 
 
 def load(name: str) -> Check:
-    """A check by name.
+    """Load a check by name.
 
     Raises:
-        UnknownQuery: The message lists the nearest names.
-        QueryError: Its first line does not say which kind it is.
+        UnknownQuery: No such check; the message suggests similar names.
+        QueryError: Its first line does not state the kind.
     """
     found = CHECKS.load(name)
     kind, _, doc = found.doc.partition(": ")

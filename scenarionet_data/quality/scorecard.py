@@ -1,4 +1,4 @@
-"""The scorecard of a lake: how many scenarios of each split break which rule, and how much of the split is there."""
+"""Scorecard of a lake: violations of each rule by split, and how complete each split is."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from scenarionet_data import converters
 from scenarionet_data.converters.base import Budgets
 from scenarionet_data.quality import releases
 from scenarionet_data.quality.releases import Coverage
-from scenarionet_data.quality.report import Findings
+from scenarionet_data.quality.report import CheckReport
 from scenarionet_data.quality.rules import PARTITION, Check
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord
@@ -23,15 +23,15 @@ _NUM_EXAMPLES = 3
 
 
 @dataclass(frozen=True)
-class Mark:
-    """How the scenarios of a partition fare with a rule.
+class RuleScore:
+    """Violations of a rule by the scenarios of a partition.
 
     Attributes:
-        check: The rule's name.
-        is_hard: Whether it is structural.
-        broken: Scenarios that break it.
-        share: Of the partition's scenarios.
-        is_met: None breaks it; or, of a soft rule, no more than the dataset's budget allows.
+        check: Name of the rule.
+        is_hard: Whether it is a hard rule.
+        broken: Number of scenarios that violate it.
+        share: Their share of the partition.
+        is_met: No violations; for a soft rule, no more than the budget of the dataset allows.
         examples: The first few: scenario id and detail.
     """
 
@@ -44,16 +44,16 @@ class Mark:
 
 
 @dataclass(frozen=True)
-class Partition:
-    """A dataset's split in the lake, or the part of it that belongs to a database.
+class PartitionScore:
+    """Scores of a split of a dataset, or of the part of it that belongs to a database.
 
     Attributes:
-        dataset, version, split: Which it is.
-        scenarios: How many were looked at.
-        quarantined: Scenarios that were rejected; of the whole split.
-        budgets: What soft rules allow its scenarios.
-        coverage: How much of the published split is there; None when nothing is published.
-        marks: One of each rule.
+        dataset, version, split: The partition.
+        scenarios: Number of checked scenarios.
+        quarantined: Number of rejected scenarios of the whole split.
+        budgets: Budgets of soft rules.
+        coverage: Coverage of the published split; None if no numbers are published.
+        rules: One score per rule.
     """
 
     dataset: str
@@ -63,35 +63,35 @@ class Partition:
     quarantined: int
     budgets: Budgets
     coverage: Coverage | None
-    marks: tuple[Mark, ...]
+    rules: tuple[RuleScore, ...]
 
 
 @dataclass(frozen=True)
 class Scorecard:
-    """Everything :func:`make_scorecard` says.
+    """Scores of all partitions of a lake or database.
 
     Attributes:
         partitions: By dataset, version and split.
-        others: Rule and detail of what is no scenario: shared maps, shards.
+        others: Rule and detail of violations by shared maps and shards.
     """
 
-    partitions: tuple[Partition, ...]
+    partitions: tuple[PartitionScore, ...]
     others: tuple[tuple[str, str], ...]
 
     @property
     def rows(self) -> list[dict[str, Any]]:
-        """One row of a table for each partition and rule."""
+        """One row per partition and rule."""
         return [
             {name: getattr(partition, name) for name in (*PARTITION, "scenarios", "quarantined")}
-            | {name: getattr(mark, name) for name in ("check", "is_hard", "broken", "share", "is_met")}
-            | {"example": ": ".join(mark.examples[0]) if mark.examples else None}
+            | {name: getattr(score, name) for name in ("check", "is_hard", "broken", "share", "is_met")}
+            | {"example": ": ".join(score.examples[0]) if score.examples else None}
             | {"published": partition.coverage.text if partition.coverage else None}
             for partition in self.partitions
-            for mark in partition.marks
+            for score in partition.rules
         ]
 
     def to_dict(self) -> dict[str, Any]:
-        """As plain data, for JSON."""
+        """Return plain data for JSON."""
         content = asdict(self)
         for plain, partition in zip(content["partitions"], self.partitions, strict=True):
             if partition.coverage:
@@ -101,37 +101,39 @@ class Scorecard:
         return content
 
 
-def make_scorecard(findings: Findings) -> Scorecard:
-    """The scorecard of what checks found."""
-    shards = manifests.shards(findings.holder.files, findings.holder.snapshot)
+def make_scorecard(report: CheckReport) -> Scorecard:
+    """Return the scorecard of a check report."""
+    shards = manifests.shards(report.view.files, report.view.snapshot)
     rejected: Counter[tuple[str, ...]] = Counter()
     for shard in shards:
         rejected[shard.dataset, shard.version, shard.split] += shard.num_quarantined
-    others = findings.rows.filter(pc.field("scenario_id").is_null()).select(["check", "detail"]).to_pylist()
-    totals = findings.totals.sort_by([(name, "ascending") for name in PARTITION])
+    others = report.rows.filter(pc.field("scenario_id").is_null()).select(["check", "detail"]).to_pylist()
+    totals = report.totals.sort_by([(name, "ascending") for name in PARTITION])
     return Scorecard(
-        tuple(_partition(findings, row, shards, rejected) for row in totals.to_pylist()),
+        tuple(_partition(report, row, shards, rejected) for row in totals.to_pylist()),
         tuple((row["check"], row["detail"]) for row in others),
     )
 
 
 def _partition(
-    findings: Findings, total: dict[str, Any], shards: Sequence[ShardRecord], rejected: Counter[tuple[str, ...]]
-) -> Partition:
+    report: CheckReport, total: dict[str, Any], shards: Sequence[ShardRecord], rejected: Counter[tuple[str, ...]]
+) -> PartitionScore:
     name = (total["dataset"], total["version"], total["split"])
     budgets, count = converters.budgets(name[0]), total["scenarios"]
     chosen = [pc.field(column) == value for column, value in zip(PARTITION, name, strict=True)]
-    rows = findings.rows.filter(chosen[0] & chosen[1] & chosen[2])
-    marks = tuple(_mark(rows, check, count, budgets.outliers) for check in findings.checks)
-    whole = findings.database is None
-    return Partition(*name, count, rejected[name], budgets, releases.coverage(name, shards) if whole else None, marks)
+    rows = report.rows.filter(chosen[0] & chosen[1] & chosen[2])
+    scores = tuple(_score(rows, check, count, budgets.outliers) for check in report.checks)
+    whole = report.database is None
+    return PartitionScore(
+        *name, count, rejected[name], budgets, releases.coverage(name, shards) if whole else None, scores
+    )
 
 
-def _mark(rows: pa.Table, check: Check, scenarios: int, outliers: float) -> Mark:
+def _score(rows: pa.Table, check: Check, scenarios: int, outliers: float) -> RuleScore:
     broken = rows.filter(pc.field("check") == check.name)
     allowed = 0.0 if check.is_hard else outliers * scenarios
     examples = broken.slice(0, _NUM_EXAMPLES).select(["scenario_id", "detail"]).to_pylist()
-    return Mark(
+    return RuleScore(
         check=check.name,
         is_hard=check.is_hard,
         broken=broken.num_rows,

@@ -1,10 +1,12 @@
-"""Where the members of a database lie in a snapshot."""
+"""Addresses of scenarios in a snapshot, and SQL for the members of databases."""
 
 from __future__ import annotations
 
 import pyarrow as pa
 
-from scenarionet_data.query.engine import Engine
+from scenarionet_data.databases.record import DatabaseRecord
+from scenarionet_data.query.engine import Engine, Rows
+from scenarionet_data.query.statements import quoted
 from scenarionet_data.schema.tables import DESCRIPTION_COLUMNS
 
 ADDRESS_COLUMNS = tuple(
@@ -14,16 +16,43 @@ ADDRESS_COLUMNS = tuple(
 )
 
 
-def locate(engine: Engine, wanted: pa.Table) -> pa.Table:
-    """Address and description columns of scenarios, one row per row of ``wanted``, in its order.
+def relation(database: DatabaseRecord, table: str = "selected") -> tuple[str, dict[str, Rows]]:
+    """Return SQL for the rows of a database, and the tables it needs.
 
     Args:
-        engine: Over the snapshot to look in.
-        wanted: scenario_id, and content_hash where content must not have changed.
+        database: Saved ones are read from their file; the members of an unsaved selection are a table in memory.
+        table: Name of that table.
+    """
+    if database.selected is None:
+        return f"read_parquet({quoted(str(database.files.path(database.file)))})", {}
+    return table, {table: database.selected}
+
+
+def count_changed(engine: Engine, database: DatabaseRecord) -> tuple[int, str]:
+    """Return how many members a snapshot lacks or has with other content, and the id of one of them.
+
+    Ids are compared by hash together with the content hash (128 bits): text ids of a million members take 70 MB more.
+    """
+    members, tables = relation(database)
+    query = (
+        "SELECT count(*) AS n, min(scenario_id) AS example "
+        f"FROM (SELECT scenario_id, hash(scenario_id) AS id_hash, content_hash FROM {members}) "
+        "ANTI JOIN (SELECT hash(scenario_id) AS id_hash, content_hash FROM metadata_rows) USING (id_hash, content_hash)"
+    )
+    (row,) = engine.arrow(query, tables=tables).to_pylist()
+    return row["n"], row["example"]
+
+
+def locate(engine: Engine, wanted: pa.Table) -> pa.Table:
+    """Return address and description columns of scenarios, one row per row of ``wanted``, in its order.
+
+    Args:
+        engine: Engine of the snapshot.
+        wanted: Column scenario_id, and content_hash if changed content counts as missing.
 
     Returns:
-        Columns as the files hold them, and ``is_found``: False where the scenario is not in the snapshot, or
-        (with a content_hash) is not what it was.
+        Columns as stored in the files, and ``is_found``: False if the snapshot does not have the scenario, or
+        (with a content_hash) has other content under its id.
     """
     numbered = wanted.append_column("_row", pa.array(range(wanted.num_rows), pa.int64()))
     same = " AND m.content_hash = w.content_hash" if "content_hash" in wanted.column_names else ""
@@ -32,4 +61,4 @@ def locate(engine: Engine, wanted: pa.Table) -> pa.Table:
         f"SELECT w.scenario_id, {columns}, m.scenario_id IS NOT NULL AS is_found "
         f"FROM wanted w LEFT JOIN metadata_rows m ON m.scenario_id = w.scenario_id{same} ORDER BY w._row"
     )
-    return engine.arrow(query, wanted=numbered)
+    return engine.arrow(query, tables={"wanted": numbered})

@@ -1,4 +1,4 @@
-"""What a person typed as SQL: that it can only read, what it names, and where the parser stumbles over it."""
+"""User SQL: reject everything but reads, find the names it uses, and locate syntax errors."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from scenarionet_data.errors import QueryError, UnsafeSql
 
 
 def only_select(connection: duckdb.DuckDBPyConnection, sql: str, given: Mapping[str, Any]) -> str:
-    """The query as one that can only read; everything but a single SELECT with its parameters is refused.
+    """Return the query in a form that can only read; raise for everything but a single SELECT.
 
-    As a subquery, because at the top level ``WITH x AS (COPY ... TO ...) SELECT`` is a SELECT that writes.
+    It becomes a subquery, because at the top level ``WITH x AS (COPY ... TO ...) SELECT`` is a SELECT that writes.
 
     Args:
-        connection: A locked one, because parsing may read files.
-        sql: What was typed.
-        given: Values for ``$name`` in it.
+        connection: A locked connection, because parsing may read files.
+        sql: The user's query.
+        given: Values for ``$name`` in the query.
 
     Raises:
-        UnsafeSql: It is more or other than one SELECT.
+        UnsafeSql: It is not exactly one SELECT.
         QueryError: A parameter has no value.
     """
     statements = connection.extract_statements(sql)
@@ -40,24 +40,26 @@ def only_select(connection: duckdb.DuckDBPyConnection, sql: str, given: Mapping[
 
 
 def check_expression(where: str) -> None:
-    """Refuse everything but a single expression, as in ``--where``.
+    """Raise for everything but a single SQL expression.
 
     Raises:
-        UnsafeSql: It is not one expression; the message is DuckDB's.
+        UnsafeSql: It is not one expression; the message is from DuckDB.
     """
     try:
         duckdb.SQLExpression(where)
     except duckdb.Error as error:
-        place = place_of_mistake(where, "SELECT ")
-        raise UnsafeSql(f"wanted one condition such as ego_distance > 10, found {where!r}: {error}{place}") from error
+        position = error_position(where, "SELECT ")
+        raise UnsafeSql(
+            f"wanted one condition such as ego_distance > 10, found {where!r}: {error}{position}"
+        ) from error
 
 
-def place_of_mistake(sql: str, before: str = "") -> str:
-    """Which character the parser stumbles over, from 1, in words; nothing when it does not say.
+def error_position(sql: str, before: str = "") -> str:
+    """Return `` (character N)`` of a syntax error, counted from 1, or an empty text if DuckDB does not report it.
 
     Args:
-        sql: What was typed.
-        before: What makes a statement of it.
+        sql: The user's SQL.
+        before: SQL that completes it to a statement.
     """
     connection = duckdb.connect(config={"enable_external_access": False})  # parsing may read files
     connection.execute("SET errors_as_json = true")
@@ -66,19 +68,19 @@ def place_of_mistake(sql: str, before: str = "") -> str:
     except duckdb.Error as error:
         found = re.search(r'"position":"(\d+)"', str(error))
         if found:
-            place = int(found.group(1))
-            if int(duckdb.__version__.partition(".")[0]) > 1:  # counts bytes, where DuckDB 1 counted characters
-                place = len((before + sql).encode()[:place].decode(errors="ignore"))
-            return f" (character {place - len(before) + 1})"
+            position = int(found.group(1))
+            if int(duckdb.__version__.partition(".")[0]) > 1:  # bytes; DuckDB 1 counts characters
+                position = len((before + sql).encode()[:position].decode(errors="ignore"))
+            return f" (character {position - len(before) + 1})"
     finally:
         connection.close()
     return ""
 
 
 def shows_every_column(connection: duckdb.DuckDBPyConnection, sql: str) -> bool:
-    """Whether a query asks a table for every column (``*``, ``COLUMNS``), or for whole rows by the table's name.
+    """Return whether a query selects all columns (``*``, ``COLUMNS``) or whole rows by a table's name.
 
-    True where DuckDB cannot tell how the query is built.
+    True if DuckDB cannot serialise the query.
     """
     (answer,) = connection.execute("SELECT json_serialize_sql($1::VARCHAR)", [sql]).fetchall()[0]
     tree = json.loads(answer)
@@ -90,7 +92,7 @@ def shows_every_column(connection: duckdb.DuckDBPyConnection, sql: str) -> bool:
 
 
 def _nodes(tree: Any) -> Iterator[dict[str, Any]]:
-    """Every object in a JSON tree."""
+    """Yield every object in a JSON tree."""
     if isinstance(tree, dict):
         yield tree
         tree = list(tree.values())
@@ -100,10 +102,10 @@ def _nodes(tree: Any) -> Iterator[dict[str, Any]]:
 
 
 def words(sql: str) -> set[str]:
-    """Every word of a query that may be a name, in lower case."""
+    """Return all words of a query that may be names, in lower case."""
     return set(re.findall(r"[a-z_][a-z0-9_]*", sql.lower()))
 
 
 def quoted(text: str) -> str:
-    """A text as SQL writes it."""
+    """Return an SQL literal of a text."""
     return "'" + text.replace("'", "''") + "'"

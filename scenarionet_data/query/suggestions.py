@@ -1,4 +1,4 @@
-"""What is wrong with a condition that a person typed: where, and which columns come near."""
+"""Better messages for unknown columns in a condition: the position, and columns of similar names."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from scenarionet_data.schema import tables
 _UNKNOWN_COLUMN = re.compile(r'Referenced (?:column|table) "(\w+)" not found')
 
 
-def in_condition(error: QueryError, where: str, layers: Iterable[str] = ()) -> QueryError:
-    """The error with the place in the condition, for a column that is not there; else as it is.
+def explain_unknown_column(error: QueryError, where: str, user_columns: Iterable[str] = ()) -> QueryError:
+    """Return an error with position and suggestions if DuckDB reports an unknown column, else the error itself.
 
     Args:
-        error: What DuckDB says.
+        error: The error from DuckDB.
         where: The condition.
-        layers: Users' columns, beside those of every lake.
+        user_columns: Columns of the lake besides those of every lake.
     """
     found = _UNKNOWN_COLUMN.search(str(error))
     word = re.search(rf"\b{re.escape(found.group(1))}\b", where, re.IGNORECASE) if found else None
     if word is None:
         return error
     return QueryError(
-        f"no column {word.group()} at character {word.start() + 1} of {where!r}; {near_columns(where, layers)}"
+        f"no column {word.group()} at character {word.start() + 1} of {where!r}; {similar_columns(where, user_columns)}"
     )
 
 
-def near_columns(where: str, layers: Iterable[str] = ()) -> str:
-    """Columns of ``metadata`` and users' whose names come near the unknown words of a condition."""
+def similar_columns(where: str, user_columns: Iterable[str] = ()) -> str:
+    """Suggest columns with names similar to the unknown words of a condition."""
     metadata = tables.load("metadata")
-    columns = [column.name for column in (*metadata.columns, *metadata.derived)] + list(layers)
+    columns = [column.name for column in (*metadata.columns, *metadata.derived)] + list(user_columns)
     words = {word.lower() for word in re.findall(r"[A-Za-z_]\w*", where)} - set(columns)
     near = [name for word in sorted(words) for name in difflib.get_close_matches(word, columns, n=3, cutoff=0.5)]
-    hint = f"near are {', '.join(dict.fromkeys(near))}; " if near else ""
+    hint = f"similar: {', '.join(dict.fromkeys(near))}; " if near else ""
     return f"{hint}`scenarionet filters --columns` explains all columns"

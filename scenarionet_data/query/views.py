@@ -1,9 +1,10 @@
-"""Views over a snapshot's files, made when a query names them; their SQL lies in ``sql/views`` and ``sql/macros``."""
+"""Views over the files of a snapshot, created when a query names them, from ``sql/views`` and ``sql/macros``."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,12 +24,12 @@ if TYPE_CHECKING:
 
 FILE_TABLES = ("metadata", "tracks", "lights", "maps", "quarantine", "shards", *evaluation_runs.RUN_TABLES)
 _FOLDER_COLUMNS = ("tracks", "lights", "maps")
-_TELL_COMMENTS = {"duckdb_columns", "duckdb_views", "information_schema", "pg_description"}
+_COMMENT_TABLES = {"duckdb_columns", "duckdb_views", "information_schema", "pg_description"}
 _KEYS = {"metadata": "scenario_id", "tracks": "scenario_id", "lights": "scenario_id", "maps": "map_id"}
 
 
 def table_files(files: LakeFiles, snapshot: Snapshot, table: str) -> list[str]:
-    """Files of one of FILE_TABLES in a snapshot; what runs left belongs to every snapshot."""
+    """Return the files of one of FILE_TABLES in a snapshot; results of runs belong to every snapshot."""
     if table == "metadata":
         return list(snapshot.metadata)
     if table in evaluation_runs.RUN_TABLES:
@@ -43,13 +44,13 @@ class Views:
     """The views and macros of one connection.
 
     Args:
-        connection: Where they are made.
-        files: The lake's files.
-        snapshot: What the views show.
-        without: Files of the snapshot that they leave out.
-        given: Tables that every question brings along, in place of the snapshot's.
-        layers: Version of each layer of users' columns that the view metadata has for queries that ask for it.
-        only: Scenarios that the views show, with their addresses; all of the snapshot's for None.
+        connection: Connection that the views are created on.
+        files: Files of the lake.
+        snapshot: Snapshot that the views show.
+        without: Files of the snapshot that the views leave out.
+        given: Tables that every query passes in place of the snapshot's.
+        user_columns: Version of each user column that the view metadata has for queries that use it.
+        chosen: Scenarios that the views show, with their addresses; all of the snapshot for None.
     """
 
     def __init__(
@@ -60,8 +61,8 @@ class Views:
         *,
         without: Iterable[str],
         given: Iterable[str],
-        layers: Mapping[str, int],
-        only: pa.Table | None,
+        user_columns: Mapping[str, int],
+        chosen: pa.Table | None,
     ) -> None:
         self._connection = connection
         self._files = files
@@ -69,34 +70,33 @@ class Views:
         self._without = set(without)
         self._made = set(given)
         self._commented = set(given)
-        self._layers = layers
+        self._user_columns = user_columns
         self._joined: frozenset[str] = frozenset()
-        self._only = only
-        if only is not None:
-            connection.register("chosen", only.select(["scenario_id", "map_id"]))
+        self._chosen = chosen
+        if chosen is not None:
+            connection.register("chosen", chosen.select(["scenario_id", "map_id"]))
 
-    def make(self, sql: str, layers: Iterable[str] | None = None) -> None:
-        """Create the views and macros whose names occur in a query, those they need first.
+    def make(self, sql: str, user_columns: Iterable[str] | None = None) -> None:
+        """Create the views and macros that a query names, after those they depend on.
 
         Args:
             sql: The query.
-            layers: Those it asks; told from the query unless given.
+            user_columns: User columns that it uses; found in its text by default.
         """
-        if self._layers and "metadata" in words(sql):
-            self._join_layers(frozenset(self._asked_layers(sql) if layers is None else layers))
+        if self._user_columns and "metadata" in words(sql):
+            if user_columns is None:
+                is_all = shows_every_column(self._connection, sql)
+                user_columns = self._user_columns if is_all else words(sql) & set(self._user_columns)
+            self._join(frozenset(user_columns))
         defined = _definitions()
         for name in sorted(words(sql) & set(defined)):
             self._make(name, defined)
-        if words(sql) & _TELL_COMMENTS:  # not before: they take a third of the time of a first question
+        if words(sql) & _COMMENT_TABLES:  # only on demand: comments take a third of the time of a first query
             for name in sorted(self._made - self._commented):
                 self._comment(name)
 
-    def _asked_layers(self, sql: str) -> Iterable[str]:
-        """Layers that a query names; all, where it asks for every column or for whole rows."""
-        return self._layers if shows_every_column(self._connection, sql) else words(sql) & set(self._layers)
-
-    def _join_layers(self, names: frozenset[str]) -> None:
-        """Let the view metadata have these layers: a join of a layer takes time, whether it is looked at or not."""
+    def _join(self, names: frozenset[str]) -> None:
+        """Recreate the view metadata with these user columns: a join costs time even if its column is unused."""
         if names != self._joined and "metadata" in self._made:
             self._connection.execute("DROP VIEW metadata")
             self._made.remove("metadata")
@@ -113,12 +113,12 @@ class Views:
         table = name.removesuffix("_rows")
         if table in FILE_TABLES:
             text = text.replace("{files}", self._relation(table)).replace("{derived}", _derived(table))
-            text = text.replace("{layers}", self._layer_joins())
+            text = text.replace("{user_columns}", self._user_column_joins())
         self._connection.execute(text)
         self._made.add(name)
 
     def _comment(self, name: str) -> None:
-        """Give a view and its columns the contract's words."""
+        """Comment a view and its columns with the texts of the contract."""
         self._commented.add(name)
         if name not in FILE_TABLES:
             return
@@ -130,7 +130,7 @@ class Views:
         self._connection.execute("; ".join(comments))
 
     def _relation(self, table: str) -> str:
-        """SQL for a table's files: a scan, or no rows of the right types when there are none."""
+        """Return SQL for the files of a table: a scan, or no rows of the right types without files."""
         listed = self._chosen_files(table)
         names = [name for name in listed if name not in self._without]
         if not names:
@@ -143,35 +143,35 @@ class Views:
         scan = f"read_parquet(getvariable('{table}_files'), hive_partitioning = {hive}" + (
             ", hive_types_autocast = false)" if table in _FOLDER_COLUMNS else ")"
         )
-        if self._only is None or table not in _KEYS:
+        if self._chosen is None or table not in _KEYS:
             return scan
         return f"(SELECT * FROM {scan} SEMI JOIN chosen USING ({_KEYS[table]}))"
 
     def _chosen_files(self, table: str) -> list[str]:
-        """A table's files; of chosen scenarios, those that hold a part of one."""
+        """Return the files of a table that have rows of chosen scenarios."""
         listed = table_files(self._files, self._snapshot, table)
-        if self._only is None or table not in ("tracks", "lights"):  # maps may be shared: their files have no address
+        if self._chosen is None or table not in ("tracks", "lights"):  # shared maps: scenarios have no address of them
             return listed
-        wanted = set(pc.unique(self._only[f"{table}_file"]).to_pylist())
+        wanted = set(pc.unique(self._chosen[f"{table}_file"]).to_pylist())
         return [name for name in listed if name in wanted]
 
-    def _layer_joins(self) -> str:
-        """SQL that joins the layers to metadata."""
-        paths = {name: self._files.path(f"layers/{name}/{self._layers[name]}.parquet") for name in sorted(self._joined)}
-        joins = [
-            f"LEFT JOIN read_parquet({quoted(str(path))}) AS layer_{name} USING (scenario_id)"
-            for name, path in paths.items()
-        ]
+    def _user_column_joins(self) -> str:
+        """Return SQL that joins user columns to metadata."""
+        joins = []
+        for name in sorted(self._joined):
+            path = self._files.path(f"layers/{name}/{self._user_columns[name]}.parquet")
+            joins.append(f"LEFT JOIN read_parquet({quoted(str(path))}) AS user_{name} USING (scenario_id)")
         return " ".join(joins)
 
 
+@cache
 def _definitions() -> dict[str, Path]:
-    """File of each view and macro by name."""
+    """Return the file of each view and macro by name."""
     return {path.stem: path for folder in ("macros", "views") for path in (SQL / folder).glob("*.sql")}
 
 
 def _derived(table: str) -> str:
-    """SQL of the contract's derived columns, each with a comma before."""
+    """Return SQL of the derived columns of the contract, each after a comma."""
     return "".join(f", {column.sql} AS {column.name}" for column in tables.load(table).derived)
 
 

@@ -8,224 +8,36 @@ N objects, T timesteps, L lights, M map features. Where an object is not valid, 
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any
-from urllib.parse import quote
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64, Int8, Object, UInt8
-from scenarionet_data.arrays.ragged import Ragged
-
-_SCENARIO_ID = re.compile(r"[A-Za-z0-9._%-]+/[A-Za-z0-9._%-]+/[A-Za-z0-9._%@-]+")
-
-
-def make_scenario_id(dataset: str, version: str, source_id: str, start: str | int | None = None) -> str:
-    """The globally unique id ``<dataset>/<version>/<source id>[@start]``.
-
-    Args:
-        dataset: For example ``"waymo"``.
-        version: The dataset's release, for example ``"v1.2"``.
-        source_id: The scenario's (or log's) id in the source.
-        start: What tells windows of one log apart, for example a timestamp.
-
-    Example:
-        >>> make_scenario_id("argoverse2", "v2", "log 7", 315966)
-        'argoverse2/v2/log%207@315966'
-    """
-    parts = "/".join(quote(str(part), safe="").replace("~", "%7E") for part in (dataset, version, source_id))
-    return parts if start is None else f"{parts}@{quote(str(start), safe='')}"
-
-
-def is_scenario_id(text: str) -> bool:
-    """Whether ``text`` has the form :func:`make_scenario_id` gives."""
-    return _SCENARIO_ID.fullmatch(text) is not None
-
-
-def strings(values: Any) -> Object:
-    """An object array of str, the form ids have in every part of a scenario."""
-    return np.array(list(map(str, values)), dtype=object)
-
-
-@dataclass(frozen=True, eq=False)
-class Tracks:
-    """The objects of a scenario.
-
-    Attributes:
-        ids: (N,) str, unique.
-        object_type: (N,) uint8 codes of ``ObjectType``.
-        position: (N, T, 3) float32 [m] centre of the box.
-        heading: (N, T) float32 [rad] in [-pi, pi).
-        velocity: (N, T, 2) float32 [m/s] along the scenario frame's axes.
-        size: (N, T, 3) float32 [m] length, width, height.
-        valid: (N, T) bool; everything above is 0 where it is False.
-        source_type: (N,) the source's own word for the type, or None.
-        is_size_assumed, is_type_assumed, is_velocity_estimated: (N,) bool.
-        extras: (N,) JSON text or None.
-    """
-
-    ids: Object
-    object_type: UInt8
-    position: Float32
-    heading: Float32
-    velocity: Float32
-    size: Float32
-    valid: Bool
-    source_type: Object
-    is_size_assumed: Bool
-    is_type_assumed: Bool
-    is_velocity_estimated: Bool
-    extras: Object
-
-    def __len__(self) -> int:
-        return len(self.ids)
-
-    def index(self, track_id: str) -> int:
-        """Row of a track; KeyError when there is none."""
-        (rows,) = np.nonzero(self.ids == track_id)
-        if not len(rows):
-            raise KeyError(f"no track {track_id!r}; there are {len(self)}, for example {list(self.ids[:3])}")
-        return int(rows[0])
-
-
-@dataclass(frozen=True, eq=False)
-class Lights:
-    """Traffic lights, one row per lane they control.
-
-    Attributes:
-        ids: (L,) str; the lane's id where the source names no lights.
-        lane_ids: (L,) str.
-        stop_point: (L, 3) float32 [m], NaN where the source does not say.
-        state: (L, T) uint8 codes of ``LightState``.
-        is_lane_in_map: (L,) bool.
-        provenance: (L,) uint8 codes of ``Provenance``.
-    """
-
-    ids: Object
-    lane_ids: Object
-    stop_point: Float32
-    state: UInt8
-    is_lane_in_map: Bool
-    provenance: UInt8
-
-    def __len__(self) -> int:
-        return len(self.ids)
-
-    @classmethod
-    def empty(cls, num_timesteps: int) -> Lights:
-        """No lights over ``num_timesteps`` timesteps."""
-        none = np.zeros(0, dtype=object)
-        codes = np.zeros(0, np.uint8)
-        return cls(
-            ids=none,
-            lane_ids=none,
-            stop_point=np.zeros((0, 3), np.float32),
-            state=np.zeros((0, num_timesteps), np.uint8),
-            is_lane_in_map=np.zeros(0, np.bool_),
-            provenance=codes,
-        )
-
-
-ID_LISTS = (
-    "entry_lanes",
-    "exit_lanes",
-    "left_neighbors",
-    "right_neighbors",
-    "left_boundaries",
-    "right_boundaries",
-    "controlled_lanes",
+from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.scenario.parts import (
+    ID_LISTS,
+    Lights,
+    MapFeatures,
+    Source,
+    Tracks,
+    is_scenario_id,
+    make_scenario_id,
+    strings,
 )
-"""The fields of :class:`MapFeatures` that are lists of ids."""
+from scenarionet_data.scenario.validation import Validator, validate_lights, validate_map, validate_tracks
 
-
-@dataclass(frozen=True, eq=False)
-class MapFeatures:
-    """Lanes, lines, edges and areas.
-
-    Attributes:
-        ids: (M,) str, unique.
-        types: (M,) uint8 codes of ``MapFeatureType``.
-        polyline: M x (n, 3) float32 [m]: a lane's centreline in driving direction, a line, an edge,
-            a stop sign's one point.
-        polygon: M x (n, 3) float32 [m]: outline, implicitly closed; empty when there is none.
-        speed_limit: (M,) float32 [m/s], NaN when unknown.
-        width: M x (k, 2) float32 [m]: centreline to left and right side; k is 1, the number of points,
-            or 0 when unknown.
-        entry_lanes, exit_lanes: M x ids of predecessors and successors; ids outside the map are kept.
-        left_neighbors, right_neighbors: M x ids of lanes beside.
-        left_boundaries, right_boundaries: M x ids of lines and edges that bound a lane.
-        controlled_lanes: M x ids of lanes a stop sign, stop line or crosswalk applies to.
-        is_intersection: (M,) int8: 1 yes, 0 no, -1 the source does not say.
-        extras: (M,) JSON text or None.
-    """
-
-    ids: Object
-    types: UInt8
-    polyline: Ragged
-    polygon: Ragged
-    speed_limit: Float32
-    width: Ragged
-    entry_lanes: Ragged
-    exit_lanes: Ragged
-    left_neighbors: Ragged
-    right_neighbors: Ragged
-    left_boundaries: Ragged
-    right_boundaries: Ragged
-    controlled_lanes: Ragged
-    is_intersection: Int8
-    extras: Object
-
-    def __len__(self) -> int:
-        return len(self.ids)
-
-    @classmethod
-    def empty(cls) -> MapFeatures:
-        """A map without features."""
-        none = np.zeros(0, dtype=object)
-        return cls(
-            ids=none,
-            types=np.zeros(0, np.uint8),
-            polyline=Ragged.empty(0, 3),
-            polygon=Ragged.empty(0, 3),
-            speed_limit=np.zeros(0, np.float32),
-            width=Ragged.empty(0, 2),
-            is_intersection=np.zeros(0, np.int8),
-            extras=none,
-            **{name: Ragged.empty(0) for name in ID_LISTS},
-        )
-
-    def take(self, rows: Array) -> MapFeatures:
-        """The features at ``rows``, in that order."""
-        taken: dict[str, Any] = {}
-        for column in fields(self):
-            values = getattr(self, column.name)
-            taken[column.name] = values.take(rows) if isinstance(values, Ragged) else values[rows]
-        return MapFeatures(**taken)
-
-
-@dataclass(frozen=True)
-class Source:
-    """Where a scenario comes from.
-
-    Attributes:
-        scenario_id: Its id in the source.
-        file: Raw file, relative to the raw folder.
-        licence: Licence under which it may be used.
-        log: Recording it was cut from; scenarios of one log must not stand on both sides of a split.
-        city: Place, as the source names it.
-        date: ISO 8601.
-        crs: Name of the source frame.
-    """
-
-    scenario_id: str
-    file: str
-    licence: str
-    log: str | None = None
-    city: str | None = None
-    date: str | None = None
-    crs: str | None = None
+__all__ = [
+    "ID_LISTS",
+    "Lights",
+    "MapFeatures",
+    "ScenarioDescription",
+    "Source",
+    "Tracks",
+    "is_scenario_id",
+    "make_scenario_id",
+    "strings",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,14 +53,14 @@ class ScenarioDescription:
         ego_id: Track of the recording vehicle; valid at ``current_timestep``.
         origin: (3,) float64 [m] scenario frame to source frame.
         has_z: Whether the source records heights; without, every z is 0.
-        source: Where it comes from.
+        source: Its origin in the dataset.
         tracks, lights: Its objects and traffic lights.
-        map: Its map features (of a shared map: the crop); None when it has no map.
+        map: Its map features (of a shared map: the crop); None without a map.
         map_id: Key of a map shared by many scenarios; None when the map is the scenario's own.
         map_crop: min_x, min_y, max_x, max_y [m] in the scenario frame: the window on a shared map.
         objects_of_interest: Tracks the source marks as interesting.
-        tracks_to_predict: Tracks whose future the source's challenge asks for, with its difficulty or 0.
-        extras: JSON-able mapping with what only this source has.
+        tracks_to_predict: Tracks whose future the source's challenge asks to predict, with its difficulty or 0.
+        extras: JSON-able mapping of properties that only this source has.
     """
 
     id: str
@@ -281,10 +93,11 @@ class ScenarioDescription:
         """Row of the ego in ``tracks``."""
         return self.tracks.index(self.ego_id)
 
-    def _repr_html_(self) -> str:
-        from scenarionet_data.display import scenario_card
-
-        return scenario_card(self)
+    def __repr__(self) -> str:
+        return (
+            f"ScenarioDescription({self.id!r}, {self.num_timesteps} timesteps, {len(self.tracks)} tracks, "
+            f"{len(self.lights)} lights, {len(self.map) if self.map else 0} map features)"
+        )
 
     def validate(self) -> None:
         """Check the contract of every part.
@@ -292,6 +105,67 @@ class ScenarioDescription:
         Raises:
             InvalidScenario: Naming scenario, field, what was wanted and what was found.
         """
-        from scenarionet_data.scenario.validation import validate
+        validator = Validator(self.id)
+        validator.check(is_scenario_id(self.id), "id", "wanted <dataset>/<version>/<source id>[@start]")
+        release = make_scenario_id(self.dataset, self.version, "")
+        validator.check(self.id.startswith(release), "id", f"wanted {release}..., after its dataset and version")
+        self._validate_time(validator)
+        validate_tracks(validator, self.tracks, self.num_timesteps)
+        self._validate_ego(validator)
+        validate_lights(validator, self.lights, self.num_timesteps)
+        if self.map is not None:
+            validate_map(validator, self.map)
+        self._validate_height(validator)
+        self._validate_crop(validator)
+        self._validate_references(validator)
 
-        validate(self)
+    def _validate_time(self, validator: Validator) -> None:
+        steps = self.num_timesteps
+        validator.array(self.timestamps, "timestamps", (steps,), np.float64)
+        validator.check(steps > 0, "timestamps", "wanted at least one timestep, found none")
+        validator.finite(self.timestamps, "timestamps")
+        validator.check(self.timestamps[0] == 0, "timestamps", f"wanted the first 0, found {self.timestamps[0]}")
+        validator.check((np.diff(self.timestamps) > 0).all(), "timestamps", "wanted strictly increasing times")
+        validator.check(0 < self.dt < np.inf, "dt", f"wanted a positive timestep, found {self.dt}")
+        current = self.current_timestep
+        validator.check(0 <= current < steps, "current_timestep", f"wanted 0 ... {steps - 1}, found {current}")
+        validator.array(self.origin, "origin", (3,), np.float64)
+        validator.finite(self.origin, "origin")
+
+    def _validate_ego(self, validator: Validator) -> None:
+        rows = np.flatnonzero(self.tracks.ids == self.ego_id)
+        validator.check(len(rows) == 1, "ego_id", f"wanted a track {self.ego_id!r}, found none")
+        now = self.current_timestep
+        validator.check(self.tracks.valid[rows[0], now], "ego_id", f"wanted the ego valid at current_timestep {now}")
+
+    def _validate_height(self, validator: Validator) -> None:
+        if self.has_z:
+            return
+        if self.map is not None:
+            flat = not self.map.polyline.values[:, 2].any() and not self.map.polygon.values[:, 2].any()
+            validator.check(flat, "map.polyline", "wanted z = 0 where has_z is False")
+        is_flat = not self.tracks.position[..., 2].any()
+        validator.check(is_flat, "tracks.position", "wanted z = 0: has_z is False")
+        stops = np.nan_to_num(self.lights.stop_point[:, 2])
+        validator.check(not stops.any(), "lights.stop_point", "wanted z = 0: has_z is False")
+
+    def _validate_crop(self, validator: Validator) -> None:
+        crop = self.map_crop
+        validator.check((self.map_id is None) == (crop is None), "map_crop", "wanted map_id and map_crop, or neither")
+        if crop is not None:
+            is_box = len(crop) == 4 and np.isfinite(crop).all() and crop[0] <= crop[2] and crop[1] <= crop[3]
+            validator.check(is_box, "map_crop", f"wanted min_x, min_y, max_x, max_y in metres, found {crop}")
+
+    def _validate_references(self, validator: Validator) -> None:
+        tracks = set(self.tracks.ids)
+        for name, ids in (
+            ("objects_of_interest", self.objects_of_interest),
+            ("tracks_to_predict", [track_id for track_id, _ in self.tracks_to_predict]),
+        ):
+            missing = [track_id for track_id in ids if track_id not in tracks]
+            validator.check(not missing, name, f"wanted tracks of the scenario, found {missing[:3]}")
+        if self.map_id is None:  # of a shared map, only the crop is loaded
+            lanes = set() if self.map is None else set(self.map.ids)
+            found = np.array([lane in lanes for lane in self.lights.lane_ids], dtype=np.bool_)
+            same = np.array_equal(found, self.lights.is_lane_in_map)
+            validator.check(same, "lights.is_lane_in_map", "wanted True exactly where lane_id is a map feature")

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from math import cos, hypot, inf, sin, sqrt
 
-from numba import njit
-
+from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array
 
 
-@njit(cache=True)
+@kernel
 def nearest_box(boxes: Array, valid: Array, ego: int) -> float:
     """Smallest distance [m] between the ego's box and another's at the same timestep; 0 where they overlap.
 
@@ -35,13 +34,13 @@ def nearest_box(boxes: Array, valid: Array, ego: int) -> float:
     return nearest
 
 
-@njit(cache=True)
+@device_function
 def _length(x: float, y: float) -> float:
     """As ``hypot``, in a third of the time: this is asked of every pair of boxes, and metres do not overflow."""
     return sqrt(x * x + y * y)
 
 
-@njit(cache=True)
+@device_function
 def _gap(first: Array, second: Array) -> float:
     """Distance between two boxes. Disjoint rectangles are nearest at a corner of one of them.
 
@@ -52,7 +51,7 @@ def _gap(first: Array, second: Array) -> float:
     return min(one, two) if one_apart or two_apart else 0.0
 
 
-@njit(cache=True)
+@device_function
 def _corner_gap(box: Array, other: Array) -> tuple[float, bool]:
     """Distance from the nearest corner of ``other`` to ``box``, and whether an axis of ``box`` separates them."""
     c, s = cos(box[2]), sin(box[2])

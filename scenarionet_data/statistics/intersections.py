@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.scenario import vocabulary
 from scenarionet_data.scenario.description import MapFeatures
@@ -40,7 +40,7 @@ def _lanes_near(features: MapFeatures, path: Array, distance: float) -> Array:
     return np.flatnonzero(meets.all(axis=1) & vocabulary.is_lane(features.types) & (features.polyline.lengths > 1))
 
 
-@njit(cache=True)
+@kernel
 def _any_crossing(
     points: Array,
     first: Array,
@@ -77,7 +77,7 @@ def _any_crossing(
     return False
 
 
-@njit(cache=True)
+@device_function
 def _share(one: Array, other: Array) -> bool:
     for left in one:
         for right in other:
@@ -86,7 +86,7 @@ def _share(one: Array, other: Array) -> bool:
     return False
 
 
-@njit(cache=True)
+@device_function
 def _is_crossed(
     one: Array, other: Array, low: Array, high: Array, path: Array, distance: float, least_sine: float
 ) -> bool:
@@ -115,14 +115,14 @@ def _is_crossed(
     return False
 
 
-@njit(cache=True)
+@device_function
 def _is_end(line: Array, x: float, y: float) -> bool:
     last = len(line) - 1
     at_start = abs(line[0, 0] - x) < _SAME_PLACE and abs(line[0, 1] - y) < _SAME_PLACE
     return bool(at_start or (abs(line[last, 0] - x) < _SAME_PLACE and abs(line[last, 1] - y) < _SAME_PLACE))
 
 
-@njit(cache=True)
+@device_function
 def _is_near(path: Array, x: float, y: float, distance: float) -> bool:
     """Whether a point is at most ``distance`` from a path, which may be a single point."""
     for k in range(max(len(path) - 1, 1)):

@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.arrays.geometry import wrap_angle
 from scenarionet_data.scenario import vocabulary
@@ -72,7 +72,7 @@ def travelled(tracks: Tracks) -> Array:
     return distance
 
 
-@njit(cache=True)
+@kernel
 def _add_steps(position: Array, valid: Array, distance: Array) -> None:
     """Adds up the steps of each row.
 

@@ -55,7 +55,7 @@ def _speed(velocity: Float64, world: int, row: int) -> float:
     return math.hypot(velocity[world, row, 0], velocity[world, row, 1])
 
 
-@device_function
+@device_function(allocates=True)
 def _listed(agents: Int32, near: Bool) -> Int32:
     listed = np.empty((len(agents) + near.sum(), 2), np.int32)
     listed[: len(agents)] = agents

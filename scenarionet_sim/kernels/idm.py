@@ -12,7 +12,7 @@ import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, UInt8
-from scenarionet_data.procedural.idm import free_acceleration, interaction
+from scenarionet_data.arrays.idm import free_acceleration, interaction
 from scenarionet_sim.kernels.log import HEADING, VALID, X, Y, Z
 from scenarionet_sim.kernels.minmax import larger, smaller
 from scenarionet_sim.kernels.motion import place_as_recorded
@@ -127,7 +127,7 @@ def drive_along_paths(
             next_arc[w, n], next_present[w, n] = s, True
 
 
-@device_function
+@device_function(allocates=True)
 def _boxes(
     w: int, position: Float64, heading: Float64, velocity: Float64, z: Float64, present: Bool, size: Float64
 ) -> Float64:

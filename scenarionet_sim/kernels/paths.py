@@ -176,7 +176,7 @@ def find_stops(
                 stops[n, light] = _stop_on(path, way, x, y)
 
 
-@device_function
+@device_function(allocates=True)
 def _arcs(points: Float32, offsets: Int32) -> Float32:
     """(P,) arc lengths of all centrelines."""
     arc = np.zeros(len(points), np.float32)

@@ -36,6 +36,7 @@ class Scenarios:
         weight: SQL expression over ``metadata`` for ``weighted``; empty for the weights of the database.
         curriculum: Play from easy to hard instead of by ``order``.
         worker, num_workers: Play only this worker's share; with a curriculum, its share of every level.
+        snapshot: Snapshot of the lake; by default that of ``lake`` or of an unsaved ``Database``, else the newest.
 
     Example:
         Scenarios("lake", "busy_train", where="ego_distance > 10", order="random")
@@ -50,10 +51,15 @@ class Scenarios:
     curriculum: Curriculum | None = None
     worker: int = 0
     num_workers: int = 1
+    snapshot: int | None = None
 
     def __post_init__(self) -> None:
-        root = self.lake.root if isinstance(self.lake, Lake) else self.lake
-        object.__setattr__(self, "lake", str(root))
+        if isinstance(self.lake, Lake):
+            object.__setattr__(self, "snapshot", self.snapshot or self.lake.snapshot.number or None)
+            object.__setattr__(self, "lake", str(self.lake.root))
+        elif isinstance(self.database, Database) and not self.database.is_saved:
+            object.__setattr__(self, "snapshot", self.snapshot or self.database.lineage.snapshot)
+        object.__setattr__(self, "lake", str(self.lake))
         object.__setattr__(self, "database", database_reference(self.database))
         if self.order not in get_args(Order):
             raise BadParameter(f"order={self.order!r}; expected {', '.join(get_args(Order))}")
@@ -76,7 +82,7 @@ class Scenarios:
             UnsafeSql, QueryError: A condition is not a single valid SQL expression.
             BadParameter: No scenario is left.
         """
-        lake, rows = Lake(str(self.lake)).resolve(self.database)
+        lake, rows = Lake(str(self.lake), self.snapshot).resolve(self.database)
         selected = self._select(lake, rows["scenario_id"])
         share = selected.take(np.arange(self.worker, len(selected), self.num_workers))
         if not len(share):
@@ -108,7 +114,7 @@ class Scenarios:
             f"""SELECT scenario_id, coalesce(listed.weight, CAST(selected.weight AS DOUBLE)) AS weight
             FROM listed JOIN (SELECT scenario_id, {columns} FROM metadata) AS selected USING (scenario_id)
             WHERE selected.is_selected ORDER BY selected.difficulty NULLS FIRST, listed.rank""",
-            listed=listed,
+            tables={"listed": listed},
         )
 
     def _why_empty(self, num_members: int, num_selected: int) -> str:

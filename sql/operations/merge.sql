@@ -1,4 +1,4 @@
--- Members of all databases, one database after the other; duplicates are kept where they occur first.
+-- Members of all parents, one parent after the other; a scenario of several parents comes with the first.
 SELECT members.scenario_id, members.weight, members.content_hash
 FROM members
 ANTI JOIN (FROM members WHERE parent < {last}) AS earlier

@@ -1,4 +1,4 @@
--- Members of two databases with equal keys, where ({keyed}) gives each member its key: counts and some examples.
+-- Overlap of two databases, where ({keyed}) gives every member a key: the number of members of each, and examples.
 WITH keyed AS MATERIALIZED (
 {keyed}
 ),

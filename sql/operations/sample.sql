@@ -1,9 +1,9 @@
--- The $n scenarios (or the $fraction of all) that are first by `turn`, in the order of the database.
+-- The $n scenarios (or the $fraction of all) of the first rounds, in the order of the pool.
 SELECT scenario_id, weight, content_hash
 FROM (
-    SELECT *, row_number() OVER (ORDER BY turn, luck, scenario_id) AS rank, count(*) OVER () AS total
+    SELECT *, row_number() OVER (ORDER BY round, priority, scenario_id) AS rank, count(*) OVER () AS total
     FROM (
-{turns}
+{rounds}
     )
 )
 WHERE rank <= coalesce($n::BIGINT, round($fraction::DOUBLE * total))

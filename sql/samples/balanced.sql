@@ -1,3 +1,3 @@
--- Order that takes one scenario of each value of {stratum} in rounds, so that values are drawn equally often.
-SELECT *, row_number() OVER (PARTITION BY stratum ORDER BY luck, scenario_id) AS turn
-FROM ({lucky})
+-- Each round takes one scenario of each value of {stratum}: equal numbers of all values, until one is used up.
+SELECT *, row_number() OVER (PARTITION BY stratum ORDER BY priority, scenario_id) AS round
+FROM ({priorities})

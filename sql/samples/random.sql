@@ -1,3 +1,3 @@
--- Random order.
-SELECT *, 0 AS turn
-FROM ({lucky})
+-- One round: scenarios are drawn by priority alone.
+SELECT *, 0 AS round
+FROM ({priorities})

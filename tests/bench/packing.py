@@ -29,7 +29,7 @@ def figures(recordings: Path | None) -> Iterator[Figure]:
         out = Path(folder) / "pack"
         for percent, wanted in ((1, "<= 1.2"), (10, "<= 10.2")):
             drawn = lake.sample(None, name=f"sample{percent}", fraction=percent / 100)
-            members = lake.members(drawn)
+            members = lake.resolve(drawn)[1]
             alone = sum(_stored(lake, members, table) for table in ("tracks", "lights", "maps"))
             took = []
             for _ in range(_REPEATS):

@@ -57,14 +57,14 @@ print(json.dumps({
 
 
 _OPERATIONS = {
-    "filter of a database": ('lake.filter("num_objects > 200", name="new", parent="all", replace=True)', 0.0),
+    "filter of a database": ('lake.filter("num_objects > 200", name="new", database="all", replace=True)', 0.0),
     "split 8:1:1": ('lake.split("all", {"a": 0.8, "b": 0.1, "c": 0.1}, replace=True)', 2.0),
     "split by source log": ('lake.split("all", {"a": 0.8, "b": 0.2}, by="source_log", replace=True)', 0.0),
     "split, stratified": (
         'lake.split("all", {"a": 0.8, "b": 0.2}, by="source_log", stratify="city", replace=True)',
         0.0,
     ),
-    "merge of two": ('lake.merge(["far", "busy"], name="new", replace=True)', 2.0),
+    "merge of two": ('lake.merge("far", "busy", name="new", replace=True)', 2.0),
     "diff": ('lake.diff("far", "busy")', 2.0),
     "sample of 10,000": ('lake.sample("all", name="new", n=10_000, replace=True)', 0.0),
 }

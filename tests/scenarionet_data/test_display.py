@@ -9,6 +9,7 @@ from html.parser import HTMLParser
 import pytest
 
 from scenarionet_data import Lake
+from scenarionet_data.display import database_card, lake_card, scenario_card
 from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
@@ -38,7 +39,7 @@ class Page(HTMLParser):
 
 
 def test_a_scenario_shows_a_picture_and_facts():
-    page = Page(make_scenario(1)._repr_html_())
+    page = Page(scenario_card(make_scenario(1)))
     assert len(page.pictures()) == 1
     assert {"made/v1/s000001", "31 timesteps, 3.0 s, now at 10", "CC0", "nowhere"} <= set(page.words)
 
@@ -49,11 +50,11 @@ def test_a_scenario_shows_a_picture_and_facts():
     ids=["one timestep", "no map", "alone"],
 )
 def test_odd_scenarios_show_themselves(scenario):
-    assert len(Page(scenario._repr_html_()).pictures()) == 1
+    assert len(Page(scenario_card(scenario)).pictures()) == 1
 
 
 def test_a_hostile_id_is_words():
-    page = Page(replace(make_drive(), id=HOSTILE)._repr_html_())
+    page = Page(scenario_card(replace(make_drive(), id=HOSTILE)))
     assert HOSTILE in page.words
     assert {tag for tag, _ in page.tags} <= {"div", "img", "table", "tr", "th", "td"}
     assert all(picture["src"].startswith("data:image/png;base64,") for picture in page.pictures())
@@ -63,27 +64,27 @@ def test_a_hostile_id_is_words():
 def test_a_lake_shows_what_it_holds(tmp_path):
     lake = write_lake(tmp_path / "lake", [make_scenario(number) for number in range(6)])
     lake.filter("num_objects > 0", name="some")
-    page = Page(lake._repr_html_())
+    page = Page(lake_card(lake))
     assert len(page.pictures()) == 4
     assert {"made", "train", "6", "some"} <= set(page.words)
-    assert lake._repr_html_() == lake._repr_html_(), "the same scenarios every time"
+    assert lake_card(lake) == lake_card(lake), "the same scenarios every time"
 
 
 def test_a_database_shows_how_it_was_made(tmp_path):
     lake = write_lake(tmp_path / "lake", [make_scenario(number) for number in range(6)])
     made = lake.filter("num_objects > 3 AND 'a<b' <> scenario_id", name="some")
     for database in (made, lake.database("some")):
-        page = Page(database._repr_html_())
+        page = Page(database_card(database))
         assert len(page.pictures()) == 4
         assert "some@1" in page.words
         assert any("num_objects > 3 AND 'a<b' <> scenario_id" in word for word in page.words)
-    assert len(Page(lake.filter("scenario_id LIKE '%s000002'", name="one")._repr_html_()).pictures()) == 1
+    assert len(Page(database_card(lake.filter("scenario_id LIKE '%s000002'", name="one"))).pictures()) == 1
 
 
 def test_an_empty_lake_says_what_to_do(tmp_path):
     files = LocalLakeFiles(tmp_path / "lake")
     snapshots.publish(files, Snapshot(1, snapshots.now(), "test", (), ()))
-    page = Page(Lake(tmp_path / "lake")._repr_html_())
+    page = Page(lake_card(Lake(tmp_path / "lake")))
     assert page.pictures() == []
     assert "scenarionet convert" in page.words
 
@@ -96,11 +97,11 @@ def test_facts_are_shown_where_pictures_cannot_be(tmp_path, monkeypatch):
             if name.startswith("scenarionet_data.plots."):
                 without.delitem(sys.modules, name)
         without.delattr("scenarionet_data.plots.thumbnails", raising=False)
-        page = Page(lake._repr_html_())
+        page = Page(lake_card(lake))
     assert page.pictures() == []
     assert any("install scenarionet-lake[plots]" in word for word in page.words)
     for path in (lake.root / "tracks").rglob("*.parquet"):
         path.unlink()
-    page = Page(lake._repr_html_())
+    page = Page(lake_card(lake))
     assert any(word.startswith("no pictures: ") for word in page.words)
     assert "made" in page.words

@@ -98,7 +98,7 @@ def test_version():
         ("filter {lake} --filter ego_distance:max=far --name x", 2, "max wants float"),
         ("filter {lake} --name a/b", 2, "is no database name"),
         ("filter {lake} --database nothing --name x", 2, "no database 'nothing'"),
-        ("filter {lake} --where 'ego_distanc > 3' --name x", 2, "near are ego_distance"),
+        ("filter {lake} --where 'ego_distanc > 3' --name x", 2, "similar: ego_distance"),
         ("filter {lake} --where 'num_lights > > 3' --name x", 2, "(character 14)"),
         ("filter {lake} --where false --name x", 2, "--allow-empty"),
         ("filter {lake} --id nobody --name x", 1, "ids are not in snapshot 1"),

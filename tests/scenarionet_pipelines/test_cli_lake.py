@@ -135,7 +135,7 @@ def test_split_in_every_spelling(words, lake, as_json):
     found = as_json("split", lake, "--seed", "3", *words.split(), "--by", "source_log", "--name", "p")
     assert [part["reference"] for part in found.values()] == ["p_train@1", "p_val@1"]
     assert sum(part["count"] for part in found.values()) == 9
-    expected = Lake(lake).split(None, {"train": 0.5, "val": 0.5}, seed=3, by="source_log", prefix="again")
+    expected = Lake(lake).split(None, {"train": 0.5, "val": 0.5}, seed=3, by="source_log", name="again")
     assert {part: len(database) for part, database in expected.items()} == {
         part: facts["count"] for part, facts in found.items()
     }
@@ -181,7 +181,7 @@ def test_scorecard(lake, ok, as_json, tmp_path):
     found = as_json("check", lake, "--scorecard")
     (partition,) = found["scorecard"]["partitions"]
     assert (partition["scenarios"], partition["quarantined"], partition["budgets"]["outliers"]) == (9, 1, 0.01)
-    assert {mark["check"] for mark in partition["marks"]} == {check["name"] for check in found["checks"]}
+    assert {mark["check"] for mark in partition["rules"]} == {check["name"] for check in found["checks"]}
     assert run("check", lake, "--scorecard", "--strict").exit_code == 1
 
 

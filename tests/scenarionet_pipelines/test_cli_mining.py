@@ -50,15 +50,15 @@ def test_tag_adds_lists_and_drops_user_columns(lake, ok, as_json, tmp_path):
     (tmp_path / "scores.csv").write_text("scenario_id,score\nmade/v1/s000001,0.5\n")
     made = as_json("tag", lake, "score", "--file", tmp_path / "scores.csv", "--column", "score")
     assert (made["reference"], made["type"], made["count"]) == ("score@1", "double", 1)
-    listed = as_json("tag", lake)["layers"]
+    listed = as_json("tag", lake)["user_columns"]
     assert {layer["name"] for layer in listed} == {"crowded", "approaches", "tracks_seen", "score"}
     assert "scores.csv" in ok("tag", lake)
     assert ok("filter", lake, "--where", "score > 0.1", "--name", "scored") == "scored@1: 1 scenario\n"
     assert ok("tag", lake, "--drop", "crowded") == "dropped crowded\n"
     refused = run("tag", lake, "--drop", "score")
-    assert (refused.exit_code, "scored@1 asked score@1; drop those first, or --force" in refused.stderr) == (1, True)
+    assert (refused.exit_code, "scored@1 uses score@1; drop those first" in refused.stderr) == (1, True)
     assert as_json("tag", lake, "--drop", "score@1", "--force") == {"dropped": "score@1"}
-    assert {layer["name"] for layer in as_json("tag", lake)["layers"]} == {"approaches", "tracks_seen"}
+    assert {layer["name"] for layer in as_json("tag", lake)["user_columns"]} == {"approaches", "tracks_seen"}
 
 
 @pytest.mark.parametrize(
@@ -68,7 +68,7 @@ def test_tag_adds_lists_and_drops_user_columns(lake, ok, as_json, tmp_path):
         (["--where", "true"], 2, "the column needs a NAME"),
         (["x", "--drop", "y"], 2, "--drop NAME takes no other option"),
         (["x", "--where", "true", "--force"], 2, "--drop NAME takes no other option"),
-        (["--drop", "y"], 2, "no layer 'y'; layers: none yet"),
+        (["--drop", "y"], 2, "no user column 'y'; user columns: none yet"),
         (["x", "--where", "true", "--sql", "SELECT 1"], 2, "expected one of --where"),
         (["x", "--where", "true", "--column", "y"], 2, "--column requires --file"),
         (["ego_id", "--where", "true"], 2, "choose another name"),

@@ -62,7 +62,7 @@ def _reasons(report: ConversionReport, lake: str) -> list[dict[str, Any]]:
 
     if not report.quarantined:
         return []
-    rows = Lake(lake).ask("quarantine_reasons").to_dicts()
+    rows = Lake(lake).named_query("quarantine_reasons").to_dicts()
     return [row for row in rows if (row["dataset"], row["version"], row["split"]) in report.partitions]
 
 

@@ -1,6 +1,6 @@
-"""A lake on one page that opens anywhere: ``scenarionet report``. ``contents`` gathers, ``page`` writes."""
+"""``scenarionet report``: a self-contained HTML page about a lake. ``contents`` collects, ``page`` renders."""
 
-from scenarionet_pipelines.report.contents import Contents, gather
+from scenarionet_pipelines.report.contents import ReportContents, gather
 from scenarionet_pipelines.report.page import write
 
-__all__ = ["Contents", "gather", "write"]
+__all__ = ["ReportContents", "gather", "write"]

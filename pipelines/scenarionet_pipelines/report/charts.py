@@ -1,4 +1,4 @@
-"""Distributions as small SVG pictures in the page's own colours, light or dark: one a measure, side by side."""
+"""Distributions of measures as small SVG charts in the colours of the page."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_pipelines.report.markup import Markup, joined, tag
-from scenarionet_pipelines.report.measures import Spread
+from scenarionet_pipelines.report.measures import MeasureDistribution
 
 _WIDTH, _HEIGHT = 320, 150
 _LEFT, _RIGHT, _TOP, _BOTTOM = 40, 20, 8, 26
 _STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 
 
-def histogram(spread: Spread) -> Markup:
-    """How a measure is spread: bars for one group, outlines for several; colours follow the groups' order."""
+def histogram(spread: MeasureDistribution) -> Markup:
+    """Draw the distribution of a measure: bars for one group, outlines for several."""
     most = max(float(spread.shares.max()), 1e-9)
     height = nice_ticks(0.0, most, 3)
     across = _Scale(float(spread.edges[0]), float(spread.edges[-1]), _LEFT, _WIDTH - _RIGHT)
@@ -25,15 +25,15 @@ def histogram(spread: Spread) -> Markup:
         drawn = [_bars(spread, across, up)]
     else:
         drawn = [_outline(spread, place, across, up) for place in range(len(spread.groups))]
-    said = "; ".join(f"{group.name}: most often {likeliest(spread, k)}" for k, group in enumerate(spread.groups))
+    summary = "; ".join(f"{group.name}: most often {likeliest(spread, k)}" for k, group in enumerate(spread.groups))
     return tag(
-        "svg", tag("title", f"{spread.title}: {said}"), _grid(height, up, across), *drawn, _axis(across),
+        "svg", tag("title", f"{spread.title}: {summary}"), _grid(height, up, across), *drawn, _axis(across),
         viewBox=f"0 0 {_WIDTH} {_HEIGHT}", role="img", class_="histogram",
     )  # fmt: skip
 
 
 class _Scale:
-    """From a number to a place on the picture."""
+    """Linear map from values to coordinates of the chart."""
 
     def __init__(self, low: float, high: float, start: float, end: float) -> None:
         self.low, self.high = low, high
@@ -44,7 +44,7 @@ class _Scale:
 
 
 def nice_ticks(low: float, high: float, count: int) -> list[float]:
-    """About ``count`` round numbers from low to high.
+    """Return about ``count`` round numbers between low and high.
 
     Example:
         >>> nice_ticks(0.0, 47.0, 4)
@@ -74,7 +74,7 @@ def _axis(across: _Scale) -> Markup:
     return joined(line, *marks, *words)
 
 
-def _bars(spread: Spread, across: _Scale, up: _Scale) -> Markup:
+def _bars(spread: MeasureDistribution, across: _Scale, up: _Scale) -> Markup:
     edges, shares = spread.edges, spread.shares[0]
     bottom = up(0.0)
     return joined(
@@ -90,15 +90,15 @@ def _bars(spread: Spread, across: _Scale, up: _Scale) -> Markup:
     )  # fmt: skip
 
 
-def _outline(spread: Spread, place: int, across: _Scale, up: _Scale) -> Markup:
+def _outline(spread: MeasureDistribution, place: int, across: _Scale, up: _Scale) -> Markup:
     edges: Float64 = np.repeat(spread.edges, 2)
     shares: Float64 = np.concatenate([[0.0], np.repeat(spread.shares[place], 2), [0.0]])
     points = " ".join(f"{across(x)},{up(y)}" for x, y in zip(edges.tolist(), shares.tolist(), strict=True))
     return tag("polyline", points=points, class_=f"series-{place % 8 + 1} outline")
 
 
-def likeliest(spread: Spread, place: int = 0) -> str:
-    """The bin that most of a group's scenarios are in, in words."""
+def likeliest(spread: MeasureDistribution, place: int = 0) -> str:
+    """Return the range of the bin with most scenarios of a group, as text."""
     bin_ = int(spread.shares[place].argmax())
     return _between(float(spread.edges[bin_]), float(spread.edges[bin_ + 1]))
 

@@ -1,4 +1,4 @@
-"""Everything a report shows, gathered from a lake; nothing here knows how a page looks."""
+"""The data of a report, collected from a lake; independent of its layout."""
 
 from __future__ import annotations
 
@@ -8,72 +8,77 @@ from typing import Any
 
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.execution.progress import Progress
-from scenarionet_data.operations.comparison import Statistics
+from scenarionet_data.operations.comparison import DatabaseStatistics
 from scenarionet_data.plots import thumbnail
-from scenarionet_data.quality.checks import find
+from scenarionet_data.quality.checks import run_checks
 from scenarionet_data.quality.scorecard import Scorecard, make_scorecard
 from scenarionet_data.schema import tables
-from scenarionet_pipelines.report.measures import Spread, choose, measure, spreads
+from scenarionet_pipelines.report.measures import (
+    MeasureDistribution,
+    measure_distributions,
+    read_measures,
+    select_examples,
+)
 
-PICTURE = (400, 260)
-"""Width and height of a scenario's picture [pixel], shown at half the size or more."""
+PICTURE_SIZE = (400, 260)
+"""Width and height of the picture of a scenario [pixel]; shown at half this size or larger."""
 
 _FACTS = ("duration", "ego_distance", "num_objects")
 
 
 @dataclass(frozen=True)
-class Picture:
-    """A scenario to show.
+class ScenarioPicture:
+    """A picture of a scenario.
 
     Attributes:
-        scenario_id: Which.
-        why: What it is the most of; empty when it is just one of them.
-        facts: By column: duration, ego_distance and num_objects.
-        png: The picture.
+        scenario_id: Id of the scenario.
+        reason: Measures in which the scenario is extreme; empty for other scenarios.
+        facts: Values of the columns duration, ego_distance and num_objects.
+        png: The picture as a PNG file.
     """
 
     scenario_id: str
-    why: str
+    reason: str
     facts: dict[str, Any]
     png: bytes
 
 
 @dataclass(frozen=True)
-class Part:
-    """A database, or the whole lake.
+class DatabaseSection:
+    """Data about one database, or about the whole lake.
 
     Attributes:
-        statistics: What its scenarios are like.
-        made: How it was made: the operation and the snapshot; empty for the whole lake.
-        missing: Scenarios that lack a value, by column, of columns that may be null and are not always so.
-        scorecard: What breaks which rule; None when rules were not asked.
-        pictures: Typical, extreme and random scenarios.
+        statistics: DatabaseStatistics of its scenarios.
+        origin: How the database was made; empty for the whole lake.
+        missing: Number of scenarios without a value, for each nullable column that has missing values.
+        scorecard: Violations of the quality rules; None if they were not checked.
+        pictures: Pictures by group: typical, extreme and random scenarios.
     """
 
-    statistics: Statistics
-    made: str
+    statistics: DatabaseStatistics
+    origin: str
     missing: dict[str, int]
     scorecard: Scorecard | None
-    pictures: dict[str, list[Picture]]
+    pictures: dict[str, list[ScenarioPicture]]
 
     @property
     def name(self) -> str:
-        """As the statistics have it."""
+        """Name of the database, or of the lake."""
         return self.statistics.name
 
 
 @dataclass(frozen=True)
-class Contents:
-    """A report.
+class ReportContents:
+    """Data of a report.
 
     Attributes:
-        name: The lake's folder.
-        snapshot, created_at: What was looked at, and when that was written.
+        name: Name of the lake's folder.
+        snapshot, created_at: The snapshot and its time.
         summary: Scenarios, objects and hours by dataset, version and split.
-        quarantined: Scenarios that were rejected while converting.
-        cities: Places of recording that are named.
-        parts: The databases, in the order asked for.
-        spreads: How each measure is spread over them, or over the lake's datasets.
+        quarantined: Number of scenarios in quarantine.
+        cities: Number of different cities.
+        sections: Databases in the requested order, or the whole lake.
+        distributions: Distribution of each measure over the databases, or over the datasets of the lake.
     """
 
     name: str
@@ -82,78 +87,78 @@ class Contents:
     summary: list[dict[str, Any]]
     quarantined: int
     cities: int
-    parts: tuple[Part, ...]
-    spreads: tuple[Spread, ...]
+    sections: tuple[DatabaseSection, ...]
+    distributions: tuple[MeasureDistribution, ...]
 
 
 def gather(
-    lake: Lake, databases: Sequence[str] = (), *, is_checked: bool = True, on_progress: Progress | None = None
-) -> Contents:
-    """Look at a lake and some of its databases; at the whole lake when none is named.
+    lake: Lake,
+    databases: Sequence[str] = (),
+    *,
+    is_checked: bool = True,
+    on_progress: Progress | None = None,
+) -> ReportContents:
+    """Collect the data of a report.
 
     Args:
         lake: The lake.
-        databases: Names, or ``name@version``.
-        is_checked: Ask the rules of ``sql/checks`` too.
-        on_progress: Told as it goes.
+        databases: Names, or ``name@version``; without any, the whole lake is described.
+        is_checked: Check the quality rules.
+        on_progress: Called with the percentage done.
 
     Raises:
-        DatabaseNotFound: The message lists those that are there.
+        DatabaseNotFound: A database does not exist.
     """
-    steps = _Steps(on_progress, max(1, len(databases)))
-    statistics = lake.compare(databases)
+    percent = _PercentProgress(on_progress, max(1, len(databases)))
     names: Sequence[str | None] = databases or [None]
-    views = [lake if name is None else lake.only(name) for name in names]
-    parts = []
-    for name, view, said in zip(names, views, statistics, strict=True):
-        card = make_scorecard(find(lake, name, on_progress=steps.within)) if is_checked else None
-        pictures = _pictures(view, choose(measure(view)), steps)
-        parts.append(Part(said, _made(lake, name), _missing(view), card, pictures))
-        steps.end_part()
+    sections = []
+    for name, statistics in zip(names, lake.compare(*databases), strict=True):
+        view = lake if name is None else lake.restrict_to(name)
+        card = make_scorecard(run_checks(lake, name, on_progress=percent.checked)) if is_checked else None
+        pictures = _pictures(view, select_examples(read_measures(view)), percent)
+        sections.append(DatabaseSection(statistics, _origin(lake, name), _missing(view), card, pictures))
+        percent.end_section()
     counts = lake.sql(
         "SELECT (SELECT count(*) FROM quarantine) AS quarantined, (SELECT count(DISTINCT city) FROM metadata) AS cities"
     )
-    return Contents(
+    return ReportContents(
         name=lake.name,
         snapshot=lake.snapshot.number,
         created_at=lake.snapshot.created_at,
         summary=lake.summary().to_dicts(),
         quarantined=counts["quarantined"].item(),
         cities=counts["cities"].item(),
-        parts=tuple(parts),
-        spreads=tuple(spreads(lake, databases)),
+        sections=tuple(sections),
+        distributions=tuple(measure_distributions(lake, databases)),
     )
 
 
-class _Steps:
-    """Progress over parts, each of so many steps: as many as the rules and pictures of the part that is under way."""
+class _PercentProgress:
+    """Progress in percent over sections, each half checks and half pictures."""
 
-    def __init__(self, told: Progress | None, num_parts: int) -> None:
-        self._told = told
-        self._num_parts = num_parts
-        self._part = self._done = 0
-        self._of_part = 1
+    def __init__(self, on_progress: Progress | None, num_sections: int) -> None:
+        self._on_progress = on_progress
+        self._num_sections = num_sections
+        self._section = 0
 
-    def within(self, done: int, total: int, scenarios: int) -> None:  # noqa: ARG002
-        """So much of a stage is done."""
-        self._say(done, total, 0)
+    def checked(self, done: int, total: int, scenarios: int) -> None:  # noqa: ARG002
+        """Report progress of the checks."""
+        self._report(done / max(total, 1) / 2)
 
     def drawn(self, done: int, total: int) -> None:
-        """So many pictures are drawn."""
-        self._say(done, total, 1)
+        """Report progress of the pictures."""
+        self._report((1 + done / max(total, 1)) / 2)
 
-    def end_part(self) -> None:
-        """The next part follows."""
-        self._part += 1
+    def end_section(self) -> None:
+        """Continue with the next section."""
+        self._section += 1
 
-    def _say(self, done: int, total: int, stage: int) -> None:
-        if self._told is None:
-            return
-        share = (self._part + (stage + done / max(total, 1)) / 2) / self._num_parts
-        self._told(round(100 * share), 100, 0)
+    def _report(self, share: float) -> None:
+        if self._on_progress is not None:
+            self._on_progress(round(100 * (self._section + share) / self._num_sections), 100, 0)
 
 
-def _made(lake: Lake, name: str | None) -> str:
+def _origin(lake: Lake, name: str | None) -> str:
     if name is None:
         return ""
     lineage = lake.database(name).lineage
@@ -169,7 +174,9 @@ def _missing(view: Lake) -> dict[str, int]:
     return dict(sorted(shown.items(), key=lambda item: -item[1]))
 
 
-def _pictures(view: Lake, chosen: dict[str, list[tuple[str, str]]], steps: _Steps) -> dict[str, list[Picture]]:
+def _pictures(
+    view: Lake, chosen: dict[str, list[tuple[str, str]]], percent: _PercentProgress
+) -> dict[str, list[ScenarioPicture]]:
     ids = list(dict.fromkeys(scenario_id for group in chosen.values() for scenario_id, _ in group))
     if not ids:
         return {}
@@ -181,10 +188,10 @@ def _pictures(view: Lake, chosen: dict[str, list[tuple[str, str]]], steps: _Step
     known = {row["scenario_id"]: row for row in facts}
     drawn: dict[str, bytes] = {}
     for number, scenario_id in enumerate(ids):
-        steps.drawn(number, len(ids))
-        drawn[scenario_id] = thumbnail(loader[number], PICTURE)
-    steps.drawn(len(ids), len(ids))
+        percent.drawn(number, len(ids))
+        drawn[scenario_id] = thumbnail(loader[number], PICTURE_SIZE)
+    percent.drawn(len(ids), len(ids))
     return {
-        group: [Picture(each, why, known[each], drawn[each]) for each, why in members]
+        group: [ScenarioPicture(each, reason, known[each], drawn[each]) for each, reason in members]
         for group, members in chosen.items()
     }

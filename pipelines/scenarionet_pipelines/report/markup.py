@@ -1,4 +1,4 @@
-"""HTML from data. Text goes in as text: whatever a scenario is called, it cannot become markup."""
+"""HTML elements as strings. Text is always escaped, so that names of scenarios cannot become markup."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ from html import escape
 
 
 class Markup(str):
-    """Text that is markup already."""
+    """A string that is markup and is not escaped again."""
 
     __slots__ = ()
 
 
 def tag(name: str, /, *children: str | None, **attributes: str | int | float | None) -> Markup:
-    """An element.
+    """Build an element.
 
     Args:
-        name: Of the element.
-        *children: Text, which is escaped, or markup; None is left out.
-        **attributes: ``class_`` is class, ``data_x`` is data-x; None is left out.
+        name: Name of the element.
+        *children: Text, which is escaped, or markup; None is skipped.
+        **attributes: Attributes; ``class_`` stands for class, ``data_x`` for data-x, None is skipped.
 
     Example:
         >>> tag("td", "a < b", class_="number")
@@ -33,7 +33,7 @@ def tag(name: str, /, *children: str | None, **attributes: str | int | float | N
 
 
 def joined(*children: str | None) -> Markup:
-    """Texts and elements one after the other."""
+    """Concatenate texts and elements."""
     return Markup("".join(child if isinstance(child, Markup) else escape(child) for child in children if child))
 
 

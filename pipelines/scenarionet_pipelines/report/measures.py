@@ -1,4 +1,4 @@
-"""The numbers of scenarios that a report looks at, as arrays: their distributions, and who is typical or extreme."""
+"""Measures of scenarios: their distributions, and the selection of typical and extreme scenarios."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from scenarionet_data.plots.distributions import Distribution, distributions
 from scenarionet_data.schema import tables
 
 COLUMNS = {
-    "ego_distance": "Distance of the ego",
+    "ego_distance": "Distance driven by the ego",
     "duration": "Duration",
     "ego_mean_speed": "Mean speed of the ego",
-    "ego_max_speed": "Highest speed of the ego",
-    "ego_cumulative_curvature": "Curvature of the ego's way",
+    "ego_max_speed": "Maximum speed of the ego",
+    "ego_cumulative_curvature": "Cumulative curvature of the ego",
     "difficulty": "Difficulty",
     "num_objects": "Objects",
     "num_vehicles": "Vehicles",
@@ -26,31 +26,31 @@ COLUMNS = {
     "min_ego_gap": "Smallest gap to the ego",
     "num_map_features": "Map features",
 }
-"""What distributions are drawn of, in this order, with their titles."""
+"""Columns whose distributions are drawn, in this order, with titles."""
 
 EXTREMES = {
-    "longest way": ("ego_distance", 1),
+    "longest route": ("ego_distance", 1),
     "fastest": ("ego_max_speed", 1),
     "most objects": ("num_objects", 1),
     "most pedestrians": ("num_pedestrians", 1),
     "most difficult": ("difficulty", 1),
     "closest to another": ("min_ego_gap", -1),
 }
-"""What a scenario can be the most of: a column, and 1 for its largest or -1 for its smallest value."""
+"""Extremes to show: a column, and 1 for its largest or -1 for its smallest value."""
 
 _NUM_BINS = 24
-_NUM_CHOSEN = 8
-_OWN_CHANCE = 0
-"""Seed of the random scenarios: a report made again shows the same."""
+_NUM_EXAMPLES = 8
+_SEED = 0
+"""Seed of the random scenarios, so that reports are reproducible."""
 
 
 @dataclass(frozen=True)
-class Measured:
-    """The measures of some scenarios.
+class ScenarioMeasures:
+    """Measures of S scenarios.
 
     Attributes:
-        ids: (S,) str.
-        values: By column (S,) float64, NaN where there is no number.
+        ids: (S,) str, scenario ids.
+        values: (S,) float64 by column, NaN where missing.
     """
 
     ids: Object
@@ -58,12 +58,12 @@ class Measured:
 
 
 @dataclass(frozen=True)
-class Spread:
-    """How often a measure has which value, group beside group.
+class MeasureDistribution:
+    """Histogram of one measure for G groups with common bins.
 
     Attributes:
-        title, unit: What is measured.
-        groups: Databases, or the datasets of a lake; all on the same bins.
+        title, unit: Title and unit of the measure.
+        groups: Histograms of databases, or of the datasets of a lake.
     """
 
     title: str
@@ -72,59 +72,59 @@ class Spread:
 
     @property
     def shares(self) -> Float64:
-        """(G, B) of each group's scenarios that have a number."""
+        """(G, B) float64, share of each group's scenarios with a value in each bin."""
         counts = np.array([group.counts for group in self.groups])
         shares: Float64 = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
         return shares
 
     @property
     def edges(self) -> Float64:
-        """(B + 1,) of the bins; the outer ones hold what lies beyond, too."""
+        """(B + 1,) float64, edges of the bins; the outer bins include outliers."""
         return self.groups[0].edges
 
     @property
     def is_known(self) -> bool:
-        """Whether any scenario has a number."""
+        """Whether any scenario has a value."""
         return bool(self.groups) and any(group.counts.any() for group in self.groups)
 
     @property
     def is_flat(self) -> bool:
-        """Whether all numbers lie in one bin: there is nothing to draw."""
+        """Whether all values are in one bin, so that a chart would show nothing."""
         return int(self.shares.any(axis=0).sum()) < 2
 
     @property
     def missing(self) -> int:
-        """Scenarios without a number."""
+        """Number of scenarios without a value."""
         return sum(group.missing for group in self.groups)
 
 
-def spreads(lake: Lake, databases: Sequence[str] = ()) -> list[Spread]:
-    """How every measure is spread over databases, or over the datasets of the lake when none is named."""
+def measure_distributions(lake: Lake, databases: Sequence[str] = ()) -> list[MeasureDistribution]:
+    """Return the distribution of every measure by database, or by dataset if no database is given."""
     metadata = tables.load("metadata")
     units = {column.name: column.unit for column in (*metadata.columns, *metadata.derived)}
     return [
-        Spread(title, units[name], tuple(distributions(lake, name, databases=databases, bins=_NUM_BINS)))
+        MeasureDistribution(title, units[name], tuple(distributions(lake, name, databases=databases, bins=_NUM_BINS)))
         for name, title in COLUMNS.items()
     ]
 
 
-def measure(lake: Lake) -> Measured:
-    """The measures of a lake's scenarios, or of those it shows."""
+def read_measures(lake: Lake) -> ScenarioMeasures:
+    """Read the measures of all scenarios of a lake or view."""
     rows = lake.arrow(f"SELECT scenario_id, {', '.join(COLUMNS)} FROM metadata ORDER BY scenario_id")
     values = {name: rows[name].to_numpy(zero_copy_only=False).astype(np.float64) for name in COLUMNS}
     for column in values.values():
         column[~np.isfinite(column)] = np.nan
-    return Measured(np.array(rows["scenario_id"].to_pylist(), dtype=object), values)
+    return ScenarioMeasures(np.array(rows["scenario_id"].to_pylist(), dtype=object), values)
 
 
-def choose(measured: Measured) -> dict[str, list[tuple[str, str]]]:
-    """Scenarios to show: typical, extreme and random ones, each as id and why."""
+def select_examples(measured: ScenarioMeasures) -> dict[str, list[tuple[str, str]]]:
+    """Select typical, extreme and random scenarios; each is an id with the reason for an extreme."""
     size = len(measured.ids)
     if not size:
         return {}
-    _, different = np.unique(_strangeness(measured), return_index=True)  # sorted; of copies, the first
-    typical = different[:_NUM_CHOSEN]
-    random = np.random.default_rng(_OWN_CHANCE).permutation(size)[:_NUM_CHOSEN]
+    _, different = np.unique(_distance_from_median(measured), return_index=True)  # sorted, without duplicates
+    typical = different[:_NUM_EXAMPLES]
+    random = np.random.default_rng(_SEED).permutation(size)[:_NUM_EXAMPLES]
     return {
         "typical": [(str(measured.ids[row]), "") for row in typical],
         "extreme": _extremes(measured),
@@ -132,8 +132,8 @@ def choose(measured: Measured) -> dict[str, list[tuple[str, str]]]:
     }
 
 
-def _strangeness(measured: Measured) -> Float64:
-    """How far each scenario is from the median one (S,): measures in quartile distances, what is missing left out."""
+def _distance_from_median(measured: ScenarioMeasures) -> Float64:
+    """Distance of each scenario from the median (S,), in interquartile ranges summed over measures."""
     values = np.stack(list(measured.values.values()))
     counted = np.isfinite(values).any(axis=1)
     low, middle, high = np.nanquantile(values[counted], (0.25, 0.5, 0.75), axis=1)[..., None]
@@ -142,11 +142,11 @@ def _strangeness(measured: Measured) -> Float64:
     return away
 
 
-def _extremes(measured: Measured) -> list[tuple[str, str]]:
-    """Whoever is the most of something, once, with everything it is the most of."""
+def _extremes(measured: ScenarioMeasures) -> list[tuple[str, str]]:
+    """One scenario per extreme; a scenario with several extremes is listed once with all of them."""
     found: dict[str, list[str]] = {}
-    for why, (name, sign) in EXTREMES.items():
+    for reason, (name, sign) in EXTREMES.items():
         column = sign * measured.values[name]
         if np.isfinite(column).any() and np.nanmax(column) > np.nanmin(column):
-            found.setdefault(str(measured.ids[np.nanargmax(column)]), []).append(why)
+            found.setdefault(str(measured.ids[np.nanargmax(column)]), []).append(reason)
     return [(scenario_id, ", ".join(reasons)) for scenario_id, reasons in found.items()]

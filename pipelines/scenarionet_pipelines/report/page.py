@@ -1,4 +1,4 @@
-"""A report as one HTML page that needs nothing else: no network, no script, pictures inside, light or dark."""
+"""Rendering of a report as a single HTML page with embedded pictures, without scripts or network access."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ import scenarionet_pipelines.web
 from scenarionet_data import version
 from scenarionet_data.plots.palette import EGO, NAMES, OBJECTS, OTHER
 from scenarionet_pipelines.report.charts import histogram, likeliest
-from scenarionet_pipelines.report.contents import PICTURE, Contents, Part, Picture
+from scenarionet_pipelines.report.contents import PICTURE_SIZE, DatabaseSection, ReportContents, ScenarioPicture
 from scenarionet_pipelines.report.markup import Markup, joined, tag
-from scenarionet_pipelines.report.measures import Spread
+from scenarionet_pipelines.report.measures import MeasureDistribution
 from scenarionet_pipelines.report.tables import comparison, missing, number, plural, scorecard, summary
 
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
-"""What the page may load: nothing but what it holds itself."""
+"""Content security policy: the page loads nothing from elsewhere."""
 
-_STATISTICS = "Over the scenarios: means, standard deviations and ranges; shares for ratios."
+_STATISTICS = "Mean, standard deviation and range over scenarios; shares for ratios."
 
 _GROUPS = {
-    "typical": "Closest to the median in all measures together.",
-    "extreme": "Each the most of something.",
-    "random": "Drawn by chance; the same each time the report is made.",
+    "typical": "Closest to the median over all measures.",
+    "extreme": "Extreme in at least one measure.",
+    "random": "Random sample with a fixed seed.",
 }
 
 
-def write(contents: Contents, path: str | Path) -> None:
-    """Write a report; nothing is left of one that could not be written whole.
+def write(contents: ReportContents, path: str | Path) -> None:
+    """Write a report atomically.
 
     Args:
-        contents: What it shows.
-        path: Where to.
+        contents: Data of the report.
+        path: The HTML file.
     """
     whole, file = render(contents).encode(), Path(path)
     unfinished = file.with_name(f".unfinished.{file.name}")
@@ -43,8 +43,8 @@ def write(contents: Contents, path: str | Path) -> None:
         unfinished.unlink(missing_ok=True)
 
 
-def render(contents: Contents) -> str:
-    """The page's text."""
+def render(contents: ReportContents) -> str:
+    """Return the page as HTML."""
     title = f"{contents.name}: a report"
     head = tag(
         "head",
@@ -75,24 +75,24 @@ def _style() -> str:
     return base.read_text("utf-8") + Path(__file__).with_name("report.css").read_text("utf-8")
 
 
-def _header(contents: Contents) -> Markup:
+def _header(contents: ReportContents) -> Markup:
     when = contents.created_at[:16].replace("T", " ")
     lead = f"Snapshot {contents.snapshot}, committed {when} UTC."
-    databases = [part.name for part in contents.parts if part.made]
+    databases = [section.name for section in contents.sections if section.origin]
     if databases:
-        lead += f" Looked at: {', '.join(databases)}."
+        lead += f" Databases: {', '.join(databases)}."
     return tag("header", tag("h1", contents.name), tag("p", lead, class_="lead"))
 
 
 def _footer() -> Markup:
-    return tag("footer", f"Made by {version.name_and_version()}, `scenarionet report`. Opens without a network.")
+    return tag("footer", f"Made by {version.name_and_version()}, `scenarionet report`. This page needs no network.")
 
 
 def _section(name: str, title: str, *children: str | None) -> Markup:
     return tag("section", tag("h2", title, id=f"{name}-title"), *children, id=name, aria_labelledby=f"{name}-title")
 
 
-def _overview(contents: Contents) -> Markup:
+def _overview(contents: ReportContents) -> Markup:
     rows = contents.summary
     facts = {
         "scenarios": sum(row["scenarios"] for row in rows),
@@ -104,39 +104,39 @@ def _overview(contents: Contents) -> Markup:
     }
     cards = (tag("li", tag("strong", number(value)), tag("span", name)) for name, value in facts.items())
     rejected = (
-        f"{plural(contents.quarantined, 'scenario')} in quarantine: `scenarionet sql LAKE quarantine_reasons` says why."
+        f"{plural(contents.quarantined, 'scenario')} in quarantine; reasons: `scenarionet sql LAKE quarantine_reasons`."
         if contents.quarantined
         else None
     )
-    table = summary(rows) if rows else tag("p", "There are no scenarios in this lake yet.", class_="note")
+    table = summary(rows) if rows else tag("p", "This lake has no scenarios yet.", class_="note")
     return _section(
-        "overview", "Overview", tag("ul", *cards, class_="facts"), tag("h3", "What it holds"), table,
+        "overview", "Overview", tag("ul", *cards, class_="facts"), tag("h3", "Content"), table,
         tag("p", rejected, class_="note") if rejected else None,
     )  # fmt: skip
 
 
-def _comparison(contents: Contents) -> Markup | None:
-    statistics = [part.statistics for part in contents.parts]
+def _comparison(contents: ReportContents) -> Markup | None:
+    statistics = [section.statistics for section in contents.sections]
     if not any(each.measures for each in statistics):
         return None
-    made = [part for part in contents.parts if part.made]
-    how = tag("dl", *(joined(tag("dt", part.name), tag("dd", part.made)) for part in made)) if made else None
-    lacking = missing(contents.parts)
+    made = [section for section in contents.sections if section.origin]
+    how = tag("dl", *(joined(tag("dt", section.name), tag("dd", section.origin)) for section in made)) if made else None
+    lacking = missing(contents.sections)
     return _section(
         "comparison", "Comparison", tag("p", _STATISTICS, class_="note"),
-        comparison(statistics), tag("h3", "How they were made") if how else None, how,
+        comparison(statistics), tag("h3", "Origin of the databases") if how else None, how,
         tag("h3", "Missing values") if lacking else None, lacking,
     )  # fmt: skip
 
 
-def _distributions(contents: Contents) -> Markup | None:
-    known = [spread for spread in contents.spreads if spread.is_known]
+def _distributions(contents: ReportContents) -> Markup | None:
+    known = [spread for spread in contents.distributions if spread.is_known]
     drawn = [spread for spread in known if not spread.is_flat]
     if not known:
         return None
     same = ", ".join(f"{spread.title.lower()} {likeliest(spread)}" for spread in known if spread.is_flat)
-    note = "Share of scenarios in each bin; the outer bins hold the outliers, too."
-    note += f" The same everywhere: {same}." if same else ""
+    note = "Share of scenarios in each bin; the outer bins include outliers."
+    note += f" Constant: {same}." if same else ""
     names = [group.name for group in known[0].groups]
     legend = tag("ul", *starmap(_swatch, enumerate(names)), class_="legend") if len(names) > 1 else None
     return _section(
@@ -149,32 +149,36 @@ def _swatch(place: int, name: str) -> Markup:
     return tag("li", tag("span", class_=f"swatch series-{place % 8 + 1}"), name)
 
 
-def _chart(spread: Spread) -> Markup:
+def _chart(spread: MeasureDistribution) -> Markup:
     unit = tag("span", f" [{spread.unit}]", class_="unit") if spread.unit else None
     lacking = tag("small", f"{plural(spread.missing, 'scenario')} without") if spread.missing else None
     return tag("figure", tag("figcaption", spread.title, unit), histogram(spread), lacking, class_="chart")
 
 
-def _quality(contents: Contents) -> Markup | None:
+def _quality(contents: ReportContents) -> Markup | None:
     cards = [
-        joined(_part_title(contents, part), scorecard(part.scorecard)) for part in contents.parts if part.scorecard
+        joined(_section_title(contents, section), scorecard(section.scorecard))
+        for section in contents.sections
+        if section.scorecard
     ]
-    note = tag("p", "Which scenarios break which rule; docs/guides/checks.md explains the rules.", class_="note")
+    note = tag("p", "Violations of the quality rules; docs/guides/checks.md explains the rules.", class_="note")
     return _section("quality", "Quality", note, *cards) if cards else None
 
 
-def _scenarios(contents: Contents) -> Markup | None:
-    shown = [part for part in contents.parts if part.pictures]
-    galleries = [joined(_part_title(contents, part), *starmap(_gallery, part.pictures.items())) for part in shown]
+def _scenarios(contents: ReportContents) -> Markup | None:
+    shown = [section for section in contents.sections if section.pictures]
+    galleries = [
+        joined(_section_title(contents, section), *starmap(_gallery, section.pictures.items())) for section in shown
+    ]
     return _section("scenarios", "Scenarios", _key(), *galleries) if galleries else None
 
 
-def _part_title(contents: Contents, part: Part) -> Markup | None:
-    return tag("h3", part.name) if len(contents.parts) > 1 else None
+def _section_title(contents: ReportContents, section: DatabaseSection) -> Markup | None:
+    return tag("h3", section.name) if len(contents.sections) > 1 else None
 
 
 def _key() -> Markup:
-    """What the colours in pictures mean."""
+    """Legend of the colours in pictures."""
     colors = {"ego": EGO, **{name: OBJECTS[kind] for kind, name in NAMES.items()}, "other": OTHER}
     items = (
         tag(
@@ -187,14 +191,14 @@ def _key() -> Markup:
     return tag("ul", *items, class_="key")
 
 
-def _gallery(group: str, pictures: list[Picture]) -> Markup | None:
+def _gallery(group: str, pictures: list[ScenarioPicture]) -> Markup | None:
     if not pictures:
         return None
     title = joined(tag("h3", group.capitalize()), tag("p", _GROUPS[group], class_="note"))
     return joined(title, tag("div", *map(_figure, pictures), class_="pictures"))
 
 
-def _figure(picture: Picture) -> Markup:
+def _figure(picture: ScenarioPicture) -> Markup:
     data = base64.b64encode(picture.png).decode()
     facts = picture.facts
     words = (
@@ -202,7 +206,7 @@ def _figure(picture: Picture) -> Markup:
     )
     image = tag(
         "img", src=f"data:image/png;base64,{data}", alt=f"Scenario {picture.scenario_id} from above",
-        width=PICTURE[0], height=PICTURE[1],
+        width=PICTURE_SIZE[0], height=PICTURE_SIZE[1],
     )  # fmt: skip
-    why = tag("span", picture.why, class_="why") if picture.why else None
+    why = tag("span", picture.reason, class_="why") if picture.reason else None
     return tag("figure", image, tag("figcaption", why, picture.scenario_id, tag("span", words)))

@@ -1,4 +1,4 @@
-"""The tables of a report."""
+"""Tables of a report."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any
 from scenarionet_pipelines.report.markup import Markup, joined, tag
 
 if TYPE_CHECKING:
-    from scenarionet_data.operations.comparison import Measure, Statistics
-    from scenarionet_data.quality.scorecard import Mark, Partition, Scorecard
-    from scenarionet_pipelines.report.contents import Part
+    from scenarionet_data.operations.comparison import DatabaseStatistics, Measure
+    from scenarionet_data.quality.scorecard import PartitionScore, RuleScore, Scorecard
+    from scenarionet_pipelines.report.contents import DatabaseSection
 
 
 _LEAST = 0.001
 
 
 def number(value: float | None) -> str:
-    """A number as people read it; a dash where there is none.
+    """Format a number; a dash if it is missing.
 
     Example:
         >>> number(12345), number(0.123456), number(float("nan"))
@@ -34,17 +34,17 @@ def number(value: float | None) -> str:
 
 
 def plural(count: int, noun: str) -> str:
-    """A number with its noun."""
+    """Format a number with its noun."""
     return f"{count:,} {noun}{'' if count == 1 else 's'}"
 
 
 def table(head: Iterable[str], rows: Iterable[Iterable[Markup]], label: str) -> Markup:
-    """A table that scrolls sideways where it is wider than the page.
+    """Build a table that scrolls sideways if it is wider than the page.
 
     Args:
-        head: Of the columns; one that ends in ``#`` is of numbers.
-        rows: Cells, elements already.
-        label: What it is, for who does not see it.
+        head: Column headers; a header ending in ``#`` marks a numeric column.
+        rows: Cells as elements.
+        label: Description for screen readers.
     """
     heads = (tag("th", name.rstrip("#"), scope="col", class_="number" if name.endswith("#") else None) for name in head)
     body = tag("tbody", *(tag("tr", *row) for row in rows))
@@ -53,7 +53,7 @@ def table(head: Iterable[str], rows: Iterable[Iterable[Markup]], label: str) -> 
 
 
 def summary(rows: Sequence[dict[str, Any]]) -> Markup:
-    """Datasets, versions and splits."""
+    """Table of datasets, versions and splits."""
     numbers = ("scenarios", "hours", "total_objects", "mean_ego_distance", "mean_vehicles")
     head = (
         "dataset",
@@ -72,11 +72,11 @@ def summary(rows: Sequence[dict[str, Any]]) -> Markup:
         )
         for row in rows
     )  # fmt: skip
-    return table(head, cells, "What the lake holds")
+    return table(head, cells, "Content of the lake")
 
 
-def comparison(statistics: Sequence[Statistics]) -> Markup:
-    """Measures of databases side by side."""
+def comparison(statistics: Sequence[DatabaseStatistics]) -> Markup:
+    """Table that compares measures of databases."""
     full = next(each.measures for each in statistics if each.measures)
     if len(statistics) == 1:
         return _one(full, statistics[0].name)
@@ -89,7 +89,7 @@ def comparison(statistics: Sequence[Statistics]) -> Markup:
 
 
 def _one(measures: Sequence[Measure], name: str) -> Markup:
-    """Measures of one database, a column a statistic."""
+    """Table of the measures of one database, one column per statistic."""
     head = ("measure", "mean#", "standard deviation#", "smallest#", "largest#", "scenarios#")
     rows = [
         (
@@ -123,55 +123,53 @@ def _measured(measures: tuple[Measure, ...]) -> Markup:
     return tag("td", number(measure.mean) + spread, between, class_="number")
 
 
-def missing(parts: Sequence[Part]) -> Markup | None:
-    """Columns that some scenarios have no value in; None when there are none."""
-    names = dict.fromkeys(name for part in parts for name in part.missing)
+def missing(sections: Sequence[DatabaseSection]) -> Markup | None:
+    """Table of columns with missing values; None if no value is missing."""
+    names = dict.fromkeys(name for section in sections for name in section.missing)
     if not names:
         return None
     rows = (
-        (_row_head(name), *(_share(part.missing.get(name, 0), part.statistics.count) for part in parts))
+        (_row_head(name), *(_share(section.missing.get(name, 0), section.statistics.count) for section in sections))
         for name in names
     )
-    return table(("column", *(f"{part.name}#" for part in parts)), rows, "Missing values")
+    return table(("column", *(f"{section.name}#" for section in sections)), rows, "Missing values")
 
 
 def _share(count: int, of: int) -> Markup:
-    said = f"{number(count)} ({count / of:.1%})" if 0 < count < of else "all" if count else "none"
-    return tag("td", said, class_="number")
+    text = f"{number(count)} ({count / of:.1%})" if 0 < count < of else "all" if count else "none"
+    return tag("td", text, class_="number")
 
 
 def scorecard(card: Scorecard) -> Markup:
-    """What breaks which rule, split by split."""
+    """Violations of the quality rules by split."""
     others = (tag("p", tag("strong", check), ": ", detail) for check, detail in card.others)
     return joined(*map(_partition, card.partitions), *others)
 
 
-def _partition(partition: Partition) -> Markup:
+def _partition(partition: PartitionScore) -> Markup:
     name = "/".join((partition.dataset, partition.version, partition.split))
-    said = f"{plural(partition.scenarios, 'scenario')}, {partition.quarantined:,} in quarantine"
+    text = f"{plural(partition.scenarios, 'scenario')}, {partition.quarantined:,} in quarantine"
     published = f"; {partition.coverage.text}" if partition.coverage else ""
-    broken = [mark for mark in partition.marks if mark.broken]
-    held = [mark.check for mark in partition.marks if not mark.broken]
-    rules = table(("rule", "", "broken by#", "share#", "for example"), map(_mark, broken), f"Rules that {name} breaks")
+    broken = [mark for mark in partition.rules if mark.broken]
+    held = [mark.check for mark in partition.rules if not mark.broken]
+    rules = table(("rule", "", "violations#", "share#", "for example"), map(_mark, broken), f"Rules violated in {name}")
     return joined(
         tag("h3", name),
-        tag("p", f"{said}{published}.", class_="note"),
+        tag("p", f"{text}{published}.", class_="note"),
         rules if broken else None,
-        tag(
-            "details", tag("summary", f"{plural(len(held), 'rule')} that no scenario breaks"), tag("p", ", ".join(held))
-        )
+        tag("details", tag("summary", f"{plural(len(held), 'rule')} without violations"), tag("p", ", ".join(held)))
         if held
         else None,
     )
 
 
-def _mark(mark: Mark) -> tuple[Markup, ...]:
+def _mark(mark: RuleScore) -> tuple[Markup, ...]:
     word = "ok" if mark.is_met else "failed" if mark.is_hard else "doubtful"
-    said = {"ok": "within budget", "failed": "failed", "doubtful": "doubtful"}[word]
+    text = {"ok": "within budget", "failed": "failed", "doubtful": "doubtful"}[word]
     example = ": ".join(mark.examples[0]) if mark.examples else ""
     return (
         _row_head(mark.check),
-        tag("td", said, class_=word),
+        tag("td", text, class_=word),
         _number(mark.broken),
         tag("td", f"{mark.share:.2%}", class_="number"),
         tag("td", example, class_="wide"),

@@ -133,7 +133,7 @@ class LakeRoutes:
         name, where, parent = _texts(await request.body(), "name", "where", "database")
         async with self._query_lock:
             created = await run_in_threadpool(
-                self.lake.filter, where.strip() or "true", name=name, parent=parent or None
+                self.lake.filter, where.strip() or "true", name=name, database=parent or None
             )
         return JSONResponse({"reference": created.reference, "count": len(created), "databases": self.lake.databases})
 
@@ -142,7 +142,7 @@ class LakeRoutes:
         if not database:
             return self.lake
         reference = self.lake.database(database).reference  # a name alone means its newest version
-        return self._views.get_or(reference, lambda: self.lake.only(reference))
+        return self._views.get_or(reference, lambda: self.lake.restrict_to(reference))
 
 
 def make_app(lake: Lake, *, is_writable: bool = False, names: frozenset[str] = frozenset()) -> Starlette:

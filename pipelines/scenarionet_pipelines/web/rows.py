@@ -120,7 +120,7 @@ def read_page(lake: Lake, query: PageQuery, known: dict[str, PageColumn]) -> Pag
         total = int(lake.arrow(f"SELECT count(*) FROM metadata WHERE ({query.where}\n)")[0][0].as_py())
         return Page(total, query.first, _rows(lake, query, known[query.sort], total))
     except QueryError as error:
-        raise suggestions.in_condition(error, query.where) from error
+        raise suggestions.explain_unknown_column(error, query.where) from error
 
 
 def _rows(lake: Lake, query: PageQuery, sort: PageColumn, total: int) -> list[dict[str, Any]]:

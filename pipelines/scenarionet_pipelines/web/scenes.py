@@ -66,7 +66,7 @@ class ScenarioCache:
     """
 
     def __init__(self, lake: Lake) -> None:
-        self._lake = Lake(lake.root, lake.snapshot.number, lake.layers)
+        self._lake = Lake(lake.root, lake.snapshot.number, lake.user_columns)
         self._pages: LruCache[tuple[str, ...]] = LruCache(_MAX_LOCATIONS)
         self._locations: LruCache[tuple[ScenarioLoader, int]] = LruCache(_MAX_LOCATIONS)
         self._thumbnails: LruCache[bytes] = LruCache(_MAX_THUMBNAILS)
@@ -81,7 +81,7 @@ class ScenarioCache:
 
     def facts(self, scenario_id: str) -> dict[str, Any]:
         """Return the metadata of a scenario."""
-        return self._lake.facts(scenario_id)
+        return self._lake.describe(scenario_id)
 
     def thumbnail(self, scenario_id: str, size: tuple[int, int]) -> bytes:
         """Return a small picture.

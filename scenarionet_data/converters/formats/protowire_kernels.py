@@ -2,15 +2,14 @@
 
 Reads stay within a message. Damage sets the position to ``_BAD``, beyond every end, so that loops terminate; a loop
 that does not stop exactly at its end has found damage. Indices are unsigned to avoid the check for negative ones.
-Each walk is one long function because passing arrays to others makes it four times slower, and everything is in one
-file because Numba's cache does not track changes in other files.
+Each walk is one long function because passing arrays to others makes it four times slower.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Int32, Int64, UInt8, UInt64
 
 VARINT, DOUBLE, BYTES, FLOAT = 0, 1, 2, 5
@@ -19,7 +18,7 @@ VARINT, DOUBLE, BYTES, FLOAT = 0, 1, 2, 5
 _BAD = np.int64(1 << 62)
 
 
-@njit(cache=True)
+@kernel
 def walk(buffer: UInt8, firsts: Int32, ends: Int32, wires: Int64, values: UInt64, fields: Int32) -> np.int64:
     """Walk the fields of messages.
 
@@ -72,7 +71,7 @@ def walk(buffer: UInt8, firsts: Int32, ends: Int32, wires: Int64, values: UInt64
     return count
 
 
-@njit(cache=True)
+@kernel
 def unpack(buffer: UInt8, firsts: Int32, ends: Int32, wire: int, elements: Int64) -> np.int64:
     """Walk the elements of lists.
 
@@ -104,7 +103,7 @@ def unpack(buffer: UInt8, firsts: Int32, ends: Int32, wire: int, elements: Int64
     return count
 
 
-@njit(cache=True, forceinline=True)
+@device_function(forceinline=True)
 def _read_varint(buffer: UInt8, pos: np.int64, end: np.int64) -> tuple[np.int64, np.int64]:
     """Return a varint as 64 signed bits, and the position after it; nearly all are one byte long."""
     if pos < end and buffer[np.uint64(pos)] < 0x80:
@@ -112,7 +111,7 @@ def _read_varint(buffer: UInt8, pos: np.int64, end: np.int64) -> tuple[np.int64,
     return _read_long_varint(buffer, pos, end)
 
 
-@njit(cache=True)
+@device_function
 def _read_long_varint(buffer: UInt8, pos: np.int64, end: np.int64) -> tuple[np.int64, np.int64]:
     value, shift = np.int64(0), np.int64(0)
     while pos < end and shift < 70:
@@ -125,7 +124,7 @@ def _read_long_varint(buffer: UInt8, pos: np.int64, end: np.int64) -> tuple[np.i
     return np.int64(0), _BAD
 
 
-@njit(cache=True, forceinline=True)
+@device_function(forceinline=True)
 def _bits(buffer: UInt8, pos: np.int64, size: int) -> np.uint64:
     """Read ``size`` little-endian bytes; compiles to a single load."""
     bits = np.uint64(0)

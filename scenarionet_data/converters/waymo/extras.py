@@ -9,8 +9,8 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from numba import njit
 
+from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array, Int64, Object
 from scenarionet_data.converters.waymo.wire import WireMap
 
@@ -51,7 +51,7 @@ def write_extras(features: WireMap, boundary_codes: Int64) -> Object:
     return np.array(parts, dtype=object)
 
 
-@njit(cache=True)
+@kernel
 def _write(
     flags: Array,
     left_boundaries: Array,
@@ -88,7 +88,7 @@ def _write(
         ends[row + 1] = at
 
 
-@njit(cache=True)
+@device_function
 def _list(
     text: Array, at: int, start: int, name: Array, table: Array, row: int, first: int, codes: Array
 ) -> tuple[int, int]:
@@ -100,7 +100,7 @@ def _list(
     return _put(text, at, 93), first  # ]
 
 
-@njit(cache=True)
+@device_function
 def _boundaries(text: Array, at: int, table: Array, row: int, first: int, codes: Array) -> tuple[int, int]:
     """Write rows [first point, last point, "feature", type code], separated by commas."""
     begin = first
@@ -116,7 +116,7 @@ def _boundaries(text: Array, at: int, table: Array, row: int, first: int, codes:
     return at, first
 
 
-@njit(cache=True)
+@device_function
 def _neighbors(
     text: Array,
     at: int,
@@ -147,31 +147,31 @@ def _neighbors(
     return _put(text, at, 93), first, inner_first
 
 
-@njit(cache=True)
+@device_function
 def _between(text: Array, at: int, start: int) -> int:
     """Write the brace before a feature's first member, or the comma before another."""
     return _put(text, at, 123 if at == start else 44)
 
 
-@njit(cache=True)
+@device_function
 def _put(text: Array, at: int, character: int) -> int:
     text[at] = character
     return at + 1
 
 
-@njit(cache=True)
+@device_function
 def _copy(text: Array, at: int, word: Array) -> int:
     for place in range(len(word)):
         text[at + place] = word[place]
     return at + len(word)
 
 
-@njit(cache=True)
+@device_function
 def _quoted(text: Array, at: int, number: int) -> int:
     return _put(text, _number(text, _put(text, at, 34), number), 34)
 
 
-@njit(cache=True)
+@device_function
 def _number(text: Array, at: int, number: int) -> int:
     """Write the decimal digits of an int64."""
     rest = np.uint64(number)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pyarrow as pa
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarionet_data import codec
@@ -28,7 +28,6 @@ from tests.fixtures.scenarios import make_scenario, renamed
     has_z=st.booleans(),
     has_map=st.booleans(),
 )
-@settings(max_examples=100, deadline=None)
 def test_round_trip_is_bit_exact(seed, num_objects, num_steps, num_lanes, num_lights, has_z, has_map):
     scenario = make_scenario(
         seed,

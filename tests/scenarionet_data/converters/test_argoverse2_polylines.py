@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarionet_data.arrays.ragged import Ragged
@@ -21,14 +21,12 @@ def lines(seed: int, count: int = 5) -> Ragged:
     return Ragged.from_flat(lengths.tolist(), np.cumsum(steps, axis=0) + 1e5)
 
 
-@settings(max_examples=30, deadline=None)
 @given(seeds)
 def test_every_point_is_found_where_it_lies(seed: int) -> None:
     some = lines(seed)
     np.testing.assert_allclose(points_at(some, positions_along(some)), some.values, atol=1e-6)
 
 
-@settings(max_examples=30, deadline=None)
 @given(seeds, st.integers(0, 4), st.floats(0.0, 1.0))
 def test_points_are_those_of_the_line_alone(seed: int, row: int, share: float) -> None:
     some = lines(seed)
@@ -54,7 +52,6 @@ def test_midlines_lie_halfway() -> None:
     np.testing.assert_allclose(middle[1], [[0.5, 0, 0], [0.5, 1, 0]])
 
 
-@settings(max_examples=30, deadline=None)
 @given(seeds)
 def test_ground_height_is_between_its_points_and_near_the_nearest(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarionet_data.converters.nuscenes.dubins import SPACING, centerlines
@@ -19,7 +19,6 @@ def path(start: Any, shape: str, radius: float, lengths: list[float]) -> dict[st
     return {"start_pose": list(start), "shape": shape, "radius": radius, "segment_length": lengths}
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     start=st.tuples(st.floats(-3000, 3000), st.floats(-3000, 3000), st.floats(-7, 7)),
     shape=st.sampled_from(["LSR", "RSR", "LSL", "RSL", "LRL", "RLR"]),

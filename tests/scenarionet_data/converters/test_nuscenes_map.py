@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarionet_data.building import MapBuilder
@@ -207,7 +207,6 @@ def star(radii: list[float], center: tuple[float, float], turn: float = 0.0) -> 
     return np.array(center) + np.array(radii)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     outer=st.lists(st.floats(80, 300), min_size=6, max_size=12),
     holes=st.lists(st.lists(st.floats(1, 9), min_size=3, max_size=6), max_size=3),

@@ -139,7 +139,7 @@ def test_the_fixture_writes_what_the_runtime_writes():
 # Always the same draw, because one damage in 50,000 is read differently: where an enum stands twice and the second
 # value is none of its own, Google's runtime keeps the first and we read 0.
 @given(st.data())
-@settings(max_examples=500, deadline=None, derandomize=True)
+@settings(max_examples=5 * settings.default.max_examples, derandomize=True)
 def test_damaged_messages_are_refused_or_read_as_google_reads_them(data):
     """A byte or two changed, put in, or taken out, anywhere."""
     position = data.draw(st.integers(0, len(SMALL) - 1))

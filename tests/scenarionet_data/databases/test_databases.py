@@ -15,14 +15,14 @@ from scenarionet_data.errors import (
     NoSuchSnapshot,
     ScenarioNotFound,
 )
-from scenarionet_data.operations.database_query import StaleDatabaseWarning
+from scenarionet_data.query.lake_view import StaleDatabaseWarning
 from tests.fixtures.made import NAME, MadeOptions, write_raw
 from tests.fixtures.scenarios import NUM_VARIED
 
 
 def test_databases_have_versions_and_are_not_overwritten_by_accident(own):
     first = own.filter("num_objects > 3", name="busy")
-    with pytest.raises(DatabaseExists, match="--replace"):
+    with pytest.raises(DatabaseExists, match="replace=True"):
         own.filter("num_objects > 4", name="busy")
     second = own.filter("num_objects > 4", name="busy", replace=True)
     assert (first.reference, second.reference) == ("busy@1", "busy@2")
@@ -43,7 +43,7 @@ def test_databases_that_are_not_there_are_named_with_those_that_are(own):
         own.database("x")
     own.filter("true", name="all")
     with pytest.raises(DatabaseNotFound, match="no database 'x'; databases: all"):
-        own.filter("true", name="y", parent="x")
+        own.filter("true", name="y", database="x")
     with pytest.raises(DatabaseNotFound, match=r"no database 'all@7'; versions \[1\]"):
         own.database("all@7")
     with pytest.raises(BadParameter, match="wanted name or name@version, with a number"):
@@ -51,16 +51,14 @@ def test_databases_that_are_not_there_are_named_with_those_that_are(own):
 
 
 def test_an_empty_database_is_one_when_it_is_asked_for(own):
-    with pytest.raises(
-        EmptyResult, match=rf"none: no scenario is left of {NUM_VARIED}; loosen the conditions, or --al"
-    ):
+    with pytest.raises(EmptyResult, match=rf"none: no scenario is left of {NUM_VARIED}; loosen the conditions, or al"):
         own.filter("false", name="none")
     assert own.databases == []
     none = own.filter("false", name="none", allow_empty=True)
     assert len(none) == 0
-    assert len(own.filter("true", name="still", parent="none", allow_empty=True)) == 0
+    assert len(own.filter("true", name="still", database="none", allow_empty=True)) == 0
     assert len(ScenarioLoader(own, "none")) == 0
-    with pytest.raises(EmptyResult, match="no scenario of 0 falls into a, b; other fractions, another seed, or --al"):
+    with pytest.raises(EmptyResult, match="no scenario of 0 falls into a, b; other fractions, another seed, or al"):
         own.split("none", {"a": 0.5, "b": 0.5})
     parts = own.split("none", {"a": 0.5, "b": 0.5}, allow_empty=True)
     assert [len(part) for part in parts.values()] == [0, 0]
@@ -68,9 +66,9 @@ def test_an_empty_database_is_one_when_it_is_asked_for(own):
 
 def test_scenarios_are_located_in_the_order_asked_for(own):
     ids = own.sql("SELECT scenario_id FROM metadata ORDER BY 1 DESC")["scenario_id"].to_list()
-    assert own.locate([*ids, ids[0]])["scenario_id"].to_pylist() == [*ids, ids[0]]
+    assert own.resolve([*ids, ids[0]])[1]["scenario_id"].to_pylist() == [*ids, ids[0]]
     with pytest.raises(ScenarioNotFound, match="no scenario made/v1/x in snapshot 1; 1 of 2 are missing"):
-        own.locate([ids[0], "made/v1/x"])
+        own.resolve([ids[0], "made/v1/x"])
 
 
 @pytest.fixture
@@ -95,7 +93,7 @@ def test_a_stale_database_is_read_from_its_own_snapshot_with_a_warning(changed):
 
 def test_what_is_made_from_a_stale_database_can_be_read(changed):
     with pytest.warns(StaleDatabaseWarning):
-        child = changed.filter("true", name="child", parent="old")
+        child = changed.filter("true", name="child", database="old")
     with pytest.warns(StaleDatabaseWarning):
         parts = changed.split("old", {"a": 0.5, "b": 0.5}, allow_empty=True)
     assert child.lineage.snapshot == 1
@@ -112,6 +110,8 @@ def test_a_database_of_unchanged_members_moves_with_the_lake(changed):
 
 def test_a_database_whose_snapshot_is_gone_names_what_is_missing(changed):
     changed.files.path("snapshots/00000001.json").unlink()
-    remedy = "old@1 was made on snapshot 1, which is gone, and members of it have changed since; `scenarionet rebase"
+    remedy = (
+        r"old@1 was made on snapshot 1, which has expired, and some of its members have changed since; lake.rebase\("
+    )
     with pytest.raises(NoSuchSnapshot, match=remedy):
         ScenarioLoader(changed, "old")

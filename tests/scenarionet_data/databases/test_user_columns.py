@@ -12,12 +12,12 @@ from scenarionet_data import Lake
 from scenarionet_data.databases import user_columns
 from scenarionet_data.errors import (
     BadParameter,
-    LayerExists,
-    LayerInUse,
-    LayerNotFound,
     QueryError,
     ScenarioNotFound,
     UnsafeSql,
+    UserColumnExists,
+    UserColumnInUse,
+    UserColumnNotFound,
 )  # fmt: skip
 from scenarionet_data.storage.snapshots import commit as commits
 from tests.fixtures.lakes import write_lake
@@ -50,7 +50,7 @@ def test_a_tag_is_a_column_and_nothing_is_rewritten(lake):
     assert added.relative_to(lake.root).as_posix() == "layers/score/1.parquet"
     assert {path: after[path] for path in before} == before
     assert len(lake.refresh()) == len(IDS)
-    assert lake.refresh().facts(IDS[0])["score"] == 1.5
+    assert lake.refresh().describe(IDS[0])["score"] == 1.5
 
 
 def test_a_tag_is_filtered_split_and_sampled_by(lake):
@@ -59,8 +59,8 @@ def test_a_tag_is_filtered_split_and_sampled_by(lake):
     lake = lake.refresh()
     found = lake.filter("score >= 2 AND kind = 'a'", name="best")
     assert found.scenario_ids == [IDS[2], IDS[4]]
-    assert found.lineage.layers == ["kind@1", "score@1"]
-    assert lake.filter("num_objects > 0", name="all").lineage.layers == []
+    assert found.lineage.user_columns == ["kind@1", "score@1"]
+    assert lake.filter("num_objects > 0", name="all").lineage.user_columns == []
     parts = lake.split("all", {"x": 0.5, "y": 0.5}, by="kind", allow_empty=True)
     kinds = [{column(lake, "kind")[name] for name in part.scenario_ids} for part in parts.values()]
     assert kinds[0].isdisjoint(kinds[1])
@@ -85,7 +85,7 @@ def test_tags_from_sql_conditions_and_events(lake):
     counted = column(lake, "num_objects")
     assert column(lake, "crowded") == {name: number > 3 for name, number in counted.items()}
     lake.tag_event("approaches", "closest_approach:max=30")
-    hits = lake.mine("closest_approach", {"max": "30"})["scenario_id"].to_list()
+    hits = lake.mine("closest_approach", {"max": 30})["scenario_id"].to_list()
     assert column(lake, "approaches") == {name: hits.count(name) for name in IDS}
     lake.refresh().tag_by_sql("twice", "SELECT scenario_id, 2 * approaches AS v FROM metadata")
     assert column(lake, "twice") == {name: 2 * hits.count(name) for name in IDS}
@@ -102,7 +102,7 @@ def test_tags_from_files(lake, suffix, tmp_path):
     assert column(lake, "letter")[IDS[0]] == "f"
     with pytest.raises(BadParameter, match="no column points; there are scenario_id, score, word"):
         lake.tag_from_file("other", path, "points")
-    with pytest.raises(BadParameter, match="--column"):
+    with pytest.raises(BadParameter, match="select two columns"):
         lake.tag_from_file("other", path)
 
 
@@ -121,10 +121,10 @@ def test_files_that_are_no_table_are_refused(lake, tmp_path):
         ("num_objects", "is a column of every lake"),
         ("objects_per_100m", "is a column of every lake"),
         ("weight", "is a column of every lake"),
-        ("Score", "no layer name"),
-        ("my-score", "no layer name"),
-        ("../x", "no layer name"),
-        ("", "no layer name"),
+        ("Score", "no name of a user column"),
+        ("my-score", "no name of a user column"),
+        ("../x", "no name of a user column"),
+        ("", "no name of a user column"),
         ("select", "a word of SQL"),
     ],
 )
@@ -148,22 +148,22 @@ def test_rows_that_do_not_fit_are_refused(lake):
         lake.tag_where("score", "1; SELECT 2")
     with pytest.raises(QueryError):
         lake.tag_where("score", "nothing > 1")
-    assert user_columns.shown(lake.files, {}) == {}
+    assert user_columns.current(lake.files, {}) == {}
 
 
 def test_versions_stay_and_lineage_pins_the_one_it_asked(lake):
     lake.tag("score", {name: float(k) for k, name in enumerate(IDS)})
     lake = lake.refresh()
     lake.filter("score >= 4", name="best")
-    with pytest.raises(LayerExists, match="--replace"):
+    with pytest.raises(UserColumnExists, match="replace=True"):
         lake.tag("score", {IDS[0]: 9.0})
     assert lake.tag("score", {IDS[0]: 9.0}, replace=True).reference == "score@2"
     newest = lake.refresh()
     assert newest.filter("score >= 4", name="again").scenario_ids == [IDS[0]]
-    assert newest.database("best").lineage.layers == ["score@1"]
+    assert newest.database("best").lineage.user_columns == ["score@1"]
     assert newest.rebuild("best").is_same
     assert newest.rebuild("again").is_same
-    assert Lake(lake.root, layers={"score": 1}).sql("SELECT max(score) FROM metadata").item() == 5.0
+    assert Lake(lake.root, user_columns={"score": 1}).sql("SELECT max(score) FROM metadata").item() == 5.0
     found = user_columns.read(lake.files, "score", 1)
     assert (found.count, found.snapshot) == (6, 1)
 
@@ -207,7 +207,7 @@ def test_a_database_asks_only_layers_that_it_names(lake):
     kind.write_bytes(b"damaged")
     assert lake.filter("score >= 2", name="best").scenario_ids == IDS[2:]
     kind.write_bytes(whole)
-    assert lake.filter("COLUMNS('sc.re') >= 4", name="few", allow_empty=True, parent="best").lineage.layers == [
+    assert lake.filter("COLUMNS('sc.re') >= 4", name="few", allow_empty=True, database="best").lineage.user_columns == [
         "kind@1", "score@1",
     ]  # fmt: skip
 
@@ -216,33 +216,35 @@ def test_layers_are_dropped_but_those_that_lineages_need(lake):
     lake.tag("score", {name: float(k) for k, name in enumerate(IDS)})
     lake.tag("score", {IDS[0]: 9.0}, replace=True)
     lake.tag("kind", dict.fromkeys(IDS, "a"))
-    lake = Lake(lake.root, layers={"score": 1})
+    lake = Lake(lake.root, user_columns={"score": 1})
     lake.filter("score >= 4", name="best")
-    with pytest.raises(LayerInUse, match=r"score is needed .*: best@1 asked score@1; drop those first, or --force"):
+    with pytest.raises(
+        UserColumnInUse, match=r"score is needed .*: best@1 uses score@1; drop those first, or force=True"
+    ):
         lake.untag("score")
-    with pytest.raises(LayerNotFound, match=r"no layer 'score@7'; versions \[1, 2\]"):
+    with pytest.raises(UserColumnNotFound, match=r"no user column 'score@7'; versions \[1, 2\]"):
         lake.untag("score@7")
-    with pytest.raises(LayerNotFound, match="no layer 'scores'; layers: kind, score"):
+    with pytest.raises(UserColumnNotFound, match="no user column 'scores'; user columns: kind, score"):
         lake.untag("scores")
     lake.untag("score@2")
     lake.untag("kind")
-    assert lake.refresh().layers == {"score": 1}
+    assert lake.refresh().user_columns == {"score": 1}
     with pytest.raises(QueryError, match="kind"):
         lake.refresh().sql("SELECT kind FROM metadata")
     lake.untag("score", force=True)
-    assert lake.refresh().layers == {}
+    assert lake.refresh().user_columns == {}
     lake = lake.refresh()
     assert lake.database("best").scenario_ids == IDS[4:]
-    with pytest.raises(LayerNotFound, match=r"best@1 cannot be made again as it was: .*no layer 'score@1'"):
+    with pytest.raises(UserColumnNotFound, match=r"best@1 cannot be made again as it was: .*no user column 'score@1'"):
         lake.rebuild("best")
     assert lake.tag("score", {IDS[0]: 1.0}).reference == "score@2"  # not what best asked
-    with pytest.raises(LayerNotFound, match="score@1"):
+    with pytest.raises(UserColumnNotFound, match="score@1"):
         lake.refresh().rebuild("best")
 
 
 def test_a_layer_that_is_nearly_meant_is_named(lake):
     lake.tag("loneliness", {IDS[0]: 1.0})
-    with pytest.raises(QueryError, match=r"no column lonelines at character 1 .* near are loneliness"):
+    with pytest.raises(QueryError, match=r"no column lonelines at character 1 .* similar: loneliness"):
         lake.refresh().filter("lonelines > 0", name="x")
 
 
@@ -250,7 +252,7 @@ def test_folders_that_are_no_layers_are_left_alone(lake):
     lake.tag("score", {IDS[0]: 1})
     shutil.copytree(lake.root / "layers" / "score", lake.root / "layers" / "a JOIN b")
     (lake.root / "layers" / "empty").mkdir()
-    assert lake.refresh().layers == {"score": 1}
+    assert lake.refresh().user_columns == {"score": 1}
     assert column(lake, "score")[IDS[0]] == 1
 
 

@@ -38,7 +38,7 @@ def test_members_come_in_any_portions_and_lie_in_full_row_groups(lake):
         }
     )
     portions = [1, 70_000, 0, 65_535, 14_464]
-    with writer.drafts(lake.files, ["many"]) as made:
+    with writer.database_writers(lake.files, ["many"]) as made:
         draft, start = made["many"], 0
         for portion in portions:
             for batch in rows.slice(start, portion).to_batches():
@@ -64,12 +64,12 @@ def test_a_query_that_fails_half_way_leaves_nothing(lake):
 def test_what_goes_wrong_between_two_batches_is_told_like_any_mistake(lake):
     late = "SELECT range AS n FROM range(300000) WHERE range < 250000 OR concat(range, 'x')::INTEGER > 0"
     with pytest.raises(QueryError, match="Could not convert string '250000x'"):
-        list(lake.batches(late))
+        list(lake.engine.batches(late))
     assert len(lake) == 3
 
 
 def test_a_question_waits_no_longer_than_the_rows_of_another_are_read(lake):
-    rows = lake.batches("SELECT range AS n FROM range(300000)")
+    rows = lake.engine.batches("SELECT range AS n FROM range(300000)")
     assert next(rows).num_rows > 0
     rows.close()
     assert len(lake) == 3

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarionet_data.arrays.ragged import Ragged
@@ -149,7 +149,6 @@ def assert_same(first: ScenarioDescription, second: ScenarioDescription) -> None
     has_z=st.booleans(),
     has_map=st.booleans(),
 )
-@settings(max_examples=40, deadline=None)
 def test_export_and_import_give_the_same_arrays(
     tmp_path_factory, seed, num_objects, num_steps, num_lights, has_z, has_map
 ):

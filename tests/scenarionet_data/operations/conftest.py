@@ -46,7 +46,7 @@ def _changed(tmp_path_factory):
     raw, root = write_raw(folder / "raw", {"a": [1, 2], "b": [3]}), folder / "lake"
     convert(NAME, str(raw), root, options=MadeOptions(num_objects=2))
     Lake(root).filter("true", name="old")
-    Lake(root).filter("num_objects > 0", name="child", parent="old")
+    Lake(root).filter("num_objects > 0", name="child", database="old")
     Lake(root).filter("ends_with(scenario_id, '3')", name="same")
     (raw / "a.made").write_text("1\n4")
     (raw / "b.made").unlink()

@@ -18,7 +18,7 @@ from scenarionet_data.errors import (
     EmptyResult,
     ScenarioNotFound,
 )
-from scenarionet_data.operations.database_query import StaleDatabaseWarning
+from scenarionet_data.query.lake_view import StaleDatabaseWarning
 
 
 def ids(numbers):
@@ -38,10 +38,10 @@ def test_sets_are_sets(logs, a, b, c):
     for name, numbers in (("a", a), ("b", b), ("c", c)):
         make(logs, name, sorted(numbers))
     saving = {"replace": True, "allow_empty": True}
-    merged = logs.merge(["a", "b", "c"], name="merged", **saving)
+    merged = logs.merge("a", "b", "c", name="merged", **saving)
     assert merged.scenario_ids == ids([*sorted(a), *sorted(b - a), *sorted(c - a - b)])
-    assert logs.intersect(["a", "b", "c"], name="both", **saving).scenario_ids == ids(sorted(a & b & c))
-    assert logs.subtract(["a", "b", "c"], name="rest", **saving).scenario_ids == ids(sorted(a - b - c))
+    assert logs.intersect("a", "b", "c", name="both", **saving).scenario_ids == ids(sorted(a & b & c))
+    assert logs.subtract("a", "b", "c", name="rest", **saving).scenario_ids == ids(sorted(a - b - c))
     for name in ("merged", "both", "rest"):
         assert logs.rebuild(name).is_same
     assert merged.lineage.parents == [logs.database(name).reference for name in "abc"]
@@ -53,35 +53,35 @@ def test_one_database_is_no_set_of_them(logs):
     make(logs, "a", [1])
     for operation in (logs.merge, logs.intersect, logs.subtract):
         with pytest.raises(BadParameter, match="wanted two databases or more, found 1"):
-            operation(["a"], name="x")
+            operation("a", name="x")
     with pytest.raises(DatabaseNotFound, match="no database 'b'; databases: a"):
-        logs.merge(["a", "b"], name="x")
+        logs.merge("a", "b", name="x")
     with pytest.raises(EmptyResult, match="x: no scenario is left of 1"):
-        logs.subtract(["a", "a"], name="x")
-    with pytest.raises(DatabaseExists, match="'a' exists; give another name, or --replace"):
-        logs.merge(["a", "a"], name="a")
+        logs.subtract("a", "a", name="x")
+    with pytest.raises(DatabaseExists, match="'a' exists; choose another name, or replace=True"):
+        logs.merge("a", "a", name="a")
 
 
 def test_databases_of_several_snapshots_are_merged_where_one_snapshot_holds_them(changed):
     changed.filter(name="new", ids=["made/v1/s000004"])
-    assert len(changed.merge(["same", "new"], name="both")) == 2
+    assert len(changed.merge("same", "new", name="both")) == 2
     with pytest.warns(StaleDatabaseWarning, match="2 of 3 members of old@1 changed after snapshot 1 and are read fr"):
-        assert changed.merge(["old", "same"], name="earlier").lineage.snapshot == 1
-    with pytest.raises(ScenarioNotFound, match=r"no snapshot holds the members of old@1 and new@1 .*rebase .* old"):
-        changed.merge(["old", "new"], name="never")
-    assert changed.subtract(["new", "old"], name="unseen").scenario_ids == ["made/v1/s000004"]
+        assert changed.merge("old", "same", name="earlier").lineage.snapshot == 1
+    with pytest.raises(ScenarioNotFound, match=r"no snapshot has the members of old@1 and new@1 .*lake.rebase..old"):
+        changed.merge("old", "new", name="never")
+    assert changed.subtract("new", "old", name="unseen").scenario_ids == ["made/v1/s000004"]
 
 
 def test_members_that_the_lake_never_had_are_named(logs):
     made = make(logs, "a", [1, 2])
     foreign = made.members.set_column(0, "scenario_id", [["made/v1/s001", "made/v1/elsewhere"]])
     writer.save(logs.files, "foreign", foreign, made.lineage, replace=False)
-    says = "members of foreign@1 as they were: 1 of 2 of foreign@1 are not in snapshot 1, for example made/v1/elsewhere"
+    says = "members of .*foreign@1 unchanged: 1 of 2 of foreign@1 are not in snapshot 1, for example made/v1/elsewhere"
     for use in (
-        lambda: logs.filter("true", name="x", parent="foreign"),
+        lambda: logs.filter("true", name="x", database="foreign"),
         lambda: logs.sample("foreign", name="x", n=1),
-        lambda: logs.merge(["a", "foreign"], name="x"),
-        lambda: logs.members("foreign"),
+        lambda: logs.merge("a", "foreign", name="x"),
+        lambda: logs.resolve("foreign"),
     ):
         with pytest.raises(ScenarioNotFound, match=says.replace("of foreign@1 as", ".*foreign@1 as")):
             use()
@@ -92,17 +92,17 @@ def test_members_that_the_lake_never_had_are_named(logs):
 
 def test_a_copy_stays_as_it_was(logs):
     first = make(logs, "a", [1, 2])
-    copy = logs.copy("a", "b")
+    copy = logs.copy("a", name="b")
     make(logs, "a", [3])
     assert logs.database("b").members.equals(first.members)
     assert copy.lineage.operation == "copy"
     assert copy.lineage.parents == ["a@1"]
     assert logs.rebuild("b").is_same
-    assert logs.copy("a@1", "c").scenario_ids == ids([1, 2])
+    assert logs.copy("a@1", name="c").scenario_ids == ids([1, 2])
     with pytest.raises(DatabaseExists):
-        logs.copy("a", "b")
+        logs.copy("a", name="b")
     make(logs, "none", [])
-    assert len(logs.copy("none", "none_too")) == 0
+    assert len(logs.copy("none", name="none_too")) == 0
 
 
 def test_a_database_moves_with_all_its_versions(logs):
@@ -110,25 +110,25 @@ def test_a_database_moves_with_all_its_versions(logs):
     make(logs, "a", [2])
     make(logs, "c", [3])
     with pytest.raises(DatabaseExists, match="'c' exists"):
-        logs.rename("a", "c")
+        logs.rename("a", name="c")
     with pytest.raises(BadParameter, match="is no database name"):
-        logs.rename("a", "../c")
+        logs.rename("a", name="../c")
     with pytest.raises(DatabaseNotFound):
-        logs.rename("x", "y")
-    logs.rename("a", "b")
+        logs.rename("x", name="y")
+    logs.rename("a", name="b")
     assert logs.databases == ["b", "c"]
     assert logs.database("b@1").scenario_ids == ids([1])
     assert logs.database("b").scenario_ids == ids([2])
-    logs.filter("true", name="child", parent="b")
-    with pytest.raises(DatabaseInUse, match=r"child@1 was made from b; `scenarionet copy .* b d` leaves it in place"):
-        logs.rename("b", "d")
+    logs.filter("true", name="child", database="b")
+    with pytest.raises(DatabaseInUse, match=r"child@1 was made from b; lake.copy..b., name=.d.. keeps it"):
+        logs.rename("b", name="d")
 
 
 def test_what_others_were_made_from_is_not_dropped_by_accident(logs):
     make(logs, "a", [1])
     make(logs, "a", [2])
-    logs.filter("true", name="child", parent="a@1")
-    with pytest.raises(DatabaseInUse, match=r"child@1 was made from a; drop them first, or --force"):
+    logs.filter("true", name="child", database="a@1")
+    with pytest.raises(DatabaseInUse, match=r"child@1 was made from a; drop those first, or force=True"):
         logs.drop("a")
     with pytest.raises(DatabaseInUse):
         logs.drop("a@1")

@@ -24,7 +24,7 @@ def lake(tmp_path_factory) -> Lake:
 
 def test_statistics_are_mean_and_deviation_over_the_members(lake):
     rows = lake.sql("SELECT * FROM metadata WHERE num_objects >= 5")
-    small, large = lake.compare(["small", "large"])
+    small, large = lake.compare("small", "large")
     assert (small.name, large.name) == ("small@1", "large@1")
     assert (small.count + large.count, large.count) == (6, len(rows))
     found = {measure.measure: measure for measure in large.measures}
@@ -45,17 +45,17 @@ def test_statistics_are_mean_and_deviation_over_the_members(lake):
 def test_the_whole_lake_and_a_database_without_members(lake):
     (whole,) = lake.compare()
     assert (whole.name, whole.count) == ("lake", 6)
-    (none,) = lake.compare(["none"])
+    (none,) = lake.compare("none")
     assert (none.count, none.measures) == (0, ())
     with pytest.raises(DatabaseNotFound, match="large"):
-        lake.compare(["huge"])
+        lake.compare("huge")
 
 
 @pytest.mark.parametrize(("suffix", "begins"), [("png", b"\x89PNG"), ("svg", b"<?xml")])
 def test_the_picture_is_drawn(lake, suffix, begins, tmp_path):
     pytest.importorskip("matplotlib", reason="the extra `plots` is not installed")
     path = tmp_path / f"stats.{suffix}"
-    write_comparison(lake.compare(["small", "none", "large"]), path)
+    write_comparison(lake.compare("small", "none", "large"), path)
     content = path.read_bytes()
     assert content.startswith(begins)
     if suffix == "svg":  # texts are drawn as glyphs, with the words as comments
@@ -67,4 +67,4 @@ def test_what_cannot_be_drawn_is_refused(lake, tmp_path):
     with pytest.raises(BadParameter, match=r"\.png, \.pdf, \.svg"):
         write_comparison(lake.compare(), tmp_path / "stats.docx")
     with pytest.raises(BadParameter, match="no scenarios to draw"):
-        write_comparison(lake.compare(["none"]), tmp_path / "stats.png")
+        write_comparison(lake.compare("none"), tmp_path / "stats.png")

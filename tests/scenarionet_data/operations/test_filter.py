@@ -15,7 +15,7 @@ def test_a_list_of_ids_keeps_exactly_these(logs):
     found = logs.filter(name="some", ids=["made/v1/s010", "r011", "made/v1/s002"])  # r011: the id in the source
     assert found.scenario_ids == ids(2, 10, 11)
     assert found.lineage.parameters["f0_ids"] == ["made/v1/s010", "r011", "made/v1/s002"]
-    both = logs.filter("scenario_id > 'made/v1/s005'", name="fewer", ids=ids(2, 10), parent="some")
+    both = logs.filter("scenario_id > 'made/v1/s005'", name="fewer", ids=ids(2, 10), database="some")
     assert both.scenario_ids == ids(10)
 
 
@@ -28,8 +28,8 @@ def test_a_part_of_an_id_is_no_id(logs, part):
 
 def test_ids_are_looked_for_in_the_parent(logs):
     logs.filter(name="low", ids=ids(1, 2, 3))
-    with pytest.raises(ScenarioNotFound, match=r"1 of 2 ids are not in low@1, for example made/v1/s004; ids are whole"):
-        logs.filter(name="some", ids=ids(3, 4), parent="low")
+    with pytest.raises(ScenarioNotFound, match=r"1 of 2 ids are not in low@1, for example made/v1/s004; wanted whole"):
+        logs.filter(name="some", ids=ids(3, 4), database="low")
 
 
 def test_no_ids_are_no_scenarios(logs):
@@ -59,12 +59,12 @@ def test_no_ids_are_no_scenarios(logs):
 def test_named_filters_say_what_the_sql_says(logs, named, where):
     wanted = logs.sql(f"SELECT scenario_id FROM metadata WHERE {where} ORDER BY 1")["scenario_id"].to_list()
     assert wanted
-    assert logs.filter(name="kept", named=[named]).scenario_ids == wanted
+    assert logs.filter(name="kept", filters=[named]).scenario_ids == wanted
 
 
 def test_an_unknown_type_of_object_is_named(logs):
     with pytest.raises(QueryError, match=r"object_type: wanted vehicle, pedestrian, .* found train"):
-        logs.filter(name="x", named=["object_type:type=train"])
+        logs.filter(name="x", filters=["object_type:type=train"])
 
 
 @pytest.mark.parametrize(
@@ -84,8 +84,8 @@ def test_a_syntax_error_says_where(logs, where, says):
 @pytest.mark.parametrize(
     ("where", "says"),
     [
-        ("ego_distanse > 10", "no column ego_distanse at character 1 of .*; near are ego_distance"),
-        ("has_z AND\n num_object > 2", "no column num_object at character 12 of .*; near are num_objects"),
+        ("ego_distanse > 10", "no column ego_distanse at character 1 of .*; similar: ego_distance"),
+        ("has_z AND\n num_object > 2", "no column num_object at character 12 of .*; similar: num_objects"),
         ("xyzzy = 1", "no column xyzzy at character 1 of 'xyzzy = 1'; `scenarionet filters --columns` explains"),
     ],
 )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scenarionet_data.errors import BadParameter, UnknownQuery
-from scenarionet_data.operations.database_query import StaleDatabaseWarning
+from scenarionet_data.query.lake_view import StaleDatabaseWarning
 from scenarionet_data.query.named_sql import OVERLAPS
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import make_scenario, renamed
@@ -67,7 +67,7 @@ def twins(tmp_path):
 def test_the_same_content_and_the_same_drive_are_recognised(twins):
     one = make_scenario(1).id
     twins.filter(name="one", ids=[one])
-    twins.filter(name="rest", parent=None, where=f"scenario_id <> '{one}'")
+    twins.filter(name="rest", database=None, where=f"scenario_id <> '{one}'")
     shared = found(twins, "one", "rest")
     assert shared["same_scenario"].examples == ()
     assert shared["same_content"].num_second == 1
@@ -75,7 +75,7 @@ def test_the_same_content_and_the_same_drive_are_recognised(twins):
     drives = shared["near_duplicate"]
     assert (drives.num_first, drives.num_second) == (1, 3)
     twins.filter(name="dups", ids=[f"made/v1/{name}" for name in ("same", "moved", "near")])
-    twins.subtract(["rest", "dups"], name="clean")
+    twins.subtract("rest", "dups", name="clean")
     assert [each.kind for each in twins.overlap("one", "clean") if each.examples] == ["same_log"]
 
 
@@ -88,9 +88,9 @@ def test_parked_egos_are_not_all_the_same(twins):
 def test_several_databases_are_compared_two_by_two(logs):
     for name in "abc":
         logs.filter(name=name, ids=ids(1, ord(name)))
-    pairs = [(each.first, each.second) for each in logs.overlap("a", "b", "c", only=["same_scenario"])]
+    pairs = [(each.first, each.second) for each in logs.overlap("a", "b", "c", kinds=["same_scenario"])]
     assert pairs == [("a@1", "b@1"), ("a@1", "c@1"), ("b@1", "c@1")]
-    assert all(each.num_first == 1 for each in logs.overlap("a", "b", "c", only=["same_scenario"]))
+    assert all(each.num_first == 1 for each in logs.overlap("a", "b", "c", kinds=["same_scenario"]))
 
 
 def test_wrong_questions_are_refused(logs):
@@ -98,7 +98,7 @@ def test_wrong_questions_are_refused(logs):
     with pytest.raises(BadParameter, match="wanted two databases or more, found 1"):
         logs.overlap("a")
     with pytest.raises(UnknownQuery, match="did you mean same_log"):
-        logs.overlap("a", "a", only=["same_logs"])
+        logs.overlap("a", "a", kinds=["same_logs"])
     assert OVERLAPS.names() == ["near_duplicate", "overlapping_window", "same_content", "same_log", "same_scenario"]
 
 

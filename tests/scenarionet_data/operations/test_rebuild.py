@@ -10,7 +10,7 @@ import pytest
 from scenarionet_data import ScenarioLoader
 from scenarionet_data.databases import writer
 from scenarionet_data.errors import BadParameter, DatabaseNotFound, NoSuchSnapshot
-from scenarionet_data.operations.database_query import StaleDatabaseWarning
+from scenarionet_data.query.lake_view import StaleDatabaseWarning
 from tests.scenarionet_data.operations.conftest import COUNT
 
 ONE, TWO, THREE, FOUR = (f"made/v1/s00000{k}" for k in (1, 2, 3, 4))
@@ -21,13 +21,13 @@ ONE, TWO, THREE, FOUR = (f"made/v1/s00000{k}" for k in (1, 2, 3, 4))
 
 @pytest.mark.filterwarnings("ignore:this split leaks")
 def test_whatever_was_made_can_be_made_again(logs):
-    logs.filter("num_objects >= $n", name="a", named=["speed:min=1", "no_overpass"], parameters={"n": 2}, ids=None)
-    logs.filter(name="b", parent="a", ids=logs.database("a").scenario_ids[::2])
+    logs.filter("num_objects >= $n", name="a", filters=["speed:min=1", "no_overpass"], parameters={"n": 2}, ids=None)
+    logs.filter(name="b", database="a", ids=logs.database("a").scenario_ids[::2])
     logs.split("a", {"x": 0.5, "y": 0.5}, seed=9)
     logs.sample("a", name="c", n=10, stratify="city", weights="difficulty + 1")
-    logs.merge(["b", "c"], name="d")
-    logs.subtract(["a", "d"], name="e")
-    logs.copy("e", "f")
+    logs.merge("b", "c", name="d")
+    logs.subtract("a", "d", name="e")
+    logs.copy("e", name="f")
     for name in logs.databases:
         rebuilt = logs.rebuild(name)
         assert rebuilt.is_same, name
@@ -56,11 +56,11 @@ def test_a_lineage_that_is_not_true_is_found(logs):
 
 def test_what_cannot_be_made_again_says_why(changed):
     changed.files.path("snapshots/00000001.json").unlink()
-    remedy = r"old@1 cannot be made again as it was: .*no snapshot 1.*`scenarionet rebase --keep-members"
+    remedy = r"old@1 cannot be made again as it was: .*no snapshot 1.*lake.rebase.*keep_members=True"
     with pytest.raises(NoSuchSnapshot, match=remedy):
         changed.rebuild("old")
     changed.filter("true", name="all")
-    changed.filter("true", name="orphan", parent="all")
+    changed.filter("true", name="orphan", database="all")
     changed.drop("all", force=True)
     with pytest.raises(DatabaseNotFound, match=r"orphan@1 cannot be made again as it was: .*no database 'all@1'"):
         changed.rebuild("orphan")
@@ -128,7 +128,7 @@ def test_snapshots_differ_in_scenarios_and_columns(changed):
     assert {"content_hash", "num_objects"} <= set(columns)
     assert not any(name.startswith(("tracks_", "lights_", "maps_")) for name in columns)
     found = columns["num_objects"]
-    before, after = (changed.at(k).facts(ONE)["num_objects"] for k in (1, last))
+    before, after = (changed.at_snapshot(k).describe(ONE)["num_objects"] for k in (1, last))
     assert (found.count, found.scenario_id, found.before, found.after) == (1, ONE, before, after)
     assert changed.diff("@1", "same").ids("went") == [ONE, TWO]
     assert changed.diff(f"@{last}", f"@{last}").is_same
@@ -154,13 +154,13 @@ def test_the_tree_of_a_database_names_every_parent(logs):
     logs.filter("num_objects > 1", name="a")
     logs.filter("num_objects > 2", name="a", replace=True)
     logs.filter("true", name="b")
-    logs.merge(["a@1", "a", "b"], name="c")
-    tree = logs.ancestry("c")
+    logs.merge("a@1", "a", "b", name="c")
+    tree = logs.lineage("c")
     assert [parent.reference for parent in tree.parents] == ["a@1", "a@2", "b@1"]
     assert tree.parents[0].versions == (1, 2)
     assert tree.parents[0].children == ("c@1",)
     assert tree.parents[2].lineage.count == COUNT
     assert tree.lineage.operation == "merge"
     logs.drop("b", force=True)
-    gone = logs.ancestry("c").parents[2]
+    gone = logs.lineage("c").parents[2]
     assert (gone.reference, gone.lineage, gone.versions) == ("b@1", None, ())

@@ -110,7 +110,7 @@ def test_levels_of_difficulty_come_equally_often_from_easy_to_difficult(logs):
 def test_weights_are_one_expression(logs):
     with pytest.raises(UnsafeSql, match="wanted one condition"):
         logs.sample(None, name="few", n=1, weights="1; DROP VIEW metadata")
-    with pytest.raises(QueryError, match="no column dificulty at character 1 of 'dificulty'; near are difficulty"):
+    with pytest.raises(QueryError, match="no column dificulty at character 1 of 'dificulty'; similar: difficulty"):
         logs.sample(None, name="few", n=1, weights="dificulty")
     logs.sample(None, name="few", n=1)
     with pytest.raises(DatabaseExists):

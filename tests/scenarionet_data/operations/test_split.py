@@ -64,8 +64,8 @@ def test_strata_keep_their_proportions_exactly(logs):
     for part, share in (("a", 5), ("b", 3), ("c", 2)):  # twelve days of ten
         days = Counter(known[i]["date"] for i in parts[part].scenario_ids)
         assert days == dict.fromkeys({row["date"] for row in known.values()}, share)
-    again = logs.split(None, fractions, stratify="date", prefix="again")
-    other = logs.split(None, fractions, stratify="date", prefix="other", seed=1)
+    again = logs.split(None, fractions, stratify="date", name="again")
+    other = logs.split(None, fractions, stratify="date", name="other", seed=1)
     assert again["a"].scenario_ids == parts["a"].scenario_ids != other["a"].scenario_ids
 
 
@@ -100,7 +100,7 @@ def test_levels_rise_in_difficulty_and_are_equal(logs):
     for easy, hard in pairwise(difficulty):
         assert max(easy) <= min(hard)
     assert {len(level) for level in difficulty} <= {17, 18}
-    by_size = logs.split(None, levels=2, along="num_objects", prefix="size")
+    by_size = logs.split(None, levels=2, along="num_objects", name="size")
     sizes = [[known[i]["num_objects"] for i in level.scenario_ids] for level in by_size.values()]
     assert max(sizes[0]) <= min(sizes[1])
     assert [len(level) for level in sizes] == [60, 60]
@@ -110,7 +110,7 @@ def test_each_value_becomes_a_part(logs):
     parts = logs.split(None, each="city")
     assert {part: len(made) for part, made in parts.items()} == Counter(row["city"] for row in facts(logs).values())
     assert logs.databases == ["all_austin", "all_boston", "all_las_vegas"]
-    logs.split(None, each="source_log", prefix="log")
+    logs.split(None, each="source_log", name="log")
     assert "log_none" in logs.databases
     with pytest.raises(BadParameter, match="scenario_id has more than 100 values"):
         logs.split(None, each="scenario_id")
@@ -136,11 +136,11 @@ def test_any_seed_and_fraction_part_the_lake(logs, seed, first):
 
 
 def test_a_split_that_leaks_is_reported_before_it_is_saved(logs):
-    with pytest.warns(LeakWarning, match=r"2\d source logs with \d+ scenarios .*`--by source_log`"):
+    with pytest.warns(LeakWarning, match=r"2\d source logs with \d+ scenarios .*by=.source_log"):
         logs.split(None, {"a": 0.5, "b": 0.5})
     assert logs.databases == ["all_a", "all_b"]
     with pytest.raises(LeakingSplit, match="this split leaks"):
-        logs.split(None, {"a": 0.5, "b": 0.5}, prefix="strict", strict=True)
+        logs.split(None, {"a": 0.5, "b": 0.5}, name="strict", strict=True)
     assert logs.databases == ["all_a", "all_b"]
 
 
@@ -182,8 +182,8 @@ def test_an_empty_part_or_a_taken_name_saves_nothing(logs):
     with pytest.raises(EmptyResult, match=r"no scenario of 1 falls into (a|b); other fractions"):
         logs.split("one", {"a": 0.5, "b": 0.5})
     logs.filter(name="x_b", ids=["r001"])
-    with pytest.raises(DatabaseExists, match="'x_b' exists; give another name, or --replace"):
-        logs.split(None, {"a": 0.5, "b": 0.5}, prefix="x")
+    with pytest.raises(DatabaseExists, match="'x_b' exists; choose another name, or replace=True"):
+        logs.split(None, {"a": 0.5, "b": 0.5}, name="x")
     assert logs.databases == ["one", "x_b"]
-    parts = logs.split(None, {"a": 0.5, "b": 0.5}, prefix="x", replace=True)
+    parts = logs.split(None, {"a": 0.5, "b": 0.5}, name="x", replace=True)
     assert [part.reference for part in parts.values()] == ["x_a@1", "x_b@2"]

@@ -12,9 +12,9 @@ import pytest
 from scenarionet_data import Lake, ScenarioLoader, convert
 from scenarionet_data.codec.content_hash import content_hash
 from scenarionet_data.errors import BadParameter, LakeError, NoSuchSnapshot
-from scenarionet_data.operations.database_query import StaleDatabaseWarning
 from scenarionet_data.packs.verifying import verify_pack
 from scenarionet_data.quality.checks import run_checks
+from scenarionet_data.query.lake_view import StaleDatabaseWarning
 from tests.fixtures import made, made_city
 from tests.fixtures.made import write_raw
 
@@ -61,15 +61,15 @@ def test_holds_the_members_and_nothing_else(where, lake, tmp_path):
     assert hashes(opened, "picked") == hashes(lake, "picked")
     everything = "SELECT * EXCLUDE (tracks_file, lights_file, maps_file, tracks_row_group, lights_row_group, "
     query = everything + "maps_row_group) FROM metadata ORDER BY scenario_id"
-    assert opened.sql(query).equals(lake.only(picked).sql(query))
+    assert opened.sql(query).equals(lake.restrict_to(picked).sql(query))
     for table in ("tracks", "lights", "maps"):
         rows = f"SELECT count(*) AS n FROM {table}"
-        assert opened.sql(rows).equals(lake.only(picked).sql(rows))
+        assert opened.sql(rows).equals(lake.restrict_to(picked).sql(rows))
 
 
 def test_passes_every_check_and_its_verification(lake, tmp_path):
     lake.pack(lake.filter("hash(scenario_id) % 2 = 0", name="half"), tmp_path / "pack")
-    assert [r.name for r in run_checks(Lake(tmp_path / "pack")) if r.is_hard and not r.is_met] == []
+    assert [r.name for r in run_checks(Lake(tmp_path / "pack")).results if r.is_hard and not r.is_met] == []
     found = verify_pack(tmp_path / "pack")
     assert (found.is_whole, found.references) == (True, ("half@1",))
 
@@ -86,18 +86,18 @@ def test_tells_where_it_came_from_and_that_it_cannot_be_asked_again_there(lake, 
     lake.sample("all_a", name="few", n=5)
     packed = lake.pack("few", tmp_path / "pack")
     opened = Lake(packed.path)
-    (half,) = opened.ancestry("few").parents
+    (half,) = opened.lineage("few").parents
     (whole,) = half.parents
     assert (half.reference, half.is_here, half.lineage) == ("all_a@1", False, lake.database("all_a").lineage)
     assert (whole.reference, whole.is_here, whole.lineage) == ("all@1", False, lake.database("all").lineage)
-    assert opened.ancestry("few").is_here
+    assert opened.lineage("few").is_here
     assert opened.databases == ["few"]
     for ask in (opened.rebuild, opened.rebase):
         with pytest.raises(LakeError, match=r"few@1 was packed: .* make it again in the lake it came from"):
             ask("few")
     again = Lake(opened.pack("few", tmp_path / "again").path)
-    assert again.ancestry("few") == opened.ancestry("few")
-    assert opened.rebuild(opened.filter("true", name="mine", parent="few").reference).is_same
+    assert again.lineage("few") == opened.lineage("few")
+    assert opened.rebuild(opened.filter("true", name="mine", database="few").reference).is_same
     assert opened.rebase("mine") == []
 
 
@@ -105,8 +105,8 @@ def test_the_version_of_a_users_column_that_the_query_asked_comes_too(lake, tmp_
     picked = lake.filter("mark % 5 = 1", name="picked")
     lake.tag("mark", dict.fromkeys(picked.scenario_ids, 0), replace=True)
     opened = Lake(lake.refresh().pack(picked, tmp_path / "pack").path)
-    assert opened.layers == {"mark": 2}
-    old = opened.at(opened.snapshot.number, picked.lineage.layers)
+    assert opened.user_columns == {"mark": 2}
+    old = opened.at_snapshot(opened.snapshot.number, picked.lineage.user_columns)
     assert {mark % 5 for mark in old.sql("SELECT mark FROM metadata")["mark"]} == {1}
     assert verify_pack(tmp_path / "pack").is_whole
 
@@ -117,7 +117,7 @@ def test_quarantine_stays_and_users_columns_come(lake, tmp_path):
     opened = Lake(tmp_path / "pack")
     assert opened.sql("SELECT * FROM quarantine").is_empty()
     marks = "SELECT scenario_id, mark FROM metadata ORDER BY scenario_id"
-    assert opened.sql(marks).equals(lake.only(picked).sql(marks))
+    assert opened.sql(marks).equals(lake.restrict_to(picked).sql(marks))
     (layer,) = (tmp_path / "pack" / "layers").rglob("*.parquet")
     assert pq.read_metadata(layer).num_rows == len(picked)
 
@@ -143,7 +143,7 @@ def test_nothing_is_written_by_reading_it(lake, tmp_path):
     opened = Lake(moved)
     opened.sql("SELECT * FROM states ORDER BY x LIMIT 3")
     opened.mine("cut_in")
-    opened.ancestry("all")
+    opened.lineage("all")
     run_checks(opened)
     verify_pack(moved)
     assert len(ScenarioLoader(opened, "all").batch([2, 0])) == 2
@@ -203,7 +203,7 @@ def test_only_the_tiles_that_members_see(city, tmp_path):
         assert np.array_equal(found.map.polyline.values, wanted.map.polyline.values)
     tiles = [pq.read_metadata(lake.paths("maps")[0]).num_row_groups for lake in (opened, city)]
     assert 0 < tiles[0] < tiles[1] / 4
-    assert [result.name for result in run_checks(opened) if not result.is_met] == []
+    assert [result.name for result in run_checks(opened).results if not result.is_met] == []
     assert verify_pack(tmp_path / "pack").is_whole
 
 
@@ -213,7 +213,7 @@ def test_only_the_tiles_that_members_see(city, tmp_path):
 def test_what_is_there_is_not_touched(lake, tmp_path):
     lake.filter("true", name="all")
     (tmp_path / "there").mkdir()
-    with pytest.raises(BadParameter, match="give another name"):
+    with pytest.raises(BadParameter, match="choose another name"):
         lake.pack("all", tmp_path / "there")
     assert list((tmp_path / "there").iterdir()) == []
 

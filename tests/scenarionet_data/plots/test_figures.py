@@ -73,7 +73,7 @@ def test_distributions_of_nothing_of_nan_and_of_one(lake, tmp_path):
     assert (part.counts.sum(), part.missing) == (0, len(lake))
     drawn(plots.draw_distributions(strange, [strange_column(strange), "duration"]))
     drawn(plots.draw_distributions(lake, databases=["one"]))
-    empty = lake.only([])
+    empty = lake.restrict_to([])
     with pytest.raises(BadParameter, match="no scenarios to draw"):
         plots.draw_distributions(empty)
 
@@ -110,7 +110,7 @@ def test_distributions_have_units_and_a_legend(lake):
 @pytest.mark.long
 def test_no_words_of_a_figure_overlap(lake):
     """Titles, labels and ticks of all panels of the comparison and of the distributions."""
-    for figure in (plots.draw_distributions(lake), plots.draw_comparison(lake.compare(["many", "few"]))):
+    for figure in (plots.draw_distributions(lake), plots.draw_comparison(lake.compare("many", "few"))):
         drawn(figure)
         for first, second in pairwise(axes for axes in figure.axes if axes.get_visible()):
             assert not first.get_tightbbox().overlaps(second.get_tightbbox().shrunk(0.98, 0.98))

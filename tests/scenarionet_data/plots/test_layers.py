@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
@@ -23,7 +23,6 @@ def lists(points):
     return Ragged.from_flat([len(each) for each in points], np.concatenate(points))
 
 
-@settings(max_examples=40)
 @given(st.integers(0, 10**6), st.integers(2, 30))
 def test_dashes_lie_on_the_line_at_their_places(seed, count):
     """Of two lines beside an empty one and a lone point."""

@@ -77,8 +77,8 @@ def test_every_kind_of_block_leads_to_the_goal(name, seed):
     road_map = one(name, seed)
     graph = make_graph(road_map)
     number = {lane.id: row for row, lane in enumerate(road_map.lanes)}
-    assert np.isfinite(graph.cost[0, [number[lane] for lane in road_map.start]]).all()
-    assert np.isfinite(graph.cost).any(axis=0).all(), "a lane that leads nowhere"
+    assert np.isfinite(graph.routes.cost[0, [number[lane] for lane in road_map.start]]).all()
+    assert np.isfinite(graph.routes.cost).any(axis=0).all(), "a lane that leads nowhere"
 
 
 def test_every_kind_of_block_is_drawn():

@@ -12,10 +12,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from scenarionet_data.arrays import idm
+from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.geometry import box_corners
 from scenarionet_data.procedural.construction import boxes
 from scenarionet_data.procedural.generate import generate
-from scenarionet_data.procedural.idm import free_acceleration, interaction, is_worth_changing
 from scenarionet_data.procedural.options import GeneratorOptions
 from scenarionet_data.procedural.right_of_way import GO, STOP
 from scenarionet_data.procedural.signals import make_lights
@@ -24,12 +25,27 @@ OPTIONS = GeneratorOptions()
 speeds = st.floats(0.0, 30.0)
 
 
+@kernel
+def interaction(speed, gap, closing, headway, accel, decel, standstill):
+    return idm.interaction(speed, gap, closing, headway, accel, decel, standstill)
+
+
+@kernel
+def free_acceleration(speed, desired, accel, decel):
+    return idm.free_acceleration(speed, desired, accel, decel)
+
+
+@kernel
+def is_worth_changing(own_gain, follower_loss, politeness, threshold):
+    return idm.is_worth_changing(own_gain, follower_loss, politeness, threshold)
+
+
 @given(speeds, st.floats(0.5, 100.0), speeds)
 def test_interaction_is_the_intelligent_driver_model(speed, gap, leader):
     wanted = 2.0 + max(0.0, 1.5 * speed + speed * (speed - leader) / (2 * (1.4 * 2.0) ** 0.5))
     arguments = (speed, gap, speed - leader, 1.5, 1.4, 2.0, 2.0)
     assert interaction(*arguments) == pytest.approx(1.4 * (wanted / gap) ** 2)
-    assert interaction(*arguments) == pytest.approx(interaction.py_func(*arguments))
+    assert interaction(*arguments) == pytest.approx(idm.interaction.py_func(*arguments))
 
 
 @pytest.mark.parametrize("speed", [0.0, 5.0, 12.0])
@@ -100,7 +116,7 @@ def touches(episode):
 def runs_red(episode):
     """Vehicles that enter a lane in an intersection while its light is red."""
     found = set()
-    for lane in np.flatnonzero(episode.graph.signal >= 0):
+    for lane in np.flatnonzero(episode.graph.lanes.signal >= 0):
         pose = episode.road_map.lanes[lane].path.start
         ahead = (episode.motion[..., 0] - pose.x) * np.cos(pose.heading)
         ahead += (episode.motion[..., 1] - pose.y) * np.sin(pose.heading)
@@ -110,7 +126,7 @@ def runs_red(episode):
         )
         crossing = (ahead[:, 1:] >= 0) & (ahead[:, :-1] < 0) & (beside[:, 1:] < 1.0) & (ahead[:, 1:] < 3.0)
         crossing &= episode.valid[:, 1:] & episode.valid[:, :-1]
-        red = episode.lights[episode.graph.signal[lane], 1:] == STOP
+        red = episode.lights[episode.graph.lanes.signal[lane], 1:] == STOP
         found |= set(np.flatnonzero((crossing & red).any(axis=1)))
     return found
 
@@ -119,7 +135,7 @@ def test_vehicles_keep_apart_and_stop_at_red():
     episodes = [generate(seed, OPTIONS) for seed in range(40)]
     assert sum(bool(touches(episode)) for episode in episodes) <= 1
     assert sum(bool(runs_red(episode)) for episode in episodes) <= 1
-    assert sum((episode.graph.signal >= 0).any() for episode in episodes) > 3, "no lights seen"
+    assert sum((episode.graph.lanes.signal >= 0).any() for episode in episodes) > 3, "no lights seen"
     assert sum(bool(episode.obstacles) for episode in episodes) > 5, "no road works seen"
 
 
@@ -139,7 +155,9 @@ def test_density_scales_traffic(density):
 
 
 def test_road_works_close_a_lane_and_traffic_passes_them():
-    closed = [e for e in (generate(seed, OPTIONS) for seed in range(60)) if np.isfinite(e.graph.blocked).any()]
+    closed = [
+        e for e in (generate(seed, OPTIONS) for seed in range(60)) if np.isfinite(e.graph.lanes.closed_from).any()
+    ]
     assert len(closed) >= 3
     for episode in closed:
         assert any(obstacle.word == "barrier" for obstacle in episode.obstacles)

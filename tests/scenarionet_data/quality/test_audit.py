@@ -67,13 +67,13 @@ def test_what_breaks_a_hard_rule_goes_to_quarantine(raw, tmp_path):
     ]
     assert rows[0]["scenario_id"] == "made/v1/s000002"
     assert rows[0]["message"] == "1 links are one-way, for example a -> b"
-    assert [result.name for result in run_checks(lake) if result.is_hard and not result.is_met] == []
+    assert [result.name for result in run_checks(lake).results if result.is_hard and not result.is_met] == []
 
 
 def test_without_checks_it_is_taken_and_found_later(raw, tmp_path):
     report = convert(NAME, str(raw), tmp_path / "lake", check=False)
     assert (report.converted, report.quarantined) == (5, 1)
-    (result,) = run_checks(Lake(tmp_path / "lake"), names=["lane_links_are_mutual"])
+    (result,) = run_checks(Lake(tmp_path / "lake"), names=["lane_links_are_mutual"]).results
     assert (result.num_scenarios, result.is_met) == (2, False)
 
 
@@ -105,7 +105,7 @@ def test_checked_and_unchecked_lakes_hold_the_same_files(tmp_path):
 def test_a_shared_map_that_breaks_a_rule_ends_the_run(tmp_path):
     raw = write_raw(tmp_path / "raw", {"a": ["1", "2"]})
     with pytest.raises(
-        BrokenContract, match=r"map made/v1/city: 1 links are one-way.*lane_links_are_mutual.*--no-check"
+        BrokenContract, match=r"map made/v1/city: 1 links are one-way.*lane_links_are_mutual.*check=False"
     ):
         convert(CITY, str(raw), tmp_path / "lake")
     assert not LocalLakeFiles(tmp_path / "lake").names("snapshots")

@@ -49,7 +49,7 @@ def test_rules_measure_what_the_oracle_measures(check, field, part, quantile, no
     middle = float(np.mean(sorted(figures.values())[1:3]))
     large = {"velocity_median": 99.0, "velocity_p99": 99.0, "heading_p99": 9.0, "outliers": 0.0}
     budgeted(monkeypatch, **(large | {field: middle}))
-    (result,) = run_checks(noisy_lake, names=[check])
+    (result,) = run_checks(noisy_lake, names=[check]).results
     assert {scenario_id for scenario_id, _ in result.examples} == {i for i, found in figures.items() if found > middle}
     assert len(result.examples) == 2
 
@@ -58,11 +58,11 @@ def test_rules_measure_what_the_oracle_measures(check, field, part, quantile, no
 def test_a_share_of_a_datasets_scenarios_may_stray(outliers, is_met, tmp_path, lenient, monkeypatch):
     lake = write_lake(tmp_path, [jump(sound(1)), *(sound(seed) for seed in (2, 3, 4))])
     budgeted(monkeypatch, outliers=outliers)
-    (result,) = run_checks(lake, names=["nobody_teleports"])
+    (result,) = run_checks(lake, names=["nobody_teleports"]).results
     assert (result.num_scenarios, result.is_met) == (1, is_met)
     budgeted(monkeypatch, outliers=1.0)
     broken = changed("tracks", heading=((0, 3), -4))(sound(5))
-    assert not run_checks(write_lake(tmp_path, [broken], "b"), names=["headings_are_wrapped"])[0].is_met
+    assert not run_checks(write_lake(tmp_path, [broken], "b"), names=["headings_are_wrapped"]).results[0].is_met
 
 
 @pytest.mark.parametrize(
@@ -71,9 +71,9 @@ def test_a_share_of_a_datasets_scenarios_may_stray(outliers, is_met, tmp_path, l
 def test_jumps_are_a_matter_of_budget(budget, rule, tmp_path, lenient, monkeypatch):
     gap = mapped(("a", 0, 5, [], ["b"]), ("b", 11, 99, ["a"], []))
     lake = write_lake(tmp_path, [gap(jump(sound(1)))])
-    assert not run_checks(lake, names=[rule])[0].is_met
+    assert not run_checks(lake, names=[rule]).results[0].is_met
     budgeted(monkeypatch, **budget)
-    assert run_checks(lake, names=[rule])[0].is_met
+    assert run_checks(lake, names=[rule]).results[0].is_met
 
 
 def test_a_dataset_whose_converter_is_not_here_has_the_defaults(tmp_path):

@@ -15,8 +15,8 @@ from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.ingest.options import Options
 from scenarionet_data.ingest.shard import RawItem, Shard
 from scenarionet_data.quality import audit, rules
-from scenarionet_data.quality.checks import find
-from scenarionet_data.quality.report import Findings
+from scenarionet_data.quality.checks import run_checks
+from scenarionet_data.quality.report import CheckReport
 from scenarionet_data.scenario.description import Lights, ScenarioDescription, strings
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_data.storage.files.local import LocalLakeFiles
@@ -132,7 +132,7 @@ class Case:
 
     recordings: datasets.Recordings
     template: ScenarioDescription
-    findings: Findings
+    findings: CheckReport
 
     def id(self, name: str) -> str:
         return renamed(self.template, name).id
@@ -154,7 +154,7 @@ def case(request, tmp_path_factory) -> Case:
         patch.setattr(ScenarioDescription, "validate", lambda scenario: None)
         patch.setattr(codec, "summarise", miscounting(variants["miscounted"].id, codec.summarise))
         write_case(root / "lake", recordings, variants)
-    return Case(recordings, template, find(Lake(root / "lake")))
+    return Case(recordings, template, run_checks(Lake(root / "lake")))
 
 
 def miscounting(scenario_id: str, summarise):

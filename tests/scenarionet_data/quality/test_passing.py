@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from scenarionet_data.errors import DatabaseExists, EmptyResult
-from scenarionet_data.quality.checks import find
-from scenarionet_data.quality.passing import save_good
+from scenarionet_data.quality.checks import run_checks
+from scenarionet_data.quality.passing import save_passing
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.violations import changed, jump, sound
 
@@ -20,7 +20,7 @@ def mixed(tmp_path, lenient):
 
 @pytest.mark.parametrize(("is_strict", "left"), [(False, [2, 3, 4, 5]), (True, [3, 4, 5])])
 def test_the_good_ones_become_a_database(is_strict, left, mixed):
-    made = save_good(find(mixed), "good", is_strict=is_strict)
+    made = save_passing(run_checks(mixed), "good", strict=is_strict)
     assert made.scenario_ids == [sound(seed).id for seed in left]
     assert (made.lineage.operation, made.lineage.count, made.lineage.parents) == ("check", len(left), [])
     assert made.lineage.parameters["is_strict"] is is_strict
@@ -28,19 +28,19 @@ def test_the_good_ones_become_a_database(is_strict, left, mixed):
     assert again["scenario_id"].to_list() == made.scenario_ids
     assert again["content_hash"].to_list() == made.members["content_hash"].to_pylist()
     with pytest.raises(DatabaseExists):
-        save_good(find(mixed), "good")
-    assert save_good(find(mixed), "good", replace=True).version == 2
+        save_passing(run_checks(mixed), "good")
+    assert save_passing(run_checks(mixed), "good", replace=True).version == 2
 
 
 def test_without_a_hard_rule_every_scenario_is_good(mixed):
-    made = save_good(find(mixed, names=["nobody_teleports"]), "good")
+    made = save_passing(run_checks(mixed, names=["nobody_teleports"]), "good")
     assert len(made) == 5
     assert mixed.sql(made.lineage.sql)["scenario_id"].to_list() == made.scenario_ids
 
 
 def test_the_good_ones_of_a_database_keep_its_order(mixed):
     mixed.filter("NOT ends_with(scenario_id, '5')", name="some")
-    made = save_good(find(mixed, "some"), "good")
+    made = save_passing(run_checks(mixed, "some"), "good")
     assert made.scenario_ids == [sound(seed).id for seed in (2, 3, 4)]
     assert made.lineage.parents == ["some@1"]
 
@@ -48,22 +48,22 @@ def test_the_good_ones_of_a_database_keep_its_order(mixed):
 def test_nothing_good_is_refused(mixed):
     mixed.filter("ends_with(scenario_id, '1')", name="bad")
     with pytest.raises(EmptyResult):
-        save_good(find(mixed, "bad"), "good")
+        save_passing(run_checks(mixed, "bad"), "good")
     assert mixed.databases == ["bad"]
 
 
 def test_the_broken_ones_are_a_table(mixed):
-    findings = find(mixed, names=["headings_are_wrapped", "nobody_teleports"])
+    findings = run_checks(mixed, names=["headings_are_wrapped", "nobody_teleports"])
     assert [(row["check"], row["is_hard"], row["scenario_id"], row["split"]) for row in findings.rows.to_pylist()] == [
         ("headings_are_wrapped", True, sound(1).id, "train"),
         ("nobody_teleports", False, sound(2).id, "train"),
     ]
-    assert findings.broken_ids().to_pylist() == [sound(1).id]
-    assert sorted(findings.broken_ids(is_strict=True).to_pylist()) == [sound(1).id, sound(2).id]
+    assert findings.failing_ids().to_pylist() == [sound(1).id]
+    assert sorted(findings.failing_ids(strict=True).to_pylist()) == [sound(1).id, sound(2).id]
     assert findings.totals.to_pylist() == [{"dataset": "made", "version": "v1", "split": "train", "scenarios": 5}]
 
 
 def test_progress_is_told(mixed):
     told = []
-    find(mixed, names=["ids_are_unique", "nobody_teleports"], on_progress=lambda *numbers: told.append(numbers))
+    run_checks(mixed, names=["ids_are_unique", "nobody_teleports"], on_progress=lambda *numbers: told.append(numbers))
     assert told == [(0, 2, 0), (1, 2, 0), (2, 2, 0)]

@@ -9,7 +9,7 @@ import pytest
 from scenarionet_data import Lake, converters
 from scenarionet_data.conversion import convert
 from scenarionet_data.quality import releases
-from scenarionet_data.quality.checks import find
+from scenarionet_data.quality.checks import run_checks
 from scenarionet_data.quality.releases import Coverage, Release
 from scenarionet_data.quality.scorecard import make_scorecard
 from scenarionet_data.scenario.description import ScenarioDescription
@@ -39,12 +39,12 @@ def lake(tmp_path, monkeypatch) -> Lake:
 
 
 def test_rules_are_counted_by_split(lake):
-    card = make_scorecard(find(lake))
+    card = make_scorecard(run_checks(lake))
     assert [(p.dataset, p.version, p.split, p.scenarios) for p in card.partitions] == [
         ("made", "v1", "train", 3),
         ("made", "v1", "val", 1),
     ]
-    broken = {(p.split, mark.check): mark for p in card.partitions for mark in p.marks if mark.broken}
+    broken = {(p.split, mark.check): mark for p in card.partitions for mark in p.rules if mark.broken}
     assert set(broken) == {("train", "headings_are_wrapped"), ("train", "heading_is_direction")}
     mark = broken["train", "headings_are_wrapped"]
     assert (mark.broken, mark.is_met, mark.examples[0][0]) == (1, False, sound(1).id)
@@ -54,7 +54,7 @@ def test_rules_are_counted_by_split(lake):
 
 
 def test_the_table_has_a_row_for_each_split_and_rule(lake):
-    findings = find(lake, names=["headings_are_wrapped", "ids_are_unique"])
+    findings = run_checks(lake, names=["headings_are_wrapped", "ids_are_unique"])
     rows = make_scorecard(findings).rows
     assert [(row["split"], row["check"], row["broken"]) for row in rows] == [
         ("train", "headings_are_wrapped", 1),
@@ -72,7 +72,7 @@ def test_what_is_no_scenario_stands_apart(tmp_path):
 
     record = replace(write_shard(tmp_path, [sound(1)]), num_quarantined=2)
     commits.commit(LocalLakeFiles(tmp_path), [record], "test")
-    card = make_scorecard(find(Lake(tmp_path)))
+    card = make_scorecard(run_checks(Lake(tmp_path)))
     assert card.others == (("shards_are_whole", "shard made/v1/train/a: 0 records in quarantine, 2 were put there"),)
     assert card.partitions[0].quarantined == 2
 
@@ -81,7 +81,7 @@ def test_quarantine_adds_up(tmp_path):
     """Records read are those converted and those in quarantine, of each shard and of all."""
     raw = write_raw(tmp_path / "raw", {"a": ["1", "2 invalid", "3"], "b": ["4 bug", "5 invalid"]})
     convert(NAME, str(raw), tmp_path / "lake")
-    findings = find(Lake(tmp_path / "lake"), names=["shards_are_whole"])
+    findings = run_checks(Lake(tmp_path / "lake"), names=["shards_are_whole"])
     assert findings.rows.num_rows == 0
     assert [(p.scenarios, p.quarantined) for p in make_scorecard(findings).partitions] == [(2, 3)]
 
@@ -90,15 +90,15 @@ def test_a_quarantine_file_that_is_gone_is_missed(tmp_path):
     raw = write_raw(tmp_path / "raw", {"a": ["1", "2 invalid", "3"]})
     convert(NAME, str(raw), tmp_path / "lake")
     next((tmp_path / "lake").glob("quarantine/**/*.parquet")).unlink()
-    (row,) = find(Lake(tmp_path / "lake"), names=["shards_are_whole"]).rows.to_pylist()
+    (row,) = run_checks(Lake(tmp_path / "lake"), names=["shards_are_whole"]).rows.to_pylist()
     assert row["detail"] == "shard made/v1/train/a: 0 records in quarantine, 1 were put there"
 
 
 def test_a_database_is_judged_without_the_rest(lake):
     lake.filter("split = 'val'", name="some")
-    card = make_scorecard(find(lake, "some"))
+    card = make_scorecard(run_checks(lake, "some"))
     assert [(p.split, p.scenarios, p.coverage) for p in card.partitions] == [("val", 1, None)]
-    assert all(mark.is_met for mark in card.partitions[0].marks)
+    assert all(mark.is_met for mark in card.partitions[0].rules)
 
 
 # --- what owners publish ----------------------------------------------------------------------------------
@@ -127,7 +127,7 @@ def test_a_split_is_whole_when_every_input_is_there(tmp_path, monkeypatch):
 
     def texts() -> list[str]:
         convert(NAME, str(raw), lake)
-        return [p.coverage.text for p in make_scorecard(find(Lake(lake), names=["shards_are_whole"])).partitions]
+        return [p.coverage.text for p in make_scorecard(run_checks(Lake(lake), names=["shards_are_whole"])).partitions]
 
     assert texts() == ["incomplete: 1 of 2 files"]
     write_raw(raw, {"b": ["3"]})
@@ -140,7 +140,7 @@ def test_a_quick_look_is_no_whole_input(tmp_path, monkeypatch):
     monkeypatch.setattr(releases, "load", lambda: {("made", "v1", "train"): Release(1, "files", "the fixture")})
     raw = write_raw(tmp_path / "raw", {"a": ["1", "2", "3"]})
     convert(NAME, str(raw), tmp_path / "lake", limit=2)
-    (partition,) = make_scorecard(find(Lake(tmp_path / "lake"), names=["ids_are_unique"])).partitions
+    (partition,) = make_scorecard(run_checks(Lake(tmp_path / "lake"), names=["ids_are_unique"])).partitions
     assert partition.coverage.text == "incomplete: 0 of 1 files"
 
 

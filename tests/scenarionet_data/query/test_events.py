@@ -270,14 +270,14 @@ def test_mine_lists_hits_in_order_and_takes_parameters(lake):
     rows = lake.mine("cut_in")
     assert rows["scenario_id"].is_sorted()
     assert set(ids_of("cut_in")) <= set(rows["scenario_id"])
-    assert lake.mine("cut_in", {"max_gap": "15"}).is_empty()
-    assert len(lake.mine("hard_braking", {"ego_only": "true"})) == 0
+    assert lake.mine("cut_in", {"max_gap": 15}).is_empty()
+    assert len(lake.mine("hard_braking", {"ego_only": True})) == 0
     own = lake.mine("closest_approach").sort("scenario_id", "first_timestep", "track_id", "other_id")
     assert own.equals(lake.mine("closest_approach"))
     with pytest.raises(UnknownEvent, match="cut_in"):
         lake.mine("cutin")
     with pytest.raises(BadParameter, match="max_gap"):
-        lake.mine("cut_in", {"gap": "15"})
+        lake.mine("cut_in", {"gap": 15})
 
 
 def test_mine_looks_only_at_a_databases_members(tmp_path):
@@ -294,28 +294,28 @@ def test_a_condition_that_compares_with_the_whole_lake_keeps_its_meaning_beside_
     lake = write_lake(tmp_path, [scenario for name in ("cut_in", "following") for scenario, _ in MOMENTS[name]])
     below = "ego_distance <= (SELECT median(ego_distance) FROM metadata) AND difficulty_level(2) = 1"
     below_in_turn = set(lake.filter(below, name="below").scenario_ids)
-    found = lake.filter(below, name="found", happening=["closest_approach:max=1000"])
+    found = lake.filter(below, name="found", events=["closest_approach:max=1000"])
     assert set(found.scenario_ids) == below_in_turn
     assert lake.rebuild("found").is_same
 
 
 def test_filter_keeps_scenarios_in_which_an_event_happens(tmp_path):
     lake = write_lake(tmp_path, [scenario for name in ("cut_in", "following") for scenario, _ in MOMENTS[name]])
-    found = lake.filter("ego_distance > 10", name="cut", happening=["cut_in"])
+    found = lake.filter("ego_distance > 10", name="cut", events=["cut_in"])
     assert found.scenario_ids == ids_of("cut_in")
     assert "cut-in" not in found.lineage.sql  # comments stay in their file
     assert found.lineage.parameters == {"f0_max_gap": 30.0, "f0_min_speed": 2.0, "f0_within": 4.0}
     assert lake.rebuild("cut").is_same
     both = lake.filter(
-        "true", name="both", parent="cut", named=["ego_distance:min=1"], happening=["cut_in:max_gap=20", "following"]
+        "true", name="both", database="cut", filters=["ego_distance:min=1"], events=["cut_in:max_gap=20", "following"]
     )
     assert set(both.scenario_ids) <= set(ids_of("cut_in"))
     assert both.lineage.parameters["f1_max_gap"] == 20.0
     assert lake.rebuild("both").is_same
     with pytest.raises(UnknownEvent):
-        lake.filter(name="x", happening=["nothing"])
+        lake.filter(name="x", events=["nothing"])
     with pytest.raises(QueryError, match="no column"):
-        lake.filter("ego_distanse > 1", name="x", happening=["cut_in"])
+        lake.filter("ego_distanse > 1", name="x", events=["cut_in"])
 
 
 @pytest.mark.parametrize("name", EVENTS.names())

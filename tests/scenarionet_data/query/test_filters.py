@@ -35,7 +35,7 @@ def test_a_filter_keeps_what_satisfies_it_in_order_of_id(own):
 
 def test_lineage_says_how_a_database_was_made(own):
     own.filter("num_objects > 2", name="some")
-    made = own.filter("ego_distance > $far", name="few", parent="some", parameters={"far": 0.5})
+    made = own.filter("ego_distance > $far", name="few", database="some", parameters={"far": 0.5})
     lineage = own.database("few").lineage
     assert lineage == made.lineage
     assert (lineage.operation, lineage.parents, lineage.snapshot) == ("filter", ["some@1"], 1)
@@ -66,7 +66,7 @@ def test_a_filter_of_a_database_keeps_its_order_and_weights(own):
     )
     lineage = replace(own.filter("true", name="any").lineage, operation="by hand")
     writer.save(own.files, "backwards", members, lineage, replace=False)
-    kept = own.filter("num_objects > 2", name="kept", parent="backwards")
+    kept = own.filter("num_objects > 2", name="kept", database="backwards")
     large = set(own.filter("num_objects > 2", name="all").scenario_ids)
     wanted = [i for i in ids if i in large]
     assert kept.scenario_ids == wanted
@@ -136,7 +136,7 @@ def test_a_condition_may_ask_other_tables(own, where):
 
 def test_named_filters_add_conditions(own):
     found = own.filter(
-        "num_lights >= $n", name="x", named=["ego_distance:min=1", "object_count:min=3"], parameters={"n": 1}
+        "num_lights >= $n", name="x", filters=["ego_distance:min=1", "object_count:min=3"], parameters={"n": 1}
     )
     wanted = own.filter("num_lights >= 1 AND ego_distance >= 1 AND num_objects >= 3", name="y")
     assert 0 < len(found) < NUM_VARIED
@@ -151,16 +151,16 @@ def test_every_named_filter_runs_and_says_what_it_keeps(lake, name, tmp_path):
     assert values == found.defaults
     assert not re.findall(r"\$(?!" + "|".join([*values, "$"]) + r")\w+", found.text)
     own = write_lake(tmp_path, [make_scenario(k, num_lights=k) for k in range(2)])
-    assert 0 <= len(own.filter(name="kept", named=[name], allow_empty=True)) <= 2
+    assert 0 <= len(own.filter(name="kept", filters=[name], allow_empty=True)) <= 2
 
 
 def test_unknown_filters_and_parameters_are_named(lake):
     with pytest.raises(UnknownFilter, match="ego_distance"):
-        lake.filter(name="x", named=["ego_distanse"])
+        lake.filter(name="x", filters=["ego_distanse"])
     with pytest.raises(BadParameter, match="has no parameter 'least'; it has min, max"):
-        lake.filter(name="x", named=["ego_distance:least=3"])
+        lake.filter(name="x", filters=["ego_distance:least=3"])
     with pytest.raises(BadParameter, match="min wants float, found 'three'"):
-        lake.filter(name="x", named=["ego_distance:min=three"])
+        lake.filter(name="x", filters=["ego_distance:min=three"])
 
 
 def test_filters_mean_what_they_say(tmp_path):
@@ -171,7 +171,7 @@ def test_filters_mean_what_they_say(tmp_path):
     statistics = {s.id: oracle.statistics(s) for s in (flat, hilly, dark)}
 
     def kept(name):
-        return set(own.filter(name="kept", named=[name], replace=True).scenario_ids)
+        return set(own.filter(name="kept", filters=[name], replace=True).scenario_ids)
 
     assert kept("no_overpass:max=1") == {
         i for i, row in statistics.items() if row["map_height_diff"] is None or row["map_height_diff"] < 1

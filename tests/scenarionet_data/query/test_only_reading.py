@@ -142,7 +142,7 @@ def test_threads_may_ask_at_once(tmp_path):
 
     def ask(k):
         states = lake.sql("SELECT $k AS k, count(*) AS n FROM states WHERE timestep = $t", {"k": k, "t": k % 4})
-        return states["k"][0], lake.locate(ids[k % 8 :])["scenario_id"].to_pylist()
+        return states["k"][0], lake.resolve(ids[k % 8 :])[1]["scenario_id"].to_pylist()
 
     with ThreadPoolExecutor(8) as pool:
         assert list(pool.map(ask, range(40))) == [(k, ids[k % 8 :]) for k in range(40)]
@@ -157,12 +157,12 @@ def test_large_queries_spill_apart_from_each_other_and_from_the_working_director
 
 def test_tables_of_one_query_are_unknown_to_the_next(own):
     own.filter("true", name="all")
-    own.filter("true", name="again", parent="all")
+    own.filter("true", name="again", database="all")
     for table in ("members", "wanted"):
         with pytest.raises(QueryError, match=f"{table} does not exist"):
             own.sql(f"SELECT * FROM {table}")
 
 
 def test_odd_results_are_query_errors(lake):
-    with pytest.raises(QueryError, match="cast odd types to VARCHAR"):
+    with pytest.raises(QueryError, match="cast unsupported types to VARCHAR"):
         lake.sql("SELECT INTERVAL 1 MONTH AS i")

@@ -103,19 +103,19 @@ def test_filter_num_object(count, theirs, names):
 
 def test_filter_no_traffic_light(theirs, names):
     wanted = rules.merge(theirs.values(), [rules.has_no_traffic_light()])
-    assert set(names("filter", named=["no_traffic_light"])) == set(wanted)
+    assert set(names("filter", filters=["no_traffic_light"])) == set(wanted)
 
 
 def test_filter_no_overpass(theirs, names):
     wanted = rules.merge(theirs.values(), [rules.has_no_overpass()])
-    assert set(names("filter", named=["no_overpass"])) == set(wanted)
+    assert set(names("filter", filters=["no_overpass"])) == set(wanted)
 
 
 @pytest.mark.parametrize("metres", [1.0, 2.0, 8.0, 100.0])
 def test_filter_no_overpass_sees_road_edges_too(metres, theirs, names):
     """Theirs looks at the height of road lines alone, so at other limits ours may keep fewer."""
     wanted = rules.merge(theirs.values(), [rules.has_no_overpass(metres)])
-    assert set(names("filter", named=[f"no_overpass:max={metres}"])) <= set(wanted)
+    assert set(names("filter", filters=[f"no_overpass:max={metres}"])) <= set(wanted)
 
 
 def test_filter_exclude_ids(theirs, names):
@@ -130,7 +130,7 @@ def test_filter_exclude_ids(theirs, names):
 def test_filter_by_several_rules_within_a_database(theirs, names):
     for name, database in theirs.items():
         wanted = rules.merge([database], [rules.moves_further_than(5), rules.has_fewer_objects_than(130)])
-        assert set(names("filter", "ego_distance > 5 AND num_objects < 130", parent=name)) == set(wanted)
+        assert set(names("filter", "ego_distance > 5 AND num_objects < 130", database=name)) == set(wanted)
 
 
 # --- merge, split, cp, num ----------------------------------------------------------------------------------------
@@ -138,14 +138,14 @@ def test_filter_by_several_rules_within_a_database(theirs, names):
 
 def test_merge(theirs, names):
     first, second, *rest = theirs
-    assert names("merge", [first, second]) == list(rules.merge([theirs[first], theirs[second]]))
-    assert set(names("merge", [first, second, *rest])) == set(rules.merge(theirs.values()))
+    assert names("merge", first, second) == list(rules.merge([theirs[first], theirs[second]]))
+    assert set(names("merge", first, second, *rest)) == set(rules.merge(theirs.values()))
 
 
 def test_merge_of_databases_that_overlap(theirs, names):
     first, second, *_ = theirs
     wanted = rules.merge([theirs[second], theirs[first], theirs[second]])
-    assert names("merge", [second, first, second]) == list(wanted)
+    assert names("merge", second, first, second) == list(wanted)
 
 
 def test_merge_filter_moving_dist(theirs, names):
@@ -158,7 +158,7 @@ def test_split_sequential(start, count, theirs, names):
     for name, database in theirs.items():
         if start + count <= len(database):
             place = {"first": start, "end": start + count}
-            found = names("filter", "place >= $first AND place < $end", parent=name, parameters=place)
+            found = names("filter", "place >= $first AND place < $end", database=name, parameters=place)
             assert found == list(rules.split(database, start, count))
 
 
@@ -181,7 +181,7 @@ def test_split_of_more_than_there_are_is_refused(theirs, _ours):
 def test_num_and_cp(theirs, _ours):
     for name, database in theirs.items():
         assert len(_ours.database(name)) == len(database)
-        copied = _ours.copy(name, f"copy_of_{name}")
+        copied = _ours.copy(name, name=f"copy_of_{name}")
         assert files_of(_ours, copied) == list(database)
         _ours.drop(copied.name)
 
@@ -200,7 +200,7 @@ def test_defect_maps_without_heights_are_dropped_as_overpasses(written, tmp_path
     flat = rules.read(tmp_path / "flat")
     assert rules.merge([flat], [rules.has_no_overpass_as_it_is()]) == {}
     convert("scenarionet", str(tmp_path / "flat"), tmp_path / "lake")
-    assert len(Lake(tmp_path / "lake").filter(named=["no_overpass"], name="level")) == len(flat)
+    assert len(Lake(tmp_path / "lake").filter(filters=["no_overpass"], name="level")) == len(flat)
 
 
 def test_defect_an_id_that_is_part_of_an_excluded_one_is_dropped(tmp_path):
@@ -209,7 +209,7 @@ def test_defect_an_id_that_is_part_of_an_excluded_one_is_dropped(tmp_path):
     assert list(rules.merge([database], [rules.is_none_of_as_it_is(unwanted)])) == ["sd_scene-2.pkl"]
     convert("scenarionet", str(tmp_path / "raw"), tmp_path / "lake")
     lake = Lake(tmp_path / "lake")
-    kept = lake.subtract([lake.filter(name="all"), lake.filter(ids=unwanted, name="unwanted")], name="kept")
+    kept = lake.subtract(lake.filter(name="all"), lake.filter(ids=unwanted, name="unwanted"), name="kept")
     assert sorted(files_of(lake, kept)) == ["sd_scene-1.pkl", "sd_scene-2.pkl"]
 
 
@@ -218,7 +218,7 @@ def test_defect_overwrite_is_always_true_in_split(written, tmp_path):
     convert("scenarionet", str(written / "short"), tmp_path / "lake")
     lake = Lake(tmp_path / "lake")
     first = lake.sample(None, name="part", n=2)
-    with pytest.raises(DatabaseExists, match="--replace"):
+    with pytest.raises(DatabaseExists, match="replace=True"):
         lake.sample(None, name="part", n=3)
     assert lake.database("part").scenario_ids == first.scenario_ids
     lake.sample(None, name="part", n=3, replace=True)

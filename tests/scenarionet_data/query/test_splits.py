@@ -66,17 +66,17 @@ def test_a_split_never_changes(many):
 
 @pytest.mark.filterwarnings("ignore:this split leaks")
 def test_a_scenario_keeps_its_part_as_the_lake_grows(many):
-    before = many.split(None, {"a": 0.5, "b": 0.5}, prefix="x")
+    before = many.split(None, {"a": 0.5, "b": 0.5}, name="x")
     template = make_scenario(1, num_objects=1, num_steps=2, num_lanes=0, num_lights=0, has_map=False)
     grown = write_lake(many.root, [renamed(template, f"new{k}") for k in range(50)], name="more")
-    after = grown.split(None, {"a": 0.5, "b": 0.5}, prefix="x", replace=True)
+    after = grown.split(None, {"a": 0.5, "b": 0.5}, name="x", replace=True)
     for part in "ab":
         assert set(before[part].scenario_ids) < set(after[part].scenario_ids)
 
 
 @pytest.mark.filterwarnings("ignore:this split leaks")
 def test_another_seed_is_another_split(many):
-    zero, one = (many.split(None, {"a": 0.5, "b": 0.5}, seed=s, prefix=f"s{s}")["a"].scenario_ids for s in (0, 1))
+    zero, one = (many.split(None, {"a": 0.5, "b": 0.5}, seed=s, name=f"s{s}")["a"].scenario_ids for s in (0, 1))
     assert zero != one
 
 
@@ -96,7 +96,7 @@ def test_scenarios_of_one_log_stay_together(many):
 def test_every_column_can_be_split_by(many):
     columns = many.sql("SELECT * FROM metadata LIMIT 0").columns
     for number, column in enumerate(columns):
-        parts = many.split(None, {"a": 0.5, "b": 0.5}, by=column, prefix=f"p{number}", allow_empty=True)
+        parts = many.split(None, {"a": 0.5, "b": 0.5}, by=column, name=f"p{number}", allow_empty=True)
         assert sum(len(part) for part in parts.values()) == 200, column
 
 

@@ -141,7 +141,7 @@ def test_a_lake_without_lights_and_maps(tmp_path):
     assert bare.sql("SELECT count(*) FROM lights").item() == 0
     assert bare.sql("SELECT count(*) FROM maps").item() == 0
     assert bare.sql("SELECT count(*) FROM metadata LEFT JOIN lights USING (scenario_id)").item() == 1
-    assert len(bare.filter(name="no", named=["no_traffic_light"])) == 1
+    assert len(bare.filter(name="no", filters=["no_traffic_light"])) == 1
 
 
 def test_views_carry_the_contracts_words(lake):

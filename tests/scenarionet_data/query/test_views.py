@@ -63,7 +63,7 @@ def polygons(x, y, heading, length, width) -> np.ndarray:
 def test_box_gap_is_the_distance_of_boxes(lake):
     rows = boxes(800)
     query = "SELECT box_gap(ahead, side, turn, l1, w1, l2, w2) AS gap FROM boxes"
-    gap = lake.arrow(query, boxes=rows.to_arrow())["gap"].to_numpy()
+    gap = lake.arrow(query, tables={"boxes": rows.to_arrow()})["gap"].to_numpy()
     np.testing.assert_allclose(gap, gap_after(rows, 0), atol=1e-12)
     assert 0.1 < (gap == 0).mean() < 0.5
 
@@ -71,7 +71,7 @@ def test_box_gap_is_the_distance_of_boxes(lake):
 def test_box_ttc_is_when_boxes_first_touch(lake):
     rows = boxes(800)
     query = "SELECT box_ttc(ahead, side, turn, v_ahead, v_side, l1, w1, l2, w2) AS ttc FROM boxes"
-    ttc = lake.arrow(query, boxes=rows.to_arrow())["ttc"].to_numpy(zero_copy_only=False)
+    ttc = lake.arrow(query, tables={"boxes": rows.to_arrow()})["ttc"].to_numpy(zero_copy_only=False)
     hits = np.isfinite(ttc)
     assert 0.1 < hits.mean() < 0.9
     hit = rows.filter(pl.Series(hits))
@@ -90,7 +90,7 @@ def test_segment_gap_and_wrap_angle(lake):
     assert found.row(0) == (5.0, 2.0, 5.0)
     angles = np.linspace(-10, 10, 401)
     query = "SELECT wrap_angle(angle) AS w FROM angles"
-    wrapped = lake.arrow(query, angles=pl.DataFrame({"angle": angles}).to_arrow())["w"].to_numpy()
+    wrapped = lake.arrow(query, tables={"angles": pl.DataFrame({"angle": angles}).to_arrow()})["w"].to_numpy()
     np.testing.assert_allclose(wrapped, wrap_angle(angles), atol=1e-12)
 
 
@@ -209,11 +209,11 @@ def test_stop_lines_lie_on_their_lane(tmp_path):
 def test_a_lake_shows_only_what_was_chosen(tmp_path, scenarios):
     lake = write_lake(tmp_path, scenarios)
     ids = [scenarios[k].id for k in (1, 4)]
-    few = lake.only(ids)
+    few = lake.restrict_to(ids)
     for view in ("metadata", "tracks", "lights", "states", "ego_pairs"):
         found = few.sql(f"SELECT DISTINCT scenario_id FROM {view} ORDER BY 1")["scenario_id"].to_list()
         assert found == ids, view
     assert few.sql("SELECT DISTINCT map_id FROM maps ORDER BY 1")["map_id"].to_list() == ids
     lake.filter("true", name="all")
-    assert len(lake.only("all")) == len(scenarios)
-    assert len(lake.only([])) == 0
+    assert len(lake.restrict_to("all")) == len(scenarios)
+    assert len(lake.restrict_to([])) == 0

@@ -111,11 +111,11 @@ def test_databases_and_layers(lake, url):
     lake.tag_where("odd", "source_scenario_id LIKE '%1'")
     assert Lake(url).sql("SELECT sum(odd::INT) AS n FROM metadata")["n"][0] == 1
     lake.drop(val.name)
-    lake.rename(train.name, "learning")
+    lake.rename(train.name, name="learning")
     assert Lake(url).databases == ["all", "learning"]
     assert lake.database("learning").scenario_ids == train.scenario_ids
     with pytest.raises(DatabaseExists):
-        lake.rename("learning", "all")
+        lake.rename("learning", name="all")
 
 
 @pytest.mark.long

@@ -61,7 +61,7 @@ def crossing_map(rng, has_z, seed):
 
 
 @given(st.integers(0, 100_000), st.integers(1, 9), st.integers(1, 12), st.booleans())
-@settings(max_examples=200)
+@settings(max_examples=2 * settings.default.max_examples)
 def test_every_statistic_equals_its_oracle(seed, num_objects, num_steps, has_z):
     scenario = wandering(seed, num_objects=num_objects, num_steps=num_steps, has_z=has_z)
     scenario.validate()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from scenarionet_data import Lake
-from scenarionet_pipelines.report import Contents, gather
+from scenarionet_pipelines.report import ReportContents, gather
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.pages import odd_scenarios
 
@@ -19,6 +19,6 @@ def lake(tmp_path_factory: pytest.TempPathFactory) -> Lake:
 
 
 @pytest.fixture(scope="package")
-def contents(lake: Lake) -> Contents:
+def contents(lake: Lake) -> ReportContents:
     """A report of the whole lake."""
     return gather(lake)

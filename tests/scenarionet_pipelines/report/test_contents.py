@@ -10,51 +10,51 @@ from PIL import Image
 
 from scenarionet_data.errors import DatabaseNotFound
 from scenarionet_pipelines.report import gather
-from scenarionet_pipelines.report.contents import PICTURE
-from scenarionet_pipelines.report.measures import COLUMNS, Measured, choose, measure
+from scenarionet_pipelines.report.contents import PICTURE_SIZE
+from scenarionet_pipelines.report.measures import COLUMNS, ScenarioMeasures, read_measures, select_examples
 
 
 def measured(**columns):
     size = len(next(iter(columns.values())))
     values = {name: np.array(columns.get(name, np.zeros(size)), np.float64) for name in COLUMNS}
-    return Measured(np.array([f"s{k}" for k in range(size)], dtype=object), values)
+    return ScenarioMeasures(np.array([f"s{k}" for k in range(size)], dtype=object), values)
 
 
 def test_the_whole_lake(lake, contents):
-    (part,) = contents.parts
-    assert part.name == "lake"
-    assert part.statistics == lake.compare()[0]
+    (section,) = contents.sections
+    assert section.name == "lake"
+    assert section.statistics == lake.compare()[0]
     assert contents.summary == lake.summary().to_dicts()
-    assert part.missing["date"] == 12
-    assert part.missing["map_id"] == 1
-    assert "tracks_file" not in part.missing
-    assert sum(mark.broken for mark in part.scorecard.partitions[0].marks) > 0
+    assert section.missing["date"] == 12
+    assert section.missing["map_id"] == 1
+    assert "tracks_file" not in section.missing
+    assert sum(mark.broken for mark in section.scorecard.partitions[0].rules) > 0
 
 
 def test_pictures_are_typical_extreme_and_random_ones(lake, contents):
-    (part,) = contents.parts
-    assert list(part.pictures) == ["typical", "extreme", "random"]
-    for group in part.pictures.values():
+    (section,) = contents.sections
+    assert list(section.pictures) == ["typical", "extreme", "random"]
+    for group in section.pictures.values():
         ids = [picture.scenario_id for picture in group]
         assert 0 < len(ids) == len(set(ids)) <= 8
         for picture in group:
-            assert Image.open(io.BytesIO(picture.png)).size == PICTURE
+            assert Image.open(io.BytesIO(picture.png)).size == PICTURE_SIZE
             assert picture.facts["num_objects"] == lake.facts(picture.scenario_id)["num_objects"]
     most = lake.sql("SELECT arg_max(scenario_id, num_objects) AS id FROM metadata")["id"].item()
-    (found,) = [each for each in part.pictures["extreme"] if "most objects" in each.why]
+    (found,) = [each for each in section.pictures["extreme"] if "most objects" in each.reason]
     assert lake.facts(found.scenario_id)["num_objects"] == lake.facts(most)["num_objects"]
 
 
 @pytest.mark.long
 def test_databases_side_by_side(lake):
     contents = gather(lake, ["busy", "calm@1"], is_checked=False)
-    assert [part.name for part in contents.parts] == ["busy@1", "calm@1"]
-    assert [part.made for part in contents.parts] == ["filter of the lake at snapshot 1"] * 2
-    assert [part.scorecard for part in contents.parts] == [None, None]
-    for part in contents.parts:
-        members = set(lake.database(part.name).scenario_ids)
-        assert {each.scenario_id for group in part.pictures.values() for each in group} <= members
-    objects = next(spread for spread in contents.spreads if spread.title == "Objects")
+    assert [section.name for section in contents.sections] == ["busy@1", "calm@1"]
+    assert [section.origin for section in contents.sections] == ["filter of the lake at snapshot 1"] * 2
+    assert [section.scorecard for section in contents.sections] == [None, None]
+    for section in contents.sections:
+        members = set(lake.database(section.name).scenario_ids)
+        assert {each.scenario_id for group in section.pictures.values() for each in group} <= members
+    objects = next(distribution for distribution in contents.distributions if distribution.title == "Objects")
     assert [group.name for group in objects.groups] == ["busy@1", "calm@1"]
     np.testing.assert_allclose(objects.shares.sum(axis=1), 1.0)
     assert not (objects.shares.min(axis=0) > 0).any(), "the databases share no number of objects"
@@ -75,24 +75,24 @@ def test_progress_only_rises_to_the_end(lake):
 
 
 def test_the_typical_is_the_median_one():
-    found = choose(measured(ego_distance=[1, 2, 3, 4, 500], num_objects=[9, 8, 5, 2, 1]))
+    found = select_examples(measured(ego_distance=[1, 2, 3, 4, 500], num_objects=[9, 8, 5, 2, 1]))
     assert found["typical"][0] == ("s2", "")
-    assert found["extreme"] == [("s4", "longest way"), ("s0", "most objects")]
+    assert found["extreme"] == [("s4", "longest route"), ("s0", "most objects")]
 
 
 def test_copies_are_not_typical_twice():
-    found = choose(measured(ego_distance=[1, 2, 2, 2, 3]))
+    found = select_examples(measured(ego_distance=[1, 2, 2, 2, 3]))
     assert len(found["typical"]) == 2  # the distances from the median are 0 and 1
 
 
 def test_missing_numbers_make_nobody_strange_or_extreme():
-    found = choose(measured(ego_distance=[np.nan, 2, 3, 4], min_ego_gap=[np.nan] * 4))
-    assert [why for _, why in found["extreme"]] == ["longest way"]
-    assert choose(measured(ego_distance=[np.nan, np.nan]))["extreme"] == []
-    assert choose(measured(ego_distance=np.zeros(0))) == {}
+    found = select_examples(measured(ego_distance=[np.nan, 2, 3, 4], min_ego_gap=[np.nan] * 4))
+    assert [why for _, why in found["extreme"]] == ["longest route"]
+    assert select_examples(measured(ego_distance=[np.nan, np.nan]))["extreme"] == []
+    assert select_examples(measured(ego_distance=np.zeros(0))) == {}
 
 
 def test_measures_are_in_order_of_id(lake):
-    found = measure(lake)
+    found = read_measures(lake)
     assert list(found.ids) == sorted(found.ids)
     assert np.isnan(found.values["min_ego_gap"]).sum() == 1  # the one that is alone

@@ -67,10 +67,10 @@ def test_the_page_is_whole_and_needs_nothing_else(contents):
 
 
 def test_hostile_names_stay_text(contents):
-    (part,) = contents.parts
-    picture = replace(part.pictures["random"][0], scenario_id=HOSTILE, why=HOSTILE)
-    hostile = replace(part, statistics=replace(part.statistics, name=HOSTILE), pictures={"random": [picture]})
-    text = render(replace(contents, name=HOSTILE, parts=(hostile, part)))
+    (section,) = contents.sections
+    picture = replace(section.pictures["random"][0], scenario_id=HOSTILE, reason=HOSTILE)
+    hostile = replace(section, statistics=replace(section.statistics, name=HOSTILE), pictures={"random": [picture]})
+    text = render(replace(contents, name=HOSTILE, sections=(hostile, section)))
     Outline(text)
     assert "<img src=x" not in text
     assert "&lt;img src=x onerror=" in text

@@ -47,7 +47,7 @@ def test_beyond_the_last_page_there_is_nothing(lake):
 
 
 def test_errors_have_a_position(lake):
-    with pytest.raises(QueryError, match=r"no column ego_dist at character 1 .* near are ego_distance"):
+    with pytest.raises(QueryError, match=r"no column ego_dist at character 1 .* similar: ego_distance"):
         ask(lake, "ego_dist > 3")
     with pytest.raises(UnsafeSql, match="character 21"):
         ask(lake, "ego_distance > 3 AND)")

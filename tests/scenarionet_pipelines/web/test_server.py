@@ -98,7 +98,7 @@ def test_a_page_of_another_name_gets_nothing(served):
 def test_mistakes_in_a_filter_come_with_their_place(served):
     status, answer = said(request(served, "/api/rows?where=" + quote("num_objects > 1 AND ego_dist > 3")))
     assert (status, answer["character"]) == (400, 21)
-    assert "near are ego_distance" in answer["error"]
+    assert "similar: ego_distance" in answer["error"]
     status, answer = said(request(served, "/api/rows?where=" + quote("num_objects > > 1 )")))
     assert (status, answer["character"]) == (400, 15)
 

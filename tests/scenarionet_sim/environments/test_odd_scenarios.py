@@ -165,7 +165,7 @@ def test_places_that_are_not_there(lake, tmp_path):
 def test_a_corrupt_row_group(tmp_path, prefetch):
     """The second of three scenarios cannot be read: its reset says so, and the one after goes on behind it."""
     lake = write_lake(tmp_path, [make_drive(name) for name in ("a", "b", "c")])
-    rows = lake.locate(["made/v1/b"]).to_pylist()[0]
+    rows = lake.resolve(["made/v1/b"])[1].to_pylist()[0]
     path = lake.root / rows["tracks_file"]
     group = pq.ParquetFile(path).metadata.row_group(rows["tracks_row_group"])
     content = bytearray(path.read_bytes())

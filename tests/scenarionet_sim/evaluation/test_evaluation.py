@@ -68,7 +68,7 @@ def test_results_and_rollouts_are_in_the_lake(lake):
     ends = lake.sql("SELECT *, len(x) - 1 AS steps, x[-1] AS end FROM rollouts WHERE is_judged ORDER BY scenario_id")
     assert ends["steps"].to_list() == rows["steps"].to_list()
     assert (ends["track_id"] == "t0").all() and (ends["end"] > 15.0).all()
-    assert lake.ask("runs", {"run": "first"})["success"].item() == rows["success"].mean()
+    assert lake.named_query("runs", {"run": "first"})["success"].item() == rows["success"].mean()
 
 
 def test_a_killed_run_is_continued(lake):
@@ -130,7 +130,7 @@ def test_a_failing_scenario_does_not_end_the_run(lake):
     assert failed["scenario_id"].to_list() == [scenario.id for scenario in SCENARIOS[1::2]], "each part's second"
     assert failed["error"][0].startswith("BadParameter: an action is not a number")
     assert sorted(report.broken) == failed.rows()
-    assert lake.ask("runs").select("scenarios", "not_simulated").rows() == [(5, 2)]
+    assert lake.named_query("runs").select("scenarios", "not_simulated").rows() == [(5, 2)]
 
 
 def test_a_database_in_its_order(lake):

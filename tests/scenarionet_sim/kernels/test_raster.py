@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarionet_sim.kernels.raster import draw_polygons, draw_segments
@@ -27,7 +27,6 @@ def filled(outline, turns=None):
     return picture[0]
 
 
-@settings(max_examples=60)
 @given(st.integers(0, 10**6), st.integers(3, 9))
 def test_a_polygon_covers_the_pixels_whose_centres_it_holds(seed, count):
     """Star-shaped polygons of any size, also beyond the picture's borders."""
@@ -61,7 +60,6 @@ def test_what_has_no_area_covers_nothing(outline):
     assert not filled(np.reshape(outline, (-1, 2))).any()
 
 
-@settings(max_examples=100)
 @given(st.integers(0, 10**6), st.sampled_from([5, 40, 400]))
 def test_a_line_is_one_pixel_wide(seed, scale):
     """The pixels of its ends, and for every column (row, if it is steep) whose middle it crosses, the one it is in."""

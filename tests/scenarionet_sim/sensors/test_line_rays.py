@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarionet_data.building import MapBuilder
@@ -72,7 +72,6 @@ def cast(roads, position, heading, rays, reach):
     return found[0]
 
 
-@settings(max_examples=60)
 @given(st.integers(0, 10**6), st.integers(1, 40), st.sampled_from([3.0, 30.0, 300.0]))
 def test_the_walk_through_the_grid_misses_nothing(seed, count, scale):
     """Random lines, seen from inside and outside of their grid, agree with all lines tried one by one."""

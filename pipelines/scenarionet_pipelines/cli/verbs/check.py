@@ -27,10 +27,10 @@ from scenarionet_pipelines.cli.table_file import check_suffix, write_table
 
 if TYPE_CHECKING:
     from scenarionet_data import Lake
-    from scenarionet_data.databases.record import Database
+    from scenarionet_data.databases.record import DatabaseRecord
     from scenarionet_data.execution.executors import Executor
-    from scenarionet_data.quality.report import CheckResult, Findings
-    from scenarionet_data.quality.scorecard import Partition, Scorecard
+    from scenarionet_data.quality.report import CheckReport, CheckResult
+    from scenarionet_data.quality.scorecard import PartitionScore, Scorecard
 
 _REPLAYS = "The ego of every recording reaches its destination when replayed."
 
@@ -95,21 +95,23 @@ def command(
     the lake contains. --name saves the scenarios that pass, --broken writes the violations with rule and reason.
     """
     from scenarionet_data import Lake
-    from scenarionet_data.quality.checks import find
-    from scenarionet_data.quality.passing import save_good
+    from scenarionet_data.quality.checks import run_checks
+    from scenarionet_data.quality.passing import save_passing
     from scenarionet_data.quality.scorecard import make_scorecard
 
     _check_outputs(output, broken, scorecard)
     opened = Lake(lake, snapshot)
     with executor_from_options(cluster, workers, quiet=quiet) as execution:
         with ProgressDisplay(f"check {lake}", "check", is_quiet=quiet) as progress:
-            findings = find(opened, database, only or None, progress.update, execution.measured)
+            findings = run_checks(
+                opened, database, only or None, on_progress=progress.update, executor=execution.measured
+            )
         if simulate:
-            findings = findings.adding(
+            findings = findings.with_check(
                 "replays", _REPLAYS, _simulate(opened, database, workers, execution.measured, quiet)
             )
     card = make_scorecard(findings) if scorecard else None
-    made = save_good(findings, name, is_strict=strict, replace=replace) if name else None
+    made = save_passing(findings, name, strict=strict, replace=replace) if name else None
     if broken:
         _write(findings.rows, broken)
     if card and output:
@@ -151,7 +153,7 @@ def _write(rows: Any, path: str) -> None:
     click.echo(f"{count(len(table), 'row')} in {path}", err=True)
 
 
-def _content(findings: Findings, card: Scorecard | None, made: Database | None) -> dict[str, Any]:
+def _content(findings: CheckReport, card: Scorecard | None, made: DatabaseRecord | None) -> dict[str, Any]:
     content: dict[str, Any] = {"checks": [asdict(result) for result in findings.results]}
     if card:
         content["scorecard"] = card.to_dict()
@@ -163,7 +165,7 @@ def _content(findings: Findings, card: Scorecard | None, made: Database | None) 
 # --- tables -----------------------------------------------------------------------------------------------
 
 
-def _print(findings: Findings, card: Scorecard | None, made: Database | None) -> None:
+def _print(findings: CheckReport, card: Scorecard | None, made: DatabaseRecord | None) -> None:
     if card:
         _print_card(card)
     else:
@@ -208,13 +210,13 @@ def _print_card(card: Scorecard) -> None:
                 f"{mark.share:.2%}",
                 one_line(": ".join(mark.examples[0])) if mark.examples else "",
             )
-            for mark in partition.marks
+            for mark in partition.rules
         )
     for check, detail in card.others:
         click.echo(f"\n{check}: {detail}")
 
 
-def _facts(partition: Partition) -> list[tuple[str, str, str]]:
+def _facts(partition: PartitionScore) -> list[tuple[str, str, str]]:
     found = f"{count(partition.scenarios, 'scenario')}, {partition.quarantined:,} in quarantine"
     budgets = ", ".join(f"{name} {value:g}" for name, value in asdict(partition.budgets).items())
     coverage = partition.coverage

@@ -22,4 +22,4 @@ def command(lake: str, database: str, name: str, replace: bool, as_json: bool) -
     """
     from scenarionet_data import Lake
 
-    print_created(Lake(lake).copy(database, name, replace=replace), as_json)
+    print_created(Lake(lake).copy(database, name=name, replace=replace), as_json)

@@ -64,9 +64,9 @@ def command(
     created = Lake(lake).filter(
         where,
         name=name,
-        parent=database,
-        named=filters,
-        happening=events,
+        database=database,
+        filters=filters,
+        events=events,
         ids=listed if ids or file else None,
         replace=replace,
         allow_empty=allow_empty,

@@ -17,4 +17,4 @@ def command(lake: str, databases: tuple[str, ...], name: str, replace: bool, all
     """Save the scenarios that are in every one of the databases, in the order of the first."""
     from scenarionet_data import Lake
 
-    print_created(Lake(lake).intersect(databases, name=name, replace=replace, allow_empty=allow_empty), as_json)
+    print_created(Lake(lake).intersect(*databases, name=name, replace=replace, allow_empty=allow_empty), as_json)

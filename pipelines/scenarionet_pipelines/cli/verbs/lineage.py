@@ -14,7 +14,7 @@ from scenarionet_pipelines.cli.parameters import database_argument, json_option,
 
 if TYPE_CHECKING:
     from scenarionet_data.databases.record import Lineage
-    from scenarionet_data.operations.lineage import Ancestry
+    from scenarionet_data.operations.lineage import LineageTree
 
 
 @verb(
@@ -31,14 +31,14 @@ def command(lake: str, database: str, with_sql: bool, as_json: bool) -> None:
     """Show how a database was made, with the databases it was made from, as a tree."""
     from scenarionet_data import Lake
 
-    found = Lake(lake).ancestry(database)
+    found = Lake(lake).lineage(database)
     if as_json:
         print_json(asdict(found))
     else:
         _print(found, with_sql, "")
 
 
-def _print(found: Ancestry, with_sql: bool, margin: str) -> None:
+def _print(found: LineageTree, with_sql: bool, margin: str) -> None:
     away = "; its members are not in this lake" if found.lineage and not found.is_here else ""
     click.echo(f"{margin}{found.reference}: {_made(found.lineage)}{away}")
     inner = margin + "    "

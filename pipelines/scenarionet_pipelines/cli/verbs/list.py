@@ -35,7 +35,7 @@ def _describe(lake: Lake) -> dict[str, Any]:
         "lake": str(lake.root),
         "snapshot": lake.snapshot.number,
         "splits": lake.summary().to_dicts(),
-        "quarantined": int(lake.ask("quarantine_reasons")["scenarios"].sum()),
+        "quarantined": int(lake.named_query("quarantine_reasons")["scenarios"].sum()),
         "databases": [_database(lake, name) for name in lake.databases],
         "snapshots": [
             {"number": found.number, "created_at": found.created_at, "operation": found.operation}

@@ -25,7 +25,7 @@ def command(lake: str, databases: tuple[str, ...], name: str, replace: bool, all
     from scenarionet_data import Lake
 
     opened = Lake(lake)
-    created = opened.merge(databases, name=name, replace=replace, allow_empty=allow_empty)
+    created = opened.merge(*databases, name=name, replace=replace, allow_empty=allow_empty)
     repeated = sum(len(opened.database(parent)) for parent in created.lineage.parents) - len(created)
     if as_json:
         print_json(

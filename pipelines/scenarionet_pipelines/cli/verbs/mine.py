@@ -60,7 +60,7 @@ def command(
     if event is None:
         _list_events([EVENTS.load(name) for name in EVENTS.names()], as_json)
         return
-    found = Lake(lake, snapshot).mine(event, pairs(parameters, "--parameter"), database=database)
+    found = Lake(lake, snapshot).mine(event, EVENTS.load(event).parse(pairs(parameters, "--parameter")), database)
     if as_json:
         shown = found if limit is None else found.head(limit)
         scenarios = found["scenario_id"].n_unique()

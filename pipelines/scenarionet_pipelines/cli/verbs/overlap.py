@@ -30,7 +30,7 @@ def command(lake: str, databases: tuple[str, ...], only: tuple[str, ...], strict
     """
     from scenarionet_data import Lake
 
-    found = Lake(lake).overlap(*databases, only=only or None)
+    found = Lake(lake).overlap(*databases, kinds=only or None)
     is_clean = not any(each.examples for each in found)
     if as_json:
         print_json({"overlaps": [asdict(each) for each in found], "is_clean": is_clean})

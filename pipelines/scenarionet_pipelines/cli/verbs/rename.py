@@ -21,7 +21,7 @@ def command(lake: str, database: str, name: str, as_json: bool) -> None:
     """
     from scenarionet_data import Lake
 
-    Lake(lake).rename(database, name)
+    Lake(lake).rename(database, name=name)
     if as_json:
         print_json({"before": database, "name": name})
     else:

@@ -94,7 +94,7 @@ def command(
     if path.exists() and not replace:
         raise BadParameter(f"{file} exists; choose another name, or --replace")
     opened = Lake(lake, snapshot)
-    scenario = ScenarioLoader(opened, [opened.facts(scenario_id)["scenario_id"]])[0]
+    scenario = ScenarioLoader(opened, [opened.describe(scenario_id)["scenario_id"]])[0]
     scene = Scene.of(scenario)
     moments = scene.moments() if run is None else _rollout_moments(opened, run, scene)
     now = scenario.current_timestep if at is None else round(at / scene.dt)

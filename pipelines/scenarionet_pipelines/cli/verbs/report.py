@@ -61,9 +61,9 @@ def command(
         opened = Lake(lake, snapshot)
         contents = gather(opened, databases, is_checked=is_checked, on_progress=progress.update)
         write(contents, path)
-    num_bytes, count = path.stat().st_size, sum(part.statistics.count for part in contents.parts)
+    num_bytes, count = path.stat().st_size, sum(section.statistics.count for section in contents.sections)
     if as_json:
-        names = [part.name for part in contents.parts]
+        names = [section.name for section in contents.sections]
         output.print_json({"file": file, "bytes": num_bytes, "databases": names, "scenarios": count})
     else:
         click.echo(f"{file}: {output.count(count, 'scenario')}, {output.size(num_bytes)}")

@@ -42,7 +42,7 @@ def command(
     from scenarionet_data.schema import tables
 
     opened = Lake(lake, snapshot)
-    facts = opened.facts(scenario_id)
+    facts = opened.describe(scenario_id)
     if picture:
         _draw(opened, facts["scenario_id"], picture, replace=replace)
         click.echo(f"wrote {picture}", err=True)

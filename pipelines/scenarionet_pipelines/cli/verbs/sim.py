@@ -117,7 +117,7 @@ def command(
 def _print(report: EvaluationReport, lake: str, workers: Mapping[str, WorkerStats], as_json: bool) -> None:
     from scenarionet_data import Lake
 
-    rows = Lake(lake).ask("runs", {"run": report.run}).to_dicts()
+    rows = Lake(lake).named_query("runs", {"run": report.run}).to_dicts()
     facts: dict[str, Any] = rows[0] if rows else {}
     join = f'scenarionet sql {lake} "SELECT * FROM results JOIN metadata USING (scenario_id) WHERE NOT success"'
     if as_json:

@@ -102,7 +102,7 @@ def command(
         along=along,
         levels=levels,
         each=each,
-        prefix=name,
+        name=name,
         strict=strict,
         replace=replace,
         allow_empty=allow_empty,

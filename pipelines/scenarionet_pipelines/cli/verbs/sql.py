@@ -53,6 +53,7 @@ def command(
     queries are listed.
     """
     from scenarionet_data import Lake
+    from scenarionet_data.query.named_sql import ANALYTICS
 
     if not query:
         _list_names(as_json)
@@ -61,7 +62,10 @@ def command(
         check_suffix(output, "-o")
     words = pairs(parameters, "--parameter")
     opened = Lake(lake, snapshot)
-    rows = opened.ask(query, words) if _NAME.fullmatch(query) else opened.sql(query, _values(words))
+    if _NAME.fullmatch(query):
+        rows = opened.named_query(query, ANALYTICS.load(query).parse(words))
+    else:
+        rows = opened.sql(query, _values(words))
     if output:
         write_table(rows, output)
         click.echo(f"{count(len(rows), 'row')} in {output}", err=True)
@@ -92,9 +96,9 @@ def _print(rows: pl.DataFrame) -> None:
 
 
 def _list_names(as_json: bool) -> None:
-    from scenarionet_data.query.named_sql import QUESTIONS
+    from scenarionet_data.query.named_sql import ANALYTICS
 
-    found = [QUESTIONS.load(name) for name in QUESTIONS.names()]
+    found = [ANALYTICS.load(name) for name in ANALYTICS.names()]
     if as_json:
         print_json({"queries": [{"name": q.name, "doc": q.doc, "parameters": q.defaults} for q in found]})
         return

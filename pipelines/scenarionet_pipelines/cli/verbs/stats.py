@@ -12,7 +12,7 @@ from scenarionet_pipelines.cli.output import cell, print_json, print_table
 from scenarionet_pipelines.cli.parameters import json_option, lake_argument, snapshot_option
 
 if TYPE_CHECKING:
-    from scenarionet_data.operations.comparison import Measure, Statistics
+    from scenarionet_data.operations.comparison import DatabaseStatistics, Measure
 
 
 @verb(
@@ -36,7 +36,7 @@ def command(lake: str, databases: tuple[str, ...], output: str | None, snapshot:
     """
     from scenarionet_data import Lake
 
-    found = Lake(lake, snapshot).compare(databases)
+    found = Lake(lake, snapshot).compare(*databases)
     if output:
         from scenarionet_data.plots import write_comparison
 
@@ -48,7 +48,7 @@ def command(lake: str, databases: tuple[str, ...], output: str | None, snapshot:
         _print(found)
 
 
-def _print(found: list[Statistics]) -> None:
+def _print(found: list[DatabaseStatistics]) -> None:
     rows = [["scenarios", *(each.count for each in found)]]
     full = next((each.measures for each in found if each.measures), ())
     for place, measure in enumerate(full):

@@ -13,4 +13,4 @@ def command(lake: str, databases: tuple[str, ...], name: str, replace: bool, all
     """Save the scenarios of the first database that are in none of the others, in its order."""
     from scenarionet_data import Lake
 
-    print_created(Lake(lake).subtract(databases, name=name, replace=replace, allow_empty=allow_empty), as_json)
+    print_created(Lake(lake).subtract(*databases, name=name, replace=replace, allow_empty=allow_empty), as_json)

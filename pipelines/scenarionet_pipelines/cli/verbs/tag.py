@@ -14,7 +14,7 @@ from scenarionet_pipelines.cli.parameters import json_option, lake_argument
 
 if TYPE_CHECKING:
     from scenarionet_data import Lake
-    from scenarionet_data.databases.user_columns import Layer
+    from scenarionet_data.databases.user_columns import UserColumn
 
 
 @verb(
@@ -79,14 +79,14 @@ def command(
         raise BadParameter("the column needs a NAME: scenarionet tag LAKE NAME ...")
     if len(chosen) != 1 or (column and not file):
         raise BadParameter(f"expected one of {', '.join(given)}; --column requires --file")
-    layer = _tag(opened, name, *chosen[0], column, replace)
+    tagged = _tag(opened, name, *chosen[0], column, replace)
     if as_json:
-        print_json(asdict(layer) | {"reference": layer.reference})
+        print_json(asdict(tagged) | {"reference": tagged.reference})
     else:
-        click.echo(f"{layer.reference}: {layer.type} for {layer.count:,} of {count(len(opened), 'scenario')}")
+        click.echo(f"{tagged.reference}: {tagged.type} for {tagged.count:,} of {count(len(opened), 'scenario')}")
 
 
-def _tag(lake: Lake, name: str, option: str, value: str, column: str | None, replace: bool) -> Layer:
+def _tag(lake: Lake, name: str, option: str, value: str, column: str | None, replace: bool) -> UserColumn:
     if option == "--where":
         return lake.tag_where(name, value, replace=replace)
     if option == "--event":
@@ -107,11 +107,11 @@ def _drop(lake: Lake, reference: str, force: bool, as_json: bool) -> None:
 def _list(lake: Lake, as_json: bool) -> None:
     from scenarionet_data.databases import user_columns
 
-    found = [user_columns.read(lake.files, name, version) for name, version in lake.layers.items()]
+    found = [user_columns.read(lake.files, name, version) for name, version in lake.user_columns.items()]
     if as_json:
-        print_json({"layers": [asdict(layer) | {"reference": layer.reference} for layer in found]})
+        print_json({"user_columns": [asdict(each) | {"reference": each.reference} for each in found]})
     elif found:
-        rows = [(layer.reference, layer.type, layer.count, layer.source, layer.created_at) for layer in found]
+        rows = [(each.reference, each.type, each.count, each.source, each.created_at) for each in found]
         print_table(rows, ("column", "type", "scenarios", "from", "at"), max_cell=60)
     else:
         click.echo("no user columns; add one: scenarionet tag LAKE NAME --where ...")

@@ -27,7 +27,7 @@ RECORDS = st.fixed_dictionaries(
 )
 
 
-@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(records=st.lists(RECORDS, max_size=12), indent=st.sampled_from([None, 0, 2]), block=st.integers(1, 300))
 def test_blocks_are_the_whole(records: list[dict[str, Any]], indent: int | None, block: int, tmp_path: Path) -> None:
     path = tmp_path / "table.json"

@@ -111,7 +111,7 @@ def test_threads_lose_nothing(files, template):
 COMMIT_MANY = """
 import sys
 from pathlib import Path
-from scenarionet_data.storage import commit as commits
+from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.files.local import LocalLakeFiles
 from tests.fixtures.lakes import write_shard
 from tests.fixtures.scenarios import renamed, small

@@ -1,22 +1,22 @@
-"""Car-following and lane-changing laws, as scalar functions that compile into the traffic kernels."""
+"""Car-following (IDM) and lane-changing (MOBIL) laws, as scalar functions that compile into traffic kernels."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import kernel
+from scenarionet_data.arrays.compiled import device_function
 
 EXPONENT = 4.0
 _SMALLEST_GAP = 0.1  # [m]
 
 
-@kernel
+@device_function
 def free_acceleration(speed: float, desired: float, accel: float, decel: float) -> float:
-    """Acceleration on an empty road, no harder braking than ``decel`` [m/s2]."""
+    """Acceleration on an empty road, at least ``-decel`` [m/s2]."""
     return float(max(accel * (1.0 - (speed / desired) ** EXPONENT), -decel))
 
 
-@kernel
+@device_function
 def interaction(
     speed: float, gap: float, closing: float, headway: float, accel: float, decel: float, standstill: float
 ) -> float:
@@ -35,7 +35,7 @@ def interaction(
     return float(accel * (desired_gap / max(gap, _SMALLEST_GAP)) ** 2)
 
 
-@kernel
+@device_function
 def is_worth_changing(own_gain: float, follower_loss: float, politeness: float, threshold: float) -> bool:
-    """MOBIL's incentive (Kesting, Treiber, Helbing 2007): own gain against what the new follower loses [m/s2]."""
+    """MOBIL's incentive (Kesting, Treiber, Helbing 2007): own gain against the new follower's loss [m/s2]."""
     return own_gain - politeness * follower_loss > threshold

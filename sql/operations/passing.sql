@@ -1,4 +1,4 @@
--- Scenarios of the database that break no rule, in its order.
+-- Scenarios of the pool that violate no rule, in its order.
 WITH {rules}
 SELECT scenario_id, weight, content_hash
 FROM {pool}

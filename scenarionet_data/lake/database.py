@@ -1,0 +1,244 @@
+"""The handle :class:`Database`: an ordered set of scenarios to iterate, load, query, and derive others from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, overload
+
+from scenarionet_data.databases import record as records
+from scenarionet_data.databases import writer
+from scenarionet_data.databases.record import DatabaseRecord
+from scenarionet_data.errors import BadParameter
+from scenarionet_data.operations.database_query import check_not_empty
+from scenarionet_data.operations.filter import filter_database, select_scenarios
+from scenarionet_data.operations.sample import sample
+from scenarionet_data.operations.split import split
+from scenarionet_data.query.lake_view import LakeView
+from scenarionet_data.query.named_sql import Conditions
+
+if TYPE_CHECKING:  # loading and export import numba, which takes 0.5 s that a query does not need
+    import polars as pl
+
+    from scenarionet_data.execution.executors import Executor
+    from scenarionet_data.execution.progress import Progress
+    from scenarionet_data.export import ExportReport
+    from scenarionet_data.loader import ScenarioLoader
+    from scenarionet_data.scenario.description import ScenarioDescription
+
+
+@dataclass(frozen=True, repr=False)
+class Database(DatabaseRecord):
+    """An ordered set of scenarios of a lake: a saved database, or a selection that is not saved.
+
+    A database copies no data. It keeps the snapshot of the lake it was opened from, and pickles to other processes with
+    its name and version, or with its members if it is not saved.
+
+    Attributes:
+        name: Name; None for an unsaved selection.
+        version: From 1, incremented on replacement; None for an unsaved selection.
+        lineage: How it was made.
+        view: The lake at the snapshot that the database is read from.
+
+    Example:
+        far = lake.select("ego_distance > 100")
+        len(far), far.scenario_ids[:3], far[0].tracks.position.shape
+        train, val = far.save("far").split({"train": 0.9, "val": 0.1}).values()
+    """
+
+    view: LakeView = field(repr=False, compare=False, kw_only=True)
+
+    @classmethod
+    def of(cls, record: DatabaseRecord, view: LakeView) -> Database:
+        """Return the handle of a record."""
+        if isinstance(record, cls):
+            return record
+        return cls(**{each.name: getattr(record, each.name) for each in fields(DatabaseRecord)}, view=view)
+
+    def __repr__(self) -> str:
+        return f"Database({self.reference!r}, {len(self):,} scenarios, lake={str(self.view.root)!r})"
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {
+            name: value for name, value in self.__dict__.items() if name not in ("members", "_loader", "_positions")
+        }
+
+    # --- members --------------------------------------------------------------------------------------
+
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over the ids of the members, in order."""
+        return iter(self.scenario_ids)
+
+    def __contains__(self, scenario_id: object) -> bool:
+        """Return whether a scenario id is a member."""
+        return scenario_id in self._positions
+
+    @overload
+    def __getitem__(self, index: int) -> ScenarioDescription: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[ScenarioDescription]: ...
+    def __getitem__(self, index: int | slice) -> ScenarioDescription | list[ScenarioDescription]:
+        """Load the scenario at an index; for a slice, a list of scenarios."""
+        loaded: ScenarioDescription | list[ScenarioDescription] = self._loader[index]
+        return loaded
+
+    @cached_property
+    def _loader(self) -> ScenarioLoader:
+        return self.loader()
+
+    @cached_property
+    def _positions(self) -> frozenset[str]:
+        return frozenset(self.scenario_ids)
+
+    def loader(self) -> ScenarioLoader:
+        """Return a loader of the scenarios."""
+        from scenarionet_data.loader import ScenarioLoader
+
+        return ScenarioLoader(self.view, self)
+
+    def sql(self, query: str, parameters: Mapping[str, Any] | None = None) -> pl.DataFrame:
+        """Run one SELECT over views that show the members only; see :meth:`Lake.sql <scenarionet_data.Lake.sql>`."""
+        return self.view.restrict_to(self).sql(query, parameters)
+
+    def export(
+        self,
+        directory: str | Path,
+        *,
+        replace: bool = False,
+        executor: Executor | None = None,
+        on_progress: Progress | None = None,
+    ) -> ExportReport:
+        """Write the scenarios as ScenarioNet pickles; see :meth:`Lake.export <scenarionet_data.Lake.export>`."""
+        from scenarionet_data.export import export_database
+
+        return export_database(self.view, self, directory, replace=replace, executor=executor, on_progress=on_progress)
+
+    # --- derived databases ----------------------------------------------------------------------------
+
+    def save(self, name: str, *, replace: bool = False, allow_empty: bool = False) -> Database:
+        """Save an unsaved selection.
+
+        Args:
+            name: Name of the new database.
+            replace: Add a version if the database exists.
+            allow_empty: Save a selection without members, too.
+
+        Raises:
+            BadParameter: The database is saved already.
+            DatabaseExists: The database exists and ``replace`` is False.
+            EmptyResult: The selection has no members and ``allow_empty`` is False.
+        """
+        if self.is_saved:
+            raise BadParameter(f'{self.reference} is saved already; lake.copy("{self.name}", name="{name}") copies it')
+        records.check_free(self.files, name, replace=replace)
+        check_not_empty(name, len(self), len(self), allow_empty=allow_empty)
+        saved = writer.save(self.files, name, self.members, self.lineage, replace=replace)
+        return Database.of(saved, self.view)
+
+    def select(
+        self,
+        where: str = "true",
+        *,
+        filters: Conditions = (),
+        events: Conditions = (),
+        ids: Sequence[str] | None = None,
+        parameters: Mapping[str, Any] | None = None,
+    ) -> Database:
+        """Select members; see :meth:`Lake.select <scenarionet_data.Lake.select>`."""
+        found = select_scenarios(
+            self.view, where, database=self, filters=filters, events=events, ids=ids, parameters=parameters
+        )
+        return Database.of(found, self.view)
+
+    def filter(
+        self,
+        where: str = "true",
+        *,
+        name: str,
+        filters: Conditions = (),
+        events: Conditions = (),
+        ids: Sequence[str] | None = None,
+        parameters: Mapping[str, Any] | None = None,
+        replace: bool = False,
+        allow_empty: bool = False,
+    ) -> Database:
+        """Save members that satisfy conditions; see :meth:`Lake.filter <scenarionet_data.Lake.filter>`."""
+        found = filter_database(
+            self.view,
+            where,
+            name=name,
+            database=self,
+            filters=filters,
+            events=events,
+            ids=ids,
+            parameters=parameters,
+            replace=replace,
+            allow_empty=allow_empty,
+        )
+        return Database.of(found, self.view)
+
+    def split(
+        self,
+        fractions: Mapping[str, float] | None = None,
+        *,
+        name: str | None = None,
+        seed: int = 0,
+        by: str = "scenario_id",
+        stratify: str | None = None,
+        along: str | None = None,
+        levels: int | None = None,
+        each: str | None = None,
+        strict: bool = False,
+        replace: bool = False,
+        allow_empty: bool = False,
+    ) -> dict[str, Database]:
+        """Split into databases; see :meth:`Lake.split <scenarionet_data.Lake.split>`."""
+        parts = split(
+            self.view,
+            self,
+            fractions,
+            name=name,
+            seed=seed,
+            by=by,
+            stratify=stratify,
+            along=along,
+            levels=levels,
+            each=each,
+            strict=strict,
+            replace=replace,
+            allow_empty=allow_empty,
+        )
+        return {part: Database.of(found, self.view) for part, found in parts.items()}
+
+    def sample(
+        self,
+        *,
+        name: str,
+        n: int | None = None,
+        fraction: float | None = None,
+        seed: int = 0,
+        weights: str = "1",
+        stratify: str | None = None,
+        balance: str | None = None,
+        levels: int | None = None,
+        replace: bool = False,
+        allow_empty: bool = False,
+    ) -> Database:
+        """Save a sample; see :meth:`Lake.sample <scenarionet_data.Lake.sample>`."""
+        found = sample(
+            self.view,
+            self,
+            name=name,
+            n=n,
+            fraction=fraction,
+            seed=seed,
+            weights=weights,
+            stratify=stratify,
+            balance=balance,
+            levels=levels,
+            replace=replace,
+            allow_empty=allow_empty,
+        )
+        return Database.of(found, self.view)

@@ -1,0 +1,318 @@
+"""Read access to one snapshot of a lake: files, SQL, and the addresses of scenarios.
+
+The handle :class:`scenarionet_data.Lake` adds operations on databases; lower layers need no more than this view.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self, TypeAlias
+
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from scenarionet_data.databases import record as records
+from scenarionet_data.databases import user_columns as user_column_records
+from scenarionet_data.databases.record import DatabaseRecord
+from scenarionet_data.errors import BadParameter, NoSuchSnapshot, ScenarioNotFound
+from scenarionet_data.query.engine import Engine, Rows
+from scenarionet_data.query.members import ADDRESS_COLUMNS, count_changed, locate
+from scenarionet_data.query.named_sql import ANALYTICS
+from scenarionet_data.query.views import FILE_TABLES, table_files
+from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.snapshots import manifests
+from scenarionet_data.storage.snapshots import snapshot as snapshots
+from scenarionet_data.storage.snapshots.snapshot import Snapshot
+
+if TYPE_CHECKING:
+    import polars as pl
+
+
+class StaleDatabaseWarning(UserWarning):
+    """Members of a database changed in a later snapshot; it is read from the snapshot it was made on.
+
+    Args:
+        message: The warning, with its remedy for Python.
+        cli_remedy: Command with the same effect as the remedy.
+    """
+
+    def __init__(self, message: str, cli_remedy: str = "") -> None:
+        super().__init__(message)
+        self.cli_remedy = cli_remedy
+
+
+class LakeView:
+    """One snapshot of a lake, open for queries.
+
+    Args:
+        root: Folder or URL of the lake.
+        snapshot: Number of the snapshot; the newest by default.
+        user_columns: Versions of user columns by name; the newest of all others.
+
+    Attributes:
+        files: Files of the lake.
+        snapshot: The snapshot.
+        user_columns: Version of each user column, by name.
+
+    Raises:
+        NoSuchSnapshot: The folder is not a lake, or it has no such snapshot.
+        UserColumnNotFound: A user column has no such version.
+    """
+
+    def __init__(
+        self, root: str | Path, snapshot: int | None = None, user_columns: Mapping[str, int] | None = None
+    ) -> None:
+        self.files = open_files(root)
+        snapshots.check_is_lake(self.files)
+        self.snapshot: Snapshot = snapshots.read(self.files, snapshot)
+        self.user_columns: dict[str, int] = user_column_records.current(self.files, user_columns or {})
+        self._chosen: pa.Table | None = None
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({str(self.root)!r}, snapshot={self.snapshot.number})"
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "engine"}  # a process opens its own
+
+    @property
+    def root(self) -> Path | str:
+        """Absolute path of the lake, or its URL."""
+        return self.files.root
+
+    @property
+    def name(self) -> str:
+        """Last part of the path."""
+        return str(self.root).rstrip("/").rpartition("/")[2]
+
+    @cached_property
+    def engine(self) -> Engine:
+        """Connection that runs the queries, opened on first use."""
+        return Engine(self.files, self.snapshot, user_columns=self.user_columns, chosen=self._chosen)
+
+    # --- other views of the same lake -----------------------------------------------------------------
+
+    def refresh(self) -> Self:
+        """Open the lake at its newest snapshot."""
+        return type(self)(self.root)
+
+    def at_snapshot(self, number: int, user_columns: Iterable[str] = ()) -> Self:
+        """Open the lake at another snapshot.
+
+        Args:
+            number: Number of the snapshot.
+            user_columns: Versions of user columns to use, as ``name@version``.
+
+        Raises:
+            NoSuchSnapshot: The snapshot does not exist; the message lists the existing ones.
+        """
+        pinned = self.user_columns | user_column_records.parse(user_columns)
+        is_same = number == self.snapshot.number and pinned == self.user_columns
+        return self if is_same else type(self)(self.root, number, pinned)
+
+    def restrict_to(self, scenarios: DatabaseRecord | str | Iterable[str]) -> Self:
+        """Open the lake with views that show some scenarios only, at a snapshot that has them.
+
+        Args:
+            scenarios: A database or its name, or scenario ids.
+
+        Raises:
+            ScenarioNotFound: A scenario is missing.
+        """
+        view, members = self.resolve(scenarios)
+        restricted = type(self)(self.root, view.snapshot.number, self.user_columns)
+        restricted._chosen = members
+        return restricted
+
+    # --- queries --------------------------------------------------------------------------------------
+
+    def sql(self, query: str, parameters: Mapping[str, Any] | None = None) -> pl.DataFrame:
+        """Run one SELECT over the views of the lake and return its rows as a Polars data frame.
+
+        The views are metadata, tracks, lights, maps, states, steps, objects, shards, quarantine, and those of
+        docs/events.md.
+
+        Args:
+            query: The SELECT.
+            parameters: Values for ``$name`` in the query.
+
+        Raises:
+            UnsafeSql: It is not exactly one SELECT.
+            QueryError: DuckDB rejects the query.
+        """
+        return self.engine.select(query, parameters)
+
+    def arrow(
+        self, query: str, parameters: Mapping[str, Any] | None = None, *, tables: Mapping[str, Rows] | None = None
+    ) -> pa.Table:
+        """Run one SELECT like :meth:`sql` and return its rows as an Arrow table.
+
+        Args:
+            query: The SELECT.
+            parameters: Values for ``$name`` in the query.
+            tables: Arrow tables that the query may use, by name.
+        """
+        return self.engine.arrow(query, parameters, tables=tables)
+
+    def named_query(self, name: str, parameters: Mapping[str, Any] | None = None) -> pl.DataFrame:
+        """Run a query of ``sql/analytics``.
+
+        Args:
+            name: Name of its file.
+            parameters: Values of its parameters; the others keep their defaults.
+
+        Raises:
+            UnknownQuery: No such query.
+            BadParameter: No such parameter, or a value of another type.
+        """
+        query = ANALYTICS.load(name)
+        return self.sql(query.text, query.bind(parameters or {}))
+
+    def interrupt(self) -> None:
+        """Cancel a query that another thread runs; it fails there with a QueryError."""
+        self.engine.interrupt()
+
+    def summary(self) -> pl.DataFrame:
+        """Return scenarios, objects and hours by dataset, version and split."""
+        return self.named_query("summary")
+
+    def describe(self, scenario_id: str) -> dict[str, Any]:
+        """Return the row of a scenario in the view ``metadata``, without addresses.
+
+        Args:
+            scenario_id: The id, the id in the source, or a part of the id that only one scenario has.
+
+        Raises:
+            ScenarioNotFound: No scenario matches, or several do; the message lists a few of them.
+        """
+        rows = f"SELECT * EXCLUDE ({', '.join(ADDRESS_COLUMNS)}) FROM metadata"
+        found = self.sql(f"{rows} WHERE scenario_id = $id", {"id": scenario_id})
+        if found.is_empty():
+            matches = "source_scenario_id = $id OR contains(scenario_id, $id) ORDER BY scenario_id LIMIT 3"
+            found = self.sql(f"{rows} WHERE {matches}", {"id": scenario_id})
+        if len(found) != 1:
+            ids = ", ".join(found["scenario_id"])
+            remedy = f"did you mean {ids}?" if ids else "SELECT scenario_id FROM metadata lists them all"
+            raise ScenarioNotFound(f"{self.root}: no one scenario {scenario_id!r} in this snapshot; {remedy}")
+        return found.row(0, named=True)
+
+    def __len__(self) -> int:
+        return int(self.engine.arrow("SELECT count(*) FROM metadata")[0][0].as_py())
+
+    # --- files and records ----------------------------------------------------------------------------
+
+    def history(self, last: int = 5) -> list[Snapshot]:
+        """Return the newest snapshots up to this one, in ascending order."""
+        numbers = [number for number in snapshots.numbers(self.files) if number <= self.snapshot.number]
+        return [snapshots.read(self.files, number) for number in numbers[-last:]]
+
+    def paths(self, table: str) -> list[str]:
+        """Return absolute paths or URLs of the files of a table in this snapshot, for any Parquet reader."""
+        if table not in FILE_TABLES:
+            raise BadParameter(f"no table {table!r}; there are {', '.join(FILE_TABLES)}")
+        return [self.files.url(name) for name in table_files(self.files, self.snapshot, table)]
+
+    def shared_maps(self) -> dict[tuple[str, str, str], str]:
+        """Return the file of each map that scenarios share, by dataset, version and map id."""
+        listed = manifests.shard_table(self.files, self.snapshot).filter(pc.field("split") == "").to_pylist()
+        return {(row["dataset"], row["version"], row["name"]): row["files"][0] for row in listed}
+
+    @property
+    def databases(self) -> list[str]:
+        """Names of the databases of the lake, sorted."""
+        return records.names(self.files)
+
+    def record(self, database: DatabaseRecord | str) -> DatabaseRecord:
+        """Return the record of a database by ``name`` or ``name@version``.
+
+        Raises:
+            DatabaseNotFound: The message lists the existing databases.
+        """
+        return records.resolve(self.files, database)
+
+    # --- scenarios ------------------------------------------------------------------------------------
+
+    def resolve(self, scenarios: DatabaseRecord | str | Iterable[str] | None) -> tuple[Self, pa.Table]:
+        """Find scenarios: a view at a snapshot that has them, and their rows with addresses and descriptions.
+
+        Members of a database are read from this snapshot if it has all of them unchanged, else from the snapshot the
+        database was made on, with a warning.
+
+        Args:
+            scenarios: A database or its name, ids, or None for all scenarios in order of id.
+
+        Raises:
+            ScenarioNotFound: A scenario is missing.
+        """
+        if scenarios is None:
+            scenarios = self.engine.arrow("SELECT scenario_id FROM metadata ORDER BY scenario_id")[0].to_pylist()
+        if isinstance(scenarios, DatabaseRecord | str):
+            database = self.record(scenarios)
+            view = self.with_members([database])
+            wanted = database.members.select(["scenario_id", "content_hash"])
+        else:
+            view, wanted = self, pa.table({"scenario_id": pa.array(list(scenarios), pa.string())})
+        found = locate(view.engine, wanted)
+        missing = found.filter(pc.invert(found["is_found"]))
+        if missing.num_rows:
+            raise ScenarioNotFound(
+                f"{self.root}: no scenario {missing['scenario_id'][0]} in snapshot {view.snapshot.number}; "
+                f"{missing.num_rows} of {found.num_rows} are missing: replaced, or never converted"
+            )
+        return view, found
+
+    def with_members(self, databases: Sequence[DatabaseRecord]) -> Self:
+        """Return a view at a snapshot that has all members of some databases unchanged.
+
+        That is this snapshot if possible, else the newest that one of the databases was made on, with a warning.
+
+        Raises:
+            ScenarioNotFound: No such snapshot has them all.
+            NoSuchSnapshot: The snapshot that a database was made on has expired.
+        """
+        changed = {database.reference: count_changed(self.engine, database) for database in databases}
+        stale = [database for database in databases if changed[database.reference][0]]
+        if not stale:
+            return self
+        first, latest = stale[0], max(stale, key=lambda database: database.lineage.snapshot)
+        try:
+            older = self.at_snapshot(latest.lineage.snapshot)
+        except NoSuchSnapshot as error:
+            raise NoSuchSnapshot(
+                f"{latest.reference} was made on snapshot {latest.lineage.snapshot}, which has expired, and some of "
+                f"its members have changed since; {_rebase(latest)} makes it again on the newest snapshot",
+                cli_remedy=f"scenarionet rebase {self.root} {latest.name}",
+            ) from error
+        for database in databases:
+            count, example = count_changed(older.engine, database)
+            if count:
+                raise ScenarioNotFound(
+                    f"{self.root}: no snapshot has the members of {' and '.join(d.reference for d in databases)} "
+                    f"unchanged: {count:,} of {len(database):,} of {database.reference} are not in snapshot "
+                    f"{older.snapshot.number}, for example {example}; update it with {_rebase(first)}",
+                    cli_remedy=f"scenarionet rebase {self.root} {first.name}",
+                )
+        warnings.warn(
+            StaleDatabaseWarning(
+                f"{changed[first.reference][0]} of {len(first)} members of {first.reference} changed after snapshot "
+                f"{first.lineage.snapshot} and are read from it; {_rebase(first)} updates the database",
+                cli_remedy=f"scenarionet rebase {self.root} {first.name}",
+            ),
+            stacklevel=3,
+        )
+        return older
+
+
+LakeLike: TypeAlias = LakeView | str | Path
+"""A lake: an open one, its path or its URL."""
+
+
+def open_view(lake: LakeLike) -> LakeView:
+    """Return the lake itself if it is open, else open the newest snapshot at a path or URL."""
+    return lake if isinstance(lake, LakeView) else LakeView(lake)
+
+
+def _rebase(database: DatabaseRecord) -> str:
+    return f'lake.rebase("{database.name}")' if database.is_saved else "selecting again"

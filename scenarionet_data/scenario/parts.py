@@ -1,0 +1,224 @@
+"""The parts of a scenario: ids, tracks, traffic lights, map features and source.
+
+Frames, units and shapes are those of :mod:`scenarionet_data.scenario.description`.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, fields
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+
+from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Int8, Object, UInt8
+from scenarionet_data.arrays.ragged import Ragged
+
+_SCENARIO_ID = re.compile(r"[A-Za-z0-9._%-]+/[A-Za-z0-9._%-]+/[A-Za-z0-9._%@-]+")
+
+
+def make_scenario_id(dataset: str, version: str, source_id: str, start: str | int | None = None) -> str:
+    """Return the globally unique id ``<dataset>/<version>/<source id>[@start]``.
+
+    Args:
+        dataset: For example ``"waymo"``.
+        version: The dataset's release, for example ``"v1.2"``.
+        source_id: The scenario's (or log's) id in the source.
+        start: Distinguishes windows of one log, for example by a timestamp.
+
+    Example:
+        >>> make_scenario_id("argoverse2", "v2", "log 7", 315966)
+        'argoverse2/v2/log%207@315966'
+    """
+    parts = "/".join(quote(str(part), safe="").replace("~", "%7E") for part in (dataset, version, source_id))
+    return parts if start is None else f"{parts}@{quote(str(start), safe='')}"
+
+
+def is_scenario_id(text: str) -> bool:
+    """Whether ``text`` has the form :func:`make_scenario_id` gives."""
+    return _SCENARIO_ID.fullmatch(text) is not None
+
+
+def strings(values: Any) -> Object:
+    """Return an object array of str, the form of ids in every part of a scenario."""
+    return np.array(list(map(str, values)), dtype=object)
+
+
+@dataclass(frozen=True, eq=False)
+class Tracks:
+    """The objects of a scenario.
+
+    Attributes:
+        ids: (N,) str, unique.
+        object_type: (N,) uint8 codes of ``ObjectType``.
+        position: (N, T, 3) float32 [m] centre of the box.
+        heading: (N, T) float32 [rad] in [-pi, pi).
+        velocity: (N, T, 2) float32 [m/s] along the scenario frame's axes.
+        size: (N, T, 3) float32 [m] length, width, height.
+        valid: (N, T) bool; everything above is 0 where it is False.
+        source_type: (N,) type as the source names it, or None.
+        is_size_assumed, is_type_assumed, is_velocity_estimated: (N,) bool.
+        extras: (N,) JSON text or None.
+    """
+
+    ids: Object
+    object_type: UInt8
+    position: Float32
+    heading: Float32
+    velocity: Float32
+    size: Float32
+    valid: Bool
+    source_type: Object
+    is_size_assumed: Bool
+    is_type_assumed: Bool
+    is_velocity_estimated: Bool
+    extras: Object
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def index(self, track_id: str) -> int:
+        """Return the row of a track; raise KeyError if the scenario has no such track."""
+        (rows,) = np.nonzero(self.ids == track_id)
+        if not len(rows):
+            raise KeyError(f"no track {track_id!r}; there are {len(self)}, for example {list(self.ids[:3])}")
+        return int(rows[0])
+
+
+@dataclass(frozen=True, eq=False)
+class Lights:
+    """Traffic lights, one row per lane they control.
+
+    Attributes:
+        ids: (L,) str; the lane's id where the source names no lights.
+        lane_ids: (L,) str.
+        stop_point: (L, 3) float32 [m], NaN where unknown.
+        state: (L, T) uint8 codes of ``LightState``.
+        is_lane_in_map: (L,) bool.
+        provenance: (L,) uint8 codes of ``Provenance``.
+    """
+
+    ids: Object
+    lane_ids: Object
+    stop_point: Float32
+    state: UInt8
+    is_lane_in_map: Bool
+    provenance: UInt8
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    @classmethod
+    def empty(cls, num_timesteps: int) -> Lights:
+        """No lights over ``num_timesteps`` timesteps."""
+        none = np.zeros(0, dtype=object)
+        codes = np.zeros(0, np.uint8)
+        return cls(
+            ids=none,
+            lane_ids=none,
+            stop_point=np.zeros((0, 3), np.float32),
+            state=np.zeros((0, num_timesteps), np.uint8),
+            is_lane_in_map=np.zeros(0, np.bool_),
+            provenance=codes,
+        )
+
+
+ID_LISTS = (
+    "entry_lanes",
+    "exit_lanes",
+    "left_neighbors",
+    "right_neighbors",
+    "left_boundaries",
+    "right_boundaries",
+    "controlled_lanes",
+)
+"""The fields of :class:`MapFeatures` that are lists of ids."""
+
+
+@dataclass(frozen=True, eq=False)
+class MapFeatures:
+    """Lanes, lines, edges and areas.
+
+    Attributes:
+        ids: (M,) str, unique.
+        types: (M,) uint8 codes of ``MapFeatureType``.
+        polyline: M x (n, 3) float32 [m]: a lane's centreline in driving direction, a line, an edge,
+            a stop sign's one point.
+        polygon: M x (n, 3) float32 [m]: outline, implicitly closed; empty if the feature has none.
+        speed_limit: (M,) float32 [m/s], NaN when unknown.
+        width: M x (k, 2) float32 [m]: centreline to left and right side; k is 1, the number of points,
+            or 0 when unknown.
+        entry_lanes, exit_lanes: M x ids of predecessors and successors; ids outside the map are kept.
+        left_neighbors, right_neighbors: M x ids of lanes beside.
+        left_boundaries, right_boundaries: M x ids of lines and edges that bound a lane.
+        controlled_lanes: M x ids of lanes a stop sign, stop line or crosswalk applies to.
+        is_intersection: (M,) int8: 1 yes, 0 no, -1 unknown.
+        extras: (M,) JSON text or None.
+    """
+
+    ids: Object
+    types: UInt8
+    polyline: Ragged
+    polygon: Ragged
+    speed_limit: Float32
+    width: Ragged
+    entry_lanes: Ragged
+    exit_lanes: Ragged
+    left_neighbors: Ragged
+    right_neighbors: Ragged
+    left_boundaries: Ragged
+    right_boundaries: Ragged
+    controlled_lanes: Ragged
+    is_intersection: Int8
+    extras: Object
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    @classmethod
+    def empty(cls) -> MapFeatures:
+        """A map without features."""
+        none = np.zeros(0, dtype=object)
+        return cls(
+            ids=none,
+            types=np.zeros(0, np.uint8),
+            polyline=Ragged.empty(0, 3),
+            polygon=Ragged.empty(0, 3),
+            speed_limit=np.zeros(0, np.float32),
+            width=Ragged.empty(0, 2),
+            is_intersection=np.zeros(0, np.int8),
+            extras=none,
+            **{name: Ragged.empty(0) for name in ID_LISTS},
+        )
+
+    def take(self, rows: Array) -> MapFeatures:
+        """Return the features at ``rows``, in that order."""
+        taken: dict[str, Any] = {}
+        for column in fields(self):
+            values = getattr(self, column.name)
+            taken[column.name] = values.take(rows) if isinstance(values, Ragged) else values[rows]
+        return MapFeatures(**taken)
+
+
+@dataclass(frozen=True)
+class Source:
+    """Origin of a scenario.
+
+    Attributes:
+        scenario_id: Its id in the source.
+        file: Raw file, relative to the raw folder.
+        licence: Licence under which it may be used.
+        log: Recording it was cut from; a split must not put scenarios of one log on both sides.
+        city: Place, as the source names it.
+        date: ISO 8601.
+        crs: Name of the source frame.
+    """
+
+    scenario_id: str
+    file: str
+    licence: str
+    log: str | None = None
+    city: str | None = None
+    date: str | None = None
+    crs: str | None = None
