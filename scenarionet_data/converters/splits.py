@@ -45,7 +45,9 @@ def guess_split(raw: str, top: str = "") -> str:
             return _SPLITS[part.lower()]
     inside = sorted({_SPLITS[name] for name in _split_folders(Path(raw))})
     if len(inside) > 1:
-        raise BadParameter(f"{raw}: contains the splits {', '.join(inside)}; choose one with split=NAME")
+        raise BadParameter(
+            f"{raw}: contains the splits {', '.join(inside)}; choose one, for example split='{inside[0]}'"
+        )
     return inside[0] if inside else "train"
 
 

@@ -59,8 +59,8 @@ class Argoverse1(Converter[RawItem]):
     Options = Argoverse1Options
     properties = ("location",)
     # Recorded positions have 0.1 m of noise, freezes and jumps, which differences amplify tenfold; velocities are
-    # fitted to one second of them. In 40 recordings: medians of 0.4 to 1.6 m/s, 99th percentiles of 7 to 24 m/s (one 36)
-    # and 0.3 rad (one 0.6), and five jumps above 60 m/s.
+    # fitted to one second of them. In 40 recordings: medians of 0.4 to 1.6 m/s, 99th percentiles of 7 to 24 m/s
+    # (one 36) and 0.3 rad (one 0.6), and five jumps above 60 m/s.
     budgets = Budgets(velocity_median=1.7, velocity_p99=25.0, heading_p99=0.3, step_speed=100.0, outliers=0.1)
 
     def maps(self, raw: str, version: str, options: Argoverse1Options) -> Iterator[Shard]:
@@ -151,8 +151,8 @@ def _maps_for(raw: str, options: Argoverse1Options) -> list[Path]:
     found = list(find_maps(places).values())
     if not found:
         raise SourceNotFound(
-            f"{places}: no pruned_argoverse_*_vector_map.xml in it; download the HD maps and add -O maps=FOLDER, "
-            "or go without: -O has_map=false"
+            f"{places}: no pruned_argoverse_*_vector_map.xml in it; download the HD maps and set the option maps "
+            "to their folder, or has_map to false"
         )
     return found
 
