@@ -139,7 +139,7 @@ def _codec(compressor: Mapping[str, Any] | None, path: Path) -> Any:
     try:
         import numcodecs
     except ImportError as error:
-        raise MissingDependency("Lyft's zarr chunks need numcodecs: pip install 'scenarionet-lake[lyft]'") from error
+        raise MissingDependency("Lyft's zarr chunks need numcodecs", "lyft") from error
     try:
         return numcodecs.get_codec(dict(compressor))
     except (ValueError, TypeError) as error:

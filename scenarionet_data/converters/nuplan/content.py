@@ -129,7 +129,7 @@ def _cursor(path: Path) -> Iterator[Any]:
     try:
         from adbc_driver_sqlite import dbapi
     except ModuleNotFoundError as error:
-        raise MissingDependency("nuPlan logs need ADBC: pip install 'scenarionet-lake[nuplan]'") from error
+        raise MissingDependency("nuPlan logs need ADBC", "nuplan") from error
     try:
         with dbapi.connect(uri(path)) as connection, connection.cursor() as cursor:
             cursor.adbc_statement.set_options(**{"adbc.sqlite.query.batch_rows": _CHUNK})

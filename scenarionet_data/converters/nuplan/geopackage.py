@@ -141,7 +141,7 @@ def _transformer(source: str, target: str) -> Any:
         from pyproj import Transformer
         from pyproj.exceptions import CRSError
     except ModuleNotFoundError as error:
-        raise MissingDependency("nuPlan maps need pyproj: pip install 'scenarionet-lake[nuplan]'") from error
+        raise MissingDependency("nuPlan maps need pyproj", "nuplan") from error
     try:
         return Transformer.from_crs(source, target, always_xy=True)
     except CRSError as error:
