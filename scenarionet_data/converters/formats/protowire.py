@@ -210,5 +210,5 @@ def enums(bits: UInt64, size: int) -> Int64:
 
 def _require_sound(result: np.int64) -> int:
     if result < 0:
-        raise DamagedMessage(f"not a protobuf message at byte {-1 - result}")
+        raise DamagedMessage(f"invalid data at byte {-1 - result}")
     return int(result)

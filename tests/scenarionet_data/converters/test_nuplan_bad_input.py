@@ -78,9 +78,9 @@ ONE_BOX = "WHERE token = (SELECT token FROM lidar_box WHERE lidar_pc_token = :sw
 NOWHERE = "x'0011223344556677'"
 
 BAD_ROWS = {
-    "a number is missing": (f"UPDATE lidar_box SET x = NULL {ONE_BOX}", "lidar_box", "numbers for the place"),
-    "a word for a number": (f"UPDATE lidar_box SET yaw = 'north' {ONE_BOX}", "lidar_box", "numbers for the place"),
-    "a blob for a number": (f"UPDATE lidar_box SET width = x'00' {ONE_BOX}", "lidar_box", "numbers for the place"),
+    "a number is missing": (f"UPDATE lidar_box SET x = NULL {ONE_BOX}", "lidar_box", "numbers for the position"),
+    "a word for a number": (f"UPDATE lidar_box SET yaw = 'north' {ONE_BOX}", "lidar_box", "numbers for the position"),
+    "a blob for a number": (f"UPDATE lidar_box SET width = x'00' {ONE_BOX}", "lidar_box", "numbers for the position"),
     "a box without size": (f"UPDATE lidar_box SET height = 0.0 {ONE_BOX}", "tracks.size", "sizes above 0"),
     "a track nowhere": (f"UPDATE lidar_box SET track_token = {NOWHERE} {ONE_BOX}", "lidar_box", "row of track"),
     "a box twice": (
@@ -277,7 +277,10 @@ BAD_MAPS: dict[str, tuple[Callable[[Path], None], str]] = {
     ),
     "no centreline": (lambda p: change(p, "DELETE FROM baseline_paths WHERE fid = 7"), "has no baseline path"),
     "two of one id": (lambda p: change(p, "UPDATE lanes_polygons SET lane_fid = 50001"), "have one id"),
-    "a road block twice": (lambda p: change(p, "UPDATE lane_group_connectors SET fid = 47000"), "is there twice"),
+    "a road block twice": (
+        lambda p: change(p, "UPDATE lane_group_connectors SET fid = 47000"),
+        "occurs twice in a nuPlan map",
+    ),
 }
 
 

@@ -93,7 +93,7 @@ def test_splits_are_the_owners(written: Path) -> None:
     names = {split: [s.source.scenario_id for s in scenarios(CONVERTER, written, split)] for split in
              ("mini_train", "mini_val")}  # fmt: skip
     assert names == {"mini_train": ["scene-0061"], "mini_val": ["scene-0103"]}
-    with pytest.raises(SourceNotFound, match=r"v1\.0-mini has no split 'train'; add --split with one of mini,"):
+    with pytest.raises(SourceNotFound, match=r"v1\.0-mini has no split 'train'; give as split one of mini,"):
         shards(CONVERTER, written, "train")
 
 
@@ -123,7 +123,7 @@ def test_the_split_is_guessed_where_a_release_tells_it(written: Path, tmp_path: 
     assert guess_split(str(written)) == guess_split(str(written / "v1.0-mini")) == "mini"
     for release in ("v1.0-trainval", "v1.0-mini"):
         (tmp_path / release).mkdir()
-    with pytest.raises(BadParameter, match="holds the splits mini, train"):
+    with pytest.raises(BadParameter, match="contains the splits mini, train"):
         guess_split(str(tmp_path))
 
 
@@ -247,9 +247,9 @@ BROKEN_ROWS: dict[str, tuple[str, Change, str]] = {
     "unknown scene": ("sample", lambda rows: rows[3].update(scene_token="f"), "expected 25"),
     "samples at one time": ("sample", lambda rows: rows[3].update(timestamp=rows[2]["timestamp"]), "increasing"),
     "unknown log": ("scene", lambda rows: rows[0].update(log_token="f"), "expected a log"),
-    "missing pose": ("ego_pose", lambda rows: rows.pop(7), "expected a pose"),
-    "unknown pose": ("sample_data", lambda rows: rows[7].update(ego_pose_token="f"), "expected a pose"),
-    "no sweeps": ("sample_data", lambda rows: rows.__delitem__(slice(0, 400)), "sweeps of the lidar"),
+    "missing pose": ("ego_pose", lambda rows: rows.pop(7), "expected a finite pose"),
+    "unknown pose": ("sample_data", lambda rows: rows[7].update(ego_pose_token="f"), "expected a finite pose"),
+    "no sweeps": ("sample_data", lambda rows: rows.__delitem__(slice(0, 400)), "lidar sweeps"),
 }
 
 
