@@ -13,7 +13,7 @@ LAKE ?= lake
 RAW ?= $(if $(SCENARIONET_RAW),$(SCENARIONET_RAW)/$(DATASET),$(if $(filter nuplan,$(DATASET)),$(NUPLAN_DATA_ROOT)))
 
 .DEFAULT_GOAL := help
-.PHONY: help install install-browser demo test test-all bench bench-cluster bench-maintenance bench-remote bench-sim build check \
+.PHONY: help install install-browser demo compile test test-all bench bench-cluster bench-maintenance bench-remote bench-sim build check \
 	clean convert docs docs-site notebooks test-devkits test-metadrive
 
 help:  ## List the targets.
@@ -42,6 +42,9 @@ install-browser:  ## Install Debian's chromium, for the tests that open pages in
 
 demo: $(if $(wildcard $(INSTALLED)),$(INSTALLED),$(INSTALLED_DEMO))  ## Generate scenarios, query, filter, split, load, draw and export them; downloads no data.
 	$(BIN)/python -m scenarionet_pipelines.demo
+
+compile: install  ## Compile all kernels beforehand, so that first uses are fast.
+	$(BIN)/scenarionet compile
 
 test: install  ## Run the tests, about five minutes of processor time (ARGS="-k lake" selects some).
 	$(PYTEST) $(ARGS)

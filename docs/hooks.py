@@ -1,4 +1,4 @@
-"""Hooks of mkdocs: fill the pages of the reference that are generated when the site is built.
+"""Hooks of mkdocs and griffe: fill the pages of the reference that are generated when the site is built.
 
 A page asks for generated content with a line ``<!-- generated: NAME -->``; ``GENERATORS`` has a function per name. The
 text comes from the installed packages: the click commands, the SQL files with their headers, and the views of a lake.
@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+import griffe
 
 from scenarionet_data import Lake
 from scenarionet_data.quality import rules
@@ -24,6 +25,22 @@ from scenarionet_pipelines.cli import VERBS, cli
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """Replace each mark of a page by the text that it asks for."""
     return re.sub(r"<!-- generated: (\w+) -->", lambda mark: "\n".join(GENERATORS[mark[1]]()), markdown)
+
+
+class CodeExamples(griffe.Extension):
+    """Render the examples of docstrings as code: Google style leaves them unmarked, and griffe takes them for prose."""
+
+    def on_object(self, *, obj: griffe.Object, **_: Any) -> None:
+        """Put a fence around the body of an ``Example:`` section that is not a doctest."""
+        if obj.docstring:
+            obj.docstring.value = re.sub(
+                r"^Example:\n((?:(?: {4}.*)?(?:\n|\Z))+)", _fenced, obj.docstring.value, flags=re.MULTILINE
+            )
+
+
+def _fenced(example: re.Match[str]) -> str:
+    body = example[1].strip("\n")
+    return example[0] if ">>>" in body else f"Example:\n    ```python\n{body}\n    ```\n"
 
 
 def command_line() -> Iterator[str]:

@@ -14,12 +14,13 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from scenarionet_data import errors
+    from scenarionet_data import errors, plots
+    from scenarionet_data.building import MapBuilder, make_features, make_origin, make_tracks
     from scenarionet_data.conversion import convert, plan_conversion
-    from scenarionet_data.converters.base import Converter
+    from scenarionet_data.converters.base import Budgets, Converter, find_files
     from scenarionet_data.export import export_database
     from scenarionet_data.ingest.options import Options
-    from scenarionet_data.ingest.shard import RawItem, Shard
+    from scenarionet_data.ingest.shard import RawItem, Shard, bucket, fingerprint
     from scenarionet_data.lake.database import Database
     from scenarionet_data.lake.lake import Lake
     from scenarionet_data.loader import ScenarioLoader
@@ -28,18 +29,21 @@ if TYPE_CHECKING:
     from scenarionet_data.maintenance.vacuuming import vacuum
     from scenarionet_data.packs.verifying import verify_pack
     from scenarionet_data.quality.checks import run_checks
+    from scenarionet_data.quality.scorecard import make_scorecard
     from scenarionet_data.scenario.description import ScenarioDescription
-    from scenarionet_data.scenario.parts import Lights, MapFeatures, Source, Tracks
+    from scenarionet_data.scenario.parts import Lights, MapFeatures, Source, Tracks, make_scenario_id
     from scenarionet_data.scenario.vocabulary import LightState, MapFeatureType, ObjectType
 
     __version__: str
 
 _HOME = {
+    "Budgets": "scenarionet_data.converters.base",
     "Converter": "scenarionet_data.converters.base",
     "Database": "scenarionet_data.lake.database",
     "Lake": "scenarionet_data.lake.lake",
     "LightState": "scenarionet_data.scenario.vocabulary",
     "Lights": "scenarionet_data.scenario.parts",
+    "MapBuilder": "scenarionet_data.building",
     "MapFeatureType": "scenarionet_data.scenario.vocabulary",
     "MapFeatures": "scenarionet_data.scenario.parts",
     "ObjectType": "scenarionet_data.scenario.vocabulary",
@@ -50,22 +54,33 @@ _HOME = {
     "Shard": "scenarionet_data.ingest.shard",
     "Source": "scenarionet_data.scenario.parts",
     "Tracks": "scenarionet_data.scenario.parts",
+    "bucket": "scenarionet_data.ingest.shard",
     "compact": "scenarionet_data.maintenance",
     "convert": "scenarionet_data.conversion",
     "export_database": "scenarionet_data.export",
+    "find_files": "scenarionet_data.converters.base",
+    "fingerprint": "scenarionet_data.ingest.shard",
     "fsck": "scenarionet_data.maintenance",
+    "make_features": "scenarionet_data.building",
+    "make_origin": "scenarionet_data.building",
+    "make_scenario_id": "scenarionet_data.scenario.parts",
+    "make_scorecard": "scenarionet_data.quality.scorecard",
+    "make_tracks": "scenarionet_data.building",
     "plan_conversion": "scenarionet_data.conversion",
     "run_checks": "scenarionet_data.quality.checks",
     "vacuum": "scenarionet_data.maintenance",
     "verify_pack": "scenarionet_data.packs.verifying",
 }
+_MODULES = ("errors", "plots")
 
 __all__ = [
+    "Budgets",
     "Converter",
     "Database",
     "Lake",
     "LightState",
     "Lights",
+    "MapBuilder",
     "MapFeatureType",
     "MapFeatures",
     "ObjectType",
@@ -77,12 +92,21 @@ __all__ = [
     "Source",
     "Tracks",
     "__version__",
+    "bucket",
     "compact",
     "convert",
     "errors",
     "export_database",
+    "find_files",
+    "fingerprint",
     "fsck",
+    "make_features",
+    "make_origin",
+    "make_scenario_id",
+    "make_scorecard",
+    "make_tracks",
     "plan_conversion",
+    "plots",
     "run_checks",
     "vacuum",
     "verify_pack",
@@ -93,8 +117,8 @@ def __getattr__(name: str) -> Any:
     """Import a public name on first use: a converter needs no DuckDB, and ``--help`` needs nothing."""
     if name == "__version__":
         return importlib.import_module("scenarionet_data.version").__version__
-    if name == "errors":
-        return importlib.import_module("scenarionet_data.errors")
+    if name in _MODULES:
+        return importlib.import_module(f"scenarionet_data.{name}")
     if name not in _HOME:
         raise AttributeError(f"scenarionet_data has no {name!r}; it has {', '.join(__all__)}")
     return getattr(importlib.import_module(_HOME[name]), name)

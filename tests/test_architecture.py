@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import subprocess
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,12 @@ TOP = {
     "scenarionet_sim", "schemas", "sql", "tests", ".ci",
 }  # fmt: skip
 ALSO_ALLOWED = {"CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff", "SECURITY.md", "mkdocs.yml", ".github"}
+LAYERS = (
+    "errors", "version", "arrays", "schema", "scenario", "building", "statistics", "codec", "ingest", "procedural",
+    "converters", "execution", "storage", "databases", "query", "operations", "loader", "quality", "packs", "export",
+    "maintenance", "conversion", "lake", "plots", "display", "testing",
+)  # fmt: skip
+"""Parts of scenarionet_data; each imports only itself and parts before it."""
 FORBIDDEN_WORDS = ("utils", "helpers", "common", "manager", "misc")
 
 
@@ -36,6 +43,78 @@ def imported(path: Path) -> set[str]:
 def reaches(path: Path, *forbidden: str) -> list[str]:
     return [f"{path.relative_to(ROOT)} imports {name}" for name in sorted(imported(path))
             if any(name == f or name.startswith(f + ".") for f in forbidden)]  # fmt: skip
+
+
+@cache
+def import_graph() -> dict[str, set[str]]:
+    """Own modules that each own module imports: at the top, inside functions and for type checking only."""
+    roots = {"scenarionet_data": ROOT, "scenarionet_sim": ROOT, "scenarionet_pipelines": ROOT / "pipelines"}
+    files = {}
+    for package, root in roots.items():
+        for path in (root / package).rglob("*.py"):
+            parts = path.relative_to(root).with_suffix("").parts
+            files[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    graph: dict[str, set[str]] = {}
+    for module, path in files.items():
+        found = set()
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                names = [f"{node.module}.{alias.name}" for alias in node.names]
+            else:
+                continue
+            for name in names:
+                while name and name not in files:
+                    name = name.rpartition(".")[0]
+                found.add(name)
+        graph[module] = found - {"", module}
+    return graph
+
+
+def circles(graph: dict[str, set[str]]) -> list[set[str]]:
+    """Sets of modules that import each other: what is left after removing modules without remaining imports."""
+    reachable: dict[str, set[str]] = {}
+    for module in graph:
+        seen: set[str] = set()
+        waiting = [module]
+        while waiting:
+            new = graph[waiting.pop()] - seen
+            seen |= new
+            waiting += new
+        reachable[module] = seen
+    found = [{b for b in reachable[a] if a in reachable[b]} for a in graph if a in reachable[a]]
+    return [circle for number, circle in enumerate(found) if circle not in found[:number]]
+
+
+def test_circles_are_found():
+    graph = {"a": {"b"}, "b": {"c"}, "c": {"b", "d"}, "d": {"d"}, "e": {"a"}}
+    assert circles(graph) == [{"b", "c"}, {"d"}]
+
+
+def test_modules_import_each_other_in_no_circle():
+    assert circles(import_graph()) == []
+
+
+def test_parts_import_only_parts_below():
+    wrong = []
+    for module, imports in import_graph().items():
+        for other in imports:
+            if module.startswith("scenarionet_data.") and other.startswith("scenarionet_data."):
+                part, below = module.split(".")[1], other.split(".")[1]
+                if LAYERS.index(below) > LAYERS.index(part):
+                    wrong.append(f"{module} imports {other}")
+    assert wrong == []
+
+
+def test_the_package_itself_is_imported_by_users_only():
+    """``scenarionet_data`` imports its public names from all parts, so that a part must not import from it."""
+    parts = {module: imports for module, imports in import_graph().items() if module.startswith("scenarionet_data.")}
+    assert [module for module, imports in parts.items() if "scenarionet_data" in imports] == []
+
+
+def test_the_simulator_does_not_know_the_generator():
+    assert [line for path in modules("scenarionet_sim") for line in reaches(path, "scenarionet_data.procedural")] == []
 
 
 def test_imports_go_one_way():

@@ -1,4 +1,4 @@
-"""What the documentation shows runs: its commands, its code, what it lets add."""
+"""The examples of the documentation run: its commands, its code, and its extensions."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_simulator_examples_run(monkeypatch, tmp_path):
 
 
 @pytest.mark.long
-def test_examples_of_pictures_run(monkeypatch, tmp_path):
+def test_picture_examples_run(monkeypatch, tmp_path):
     assert run_blocks("docs/guides/pictures.md", monkeypatch, tmp_path) == 4
     written = {path.name for path in tmp_path.iterdir()}
     assert {
@@ -92,8 +92,8 @@ def test_examples_of_pictures_run(monkeypatch, tmp_path):
 
 
 @pytest.mark.long
-def test_examples_of_looking_run(monkeypatch, tmp_path):
-    """The commands that serve a page are parsed: they would go on until Ctrl-C."""
+def test_browse_examples_run(monkeypatch, tmp_path):
+    """Commands that serve a page are only parsed: they run until Ctrl-C."""
     assert run_blocks("docs/guides/browse.md", monkeypatch, tmp_path) == 1
     assert (tmp_path / "compared.html").stat().st_size > 10_000
     served = [line for line in "".join(blocks("docs/guides/browse.md", "sh")).splitlines() if "browse" in line]
@@ -109,8 +109,8 @@ def test_sensor_examples_run(monkeypatch, tmp_path):
 
 
 @pytest.mark.long
-def test_examples_of_databases_run(tmp_path, monkeypatch):
-    """Every command of the page, in order, in this process, then its Python; warnings are part of the page."""
+def test_database_examples_run(tmp_path, monkeypatch):
+    """Run every command of the page in order, in this process, then its Python; warnings are expected."""
     monkeypatch.chdir(tmp_path)
     commands = [line for block in blocks("docs/guides/databases.md", "bash") for line in block.splitlines()]
     assert len(commands) >= 25
@@ -121,8 +121,10 @@ def test_examples_of_databases_run(tmp_path, monkeypatch):
             assert program == "scenarionet"
             result = CliRunner().invoke(cli, words)
             assert result.exit_code == 0, command + result.output
-        (code,) = blocks("docs/guides/databases.md", "python")
-        exec(code, {})
+        codes = blocks("docs/guides/databases.md", "python")
+        assert len(codes) == 2
+        for code in codes:
+            exec(code, {})
 
 
 @pytest.mark.long
@@ -130,8 +132,8 @@ def test_maintenance_examples_run(monkeypatch, tmp_path):
     assert run_blocks("docs/guides/maintenance.md", monkeypatch, tmp_path) == 1
 
 
-def test_the_page_of_checks_runs(tmp_path, monkeypatch):
-    """Its commands, and its rule beside the others."""
+def test_checks_page_runs(tmp_path, monkeypatch):
+    """Run its commands with its example rule added."""
     (rule,) = blocks("docs/guides/checks.md", "sql")
     shutil.copytree(package_data.SQL, tmp_path / "sql")
     (tmp_path / rule.splitlines()[0].removeprefix("-- ")).write_text(rule.split("\n", 1)[1])
@@ -149,8 +151,8 @@ def test_the_page_of_checks_runs(tmp_path, monkeypatch):
 
 
 @pytest.mark.long
-def test_the_example_converter_passes_its_own_conformance_test(tmp_path):
-    """The page's two Python blocks as a module and its test, outside the repository."""
+def test_example_converter_passes_its_conformance_test(tmp_path):
+    """Run the page's two Python blocks as a module and its test, outside the repository."""
     converter, test = blocks("docs/guides/adding_a_dataset.md", "python")
     (tmp_path / "my_datasets.py").write_text(converter)
     (tmp_path / "test_my_datasets.py").write_text("from my_datasets import CsvTrajectories\n" + test)
@@ -165,8 +167,8 @@ def test_the_example_converter_passes_its_own_conformance_test(tmp_path):
 
 
 @pytest.mark.long
-def test_the_example_as_an_installed_package_is_a_dataset_like_every_other(tmp_path):
-    """The page's package, built and installed by the page's own commands, into a folder of its own."""
+def test_example_converter_installs_as_a_package(tmp_path):
+    """Build and install the page's package by its own commands, into a separate folder."""
     page = "docs/guides/adding_a_dataset.md"
     package = tmp_path / "my-datasets"
     package.mkdir()
@@ -178,7 +180,7 @@ def test_the_example_as_an_installed_package_is_a_dataset_like_every_other(tmp_p
     environment = os.environ | {
         "PYTHONPATH": f"{ROOT}:{tmp_path / 'installed'}",
         "PATH": f"{commands(tmp_path, 'pip=pip', 'scenarionet=scenarionet_pipelines.cli')}:{os.environ['PATH']}",
-        # pip's own options: what the package needs is here already, and nothing is downloaded.
+        # Options of pip: dependencies are installed already, nothing is downloaded.
         "PIP_TARGET": str(tmp_path / "installed"),
         "PIP_NO_DEPS": "1",
         "PIP_NO_INDEX": "1",
@@ -202,8 +204,8 @@ def test_the_example_as_an_installed_package_is_a_dataset_like_every_other(tmp_p
 
 
 @pytest.mark.parametrize("kind", ["derived column", "filter", "check"])
-def test_what_the_architecture_page_adds_in_one_place_works(kind, tmp_path):
-    """Copies the contract and the SQL, adds the page's example to the copy, and uses it."""
+def test_extensions_of_the_architecture_page_work(kind, tmp_path):
+    """Copy schemas and SQL, add the page's example to the copy, and use it."""
     code = """
 import shutil, sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What the documentation says is true: its tables are up to date, it names what there is."""
+"""The documentation is true: its tables are up to date and complete, its links and names exist."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from scenarionet_pipelines.cluster import profile as profiles
 from scenarionet_sim import sensors
 from tests.fixtures.examples import ROOT, blocks
 
-PAGES = (ROOT / "README.md", *(page for page in (ROOT / "docs").rglob("*.md") if page.parent.name != "notebooks"))
+PAGES = (*ROOT.glob("*.md"), *(page for page in (ROOT / "docs").rglob("*.md") if page.parent.name != "notebooks"))
 
 
 def test_data_dictionary_is_up_to_date():
@@ -24,8 +24,8 @@ def test_data_dictionary_is_up_to_date():
     assert written == dictionary.markdown(), "run `make docs`"
 
 
-def test_the_page_of_clusters_is_true():
-    """It names every profile, its own is one, and what it lets type can be parsed."""
+def test_cluster_page_is_true():
+    """It names every profile, its example is a valid profile, and its commands parse."""
     page = (ROOT / "docs" / "guides" / "cluster.md").read_text("utf-8")
     assert [name for name in profiles.names() if f"| `{name}` |" not in page] == []
     (profile,) = blocks("docs/guides/cluster.md", "toml")
@@ -43,7 +43,7 @@ def test_the_page_of_clusters_is_true():
 
 
 def test_paper_page_names_tests_that_exist():
-    """In a row of the table, ``::test_name`` alone is in the file named before it."""
+    """In a row of the table, ``::test_name`` without a file refers to the file named before it."""
     page, folder = (ROOT / "docs" / "explanation" / "paper.md").read_text("utf-8"), ROOT / "tests" / "scenarionet_sim"
     assert page.count("::test_") > 20
     for row in page.splitlines():
@@ -55,8 +55,8 @@ def test_paper_page_names_tests_that_exist():
             assert list((folder / part).glob("test_*.py")), part
 
 
-def test_pages_show_pictures_that_are_there_and_small():
-    """None is left over, and every notebook has its row."""
+def test_pictures_exist_and_are_small():
+    """No picture is unused, and every notebook is linked."""
     shown = {
         (page.parent / name).resolve()
         for page in PAGES
@@ -68,8 +68,8 @@ def test_pages_show_pictures_that_are_there_and_small():
     assert [name for name in notebooks.names() if f"notebooks/{name}.md)" not in text] == []
 
 
-def test_links_lead_somewhere():
-    """To a file of the repository, and to a heading in it."""
+def test_links_resolve():
+    """Each link names a file of the repository and a heading in it."""
     lost = []
     for page in PAGES:
         for link in re.findall(r"\]\((?!\w+:)([^)\s]+)\)", page.read_text("utf-8")):
@@ -81,9 +81,38 @@ def test_links_lead_somewhere():
 
 
 def anchors(page: Path) -> set[str]:
-    """Names by which links reach a page's headings."""
+    """Anchors of a page's headings."""
     headings = re.findall(r"^#+ (.*)$", page.read_text("utf-8"), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def test_architecture_page_names_files_that_exist():
+    page = (ROOT / "docs" / "explanation" / "architecture.md").read_text("utf-8")
+    named = set(re.findall(r"`([\w/]+\.(?:py|sql))`", page))
+    folders = [ROOT, *(ROOT / name for name in ("scenarionet_data", "scenarionet_sim"))]
+    folders += [ROOT / "pipelines" / "scenarionet_pipelines", ROOT / "pipelines"]
+    assert len(named) > 50
+    assert [name for name in sorted(named) if not any((folder / name).exists() for folder in folders)] == []
+
+
+def test_each_flow_has_ten_steps():
+    page = (ROOT / "docs" / "explanation" / "architecture.md").read_text("utf-8")
+    flows = page.partition("\n## Flows\n")[2].partition("\n## ")[0].split("\n### ")[1:]
+    assert len(flows) == 5
+    for flow in flows:
+        assert re.findall(r"^(\d+)\.", flow, re.MULTILINE) == [str(number) for number in range(1, 11)]
+
+
+def test_examples_import_public_names_by_one_line_per_package():
+    """``from scenarionet_data import ...``; modules that are public by themselves are listed here."""
+    public = {"scenarionet_data.testing", "scenarionet_pipelines.cluster"}
+    wrong = []
+    for page in (ROOT / "README.md", *(ROOT / "docs").rglob("*.md")):
+        for block in blocks(page.relative_to(ROOT).as_posix(), "python"):
+            modules = re.findall(r"^(?:from|import) ((?:scenarionet)_\w+[\w.]*)", block, re.MULTILINE)
+            wrong += [(page.name, name) for name in modules if "." in name and name not in public]
+            wrong += [(page.name, name) for name in set(modules) if modules.count(name) > 1]
+    assert wrong == []
 
 
 def test_sensors_page_lists_every_sensor():
@@ -99,8 +128,8 @@ def test_evaluation_page_explains_every_metric():
     assert [name for name in sorted(explained) if f"`{name}`" not in page] == []
 
 
-def test_the_page_of_checks_is_true():
-    """It lists every rule as its file says and every dataset's budgets; its rule of one's own is one."""
+def test_checks_page_is_true():
+    """It lists every rule with the words of its file, and the budgets of every dataset."""
     page = (ROOT / "docs" / "guides" / "checks.md").read_text("utf-8")
     for check in map(rules.load, rules.names()):
         assert f"| `{check.name}` | {check.kind} | {check.doc} |" in page
@@ -109,7 +138,7 @@ def test_the_page_of_checks_is_true():
         assert f"| `{dataset}` | {numbers} |" in page
 
 
-def test_readme_names_make_targets_that_exist():
+def test_readme_names_existing_make_targets():
     targets = set(re.findall(r"^([a-z0-9-]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
     named = set(re.findall(r"(?:^|`)make ([a-z0-9-]+)", (ROOT / "README.md").read_text("utf-8"), re.MULTILINE))
     assert {"demo", "test"} <= named <= targets

@@ -1,4 +1,4 @@
-"""The page about events, views, tags and statistics: its examples run, and it names everything there is."""
+"""The page about events, views, user columns and statistics: its examples run, and it names every event and view."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PAGE = "docs/guides/events.md"
 
 @pytest.mark.long
 def test_examples_run(tmp_path, monkeypatch):
-    """Every command of the page, in order, in this process, then its Python."""
+    """Run every command of the page in order, in this process, then its Python."""
     pytest.importorskip("matplotlib", reason="the extra `plots` is not installed")
     monkeypatch.chdir(tmp_path)
     text = "".join(blocks(PAGE, "bash"))
@@ -36,7 +36,7 @@ def test_examples_run(tmp_path, monkeypatch):
     assert (tmp_path / "stats.svg").exists()
 
 
-def test_every_event_and_view_of_the_inside_is_named():
+def test_every_event_and_view_is_named():
     text = (ROOT / PAGE).read_text("utf-8")
     assert [name for name in EVENTS.names() if f"`{name}`" not in text] == []
     of_files = {"metadata", "metadata_rows", "tracks", "lights", "maps", "shards", "quarantine", "steps"}
@@ -45,7 +45,7 @@ def test_every_event_and_view_of_the_inside_is_named():
     assert [name for name in sorted(views) if f"`{name}`" not in text] == []
 
 
-def test_the_event_that_the_page_adds_is_found(tmp_path, monkeypatch):
+def test_example_event_is_found(tmp_path, monkeypatch):
     (text,) = blocks(PAGE, "sql")
     shutil.copytree(SQL / "events", tmp_path / "events")
     name = re.match(r"-- sql/events/(\w+)\.sql\n", text).group(1)

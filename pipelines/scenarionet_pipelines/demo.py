@@ -77,8 +77,8 @@ def _load(lake: str) -> None:
 
     click.echo(f'>>> scenario = ScenarioLoader("{lake}", "busy_train")[0]')
     scenario = ScenarioLoader(lake, "busy_train")[0]
-    click.echo(">>> scenario.id, scenario.tracks.position.shape, scenario.map.types.shape")
-    features = scenario.map.types.shape if scenario.map else None
+    click.echo(">>> scenario.id, scenario.tracks.position.shape, scenario.map.feature_type.shape")
+    features = scenario.map.feature_type.shape if scenario.map else None
     click.echo(f"{(scenario.id, scenario.tracks.position.shape, features)}")
 
 

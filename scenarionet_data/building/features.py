@@ -54,7 +54,7 @@ def make_features(
     none = Ragged.empty(len(codes))
     return MapFeatures(
         ids=strings(ids),
-        types=codes,
+        feature_type=codes,
         polyline=offsets(polyline),
         polygon=offsets(polygon),
         speed_limit=np.asarray(speed_limit, dtype=np.float32),

@@ -41,6 +41,10 @@ def content_hash(scenario: ScenarioDescription) -> int:
     return digest.intdigest()
 
 
+_HASHED_NAMES = {"feature_type": "types"}
+"""Names of renamed fields in hashes, which must not change."""
+
+
 def _add(digest: xxh3_64, part: Any) -> None:
     """Hash every array of a part, preceded by its name and shape."""
     for field in fields(part):
@@ -48,7 +52,8 @@ def _add(digest: xxh3_64, part: Any) -> None:
         if isinstance(value, Ragged):
             digest.update(value.offsets.data)
             value = value.values
-        digest.update(f"{field.name}{value.shape}".encode())
+        name = _HASHED_NAMES.get(field.name, field.name)
+        digest.update(f"{name}{value.shape}".encode())
         digest.update(_text(value) if value.dtype == object else np.ascontiguousarray(value).data)
 
 

@@ -54,7 +54,7 @@ def encode_map(
         "map_id": pa.array([map_id] * count, pa.string()),
         "feature_id": string_array(features.ids),
         "feature_index": np.arange(count, dtype=np.int32) if index is None else index.astype(np.int32),
-        "feature_type": names_of(features.types, MapFeatureType),
+        "feature_type": names_of(features.feature_type, MapFeatureType),
         "x": list_array(line.offsets, line.values[:, 0]),
         "y": list_array(line.offsets, line.values[:, 1]),
         "z": list_array(line.offsets, line.values[:, 2]) if has_z else nulls,
@@ -92,7 +92,7 @@ def decode_maps(rows: ScenarioColumns) -> list[MapFeatures]:
         _require_alike(columns, names)
     kept = {
         "ids": columns.strings("feature_id"),
-        "types": codes(columns, "feature_type", MapFeatureType),
+        "feature_type": codes(columns, "feature_type", MapFeatureType),
         "speed_limit": columns.flat["speed_limit"],
         "is_intersection": columns.flat["is_intersection"],
         "extras": columns.strings("extras"),

@@ -87,7 +87,7 @@ def make_plan(
             owner = owners.get((shard.dataset, shard.version, shard.split, item.name))
             if owner and _is_outdated(owner, shard, item, converter_version, may_replace, reconvert_stale):
                 replaced[owner.key] = owner
-            elif owner and owner.converter_version != converter_version:
+            elif owner and (owner.converter_version, owner.schemas) != (converter_version, tables.content_tag()):
                 stale.add(owner.key)
     for shard in listed:  # after the loop above: a replaced shard may share its inputs with several new ones
         missing = []
@@ -117,14 +117,15 @@ def _is_outdated(
     """Whether the lake's shard ``owner`` has to be replaced for ``item`` of ``shard``."""
     if owner.options != shard.options_text:
         reason = f"with other options ({owner.options})"
-    elif owner.schemas != tables.content_tag():
+    elif not tables.reads_content(owner.schemas):
         reason = f"under another version of the contract ({owner.schemas})"
     elif owner.fingerprints[owner.items.index(item.name)] != item.fingerprint:
         reason = "and has changed since"
     elif owner.max_scenarios is not None:
         return True
     else:
-        return owner.converter_version != converter_version and (reconvert_stale or may_replace)
+        is_stale = owner.converter_version != converter_version or owner.schemas != tables.content_tag()
+        return is_stale and (reconvert_stale or may_replace)
     if not may_replace:
         raise DuplicateScenario(
             f"{item.name} is in the lake already, converted {reason}; pass replace=True to replace it, "

@@ -55,8 +55,8 @@ def describe_map(features: MapFeatures | None, *, flat: bool) -> tuple[dict[str,
     """
     if features is None:
         return {}, {}
-    types_by_id = dict(zip(features.ids, _FEATURE_TYPES[features.types], strict=True))
-    readable, lanes = _is_readable(features), is_lane(features.types)
+    types_by_id = dict(zip(features.ids, _FEATURE_TYPES[features.feature_type], strict=True))
+    readable, lanes = _is_readable(features), is_lane(features.feature_type)
     polylines, polygons = _points(features.polyline, flat), _points(features.polygon, flat)
     described: dict[str, Any] = {}
     omitted: dict[str, list[str]] = {"omitted_map_features": [], "omitted_polygons": []}
@@ -82,7 +82,7 @@ def _points(ragged: Ragged, flat: bool) -> Ragged:
 
 def _is_readable(features: MapFeatures) -> Bool:
     """(M,) whether a feature has the geometry that MetaDrive requires: a centreline, a line or an area."""
-    types, line, area = features.types, features.polyline.lengths, features.polygon.lengths
+    types, line, area = features.feature_type, features.polyline.lengths, features.polygon.lengths
     needs_area = np.isin(types, _AREAS)
     is_edge = is_road_edge(types) & (types != MapFeatureType.GUARDRAIL)  # which MetaDrive ignores
     needs_line = is_lane(types) | is_road_line(types) | is_edge | (types == MapFeatureType.STOP_SIGN)
@@ -95,8 +95,8 @@ def _centroid_distance(polyline: Float32, polygon: Float32) -> float:
 
 
 def _describe_feature(features: MapFeatures, row: int, polyline: Float32, polygon: Float32) -> dict[str, Any]:
-    feature: dict[str, Any] = {"type": str(_FEATURE_TYPES[features.types[row]])}
-    if features.types[row] == MapFeatureType.STOP_SIGN:
+    feature: dict[str, Any] = {"type": str(_FEATURE_TYPES[features.feature_type[row]])}
+    if features.feature_type[row] == MapFeatureType.STOP_SIGN:
         feature["position"] = polyline[0]
     elif len(polyline):
         feature["polyline"] = polyline

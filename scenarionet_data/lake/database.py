@@ -12,7 +12,7 @@ from scenarionet_data.databases import record as records
 from scenarionet_data.databases import writer
 from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.operations.database_query import check_not_empty
+from scenarionet_data.operations.database_query import empty_result
 from scenarionet_data.operations.filter import filter_database, select_scenarios
 from scenarionet_data.operations.sample import sample
 from scenarionet_data.operations.split import split
@@ -133,7 +133,8 @@ class Database(DatabaseRecord):
         if self.is_saved:
             raise BadParameter(f'{self.reference} is saved already; lake.copy("{self.name}", name="{name}") copies it')
         records.check_free(self.files, name, replace=replace)
-        check_not_empty(name, len(self), len(self), allow_empty=allow_empty)
+        if not (len(self) or allow_empty):
+            raise empty_result(name, len(self.view))
         saved = writer.save(self.files, name, self.members, self.lineage, replace=replace)
         return Database.of(saved, self.view)
 

@@ -177,7 +177,7 @@ def _report_failed(files: LakeFiles, failed: list[BinResult], report: Compaction
 def _commit(files: LakeFiles, finished: list[Rewritten], report: Compaction) -> list[Rewritten]:
     if not finished:
         return []
-    _, late = commits.swap(files, finished, f"compact for {report.profile}")
+    _, late = commits.replace_files(files, finished, f"compact for {report.profile}")
     for each in finished:
         if each not in late:
             report.count(each)

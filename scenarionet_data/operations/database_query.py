@@ -59,6 +59,8 @@ class DatabaseQuery:
         """
         view = open_view(lake)
         found = tuple(view.record(database) for database in databases if database is not None)
+        if not found:
+            return cls(view)
         unsaved = [database for database in found if not database.is_saved]
         if not unsaved:
             return cls(view.with_members(found[:num_pinned]), found)
@@ -66,14 +68,6 @@ class DatabaseQuery:
             raise BadParameter("one of the databases is an unsaved selection: save it first, with selection.save(name)")
         lineage = unsaved[0].lineage
         return cls(view.at_snapshot(lineage.snapshot, lineage.user_columns), found)
-
-    @property
-    def members(self) -> str:
-        """SQL for the rows of all parents, each with ``parent``, the index of its database."""
-        sources = (relation(parent, f"selected_{number}")[0] for number, parent in enumerate(self.parents))
-        return " UNION ALL ".join(
-            f"SELECT {number} AS parent, * FROM {source}" for number, source in enumerate(sources)
-        )
 
     def __len__(self) -> int:
         """Return the number of scenarios of the first parent, or of the whole lake."""
@@ -95,18 +89,14 @@ class DatabaseQuery:
 
     def run(self, query: str, parameters: Mapping[str, Any], tables: Mapping[str, Rows] | None = None) -> pa.Table:
         """Return the rows of a query over the views of the snapshot and ``members``."""
-        return self.view.engine.arrow(
-            self._with_members(query),
-            parameters,
-            user_columns=self.user_columns(query),
-            tables={**self._selected(), **(tables or {})},
-        )
+        sql, selected = self._with_members(query)
+        all_tables = {**selected, **(tables or {})}
+        return self.view.engine.arrow(sql, parameters, user_columns=self.user_columns(query), tables=all_tables)
 
     def batches(self, query: str, parameters: Mapping[str, Any]) -> Generator[pa.RecordBatch, None, None]:
         """Yield the rows of a query like :meth:`run`, in batches."""
-        return self.view.engine.batches(
-            self._with_members(query), parameters, user_columns=self.user_columns(query), tables=self._selected()
-        )
+        sql, selected = self._with_members(query)
+        return self.view.engine.batches(sql, parameters, user_columns=self.user_columns(query), tables=selected)
 
     def user_columns(self, query: str) -> list[str]:
         """Return the user columns that the query names, sorted; unused ones are not joined."""
@@ -114,23 +104,22 @@ class DatabaseQuery:
         # COLUMNS('score_.*') may select any of them.
         return sorted(self.view.user_columns if "columns" in found else found & set(self.view.user_columns))
 
-    def _with_members(self, query: str) -> str:
-        """Prefix a query with ``members``, which is read again for each use instead of kept in memory."""
+    def _with_members(self, query: str) -> tuple[str, dict[str, Rows]]:
+        """Return a query that defines ``members``, and tables it needs.
+
+        ``members`` has the rows of all parents, each with ``parent``, the index of its database. It is read again for
+        each use instead of kept in memory.
+        """
         if not self.parents:
-            return query
-        return f"WITH members AS NOT MATERIALIZED ({self.members}) SELECT * FROM (\n{query}\n)"
-
-    def _selected(self) -> dict[str, Rows]:
-        found: dict[str, Rows] = {}
+            return query, {}
+        tables: dict[str, Rows] = {}
+        sources = []
         for number, parent in enumerate(self.parents):
-            found |= relation(parent, f"selected_{number}")[1]
-        return found
-
-    def select(self, operation: str, query: str, parameters: Mapping[str, Any]) -> DatabaseRecord:
-        """Run a query that selects scenario_id, weight and content_hash; return its rows as an unsaved selection."""
-        parameters = as_recorded(parameters)
-        with closing(self.batches(query, parameters)) as batches:
-            return self.selection(self.lineage(operation, query, parameters), batches)
+            source, selected = relation(parent, f"selected_{number}")
+            sources.append(f"SELECT {number} AS parent, * FROM {source}")
+            tables |= selected
+        members = " UNION ALL ".join(sources)
+        return f"WITH members AS NOT MATERIALIZED ({members}) SELECT * FROM (\n{query}\n)", tables
 
     def selection(self, lineage: Lineage, batches: Iterable[pa.RecordBatch]) -> DatabaseRecord:
         """Return members that a query selects as an unsaved selection."""
@@ -197,7 +186,8 @@ class DatabaseQuery:
                 raise BadParameter(
                     f"wanted {min_count:,} scenarios of {len(self):,}, but only {database.count:,} can be drawn"
                 )
-            check_not_empty(name, database.count, len(self), allow_empty=allow_empty)
+            if not (database.count or allow_empty):
+                raise empty_result(name, len(self))
             database.finish(lineage)
             return database.publish(name, replace=replace)
 
@@ -242,13 +232,12 @@ def _renamed(inner: Lineage, outer: Mapping[str, Any]) -> tuple[str, dict[str, A
     return query, merged
 
 
-def check_not_empty(name: str, count: int, total: int, *, allow_empty: bool) -> None:
-    """Raise EmptyResult for a database without members, unless they are allowed."""
-    if not (count or allow_empty):
-        raise EmptyResult(
-            f"{name}: no scenario is left of {total:,}; loosen the conditions, or allow_empty=True",
-            cli_remedy="--allow-empty",
-        )
+def empty_result(name: str, total: int) -> EmptyResult:
+    """Return the error for a database that would have no members of ``total`` scenarios."""
+    return EmptyResult(
+        f"{name}: no scenario is left of {total:,}; loosen the conditions, or allow_empty=True",
+        cli_remedy="--allow-empty",
+    )
 
 
 def uniform(name: str) -> str:

@@ -17,6 +17,7 @@ from scenarionet_data.query.engine import Rows
 from scenarionet_data.query.lake_view import LakeLike, LakeView, StaleDatabaseWarning, open_view
 from scenarionet_data.query.members import ADDRESS_COLUMNS, relation
 from scenarionet_data.query.statements import quoted
+from scenarionet_data.query.views import with_added_columns
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
@@ -159,7 +160,8 @@ def _changed_columns(view: LakeView, before: _Side, after: _Side) -> tuple[Colum
 def _metadata_rows(view: LakeView, names: Sequence[str]) -> str:
     """Return SQL for the rows of metadata files; of no rows without files."""
     paths = ", ".join(quoted(str(path)) for path in view.files.paths(names))
-    return f"read_parquet([{paths}], hive_partitioning = false)" if names else "(FROM metadata_rows LIMIT 0)"
+    scan = with_added_columns("metadata", f"read_parquet([{paths}], hive_partitioning = false)")
+    return scan if names else "(FROM metadata_rows LIMIT 0)"
 
 
 def _comparison(name: str) -> str:

@@ -7,6 +7,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scenarionet_data.building import meets
+from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.lake_files import LakeFiles
 
 _BOX = ("min_x", "min_y", "max_x", "max_y")
@@ -30,7 +31,8 @@ def windows(rows: pa.Table) -> dict[tuple[str, str, str], list[MapWindow]]:
 
 def tiles_in(files: LakeFiles, name: str, windows: list[MapWindow]) -> list[int]:
     """Return the row groups of a shared map, each a tile, that intersect a window; the first if none does."""
-    rows = files.read(name, ["tile", "origin_x", "origin_y", *_BOX])
+    columns = ["tile", "origin_x", "origin_y", *_BOX]
+    rows = tables.load("maps").conform(files.read(name, columns), columns)
     corner = [rows[f"origin_{axis}"].to_numpy() for axis in "xyxy"]
     boxes = np.column_stack([rows[column].to_numpy() for column in _BOX]).astype(np.float64) + np.column_stack(corner)
     first = np.flatnonzero(np.diff(rows["tile"].to_numpy(), prepend=-1))

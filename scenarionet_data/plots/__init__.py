@@ -1,20 +1,21 @@
-"""Pictures of scenarios, databases and lakes: one style for notebooks, pages, papers and the simulator's view.
+"""Plots of scenarios, databases and lakes in one style, for notebooks, web pages, papers and the simulator.
 
     from matplotlib.figure import Figure
     from scenarionet_data import plots
 
-    plots.draw_scenario(axes, scenario, timestep=20)       # into axes of yours
-    plots.scenario_figure(scenario, color_by="speed")      # a figure, which notebooks show
-    plots.thumbnail(scenario, (240, 180))                  # the bytes of a small PNG
+    plots.draw_scenario(axes, scenario, timestep=20)       # draws into your axes
+    plots.scenario_figure(scenario, color_by="speed")      # returns a figure
+    plots.thumbnail(scenario, (240, 180))                  # returns a small PNG file
     plots.Drawing(view="ego").save("drive.mp4", scenario)  # .png .pdf .svg .gif .mp4
     plots.animate(scenario)                                # a video in a notebook
-    plots.small_multiples(scenarios)                       # many beside each other
+    plots.small_multiples(scenarios)                       # many scenarios in a grid
     plots.draw_profiles(scenario, ["t1", "t7"])            # speed, acceleration, curvature
-    plots.draw_distributions(lake)                         # of any column of metadata, by dataset or database
-    plots.draw_comparison(lake.compare("busy", "calm"))  # means and deviations
+    plots.draw_distributions(lake)                         # histograms of columns of metadata
+    plots.draw_comparison(lake.compare("busy", "calm"))    # means and standard deviations
 
-Colours and measures stand in :mod:`scenarionet_data.plots.palette`, which needs nothing installed; drawing needs
-matplotlib (extra ``plots``), mp4 PyAV (extra ``video``). No display is needed and no global state is touched.
+Colours and sizes are defined in :mod:`scenarionet_data.plots.palette`, which has no dependencies. Drawing requires
+matplotlib (extra ``plots``), mp4 videos require PyAV (extra ``video``). No display is needed, and the global state of
+matplotlib is not changed.
 """
 
 from __future__ import annotations
@@ -28,16 +29,13 @@ if TYPE_CHECKING:
     from scenarionet_data.plots.animation import Animation, animate
     from scenarionet_data.plots.comparison import draw_comparison, write_comparison
     from scenarionet_data.plots.distributions import Distribution, draw_distributions
-    from scenarionet_data.plots.drawing import Drawing, draw_scenario, scenario_figure
+    from scenarionet_data.plots.drawing import Drawing, draw_scenario, scenario_figure, small_multiples
     from scenarionet_data.plots.files import write_figure, write_video
-    from scenarionet_data.plots.moment import Moment
-    from scenarionet_data.plots.multiples import small_multiples
     from scenarionet_data.plots.profiles import draw_profiles
-    from scenarionet_data.plots.scene import Scene
+    from scenarionet_data.plots.scene import Moment, Scene, Window
     from scenarionet_data.plots.style import new_figure, styled
     from scenarionet_data.plots.thumbnails import thumbnail
     from scenarionet_data.plots.topdown import TopDown
-    from scenarionet_data.plots.window import Window
 
 __all__ = [
     "Animation",
@@ -66,10 +64,10 @@ _HOME = {
     "Animation": "animation",
     "Distribution": "distributions",
     "Drawing": "drawing",
-    "Moment": "moment",
+    "Moment": "scene",
     "Scene": "scene",
     "TopDown": "topdown",
-    "Window": "window",
+    "Window": "scene",
     "animate": "animation",
     "draw_comparison": "comparison",
     "draw_distributions": "distributions",
@@ -77,7 +75,7 @@ _HOME = {
     "draw_scenario": "drawing",
     "new_figure": "style",
     "scenario_figure": "drawing",
-    "small_multiples": "multiples",
+    "small_multiples": "drawing",
     "styled": "style",
     "thumbnail": "thumbnails",
     "write_comparison": "comparison",

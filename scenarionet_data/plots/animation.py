@@ -1,4 +1,4 @@
-"""A scenario that moves: in a notebook, or as a file's bytes."""
+"""Videos of scenarios for notebooks."""
 
 from __future__ import annotations
 
@@ -11,19 +11,18 @@ from pathlib import Path
 
 from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_data.plots.drawing import Drawing
-from scenarionet_data.plots.moment import Moment
-from scenarionet_data.plots.scene import Scene
+from scenarionet_data.plots.scene import Moment, Scene
 from scenarionet_data.scenario.description import ScenarioDescription
 
 
 @dataclass(frozen=True)
 class Animation:
-    """A video that notebooks play in place.
+    """A video that notebooks display.
 
     Attributes:
-        content: The file's bytes.
+        content: Content of the video file.
         kind: ``mp4`` or ``gif``.
-        words: What is seen.
+        words: Alternative text.
     """
 
     content: bytes = field(repr=False)
@@ -31,10 +30,10 @@ class Animation:
     words: str
 
     def save(self, path: Path | str) -> None:
-        """Write the video.
+        """Write the video to a file.
 
         Raises:
-            BadParameter: The name ends in another kind.
+            BadParameter: The suffix does not match the kind of the video.
         """
         if Path(path).suffix != f".{self.kind}":
             raise BadParameter(f"{path}: this animation is a {self.kind}; give a name that ends in .{self.kind}")
@@ -58,17 +57,17 @@ def animate(
     drawing: Drawing | None = None,
     kind: str | None = None,
 ) -> Animation:
-    """A scenario as a video.
+    """Render a scenario as a video.
 
     Args:
-        scenario: What is drawn.
-        moments: What happened, in order, if not what was recorded.
-        drawing: View, size and speed; 400 pixels with the ego in the middle unless given.
-        kind: ``mp4`` (needs PyAV, extra ``video``) or ``gif``; the first that can be made unless given.
+        scenario: The scenario.
+        moments: Object states in order, for example of a simulation; the recording by default.
+        drawing: View, size and speed; by default 400 pixels, following the ego.
+        kind: ``mp4`` (requires PyAV, extra ``video``) or ``gif``; by default mp4 if PyAV is installed.
 
     Raises:
-        BadParameter: There is no such kind.
-        MissingDependency: An mp4 is wanted without PyAV.
+        BadParameter: The kind is unknown.
+        MissingDependency: ``kind`` is mp4 and PyAV is not installed.
     """
     if kind not in (None, "mp4", "gif"):
         raise BadParameter(f"no kind of video {kind!r}; there are mp4 and gif")
@@ -77,7 +76,7 @@ def animate(
     if kind is None:
         try:
             return Animation(_content(drawing, scene, moments, "mp4"), "mp4", words)
-        except MissingDependency:  # what everybody has is as good here
+        except MissingDependency:  # a gif needs no extra
             kind = "gif"
     return Animation(_content(drawing, scene, moments, kind), kind, words)
 

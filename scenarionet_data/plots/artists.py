@@ -1,4 +1,4 @@
-"""Artists whose widths are metres, as wide as on the road at any zoom and in any figure; many lines as one path."""
+"""Matplotlib artists with line widths and marker sizes in metres; many lines are drawn as one path."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from scenarionet_data.arrays.ragged import Ragged
 
 
 def points_per_metre(artist: Artist) -> float:
-    """How long a metre is in an artist's axes [1/72 inch]."""
+    """Return the length of one metre in an artist's axes [1/72 inch]."""
     figure = artist.get_figure(root=True)
     if artist.axes is None or figure is None:
         raise ValueError("an artist in metres is drawn on axes")
@@ -31,9 +31,9 @@ class Strokes(PathPatch):
 
     Args:
         lines: K x (n, 2) [m].
-        color: Theirs.
-        metres: Their width [m].
-        least: Their width is never below [1/72 inch]; thinner lines fade away.
+        color: Colour.
+        metres: Line width [m].
+        least: Minimum line width [1/72 inch]; thinner lines would fade.
     """
 
     def __init__(self, lines: Ragged, color: str, metres: float, least: float = 0.5, **style: Any) -> None:
@@ -41,7 +41,7 @@ class Strokes(PathPatch):
         self._metres, self._least = metres, least
 
     def draw(self, renderer: RendererBase) -> None:
-        """As wide as it is here."""
+        """Draw with the line width in data units."""
         self.set_linewidth(max(self._metres * points_per_metre(self), self._least))
         super().draw(renderer)
 
@@ -51,8 +51,8 @@ class Pieces(LineCollection):
 
     Args:
         lines: (K, 2, 2) [m].
-        metres: Their width [m].
-        least: Their width is never below [1/72 inch].
+        metres: Line width [m].
+        least: Minimum line width [1/72 inch].
     """
 
     def __init__(self, lines: Array, metres: float, least: float = 0.8, **style: Any) -> None:
@@ -60,20 +60,20 @@ class Pieces(LineCollection):
         self._metres, self._least = metres, least
 
     def draw(self, renderer: RendererBase) -> None:
-        """As wide as they are here."""
+        """Draw with the line width in data units."""
         self.set_linewidth(max(self._metres * points_per_metre(self), self._least))
         super().draw(renderer)
 
 
 class Marks(Line2D):
-    """Marks of one colour and shape.
+    """Markers of one colour and shape.
 
     Args:
         places: (n, 2) [m].
-        fill: Their colour.
-        shape: matplotlib's word for it.
-        edge: Colour of their outline.
-        metres: How large they are [m], within ``least`` and ``most`` [1/72 inch].
+        fill: Fill colour.
+        shape: Matplotlib name of the marker.
+        edge: Colour of the outline.
+        metres: Size [m], clipped to ``least`` and ``most`` [1/72 inch].
     """
 
     def __init__(
@@ -95,26 +95,26 @@ class Marks(Line2D):
         self._metres, self._least, self._most = metres, least, most
 
     def draw(self, renderer: RendererBase) -> None:
-        """As large as they are here."""
-        if self.axes is not None:  # a legend's have none, and keep their size
+        """Draw with the marker size in data units."""
+        if self.axes is not None:  # markers of a legend have no axes and keep their size
             self.set_markersize(min(max(self._metres * points_per_metre(self), self._least), self._most))
         super().draw(renderer)
 
 
 def areas(outlines: Ragged, color: str, linewidth: float = 0.0, **style: Any) -> PathPatch:
-    """Areas of one colour as one path; where they overlap they stay filled, whichever way round they are recorded."""
+    """Fill areas with one colour as one path; overlaps stay filled regardless of the orientation of the outlines."""
     return PathPatch(compound(_one_way_round(outlines)), facecolor=color, edgecolor=color, linewidth=linewidth, **style)
 
 
 def compound(lines: Ragged) -> Path:
-    """Lines (n, 2) as one path."""
+    """Join lines (n, 2) into one path."""
     codes = np.full(len(lines.values), Path.LINETO, np.uint8)
     codes[lines.offsets[:-1][lines.lengths > 0]] = Path.MOVETO
     return Path(lines.values.astype(np.float64), codes)
 
 
 def _one_way_round(outlines: Ragged) -> Ragged:
-    """Outlines that are all counter-clockwise: a path's overlaps would cancel out otherwise."""
+    """Orient all outlines counter-clockwise, because overlaps of opposite orientation would cancel."""
     filled = outlines.take(np.flatnonzero(outlines.lengths > 2))
     if not len(filled):
         return filled

@@ -1,4 +1,4 @@
-"""Statistics of databases side by side: a panel a measure, a bar a database, with the standard deviation."""
+"""Bar charts that compare statistics of databases, one panel per measure."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ _COLUMNS = 4
 
 
 def write_comparison(statistics: Sequence[DatabaseStatistics], path: str | Path) -> None:
-    """Write the picture.
+    """Write a comparison chart to a file.
 
     Args:
-        statistics: Of at least one database with scenarios, see ``Lake.compare``.
-        path: A file that ends in .png, .pdf or .svg.
+        statistics: Result of ``Lake.compare`` with at least one scenario.
+        path: A .png, .pdf or .svg file.
 
     Raises:
-        BadParameter: Another ending, or there are no scenarios.
+        BadParameter: The suffix is not supported, or there are no scenarios.
     """
     if Path(path).suffix not in PICTURES:
         raise BadParameter(f"{path}: wanted a file name that ends in {', '.join(PICTURES)}")
@@ -32,10 +32,10 @@ def write_comparison(statistics: Sequence[DatabaseStatistics], path: str | Path)
 
 
 def draw_comparison(statistics: Sequence[DatabaseStatistics]) -> Figure:
-    """Databases beside each other; measures that no scenario has are left out.
+    """Draw means and standard deviations of databases; measures without values are left out.
 
     Args:
-        statistics: Of at least one database with scenarios, see ``Lake.compare``.
+        statistics: Result of ``Lake.compare`` with at least one scenario.
 
     Raises:
         BadParameter: There are no scenarios.

@@ -1,4 +1,4 @@
-"""Distributions of what is known about scenarios, database beside database: counted in SQL, drawn as lines."""
+"""Histograms of columns of metadata by dataset or database, computed in SQL."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from scenarionet_data.query.lake_view import LakeLike, LakeView, open_view
 from scenarionet_data.schema import tables
 
 MEASURES = ("ego_distance", "ego_mean_speed", "ego_cumulative_curvature", "num_objects", "num_map_features", "duration")
-"""What is drawn unless something else is asked for."""
+"""Columns that are drawn by default."""
 
 _MOST_GROUPS = len(SERIES)
 
@@ -42,13 +42,13 @@ GROUP BY ALL ORDER BY ALL
 
 @dataclass(frozen=True, eq=False)
 class Distribution:
-    """One number over the scenarios of one group.
+    """Histogram of one column for the scenarios of one group.
 
     Attributes:
-        name: The group's.
-        edges: (bins + 1,) of its bins; the first and the last hold what lies beyond, 0.5 % of all on either side.
-        counts: (bins,) scenarios in each.
-        missing: Scenarios that lack it: null or NaN.
+        name: Name of the group.
+        edges: (bins + 1,) edges of the bins; the outer bins include outliers, 0.5 % of all values on either side.
+        counts: (bins,) number of scenarios in each bin.
+        missing: Number of scenarios without a value (null or NaN).
     """
 
     name: str
@@ -64,17 +64,17 @@ def distributions(
     databases: Sequence[DatabaseRecord | str] = (),
     bins: int | None = None,
 ) -> list[Distribution]:
-    """Distributions of a column of ``metadata``, a group after another, in bins that all share.
+    """Return the distribution of a column of ``metadata`` for each group, with common bins.
 
     Args:
         lake: The lake.
-        column: A number, a boolean among them.
-        by: Column whose values make the groups.
-        databases: These databases are the groups instead.
-        bins: How many at most, more for more scenarios unless given; whole numbers get bins of whole numbers.
+        column: A numeric or boolean column.
+        by: Column whose values define the groups.
+        databases: Databases to use as the groups instead.
+        bins: Maximum number of bins; depends on the number of scenarios by default. Bins of integers are integers.
 
     Raises:
-        BadParameter: There is no such column, or it holds no numbers.
+        BadParameter: The column does not exist or is not numeric.
     """
     view = open_view(lake)
     _check(view, column, by)
@@ -107,7 +107,7 @@ def _check(view: LakeView, column: str, by: str) -> None:
 
 
 def _edges(limits: Sequence[tuple[float | None, float | None, int]], is_whole: bool, bins: int) -> Float64:
-    """Edges of bins between the limits of all groups."""
+    """Edges of the common bins, between the limits of all groups."""
     lower = min((low for low, _, _ in limits if low is not None), default=0.0)
     upper = max((high for _, high, _ in limits if high is not None), default=1.0)
     if is_whole:
@@ -126,17 +126,17 @@ def draw_distributions(
     databases: Sequence[DatabaseRecord | str] = (),
     bins: int | None = None,
 ) -> Figure:
-    """Distributions of columns of ``metadata``, a panel a column, a line a group.
+    """Draw distributions of columns of ``metadata``, one panel per column and one line per group.
 
     Args:
         lake: The lake.
-        columns: Numbers; see :data:`MEASURES`.
-        by: Column whose values make the groups.
-        databases: Draw these databases as the groups instead.
-        bins: How many at most, more for more scenarios unless given.
+        columns: Numeric columns; :data:`MEASURES` by default.
+        by: Column whose values define the groups.
+        databases: Databases to use as the groups instead.
+        bins: Maximum number of bins; depends on the number of scenarios by default.
 
     Raises:
-        BadParameter: There are no scenarios, too many groups, or no such column.
+        BadParameter: There are no scenarios or too many groups, or a column does not exist.
     """
     view = open_view(lake)
     if not len(view):

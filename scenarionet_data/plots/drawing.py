@@ -1,11 +1,10 @@
-"""A scenario drawn from above: into axes of yours, as a figure, or into a file."""
+"""Top-down drawings of scenarios: in axes, as a figure or grid of figures, or as a file."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,16 +17,14 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.plots import labels, object_layer
 from scenarionet_data.plots.files import PICTURES, VIDEOS, write_figure, write_video
 from scenarionet_data.plots.map_layer import map_artists
-from scenarionet_data.plots.moment import Moment
 from scenarionet_data.plots.palette import COLORMAP, GROUND
-from scenarionet_data.plots.scene import Scene
-from scenarionet_data.plots.style import new_figure
+from scenarionet_data.plots.scene import Moment, Scene, Window
+from scenarionet_data.plots.style import new_figure, plain, styled
 from scenarionet_data.plots.topdown import DPI, TRAIL, TopDown
-from scenarionet_data.plots.window import Window
 from scenarionet_data.scenario.description import ScenarioDescription
 
 _RATIOS = 0.75, 1.8
-"""Width over height of a picture, at least and at most, unless asked for."""
+"""Minimum and maximum default aspect ratio (width / height) of a picture."""
 
 VIEWS = ("route", "ego", "all")
 COLORS = {"time": "time [s]", "speed": "speed [m/s]"}
@@ -46,25 +43,26 @@ def draw_scenario(
     moments: Sequence[Moment] | None = None,
     has_legend: bool = True,
 ) -> None:
-    """Draw a scenario into axes: map, trails or whole trajectories, boxes with headings, lights, scale, time, legend.
+    """Draw a scenario into axes: map, trajectories, boxes with headings, traffic lights, scale bar, time and legend.
 
-    The axes get metres as data, equal on both axes, and no frame. Nothing but these axes is touched.
+    The data coordinates of the axes become metres with equal aspect; only these axes are changed.
 
     Args:
-        axes: Of any figure, in any layout.
-        scenario: What is drawn.
-        timestep: When; the current timestep for None.
-        view: ``route`` shows all of the ego's route, ``ego`` keeps the ego in the middle, ``all`` everything recorded.
-        width: What the view ``ego`` sees across [m].
-        ratio: Width of what is seen over its height; as the view has it, but no narrow strip, unless given.
-        color_by: ``time`` or ``speed`` draws everybody's whole trajectory in these colours, with a colour bar; None
-            draws the last two seconds as a fading trail.
-        limit: Largest number of the colours, for pictures that share a colour bar; this scenario's unless given.
-        moments: What happened up to ``timestep`` if not what was recorded, for example in a simulation.
-        has_legend: Say what the colours mean, in these axes.
+        axes: Axes of any figure and layout.
+        scenario: The scenario.
+        timestep: Timestep to draw; the current timestep by default.
+        view: ``route`` frames the route of the ego, ``ego`` follows the ego, ``all`` frames everything.
+        width: Width of the view ``ego`` [m].
+        ratio: Aspect ratio (width / height); by default that of the view, limited to a readable range.
+        color_by: ``time`` or ``speed`` draws whole trajectories in these colours with a colour bar; by default the
+            last two seconds are drawn as fading trails.
+        limit: Upper limit of the colour scale, for pictures that share a colour bar; by default the maximum of this
+            scenario.
+        moments: Object states up to ``timestep``, for example of a simulation; the recording by default.
+        has_legend: Draw a legend or colour bar.
 
     Raises:
-        BadParameter: No such timestep, view or colour.
+        BadParameter: The timestep, view or colour does not exist.
 
     Example:
         figure = matplotlib.figure.Figure()
@@ -73,12 +71,14 @@ def draw_scenario(
     scene = Scene.of(scenario)
     past = _past(scene, timestep) if moments is None else moments
     seen = window(view, scene, past[-1], width)
-    left, right, bottom, top = seen.shaped(ratio or _no_strip(seen)).corners
+    left, right, bottom, top = seen.shaped(ratio or _readable_ratio(seen)).corners
     axes.set(xlim=(left, right), ylim=(bottom, top), facecolor=GROUND, xticks=[], yticks=[])
     axes.set_aspect("equal", adjustable="box")
     axes.grid(visible=False)
     axes.spines[:].set_visible(False)
-    ways: list[Artist] = object_layer.route(scene, broader=1.0 if color_by is None else 2.2)  # seen beside its colours
+    ways: list[Artist] = object_layer.route(
+        scene, broader=1.0 if color_by is None else 2.2
+    )  # wider than the coloured trajectory on it
     if color_by is None:
         ways += object_layer.trails(scene, past)
     else:
@@ -96,19 +96,40 @@ def draw_scenario(
 
 
 def scenario_figure(
-    scenario: ScenarioDescription | Scene, timestep: int | None = None, *, size: int = 800, **options: Any
+    scenario: ScenarioDescription | Scene,
+    timestep: int | None = None,
+    *,
+    size: int = 800,
+    view: str = "route",
+    width: float = 100.0,
+    ratio: float | None = None,
+    color_by: str | None = None,
+    limit: float | None = None,
+    moments: Sequence[Moment] | None = None,
+    has_legend: bool = True,
 ) -> Figure:
-    """A scenario as a figure of its own, which notebooks show and ``savefig`` writes.
+    """Draw a scenario as a figure of its own, which notebooks display and ``savefig`` writes.
 
     Args:
-        scenario: What is drawn.
-        timestep: When; the current timestep for None.
-        size: Longer side [pixel]; for pdf and svg, 1/100 inch.
-        options: See :func:`draw_scenario`.
+        scenario: The scenario.
+        timestep: Timestep to draw; the current timestep by default.
+        size: Length of the longer side [pixel], or [1/100 inch] for pdf and svg.
+        view, width, ratio, color_by, limit, moments, has_legend: See :func:`draw_scenario`.
     """
     figure = new_figure(1.0, 1.0, dpi=DPI, facecolor=GROUND)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    draw_scenario(axes, scenario, timestep, **options)
+    draw_scenario(
+        axes,
+        scenario,
+        timestep,
+        view=view,
+        width=width,
+        ratio=ratio,
+        color_by=color_by,
+        limit=limit,
+        moments=moments,
+        has_legend=has_legend,
+    )
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     scale = size / max(right - left, top - bottom) / DPI
     figure.set_size_inches((right - left) * scale, (top - bottom) * scale)
@@ -116,10 +137,10 @@ def scenario_figure(
 
 
 def window(view: str, scene: Scene, moment: Moment, width: float) -> Window:
-    """What is seen.
+    """Return the window of a view.
 
     Raises:
-        BadParameter: There is no such view.
+        BadParameter: The view does not exist.
     """
     if view == "route":
         return Window.on_route(scene)
@@ -133,14 +154,14 @@ def window(view: str, scene: Scene, moment: Moment, width: float) -> Window:
 
 @dataclass(frozen=True)
 class Drawing:
-    """How a scenario is drawn into a file.
+    """Settings for drawing a scenario to a file.
 
     Attributes:
-        view: See :func:`draw_scenario`; None: the route in a picture, the ego in a video.
-        width: What the view ``ego`` sees across [m].
-        size: Longer side [pixel].
-        speed: Of a video; 2 is twice as fast as it was.
-        color_by: Of a picture, see :func:`draw_scenario`.
+        view: See :func:`draw_scenario`; by default the route in pictures and the ego in videos.
+        width: Width of the view ``ego`` [m].
+        size: Length of the longer side [pixel].
+        speed: Playback speed of a video; 2 is twice the real speed.
+        color_by: Colours of a picture, see :func:`draw_scenario`.
     """
 
     view: str | None = None
@@ -160,18 +181,18 @@ class Drawing:
         """Write a picture of one moment, or a video of all.
 
         Args:
-            path: Its ending says what is written: .png, .pdf, .svg, .gif or .mp4.
-            scenario: What is drawn.
-            moments: What happened, in order, if not what was recorded.
-            now: The moment of a picture.
-            on_frame: Told how many frames of a video are done.
+            path: File to write; its suffix selects the format: .png, .pdf, .svg, .gif or .mp4.
+            scenario: The scenario.
+            moments: Object states in order, for example of a simulation; the recording by default.
+            now: Index of the moment of a picture.
+            on_frame: Called with the number of finished frames of a video.
 
         Returns:
             Number of frames.
 
         Raises:
-            BadParameter: The name ends otherwise.
-            MissingDependency: An mp4, without PyAV.
+            BadParameter: The suffix is not supported.
+            MissingDependency: The file is an mp4 and PyAV is not installed.
         """
         kind, scene = Path(path).suffix, Scene.of(scenario)
         if kind not in (*PICTURES, *VIDEOS):
@@ -192,7 +213,7 @@ class Drawing:
 
 
 def until(moments: Sequence[Moment], last: int) -> Sequence[Moment]:
-    """The moments that a picture of the last of them shows as trails."""
+    """Return the moments up to one moment that its picture shows as trails."""
     return moments[max(last - TRAIL, 0) : last + 1]
 
 
@@ -204,10 +225,10 @@ def _past(scene: Scene, timestep: int | None) -> list[Moment]:
 
 
 def color_values(scene: Scene, color_by: str) -> npt.NDArray[np.floating]:
-    """(T, N) the number that colours ways.
+    """Return the values (T, N) that colour the trajectories.
 
     Raises:
-        BadParameter: There is no such number.
+        BadParameter: The colour does not exist.
     """
     if color_by not in COLORS:
         raise BadParameter(f"no colours by {color_by!r}; there are {', '.join(COLORS)}")
@@ -216,16 +237,75 @@ def color_values(scene: Scene, color_by: str) -> npt.NDArray[np.floating]:
 
 
 def color_limit(scene: Scene, color_by: str) -> float:
-    """The largest of these numbers in a scenario."""
+    """Return the maximum of these values in a scenario."""
     return max(float(color_values(scene, color_by)[scene.present].max(initial=0.0)), 1.0)
 
 
 def style_colors(mappable: ScalarMappable, limit: float) -> None:
-    """From 0 to the limit in the colours of numbers."""
+    """Set the colour map and its range, from 0 to the limit."""
     mappable.set_cmap(COLORMAP)
     mappable.set_clim(0.0, limit)
 
 
-def _no_strip(seen: Window) -> float:
-    """A window's ratio of width to height, kept readable."""
+def _readable_ratio(seen: Window) -> float:
+    """Aspect ratio of a window, limited to a readable range."""
     return float(np.clip(seen.width / seen.height, *_RATIOS))
+
+
+def small_multiples(
+    scenarios: Sequence[ScenarioDescription | Scene],
+    titles: Sequence[str] | None = None,
+    *,
+    timesteps: Sequence[int | None] | None = None,
+    columns: int = 4,
+    side: float = 2.6,
+    view: str = "ego",
+    width: float = 80.0,
+    ratio: float = 1.0,
+    color_by: str | None = None,
+) -> Figure:
+    """Draw several scenarios in a grid, all in the same style and without legends.
+
+    Args:
+        scenarios: The scenarios.
+        titles: Title of each scenario; its id by default.
+        timesteps: Timestep of each scenario; its current timestep by default.
+        columns: Number of columns.
+        side: Side of one picture [inch].
+        view, width, ratio: See :func:`draw_scenario`.
+        color_by: See :func:`draw_scenario`; the scenarios share one colour bar.
+
+    Raises:
+        BadParameter: No scenarios are given.
+    """
+    if not scenarios:
+        raise BadParameter("no scenarios to draw; an empty selection has no pictures")
+    columns = min(columns, len(scenarios))
+    num_rows = -(-len(scenarios) // columns)
+    with styled():
+        figure = new_figure(side * columns, (side + 0.25) * num_rows, layout="constrained")
+        panels = list(figure.subplots(num_rows, columns, squeeze=False).flat)
+        scenes = [Scene.of(scenario) for scenario in scenarios]
+        limit = max(color_limit(scene, color_by) for scene in scenes) if color_by else None
+        if color_by and limit is not None:
+            colors = ScalarMappable()
+            style_colors(colors, limit)
+            figure.colorbar(colors, ax=panels, location="bottom", shrink=0.4, aspect=40, label=COLORS[color_by])
+        for place, panel in enumerate(panels):
+            if place >= len(scenarios):
+                panel.set_visible(False)
+                continue
+            draw_scenario(
+                panel,
+                scenes[place],
+                timesteps[place] if timesteps else None,
+                view=view,
+                width=width,
+                ratio=ratio,
+                color_by=color_by,
+                limit=limit,
+                has_legend=False,
+            )
+            words = titles[place] if titles else scenes[place].scenario_id
+            panel.set_title(plain(words, 34), fontsize=8)
+    return figure

@@ -1,4 +1,4 @@
-"""Pictures and videos on disk: the file's name says which."""
+"""Writing of pictures and videos; the suffix of the file selects the format."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ VIDEOS = (".gif", ".mp4")
 
 
 def write_figure(path: Path | str, figure: Figure) -> None:
-    """A figure as a picture, for a paper: png, or pdf and svg that can be enlarged.
+    """Write a figure as png, pdf or svg.
 
     Args:
-        path: Ends with .png, .pdf or .svg.
-        figure: What is written.
+        path: A .png, .pdf or .svg file.
+        figure: The figure.
 
     Raises:
-        BadParameter: The name ends otherwise.
+        BadParameter: The suffix is not supported.
     """
     if Path(path).suffix not in PICTURES:
         raise BadParameter(f"{path}: a picture's name ends with one of {', '.join(PICTURES)}")
@@ -44,17 +44,17 @@ def write_video(
     rate: float,
     on_frame: Callable[[int], None] | None = None,
 ) -> None:
-    """Frames as a video.
+    """Write frames as a video.
 
     Args:
-        path: Ends with .gif or .mp4.
-        frames: (H, W, 3) uint8, all of one size, height and width even.
+        path: A .gif or .mp4 file.
+        frames: (H, W, 3) uint8, all of one size with even height and width.
         rate: Frames per second.
-        on_frame: Told how many frames are done.
+        on_frame: Called with the number of finished frames.
 
     Raises:
-        BadParameter: The name ends otherwise.
-        MissingDependency: An mp4, without PyAV.
+        BadParameter: The suffix is not supported.
+        MissingDependency: The file is an mp4 and PyAV is not installed.
     """
     writers = {".gif": _write_gif, ".mp4": _write_mp4}
     if Path(path).suffix not in writers:
@@ -64,12 +64,12 @@ def write_video(
 
 
 def as_webp(video: bytes, rate: float = 7.0, seconds: float = 12.0) -> bytes:
-    """How an mp4 begins, as a moving picture for pages that play no videos: some 3 kB a frame of 280 pixels.
+    """Convert the start of an mp4 to an animated WebP, about 3 kB per frame of 280 pixels.
 
     Args:
-        video: The mp4.
-        rate: Frames per second, at most; the others are left out.
-        seconds: How much of it.
+        video: Content of the mp4 file.
+        rate: Maximum number of frames per second; other frames are dropped.
+        seconds: Length of the result [s].
     """
     import av
     from PIL import Image
@@ -93,7 +93,7 @@ def _counted(frames: Iterable[UInt8], on_frame: Callable[[int], None]) -> Iterat
 
 
 def _write_gif(path: Path, frames: Iterator[UInt8], rate: float) -> None:
-    """All frames with the same colours, the first one's and those that mean something: what stands still is still."""
+    """Write a gif whose frames share one palette, so that static parts do not flicker."""
     from PIL import Image
 
     first = Image.fromarray(next(frames))
@@ -124,7 +124,7 @@ def _write_mp4(path: Path, frames: Iterator[UInt8], rate: float) -> None:
 
 @contextmanager
 def _whole(path: Path) -> Iterator[Path]:
-    """A name to write to that becomes ``path`` when all is written, and leaves nothing when it fails."""
+    """Yield a temporary name that is renamed to ``path`` on success and removed on failure."""
     unfinished = path.with_name(f".unfinished.{path.name}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

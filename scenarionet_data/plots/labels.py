@@ -1,4 +1,4 @@
-"""Words in a picture: how long a metre is, what time it is, what the colours mean."""
+"""Annotations of a picture: scale bar, time, colour bar and legend."""
 
 from __future__ import annotations
 
@@ -15,9 +15,8 @@ from matplotlib.text import Text
 from mpl_toolkits.axes_grid1.inset_locator import inset_axes
 
 from scenarionet_data.plots.artists import Marks
-from scenarionet_data.plots.moment import Moment
 from scenarionet_data.plots.palette import EGO, INK, LIGHTS, NAMES, OTHER, ROUTE, WHITE, object_color
-from scenarionet_data.plots.scene import Scene
+from scenarionet_data.plots.scene import Moment, Scene
 from scenarionet_data.scenario.vocabulary import LIGHT_COLORS, LightColor, ObjectType
 
 _HALO: list[AbstractPathEffect] = [withStroke(linewidth=2.5, foreground=WHITE)]
@@ -31,7 +30,7 @@ _BARS = (5, 10, 20, 50, 100, 200, 500, 1000)  # [m]
 
 
 def scale_bar(axes: Axes) -> list[Artist]:
-    """A bar of a round length in the lower left corner, up to a fifth of the picture wide."""
+    """Scale bar of a round length in the lower left corner, at most a fifth of the picture wide."""
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     length = max((bar for bar in _BARS if bar <= 0.2 * (right - left)), default=_BARS[0])
     margin = 0.03 * min(right - left, top - bottom)
@@ -42,7 +41,7 @@ def scale_bar(axes: Axes) -> list[Artist]:
 
 
 def time(axes: Axes, seconds: float) -> list[Artist]:
-    """Since the recording's beginning, in the upper left corner."""
+    """Time since the start of the recording, in the upper left corner."""
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     margin = 0.03 * min(right - left, top - bottom)
     return [_text(left + margin, top - margin, f"{seconds:.1f} s", "top", axes)]
@@ -56,7 +55,7 @@ def _text(x: float, y: float, words: str, anchor: Literal["bottom", "top"], axes
 
 
 def color_bar(axes: Axes, mappable: ScalarMappable, words: str) -> None:
-    """What the colours of numbers mean, with their unit, in the upper right corner."""
+    """Add a colour bar with a label in the upper right corner."""
     plate = inset_axes(axes, width="34%", height=0.45, loc="upper right", borderpad=0.4)
     plate.set(xticks=[], yticks=[], facecolor=(1.0, 1.0, 1.0, 0.85), zorder=20)
     plate.spines[:].set_visible(False)
@@ -69,7 +68,7 @@ def color_bar(axes: Axes, mappable: ScalarMappable, words: str) -> None:
 
 
 def legend(axes: Axes, scene: Scene, moment: Moment) -> None:
-    """What the colours of what is drawn mean, in the lower right corner."""
+    """Add a legend of the visible colours in the lower right corner."""
     band = Line2D([], [], color=EGO, alpha=0.35, linewidth=5 * ROUTE, solid_capstyle="butt", label="its route")
     handles: list[Artist] = [Patch(color=EGO, label="ego"), band]
     present = moment.present.copy()

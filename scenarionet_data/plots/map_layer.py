@@ -1,4 +1,4 @@
-"""The map in a picture: surfaces, arrows, crosswalks, lines in their true colours and dashes, edges."""
+"""Artists of the map: surfaces, arrows, crosswalks, lane lines in their real colours and dashes, edges."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from scenarionet_data.scenario.vocabulary import AREAS_TO_DRIVE_ON, MapFeatureTy
 
 
 def map_artists(shapes: MapShapes) -> list[Artist]:
-    """A map for axes whose data are metres."""
+    """Return the artists of a map, for axes in metres."""
     is_road = is_lane(shapes.area_type) | np.isin(shapes.area_type, AREAS_TO_DRIVE_ON)
     is_edge, is_stop = is_road_edge(shapes.line_type), shapes.line_type == MapFeatureType.STOP_LINE
     white, yellow = painted(shapes)
@@ -32,13 +32,13 @@ def map_artists(shapes: MapShapes) -> list[Artist]:
 
 
 def stripes(shapes: MapShapes) -> Ragged:
-    """Outlines of the stripes of all crosswalks."""
+    """Return the outlines of the stripes of all crosswalks."""
     crosswalks = _of(shapes.areas, shapes.area_type == MapFeatureType.CROSSWALK)
     return Ragged.from_lists(list(chain.from_iterable(map(zebra, crosswalks))), width=2)
 
 
 def painted(shapes: MapShapes) -> tuple[Ragged, Ragged]:
-    """Strokes of white and of yellow paint, stop lines left out."""
+    """Return the strokes of white and yellow lines, without stop lines."""
     is_painted = ~is_road_edge(shapes.line_type) & (shapes.line_type != MapFeatureType.STOP_LINE)
     found: tuple[list[Ragged], list[Ragged]] = [], []
     for code in np.unique(shapes.line_type[is_painted]):

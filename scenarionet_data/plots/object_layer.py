@@ -1,4 +1,4 @@
-"""What moves in a picture: boxes with headings, trails, the ego's route, lights."""
+"""Artists of objects: boxes with headings, trails, the ego's route, traffic lights."""
 
 from __future__ import annotations
 
@@ -14,33 +14,32 @@ from scenarionet_data.arrays.dtypes import Bool, Float64, IntP
 from scenarionet_data.arrays.geometry import box_corners
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.plots.artists import Marks, Pieces, Strokes
-from scenarionet_data.plots.moment import Moment
 from scenarionet_data.plots.palette import EGO, INK, LIGHTS, ROUTE, WHITE, object_color
-from scenarionet_data.plots.scene import Scene
+from scenarionet_data.plots.scene import Moment, Scene
 from scenarionet_data.scenario.vocabulary import LIGHT_COLORS, LightColor
 
 LEAST_SIDE = 0.8
-"""Shortest side of a drawn box [m]: pedestrians and cones would hardly be seen."""
+"""Minimum side of a drawn box [m], so that pedestrians and cones are visible."""
 
 
 def moving(scene: Scene, moments: Sequence[Moment]) -> list[Artist]:
-    """Everything of this file, for the last of the moments."""
+    """Return all artists of objects for the last of the moments."""
     now = moments[-1]
     return [*route(scene), *trails(scene, moments), *boxes(scene, now), *lights(scene, now.timestep)]
 
 
 def route(scene: Scene, broader: float = 1.0) -> list[Artist]:
-    """The way the ego's recording drives, as a band under everything that moves; so many times as broad."""
+    """Return the ego's recorded route as a band below the objects; ``broader`` scales its width."""
     line = Ragged.from_flat([len(scene.route)], scene.route)
     return [Strokes(line, EGO, ROUTE * broader, least=2.0 * broader, alpha=0.35, joinstyle="round", zorder=5)]
 
 
 def trails(scene: Scene, past: Sequence[Moment]) -> list[Artist]:
-    """Where objects have been, fading with time.
+    """Return the past positions of objects as fading trails.
 
     Args:
         scene: The scene.
-        past: Its moments up to now, the latest last.
+        past: Its moments up to the current one, in order.
     """
     if len(past) < 2:
         return []
@@ -53,17 +52,17 @@ def trails(scene: Scene, past: Sequence[Moment]) -> list[Artist]:
 
 
 def trajectories(scene: Scene, values: npt.NDArray[np.floating]) -> Pieces:
-    """Everything that is recorded of everybody's way, the ego's on top, coloured by a number.
+    """Return the recorded trajectories of all objects, coloured by a value, the ego's on top.
 
     Args:
         scene: The scene.
-        values: (T, N) the number at each timestep.
+        values: (T, N) value at each timestep.
 
     Returns:
-        Lines whose ``norm`` and ``cmap`` are for the caller to set.
+        Lines; the caller sets ``norm`` and ``cmap``.
     """
     step, row, pieces = _pieces(scene.position, scene.present)
-    order = np.argsort(row == scene.ego, kind="stable")  # the ego's last, on top
+    order = np.argsort(row == scene.ego, kind="stable")  # the ego last, on top
     step, row, pieces = step[order], row[order], pieces[order]
     lines = Pieces(pieces, 0.6, least=1.2, zorder=6)
     lines.set_array(values[step + 1, row])
@@ -71,12 +70,12 @@ def trajectories(scene: Scene, values: npt.NDArray[np.floating]) -> Pieces:
 
 
 def boxes(scene: Scene, moment: Moment, least_ego: float = 0.0) -> list[Artist]:
-    """Everything that is present as a box in its kind's colour, with a light arrow to its front; the ego on top.
+    """Return boxes of the present objects in the colours of their types, with arrows for headings; the ego is on top.
 
     Args:
         scene: The scene.
-        moment: When.
-        least_ego: The ego is at least so long [m]; in a small picture it would be lost.
+        moment: Object states.
+        least_ego: Minimum length of the ego [m], so that it stays visible in small pictures.
     """
     artists: list[Artist] = []
     is_ego = np.arange(scene.num_objects) == scene.ego
@@ -96,7 +95,7 @@ def boxes(scene: Scene, moment: Moment, least_ego: float = 0.0) -> list[Artist]:
 
 
 def lights(scene: Scene, timestep: int) -> list[Artist]:
-    """Traffic lights at their stop points: a colour and a shape for what they show."""
+    """Return traffic lights at their stop points; colour and shape show the state."""
     if not len(scene.light_state):
         return []
     shown = LIGHT_COLORS[scene.lights_at(timestep)]
@@ -108,7 +107,7 @@ def lights(scene: Scene, timestep: int) -> list[Artist]:
 
 
 def heading_arrows(corners: Float64) -> Float64:
-    """(N, 3, 2) triangles that fill the front third of boxes (N, 4, 2), corners from the front left."""
+    """Return triangles (N, 3, 2) in the front third of boxes (N, 4, 2), whose corners start at the front left."""
     front_left, back_left, back_right, front_right = np.moveaxis(corners, 1, 0)
     tip = (front_left + front_right) / 2
     ahead, side = tip - (back_left + back_right) / 2, front_left - front_right
@@ -117,14 +116,14 @@ def heading_arrows(corners: Float64) -> Float64:
 
 
 def _pieces(position: npt.NDArray[np.floating], present: Bool) -> tuple[IntP, IntP, Float64]:
-    """Steps, rows and pieces (K, 2, 2) of the ways (T, N, 2) of what moves, where it is present on both ends."""
+    """Timesteps, rows and segments (K, 2, 2) of trajectories (T, N, 2) between valid positions of moving objects."""
     is_piece = present[1:] & present[:-1] & (np.hypot(*np.moveaxis(np.diff(position, axis=0), -1, 0)) > 0.01)
     step, row = np.nonzero(is_piece)
     return step, row, np.stack([position[step, row], position[step + 1, row]], axis=1)
 
 
 def _colors(scene: Scene) -> Float64:
-    """(N, 4) RGBA of every object."""
+    """RGBA colour of every object, (N, 4)."""
     colors = np.array([to_rgba(object_color(int(kind))) for kind in scene.object_type]).reshape(-1, 4)
     colors[scene.ego] = to_rgba(EGO)
     return colors

@@ -1,4 +1,4 @@
-"""What is painted on roads, in metres: dashes, double lines, zebra stripes, arrows. Their colours are elsewhere."""
+"""Geometry of road markings in metres: dashes, double lines, zebra stripes and arrows."""
 
 from __future__ import annotations
 
@@ -13,33 +13,33 @@ from scenarionet_data.plots.palette import ARROW_EVERY, DASH, GAP, LINE, STRIPE
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 
 
-class Stroke(NamedTuple):
-    """One line of paint: how far to the left of the recorded line [m], and whether it is broken."""
+class PaintStroke(NamedTuple):
+    """One painted stroke: lateral offset to the left of the recorded line [m], and whether it is broken."""
 
     left: float
     is_broken: bool
 
 
-_SINGLE = {False: (Stroke(0.0, False),), True: (Stroke(0.0, True),)}
+_SINGLE = {False: (PaintStroke(0.0, False),), True: (PaintStroke(0.0, True),)}
 _STROKES = {
     MapFeatureType.ROAD_LINE_BROKEN_SINGLE_WHITE: _SINGLE[True],
     MapFeatureType.ROAD_LINE_BROKEN_SINGLE_YELLOW: _SINGLE[True],
-    MapFeatureType.ROAD_LINE_SOLID_DOUBLE_WHITE: (Stroke(LINE, False), Stroke(-LINE, False)),
-    MapFeatureType.ROAD_LINE_SOLID_DOUBLE_YELLOW: (Stroke(LINE, False), Stroke(-LINE, False)),
-    MapFeatureType.ROAD_LINE_BROKEN_DOUBLE_YELLOW: (Stroke(LINE, True), Stroke(-LINE, True)),
-    MapFeatureType.ROAD_LINE_PASSING_DOUBLE_YELLOW: (Stroke(LINE, False), Stroke(-LINE, True)),
+    MapFeatureType.ROAD_LINE_SOLID_DOUBLE_WHITE: (PaintStroke(LINE, False), PaintStroke(-LINE, False)),
+    MapFeatureType.ROAD_LINE_SOLID_DOUBLE_YELLOW: (PaintStroke(LINE, False), PaintStroke(-LINE, False)),
+    MapFeatureType.ROAD_LINE_BROKEN_DOUBLE_YELLOW: (PaintStroke(LINE, True), PaintStroke(-LINE, True)),
+    MapFeatureType.ROAD_LINE_PASSING_DOUBLE_YELLOW: (PaintStroke(LINE, False), PaintStroke(-LINE, True)),
 }
-"""What is painted for a line; one solid stroke for every other."""
+"""Strokes of each line type; other types are a single solid stroke."""
 
 _LEAST_LANE = 12.0
-"""Shorter lanes have no arrow [m]."""
+"""Minimum length of a lane with an arrow [m]."""
 
 _STRAIGHT = 0.97
-"""Lanes turn whose ends are nearer to each other than this share of their length."""
+"""A lane counts as a turn if the distance of its ends is below this share of its length."""
 
 
 def paint(feature_type: MapFeatureType, lines: Ragged) -> list[Ragged]:
-    """The strokes of paint (n, 2) [m] along lines of one type."""
+    """Return the painted strokes (n, 2) [m] along lines of one type."""
     strokes = []
     for stroke in _STROKES.get(feature_type, _SINGLE[False]):
         moved = beside(lines, stroke.left) if stroke.left else lines
@@ -48,13 +48,13 @@ def paint(feature_type: MapFeatureType, lines: Ragged) -> list[Ragged]:
 
 
 def beside(lines: Ragged, left: float) -> Ragged:
-    """Lines (n, 2) moved to their left [m]."""
+    """Return lines (n, 2) shifted to the left [m]."""
     points, offsets = lines.values.astype(np.float64), lines.offsets
     step = np.zeros_like(points)
     step[:-1] = np.diff(points, axis=0)
     filled = lines.lengths > 0
     step[offsets[1:][filled] - 1] = 0.0
-    before = np.roll(step, 1, axis=0)  # that of a line's first point is the last one's of the line before: 0
+    before = np.roll(step, 1, axis=0)  # the first point of a line sees the last step of the previous line: 0
     along = before + step
     length = np.hypot(along[:, 0], along[:, 1])
     along = along / np.where(length > 0, length, 1.0)[:, None]
@@ -62,7 +62,7 @@ def beside(lines: Ragged, left: float) -> Ragged:
 
 
 def dashes(lines: Ragged) -> Ragged:
-    """Lines (n, 2) cut into dashes, in metres, so that they do not depend on what part of them is drawn."""
+    """Cut lines (n, 2) into dashes of fixed length in metres, independent of the visible part."""
     lines = lines.take(np.flatnonzero(lines.lengths > 1))
     if not len(lines):
         return Ragged(np.zeros(1, np.int32), np.zeros((0, 2)))
@@ -85,10 +85,10 @@ def dashes(lines: Ragged) -> Ragged:
 
 
 def arrows(lanes: Ragged) -> Ragged:
-    """Triangles (3, 2) [m] along lanes, in driving direction.
+    """Return triangles (3, 2) [m] along lanes in driving direction.
 
-    One in the middle of a short lane, else every so often; none on the shortest and on those that turn: these cross
-    others, and where they lead shows anyhow.
+    Short lanes get one in the middle, longer ones several at equal distances. Very short lanes and turns, which cross
+    other lanes, get none.
     """
     lanes = lanes.take(np.flatnonzero(lanes.lengths > 1))
     if not len(lanes):
@@ -109,9 +109,9 @@ def arrows(lanes: Ragged) -> Ragged:
 
 
 def _arcs(points: Float64, lines: Ragged) -> tuple[Float64, Float64, Float64]:
-    """Distance of each point (P,) from its line's start, lengths of the lines (K,), and (P,) where its line starts.
+    """Arc length of each point (P,), lengths of the lines (K,) and start of each point's line (P,), in metres.
 
-    The last when all are laid one after the other, 1 m apart; all in metres.
+    The starts refer to all lines laid end to end with gaps of 1 m.
     """
     step = np.hypot(*np.diff(points, axis=0, prepend=points[:1]).T)
     step[lines.offsets[1:-1]] = 1.0
@@ -126,7 +126,7 @@ def _along(points: Float64, walked: Float64, places: Float64) -> Float64:
 
 
 def zebra(outline: Float64) -> list[Float64]:
-    """Stripes (n, 2) [m] across a crosswalk, in the direction of the traffic that it stops."""
+    """Return the stripes (n, 2) [m] of a crosswalk, along the direction of the crossing traffic."""
     area = shapely.Polygon(outline)
     frame = shapely.minimum_rotated_rectangle(area)
     if not isinstance(frame, shapely.Polygon) or not area.is_valid:

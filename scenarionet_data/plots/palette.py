@@ -1,4 +1,4 @@
-"""Colours and measures of every picture, from figures to the browser: told apart by colour-blind readers too.
+"""Colours and sizes of all pictures, in figures and in the browser, distinguishable with colour vision deficiency.
 
 Source: M. Okabe, K. Ito, "Color universal design", 2008. Lights also differ in shape.
 """
@@ -22,7 +22,7 @@ OBJECTS = {
     ObjectType.CYCLIST: "#009e73",
 }
 OTHER = "#8a6d00"
-"""Cones, barriers and whatever else stands in the way."""
+"""Cones, barriers and other obstacles."""
 
 NAMES = {ObjectType.VEHICLE: "vehicle", ObjectType.PEDESTRIAN: "pedestrian", ObjectType.CYCLIST: "cyclist"}
 
@@ -35,7 +35,7 @@ LIGHTS = {
 """Colour and shape of a light."""
 
 MEANINGFUL = (EGO, *OBJECTS.values(), OTHER, WHITE, YELLOW, INK, *(fill for fill, _ in LIGHTS.values()))
-"""Colours that a picture of few colours must keep."""
+"""Colours that a picture with a reduced palette must keep."""
 
 LINE = 0.15
 """Width of painted lines [m], and half the distance between the two of a double line."""
@@ -44,10 +44,10 @@ STOP_LINE = 0.4
 """Width of a stop line [m]."""
 
 DASH, GAP = 3.0, 4.5
-"""Of a broken line [m]."""
+"""Length of the dashes and gaps of a broken line [m]."""
 
 ARROW_EVERY = 30.0
-"""Between the arrows that show a lane's direction [m]."""
+"""Distance between the direction arrows of a lane [m]."""
 
 STRIPE = 0.5
 """Width of a crosswalk's stripes, and of the gaps between them [m]."""
@@ -57,12 +57,12 @@ ROUTE = 1.2
 
 
 SERIES = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#8a6d00", "#000000")
-"""Colours of datasets, databases and tracks beside each other, in this order."""
+"""Colours of datasets, databases and tracks, in this order."""
 
 COLORMAP = "viridis"
-"""Of numbers: as bright as they are large, told apart by colour-blind readers and in grey."""
+"""Colour map of numbers: brightness increases with the value, also readable in grey."""
 
 
 def object_color(object_type: int) -> str:
-    """Colour of an object that is not the ego."""
+    """Return the colour of an object other than the ego."""
     return OBJECTS.get(ObjectType(object_type), OTHER)

@@ -1,4 +1,4 @@
-"""How objects move over time: speed, acceleration and curvature of chosen tracks."""
+"""Speed, acceleration and curvature of tracks over time."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from scenarionet_data.plots.style import new_figure, plain, styled
 from scenarionet_data.scenario.description import ScenarioDescription
 
 _LEAST_SPEED = 1.0
-"""Below it a heading says little about a way's curvature [m/s]."""
+"""Minimum speed for a meaningful curvature [m/s]."""
 
 
 @dataclass(frozen=True, eq=False)
-class Profile:
-    """One track over time; NaN where it cannot be told.
+class TrackProfile:
+    """Motion of one track over time; NaN where undefined.
 
     Attributes:
         speed: (T,) [m/s].
-        acceleration: (T,) [m/s²] along the way.
-        curvature: (T,) [1/m] positive to the left; none below 1 m/s.
+        acceleration: (T,) [m/s²] longitudinal.
+        curvature: (T,) [1/m] positive to the left; undefined below 1 m/s.
     """
 
     speed: Float64
@@ -33,13 +33,13 @@ class Profile:
     curvature: Float64
 
 
-def profile(scenario: ScenarioDescription, track_id: str) -> Profile:
-    """A track's profile.
+def profile(scenario: ScenarioDescription, track_id: str) -> TrackProfile:
+    """Return the profile of a track.
 
-    Speed is that of the recorded velocity, the others are central differences over neighbouring valid timesteps.
+    Speed is the norm of the recorded velocity, the other values are central differences between valid timesteps.
 
     Raises:
-        BadParameter: There is no such track.
+        BadParameter: The track does not exist.
     """
     tracks = scenario.tracks
     if track_id not in tracks.ids:
@@ -53,18 +53,18 @@ def profile(scenario: ScenarioDescription, track_id: str) -> Profile:
     curvature = np.full_like(speed, np.nan)
     is_driving = speed > _LEAST_SPEED  # False for NaN
     curvature[is_driving] = turning[is_driving] / speed[is_driving]
-    return Profile(speed, _rate(speed, scenario.timestamps), curvature)
+    return TrackProfile(speed, _rate(speed, scenario.timestamps), curvature)
 
 
 def draw_profiles(scenario: ScenarioDescription, track_ids: Sequence[str] | None = None) -> Figure:
-    """Speed, acceleration and curvature of tracks over time, one below the other.
+    """Draw speed, acceleration and curvature of tracks over time.
 
     Args:
         scenario: The scenario.
-        track_ids: Whose; the ego's unless given.
+        track_ids: Ids of the tracks; the ego by default.
 
     Raises:
-        BadParameter: There is no such track.
+        BadParameter: The track does not exist.
     """
     chosen = list(track_ids or [scenario.ego_id])
     found = {track_id: profile(scenario, track_id) for track_id in chosen}
@@ -99,7 +99,7 @@ def draw_profiles(scenario: ScenarioDescription, track_ids: Sequence[str] | None
 
 
 def _rate(values: Float64, timestamps: Float64) -> Float64:
-    """Change per second (T,); NaN beside what is not valid, and for a single timestep."""
+    """Time derivative (T,); NaN next to invalid timesteps and for a single timestep."""
     if len(values) < 2:
         return np.full_like(values, np.nan)
     rate: Float64 = np.gradient(values, timestamps)

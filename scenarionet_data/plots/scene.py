@@ -1,4 +1,4 @@
-"""One scenario as pictures see it: the map's shapes, who is where when, what the lights show."""
+"""A scenario prepared for drawing: map shapes, object states, traffic lights, and the visible window."""
 
 from __future__ import annotations
 
@@ -6,23 +6,47 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
-from scenarionet_data.arrays.dtypes import Bool, Float32, Object, UInt8
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Object, UInt8
 from scenarionet_data.arrays.geometry import median_sizes
-from scenarionet_data.plots.moment import Moment
+from scenarionet_data.errors import BadParameter
 from scenarionet_data.plots.shapes import MapShapes
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.stop_points import light_places
 from scenarionet_data.scenario.vocabulary import is_lane
 
+MARGIN = 30.0
+"""Margin around the content [m]."""
+
+_LEAST = 80.0
+"""Minimum side of a window around a route [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """States of the N objects of a scene at one timestep, recorded or simulated.
+
+    Attributes:
+        timestep: Timestep since the start of the recording; after its end, lights keep their last state.
+        position: (N, 2) float64 [m].
+        heading: (N,) float64 [rad].
+        present: (N,) bool.
+    """
+
+    timestep: int
+    position: Float64
+    heading: Float64
+    present: Bool
+
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A scenario to draw: N objects, T timesteps, L lights; metres, radians, scenario frame.
+    """A scenario to draw with N objects, T timesteps and L lights, in the scenario frame.
 
     Attributes:
-        scenario_id: As in the lake.
-        dt: Seconds from one timestep to the next.
+        scenario_id: Id in the lake.
+        dt: Time between timesteps [s].
         current_timestep: Last timestep of the history.
         ego: Row of the ego.
         track_ids: (N,) str.
@@ -32,9 +56,9 @@ class Scene:
         heading: (T, N) float32 [rad].
         speed: (T, N) float32 [m/s].
         present: (T, N) bool.
-        light_stop: (L, 2) float32 [m]; NaN where nobody knows.
+        light_stop: (L, 2) float32 [m]; NaN where unknown.
         light_state: (L, T) uint8 codes of ``LightState``.
-        map: What it looks like.
+        map: Shapes of the map.
     """
 
     scenario_id: str
@@ -54,11 +78,11 @@ class Scene:
 
     @classmethod
     def of(cls, scenario: ScenarioDescription | Scene) -> Scene:
-        """The scene of a scenario; a scene is its own."""
+        """Return the scene of a scenario; a scene is returned as it is."""
         if isinstance(scenario, Scene):
             return scenario
         tracks, shapes = scenario.tracks, MapShapes.from_map(scenario.map)
-        lane_ids = scenario.map.ids[is_lane(scenario.map.types)] if scenario.map else np.zeros(0, object)
+        lane_ids = scenario.map.ids[is_lane(scenario.map.feature_type)] if scenario.map else np.zeros(0, object)
         return cls(
             scenario_id=scenario.id,
             dt=scenario.dt,
@@ -78,30 +102,78 @@ class Scene:
 
     @property
     def num_steps(self) -> int:
-        """T."""
+        """Number of timesteps T."""
         return len(self.position)
 
     @property
     def num_objects(self) -> int:
-        """N."""
+        """Number of objects N."""
         return len(self.track_ids)
 
     @cached_property
     def route(self) -> Float32:
-        """(n, 2) [m] where the ego is recorded, in order."""
+        """Recorded positions of the ego (n, 2) [m], in order."""
         route: Float32 = self.position[self.present[:, self.ego], self.ego]
         return route
 
     def moment(self, timestep: int) -> Moment:
-        """As recorded at a timestep."""
+        """Return the recorded states at a timestep."""
         position, heading = self.position[timestep], self.heading[timestep]
         return Moment(timestep, position.astype(np.float64), heading.astype(np.float64), self.present[timestep])
 
     def moments(self) -> list[Moment]:
-        """All that is recorded, in order."""
+        """Return all recorded states, in order."""
         return [self.moment(timestep) for timestep in range(self.num_steps)]
 
     def lights_at(self, timestep: int) -> UInt8:
-        """(L,) codes of ``LightState``; past the recording's end what they showed last."""
+        """Return codes of ``LightState`` (L,); after the end of the recording, the last ones."""
         states: UInt8 = self.light_state[:, min(timestep, self.num_steps - 1)]
         return states
+
+
+@dataclass(frozen=True)
+class Window:
+    """The visible part of the world, an axis-aligned rectangle.
+
+    Attributes:
+        x, y: Centre [m].
+        width, height: Size [m].
+    """
+
+    x: float
+    y: float
+    width: float
+    height: float
+
+    def __post_init__(self) -> None:
+        if not min(self.width, self.height) > 0:
+            raise BadParameter(f"width and height of a window must be positive, found {self.width} x {self.height} m")
+
+    @property
+    def corners(self) -> tuple[float, float, float, float]:
+        """Limits min_x, max_x, min_y, max_y [m]."""
+        half_x, half_y = self.width / 2, self.height / 2
+        return self.x - half_x, self.x + half_x, self.y - half_y, self.y + half_y
+
+    def shaped(self, ratio: float) -> Window:
+        """Return the smallest window around this one with the given aspect ratio (width / height)."""
+        return Window(self.x, self.y, max(self.width, ratio * self.height), max(self.height, self.width / ratio))
+
+    @classmethod
+    def around(cls, points: npt.ArrayLike) -> Window:
+        """Return the window around points (n, 2) [m] with a margin."""
+        where = np.asarray(points, np.float64).reshape(-1, 2)
+        lower, upper = where.min(axis=0) - MARGIN, where.max(axis=0) + MARGIN
+        width, height = np.maximum(upper - lower, _LEAST)
+        x, y = (lower + upper) / 2
+        return cls(float(x), float(y), float(width), float(height))
+
+    @classmethod
+    def on_route(cls, scene: Scene) -> Window:
+        """Return the window around the recorded route of the ego."""
+        return cls.around(scene.route)
+
+    @classmethod
+    def on_everything(cls, scene: Scene) -> Window:
+        """Return the window around all recorded objects."""
+        return cls.around(scene.position[scene.present])

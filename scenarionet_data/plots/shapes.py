@@ -1,4 +1,4 @@
-"""What a map looks like: areas, lines and lanes of a scenario in the plane, as flat arrays."""
+"""Shapes of a map: areas, lines and lanes in the plane."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from scenarionet_data.scenario.vocabulary import MapFeatureType, is_lane, is_roa
 
 @dataclass(frozen=True, eq=False)
 class MapShapes:
-    """A map to draw; all coordinates in metres, scenario frame.
+    """Shapes of a map to draw, in metres in the scenario frame.
 
     Attributes:
         areas: Q x (n, 2) float32 outlines, implicitly closed: lanes, crosswalks, junctions, ...
@@ -33,16 +33,16 @@ class MapShapes:
 
     @classmethod
     def empty(cls) -> MapShapes:
-        """No map."""
+        """Return an empty map."""
         none, codes = Ragged.empty(0, 2), np.zeros(0, np.uint8)
         return cls(none, codes, none, codes, none)
 
     @classmethod
     def from_map(cls, features: MapFeatures | None) -> MapShapes:
-        """The shapes of a scenario's map; empty for None."""
+        """Return the shapes of a scenario's map; empty for None."""
         if features is None:
             return cls.empty()
-        types, has_line = features.types, features.polyline.lengths > 1
+        types, has_line = features.feature_type, features.polyline.lengths > 1
         is_line = is_road_line(types) | is_road_edge(types) | (types == MapFeatureType.STOP_LINE)
         lane_rows = np.flatnonzero(is_lane(types))
         area_rows = np.flatnonzero(~is_lane(types) & (features.polygon.lengths > 2))
@@ -66,7 +66,7 @@ def _joined(first: Ragged, second: Ragged) -> Ragged:
 
 
 def _closed(outlines: Ragged) -> Ragged:
-    """Outlines that come back to their first point."""
+    """Close outlines by repeating their first point."""
     filled = outlines.take(np.flatnonzero(outlines.lengths))
     place = np.arange(len(filled.values)) + np.repeat(np.arange(len(filled)), filled.lengths)
     values = np.empty((len(filled.values) + len(filled), 2), np.float32)

@@ -1,11 +1,11 @@
-"""One style for every figure, set figure by figure: nothing global is touched, and no display is needed."""
+"""Style of all figures, set per figure without changing matplotlib's global state or needing a display."""
 
 from __future__ import annotations
 
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, Literal
 
 from cycler import cycler
 from matplotlib import rc_context
@@ -13,6 +13,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from scenarionet_data.plots.palette import INK, SERIES
+
+Layout = Literal["constrained", "compressed", "tight"]
 
 _STYLE: dict[str, Any] = {
     "axes.axisbelow": True,
@@ -39,13 +41,13 @@ _STYLE: dict[str, Any] = {
 
 @contextmanager
 def styled() -> Iterator[None]:
-    """Axes and texts made inside have the style."""
+    """Apply the style to axes and texts created inside the block."""
     with rc_context(_STYLE):  # type: ignore[arg-type]
         yield
 
 
-class Picture(Figure):
-    """A figure that notebooks show by itself, whether or not they know matplotlib."""
+class NotebookFigure(Figure):
+    """A figure that notebooks display without matplotlib integration."""
 
     def _repr_png_(self) -> bytes:
         file = io.BytesIO()
@@ -53,20 +55,24 @@ class Picture(Figure):
         return file.getvalue()
 
 
-def new_figure(width: float, height: float, *, dpi: float = 100.0, **style: Any) -> Figure:
-    """A figure that belongs to no window, and that notebooks show.
+def new_figure(
+    width: float, height: float, *, dpi: float = 100.0, facecolor: str | None = None, layout: Layout | None = None
+) -> Figure:
+    """Create a figure that belongs to no window and that notebooks display.
 
     Args:
-        width, height: [inch].
-        dpi: Pixels an inch.
+        width, height: Size [inch].
+        dpi: Pixels per inch.
+        facecolor: Background colour.
+        layout: Layout engine of matplotlib.
     """
-    figure = Picture(figsize=(width, height), dpi=dpi, **style)
+    figure = NotebookFigure(figsize=(width, height), dpi=dpi, facecolor=facecolor, layout=layout)
     FigureCanvasAgg(figure)
     return figure
 
 
 def plain(words: str, longest: int) -> str:
-    """Words that a figure shows as they are: no mathematics, no line breaks, the middle left out when too long."""
+    """Return a text for a figure: without math markup and line breaks, shortened in the middle if too long."""
     line = " ".join(words.split()).replace("$", r"\$")
     half = (longest - 1) // 2
     return line if len(line) <= longest else f"{line[:half]}…{line[-half:]}"

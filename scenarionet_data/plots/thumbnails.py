@@ -1,4 +1,4 @@
-"""Small pictures, many a second, for tables and pages: the same drawing without words."""
+"""Thumbnails for tables and pages, without annotations."""
 
 from __future__ import annotations
 
@@ -11,25 +11,24 @@ from PIL import Image
 from scenarionet_data.plots import object_layer
 from scenarionet_data.plots.map_layer import map_artists
 from scenarionet_data.plots.palette import GROUND
-from scenarionet_data.plots.scene import Scene
+from scenarionet_data.plots.scene import Scene, Window
 from scenarionet_data.plots.style import new_figure
 from scenarionet_data.plots.topdown import DPI
-from scenarionet_data.plots.window import Window
 from scenarionet_data.scenario.description import ScenarioDescription
 
 _LEAST_EGO = 9.0
-"""The ego's length, at least [pixel]."""
+"""Minimum length of the ego [pixel]."""
 
 
 def thumbnail(
     scenario: ScenarioDescription | Scene, size: tuple[int, int] = (240, 180), timestep: int | None = None
 ) -> bytes:
-    """A small picture of the ego's route, with everybody at a timestep.
+    """Draw a small picture of the ego's route with all objects at one timestep.
 
     Args:
-        scenario: What is drawn.
-        size: Width and height [pixel]; all of both is used, so that thumbnails stand in rows.
-        timestep: When; the current timestep for None.
+        scenario: The scenario.
+        size: Width and height [pixel].
+        timestep: Timestep to draw; the current timestep by default.
 
     Returns:
         A PNG file.

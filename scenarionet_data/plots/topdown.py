@@ -1,4 +1,4 @@
-"""A scene seen from above, frame by frame: the map is drawn once, in tiles, and what moves on top of it each time."""
+"""Top-down frames of a scene: the map is drawn once in tiles, objects are drawn for every frame."""
 
 from __future__ import annotations
 
@@ -14,13 +14,11 @@ from matplotlib.figure import Figure
 from scenarionet_data.arrays.dtypes import UInt8
 from scenarionet_data.plots import labels, object_layer
 from scenarionet_data.plots.map_layer import map_artists
-from scenarionet_data.plots.moment import Moment
 from scenarionet_data.plots.palette import GROUND
-from scenarionet_data.plots.scene import Scene
-from scenarionet_data.plots.window import Window
+from scenarionet_data.plots.scene import Moment, Scene, Window
 
 TRAIL = 20
-"""Moments that trails show."""
+"""Number of moments in a trail."""
 
 DPI = 100
 TILE = 512
@@ -34,9 +32,9 @@ class TopDown:
 
     Args:
         scene: What is drawn.
-        window: What the frames show; its middle moves along with the ego where ``follows``.
-        size: Length of a frame's longer side [pixel].
-        follows: Keep the ego in the middle.
+        window: The visible part of the world; its centre follows the ego if ``follows`` is set.
+        size: Length of the longer side of a frame [pixel].
+        follows: Follow the ego.
 
     Example:
         view = TopDown(Scene.of(scenario))
@@ -48,7 +46,7 @@ class TopDown:
         self.window = window or Window(0.0, 0.0, 100.0, 100.0)
         self.follows = follows
         self.scale = size / max(self.window.width, self.window.height)  # pixels per metre
-        self._width = 2 * round(self.window.width * self.scale / 2)  # videos want even numbers
+        self._width = 2 * round(self.window.width * self.scale / 2)  # video codecs need even sizes
         self._height = 2 * round(self.window.height * self.scale / 2)
         self._tiles: OrderedDict[tuple[int, int], UInt8] = OrderedDict()
         self._map_axes, self._map_canvas = _axes(TILE, TILE)
@@ -58,10 +56,10 @@ class TopDown:
         self._last = self.window.x, self.window.y
 
     def frame(self, moments: Sequence[Moment]) -> UInt8:
-        """A picture (H, W, 3) uint8.
+        """Draw a frame (H, W, 3) uint8.
 
         Args:
-            moments: What is there now, after the moments that trails show.
+            moments: The current states last, after those shown as trails.
         """
         left, bottom = self._corner(moments[-1])
         renderer = self._canvas.get_renderer()  # type: ignore[no-untyped-call]
@@ -80,7 +78,7 @@ class TopDown:
         return buffer[..., :3].copy()
 
     def _corner(self, moment: Moment) -> tuple[int, int]:
-        """Lower left corner of the frame, in whole pixels from the scenario's origin."""
+        """Lower left corner of the frame [pixel], relative to the origin of the scenario."""
         if self.follows and moment.present[self.scene.ego]:
             x, y = moment.position[self.scene.ego].tolist()
             self._last = x, y
@@ -88,7 +86,7 @@ class TopDown:
         return round(x * self.scale - self._width / 2), round(y * self.scale - self._height / 2)
 
     def _paste_map(self, buffer: UInt8, left: int, bottom: int) -> None:
-        """Copy the parts of tiles that lie in the frame whose lower left corner is given, rows from the top."""
+        """Copy the visible parts of tiles into a frame, given its lower left corner."""
         top = bottom + self._height
         for column in range(math.floor(left / TILE), math.ceil((left + self._width) / TILE)):
             for row in range(math.floor(bottom / TILE), math.ceil(top / TILE)):
@@ -100,7 +98,7 @@ class TopDown:
                 buffer[top - end_y : top - first_y, first_x - left : end_x - left] = part
 
     def _tile(self, column: int, row: int) -> UInt8:
-        """A square of the map (TILE, TILE, 4), the least recently used of many forgotten."""
+        """A tile of the map (TILE, TILE, 4) from a least-recently-used cache."""
         key = column, row
         if key not in self._tiles:
             side = TILE / self.scale
@@ -115,7 +113,7 @@ class TopDown:
 
 
 def _axes(width: int, height: int) -> tuple[Axes, FigureCanvasAgg]:
-    """Axes that fill a picture of so many pixels, and its canvas."""
+    """Axes that fill a picture of the given size [pixel], and its canvas."""
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor=GROUND)
     canvas = FigureCanvasAgg(figure)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))

@@ -1,7 +1,7 @@
-"""The procedural generator: road blocks joined into maps, and the traffic that drives on them.
+"""Procedural generator: road blocks joined into maps, and traffic on them.
 
 In reading order: ``generate`` (a seed to an episode), ``options``; the map: ``path``, ``roadmap``, ``sections``,
-``blocks``, ``intersection``, ``roundabout``, ``assemble``; what traffic needs of it: ``graph``, ``conflicts``,
-``routes``; what is on it: ``construction``, ``population``, ``signals``; the compiled time loop: ``drive``, with
-``vehicles``, ``following``, ``idm``, ``lane_change``, ``right_of_way``, ``jit``.
+``blocks``, ``intersection``, ``roundabout``, ``assemble``; its lane graph: ``graph``, ``conflicts``, ``routes``;
+objects and lights: ``construction``, ``population``, ``signals``; the compiled time loop: ``drive``, with
+``vehicles``, ``following``, ``lane_change``, ``right_of_way``.
 """

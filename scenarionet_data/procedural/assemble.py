@@ -1,4 +1,4 @@
-"""Draws road blocks and joins them into a map that does not overlap itself."""
+"""Draw road blocks and join them into a map that does not overlap itself."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ _MAX_RING_LANES = 2
 
 
 def make_map(options: GeneratorOptions, rng: np.random.Generator) -> RoadMap:
-    """A straight road and ``num_blocks`` drawn blocks; drawn again where they would overlap.
+    """Return a straight road followed by ``num_blocks`` random blocks, redrawn where they would overlap.
 
-    Starts anew in the rare case that no block fits the last one's end.
+    Starts again in the rare case that no block fits the end of the last one.
 
     Raises:
-        BadParameter: No block that the options allow ever fits.
+        BadParameter: None of the blocks that the options allow fits.
     """
     for _ in range(_MAPS):
         road_map = _try_map(options, rng)
@@ -71,7 +71,7 @@ def _try_map(options: GeneratorOptions, rng: np.random.Generator) -> RoadMap | N
 def _draw_block(
     options: GeneratorOptions, rng: np.random.Generator, index: int, chain: list[Block], end: Socket
 ) -> Block | None:
-    """The first drawn block that fits; None when none does."""
+    """Return the first random block that fits, or None."""
     names, weights = _fitting(options, end)
     if not names:
         return None
@@ -88,7 +88,7 @@ def _draw_block(
 
 
 def _fitting(options: GeneratorOptions, end: Socket) -> tuple[list[str], Float64]:
-    """Kinds of block that fit the number of lanes, and their probabilities."""
+    """Kinds of block that fit the number of lanes, with their probabilities."""
     forward, backward = len(end.forward), len(end.backward)
     excluded = set()
     if forward >= options.max_lanes:
@@ -103,6 +103,6 @@ def _fitting(options: GeneratorOptions, end: Socket) -> tuple[list[str], Float64
 
 
 def _overlaps(shapes: list[Polygon], others: list[Polygon]) -> bool:
-    """Whether two surfaces share more than a line."""
+    """Whether any two surfaces share an area."""
     common = shapely.intersection(np.array(shapes)[:, None], np.array(others)[None, :])
     return bool(shapely.area(common).max() > 0.5)

@@ -1,4 +1,4 @@
-"""The road blocks without crossing traffic: straight, curve, fork, merge, and ramps on and off the road."""
+"""Road blocks without crossing traffic: straight, curve, fork, merge, on-ramp and off-ramp."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ RAMP_LANE = (40.0, 60.0)  # [m] shortest and longest acceleration or deceleratio
 
 
 def straight(block: Block, socket: Socket, rng: np.random.Generator) -> None:
-    """A straight road."""
+    """Add a straight road."""
     block.exit = add_road(block, "", socket, ((rng.uniform(20.0, 130.0), 0.0),))
 
 
 def curve(block: Block, socket: Socket, rng: np.random.Generator) -> None:
-    """A bend to the left or right between two short straight parts."""
+    """Add a bend to the left or right between two short straight sections."""
     radius = rng.uniform(30.0, 90.0)
     turn = rng.uniform(0.3, min(1.9, 130.0 / radius)) * rng.choice([-1.0, 1.0])
     pieces = ((rng.uniform(5.0, 15.0), 0.0), bend(turn, radius), (rng.uniform(5.0, 15.0), 0.0))
@@ -28,21 +28,21 @@ def curve(block: Block, socket: Socket, rng: np.random.Generator) -> None:
 
 
 def fork(block: Block, socket: Socket, rng: np.random.Generator) -> None:
-    """The rightmost lane splits in two: the road goes on with one lane more."""
+    """Split the rightmost lane: the road continues with one more lane."""
     before = add_road(block, "a", socket, ((rng.uniform(5.0, 30.0), 0.0),))
     wide = add_widening(block, "b", before, TAPER)
     block.exit = add_road(block, "c", wide, ((rng.uniform(10.0, 60.0), 0.0),))
 
 
 def merge(block: Block, socket: Socket, rng: np.random.Generator) -> None:
-    """The rightmost lane ends: the road goes on with one lane less."""
+    """End the rightmost lane: the road continues with one lane fewer."""
     before = add_road(block, "a", socket, ((rng.uniform(40.0, 60.0), 0.0),))
     narrow = add_narrowing(block, "b", before, TAPER, block.index)
     block.exit = add_road(block, "c", narrow, ((rng.uniform(5.0, 30.0), 0.0),))
 
 
 def on_ramp(block: Block, socket: Socket, rng: np.random.Generator) -> None:
-    """A ramp joins from the right through an acceleration lane."""
+    """Add a ramp that joins from the right through an acceleration lane."""
     before = add_road(block, "a", socket, ((rng.uniform(15.0, 30.0), 0.0),))
     joint = _ramp_joint(block, before)
     turn, radius = rng.uniform(0.35, 0.6), rng.uniform(45.0, 70.0)
@@ -55,7 +55,7 @@ def on_ramp(block: Block, socket: Socket, rng: np.random.Generator) -> None:
 
 
 def off_ramp(block: Block, socket: Socket, rng: np.random.Generator) -> None:
-    """A deceleration lane opens on the right and leaves the road by a ramp."""
+    """Add a deceleration lane on the right that leaves the road by a ramp."""
     before = add_road(block, "a", socket, ((rng.uniform(10.0, 20.0), 0.0),))
     wide = add_widening(block, "b", before, TAPER)
     beside = add_road(block, "c", wide, ((rng.uniform(*RAMP_LANE), 0.0),))
@@ -68,7 +68,7 @@ def off_ramp(block: Block, socket: Socket, rng: np.random.Generator) -> None:
 
 
 def _ramp_joint(block: Block, main: Socket) -> Pose:
-    """Where a lane right of the road's lanes runs, heading along the road."""
+    """Pose on the centreline of a lane to the right of the road's lanes, heading along the road."""
     return main.pose.moved(0.0, -(len(main.forward) + 0.5) * block.road.lane_width)
 
 

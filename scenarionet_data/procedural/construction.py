@@ -1,4 +1,4 @@
-"""Road works and breakdowns: cones and barriers that close part of a lane, or stand on the shoulder."""
+"""Road works and breakdowns: cones and barriers that close part of a lane, or are placed on the shoulder."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _CONES = 5
 
 @dataclass(frozen=True)
 class Obstacle:
-    """Something that stands still: its type, place, heading [rad] and size [m]."""
+    """A stationary object: type, name, position [m], heading [rad], and length, width and height [m]."""
 
     type: ObjectType
     word: str
@@ -37,12 +37,12 @@ class Obstacle:
 def place_construction(
     road_map: RoadMap, graph: LaneGraph, probability: float, rng: np.random.Generator
 ) -> tuple[LaneGraph, list[Obstacle]]:
-    """Draw whether there are road works, and put them on one of the outermost lanes of the ego's roads.
+    """Decide at random whether there are road works, and place them on an outermost lane of the ego's route.
 
-    Where a lane can be closed, one is; otherwise the works stand on the shoulder.
+    A lane is closed where traffic can avoid it; otherwise the works are on the shoulder.
 
     Returns:
-        The graph with the closed lane, and what stands on the road.
+        The graph, with the closed lane if any, and the obstacles.
     """
     if rng.random() >= probability:
         return graph, []
@@ -65,7 +65,7 @@ def place_construction(
 def _candidates(road_map: RoadMap, graph: LaneGraph) -> list[int]:
     """Outermost lanes outside junctions, long enough, on which the ego's destination can be reached.
 
-    Where the ego starts, there is no room to change lanes before road works.
+    The ego's first lane is excluded: it leaves no room to change lanes before the works.
     """
     return [
         number
@@ -80,7 +80,7 @@ def _candidates(road_map: RoadMap, graph: LaneGraph) -> list[int]:
 
 
 def _is_closable(road_map: RoadMap, graph: LaneGraph, number: int) -> bool:
-    """Whether traffic has the room and a lane to change to, and none, the ego included, needs this very lane."""
+    """Whether traffic has room and a lane to change to, and no route requires this lane."""
     beside = graph.lanes.left[number]
     if beside == NONE or graph.lanes.length[number] < APPROACH + TAPER + WORKS:
         return False
@@ -90,7 +90,7 @@ def _is_closable(road_map: RoadMap, graph: LaneGraph, number: int) -> bool:
 
 
 def _close_lane(lane: Lane, begin: float, width: float, is_breakdown: bool) -> list[Obstacle]:
-    """A taper of cones from the edge across the lane, then barriers and cones, or a car, in the closed part."""
+    """Return a taper of cones across the lane, followed by barriers and cones, or a car, in the closed part."""
     edge = 0.5 * width - 0.45
     shares = np.linspace(0.0, 1.0, _CONES)
     obstacles = [_cone(lane, begin + share * TAPER, (2.0 * share - 1.0) * edge) for share in shares]
@@ -102,7 +102,7 @@ def _close_lane(lane: Lane, begin: float, width: float, is_breakdown: bool) -> l
 
 
 def _on_shoulder(lane: Lane, begin: float, width: float, is_breakdown: bool) -> list[Obstacle]:
-    """Cones along the edge and barriers beyond it."""
+    """Return cones along the edge, and a barrier or a car beyond it."""
     beyond = -0.5 * width
     obstacles = [_cone(lane, begin + k * (TAPER + WORKS) / _CONES, beyond - 0.25) for k in range(_CONES)]
     if is_breakdown:
@@ -112,30 +112,30 @@ def _on_shoulder(lane: Lane, begin: float, width: float, is_breakdown: bool) -> 
 
 
 def _off_lanes(graph: LaneGraph, obstacles: list[Obstacle]) -> list[Obstacle]:
-    """The obstacles that do not stand on any lane, for example on a ramp beside the road."""
+    """Keep obstacles that are on no lane, such as a ramp beside the road."""
     places = np.array([(obstacle.x, obstacle.y) for obstacle in obstacles])
     distance = np.hypot(graph.points.x[:, None] - places[:, 0], graph.points.y[:, None] - places[:, 1]).min(axis=0)
     half = graph.lane_width / 2.0
     return [
         obstacle
         for obstacle, gap in zip(obstacles, distance, strict=True)
-        if gap > half + obstacle.size[obstacle.type == ObjectType.VEHICLE] / 2.0  # only a car stands lengthways
+        if gap > half + obstacle.size[obstacle.type == ObjectType.VEHICLE] / 2.0  # only a car is parallel to the lane
     ]
 
 
 def _cone(lane: Lane, s: float, left: float) -> Obstacle:
-    return _stand(lane, s, left, ObjectType.TRAFFIC_CONE, "cone", CONE, 0.0)
+    return _place(lane, s, left, ObjectType.TRAFFIC_CONE, "cone", CONE, 0.0)
 
 
 def _barrier(lane: Lane, s: float, left: float) -> Obstacle:
-    return _stand(lane, s, left, ObjectType.TRAFFIC_BARRIER, "barrier", BARRIER, math.pi / 2.0)
+    return _place(lane, s, left, ObjectType.TRAFFIC_BARRIER, "barrier", BARRIER, math.pi / 2.0)
 
 
 def _broken_car(lane: Lane, s: float, left: float) -> Obstacle:
-    return _stand(lane, s, left, ObjectType.VEHICLE, "broken-down car", BROKEN_CAR, 0.0)
+    return _place(lane, s, left, ObjectType.VEHICLE, "broken-down car", BROKEN_CAR, 0.0)
 
 
-def _stand(
+def _place(
     lane: Lane,
     s: float,
     left: float,
@@ -149,6 +149,6 @@ def _stand(
 
 
 def boxes(obstacles: list[Obstacle]) -> tuple[Float64, Float64]:
-    """(N, 3) x, y, heading and (N, 3) size of obstacles."""
+    """Return (N, 3) x, y, heading and (N, 3) sizes of obstacles."""
     poses = np.array([(o.x, o.y, o.heading) for o in obstacles], dtype=np.float64).reshape(-1, 3)
     return poses, np.array([o.size for o in obstacles], dtype=np.float64).reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""One seed to one episode: a map, its traffic over time, lights and road works. No scenario types here."""
+"""Generate an episode from a seed: a map, its traffic over time, lights and road works."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from scenarionet_data.procedural.signals import make_lights
 
 @dataclass(frozen=True, eq=False)
 class Episode:
-    """What happened.
+    """A generated map and its traffic.
 
     Attributes:
         road_map: The map.
@@ -28,7 +28,7 @@ class Episode:
         motion: (N, T, 4) x, y [m], heading [rad], speed [m/s].
         valid: (N, T).
         lights: (rows, T) states of the lights, see ``right_of_way``.
-        obstacles: What stands still.
+        obstacles: Stationary objects.
     """
 
     road_map: RoadMap
@@ -41,7 +41,7 @@ class Episode:
 
 
 def generate(seed: int, options: GeneratorOptions) -> Episode:
-    """The episode of a seed: the same bits wherever and whenever it is generated."""
+    """Generate the episode of a seed; deterministic to the bit."""
     rng = np.random.Generator(np.random.PCG64(seed))
     road_map = make_map(options, rng)
     graph = make_graph(road_map)

@@ -41,7 +41,7 @@ class Arm:
 
 @dataclass(frozen=True)
 class Turn:
-    """A lane across, from a lane of one arm to a lane of another."""
+    """A turning lane from a lane of one arm to a lane of another."""
 
     start: int
     start_lane: int
@@ -51,12 +51,12 @@ class Turn:
 
 
 def intersection(block: Block, socket: Socket, rng: np.random.Generator, has_lights: bool) -> None:
-    """Four roads cross; the ego leaves by any of the other three."""
+    """Add a crossing of four roads; the ego leaves by any of the other three."""
     _cross(block, socket, rng, arms=(0, 1, 2, 3), leave=int(rng.integers(1, 4)), has_lights=has_lights)
 
 
 def t_intersection(block: Block, socket: Socket, rng: np.random.Generator, has_lights: bool) -> None:
-    """Three roads meet; the missing arm and the arm the ego leaves by are drawn."""
+    """Add a junction of three roads; the missing arm and the arm the ego leaves by are random."""
     missing = int(rng.integers(1, 4))
     arms = tuple(arm for arm in range(4) if arm != missing)
     _cross(block, socket, rng, arms=arms, leave=int(rng.choice(arms[1:])), has_lights=has_lights)
@@ -94,7 +94,7 @@ def _open(arm: Arm, turns: list[Turn]) -> Socket:
 
 
 def _place_arms(block: Block, approach: Socket, numbers: tuple[int, ...], side: int) -> list[Arm]:
-    """The arms around a centre, far enough out for the corners between them."""
+    """Place the arms around a centre, far enough out for the corners between them."""
     width = block.road.lane_width
     num_in, num_out = len(approach.forward), len(approach.backward)
     out_main = side * width + CORNER + LEAD
@@ -110,7 +110,7 @@ def _place_arms(block: Block, approach: Socket, numbers: tuple[int, ...], side: 
 
 
 def _add_turns(block: Block, arms: list[Arm], has_lights: bool) -> list[Turn]:
-    """The lanes across."""
+    """Add the turning lanes."""
     through = _through_axis(arms)
     return [
         _add_turn(block, start, i, end, j, has_lights, through)
@@ -121,14 +121,14 @@ def _add_turns(block: Block, arms: list[Arm], has_lights: bool) -> list[Turn]:
 
 
 def _through_axis(arms: list[Arm]) -> int:
-    """The axis whose road goes through, of 0 (the ego's) and 1: it has priority where there are no lights."""
+    """Axis of the through road, 0 (the ego's) or 1; it has priority at junctions without lights."""
     return 0 if {0, 2} <= {arm.number for arm in arms} else 1
 
 
 def _targets(start: Arm, i: int, arms: list[Arm]) -> list[tuple[Arm, int]]:
-    """Where lane ``i`` of an arm may go: left from the leftmost, right from the rightmost, straight from all.
+    """Permitted targets of lane ``i`` of an arm: left from the leftmost, right from the rightmost, straight from all.
 
-    A middle lane of a road that does not go on turns left, beside the leftmost.
+    A middle lane that cannot go straight on turns left, beside the leftmost.
     """
     targets = []
     for end in arms:
@@ -163,7 +163,7 @@ def _add_turn(block: Block, start: Arm, i: int, end: Arm, j: int, has_lights: bo
 
 
 def _add_surface(block: Block, arms: list[Arm], turns: list[Turn]) -> None:
-    """Curb returns, and the intersection's outline within them."""
+    """Add curb returns and the intersection's outline between them."""
     width = block.road.lane_width
     outline = []
     for arm, following in zip(arms, [*arms[1:], arms[0]], strict=True):
@@ -182,7 +182,7 @@ def _add_surface(block: Block, arms: list[Arm], turns: list[Turn]) -> None:
 
 
 def _add_crossing(block: Block, arm: Arm, controlled: tuple[str, ...]) -> None:
-    """An arm's stop line and crosswalk."""
+    """Add an arm's stop line and crosswalk."""
     left, right = arm.num_in * block.road.lane_width, -arm.num_out * block.road.lane_width
     stop = _points(arm.pose, [(0.5, left), (0.5, 0.0)])
     block.add_line(f"stop{arm.number}", MapFeatureType.STOP_LINE, stop, controlled)
@@ -192,6 +192,6 @@ def _add_crossing(block: Block, arm: Arm, controlled: tuple[str, ...]) -> None:
 
 
 def _points(pose: Pose, places: list[tuple[float, float]]) -> Float64:
-    """Points given ahead and left of a pose."""
+    """(n, 2) points from offsets ahead and to the left of a pose."""
     moved = [pose.moved(*place) for place in places]
     return np.array([(point.x, point.y) for point in moved])

@@ -1,4 +1,4 @@
-"""What the procedural generator can be told, with defaults that give the figures of the paper's PG row."""
+"""Options of the procedural generator; the defaults reproduce the figures of the paper's PG row."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def _option(default: Any, doc: str) -> Any:
 
 @dataclass(frozen=True)
 class GeneratorOptions:
-    """Parameters of maps and traffic; together with a seed they determine a scenario."""
+    """Parameters of maps and traffic; with a seed, they determine a scenario."""
 
     num_blocks: int = _option(2, "Road blocks after the straight road the ego starts on.")
     blocks: str = _option(

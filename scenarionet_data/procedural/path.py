@@ -1,6 +1,6 @@
-"""Paths of straight pieces and circular arcs: what every lane, line and edge of a generated road is made of.
+"""Paths of straight pieces and circular arcs, for lanes, lines and edges of generated roads.
 
-A path starts at a pose and goes through pieces of constant curvature, so headings are continuous, offsets to
+A path starts at a pose and consists of pieces of constant curvature, so headings are continuous, offsets to
 the side are exact (an arc's offset is an arc), and samples lie on the true curve.
 """
 
@@ -27,7 +27,7 @@ class Pose:
     heading: float
 
     def moved(self, ahead: float, left: float, turn: float = 0.0) -> Pose:
-        """The pose ``ahead`` and ``left`` of this one [m], turned by ``turn`` [rad]."""
+        """Return the pose ``ahead`` and ``left`` of this one [m], rotated by ``turn`` [rad]."""
         cos, sin = math.cos(self.heading), math.sin(self.heading)
         return Pose(self.x + ahead * cos - left * sin, self.y + ahead * sin + left * cos, self.heading + turn)
 
@@ -50,7 +50,7 @@ class Path:
         return self.pose_at(self.length)
 
     def pose_at(self, s: float) -> Pose:
-        """Pose after ``s`` metres."""
+        """Return the pose after ``s`` metres."""
         x, y, heading = self.start.x, self.start.y, self.start.heading
         for length, curvature in self.pieces:
             x, y, heading = _advance(x, y, heading, min(s, length), curvature)
@@ -63,21 +63,21 @@ class Path:
         return max(abs(curvature) for _, curvature in self.pieces)
 
     def offset(self, left: float) -> Path:
-        """The parallel path ``left`` metres to the left (negative: right)."""
+        """Return the parallel path ``left`` metres to the left (negative: right)."""
         pieces = tuple((length * (1.0 - k * left), k / (1.0 - k * left)) for length, k in self.pieces)
         return Path(self.start.moved(0.0, left), pieces)
 
     def reversed(self) -> Path:
-        """The same curve in the other direction."""
+        """Return the same curve in the opposite direction."""
         pieces = tuple((length, -curvature) for length, curvature in reversed(self.pieces))
         return Path(self.end.moved(0.0, 0.0, math.pi), pieces)
 
     def then(self, *pieces: tuple[float, float]) -> Path:
-        """This path, continued."""
+        """Return this path, extended by pieces."""
         return Path(self.start, self.pieces + pieces)
 
     def sample(self, spacing: float) -> tuple[Float64, Float64]:
-        """Points (n, 2) [m] and headings (n,) [rad], equally spaced by at most ``spacing``, ends included."""
+        """Return points (n, 2) [m] and headings (n,) [rad], spaced equally by at most ``spacing``, ends included."""
         count = max(2, math.ceil(self.length / spacing - 1e-9) + 1)
         start = np.array([self.start.x, self.start.y, self.start.heading])
         samples = np.empty((count, 3))
@@ -86,12 +86,12 @@ class Path:
 
 
 def bend(turn: float, radius: float) -> tuple[float, float]:
-    """The piece that turns by ``turn`` [rad] (positive to the left) on a circle of ``radius`` [m]."""
+    """Return the piece that turns by ``turn`` [rad] (positive to the left) on a circle of ``radius`` [m]."""
     return radius * abs(turn), math.copysign(1.0 / radius, turn)
 
 
 def shift(ahead: float, left: float) -> Pieces:
-    """Two opposite arcs that move a path ``left`` metres sideways over ``ahead`` metres, same heading."""
+    """Return two opposite arcs that shift a path ``left`` metres over ``ahead`` metres and keep its heading."""
     turn = 2.0 * math.atan2(abs(left), ahead)
     radius = ahead / (2.0 * math.sin(turn))
     first = bend(math.copysign(turn, left), radius)
@@ -99,7 +99,7 @@ def shift(ahead: float, left: float) -> Pieces:
 
 
 def connect(start: Pose, end: Pose, lead: float) -> Path:
-    """Straight, arc, straight from one pose to another; the straight parts are at least ``lead`` long.
+    """Connect two poses by a straight, an arc and a straight; the straights are at least ``lead`` long.
 
     The poses' lines must meet ahead of ``start`` and behind ``end``, or both be the same line.
     """

@@ -1,4 +1,4 @@
-"""The vehicles of a scenario: what they are, where they start, and where they go."""
+"""Vehicles of a scenario: their kinds, start positions and destinations."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from scenarionet_data.procedural.vehicles import VEHICLE
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of vehicle: its share of traffic, ranges of length, width, height [m], and its vigour."""
+    """A kind of vehicle: share of traffic; ranges of length, width and height [m] and of acceleration [m/s2]."""
 
     name: str
     share: float
@@ -52,7 +52,7 @@ class Population:
 
 
 def populate(road_map: RoadMap, graph: LaneGraph, options: GeneratorOptions, rng: np.random.Generator) -> Population:
-    """Draw the vehicles: the ego on the first road, the others by density on all roads."""
+    """Draw the vehicles: the ego on the first road, the others on all roads by density."""
     share = _lane_shares(road_map, graph, options)
     wanted = 1 + int(share.sum() + rng.random())
     kinds, size = _draw_vehicles(wanted, rng)
@@ -89,7 +89,7 @@ def _draw_vehicles(count: int, rng: np.random.Generator) -> tuple[list[Kind], Fl
 def _place(
     road_map: RoadMap, graph: LaneGraph, share: Float64, length: Float64, rng: np.random.Generator
 ) -> list[tuple[int, float] | None]:
-    """A lane and distance along it for each vehicle, or None where no room was found."""
+    """Lane and distance along it for each vehicle, or None where there was no room."""
     number = {lane.id: row for row, lane in enumerate(road_map.lanes)}
     start = number[road_map.start[int(rng.integers(len(road_map.start)))]]
     s = float(rng.uniform(END_ROOM, 12.0))

@@ -1,7 +1,7 @@
-"""What a generated map is made of, before it becomes map features: lanes, lines, areas and who follows whom.
+"""Parts of a generated map before conversion to map features: lanes, lines, areas and links between lanes.
 
-Right-hand traffic. A road has a reference line between its two directions; forward lanes lie on its right,
-numbered from the reference line outwards, backward lanes on its left. Links are kept once, as pairs, so
+Traffic drives on the right. A road has a reference line between its two directions; forward lanes are on its right,
+numbered from the reference line outwards, backward lanes on its left. Links are stored once, as pairs, so
 that successors and predecessors agree by construction.
 """
 
@@ -23,7 +23,7 @@ LINE_SPACING = 2.0  # [m] between the points of lines and lanes
 
 @dataclass(frozen=True)
 class Road:
-    """What all roads of one map share: lane width [m] and speed limit [m/s]."""
+    """Properties shared by all roads of a map: lane width [m] and speed limit [m/s]."""
 
     lane_width: float
     speed_limit: float
@@ -37,9 +37,9 @@ class Lane:
         id: Unique in the map.
         path: Centreline in driving direction.
         junction: Lanes that may conflict share this number; -1 outside junctions and merges.
-        rank: Who goes first in a junction: the higher rank.
+        rank: Priority in a junction; the higher rank goes first.
         axis: Which of a junction's two light phases the lane belongs to; -1 without a light.
-        is_intersection: Whether it lies in an intersection or roundabout.
+        is_intersection: Whether it is in an intersection or roundabout.
         left, right: Ids of the lanes beside it in the same direction.
         left_boundaries, right_boundaries: Ids of the lines that bound it.
     """
@@ -61,7 +61,7 @@ class Lane:
         return self.path.sample(LINE_SPACING)
 
     def outline(self, half_width: float) -> Float64:
-        """(2 n, 2) the lane's surface [m]: its right side, then its left side backwards."""
+        """Return the lane's surface (2 n, 2) [m]: its right side, then its left side reversed."""
         points, headings = self.samples
         left = half_width * np.stack([-np.sin(headings), np.cos(headings)], axis=-1)
         return np.concatenate([points - left, (points + left)[::-1]])
@@ -104,15 +104,15 @@ class Socket:
 
 @dataclass(eq=False)
 class Block:
-    """A piece of map: what one road block adds.
+    """The part of a map that one road block adds.
 
     Attributes:
         name: The kind of block, for example ``"curve"``.
-        index: Its place in the map, unique; prefixes the ids.
+        index: Position in the map, unique; prefix of the ids.
         road: Lane width and speed limit.
         links: (lane, its successor).
         footprint: Polygons of the road surface, to keep blocks apart.
-        exit: Where the next block goes.
+        exit: Open end for the next block.
     """
 
     name: str
@@ -126,7 +126,7 @@ class Block:
     exit: Socket | None = None
 
     def add_lane(self, tag: str, path: Path, **attributes: object) -> Lane:
-        """Add a lane under an id made of the block's index and ``tag``."""
+        """Add a lane; its id consists of the block's index and ``tag``."""
         lane = Lane(f"{self.index}.{tag}", path, **attributes)  # type: ignore[arg-type]
         self.lanes.append(lane)
         return lane
@@ -142,7 +142,7 @@ class Block:
         self.areas.append(Area(f"{self.index}.{tag}", kind, outline, lanes))
 
     def link(self, before: tuple[str, ...], after: tuple[str, ...]) -> None:
-        """Every lane of ``before`` leads to every lane of ``after``."""
+        """Link every lane of ``before`` to every lane of ``after``."""
         self.links += [(first, second) for first in before for second in after]
 
 

@@ -1,4 +1,4 @@
-"""Roundabouts: a ring with one lane per lane of the roads, entered by giving way, left at any of four arms.
+"""Roundabouts: a ring with one lane per lane of the roads; entering traffic gives way.
 
 Traffic circulates counter-clockwise. Entries and exits are arcs tangent to the ring and to their road.
 Arms are numbered as in ``intersection``.
@@ -31,11 +31,11 @@ class Ring:
     lane_width: float
 
     def angle(self, i: int) -> float:
-        """How far beyond its arm's direction an entry from lane ``i`` touches the ring [rad]."""
+        """Angle between an arm's direction and the point where its entry from lane ``i`` touches the ring [rad]."""
         return math.asin(((i + 0.5) * self.lane_width + ENTRY_RADIUS) / (self.radii[i] + ENTRY_RADIUS))
 
     def pose(self, i: int, angle: float) -> Pose:
-        """Where ring lane ``i`` runs in the direction ``angle`` from the centre [rad]."""
+        """Pose of ring lane ``i`` in the direction ``angle`` from the centre [rad]."""
         radius = self.radii[i]
         return Pose(self.x + radius * math.cos(angle), self.y + radius * math.sin(angle), angle + math.pi / 2.0)
 
@@ -45,7 +45,7 @@ class Ring:
 
 
 def roundabout(block: Block, socket: Socket, rng: np.random.Generator) -> None:
-    """Four roads meet at a ring; the ego leaves by any of the other three."""
+    """Add a ring that joins four roads; the ego leaves by any of the other three."""
     count = len(socket.forward)
     approach = add_road(block, "a", socket, ((rng.uniform(15.0, 45.0), 0.0),))
     inner = rng.uniform(14.0, 19.0)
@@ -83,7 +83,7 @@ def _join(block: Block, approach: Socket, entries: list[Lane], exits: list[Lane]
 def _add_connections(
     block: Block, ring: Ring, number: int, arm: Pose, distance: float
 ) -> tuple[list[Lane], list[Lane]]:
-    """An arm's entries and exits: lane ``i`` of the road, counted from its middle, to ring lane ``i``."""
+    """Add an arm's entries and exits: lane ``i`` of the road, counted from its middle, to ring lane ``i``."""
     entries, exits = [], []
     for i in range(len(ring.radii)):
         inwards, outwards = _entry(ring, arm, i, distance), _exit(ring, arm, i, distance)
@@ -175,7 +175,7 @@ def _splitter(ring: Ring, arm: Pose, distance: float) -> tuple[Float64, Float64]
 
 
 def _bound_lanes(block: Block, circles: list[str], outermost: int) -> None:
-    """Name the lines beside the ring's lanes and connections."""
+    """Set the boundaries of the ring's lanes and connections."""
     for lane in block.lanes:
         tag, number, k = lane.id.split(".")[1][:-2], lane.id[-2], lane.id[-1]
         if tag in ("past", "on"):

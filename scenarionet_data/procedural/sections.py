@@ -1,4 +1,4 @@
-"""Stretches of two-way road: parallel lanes along a reference line, with their lines, edges and tapers."""
+"""Sections of two-way road: parallel lanes along a reference line, with their lines, edges and tapers."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ def add_road(block: Block, tag: str, socket: Socket, pieces: Pieces, *, edge: Pa
 
     Args:
         block: Gets the lanes and lines.
-        tag: Tells the block's stretches apart.
-        socket: Where the stretch starts.
+        tag: Name of the section within the block.
+        socket: Start of the section.
         pieces: Of the reference line.
-        edge: The right edge where it does not run parallel.
+        edge: The right edge, if not parallel to the reference line.
 
     Returns:
         The open end.
@@ -41,7 +41,7 @@ def add_road(block: Block, tag: str, socket: Socket, pieces: Pieces, *, edge: Pa
 
 
 def _add_side(block: Block, tag: str, line: Path, count: int, divider: str, edge: Path | None) -> list[Lane]:
-    """The ``count`` lanes on the right of ``line``, in its direction."""
+    """Add ``count`` lanes on the right of ``line``, in its direction."""
     width = block.road.lane_width
     lanes = [block.add_lane(f"{tag}{i}", line.offset(-(i + 0.5) * width)) for i in range(count)]
     separators = [block.add_line(f"{tag}line{i}", SEPARATOR, line.offset(-i * width)) for i in range(1, count)]
@@ -54,7 +54,7 @@ def _add_side(block: Block, tag: str, line: Path, count: int, divider: str, edge
 
 
 def add_widening(block: Block, tag: str, socket: Socket, length: float) -> Socket:
-    """A taper in which the rightmost lane splits in two: one lane more afterwards."""
+    """Add a taper in which the rightmost lane splits in two."""
     width = block.road.lane_width
     count = len(socket.forward)
     edge = Path(socket.pose.moved(0.0, -count * width), shift(length, -width))
@@ -66,7 +66,7 @@ def add_widening(block: Block, tag: str, socket: Socket, length: float) -> Socke
 
 
 def add_narrowing(block: Block, tag: str, socket: Socket, length: float, junction: int) -> Socket:
-    """A taper in which the rightmost lane joins the one on its left and gives way: one lane less afterwards."""
+    """Add a taper in which the rightmost lane gives way and joins the lane on its left."""
     width = block.road.lane_width
     count = len(socket.forward)
     edge = Path(socket.pose.moved(0.0, -count * width), shift(length, width))
@@ -82,7 +82,7 @@ def add_narrowing(block: Block, tag: str, socket: Socket, length: float, junctio
 
 
 def strip(line: Path, left: float, right: float) -> Polygon:
-    """The surface from ``left`` to ``right`` metres beside a line."""
+    """Return the surface from ``left`` to ``right`` metres beside a line."""
     spacing = 2.0 * LINE_SPACING
     sides = line.offset(left).sample(spacing)[0], line.offset(-right).sample(spacing)[0][::-1]
     return Polygon(np.concatenate(sides))

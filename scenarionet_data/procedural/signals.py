@@ -1,4 +1,4 @@
-"""Traffic lights: two phases a junction, yellow and all-red between them."""
+"""Traffic lights: two phases per junction, separated by yellow and all-red."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ GREEN = (9.0, 16.0)  # [s] shortest and longest
 
 
 def make_lights(rows: list[tuple[int, int]], steps: int, dt: float, rng: np.random.Generator) -> Int32:
-    """(rows, steps) GO, CAUTION or STOP for the (junction, axis) of each row."""
+    """Return (rows, steps) GO, CAUTION or STOP for the (junction, axis) of each row."""
     lights = np.full((max(len(rows), 1), steps), STOP, dtype=np.int32)
     for junction in sorted({junction for junction, _ in rows}):
         greens = rng.uniform(*GREEN, size=2)

@@ -79,10 +79,7 @@ class Engine:
         if self._filesystem:  # before allowed_directories: DuckDB 1.5 would take its URLs for local folders
             self._connection.register_filesystem(self._filesystem)
         self._lock = threading.Lock()
-        self._configure(threads)
-
-    def _configure(self, threads: int | None) -> None:
-        """Configure and lock the connection: from here on it can only read files of the lake."""
+        # Configure and lock the connection: from here on it can only read files of the lake.
         # In a notebook without ipywidgets the bar is off already, and DuckDB raises when it is turned off again.
         if self._connection.execute("SELECT current_setting('enable_progress_bar')").fetchall() == [(True,)]:
             self._connection.execute("SET enable_progress_bar = false")

@@ -112,8 +112,14 @@ class Views:
             self._make(needed, defined)
         table = name.removesuffix("_rows")
         if table in FILE_TABLES:
-            text = text.replace("{files}", self._relation(table)).replace("{derived}", _derived(table))
-            text = text.replace("{user_columns}", self._user_column_joins())
+            derived = "".join(f", {column.sql} AS {column.name}" for column in tables.load(table).derived)
+            text = text.replace("{files}", self._relation(table)).replace("{derived}", derived)
+        if name == "metadata":
+            joins = []
+            for column in sorted(self._joined):
+                path = self._files.path(f"layers/{column}/{self._user_columns[column]}.parquet")
+                joins.append(f"LEFT JOIN read_parquet({quoted(str(path))}) AS user_{column} USING (scenario_id)")
+            text = text.replace("{user_columns}", " ".join(joins))
         self._connection.execute(text)
         self._made.add(name)
 
@@ -131,7 +137,10 @@ class Views:
 
     def _relation(self, table: str) -> str:
         """Return SQL for the files of a table: a scan, or no rows of the right types without files."""
-        listed = self._chosen_files(table)
+        listed = table_files(self._files, self._snapshot, table)
+        if self._chosen is not None and table in ("tracks", "lights"):  # of shared maps, scenarios have no address
+            wanted = set(pc.unique(self._chosen[f"{table}_file"]).to_pylist())
+            listed = [name for name in listed if name in wanted]
         names = [name for name in listed if name not in self._without]
         if not names:
             columns = [f"NULL::{_sql_type(c)} AS {c.name}" for c in tables.load(table).columns]
@@ -143,36 +152,30 @@ class Views:
         scan = f"read_parquet(getvariable('{table}_files'), hive_partitioning = {hive}" + (
             ", hive_types_autocast = false)" if table in _FOLDER_COLUMNS else ")"
         )
+        scan = with_added_columns(table, scan)
         if self._chosen is None or table not in _KEYS:
             return scan
         return f"(SELECT * FROM {scan} SEMI JOIN chosen USING ({_KEYS[table]}))"
 
-    def _chosen_files(self, table: str) -> list[str]:
-        """Return the files of a table that have rows of chosen scenarios."""
-        listed = table_files(self._files, self._snapshot, table)
-        if self._chosen is None or table not in ("tracks", "lights"):  # shared maps: scenarios have no address of them
-            return listed
-        wanted = set(pc.unique(self._chosen[f"{table}_file"]).to_pylist())
-        return [name for name in listed if name in wanted]
 
-    def _user_column_joins(self) -> str:
-        """Return SQL that joins user columns to metadata."""
-        joins = []
-        for name in sorted(self._joined):
-            path = self._files.path(f"layers/{name}/{self._user_columns[name]}.parquet")
-            joins.append(f"LEFT JOIN read_parquet({quoted(str(path))}) AS user_{name} USING (scenario_id)")
-        return " ".join(joins)
+def with_added_columns(table: str, scan: str) -> str:
+    """Return SQL for a scan of files of several schema versions: columns that older files lack are null.
+
+    Args:
+        table: The table.
+        scan: A call of ``read_parquet``.
+    """
+    added = tables.load(table).added
+    if not added:
+        return scan
+    nulls = ", ".join(f"NULL::{_sql_type(column)} AS {column.name}" for column in added)
+    return f"(SELECT * FROM {scan[:-1]}, union_by_name = true) UNION ALL BY NAME SELECT {nulls} WHERE false)"
 
 
 @cache
 def _definitions() -> dict[str, Path]:
     """Return the file of each view and macro by name."""
     return {path.stem: path for folder in ("macros", "views") for path in (SQL / folder).glob("*.sql")}
-
-
-def _derived(table: str) -> str:
-    """Return SQL of the derived columns of the contract, each after a comma."""
-    return "".join(f", {column.sql} AS {column.name}" for column in tables.load(table).derived)
 
 
 def _hive_columns(table: str) -> Sequence[str]:

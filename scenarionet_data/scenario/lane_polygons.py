@@ -9,19 +9,19 @@ from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.scenario.description import MapFeatures
 
 HALF_WIDTH = 1.75
-"""From the centreline to either side [m] of a lane whose width nobody knows."""
+"""From the centreline to either side [m] of a lane of unknown width."""
 
 _PLAUSIBLE = (0.5, 2.75)
-"""Half widths [m] that are believed: sources give 0, or the way to a boundary across the street, where a lane has
-no boundary of its own."""
+"""Plausible half widths [m]: where a lane has no boundary of its own, sources record 0, or the distance to a boundary
+across the street."""
 
 _MAX_MITRE = 2.0
-"""At a sharp corner of a centreline the outline goes out at most this many half widths."""
+"""Maximum mitre length at sharp corners, in half widths."""
 
 _STEP = 5.0
 _TURN = 0.02
-"""Points between which a centreline runs less than so far [m] and turns less than so much [rad] are left out of its
-outline: recorded every half metre, they would make it ten times as long and move it by less than 2 cm."""
+"""Points of a centreline closer than this [m] whose heading differs by less than this [rad] are omitted from the
+outline: with all recorded points it would have ten times as many and differ by less than 2 cm."""
 
 
 def lane_outlines(features: MapFeatures, rows: IntP) -> Ragged:
@@ -43,7 +43,7 @@ def lane_outlines(features: MapFeatures, rows: IntP) -> Ragged:
 
 
 def _buffered(lanes: Ragged, widths: Ragged) -> Ragged:
-    """Down the right side of each lane and back along the left one, counter-clockwise."""
+    """Outline each lane along its right side and back along its left, counter-clockwise."""
     points = lanes.values[:, :2].astype(np.float64)
     before, after = _directions(points, lanes)
     keep = _is_needed(points, before, after, lanes)
@@ -61,7 +61,7 @@ def _buffered(lanes: Ragged, widths: Ragged) -> Ragged:
 
 
 def _directions(points: Float64, lanes: Ragged) -> tuple[Float64, Float64]:
-    """Unit vectors (P, 2) along the piece before and after each point; at an end, the one piece there is."""
+    """Unit vectors (P, 2) along the segments before and after each point; both are the same at an end."""
     step = np.zeros_like(points)
     step[:-1] = np.diff(points, axis=0)
     step[lanes.offsets[1:] - 1] = 0.0
@@ -75,7 +75,7 @@ def _directions(points: Float64, lanes: Ragged) -> tuple[Float64, Float64]:
 
 
 def _is_needed(points: Float64, before: Float64, after: Float64, lanes: Ragged) -> Bool:
-    """(P,) the first and last points, and one wherever a lane has run another _STEP or turned another _TURN."""
+    """(P,) whether to keep each point: both ends, and one per _STEP of length or _TURN of heading."""
     cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
     dot = before[:, 0] * after[:, 0] + before[:, 1] * after[:, 1]
     turned = np.cumsum(np.abs(np.arctan2(cross, dot)))
@@ -88,7 +88,7 @@ def _is_needed(points: Float64, before: Float64, after: Float64, lanes: Ragged) 
 
 
 def _mitres(before: Float64, after: Float64) -> Float64:
-    """(P, 2) to the left of each point, so long that lines moved along them keep their distance."""
+    """(P, 2) vectors to the left, scaled so that a line offset along them keeps its distance."""
     both = before + after
     cosine = 1.0 + before[:, 0] * after[:, 0] + before[:, 1] * after[:, 1]
     direction = both / np.maximum(cosine, 2.0 / _MAX_MITRE**2)[:, None]

@@ -6,6 +6,7 @@ Frames, units and shapes are those of :mod:`scenarionet_data.scenario.descriptio
 from __future__ import annotations
 
 import re
+import warnings
 from dataclasses import dataclass, fields
 from typing import Any
 from urllib.parse import quote
@@ -142,7 +143,7 @@ class MapFeatures:
 
     Attributes:
         ids: (M,) str, unique.
-        types: (M,) uint8 codes of ``MapFeatureType``.
+        feature_type: (M,) uint8 codes of ``MapFeatureType``.
         polyline: M x (n, 3) float32 [m]: a lane's centreline in driving direction, a line, an edge,
             a stop sign's one point.
         polygon: M x (n, 3) float32 [m]: outline, implicitly closed; empty if the feature has none.
@@ -158,7 +159,7 @@ class MapFeatures:
     """
 
     ids: Object
-    types: UInt8
+    feature_type: UInt8
     polyline: Ragged
     polygon: Ragged
     speed_limit: Float32
@@ -176,13 +177,19 @@ class MapFeatures:
     def __len__(self) -> int:
         return len(self.ids)
 
+    @property
+    def types(self) -> UInt8:
+        """Deprecated name of ``feature_type``."""
+        warnings.warn("MapFeatures.types is now feature_type", DeprecationWarning, stacklevel=2)
+        return self.feature_type
+
     @classmethod
     def empty(cls) -> MapFeatures:
         """A map without features."""
         none = np.zeros(0, dtype=object)
         return cls(
             ids=none,
-            types=np.zeros(0, np.uint8),
+            feature_type=np.zeros(0, np.uint8),
             polyline=Ragged.empty(0, 3),
             polygon=Ragged.empty(0, 3),
             speed_limit=np.zeros(0, np.float32),

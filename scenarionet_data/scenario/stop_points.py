@@ -1,4 +1,4 @@
-"""Where drivers stop for traffic lights."""
+"""Stop points of traffic lights."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from scenarionet_data.scenario.description import Lights
 
 
 def light_places(lights: Lights, lane_ids: Object, lanes: Ragged) -> tuple[Int32, Float32]:
-    """Rows of the lights' lanes and where to stop for them.
+    """Return the rows of the lights' lanes and their stop points.
 
     Args:
         lights: L lights.
@@ -23,7 +23,7 @@ def light_places(lights: Lights, lane_ids: Object, lanes: Ragged) -> tuple[Int32
     """
     row_of = {lane: row for row, lane in enumerate(lane_ids)}
     lane = np.array([row_of.get(name, -1) for name in lights.lane_ids], np.int32)
-    stop = lights.stop_point[:, :2].copy()  # of a single light, ascontiguousarray would give a view
+    stop = lights.stop_point[:, :2].copy()  # ascontiguousarray would return a view for a single light
     assumed = np.isnan(stop).any(axis=1) & (lane >= 0)
     assumed[assumed] = lanes.lengths[lane[assumed]] > 0
     stop[assumed] = lanes.values[lanes.offsets[lane[assumed]], :2]

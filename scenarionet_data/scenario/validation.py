@@ -124,8 +124,8 @@ def validate_map(validator: Validator, features: MapFeatures) -> None:
     count = len(features.ids)
     validator.array(features.ids, "map.ids", (count,), object)
     validator.unique(features.ids, "map.ids")
-    validator.array(features.types, "map.types", (count,), np.uint8)
-    validator.codes(features.types, "map.types", MapFeatureType)
+    validator.array(features.feature_type, "map.feature_type", (count,), np.uint8)
+    validator.codes(features.feature_type, "map.feature_type", MapFeatureType)
     for name, width in (("polyline", 3), ("polygon", 3), ("width", 2)):
         ragged = getattr(features, name)
         _validate_ragged(validator, ragged, f"map.{name}", count)

@@ -1,8 +1,8 @@
-"""The words of the field as integer codes: what an object, a map feature and a traffic light can be.
+"""Enumerations of object types, map feature types, traffic light states and provenance.
 
 Arrays hold the codes (uint8), files and SQL hold the names. Names are MetaDrive's type strings
 (``metadrive/type.py``, release 0.4.3) so that an export needs no translation; the last group of map
-features is ours, for what other datasets record and MetaDrive ignores.
+features is our own, for features of other datasets that MetaDrive ignores.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from scenarionet_data.arrays.dtypes import Bool, Object, UInt8
 
 
 class ObjectType(IntEnum):
-    """What moves or stands in a scenario."""
+    """Types of objects."""
 
     UNSET = 0
     VEHICLE = 1
@@ -32,7 +32,7 @@ class ObjectType(IntEnum):
 
 
 class MapFeatureType(IntEnum):
-    """What a map is made of."""
+    """Types of map features."""
 
     LANE_UNKNOWN = 0
     LANE_SURFACE_STREET = 1
@@ -50,7 +50,7 @@ class MapFeatureType(IntEnum):
     ROAD_LINE_SOLID_DOUBLE_YELLOW = 23
     ROAD_LINE_PASSING_DOUBLE_YELLOW = 24
 
-    UNKNOWN = 32  # MetaDrive's word for a road edge of unknown kind
+    UNKNOWN = 32  # MetaDrive's name for a road edge of unknown kind
     ROAD_EDGE_BOUNDARY = 33
     ROAD_EDGE_MEDIAN = 34
     ROAD_EDGE_SIDEWALK = 35
@@ -66,7 +66,7 @@ class MapFeatureType(IntEnum):
     INTERSECTION = 66
     ROADBLOCK = 67
     CARPARK_AREA = 68
-    TRAFFIC_LIGHT = 69  # where one stands; what it shows is in lights
+    TRAFFIC_LIGHT = 69  # its position; its states are in `Lights`
 
 
 AREAS_TO_DRIVE_ON = (
@@ -77,11 +77,11 @@ AREAS_TO_DRIVE_ON = (
     MapFeatureType.DRIVEWAY,
     MapFeatureType.SPEED_BUMP,
 )
-"""Areas that are road, beside lanes."""
+"""Drivable areas besides lanes."""
 
 
 class LightState(IntEnum):
-    """What a traffic light shows for one lane at one timestep; ``ABSENT`` = not reported then."""
+    """State of a traffic light for one lane at one timestep; ``ABSENT`` = not reported."""
 
     ABSENT = 0
     LANE_STATE_UNKNOWN = 1
@@ -100,7 +100,7 @@ class LightState(IntEnum):
 
 
 class LightColor(IntEnum):
-    """The coarse group of a light state: what a driver has to know."""
+    """Coarse group of a light state."""
 
     UNKNOWN = 0
     GREEN = 1
@@ -109,7 +109,7 @@ class LightColor(IntEnum):
 
 
 class Provenance(IntEnum):
-    """Where a light's states come from."""
+    """Origin of a light's states."""
 
     OBSERVED = 0
     INFERRED = 1

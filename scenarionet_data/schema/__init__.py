@@ -1,1 +1,1 @@
-"""The schemas of every table, read from ``schemas/*.toml``."""
+"""Table schemas, read from ``schemas/*.toml``."""

@@ -33,6 +33,8 @@ def section(table: Table) -> str:
 def _row(column: Column) -> str:
     kind = column.type.replace("dictionary", "string") + (" or null" if column.nullable else "")
     meaning = column.doc.replace("|", "\\|").replace("<", "&lt;")
+    if column.since > 1:
+        meaning += f" Since version {column.since}; null in older files."
     if column.sql:
         meaning += f" Computed in the view: `{column.sql}`."
     return f"| `{column.name}` | {kind} | {column.unit} | {meaning} |"

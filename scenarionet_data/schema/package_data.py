@@ -1,4 +1,4 @@
-"""Finds the contract and the SQL, which stand beside the packages in a checkout and inside them in a wheel."""
+"""Locate the folders ``schemas`` and ``sql``: beside the packages in a checkout, inside them in a wheel."""
 
 from __future__ import annotations
 

@@ -1,14 +1,17 @@
-"""The contract in ``schemas/*.toml`` as objects: Arrow schemas, Parquet writer options, SQL, documentation.
+"""Table schemas declared in ``schemas/*.toml``: Arrow schemas, Parquet writer options, versions, documentation.
 
-A column is declared once, in TOML, with its type, nullability, unit and meaning; everything here derives from it.
+A column is declared once, in TOML, with its type, nullability, unit and meaning; everything else derives from it.
+
+To add a nullable column, raise the table's ``version`` and declare the column with ``since`` set to that version: files
+of older versions are still read, with nulls. For any other change set the table's ``oldest`` to the new version, too.
 """
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -49,9 +52,11 @@ DESCRIPTION_COLUMNS = (
     "map_crop",
     "extras",
 )
-"""Columns of the metadata table that a scenario is read back from, beside the rows of the other tables."""
+"""Columns of the metadata table that decoding a scenario needs, besides the rows of the other tables."""
 
 _BULKY = 4096  # bytes
+
+_REMEDY = "convert the recordings again with replace=True, or use the version of this software that wrote the lake"
 
 _SCALARS = {
     "bool": pa.bool_(),
@@ -69,16 +74,17 @@ _SCALARS = {
 
 @dataclass(frozen=True)
 class Column:
-    """One column of the contract.
+    """A column of a table.
 
     Attributes:
         name: Its name.
-        type: Its type as the TOML spells it: a scalar, or ``list<scalar>``.
-        doc: What it means.
-        unit: SI unit, empty for what has none.
+        type: Type as spelled in TOML: a scalar, or ``list<scalar>``.
+        doc: Meaning.
+        unit: SI unit, or an empty string.
         nullable: Whether null is allowed.
-        statistics: Whether files carry minimum and maximum, so that readers can skip row groups.
+        statistics: Whether files store minimum and maximum, so that readers can skip row groups.
         sql: Expression that computes it from the other columns; such a column is in the view, not in the files.
+        since: Version of the table that added it.
     """
 
     name: str
@@ -88,39 +94,41 @@ class Column:
     nullable: bool = False
     statistics: bool = False
     sql: str | None = None
+    since: int = 1
 
-    @property
+    @cached_property
     def is_list(self) -> bool:
         """Whether each row holds a list."""
         return self.type.startswith("list<")
 
-    @property
+    @cached_property
     def element(self) -> str:
-        """The scalar type: the list's element, or the type itself."""
+        """Scalar type: of the list's elements, or the type itself."""
         return self.type.removeprefix("list<").removesuffix(">")
 
-    @property
+    @cached_property
     def arrow_type(self) -> pa.DataType:
-        """Its Arrow type."""
+        """Arrow type."""
         scalar = _SCALARS[self.element]
         return pa.list_(pa.field("element", scalar, nullable=False)) if self.is_list else scalar
 
-    @property
+    @cached_property
     def path(self) -> str:
-        """Its leaf in a Parquet file."""
+        """Path of the leaf column in a Parquet file."""
         return f"{self.name}.list.element" if self.is_list else self.name
 
 
 @dataclass(frozen=True)
 class Table:
-    """One table of the contract.
+    """A table.
 
     Attributes:
-        name: metadata, tracks, lights or maps.
-        version: Raised when a column changes; files say under which version they were written.
-        doc: What a row is.
+        name: One of TABLES.
+        version: Raised when a column changes; files state the version under which they were written.
+        doc: Meaning of a row.
         columns: Columns of the files, in order.
         derived: Columns that the view computes.
+        oldest: Oldest version whose files can be read.
     """
 
     name: str
@@ -128,113 +136,127 @@ class Table:
     doc: str
     columns: tuple[Column, ...]
     derived: tuple[Column, ...]
+    oldest: int = 1
 
-    @property
+    @cached_property
     def schema(self) -> pa.Schema:
-        """Arrow schema, as files carry it."""
-        return _schema(self)
+        """Arrow schema of the files, without the columns' descriptions (10 kB in files of 30 kB)."""
+        return pa.schema(
+            [pa.field(column.name, column.arrow_type, nullable=column.nullable) for column in self.columns]
+        )
+
+    @cached_property
+    def added(self) -> tuple[Column, ...]:
+        """Columns that files of the oldest readable version lack."""
+        return tuple(column for column in self.columns if column.since > self.oldest)
 
     def column(self, name: str) -> Column:
-        """The column of that name, stored or derived."""
+        """Find a column, stored or derived."""
         return next(column for column in (*self.columns, *self.derived) if column.name == name)
 
     def writer_options(self, sample: pa.Table | pa.RecordBatch | None = None) -> dict[str, Any]:
         """Options of ``pyarrow.parquet.ParquetWriter`` (measured: see docs/explanation/architecture.md).
 
         Args:
-            sample: The first rows of the file, which tell where the bytes are; everywhere when there are none.
+            sample: The first rows of the file, which show the columns with most bytes; all list columns without it.
         """
         numbers = [column for column in self.columns if column.is_list and _is_number(column.element)]
         packed = numbers + [column for column in self.columns if column.element == "json"]
-        # Setting up zstd costs 30 us a column to write and to read: it is spent where the bytes are.
+        # Setting up zstd costs 30 us per column: use it for columns with many bytes only.
         bulky = [c.path for c in packed if sample is None or sample.column(c.name).nbytes >= _BULKY]
         return {
             "compression": {c.path: "zstd" if c.path in bulky else "lz4" for c in self.columns},
             "compression_level": dict.fromkeys(bulky, 2) or None,
-            # Ids are all different: a dictionary of them costs time and saves nothing.
+            # Ids are unique: a dictionary would save nothing.
             "use_dictionary": [c.path for c in self.columns if c.element == "dictionary"],
-            # Of integers only some readers understand split bytes.
+            # Not all readers support BYTE_STREAM_SPLIT for integers.
             "column_encoding": {
                 c.path: "BYTE_STREAM_SPLIT" if c.element.startswith("float") else "PLAIN" for c in numbers
             },
             "write_statistics": [column.path for column in self.columns if column.statistics],
             "version": "2.6",
-            # One page to a column of a row group: the loader's own loops read it, and queries are as fast.
+            # One page per column chunk: the kernels of the loader require it, and queries are as fast.
             "data_page_size": 2**26,
-            # Arrow's own copy of the schema is half of a small file's footer, and Parquet's says the same.
+            # Arrow's copy of the schema is half of a small file's footer and redundant.
             "store_schema": False,
         }
 
     def writer(
         self, path: Path, footer: Mapping[str, str], sample: pa.Table | pa.RecordBatch | None = None
     ) -> pq.ParquetWriter:
-        """A writer of this table's files.
+        """Open a file of this table for writing.
 
         Args:
-            path: Where to write.
-            footer: Further words for the file's footer.
+            path: The file.
+            footer: Further entries for the file's footer.
             sample: The first rows that will be written, see :meth:`writer_options`.
         """
         writer = pq.ParquetWriter(path, self.schema, **self.writer_options(sample))
         writer.add_key_value_metadata({"scenarionet.schema": self.tag, **footer})
         return writer
 
-    def check_version(self, footer: dict[bytes, bytes] | None, path: str) -> None:
-        """Refuse a file of another version of this table.
+    def reads(self, tag: str) -> bool:
+        """Whether files of a version (``tracks/1``) can be read."""
+        name, _, version = tag.partition("/")
+        return name == self.name and version.isdecimal() and self.oldest <= int(version) <= self.version
+
+    def check_version(self, footer: Mapping[bytes, bytes] | None, path: str) -> None:
+        """Raise unless a file was written under a readable version of this table.
 
         Raises:
-            SchemaMismatch: Naming the file, what was found and what to do.
+            SchemaMismatch: The message names the file, both versions and the remedy.
         """
         found = (footer or {}).get(b"scenarionet.schema", b"none").decode()
-        if found != self.tag:
-            raise SchemaMismatch(
-                f"{path}: written under schema {found}, this version reads {self.tag}; "
-                "convert the recordings again with --replace, or use the version that wrote the lake"
-            )
+        if not self.reads(found):
+            raise SchemaMismatch(f"{path}: written under schema {found}, this version reads {self.tag}; {_REMEDY}")
 
-    def conform(self, rows: pa.Table) -> pa.Table:
-        """Rows cast to this table's schema; nullable columns they lack are filled with null.
+    def conform(self, rows: pa.Table, names: Sequence[str] | None = None) -> pa.Table:
+        """Cast rows to this table's schema; nullable columns that they lack become null.
+
+        Args:
+            rows: Rows of a file of any readable version.
+            names: Columns of the result; all of the table by default.
 
         Raises:
             SchemaMismatch: A required column is missing.
         """
-        schema = self.schema
-        columns = []
+        schema = self.schema if names is None else pa.schema([self.schema.field(name) for name in names])
+        present, columns = set(rows.column_names), []
         for field in schema:
-            if field.name in rows.column_names:
+            if field.name in present:
                 columns.append(rows[field.name].cast(field.type))
             elif field.nullable:
                 columns.append(pa.chunked_array([pa.nulls(rows.num_rows, field.type)]))
             else:
-                raise SchemaMismatch(f"the table {self.name} lacks the required column {field.name}")
+                raise SchemaMismatch(f"rows of the table {self.name} lack the required column {field.name}; {_REMEDY}")
         return pa.Table.from_arrays(columns, schema=schema)
 
-    @property
+    @cached_property
     def tag(self) -> str:
-        """Name and version, as files carry it."""
+        """Name and version as stored in files."""
         return f"{self.name}/{self.version}"
 
 
 @cache
 def load(name: str) -> Table:
-    """The table of that name, read from ``schemas/<name>.toml``."""
+    """Read the declaration of a table from ``schemas/<name>.toml``."""
     declared = tomllib.loads((SCHEMAS / f"{name}.toml").read_text("utf-8"))
     columns = tuple(Column(name=key, **fields) for key, fields in declared["columns"].items())
     derived = tuple(Column(name=key, **fields) for key, fields in declared.get("derived", {}).items())
-    return Table(declared["table"], declared["version"], declared["doc"], columns, derived)
+    return Table(declared["table"], declared["version"], declared["doc"], columns, derived, declared.get("oldest", 1))
 
 
 @cache
 def content_tag() -> str:
-    """Versions of every table that a shard's files belong to, as its record carries them."""
+    """Versions of all tables that a shard's files belong to, as stored in its record."""
     return " ".join(load(name).tag for name in sorted(CONTENT))
 
 
-@cache
-def _schema(table: Table) -> pa.Schema:
-    # Without the columns' words: every file would carry them, 10 kB in one of 30.
-    fields = [pa.field(column.name, column.arrow_type, nullable=column.nullable) for column in table.columns]
-    return pa.schema(fields)
+def reads_content(tag: str) -> bool:
+    """Whether files of a shard with these versions (see :func:`content_tag`) can be read."""
+    return tag == content_tag() or all(
+        part.partition("/")[0] in CONTENT and load(part.partition("/")[0]).reads(part) for part in tag.split()
+    )
 
 
 def _is_number(element: str) -> bool:

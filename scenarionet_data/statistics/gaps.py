@@ -1,4 +1,4 @@
-"""The ego's nearest neighbour, compiled: of thousands of pairs of boxes, a few are near enough to be looked at."""
+"""Smallest gap between the ego and other objects, compiled; circles exclude most pairs of boxes."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def nearest_box(boxes: Array, valid: Array, ego: int) -> float:
 
 @device_function
 def _length(x: float, y: float) -> float:
-    """As ``hypot``, in a third of the time: this is asked of every pair of boxes, and metres do not overflow."""
+    """As ``hypot`` in a third of the time, without its protection against overflow."""
     return sqrt(x * x + y * y)
 
 

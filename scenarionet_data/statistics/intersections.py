@@ -1,4 +1,4 @@
-"""Whether lanes cross: the sign of an intersection in maps that do not mark them. Compiled, as lanes are many."""
+"""Detection of intersections in maps that do not mark them: lanes that cross near the ego's path."""
 
 from __future__ import annotations
 
@@ -34,10 +34,12 @@ def lanes_cross_near(features: MapFeatures, path: Array, distance: float, angle:
 
 
 def _lanes_near(features: MapFeatures, path: Array, distance: float) -> Array:
-    """Rows of lanes whose bounding box meets the path's, widened by ``distance``."""
+    """Rows of lanes whose bounding box overlaps that of the path, widened by ``distance``."""
     lower, upper = features.polyline.bounds()
     meets = (lower[:, :2] <= path.max(axis=0) + distance) & (upper[:, :2] >= path.min(axis=0) - distance)
-    return np.flatnonzero(meets.all(axis=1) & vocabulary.is_lane(features.types) & (features.polyline.lengths > 1))
+    return np.flatnonzero(
+        meets.all(axis=1) & vocabulary.is_lane(features.feature_type) & (features.polyline.lengths > 1)
+    )
 
 
 @kernel
@@ -52,7 +54,7 @@ def _any_crossing(
     distance: float,
     least_sine: float,
 ) -> bool:
-    """Goes through all segments of all pairs of lanes whose boxes meet, up to the first crossing that counts.
+    """Test all pairs of segments of lanes whose boxes overlap, up to the first crossing that counts.
 
     Args:
         points: (P, 2) of all lanes; lane ``k`` has those from ``first[k]`` to ``first[k + 1]``.

@@ -1,7 +1,7 @@
-"""The statistics of a scenario that filters use; each is a column of ``schemas/metadata.toml``, defined there.
+"""Statistics of a scenario for filters; each is a column of ``schemas/metadata.toml``.
 
-``summarise`` gives all of them. A stored statistic is a function here and its entry in the schema; one that
-follows from other columns is an entry in the schema alone (``[derived.<name>]`` with ``sql = ...``).
+``summarise`` returns all of them. A stored statistic is a function here and its entry in the schema; a derived
+one is an entry in the schema alone (``[derived.<name>]`` with ``sql = ...``).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from scenarionet_data.statistics.intersections import lanes_cross_near
 
 
 def summarise(scenario: ScenarioDescription) -> dict[str, Any]:
-    """Every statistic of a valid scenario, by column name, as builtins (None for null)."""
+    """Return every statistic of a valid scenario by column name, as builtins (None for null)."""
     path = ego_path(scenario)
     distance, curvature = path_distance(path), path_curvature(path)
     return {
@@ -74,7 +74,7 @@ def travelled(tracks: Tracks) -> Array:
 
 @kernel
 def _add_steps(position: Array, valid: Array, distance: Array) -> None:
-    """Adds up the steps of each row.
+    """Sum the steps of each row.
 
     Args:
         position: (N, T, 3) float32 [m].
@@ -121,7 +121,7 @@ def map_counts(features: MapFeatures | None) -> dict[str, int]:
     """Number of map features, and of lanes among them."""
     if features is None:
         return {"num_map_features": 0, "num_lanes": 0}
-    return {"num_map_features": len(features), "num_lanes": int(vocabulary.is_lane(features.types).sum())}
+    return {"num_map_features": len(features), "num_lanes": int(vocabulary.is_lane(features.feature_type).sum())}
 
 
 def map_height_diff(scenario: ScenarioDescription) -> float | None:
@@ -129,7 +129,7 @@ def map_height_diff(scenario: ScenarioDescription) -> float | None:
     features = scenario.map
     if features is None or not scenario.has_z:
         return None
-    per_point = np.repeat(features.types, features.polyline.lengths)
+    per_point = np.repeat(features.feature_type, features.polyline.lengths)
     chosen = vocabulary.is_road_line(per_point) | vocabulary.is_road_edge(per_point)
     if not chosen.any():
         chosen = vocabulary.is_lane(per_point)
@@ -138,7 +138,7 @@ def map_height_diff(scenario: ScenarioDescription) -> float | None:
 
 
 def has_intersection(scenario: ScenarioDescription, path: Array) -> bool:
-    """The source's word for it or traffic lights; without either, lanes that cross near the ego's path."""
+    """Whether there are traffic lights or marked intersections; if unmarked, lanes that cross near the ego's path."""
     features = scenario.map
     if len(scenario.lights):
         return True

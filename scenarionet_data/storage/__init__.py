@@ -1,1 +1,1 @@
-"""How scenarios become files and snapshots: written under temporary names, published whole, committed at once."""
+"""Files and snapshots of a lake: written under temporary names, published whole, committed atomically."""

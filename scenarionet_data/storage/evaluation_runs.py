@@ -1,8 +1,8 @@
-"""Runs: what simulations leave in a lake, apart from snapshots, in ``results/<run>/<table>/<part>.parquet``.
+"""Evaluation runs: results of simulations in ``results/<run>/<table>/<part>.parquet``, outside snapshots.
 
-A run is claimed by its description, ``run.json``, which never changes; only the same work may go on with it. Its work
-comes in parts. The file of a part in the run's last table is published last: its presence says that the part is
-done, so that a run that was killed goes on with what is missing.
+A run is claimed by an immutable description, ``run.json``; only a run with the same description can continue it. A run
+consists of parts. The file of a part in the last table is published last and marks the part as done, so that an
+interrupted run continues with the missing parts.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]*")
 
 
 @dataclass(frozen=True)
-class Run:
-    """A run that this process works for.
+class EvaluationRun:
+    """A run that this process contributes to.
 
     Attributes:
         files: The lake.
-        name: Of the run.
-        tables: What each part is written to, the table that says that it is done last.
+        name: Name of the run.
+        tables: Tables of each part; a file in the last one marks the part as done.
     """
 
     files: LakeFiles
@@ -58,20 +58,21 @@ class Run:
         return f"{_FOLDER}/{self.name}/{table}"
 
 
-def claim(files: LakeFiles, name: str, run_tables: tuple[str, ...], description: Mapping[str, Any]) -> Run:
-    """Begin a run, or go on with it.
+def claim(files: LakeFiles, name: str, run_tables: tuple[str, ...], description: Mapping[str, Any]) -> EvaluationRun:
+    """Start a run, or continue it.
 
     Args:
         files: The lake.
-        name: Of the run.
-        run_tables: Which of RUN_TABLES it fills, see :class:`Run`.
-        description: All that its results depend on, JSON-able.
+        name: Name of the run.
+        run_tables: The tables of RUN_TABLES that it fills, see :class:`EvaluationRun`.
+        description: Everything that the results depend on, JSON-serialisable.
 
     Raises:
-        BadParameter: The name is no plain word, or is taken by a run of another description.
+        BadParameter: The name has other characters than letters, digits, ".", "_" and "-", or belongs to a run with
+            another description.
     """
     if not _NAME.fullmatch(name):
-        raise BadParameter(f"{name!r} is no name of a run; use letters, digits, '.', '_' and '-'")
+        raise BadParameter(f"{name!r} is not a valid name of a run; use letters, digits, '.', '_' and '-'")
     wanted = dict(description) | {"tables": [tables.load(table).tag for table in run_tables]}
     data = json.dumps(wanted, indent=1, sort_keys=True).encode()
     if not files.publish_new(f"{_FOLDER}/{name}/run.json", data):
@@ -80,9 +81,9 @@ def claim(files: LakeFiles, name: str, run_tables: tuple[str, ...], description:
         if differing:
             key = differing[0]
             raise BadParameter(
-                f"a run {name!r} is there with {key} {found.get(key)!r}, not {wanted.get(key)!r}; choose another name"
+                f"a run {name!r} exists with {key} {found.get(key)!r}, not {wanted.get(key)!r}; choose another name"
             )
-    return Run(files, name, run_tables)
+    return EvaluationRun(files, name, run_tables)
 
 
 def names(files: LakeFiles) -> list[str]:
@@ -91,25 +92,25 @@ def names(files: LakeFiles) -> list[str]:
 
 
 def describe(files: LakeFiles, name: str) -> dict[str, Any]:
-    """What a run was claimed with."""
+    """Description of a run."""
     description: dict[str, Any] = json.loads(files.path(f"{_FOLDER}/{name}/run.json").read_bytes())
     return description
 
 
 def part_files(files: LakeFiles, table: str) -> list[str]:
-    """Files of one of RUN_TABLES, of every run, relative to the lake.
+    """Files of one of RUN_TABLES in all runs, relative to the lake.
 
     Raises:
-        SchemaMismatch: A run was written under another version of the contract.
+        SchemaMismatch: A run was written under a schema version that cannot be read.
     """
     found = []
     for name in names(files):
         parts = files.names(f"{_FOLDER}/{name}/{table}", ".parquet")
-        tag = tables.load(table).tag
-        if parts and tag not in describe(files, name)["tables"]:
+        declared = tables.load(table)
+        if parts and not any(map(declared.reads, describe(files, name)["tables"])):
             raise SchemaMismatch(
                 f"{files.root}/{_FOLDER}/{name}: written under another version of the table {table}, this version "
-                f"reads {tag}; remove that folder and simulate again"
+                f"reads {declared.tag}; remove that folder and simulate again"
             )
         found += parts
     return found

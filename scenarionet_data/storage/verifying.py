@@ -140,7 +140,9 @@ class Verifier:
             snapshot: Which version of the lake.
             shards: Its shards.
         """
-        rows = pa.concat_tables(self._files.read_all(snapshot.metadata, _columns()) or [_no_rows()])
+        names, table = _columns(), tables.load("metadata")
+        parts = [table.conform(part, names) for part in self._files.read_all(snapshot.metadata, names)]
+        rows = pa.concat_tables([table.schema.empty_table().select(names), *parts])
         # Nobody has the rows of a shared map as an address.
         shared = set(listed(shards.filter(pc.equal(shards["split"], ""))))
         yield from self._wrong_addresses(rows, set(listed(shards)), shared)
@@ -237,10 +239,6 @@ def _row_groups(files: LakeFiles, name: str) -> Int64:
 def _columns() -> list[str]:
     parts = ("file", "row_group", "first_row", "num_rows")
     return ["scenario_id", *_PARTITION, "map_id", "map_crop", *(f"{t}_{part}" for t in _ADDRESSED for part in parts)]
-
-
-def _no_rows() -> pa.Table:
-    return tables.load("metadata").schema.empty_table().select(_columns())
 
 
 def _missing_maps(rows: pa.Table, shards: pa.Table) -> Iterator[Damage]:

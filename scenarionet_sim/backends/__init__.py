@@ -1,1 +1,1 @@
-"""Backends: how driven vehicles move. One protocol, one behaviour suite; each backend is one file."""
+"""Backends: vehicle dynamics of the agents, one file each."""

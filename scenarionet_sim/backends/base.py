@@ -1,8 +1,8 @@
-"""What a backend is: it moves the vehicles that are driven, and only those, by one control step.
+"""Protocol of backends: vehicle dynamics that move the agents, and only those, by one control step.
 
-A backend is a frozen specification that pickles; what lives (a physics engine's client, scratch memory) is its
-session. The state of the simulation is the one truth: a session reads poses and velocities of the agents from it
-and writes them back. Everything else in the state has been moved by policies before, and is what agents run into.
+A backend is a frozen, picklable specification; live resources (a physics client, scratch memory) belong to its
+session. A session reads poses and velocities of the agents from the state of the simulation and writes them back.
+All other objects have already been moved by their policies and are obstacles.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ CONTROL_STEP = 0.1
 """Seconds from one action to the next."""
 
 SUBSTEPS = 5
-"""Physics steps in a control step: 0.02 s each, as in MetaDrive."""
+"""Physics steps per control step: 0.02 s each, as in MetaDrive."""
 
 
 @dataclass(frozen=True)
 class Drive:
-    """What a driven vehicle is capable of; the same for every backend.
+    """Capabilities of a driven vehicle, the same for every backend.
 
     Attributes:
         max_steer: Angle of the front wheels at steering 1 [rad].
-        acceleration: At full throttle [m/s²].
-        braking: At full brake [m/s²].
-        max_speed: The engine adds nothing beyond it [m/s].
-        wheelbase: Between the axles, as a share of the vehicle's length; the axles are as far from its centre.
+        acceleration: Acceleration at full throttle [m/s²].
+        braking: Deceleration at full brake [m/s²].
+        max_speed: Speed above which the engine does not accelerate [m/s].
+        wheelbase: Distance between the axles, as a share of the length; both axles at equal distance from the centre.
     """
 
     max_steer: float = math.radians(40.0)
@@ -49,14 +49,14 @@ class Drive:
 
 
 class Session(Protocol):
-    """The live part of a backend, over the W worlds of a batch."""
+    """Live part of a backend, for the W worlds of a batch."""
 
     def reset(self, world: int, state: State) -> None:
-        """Forget a world's past: it begins a new episode, perhaps of another scenario.
+        """Begin a new episode in a slot, possibly of another scenario.
 
         Args:
-            world: Its slot.
-            state: As it is at the beginning of the episode.
+            world: The slot.
+            state: State at the beginning of the episode.
         """
         ...
 
@@ -64,7 +64,7 @@ class Session(Protocol):
         """Move the agents by one control step, in place.
 
         Args:
-            state: The agents' rows as they are now; every other row already at its pose after the step.
+            state: Rows of agents hold their current state, all other rows their state after the step.
             agents: (A, 2) int32 world and row of each agent.
             actions: (A, 2) float64 steering (positive to the left) and throttle (negative: brake, never
                 reverse), as :func:`checked_actions` returns them.
@@ -73,28 +73,28 @@ class Session(Protocol):
         ...
 
     def close(self) -> None:
-        """Give back what the session holds; closing twice does nothing."""
+        """Release resources; idempotent."""
         ...
 
 
 @runtime_checkable
 class Backend(Protocol):
-    """A way to move driven vehicles: hashable, picklable, compared by value."""
+    """Vehicle dynamics: hashable, picklable, compared by value."""
 
     def open(self, batch: WorldBatch) -> Session:
-        """A session over the worlds of a batch.
+        """Open a session for the worlds of a batch.
 
         Raises:
-            MissingDependency: A package that only this backend needs is not installed.
+            MissingDependency: A package that the backend needs is not installed.
         """
         ...
 
 
 def checked_actions(actions: npt.ArrayLike) -> Float64:
-    """Actions within [-1, 1], as an array (A, 2) of float64; what lies outside is clipped.
+    """Return actions as (A, 2) float64, clipped to [-1, 1].
 
     Raises:
-        BadParameter: One is not a number.
+        BadParameter: An action is NaN.
     """
     clipped: Float64 = np.minimum(np.maximum(np.asarray(actions, np.float64).reshape(-1, 2), -1.0), 1.0)
     if math.isnan(clipped.sum()):

@@ -1,9 +1,8 @@
-"""The Bullet backend: driven vehicles are rigid bodies, pushed by their tyres and by what they run into.
+"""Bullet backend: driven vehicles are rigid bodies with tyre forces and collisions.
 
-Motion is in the plane, as in the recordings. Objects that are not driven enter as bodies of their own mass, as
-soon as they come within reach of a driven vehicle, and move to their next pose within the step whatever they hit:
-the recording, or their policy, has the last word. pybullet is imported when a session opens; without it,
-everything else works.
+Motion is planar, as in the recordings. Other objects become bodies of their own mass when they come within reach of a
+driven vehicle; they reach the pose given by their policy at the end of the step, whatever they hit. pybullet is
+imported when a session opens.
 """
 
 from __future__ import annotations
@@ -35,13 +34,13 @@ class Bullet:
     """Rigid-body physics by pybullet.
 
     Attributes:
-        drive: What vehicles are capable of.
-        tyre_friction: Tyres push with at most this share of the load on them.
-        body_friction: Between bodies that touch.
-        restitution: Of a collision; 0 is a crash without rebound.
-        substeps: Physics steps in a control step.
-        iterations: Of the contact solver in each of them.
-        max_asleep: Bodies out of reach that a world keeps for their return.
+        drive: Capabilities of the vehicles.
+        tyre_friction: Largest tyre force as a share of the load.
+        body_friction: Friction coefficient between bodies.
+        restitution: Coefficient of restitution; 0 is a collision without rebound.
+        substeps: Physics steps per control step.
+        iterations: Contact solver iterations per physics step.
+        max_asleep: Bodies out of reach that a world keeps.
     """
 
     drive: Drive = field(default_factory=Drive)
@@ -53,7 +52,7 @@ class Bullet:
     max_asleep: int = 32
 
     def open(self, batch: WorldBatch) -> BulletSession:
-        """A session with a physics client of its own: about 30 MB, and 20 ms.
+        """Open a session with its own physics client (about 30 MB, 20 ms).
 
         Raises:
             MissingDependency: pybullet is not installed.
@@ -65,12 +64,12 @@ class BulletSession:
     """One pybullet client with the bodies of W worlds.
 
     Args:
-        spec: The backend.
-        num_worlds: W.
+        spec: Parameters of the backend.
+        num_worlds: Number of worlds.
 
     Raises:
         MissingDependency: pybullet is not installed.
-        BadParameter: More sessions are open than pybullet has clients.
+        BadParameter: All 1,024 clients of pybullet are in use.
     """
 
     def __init__(self, spec: Bullet, num_worlds: int) -> None:
@@ -80,62 +79,61 @@ class BulletSession:
         self._step = 0.0
         self._client: int = bullet.connect(bullet.DIRECT)
         if self._client < 0:
-            raise BadParameter("pybullet has 1,024 clients in a process, and all are taken: close environments")
+            raise BadParameter("all 1,024 pybullet clients of this process are in use; close environments")
         self._close = weakref.finalize(self, bullet.disconnect, self._client)
         bullet.setPhysicsEngineParameter(
             numSolverIterations=spec.iterations,
-            solverResidualThreshold=0.0,  # else the contacts of all worlds would decide when each is solved
+            solverResidualThreshold=0.0,  # otherwise convergence would depend on the contacts of all worlds
             deterministicOverlappingPairs=1,
             physicsClientId=self._client,
         )
-        kept = (spec.body_friction, spec.restitution, spec.max_asleep)
-        self._storeys = [WorldBodies(bullet, self._client, level, *kept) for level in range(num_worlds)]
+        options = spec.body_friction, spec.restitution, spec.max_asleep
+        self._worlds = [WorldBodies(bullet, self._client, level, *options) for level in range(num_worlds)]
 
     def close(self) -> None:
-        """Release the client; closing twice does nothing."""
+        """Release the client; idempotent."""
         self._close()
 
     def reset(self, world: int, state: State) -> None:  # noqa: ARG002
-        """Remove a world's bodies; the next step makes those it needs."""
-        self._storeys[world].clear()
+        """Remove the bodies of a world; the next step creates those it needs."""
+        self._worlds[world].clear()
 
     def drive(self, state: State, agents: Int32, actions: Float64, dt: float) -> None:
         """Move the agents by one control step, see :class:`~scenarionet_sim.backends.base.Session`."""
         if not len(agents):
             return
-        pose = state.position, state.heading, state.velocity, state.yaw_rate
         slack = self._spec.drive.acceleration * dt
-        rows = find_bodies(state.position, state.velocity, state.size, state.present, agents, slack, dt)
-        motion = read_motion(*pose, rows, len(agents), dt)
+        rows = find_bodies(state.motion, state.size, state.present, agents, slack, dt)
+        motion = read_motion(state.motion, rows, len(agents), dt)
         bodies, driven = self._place(rows, len(agents), state.size, motion), motion[: len(agents)]
         size = state.size[agents[:, 0], agents[:, 1]]
         self._simulate(bodies[: len(agents)], driven, size, actions, dt / self._spec.substeps)
-        write_motion(*pose, agents, driven)
+        write_motion(state.motion, agents, driven)
 
     # --- one step -------------------------------------------------------------------------------------
 
     def _place(self, rows: Int32, num_agents: int, size: Float64, motion: Float64) -> list[int]:
-        """Bodies of some objects, the agents first, in their places and with their velocities."""
-        keys: list[list[Key]] = [[] for _ in self._storeys]
+        """Return the bodies of objects, agents first, set to their poses and velocities."""
+        keys: list[list[Key]] = [[] for _ in self._worlds]
         for number, (world, row) in enumerate(rows.tolist()):
             keys[world].append((row, number < num_agents))
         gathered = [
-            iter(storey.gather(wanted, size[world]))
-            for world, (storey, wanted) in enumerate(zip(self._storeys, keys, strict=True))
+            iter(bodies.gather(wanted, size[world]))
+            for world, (bodies, wanted) in enumerate(zip(self._worlds, keys, strict=True))
         ]
-        bodies = []
+        placed = []
         for world, (x, y, heading, *velocity, turn) in zip(rows[:, 0].tolist(), motion.tolist(), strict=True):
             body = next(gathered[world])
-            place, half = (x, y, self._storeys[world].height), 0.5 * heading
+            place, half = (x, y, self._worlds[world].height), 0.5 * heading
             self._bullet.resetBasePositionAndOrientation(
                 body, place, (0.0, 0.0, math.sin(half), math.cos(half)), self._client
             )
             self._bullet.resetBaseVelocity(body, (*velocity, 0.0), (0.0, 0.0, turn), self._client)
-            bodies.append(body)
-        return bodies
+            placed.append(body)
+        return placed
 
     def _simulate(self, bodies: list[int], motion: Float64, size: Float64, actions: Float64, step: float) -> None:
-        """The physics steps, with the wheels at work in each; changes the agents' motion."""
+        """Run the physics steps with tyre forces; updates the agents' motion."""
         bullet, client, spec = self._bullet, self._client, self._spec
         car, friction = spec.drive, spec.tyre_friction * _GRAVITY
         vehicle = (car.max_steer, car.acceleration, car.braking, friction, car.max_speed, car.wheelbase)
@@ -156,10 +154,10 @@ class BulletSession:
 
 
 def _import_bullet() -> ModuleType:
-    """The module pybullet, without the line it prints when it is loaded.
+    """Import pybullet without the line it prints.
 
     Raises:
-        MissingDependency: It is not installed.
+        MissingDependency: pybullet is not installed.
     """
     quiet, error_output = os.open(os.devnull, os.O_WRONLY), os.dup(2)
     try:
@@ -169,7 +167,7 @@ def _import_bullet() -> ModuleType:
         raise MissingDependency(
             "the Bullet backend needs pybullet",
             "sim",
-            "its wheels are for CPython 3.11; or choose the backend Kinematic, which needs nothing",
+            "its wheels are for CPython 3.11; or use the backend Kinematic, which needs no extra package",
         ) from error
     finally:
         os.dup2(error_output, 2)

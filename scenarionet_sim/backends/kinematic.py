@@ -1,4 +1,4 @@
-"""The quick backend: vehicles as bicycles that go through what they hit; contacts are found all the same."""
+"""Kinematic backend: bicycle model without collision response; contacts are still detected."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class Kinematic:
 
     Attributes:
         drive: What vehicles are capable of.
-        grip: The most sideways acceleration [m/s2]; beyond it a vehicle turns less than it is steered.
-        substeps: Physics steps in a control step.
+        grip: Largest lateral acceleration [m/s²]; beyond it a vehicle understeers.
+        substeps: Physics steps per control step.
     """
 
     drive: Drive = field(default_factory=Drive)
@@ -28,13 +28,13 @@ class Kinematic:
     substeps: int = SUBSTEPS
 
     def open(self, batch: WorldBatch) -> KinematicSession:
-        """A session over the worlds of a batch; it needs nothing of them."""
+        """Open a session; it is independent of the batch."""
         del batch
         return KinematicSession(self)
 
 
 class KinematicSession:
-    """Moves agents; remembers nothing."""
+    """Stateless session."""
 
     def __init__(self, backend: Kinematic) -> None:
         drive = backend.drive
@@ -43,12 +43,11 @@ class KinematicSession:
         self._substeps = backend.substeps
 
     def reset(self, world: int, state: State) -> None:
-        """Nothing to forget."""
+        """Do nothing: the session is stateless."""
 
     def drive(self, state: State, agents: Int32, actions: Float64, dt: float) -> None:
         """Move the agents by one control step, in place; see :class:`scenarionet_sim.backends.base.Session`."""
-        arrays = state.size, state.position, state.heading, state.velocity, state.yaw_rate
-        drive_bicycles(agents, actions, dt, self._substeps, self._limits, *arrays)
+        drive_bicycles(agents, actions, dt, self._substeps, self._limits, state.size, state.motion)
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """Do nothing: the session holds no resources."""

@@ -1,7 +1,7 @@
 """The rigid bodies of one world in a Bullet client that many worlds share.
 
-Worlds lie above each other like storeys, with the same x and y: what happens in one depends neither on its storey
-nor on the others. Bodies turn about the vertical axis only, and are tall, so that they touch at their sides.
+Worlds are stacked vertically at the same x and y, so that they are independent of each other and of their level.
+Bodies rotate about the vertical axis only, and are tall, so that they collide at their sides.
 """
 
 from __future__ import annotations
@@ -14,29 +14,29 @@ from scenarionet_data.arrays.dtypes import Float64
 Key = tuple[int, bool]
 """Row of an object, and whether it is driven."""
 
-_STOREY = 128.0  # [m] from one world to the next
+_LEVEL_HEIGHT = 128.0  # [m] from one world to the next
 _HALF_HEIGHT = 16.0  # [m] of every body
 _DENSITY = 120.0  # [kg/m³]: a car of 1,500 kg, a bus of 12 t, a pedestrian of 75 kg
 _MIN_SIZE = 0.1  # [m]
-_DRIVEN, _MOVED = 1, 2  # collision groups: what policies move collides with driven vehicles alone
+_DRIVEN, _MOVED = 1, 2  # collision groups: objects moved by policies collide only with driven vehicles
 
 
 class WorldBodies:
-    """Bodies of one world: made when first wanted, asleep while they are not.
+    """Bodies of one world: created on first use, asleep while unused.
 
     Args:
         bullet: The module pybullet.
         client: Number of the physics client.
-        level: Which storey.
-        friction: Between bodies that touch.
-        restitution: Of a collision.
-        max_asleep: Bodies kept for their return; to make one takes as long as ten physics steps.
+        level: Vertical position in the stack.
+        friction: Friction coefficient between bodies.
+        restitution: Coefficient of restitution.
+        max_asleep: Sleeping bodies to keep; creating one costs as much as ten physics steps.
     """
 
     def __init__(
         self, bullet: ModuleType, client: int, level: int, friction: float, restitution: float, max_asleep: int
     ) -> None:
-        self.height = level * _STOREY
+        self.height = level * _LEVEL_HEIGHT
         self._bullet = bullet
         self._client = client
         self._friction = friction
@@ -46,10 +46,10 @@ class WorldBodies:
         self._asleep: dict[Key, int] = {}
 
     def gather(self, keys: list[Key], size: Float64) -> list[int]:
-        """Numbers of the bodies of some objects, awake; every other one goes to sleep.
+        """Wake the bodies of some objects, put all others to sleep, and return their numbers.
 
         Args:
-            keys: Which, in the order of the result.
+            keys: The objects, in the order of the result.
             size: (N, 3) of every object of the world [m].
         """
         awake = {key: self._wake(key, size[key[0]]) for key in keys}
@@ -73,9 +73,9 @@ class WorldBodies:
         return body
 
     def _put_to_sleep(self, keys: Iterable[Key]) -> None:
-        """A body asleep costs next to nothing; half a storey up nothing runs into it."""
+        """Move bodies half a level up, where nothing collides with them, and deactivate them."""
         for key in keys:
-            body, place = self._awake[key], (0.0, 0.0, self.height + 0.5 * _STOREY)
+            body, place = self._awake[key], (0.0, 0.0, self.height + 0.5 * _LEVEL_HEIGHT)
             self._bullet.resetBasePositionAndOrientation(body, place, (0.0, 0.0, 0.0, 1.0), self._client)
             self._activate(body, self._bullet.ACTIVATION_STATE_SLEEP)
             self._asleep[key] = body
@@ -97,7 +97,7 @@ class WorldBodies:
             body,
             -1,
             mass=mass,
-            localInertiaDiagonal=(0.0, 0.0, mass * (length**2 + width**2) / 12.0),  # 0: does not turn about it
+            localInertiaDiagonal=(0.0, 0.0, mass * (length**2 + width**2) / 12.0),  # 0: no rotation about that axis
             linearDamping=0.0,
             angularDamping=0.0,
             lateralFriction=self._friction,

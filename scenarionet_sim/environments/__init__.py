@@ -1,1 +1,1 @@
-"""Gymnasium's and PettingZoo's faces of worlds with agents; ``config`` says what each is made of."""
+"""Gymnasium and PettingZoo interfaces of simulated worlds, and their configuration."""

@@ -1,4 +1,4 @@
-"""What every environment has inside: worlds that run in step, whose agents observe, are judged and counted."""
+"""The environment below Gymnasium's interfaces: worlds in lockstep with agents that observe and are scored."""
 
 from __future__ import annotations
 
@@ -12,144 +12,144 @@ from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int32, UInt8
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.environments.config import EnvConfig
 from scenarionet_sim.environments.observation import Observation
+from scenarionet_sim.kernels.overlap import find_contacts
+from scenarionet_sim.kernels.paths import follow_paths
+from scenarionet_sim.kernels.scoring import NUM_TOTALS, NUMBERS, TERMS, Contacts, StepResult, score_step
 from scenarionet_sim.policies import External
-from scenarionet_sim.simulation import Simulation
-from scenarionet_sim.task import episode_stats, task
-from scenarionet_sim.task.evaluated import Agents, Egos
+from scenarionet_sim.simulation import LOOK_AHEAD, LOOK_BACK, Simulation
+from scenarionet_sim.task.task import ARRIVED, DRIVING, OFF_ROUTE, TIMED_OUT, task_parameters
+from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world import World
 
-NUMBERS = (*task.TERMS, "route_completion", "lateral", *episode_stats.COLUMNS)
-"""What ``BatchedEnvironment.numbers`` says about an agent."""
-
-ENDS = {"success": task.ARRIVED, "out_of_road": task.OFF_ROUTE, "timeout": task.TIMED_OUT}
-"""How an episode ended, in the words of the paper's metrics."""
+ENDS = {"success": ARRIVED, "out_of_road": OFF_ROUTE, "timeout": TIMED_OUT}
+"""How an episode ended, in the terms of the paper's metrics."""
 
 
 class BatchedEnvironment:
-    """W worlds with their agents.
+    """W worlds with their agents: objects of ``External``, or without such a policy the ego of every world.
 
     Args:
-        config: What everything is made of.
-        observation: How agents observe.
-        worlds: One for each slot.
+        config: Configuration.
+        observation: Sensors of the agents.
+        worlds: One per slot.
 
     Attributes:
         simulation: The worlds.
-        terms: (A, 4) float64 weighted terms of the reward of the last step, in the order of ``task.TERMS``; zero
-            for an agent that only appeared in it.
+        agents: (A, 2) int32 world and row of each agent, sorted.
+        contacts: (A, N) bool objects that each agent's box overlaps.
+        route: (W, N, 2) float64 location of the agents on their paths, see ``State``.
+        numbers: (A, 14) float64 results of the last step, in the order of ``NUMBERS``.
+        terms: (A, 4) view of ``numbers``: weighted terms of the reward.
         status: (A,) uint8 codes of ``task.Status``.
-        numbers: (A, 14) float64, in the order of ``NUMBERS``.
     """
 
     def __init__(self, config: EnvConfig, observation: Observation, worlds: Sequence[World]) -> None:
-        self._config, self._observation = config, observation
+        self._observation = observation
+        self._task = task_parameters(config.reward, config.termination)
         history = max(getattr(sensor, "history", 0) for sensor in config.sensors)
         self.simulation = Simulation(worlds, config.policies, config.backend, history)
-        self._is_driven = any(isinstance(policy, External) for policy in config.policies)
-        self._watched = Agents(self.simulation) if self._is_driven else Egos(self.simulation)
-        self._tally = episode_stats.Tally.of(len(worlds), self.simulation.batch.max_objects)
-        self.numbers: Float64
-        self._make_room()
+        self._has_actions = any(isinstance(policy, External) for policy in config.policies)
+        self.agents: Int32 = np.zeros((len(worlds), 2), np.int32)
+        self.route: Float64 = np.zeros((len(worlds), 0, 2))
+        self._hits = np.zeros(len(worlds), np.uint32)
+        self._totals = np.zeros((len(worlds), 0, NUM_TOTALS))
+        self._resize()
+        for slot in range(len(worlds)):
+            self._locate(slot)
+        self._allocate()
 
-    @property
-    def agents(self) -> Int32:
-        """(A, 2) world and row of each agent that is judged, in that order."""
-        return self._watched.rows
-
-    @property
-    def terms(self) -> Float64:
-        """(A, 4)."""
-        return self._verdict.terms
-
-    @property
-    def status(self) -> UInt8:
-        """(A,)."""
-        return self._verdict.status
+    def __repr__(self) -> str:
+        return f"BatchedEnvironment({self.simulation!r})"
 
     @property
     def rewards(self) -> Float64:
-        """(A,) the terms' sums."""
+        """(A,) sums of the terms."""
         return np.asarray(self.terms.sum(axis=1))
 
     @property
     def terminated(self) -> Bool:
-        """(A,) whose episode came to an end of its own."""
-        return np.asarray((self.status != task.DRIVING) & (self.status != task.TIMED_OUT))
+        """(A,) agents that arrived or left their route."""
+        return np.asarray((self.status != DRIVING) & (self.status != TIMED_OUT))
 
     @property
     def truncated(self) -> Bool:
-        """(A,) whose time is over."""
-        return np.asarray(self.status == task.TIMED_OUT)
-
-    @property
-    def contacts(self) -> Bool:
-        """(A, N) what each agent's box overlaps."""
-        return self._watched.contacts
+        """(A,) agents whose time is over."""
+        return np.asarray(self.status == TIMED_OUT)
 
     @property
     def arc(self) -> Float64:
-        """(A,) how far along its route each agent is [m]."""
-        arc: Float64 = self._watched.state.arc[self.agents[:, 0], self.agents[:, 1]]
+        """(A,) arc length of each agent on its route [m]."""
+        arc: Float64 = self.route[self.agents[:, 0], self.agents[:, 1], 0]
         return arc
 
     def begin(self, slot: int, world: World, start: int | None = None) -> None:
         """Begin an episode in a slot; see :meth:`Simulation.reset`.
 
         Raises:
-            BadParameter: The ego is not there at the timestep ``start``.
+            BadParameter: The ego is not valid at timestep ``start``.
         """
         if start is not None and not (0 <= start < world.num_steps and world.log_valid[start, world.ego]):
-            (there,) = np.nonzero(world.log_valid[:, world.ego])
+            (valid,) = np.nonzero(world.log_valid[:, world.ego])
             raise BadParameter(
-                f"{world.scenario_id}: its ego is not there at timestep {start}; there are {there[0]} to {there[-1]}"
+                f"{world.scenario_id}: the ego is not valid at timestep {start}; choose {valid[0]} to {valid[-1]}"
             )
         self.simulation.reset(slot, world, start)
-        self._watched.begin(slot)
-        self._tally.begin(slot, self.simulation.batch.max_objects)
+        self._resize()
+        self._totals[slot] = 0.0
+        self._locate(slot)
         if len(self.agents) != len(self.numbers):
-            self._make_room()
-        self._touched = self._watched.contacts.copy()
-        for array in (self.terms, self.status, self.numbers):
-            array[self.agents[:, 0] == slot] = 0
+            self._allocate()
+        self._contacts_before = self.contacts.copy()
+        self.numbers[self.agents[:, 0] == slot] = 0.0
+        self.status[self.agents[:, 0] == slot] = DRIVING
 
     def can_play(self, world: World) -> bool:
-        """Whether a world has the timestep of those that are played."""
+        """Return whether a world has the timestep length of this environment."""
         return abs(world.dt - self.simulation.dt) < 1e-3
 
     def step(self, actions: npt.ArrayLike) -> None:
-        """Advance every world by one timestep and judge the agents.
+        """Advance every world by one timestep and score the agents.
 
         Args:
-            actions: (A, 2) steering and throttle, of no effect where a policy drives.
+            actions: (A, 2) steering and throttle; ignored without an ``External`` policy.
 
         Raises:
-            BadParameter: One is not a number, or there are more or fewer than agents.
+            BadParameter: The number of actions differs from that of agents, or one is NaN.
         """
         acting = self.agents
-        if self._is_driven:
-            self.simulation.step(actions)
-            steering = np.ascontiguousarray(self.simulation.actions[:, 0])
-        else:
-            self.simulation.step()
-            steering = np.zeros(len(acting))
-        self._watched.look()
+        self.simulation.step(actions if self._has_actions else None)
+        self._locate()
+        steering = np.ascontiguousarray(self.simulation.actions[:, 0]) if self._has_actions else np.zeros(len(acting))
         if self.agents is acting:
-            self._judge(steering)
-        else:
-            self._judge_newcomers_too(acting, steering)
+            self._score(steering)
+            return
+        # Agents that appeared in this step are scored too, but earn nothing: they act from the next step on.
+        before, row = self._contacts_before, (self.simulation.batch.max_objects, 1)
+        place = np.searchsorted(self.agents @ row, acting @ row)
+        is_new = np.ones(len(self.agents), np.bool_)
+        is_new[place] = False
+        self._allocate()
+        self._contacts_before[place] = before
+        padded = np.zeros(len(self.agents))
+        padded[place] = steering
+        self._score(padded)
+        self.terms[is_new], self.status[is_new] = 0.0, DRIVING
 
     def retire(self, agents: Array) -> None:
-        """Take agents (by their place in ``agents``) out of their worlds."""
+        """Remove agents (indices into ``agents``) from their worlds."""
         self.simulation.retire(self.agents[agents])
-        self._make_room()
+        self._locate()
+        self._allocate()
 
     def observe(self, rng: np.random.Generator, rows: Array | None = None) -> Any:
-        """What the agents (some of them, by their place in ``agents``) observe, in arrays of their own."""
-        agents = self.agents if rows is None else self.agents[rows]
-        return self._observation.of(self.simulation.batch, self._watched.state, agents, rng)
+        """Return new arrays with the observations of the agents, or of some (indices into ``agents``)."""
+        state, agents = self.simulation.state, self.agents if rows is None else self.agents[rows]
+        if not self._has_actions:  # the policy's own location on the path may differ
+            state = State(state.motion, self.route, *state.moment[2:], history=state.history)
+        return self._observation.of(self.simulation.batch, state, agents, rng)
 
     def infos(self) -> list[dict[str, Any]]:
-        """What there is to know about each agent: ``NUMBERS``, ``ENDS``, and where in which log it is."""
+        """Return ``NUMBERS``, ``ENDS``, timestep and scenario id of each agent."""
         numbers, status = self.numbers.tolist(), self.status.tolist()
         timestep, worlds = self.simulation.state.timestep.tolist(), self.simulation.batch.worlds
         return [
@@ -160,47 +160,48 @@ class BatchedEnvironment:
         ]
 
     def close(self) -> None:
-        """Give back what the backend holds."""
+        """Release the resources of the backend."""
         self.simulation.close()
 
-    def _make_room(self) -> None:
-        """Arrays for as many agents as there are, all zero."""
-        count = len(self.agents)
-        self._touched = self._watched.contacts.copy()
-        self._verdict = task.Verdict.of(count)
-        self._board = np.zeros((count, len(episode_stats.COLUMNS)))
-        self.numbers = np.zeros((count, len(NUMBERS)))
+    def _resize(self) -> None:
+        """Make room for as many objects as the simulation has."""
+        more = self.simulation.batch.max_objects - self._totals.shape[1]
+        if more > 0:
+            self._totals = np.pad(self._totals, ((0, 0), (0, more), (0, 0)))
+            if not self._has_actions:
+                self.route = np.pad(self.route, ((0, 0), (0, more), (0, 0)), constant_values=np.nan)
+                self._route_before = self.route.copy()
+                self.contacts: Bool = np.zeros(self.route.shape[:2], np.bool_)
 
-    def _judge_newcomers_too(self, acting: Int32, steering: Float64) -> None:
-        """Judge more agents than acted; those who act for the first time with the next step have earned nothing."""
-        touched, objects = self._touched, self.simulation.batch.max_objects
-        place = np.searchsorted(self.agents @ (objects, 1), acting @ (objects, 1))
-        self._make_room()
-        self._touched[place] = touched
-        turned = np.zeros(len(self.agents))
-        turned[place] = steering
-        self._judge(turned)
-        is_new = np.ones(len(self.agents), np.bool_)
-        is_new[place] = False
-        self.terms[is_new] = self.numbers[is_new, : len(task.TERMS)] = 0.0
-        self.status[is_new] = task.DRIVING
-
-    def _judge(self, steering: Float64) -> None:
-        batch, state, watched, agents = self.simulation.batch, self._watched.state, self._watched, self.agents
-        task.judge(
-            agents, state.arc, watched.arc_before, state.lateral, state.velocity, batch.path_arc, batch.path_offsets,
-            state.timestep, batch.num_steps, steering, watched.hits, self._config.reward.numbers,
-            self._config.termination.numbers, self.terms, self.status, self._verdict.completion,
-        )  # fmt: skip
-        episode_stats.count(
-            agents, state.position, state.velocity, state.object_type, state.timestep, batch.num_steps, batch.log,
-            watched.contacts, self._touched, self._tally.crashes, self._tally.sums, self._board,
-        )  # fmt: skip
-        self._touched[...] = watched.contacts
-        parts = (
-            self.terms,
-            self._verdict.completion[:, None],
-            state.lateral[agents[:, 0], agents[:, 1], None],
-            self._board,
+    def _locate(self, slot: int | None = None) -> None:
+        """Update locations and contacts of the agents; ``slot`` begins an episode."""
+        simulation = self.simulation
+        if self._has_actions:  # the simulation has done it
+            self.agents, self.contacts, self._hits = simulation.agents, simulation.contacts, simulation.hits
+            self.route, self._route_before = simulation.state.route, simulation.previous.route
+            return
+        batch, state = simulation.batch, simulation.state
+        if slot is not None:
+            self.agents[slot] = slot, batch.ego[slot]
+            self.route[slot] = np.nan
+        self._route_before[...] = self.route
+        follow_paths(
+            self.agents, state.motion, batch.path, batch.path_offsets, LOOK_BACK, LOOK_AHEAD, self.route, False
         )
-        np.concatenate(parts, axis=1, out=self.numbers)
+        boxes = state.motion, state.size, state.object_type, state.present
+        find_contacts(self.agents, *boxes, self.contacts, self._hits)
+
+    def _allocate(self) -> None:
+        """Allocate results for the current agents, all zero."""
+        self.numbers = np.zeros((len(self.agents), len(NUMBERS)))
+        self.terms: Float64 = self.numbers[:, : len(TERMS)]
+        self.status: UInt8 = np.zeros(len(self.agents), np.uint8)
+        self._contacts_before = self.contacts.copy()
+
+    def _score(self, steering: Float64) -> None:
+        simulation, contacts = self.simulation, Contacts(self.contacts, self._contacts_before, self._hits)
+        score_step(
+            self.agents, steering, contacts, simulation.state.moment, self.route, self._route_before,
+            simulation.batch.recorded, self._task, StepResult(self.numbers, self.status, self._totals),
+        )  # fmt: skip
+        self._contacts_before[...] = self.contacts

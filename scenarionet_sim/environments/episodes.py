@@ -1,4 +1,4 @@
-"""What all environments share: a series of scenarios that a seed settles, played in the slots of one core."""
+"""What all environments share: a seeded series of scenarios, played in the slots of one batched environment."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from scenarionet_sim.worlds.world import World
 
 
 def action_space() -> spaces.Box:
-    """Steering (positive to the left) and throttle (negative: brake)."""
+    """Return the space of steering (positive left) and throttle (negative: brake)."""
     return spaces.Box(-1.0, 1.0, (2,), np.float32)
 
 
 class Episodes:
-    """Scenarios one after the other, in each of several slots.
+    """A series of scenarios, and the batched environment that plays them.
 
     Args:
-        config: What everything is made of.
-        seed: Of the series, unless ``restart`` names one; None for a random one.
-        num_slots: Worlds side by side; they draw from one series.
-        prefetch: Scenarios loaded prefetch; what ``config`` says for None.
+        config: Configuration.
+        seed: Seed of the series unless ``restart`` gets one; None for a random one.
+        num_slots: Number of worlds; they draw from one series.
+        prefetch: Number of scenarios to load ahead; None for that of ``config``.
 
     Attributes:
-        observation: What agents observe.
-        rng: The sensors' noise.
-        seed: Of the series; None before the first ``restart`` of a random one.
+        observation: Sensors of the agents.
+        rng: Source of the sensors' noise.
+        seed: Seed of the series; None before the first ``restart`` of a random one.
     """
 
     def __init__(self, config: EnvConfig, seed: int | None, num_slots: int = 1, prefetch: int | None = None) -> None:
@@ -51,7 +51,7 @@ class Episodes:
         self._playing = np.zeros(num_slots, np.int64)
 
     def restart(self, seed: int | None) -> bool:
-        """Begin the series again: with a seed, and the very first time. Returns whether it did."""
+        """Restart the series, if a seed is given or on the first call; return whether it restarted."""
         if seed is None and not self._is_fresh:
             return False
         self.rng, self.seed = seeding.np_random(self.seed if seed is None else int(seed))
@@ -60,20 +60,20 @@ class Episodes:
         return True
 
     def draw(self, slot: int = 0, scenario_id: str | None = None) -> World:
-        """The world to play in a slot: a certain one, or the next of the series.
+        """Return the world to play in a slot: the next of the series, or a given one.
 
         Raises:
-            ScenarioNotFound: No such scenario among those chosen.
-            LakeError: The scenario cannot be read; the next draw goes on with the one after it.
+            ScenarioNotFound: The id is not among the selected scenarios.
+            LakeError: The scenario cannot be read; the next draw continues with the one after it.
         """
         if scenario_id is None:
             self._playing[slot], world = self._stream.next()
             return world
-        self._playing[slot] = number = self._stream.index(scenario_id)
-        return self._stream.get(number)
+        self._playing[slot] = index = self._stream.index(scenario_id)
+        return self._stream.get(index)
 
     def prepare(self, worlds: list[World]) -> BatchedEnvironment:
-        """The core for these worlds, whose episodes have yet to begin; another than before if time runs otherwise."""
+        """Return the environment for these worlds; a new one if their timestep length differs from before."""
         if self._core is not None and not self._core.can_play(worlds[0]):
             self._close_core()
         if self._core is None:
@@ -81,24 +81,24 @@ class Episodes:
         return self._core
 
     def report(self, slot: int, success: float) -> None:
-        """Tell the series how the episode in a slot went: 1 for success, 0 for none, or the share of its agents."""
+        """Report the result of a slot's episode: 1 for success, 0 for failure, or the share of successful agents."""
         self._sampler.report(int(self._playing[slot]), success)
 
     def observe(self, rows: Array | None = None) -> Any:
-        """What the agents (some of them, by their place in ``BatchedEnvironment.agents``) observe."""
+        """Return the observations of the agents, or of some (indices into ``BatchedEnvironment.agents``)."""
         return self.core.observe(self.rng, rows)
 
     def close(self) -> None:
-        """End the thread and the physics; the next episode starts them again."""
+        """Stop the thread and the physics; the next episode starts them again."""
         self._stream.close()
         self._close_core()
 
     @property
     def core(self) -> BatchedEnvironment:
-        """The worlds that are played.
+        """The batched environment.
 
         Raises:
-            ResetNeeded: There is none yet, or no more.
+            ResetNeeded: ``reset`` was not called yet, or the environment is closed.
         """
         if self._core is None:
             raise ResetNeeded("there is no world yet; call reset first")

@@ -1,4 +1,4 @@
-"""``ScenarioNet-MultiAgent-v0``: every vehicle of a scenario is an agent, as a PettingZoo parallel environment."""
+"""``ScenarioNet-MultiAgent-v0``: a PettingZoo parallel environment in which every vehicle is an agent."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_sim.environments.batched import BatchedEnvironment
 from scenarionet_sim.environments.config import MultiAgentConfig, make_config
 from scenarionet_sim.environments.episodes import Episodes, action_space
-from scenarionet_sim.environments.view import METADATA, View
+from scenarionet_sim.environments.rendering import METADATA, Renderer
 from scenarionet_sim.policies import External
 from scenarionet_sim.task.task import ARRIVED
 from scenarionet_sim.worlds.world import World
@@ -25,23 +25,23 @@ Named = dict[str, Any]
 
 
 class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc]  # PettingZoo is not typed
-    """One recorded scenario an episode, whose vehicles come as they were recorded and go when they have arrived.
+    """One recorded scenario per episode; vehicles appear as recorded and leave when they arrive.
 
-    An agent is named by its track. It appears at its first recorded timestep, is in the returned dictionaries from
-    then on, and is taken out of the scenario when it has reached the end of its recorded route, or is too far from
-    it. It stays when it crashes. Timesteps at which no agent is there, but one is to come, pass by themselves.
+    An agent is named by its track id. It appears at its first recorded timestep, is in the returned dictionaries from
+    then on, and is removed when it reaches the end of its recorded route or is too far from it. It stays after a
+    crash. Timesteps without an agent are skipped while one is still to appear.
 
     Every agent has the same spaces. Actions, ``reset`` and pickling are as in ``ScenarioNetEnv``.
 
     Args:
-        config: What it is made of.
+        config: Configuration.
         render_mode: ``rgb_array``, ``human`` or None.
-        seed: Of the first series, when ``reset`` is called without one; None for a random one.
-        settings: Fields of ``MultiAgentConfig`` instead of ``config``.
+        seed: Seed of the first series if ``reset`` gets none; None for a random one.
+        settings: Fields of ``MultiAgentConfig`` instead of ``config``; an unknown one is a ``TypeError``.
 
     Attributes:
-        agents: Those that act in the next step.
-        possible_agents: Those of the scenario that was reset last.
+        agents: Agents that act in the next step.
+        possible_agents: All agents of the current scenario.
     """
 
     metadata = METADATA | {"name": "ScenarioNet-MultiAgent-v0", "is_parallelizable": True}
@@ -54,7 +54,7 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
         **settings: Any,
     ) -> None:
         self.config = make_config(MultiAgentConfig, config, settings)
-        self.render_mode, self._view = render_mode, View(render_mode)
+        self.render_mode, self._renderer = render_mode, Renderer(render_mode)
         self._episodes = Episodes(self.config, seed)
         self._action_space = action_space()
         self.agents: list[str] = []
@@ -64,18 +64,18 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
         return type(self), (self.config, self.render_mode, self._episodes.seed)
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:  # noqa: ARG002
-        """What an agent observes; the same for all."""
+        """Observation space, the same for all agents."""
         return self._episodes.observation.space
 
     def action_space(self, agent: str) -> spaces.Box:  # noqa: ARG002
-        """Steering and throttle; the same for all."""
+        """Steering and throttle, the same for all agents."""
         return self._action_space
 
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Named, Named]:
         """Begin an episode; see ``ScenarioNetEnv.reset``.
 
         Returns:
-            Observations and infos by agent; empty for a scenario without a vehicle that drives.
+            Observations and infos by agent; empty for a scenario without travelling vehicles.
         """
         self._episodes.restart(seed)
         options = options or {}
@@ -85,7 +85,8 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
         self.possible_agents = self._find_possible(core, world)
         self._coming, self._num_arrived = set(self.possible_agents), 0
         self._wait(core)
-        self._view.follow(core)
+        if self._renderer.is_window:
+            self._renderer.render(core)
         return self._named(self._seen()), self._named(core.infos())
 
     def step(self, actions: Mapping[str, npt.ArrayLike]) -> tuple[Named, Named, Named, Named, Named]:
@@ -95,18 +96,19 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
             actions: (2,) steering and throttle for every agent in ``agents``.
 
         Returns:
-            Observations, rewards, terminations, truncations and infos, of the agents that acted and of those that
-            have appeared.
+            Observations, rewards, terminations, truncations and infos of the agents that acted or appeared.
 
         Raises:
             ResetNeeded: No agent is left, or no episode has begun.
-            BadParameter: An agent has no action, there is an action for somebody else, or one is not a number.
+            BadParameter: An agent has no action, there is an action for an unknown agent, or one is NaN.
         """
         if not self.agents:
-            raise ResetNeeded("step needs an agent; call reset first")
+            raise ResetNeeded("no agent is left; call reset first")
         if actions.keys() != set(self.agents):
             wrong = sorted(actions.keys() ^ set(self.agents))
-            raise BadParameter(f"actions: wanted one for each of agents; of {wrong[0]!r} there is one too many or few")
+            raise BadParameter(
+                f"actions must have one entry per agent in env.agents; {wrong[0]!r} is missing or unknown"
+            )
         core = self.core
         core.step(np.array([actions[agent] for agent in self.agents], np.float64))
         self._name_agents(core)
@@ -118,44 +120,45 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
         if status.any():
             core.retire(np.flatnonzero(status))
             self._wait(core)
-            late = set(self.agents) - observations.keys()  # they appeared while nobody acted
+            late = set(self.agents) - observations.keys()  # appeared during skipped timesteps
             observations |= {agent: seen for agent, seen in self._named(self._seen()).items() if agent in late}
             infos |= {agent: info for agent, info in self._named(core.infos()).items() if agent in late}
             rewards |= dict.fromkeys(late, 0.0)
             terminated |= dict.fromkeys(late, False)
             truncated |= dict.fromkeys(late, False)
-        self._view.follow(core)
+        if self._renderer.is_window:
+            self._renderer.render(core)
         return observations, rewards, terminated, truncated, infos
 
     def render(self) -> Any:
-        """As ``ScenarioNetEnv.render``, from above the recording vehicle."""
-        return self._view.render(self.core)
+        """Render as ``ScenarioNetEnv.render``, centred on the recording vehicle."""
+        return self._renderer.render(self.core)
 
     def close(self) -> None:
-        """End the thread, the physics and the window; reset starts them again."""
+        """Stop the thread, the physics and the window; ``reset`` starts them again."""
         self.agents = []
         self._episodes.close()
-        self._view.close()
+        self._renderer.close()
 
     @property
     def core(self) -> BatchedEnvironment:
-        """The world inside, for who wants to look deeper.
+        """The simulated world and its agents.
 
         Raises:
-            ResetNeeded: There was no reset yet.
+            ResetNeeded: ``reset`` was not called yet.
         """
         return self._episodes.core
 
     def _find_possible(self, core: BatchedEnvironment, world: World) -> list[str]:
-        """Agents that are there when the episode begins, or come later."""
+        """Return the agents that are present at the beginning or appear later."""
         driver, simulation = core.simulation.driver[0, : world.num_objects], core.simulation
         numbers = [number for number, policy in enumerate(simulation.policies) if isinstance(policy, External)]
         start = int(simulation.state.timestep[0])
-        comes = world.log_valid[start:].any(axis=0)
-        return list(map(str, world.track_ids[np.isin(driver, numbers) & comes]))
+        appears = world.log_valid[start:].any(axis=0)
+        return list(map(str, world.track_ids[np.isin(driver, numbers) & appears]))
 
     def _wait(self, core: BatchedEnvironment) -> None:
-        """Let time pass until an agent is there, if one is to come; then the episode is over."""
+        """Skip timesteps until an agent is present; without any to come, the episode is over."""
         self._name_agents(core)
         while not self.agents and self._coming:
             core.step(np.zeros((0, 2)))

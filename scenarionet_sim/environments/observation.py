@@ -1,4 +1,4 @@
-"""What agents observe through several sensors at once: one vector, or an array by name."""
+"""Observations of several sensors: one flat vector, or one array per sensor name."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from scenarionet_sim.worlds.world_batch import WorldBatch
 
 
 class Observation:
-    """Sensors in their order.
+    """Ordered sensors of an agent.
 
     Args:
-        sensors: What an agent observes.
+        sensors: The sensors.
         form: ``flat`` or ``dict``.
 
     Attributes:
-        names: Of the sensors: their classes', as ``ego_state``; the second of a class is ``ego_state_2``.
-        space: Of one agent.
+        names: Names of the sensors, from their classes: ``ego_state``, a second one ``ego_state_2``.
+        space: Observation space of one agent.
     """
 
     def __init__(self, sensors: Sequence[Sensor], form: Literal["flat", "dict"]) -> None:
@@ -40,7 +40,7 @@ class Observation:
         )
 
     def of(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator) -> Any:
-        """What agents observe now, in arrays of their own: (A, D) float32, or (A, ...) by name."""
+        """Return new arrays with the observations of agents: (A, D) float32, or (A, ...) by name."""
         count = len(agents)
         seen = [sensor.observe(batch, state, agents, rng, sensor.empty(count)) for sensor in self._sensors]
         if self._is_flat:
@@ -52,18 +52,18 @@ class Observation:
         return dict(zip(self.names, seen, strict=True))
 
     def split(self, observed: Any) -> list[Any]:
-        """What each of the agents observes."""
+        """Split a batch into one observation per agent."""
         if self._is_flat:
             return list(observed)
         agents = range(len(observed[self.names[0]]))
         return [{name: values[agent] for name, values in observed.items()} for agent in agents]
 
     def take(self, observed: Any, rows: Array) -> Any:
-        """What some of the agents observe, in arrays of their own."""
+        """Copy the observations of some agents."""
         return observed[rows] if self._is_flat else {name: values[rows] for name, values in observed.items()}
 
     def put(self, observed: Any, rows: Array, others: Any) -> None:
-        """Overwrite what some of the agents observe."""
+        """Overwrite the observations of some agents."""
         if self._is_flat:
             observed[rows] = others
         else:
@@ -71,7 +71,7 @@ class Observation:
                 values[rows] = others[name]
 
     def parts(self, observed: Array) -> dict[str, Array]:
-        """The arrays (..., *shape) by sensor in flat observations (..., D)."""
+        """Return the arrays (..., *shape) by sensor of flat observations (..., D)."""
         ends = np.cumsum(self._sizes)
         return {
             name: observed[..., end - size : end].reshape(*observed.shape[:-1], *sensor.shape)

@@ -1,4 +1,4 @@
-"""``ScenarioNet-v0``: one agent drives the ego of recorded scenarios, as a Gymnasium environment."""
+"""``ScenarioNet-v0``: a Gymnasium environment in which one agent drives the ego of recorded scenarios."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_sim.environments.batched import BatchedEnvironment
 from scenarionet_sim.environments.config import EnvConfig, make_config
 from scenarionet_sim.environments.episodes import Episodes, action_space
-from scenarionet_sim.environments.view import METADATA, View
+from scenarionet_sim.environments.rendering import METADATA, Renderer
 from scenarionet_sim.task.task import ARRIVED, DRIVING, TIMED_OUT
 
 
 class ScenarioNetEnv(gymnasium.Env[Any, Array]):
-    """One recorded scenario an episode: reach the end of the ego's recorded route.
+    """One recorded scenario per episode: drive to the end of the ego's recorded route.
 
-    Actions beyond [-1, 1] are clipped; one that is not a number is an error. ``info`` has every term of the reward
-    (they add up to it), how the episode ended, and what ``BatchedEnvironment.infos`` lists besides.
+    Actions are clipped to [-1, 1]; NaN is an error. ``info`` contains the terms of the reward (they add up to it), how
+    the episode ended, and the running statistics of ``BatchedEnvironment.infos``.
 
-    ``reset(seed=...)`` begins the series of scenarios again, a curriculum's progress included; ``reset()`` goes on
-    in it; ``reset(options={"scenario_id": ...})`` plays a certain one, ``"timestep"`` of the log being where it begins.
+    ``reset(seed=...)`` restarts the series of scenarios, including a curriculum's progress; ``reset()`` continues it;
+    ``reset(options={"scenario_id": ..., "timestep": ...})`` plays a given scenario from a timestep of its log.
 
-    The environment pickles as its configuration and its last seed.
+    The environment pickles as its configuration and last seed.
 
     Args:
-        config: What it is made of.
+        config: Configuration.
         render_mode: ``rgb_array``, ``human`` or None.
-        seed: Of the first series, when ``reset`` is called without one; None for a random one.
-        settings: Fields of ``EnvConfig`` instead of ``config``.
+        seed: Seed of the first series if ``reset`` gets none; None for a random one.
+        settings: Fields of ``EnvConfig`` instead of ``config``; an unknown one is a ``TypeError``.
 
     Example:
         env = gymnasium.make("ScenarioNet-v0", scenarios=Scenarios("lake", "busy"), backend=Kinematic())
@@ -46,14 +46,14 @@ class ScenarioNetEnv(gymnasium.Env[Any, Array]):
         self, config: EnvConfig | None = None, render_mode: str | None = None, seed: int | None = None, **settings: Any
     ) -> None:
         self.config = make_config(EnvConfig, config, settings)
-        self.render_mode, self._view = render_mode, View(render_mode)
+        self.render_mode, self._renderer = render_mode, Renderer(render_mode)
         self._episodes = Episodes(self.config, seed)
         self.observation_space = self._episodes.observation.space
         self.action_space = action_space()
         self._is_running = False
 
     def __len__(self) -> int:
-        """Number of scenarios that are played."""
+        """Number of selected scenarios."""
         return len(self._episodes.ids)
 
     def __reduce__(self) -> tuple[Callable[..., ScenarioNetEnv], tuple[Any, ...]]:
@@ -63,12 +63,12 @@ class ScenarioNetEnv(gymnasium.Env[Any, Array]):
         """Begin an episode.
 
         Args:
-            seed: Begins the series again.
+            seed: Restarts the series.
             options: ``scenario_id`` and ``timestep``, each optional.
 
         Raises:
-            ScenarioNotFound: No such scenario among those chosen.
-            LakeError: The scenario cannot be read; the next reset goes on with the one after it.
+            ScenarioNotFound: The id is not among the selected scenarios.
+            LakeError: The scenario cannot be read; the next reset continues with the one after it.
         """
         self._is_running = False
         if self._episodes.restart(seed):
@@ -77,20 +77,21 @@ class ScenarioNetEnv(gymnasium.Env[Any, Array]):
         world = self._episodes.draw(scenario_id=options.get("scenario_id"))
         core = self._episodes.prepare([world])
         if len(core.agents) != 1:
-            raise BadParameter("one agent was expected; External(objects=ego) drives the ego alone")
+            raise BadParameter("expected one agent; use External(objects=ego) to drive the ego alone")
         core.begin(0, world, options.get("timestep"))
         self._is_running = True
-        self._view.follow(core)
-        return self._observe(), core.infos()[0]
+        if self._renderer.is_window:
+            self._renderer.render(core)
+        return self._episodes.observation.split(self._episodes.observe())[0], core.infos()[0]
 
     def render(self) -> Any:
-        """The moment from above: a picture (H, W, 3) uint8 for ``rgb_array``, a window for ``human``.
+        """Render a top-down view: an image (H, W, 3) uint8 for ``rgb_array``, a window for ``human``.
 
         Raises:
-            ResetNeeded: There was no reset yet.
+            ResetNeeded: ``reset`` was not called yet.
             MissingDependency: matplotlib is not installed.
         """
-        return self._view.render(self.core)
+        return self._renderer.render(self.core)
 
     def step(self, action: npt.ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Drive for one timestep.
@@ -100,12 +101,12 @@ class ScenarioNetEnv(gymnasium.Env[Any, Array]):
 
         Raises:
             ResetNeeded: The episode is over, or none has begun.
-            BadParameter: The action is not a number.
+            BadParameter: The action has another shape or is NaN.
         """
         if not self._is_running:
-            raise ResetNeeded("step needs an episode that runs; call reset first")
+            raise ResetNeeded("no episode is running; call reset first")
         if np.shape(action) != (2,):
-            raise BadParameter(f"an action of shape {np.shape(action)}; wanted steering and throttle, shape (2,)")
+            raise BadParameter(f"action of shape {np.shape(action)}; expected steering and throttle, shape (2,)")
         core = self.core
         core.step(action)
         status = core.status[0]
@@ -113,23 +114,25 @@ class ScenarioNetEnv(gymnasium.Env[Any, Array]):
             self._is_running = False
             self._episodes.report(0, float(status == ARRIVED))
         is_over, is_late = status not in (DRIVING, TIMED_OUT), status == TIMED_OUT
-        self._view.follow(core)
-        return self._observe(), float(core.rewards[0]), bool(is_over), bool(is_late), core.infos()[0]
+        if self._renderer.is_window:
+            self._renderer.render(core)
+        observation = self._episodes.observation.split(self._episodes.observe())[0]
+        return observation, float(core.rewards[0]), bool(is_over), bool(is_late), core.infos()[0]
+
+    def __repr__(self) -> str:
+        return f"ScenarioNetEnv({len(self)} scenarios, {self.config!r})"
 
     def close(self) -> None:
-        """End the thread, the physics and the window; reset starts them again."""
+        """Stop the thread, the physics and the window; ``reset`` starts them again."""
         self._is_running = False
         self._episodes.close()
-        self._view.close()
+        self._renderer.close()
 
     @property
     def core(self) -> BatchedEnvironment:
-        """The worlds inside, for who wants to look deeper.
+        """The simulated worlds and their agents.
 
         Raises:
-            ResetNeeded: There was no reset yet.
+            ResetNeeded: ``reset`` was not called yet.
         """
         return self._episodes.core
-
-    def _observe(self) -> Any:
-        return self._episodes.observation.split(self._episodes.observe())[0]

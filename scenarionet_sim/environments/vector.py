@@ -1,4 +1,4 @@
-"""W worlds in one process that step as one batch, each with a scenario of its own: a Gymnasium vector environment."""
+"""A Gymnasium vector environment: W worlds in one process, stepped as one batch."""
 
 from __future__ import annotations
 
@@ -12,28 +12,29 @@ from gymnasium.vector.utils import batch_space
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.environments.batched import ENDS, NUMBERS, BatchedEnvironment
+from scenarionet_sim.environments.batched import ENDS, BatchedEnvironment
 from scenarionet_sim.environments.config import VectorConfig, make_config
 from scenarionet_sim.environments.episodes import Episodes, action_space
+from scenarionet_sim.kernels.scoring import NUMBERS
 from scenarionet_sim.task.task import ARRIVED
 
-_LOADED_AHEAD = 8  # at most, by default: many worlds tend to end at once
+_LOADED_AHEAD = 8  # many episodes tend to end in the same step
 
 
 class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
-    """As ``ScenarioNetEnv``, W times in one batch.
+    """``ScenarioNetEnv`` for W worlds in one batch.
 
-    All slots draw from one series of scenarios, in the order of their resets; a curriculum counts the episodes of
-    all. Autoreset is ``NEXT_STEP`` (the step after an episode's end ignores the action and returns the next
+    All slots draw from one series of scenarios, in the order of their resets; a curriculum counts all episodes.
+    Autoreset is ``NEXT_STEP`` (the step after an episode's end ignores the action and returns the next
     episode's first observation) or ``SAME_STEP`` (the step that ends an episode returns it, and the last one as
     ``final_obs`` and ``final_info``). The environment pickles as its configuration and its last seed.
 
     Args:
         num_envs: W.
-        config: What it is made of.
-        autoreset_mode: When an episode follows on another.
-        seed: Of the first series, when ``reset`` is called without one; None for a random one.
-        settings: Fields of ``VectorConfig`` instead of ``config``.
+        config: Configuration.
+        autoreset_mode: ``NEXT_STEP`` or ``SAME_STEP``.
+        seed: Seed of the first series if ``reset`` gets none; None for a random one.
+        settings: Fields of ``VectorConfig`` instead of ``config``; an unknown one is a ``TypeError``.
 
     Example:
         envs = gymnasium.make_vec("ScenarioNet-v0", 64, scenarios=Scenarios("lake", "busy"))
@@ -50,11 +51,11 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         **settings: Any,
     ) -> None:
         if num_envs < 1:
-            raise BadParameter(f"wanted at least one world, found num_envs={num_envs}")
+            raise BadParameter(f"num_envs={num_envs}; expected at least 1")
         self.config = make_config(VectorConfig, config, settings)
         self._mode = AutoresetMode(autoreset_mode)
         if self._mode is AutoresetMode.DISABLED:
-            raise BadParameter("autoreset_mode: wanted NEXT_STEP or SAME_STEP; worlds step together and reset alone")
+            raise BadParameter("autoreset_mode: expected NEXT_STEP or SAME_STEP; single worlds cannot wait for a reset")
         self.metadata = self.metadata | {"autoreset_mode": self._mode}
         self.num_envs = num_envs
         prefetch = min(self.config.prefetch * num_envs, _LOADED_AHEAD)
@@ -73,8 +74,8 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         """Begin an episode in every slot.
 
         Args:
-            seed: Begins the series again; of several, the first counts, for there is one series.
-            options: None are known.
+            seed: Restarts the series; of several, the first is used, since all slots share one series.
+            options: Ignored.
 
         Raises:
             LakeError: A scenario cannot be read.
@@ -86,7 +87,7 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         worlds = [self._episodes.draw(slot) for slot in range(self.num_envs)]
         core = self._episodes.prepare(worlds)
         if len(core.agents) != self.num_envs:
-            raise BadParameter("one agent a world was expected; External(objects=ego) drives the egos alone")
+            raise BadParameter("expected one agent per world; use External(objects=ego) to drive the egos alone")
         for slot, world in enumerate(worlds):
             core.begin(slot, world)
         self._has_ended[:] = False
@@ -96,11 +97,11 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         """Drive every world for one timestep.
 
         Args:
-            actions: (W, 2) steering and throttle; those beyond [-1, 1] are clipped.
+            actions: (W, 2) steering and throttle, clipped to [-1, 1].
 
         Raises:
             ResetNeeded: No episode has begun.
-            BadParameter: An action is not a number.
+            BadParameter: An action is NaN.
             LakeError: The next scenario cannot be read.
         """
         core = self.core
@@ -118,26 +119,26 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         return observed, rewards, terminated, truncated, infos
 
     def close_extras(self, **kwargs: Any) -> None:
-        """End the thread and the physics."""
+        """Stop the thread and the physics."""
         del kwargs
         self._episodes.close()
 
     @property
     def core(self) -> BatchedEnvironment:
-        """The worlds inside, for who wants to look deeper.
+        """The simulated worlds and their agents.
 
         Raises:
-            ResetNeeded: There was no reset yet.
+            ResetNeeded: ``reset`` was not called yet.
         """
         return self._episodes.core
 
     def _begin(self, slots: Array) -> None:
-        """Put other scenarios in these slots."""
+        """Begin the next scenarios in some slots."""
         for slot in slots:
             self.core.begin(int(slot), self._episodes.draw(int(slot)))
 
     def _begin_others(self, ended: Bool, observed: Any, infos: dict[str, Any]) -> dict[str, Any]:
-        """Put other scenarios in the slots whose episodes ended; changes what was observed there."""
+        """Begin the next scenarios in the slots that ended; replaces their observations and returns the infos."""
         slots, observation = np.flatnonzero(ended), self._episodes.observation
         last = np.full(self.num_envs, None, dtype=object)
         for slot, seen in zip(slots, observation.split(observation.take(observed, slots)), strict=True):
@@ -150,7 +151,7 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         }  # fmt: skip
 
     def _infos(self) -> dict[str, Any]:
-        """What there is to know about every slot, as arrays (W,), each with a mask of where it is known."""
+        """Return the infos of all slots as arrays (W,), each with a mask."""
         core, columns = self.core, self.core.numbers.copy()
         known: dict[str, Any] = {name: columns[:, number] for number, name in enumerate(NUMBERS)}
         known |= {name: core.status == code for name, code in ENDS.items()}

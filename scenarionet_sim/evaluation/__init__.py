@@ -1,1 +1,1 @@
-"""A policy over a whole database: rollouts, their metrics and what agents observed, as tables of the lake."""
+"""Closed-loop evaluation of policies, and observations along the log, stored in the lake."""

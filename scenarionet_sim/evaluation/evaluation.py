@@ -101,7 +101,7 @@ class EvaluationReport:
 class _Job:
     evaluation: Evaluation
     part: Part
-    run: evaluation_runs.Run | None
+    run: evaluation_runs.EvaluationRun | None
 
 
 def evaluate(

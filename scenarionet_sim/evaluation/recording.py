@@ -72,7 +72,7 @@ class ObservationPlan:
 class _Job:
     plan: ObservationPlan
     part: Part
-    run: evaluation_runs.Run
+    run: evaluation_runs.EvaluationRun
 
 
 def record(
@@ -166,20 +166,15 @@ def observe_log(world: World, observation: Observation, agents: str, rng: np.ran
     simulation, is_agent = Simulation([world], (Replay(),)), AGENTS[agents](world)
     simulation.reset(0, start=0)
     batch = simulation.batch
-    paths = batch.path_points, batch.path_arc, batch.path_heading, batch.path_z, batch.path_offsets
-    arc, lateral, height = (
-        np.full((1, len(is_agent)), np.nan),
-        np.zeros((1, len(is_agent))),
-        np.zeros((1, len(is_agent))),
-    )
+    route = np.full((1, len(is_agent), 2), np.nan)
     for timestep in range(world.num_steps):  # each moment depends on the one before
         if timestep:
             simulation.step()
         state = simulation.state
         rows: Int32 = np.argwhere(state.present & is_agent).astype(np.int32, order="C")
-        follow_paths(rows, state.position, *paths, LOOK_BACK, LOOK_AHEAD, arc, lateral, height)
+        follow_paths(rows, state.motion, batch.path, batch.path_offsets, LOOK_BACK, LOOK_AHEAD, route, False)
         if len(rows):
-            seen = observation.of(batch, replace(state, arc=arc, lateral=lateral), rows, rng)
+            seen = observation.of(batch, replace(state, route=route), rows, rng)
             yield _rows(world, timestep, rows[:, 1], seen)
     simulation.close()
 

@@ -1,4 +1,4 @@
-"""One episode as arrays: what everybody did, what the judged vehicle touched, how it ended."""
+"""One episode as arrays: trajectories of all objects, contacts of the evaluated vehicle, and the outcome."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ _STRAIGHT_ON = np.zeros((1, 2))
 
 @dataclass(frozen=True, eq=False)
 class Rollout:
-    """An episode of T moments, the first before any step, of N objects as in the scenario's world.
+    """An episode of T moments, the first before any step, with the N objects of the world.
 
     Attributes:
         scenario_id: The scenario.
         start: Timestep of the log at the first moment.
         dt: Seconds between moments.
-        agent: Row of the vehicle that is judged.
-        end: How it ended: ``success``, ``out_of_road`` or ``timeout``.
-        completion: Share of the route that was done, 0 to 1.
-        progress: Way along the route [m].
+        agent: Row of the evaluated vehicle.
+        end: ``success``, ``out_of_road`` or ``timeout``.
+        completion: Completed share of the route, 0 to 1.
+        progress: Distance along the route [m].
         position: (T, N, 2) float64 [m].
         heading: (T, N) float64 [rad].
         velocity: (T, N, 2) float64 [m/s].
         present: (T, N) bool.
-        contacts: (T, N) bool whose box the agent's box overlaps.
+        contacts: (T, N) bool objects that the agent's box overlaps.
     """
 
     scenario_id: str
@@ -50,7 +50,7 @@ class Rollout:
 
     @property
     def num_steps(self) -> int:
-        """Steps taken: T - 1."""
+        """Number of steps, T - 1."""
         return len(self.position) - 1
 
 
@@ -58,10 +58,10 @@ def roll_out(core: BatchedEnvironment, world: World, driver: Driver | None, rng:
     """Drive a scenario to its end.
 
     Args:
-        core: Of one world, with one agent.
+        core: Environment of one world, with one agent.
         world: The scenario.
-        driver: Drives the agent; None where a policy of the core does.
-        rng: Noise of the sensors.
+        driver: Computes the agent's actions; None if a policy drives it.
+        rng: Source of the sensors' noise.
     """
     core.begin(0, world)
     if driver is not None and hasattr(driver, "reset"):
@@ -69,7 +69,7 @@ def roll_out(core: BatchedEnvironment, world: World, driver: Driver | None, rng:
     film = RolloutRecorder(world.num_objects)
     film.add(core)
     start, before = int(core.simulation.state.timestep[0]), float(core.arc[0])
-    # A loop over timesteps: each depends on the one before.
+    # A loop over timesteps: each depends on the previous one.
     while core.status[0] == DRIVING:
         core.step(_STRAIGHT_ON if driver is None else driver.act(core.observe(rng)[0]))
         film.add(core)
@@ -77,7 +77,7 @@ def roll_out(core: BatchedEnvironment, world: World, driver: Driver | None, rng:
 
 
 class RolloutRecorder:
-    """Moments of the first world of an core, one after the other.
+    """Collects the moments of the first world of an environment.
 
     Args:
         num_objects: N.
@@ -88,13 +88,13 @@ class RolloutRecorder:
         self._moments: list[tuple[Array, ...]] = []
 
     def add(self, core: BatchedEnvironment) -> None:
-        """Keep the moment."""
+        """Append the current moment."""
         state, rows = core.simulation.state, self._rows
         arrays = state.position[0], state.heading[0], state.velocity[0], state.present[0], core.contacts[0]
         self._moments.append(tuple(array[rows].copy() for array in arrays))
 
     def rollout(self, core: BatchedEnvironment, world: World, start: int, before: float) -> Rollout:
-        """The episode, which has ended; it began at timestep ``start``, ``before`` [m] along its route."""
+        """Return the finished episode; it began at timestep ``start``, ``before`` [m] along its route."""
         position, heading, velocity, present, contacts = map(np.stack, zip(*self._moments, strict=True))
         return Rollout(
             scenario_id=world.scenario_id,

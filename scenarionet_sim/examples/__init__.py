@@ -1,1 +1,1 @@
-"""Small whole programs over the environments, to read, run and copy from."""
+"""Small complete programs with the environments."""

@@ -1,4 +1,4 @@
-"""A baseline driver over a database: the Intelligent Driver Model on the ego's recorded route, each scenario once.
+"""Baseline driver over a database: the Intelligent Driver Model on the ego's recorded route, each scenario once.
 
 python -m scenarionet_sim.examples.idm_ego lake busy_val
 """
@@ -9,18 +9,16 @@ from collections import Counter
 
 import click
 
-from scenarionet_sim.environments.batched import ENDS
-from scenarionet_sim.environments.config import EnvConfig
-from scenarionet_sim.environments.single_agent import ScenarioNetEnv
-from scenarionet_sim.policies import Idm, Replay, ego, vehicles
-from scenarionet_sim.scenarios import Scenarios
+from scenarionet_sim import EnvConfig, Idm, Replay, ScenarioNetEnv, Scenarios, ego, vehicles
+
+ENDS = ("success", "out_of_road", "timeout")
 
 
 def evaluate(scenarios: Scenarios) -> Counter[str]:
-    """How the episodes ended, and in how many the ego crashed; the other vehicles react to it.
+    """Count how episodes ended, and in how many the ego crashed; other vehicles react to it.
 
     Args:
-        scenarios: In sequential order.
+        scenarios: Scenarios in sequential order.
     """
     env = ScenarioNetEnv(EnvConfig(scenarios, policies=(Replay(), Idm(objects=vehicles), Idm(objects=ego))))
     ends: Counter[str] = Counter()
@@ -41,7 +39,7 @@ def evaluate(scenarios: Scenarios) -> Counter[str]:
 @click.argument("lake")
 @click.argument("database", required=False)
 def main(lake: str, database: str | None) -> None:
-    """Print how often each end came."""
+    """Print the number of episodes by end."""
     ends = evaluate(Scenarios(lake, database))
     for name in (*ENDS, "crashed"):
         click.echo(f"{name:12} {ends[name]:5} of {ends['episodes']}")

@@ -1,4 +1,4 @@
-"""A multilayer perceptron and Adam in NumPy: enough to learn with, and nothing to install."""
+"""A multilayer perceptron and the Adam optimizer in NumPy, without further dependencies."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ class Perceptron:
     """Dense layers with tanh between them.
 
     Args:
-        sizes: Numbers of inputs, of each hidden layer, and of outputs.
-        rng: Draws orthogonal weights.
+        sizes: Number of inputs, of units per hidden layer, and of outputs.
+        rng: Source of the orthogonal initial weights.
         last: Scale of the last layer's weights: small for actions, 1 for values.
 
     Attributes:
-        parameters: Weights (inputs, outputs) and biases (outputs,), layer by layer; changed in place by learning.
+        parameters: Weights (inputs, outputs) and biases (outputs,), layer by layer; updated in place.
     """
 
     def __init__(self, sizes: Sequence[int], rng: np.random.Generator, last: float) -> None:
@@ -33,11 +33,11 @@ class Perceptron:
             self.parameters += [scale * square[:inputs, :outputs], np.zeros(outputs)]
 
     def __call__(self, inputs: npt.NDArray[np.floating]) -> Float64:
-        """Outputs (B, outputs) for inputs (B, inputs)."""
+        """Return outputs (B, outputs) for inputs (B, inputs)."""
         return self.forward(inputs)[-1]
 
     def forward(self, inputs: npt.NDArray[np.floating]) -> Layers:
-        """What every layer gives, the inputs first and the outputs last."""
+        """Return the values of all layers, from the inputs to the outputs."""
         values: Layers = [np.asarray(inputs, np.float64)]
         count = len(self.parameters) // 2
         for layer in range(count):
@@ -46,7 +46,7 @@ class Perceptron:
         return values
 
     def backward(self, values: Layers, gradient: Float64) -> Layers:
-        """Gradients of a loss by ``parameters``, from its gradient by the outputs (B, outputs)."""
+        """Return the gradients of a loss by ``parameters``, given its gradient by the outputs (B, outputs)."""
         found: Layers = []
         for layer in reversed(range(len(self.parameters) // 2)):
             found = [values[layer].T @ gradient, gradient.sum(axis=0), *found]
@@ -56,7 +56,7 @@ class Perceptron:
 
 
 class Adam:
-    """Kingma and Ba's optimizer, with the gradients' common length limited before."""
+    """Adam (Kingma and Ba, 2015) with clipping of the global gradient norm."""
 
     def __init__(self, parameters: Layers, rate: float, longest: float = 0.5) -> None:
         self._parameters, self._rate, self._longest = parameters, rate, longest
@@ -65,7 +65,7 @@ class Adam:
         self._steps = 0
 
     def step(self, gradients: Layers) -> None:
-        """Move the parameters against the gradients."""
+        """Update the parameters."""
         self._steps += 1
         length = np.sqrt(sum(float((gradient**2).sum()) for gradient in gradients))
         shorten = min(1.0, self._longest / (length + 1e-12))

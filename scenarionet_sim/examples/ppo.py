@@ -2,7 +2,7 @@
 
     OPENBLAS_NUM_THREADS=1 python -m scenarionet_sim.examples.ppo lake busy_train --steps 100000
 
-(Its matrices are so small that more threads only wait for each other.)
+(The matrices are too small to benefit from several threads.)
 
 The algorithm is Schulman et al. (2017) with generalized advantage estimation, in the order of CleanRL's single file.
 """
@@ -28,16 +28,16 @@ _LOG_2PI = float(np.log(2.0 * np.pi))
 
 @dataclass(frozen=True)
 class Ppo:
-    """What PPO can be told.
+    """Hyperparameters of PPO.
 
     Attributes:
-        horizon: Steps of every world between two updates.
-        epochs, minibatches: How often, and in how many parts, an update goes over them.
+        horizon: Steps per world between two updates.
+        epochs, minibatches: Passes over the collected steps per update, and minibatches per pass.
         gamma, smoothing: Discount, and the lambda of the advantages.
-        clip: How far an update may move a probability.
-        rate: Adam's.
+        clip: Clipping range of the probability ratio.
+        rate: Learning rate.
         entropy: Weight of the entropy bonus.
-        reward_scale: Rewards are multiplied by it, so that returns are near 1.
+        reward_scale: Factor of the rewards, so that returns are near 1.
         hidden: Width of the two hidden layers.
     """
 
@@ -55,7 +55,7 @@ class Ppo:
 
 @dataclass(frozen=True, eq=False)
 class Experience:
-    """What W worlds lived through in H steps; row by row (H * W, ...) after :meth:`flat`."""
+    """Experience of W worlds in H steps, (H, W, ...); (H * W, ...) after :meth:`flat`."""
 
     observations: Float64
     actions: Float64
@@ -64,22 +64,22 @@ class Experience:
     returns: Float64
 
     def flat(self) -> Experience:
-        """One axis instead of steps and worlds."""
+        """Merge the axes of steps and worlds."""
         arrays = (values.reshape(-1, *values.shape[2:]) for values in vars(self).values())
         return Experience(*arrays)
 
     def take(self, rows: np.ndarray) -> Experience:
-        """Some rows."""
+        """Return some rows."""
         return Experience(*(values[rows] for values in vars(self).values()))
 
 
 class Learner:
-    """A Gaussian policy and a value function, and how they learn.
+    """PPO with a Gaussian policy and a value function.
 
     Args:
-        envs: Resets within the step (``AutoresetMode.SAME_STEP``); flat observations, actions in [-1, 1].
-        options: What to be told.
-        seed: Of weights, actions and scenarios.
+        envs: Environment with ``AutoresetMode.SAME_STEP``, flat observations and actions in [-1, 1].
+        options: Hyperparameters.
+        seed: Seed of weights, actions and scenarios.
     """
 
     def __init__(self, envs: VectorEnv, options: Ppo = Ppo(), seed: int = 0) -> None:
@@ -96,10 +96,10 @@ class Learner:
         self._episode_return = np.zeros(envs.num_envs)
 
     def train(self, steps: int) -> Iterator[tuple[int, float]]:
-        """Learn for about ``steps`` steps of a world.
+        """Train for about ``steps`` world steps.
 
         Yields:
-            After every update: steps so far, and the mean reward of the episodes that ended since (NaN for none).
+            After each update: steps so far, and the mean return of the episodes that ended since (NaN for none).
         """
         a_round = self._options.horizon * self._envs.num_envs
         for done in range(a_round, steps + a_round, a_round):
@@ -108,13 +108,13 @@ class Learner:
             yield done, float(np.mean(finished)) if finished else float("nan")
 
     def act(self, observations: Float64) -> Float64:
-        """The most likely actions (B, 2)."""
+        """Return the mode of the action distribution (B, 2)."""
         return np.clip(self.actor(observations), -1.0, 1.0)
 
     def _collect(self) -> tuple[Experience, list[float]]:
-        """The next H steps, and the summed rewards of the episodes that ended in them."""
+        """Collect H steps, and the returns of the episodes that ended in them."""
         seen, acts, logs, values, rewards, ends, finished = [], [], [], [], [], [], []
-        for _ in range(self._options.horizon):  # one action follows the other
+        for _ in range(self._options.horizon):  # sequential by nature
             seen.append(np.asarray(self._observation, np.float64))
             mean = self.actor(seen[-1])
             acts.append(mean + np.exp(self.log_std) * self._rng.normal(size=mean.shape))
@@ -133,11 +133,11 @@ class Learner:
         return Experience(*arrays), finished
 
     def _advantages(self, rewards: Float64, values: Float64, ends: np.ndarray) -> Float64:
-        """(H, W) generalized advantage estimates, from (H, W) rewards, (H + 1, W) values, (H, W) episode ends."""
+        """Return generalized advantage estimates (H, W) from (H, W) rewards, (H + 1, W) values, (H, W) episode ends."""
         discount, found, last = self._options.gamma, np.zeros_like(rewards), np.zeros(rewards.shape[1])
         goes_on = 1.0 - ends
         surprise = rewards + discount * values[1:] * goes_on - values[:-1]
-        for step in reversed(range(len(rewards))):  # each builds on the one after it
+        for step in reversed(range(len(rewards))):  # backward recursion
             last = surprise[step] + discount * self._options.smoothing * goes_on[step] * last
             found[step] = last
         return found
@@ -149,7 +149,7 @@ class Learner:
                 self._adam.step(self.gradients(rows.take(part)))
 
     def gradients(self, batch: Experience) -> list[Float64]:
-        """Of the loss of a batch, by every parameter."""
+        """Return the gradients of the loss of a batch by all parameters."""
         count, std = len(batch.returns), np.exp(self.log_std)
         actor, critic = self.actor.forward(batch.observations), self.critic.forward(batch.observations)
         apart = (batch.actions - actor[-1]) / std
@@ -165,7 +165,7 @@ class Learner:
         ]
 
     def loss(self, batch: Experience) -> float:
-        """What :meth:`gradients` is the gradient of."""
+        """Return the loss whose gradient is :meth:`gradients`."""
         mean, value = self.actor(batch.observations), self.critic(batch.observations)[:, 0]
         ratio = np.exp(self._log_probability(batch.actions, mean) - batch.log_probabilities)
         held = np.clip(ratio, 1 - self._options.clip, 1 + self._options.clip)
@@ -186,8 +186,7 @@ class Learner:
 @click.option("--seed", default=0, show_default=True)
 def main(lake: str, database: str | None, steps: int, worlds: int, seed: int) -> None:
     """Learn, and print the mean reward of episodes as it rises."""
-    from scenarionet_sim.environments.vector import ScenarioNetVectorEnv
-    from scenarionet_sim.scenarios import Scenarios
+    from scenarionet_sim import ScenarioNetVectorEnv, Scenarios
 
     envs = ScenarioNetVectorEnv(worlds, scenarios=Scenarios(lake, database, order="random"), autoreset_mode="SameStep")
     for done, reward in Learner(envs, seed=seed).train(steps):

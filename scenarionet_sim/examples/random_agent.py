@@ -1,4 +1,4 @@
-"""The shortest loop: an agent that steers and brakes at random.
+"""Minimal loop: an agent with random actions.
 
 python -m scenarionet_sim.examples.random_agent lake busy_train
 """
@@ -9,14 +9,14 @@ import click
 import gymnasium
 
 import scenarionet_sim
-from scenarionet_sim.scenarios import Scenarios
+from scenarionet_sim import Scenarios
 
 
 def play(env: gymnasium.Env[object, object], episodes: int, seed: int) -> list[tuple[str, float]]:
-    """Drive at random.
+    """Play episodes with random actions.
 
     Returns:
-        Scenario and summed reward of each episode.
+        Scenario id and return of each episode.
     """
     env.action_space.seed(seed)
     played = []
@@ -37,7 +37,7 @@ def play(env: gymnasium.Env[object, object], episodes: int, seed: int) -> list[t
 @click.option("--episodes", default=5, show_default=True)
 @click.option("--seed", default=0, show_default=True)
 def main(lake: str, database: str | None, episodes: int, seed: int) -> None:
-    """Print each episode's reward."""
+    """Print the return of each episode."""
     env = gymnasium.make(f"{scenarionet_sim.__name__}:ScenarioNet-v0", scenarios=Scenarios(lake, database))
     for scenario_id, reward in play(env, episodes, seed):
         click.echo(f"{scenario_id}  {reward:8.2f}")

@@ -1,1 +1,1 @@
-"""Loops over plain arrays, compiled by numba: no scenario, no world, no object, only numbers."""
+"""Numba kernels over plain arrays, independent of the classes of the simulator."""

@@ -1,4 +1,4 @@
-"""Between the state of a simulation and the bodies of a physics engine: which, whence, and back."""
+"""Transfer between the state of a simulation and the rigid bodies of a physics engine."""
 
 from __future__ import annotations
 
@@ -6,104 +6,73 @@ import math
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import device_function, kernel
+from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32
+from scenarionet_sim.kernels.log import HEADING, VX, VY, YAW_RATE, X, Y
+
+_BODY = np.array([X, Y, HEADING, VX, VY, YAW_RATE])
+"""Columns of ``State.motion`` that a body has, in the order of :func:`read_motion`."""
 
 
-@kernel
-def find_bodies(
-    position: Float64, velocity: Float64, size: Float64, present: Bool, agents: Int32, slack: float, dt: float
-) -> Int32:
-    """The agents, and after them every other object whose circle can meet an agent's within ``dt``.
+def find_bodies(motion: Float64, size: Float64, present: Bool, agents: Int32, slack: float, dt: float) -> Int32:
+    """Return the agents, followed by every other object within reach of one in the next step.
 
     Args:
-        position: (W, N, 2) [m].
-        velocity: (W, N, 2) [m/s].
+        motion: (W, N, 7).
         size: (W, N, 3) [m].
         present: (W, N).
         agents: (A, 2) world and row.
-        slack: Speed [m/s] that an agent may gain beyond what it has.
+        slack: Speed an agent may gain during the step [m/s].
         dt: [s].
 
     Returns:
-        (B, 2) int32 world and row: the agents as given, then the others, rising.
+        (B, 2) int32 world and row: the agents as given, then the others in ascending order.
     """
-    driven = np.zeros(present.shape, np.bool_)
     near = np.zeros(present.shape, np.bool_)
-    for a in range(len(agents)):
-        driven[agents[a, 0], agents[a, 1]] = True
-    for a in range(len(agents)):
-        world, row = agents[a, 0], agents[a, 1]
-        reach = _radius(size, world, row) + (_speed(velocity, world, row) + slack) * dt
-        for other in range(present.shape[1]):
-            if not present[world, other] or driven[world, other]:
-                continue
-            limit = reach + _radius(size, world, other) + _speed(velocity, world, other) * dt
-            x = position[world, other, 0] - position[world, row, 0]
-            y = position[world, other, 1] - position[world, row, 1]
-            near[world, other] |= x * x + y * y <= limit * limit
-    return _listed(agents, near)
-
-
-@device_function
-def _radius(size: Float64, world: int, row: int) -> float:
-    return 0.5 * math.hypot(size[world, row, 0], size[world, row, 1])
-
-
-@device_function
-def _speed(velocity: Float64, world: int, row: int) -> float:
-    return math.hypot(velocity[world, row, 0], velocity[world, row, 1])
-
-
-@device_function(allocates=True)
-def _listed(agents: Int32, near: Bool) -> Int32:
-    listed = np.empty((len(agents) + near.sum(), 2), np.int32)
-    listed[: len(agents)] = agents
-    count = len(agents)
-    for world in range(near.shape[0]):
-        for row in range(near.shape[1]):
-            if near[world, row]:
-                listed[count, 0], listed[count, 1] = world, row
-                count += 1
-    return listed
+    mark_near(motion, size, present, agents, slack, dt, near)
+    near[agents[:, 0], agents[:, 1]] = False
+    worlds, others = near.nonzero()
+    found = np.empty((len(agents) + len(worlds), 2), np.int32)
+    found[: len(agents)], found[len(agents) :, 0], found[len(agents) :, 1] = agents, worlds, others
+    return found
 
 
 @kernel
-def read_motion(
-    position: Float64, heading: Float64, velocity: Float64, yaw_rate: Float64, rows: Int32, num_agents: int, dt: float
-) -> Float64:
-    """Where bodies start: agents where they are, the others where their motion had them ``dt`` earlier.
+def mark_near(
+    motion: Float64, size: Float64, present: Bool, agents: Int32, slack: float, dt: float, near: Bool
+) -> None:
+    """Mark objects in ``near`` (W, N) whose circumscribed circle can meet an agent's within ``dt``."""
+    for a in range(len(agents)):
+        w, row = agents[a, 0], agents[a, 1]
+        reach = 0.5 * math.hypot(size[w, row, 0], size[w, row, 1])
+        reach += (math.hypot(motion[w, row, VX], motion[w, row, VY]) + slack) * dt
+        for other in range(present.shape[1]):
+            if present[w, other]:
+                radius = 0.5 * math.hypot(size[w, other, 0], size[w, other, 1])
+                limit = reach + radius + math.hypot(motion[w, other, VX], motion[w, other, VY]) * dt
+                x = motion[w, other, X] - motion[w, row, X]
+                y = motion[w, other, Y] - motion[w, row, Y]
+                near[w, other] |= x * x + y * y <= limit * limit
+
+
+def read_motion(motion: Float64, rows: Int32, num_agents: int, dt: float) -> Float64:
+    """Return the initial motion of bodies: agents as they are, all others moved back by ``dt``.
 
     Args:
-        position, velocity: (W, N, 2).
-        heading, yaw_rate: (W, N).
+        motion: (W, N, 7).
         rows: (B, 2) world and row, the agents first.
-        num_agents: How many agents there are.
+        num_agents: Number of agents.
         dt: [s].
 
     Returns:
         (B, 6) x, y [m], heading [rad], velocity along x and y [m/s], yaw rate [rad/s].
     """
-    motion = np.empty((len(rows), 6))
-    for b in range(len(rows)):
-        world, row = rows[b, 0], rows[b, 1]
-        before = dt if b >= num_agents else 0.0
-        motion[b, 0] = position[world, row, 0] - velocity[world, row, 0] * before
-        motion[b, 1] = position[world, row, 1] - velocity[world, row, 1] * before
-        motion[b, 2] = heading[world, row] - yaw_rate[world, row] * before
-        motion[b, 3], motion[b, 4] = velocity[world, row, 0], velocity[world, row, 1]
-        motion[b, 5] = yaw_rate[world, row]
-    return motion
+    bodies: Float64 = motion[rows[:, :1], rows[:, 1:], _BODY]
+    bodies[num_agents:, :3] -= bodies[num_agents:, 3:] * dt
+    return bodies
 
 
-@kernel
-def write_motion(
-    position: Float64, heading: Float64, velocity: Float64, yaw_rate: Float64, agents: Int32, motion: Float64
-) -> None:
-    """Write what :func:`read_motion` returns back into the rows of the agents; headings into [-pi, pi)."""
-    for a in range(len(agents)):
-        world, row = agents[a, 0], agents[a, 1]
-        position[world, row, 0], position[world, row, 1] = motion[a, 0], motion[a, 1]
-        heading[world, row] = (motion[a, 2] + math.pi) % (2.0 * math.pi) - math.pi
-        velocity[world, row, 0], velocity[world, row, 1] = motion[a, 3], motion[a, 4]
-        yaw_rate[world, row] = motion[a, 5]
+def write_motion(motion: Float64, agents: Int32, bodies: Float64) -> None:
+    """Write the bodies (A, 6) of the agents back into ``motion`` (W, N, 7), with headings wrapped in place."""
+    bodies[:, 2] = (bodies[:, 2] + math.pi) % (2.0 * math.pi) - math.pi
+    motion[agents[:, :1], agents[:, 1:], _BODY] = bodies

@@ -1,4 +1,4 @@
-"""Which polygon a point lies in."""
+"""Point in polygon."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32
 
 @device_function
 def winding_number(x: float, y: float, outline: Float32, start: int, end: int) -> int:
-    """How often the closed outline ``outline[start:end]`` (P, 2) turns around a point; 0 outside.
+    """Return the winding number of the closed outline ``outline[start:end]`` (P, 2) around a point; 0 outside.
 
-    Not 0 inside, also where an outline overlaps itself, as a wide lane's does on the inner side of a tight bend.
+    Non-zero inside, also where an outline overlaps itself, as a wide lane's does on the inside of a tight bend.
     Source: D. Sunday, "Inclusion of a point in a polygon", 2001.
     """
     turns = 0
@@ -33,32 +33,30 @@ def find_polygon(
     points: Float64,
     outlines: Float32,
     offsets: Int32,
-    is_wanted: Bool,
-    origin: Float32,
-    shape: Int32,
-    cell_size: float,
+    is_selected: Bool,
+    frame: Float64,
     cell_start: Int32,
     cell_items: Int32,
     found: Int32,
 ) -> None:
-    """The first wanted polygon around each point, through a grid over the polygons.
+    """Find the first selected polygon around each point, with a grid over the polygons.
 
     Args:
         points: (Q, 2) [m].
         outlines, offsets: (P, 2) [m] and (M + 1,): polygon i is ``outlines[offsets[i]:offsets[i + 1]]``, closed.
-        is_wanted: (M,) polygons to look at.
-        origin, shape, cell_size, cell_start, cell_items: The grid, see :class:`scenarionet_sim.roads.grid.Grid`.
-        found: (Q,) int32, written: the polygon's row, or -1.
+        is_selected: (M,) polygons to search.
+        frame, cell_start, cell_items: The grid, see :class:`scenarionet_sim.roads.grid.Grid`.
+        found: (Q,) int32 output: row of the polygon, or -1.
     """
     for query in range(points.shape[0]):
         x, y = points[query, 0], points[query, 1]
         found[query] = -1
-        column, row = np.floor((x - origin[0]) / cell_size), np.floor((y - origin[1]) / cell_size)
-        if not (0 <= column < shape[0] and 0 <= row < shape[1]):
+        column, row = np.floor((x - frame[0]) / frame[2]), np.floor((y - frame[1]) / frame[2])
+        if not (0 <= column < frame[3] and 0 <= row < frame[4]):
             continue
-        cell = int(row) * shape[0] + int(column)
+        cell = int(row * frame[3] + column)
         for place in range(cell_start[cell], cell_start[cell + 1]):
             polygon = cell_items[place]
-            if is_wanted[polygon] and winding_number(x, y, outlines, offsets[polygon], offsets[polygon + 1]) != 0:
+            if is_selected[polygon] and winding_number(x, y, outlines, offsets[polygon], offsets[polygon + 1]) != 0:
                 found[query] = polygon
                 break

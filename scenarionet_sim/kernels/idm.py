@@ -1,7 +1,7 @@
-"""Traffic on recorded paths that reacts: to what stands or drives on the path ahead, to lights, to bends.
+"""Reactive traffic on recorded paths: it brakes for objects on the path ahead, for traffic lights and for bends.
 
-The law is the Intelligent Driver Model (Treiber, Hennecke, Helbing 2000). What is ahead is found by geometry, so
-that anything counts: an object whose box reaches into the strip that the vehicle will sweep along its path.
+The law is the Intelligent Driver Model (Treiber, Hennecke, Helbing 2000). Leaders are found by geometry: any object
+whose box overlaps the strip that the vehicle will sweep along its path.
 """
 
 from __future__ import annotations
@@ -11,17 +11,18 @@ from typing import NamedTuple
 import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function, kernel
-from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, UInt8
+from scenarionet_data.arrays.dtypes import Float32, Float64, UInt8
 from scenarionet_data.arrays.idm import free_acceleration, interaction
-from scenarionet_sim.kernels.log import HEADING, VALID, X, Y, Z
+from scenarionet_sim.kernels.log import ARC, HEADING, VALID, VX, VY, YAW_RATE, X, Y, Z
 from scenarionet_sim.kernels.minmax import larger, smaller
 from scenarionet_sim.kernels.motion import place_as_recorded
 from scenarionet_sim.kernels.overlap import is_overlapping
 from scenarionet_sim.kernels.paths import Path, direction, nearest, pose_at, segment_at, wrapped
+from scenarionet_sim.kernels.structures import Moment, Recorded
 
 
 class Law(NamedTuple):
-    """The numbers of the law, see ``policies.Idm``; all float."""
+    """Parameters of the driver model, see ``policies.Idm``; all float."""
 
     headway: float
     acceleration: float
@@ -35,7 +36,7 @@ class Law(NamedTuple):
 
 _YELLOW, _RED = 2, 3  # LightColor
 _STATIONS = 48
-_SPACING = 2.0  # [m] between stations, where they are enough
+_SPACING = 2.0  # [m] least distance between stations
 _SX, _SY, _ARC, _HEADING = range(4)  # columns of stations
 _BX, _BY, _BZ, _COS, _SIN, _VX, _VY, _HALF_LENGTH, _HALF_WIDTH, _HALF_HEIGHT, _RADIUS = range(11)  # rows of boxes
 
@@ -43,107 +44,89 @@ _BX, _BY, _BZ, _COS, _SIN, _VX, _VY, _HALF_LENGTH, _HALF_WIDTH, _HALF_HEIGHT, _R
 @kernel
 def drive_along_paths(
     driver: UInt8,
-    me: int,
+    policy_id: int,
     dt: float,
     law: Law,
     colors: UInt8,
-    log: Float32,
-    num_steps: Int32,
-    timestep: Int32,
-    path_points: Float32,
-    path_arc: Float32,
-    path_heading: Float32,
-    path_z: Float32,
-    path_offsets: Int32,
-    top_speed: Float32,
-    stop_arc: Float32,
-    stop_light: Int32,
-    stop_offsets: Int32,
-    light_state: UInt8,
-    size: Float64,
-    position: Float64,
-    heading: Float64,
-    velocity: Float64,
-    yaw_rate: Float64,  # noqa: ARG001  # a moment is handed on whole
-    z: Float64,
-    present: Bool,
-    arc: Float64,
-    next_position: Float64,
-    next_heading: Float64,
-    next_velocity: Float64,
-    next_yaw_rate: Float64,
-    next_z: Float64,
-    next_present: Bool,
-    next_arc: Float64,
-    next_lateral: Float64,
+    recorded: Recorded,
+    now: Moment,
+    then: Moment,
 ) -> None:
-    """One step of every object that ``me`` drives; arguments as ``WorldBatch`` and ``State`` name them.
+    """Advance every object of a policy by one step.
 
-    An object appears as recorded, at the first valid timestep at which its place is free, and leaves at the end
-    of its path, where its arc length becomes infinite.
+    An object appears as recorded, at the first valid timestep at which its place is free. It leaves at the end of
+    its path, where its arc length becomes infinite.
+
+    Args:
+        driver, policy_id: (W, N) policy of each object, and the policy whose objects move.
+        dt: [s].
+        law: Parameters of the driver model.
+        colors: (K,) ``LightColor`` by ``LightState``.
+        recorded: Logs, paths and lights.
+        now: Current state.
+        then: Next state, initially a copy of ``now``; the policy's rows are written.
     """
     stations = np.empty((_STATIONS, 4))
-    for w in range(len(timestep)):
-        boxes = _boxes(w, position, heading, velocity, z, present, size)
-        t, mine = smaller(timestep[w], num_steps[w] - 1), -1
+    log, num_steps = recorded.log, recorded.num_steps
+    for w in range(len(now.timestep)):
+        boxes = _boxes(w, now)
+        t, own = smaller(now.timestep[w], num_steps[w] - 1), -1
         for n in range(driver.shape[1]):
-            mine += present[w, n]
-            if driver[w, n] != me:
+            own += now.present[w, n]
+            if driver[w, n] != policy_id:
                 continue
-            next_arc[w, n], next_lateral[w, n], next_present[w, n] = arc[w, n], 0.0, False
-            if arc[w, n] == np.inf:
+            then.route[w, n, 1], then.present[w, n] = 0.0, False
+            s, size = now.route[w, n, 0], now.size[w, n]
+            if s == np.inf:
                 continue
-            if not present[w, n]:
-                if t + 1 < num_steps[w] and _is_free(log[w, t + 1, n], size[w, n], boxes):
-                    place_as_recorded(
-                        log[w, t + 1, n], w, n,
-                        next_position, next_heading, next_velocity, next_yaw_rate, next_z, next_present,
-                    )  # fmt: skip
+            if not now.present[w, n]:
+                if t + 1 < num_steps[w] and _is_free(log[w, t + 1, n], size, boxes):
+                    place_as_recorded(log[w, t + 1, n], w, n, then.motion, then.present)
                 continue
-            first, end = path_offsets[w, n], path_offsets[w, n + 1]
-            path = Path(path_points[w], path_arc[w], path_heading[w], path_z[w], first, end)
-            s = arc[w, n]
+            path = Path(recorded.path[w], recorded.path_offsets[w, n], recorded.path_offsets[w, n + 1])
+            row = now.motion[w, n]
             if np.isnan(s):
-                s = larger(nearest(path, position[w, n, 0], position[w, n, 1], -np.inf, np.inf)[0], 0.0)
-            speed = np.hypot(velocity[w, n, 0], velocity[w, n, 1])
-            count = _look_ahead(path, s, _horizon(speed, law) + size[w, n, 0], stations)
-            braking = _braking_for_boxes(boxes, mine, stations, count, speed, law)
-            for k in range(stop_offsets[w, n], stop_offsets[w, n + 1]):
-                color = colors[light_state[w, stop_light[w, k], t]]
-                gap = stop_arc[w, k] - s - size[w, n, 0] / 2.0
+                s = larger(nearest(path, row[X], row[Y], -np.inf, np.inf)[0], 0.0)
+            speed = np.hypot(row[VX], row[VY])
+            count = _look_ahead(path, s, _horizon(speed, law) + size[0], stations)
+            braking = _braking_for_boxes(boxes, own, stations, count, speed, law)
+            for k in range(recorded.stop_offsets[w, n], recorded.stop_offsets[w, n + 1]):
+                color = colors[recorded.light_state[w, recorded.stop_light[w, k], t]]
+                gap = recorded.stop_arc[w, k] - s - size[0] / 2.0
                 braking = larger(braking, _braking_for_light(color, gap, speed, law))
-            desired = smaller(larger(np.float64(top_speed[w, n]), law.slowest), _speed_for_bends(stations, count, law))
+            top_speed = larger(np.float64(recorded.top_speed[w, n]), law.slowest)
+            desired = smaller(top_speed, _speed_for_bends(stations, count, law))
             wanted = free_acceleration(speed, desired, law.acceleration, law.deceleration) - braking
             new_speed = larger(speed + larger(wanted, -law.hardest) * dt, 0.0)
             s += (speed + new_speed) / 2.0 * dt
-            if s >= path.arc[end - 1]:
-                next_arc[w, n] = np.inf
+            if s >= path.points[path.end - 1, ARC]:
+                then.route[w, n, 0] = np.inf
                 continue
             tx, ty, _ = direction(path, segment_at(path, s))
-            x, y, height, angle = pose_at(path, s)
-            next_position[w, n, 0], next_position[w, n, 1], next_heading[w, n] = x, y, angle
-            next_velocity[w, n, 0], next_velocity[w, n, 1] = new_speed * tx, new_speed * ty
-            next_yaw_rate[w, n], next_z[w, n] = wrapped(angle - heading[w, n]) / dt, height
-            next_arc[w, n], next_present[w, n] = s, True
+            x, y, z, angle = pose_at(path, s)
+            moved = then.motion[w, n]
+            moved[X], moved[Y], moved[Z], moved[HEADING] = x, y, z, angle
+            moved[VX], moved[VY] = new_speed * tx, new_speed * ty
+            moved[YAW_RATE] = wrapped(angle - row[HEADING]) / dt
+            then.route[w, n, 0], then.present[w, n] = s, True
 
 
 @device_function(allocates=True)
-def _boxes(
-    w: int, position: Float64, heading: Float64, velocity: Float64, z: Float64, present: Bool, size: Float64
-) -> Float64:
-    """(11, B) what is present in a world, in the order of its rows."""
+def _boxes(w: int, now: Moment) -> Float64:
+    """Return the present boxes of a world (11, B), in the order of their rows."""
     count = 0
-    for n in range(present.shape[1]):
-        count += present[w, n]
+    for n in range(now.present.shape[1]):
+        count += now.present[w, n]
     boxes, b = np.empty((11, count)), 0
-    for n in range(present.shape[1]):
-        if not present[w, n]:
+    for n in range(now.present.shape[1]):
+        if not now.present[w, n]:
             continue
-        boxes[_BX, b], boxes[_BY, b], boxes[_BZ, b] = position[w, n, 0], position[w, n, 1], z[w, n]
-        boxes[_COS, b], boxes[_SIN, b] = np.cos(heading[w, n]), np.sin(heading[w, n])
-        boxes[_VX, b], boxes[_VY, b] = velocity[w, n, 0], velocity[w, n, 1]
+        row = now.motion[w, n]
+        boxes[_BX, b], boxes[_BY, b], boxes[_BZ, b] = row[X], row[Y], row[Z]
+        boxes[_COS, b], boxes[_SIN, b] = np.cos(row[HEADING]), np.sin(row[HEADING])
+        boxes[_VX, b], boxes[_VY, b] = row[VX], row[VY]
         for axis in range(3):
-            boxes[_HALF_LENGTH + axis, b] = size[w, n, axis] / 2.0
+            boxes[_HALF_LENGTH + axis, b] = now.size[w, n, axis] / 2.0
         boxes[_RADIUS, b] = np.hypot(boxes[_HALF_LENGTH, b], boxes[_HALF_WIDTH, b])
         b += 1
     return boxes
@@ -151,7 +134,7 @@ def _boxes(
 
 @device_function
 def _is_free(row: Float32, size: Float64, boxes: Float64) -> bool:
-    """Whether the log has an object of that size in this row, and nothing is there yet."""
+    """Return whether a row of the log is valid and its box overlaps no other."""
     if row[VALID] == 0.0:
         return False
     cos, sin = np.cos(np.float64(row[HEADING])), np.sin(np.float64(row[HEADING]))
@@ -166,31 +149,31 @@ def _is_free(row: Float32, size: Float64, boxes: Float64) -> bool:
 
 @device_function
 def _horizon(speed: float, law: Law) -> float:
-    """How far to look ahead [m]: braking in comfort, the headway, and some room."""
+    """Return the look-ahead distance [m]: comfortable braking distance, headway and a margin."""
     return float(10.0 + speed * law.headway + speed * speed / (2.0 * law.deceleration))
 
 
 @device_function
 def _look_ahead(path: Path, s: float, horizon: float, stations: Float64) -> int:
-    """Writes stations (x, y, arc, heading) from ``s`` to the horizon or the path's end; returns how many."""
+    """Write stations (x, y, arc, heading) from ``s`` to the horizon or the end of the path; return their number."""
     spacing = larger(_SPACING, horizon / (_STATIONS - 2))
     stations[0, _SX], stations[0, _SY], _, stations[0, _HEADING] = pose_at(path, s)
     stations[0, _ARC] = s
     count, last = 1, s
     for k in range(segment_at(path, s) + 1, path.end):
-        if path.arc[k] - last >= spacing or (k == path.end - 1 and path.arc[k] > last):
+        if path.points[k, ARC] - last >= spacing or (k == path.end - 1 and path.points[k, ARC] > last):
             stations[count, _SX], stations[count, _SY] = path.points[k, 0], path.points[k, 1]
-            stations[count, _ARC], stations[count, _HEADING] = path.arc[k], path.heading[k]
-            count, last = count + 1, np.float64(path.arc[k])
+            stations[count, _ARC], stations[count, _HEADING] = path.points[k, ARC], path.points[k, HEADING]
+            count, last = count + 1, np.float64(path.points[k, ARC])
             if last > s + horizon or count == _STATIONS:
                 break
     return count
 
 
 @device_function
-def _braking_for_boxes(boxes: Float64, mine: int, stations: Float64, count: int, speed: float, law: Law) -> float:
-    """The strongest braking that what is on the strip ahead asks for [m/s2]."""
-    half_width = boxes[_HALF_WIDTH, mine] - law.overlap
+def _braking_for_boxes(boxes: Float64, own: int, stations: Float64, count: int, speed: float, law: Law) -> float:
+    """Return the strongest deceleration required by boxes on the strip ahead [m/s²]."""
+    half_width = boxes[_HALF_WIDTH, own] - law.overlap
     low_x, high_x, low_y, high_y = np.inf, -np.inf, np.inf, -np.inf
     for k in range(count):
         low_x, high_x = smaller(low_x, stations[k, _SX]), larger(high_x, stations[k, _SX])
@@ -198,22 +181,22 @@ def _braking_for_boxes(boxes: Float64, mine: int, stations: Float64, count: int,
     braking = 0.0
     for b in range(boxes.shape[1]):
         x, y, reach = boxes[_BX, b], boxes[_BY, b], boxes[_RADIUS, b] + half_width
-        if x + reach < low_x or x - reach > high_x or y + reach < low_y or y - reach > high_y or b == mine:
+        if x + reach < low_x or x - reach > high_x or y + reach < low_y or y - reach > high_y or b == own:
             continue
-        if abs(boxes[_BZ, b] - boxes[_BZ, mine]) > boxes[_HALF_HEIGHT, b] + boxes[_HALF_HEIGHT, mine]:
+        if abs(boxes[_BZ, b] - boxes[_BZ, own]) > boxes[_HALF_HEIGHT, b] + boxes[_HALF_HEIGHT, own]:
             continue
         distance, moves_on = _meet(boxes, b, stations, count, half_width)
         if distance < np.inf:
-            gap = distance - boxes[_HALF_LENGTH, mine]
+            gap = distance - boxes[_HALF_LENGTH, own]
             braking = larger(braking, _braking(speed, gap, speed - moves_on, law))
     return braking
 
 
 @device_function
 def _meet(boxes: Float64, b: int, stations: Float64, count: int, half_width: float) -> tuple[float, float]:
-    """How far along the stations the strip meets box ``b`` [m], infinite if never, and the box's speed along it.
+    """Return the distance along the stations to box ``b`` [m], infinite if not on the strip, and its speed along it.
 
-    A box beside or behind the first station, whose middle is not ahead of it, is not met: it follows.
+    A box whose centre is not ahead of the first station is a follower and does not count.
     """
     radius = boxes[_RADIUS, b]
     for k in range(count - 1):
@@ -242,7 +225,7 @@ def _braking(speed: float, gap: float, closing: float, law: Law) -> float:
 
 @device_function
 def _braking_for_light(color: int, gap: float, speed: float, law: Law) -> float:
-    """Braking for a red light ahead that can still be stopped for, or a yellow one in comfort [m/s2]."""
+    """Return the deceleration for a red light within emergency braking, or a yellow one within comfortable braking."""
     if gap < -0.5 or (color != _RED and color != _YELLOW):
         return 0.0
     needed = speed * speed / (2.0 * larger(gap, 0.1))
@@ -253,7 +236,7 @@ def _braking_for_light(color: int, gap: float, speed: float, law: Law) -> float:
 
 @device_function
 def _speed_for_bends(stations: Float64, count: int, law: Law) -> float:
-    """The speed that every bend ahead can still be slowed down for, with half the comfortable braking [m/s]."""
+    """Return the highest speed that can still be reduced for every bend ahead at half the comfortable braking [m/s]."""
     highest = np.inf
     for k in range(count - 1):
         bend = abs(wrapped(stations[k + 1, _HEADING] - stations[k, _HEADING]))

@@ -1,4 +1,4 @@
-"""Which lane an object drives on, and where the lanes lead from there."""
+"""The lane an object drives on, and the way along its successors."""
 
 from __future__ import annotations
 
@@ -7,19 +7,20 @@ import numpy as np
 from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Float32, Float64, Int32
 from scenarionet_sim.kernels.minmax import larger, smaller
+from scenarionet_sim.kernels.structures import Lanes
 
-_ACROSS = np.cos(np.pi / 4)  # how far a lane's direction may be from an object's heading
+_ACROSS = np.cos(np.pi / 4)  # cosine of the largest angle between a lane and an object's heading
 
 
 @kernel
 def find_lanes(places: Float32, headings: Float32, points: Float32, offsets: Int32, found: Float64) -> None:
-    """The lane nearest to each place that leads its way.
+    """Find the nearest lane in the direction of each pose.
 
     Args:
         places, headings: (Q, 2) [m], (Q,) [rad].
         points, offsets: (P, 2) [m], (M + 1,) centrelines.
-        found: (Q, 3) row of the lane, how far along it the place is [m], how far from it; written where a lane
-            is nearer than what the last column says.
+        found: (Q, 3) row of the lane, arc length along it [m], distance from it [m]; written where a lane is nearer
+            than the last column.
     """
     box = np.empty(4)
     for m in range(len(offsets) - 1):
@@ -36,7 +37,7 @@ def find_lanes(places: Float32, headings: Float32, points: Float32, offsets: Int
 
 @device_function
 def _look_on(m: int, x: float, y: float, heading: float, points: Float32, first: int, end: int, found: Float64) -> None:
-    """Write to ``found`` the place of lane ``m`` nearest to a point, if it is nearer than what is there."""
+    """Write the nearest point of lane ``m`` to ``found`` if it is nearer than the current one."""
     cos, sin, arc = np.cos(heading), np.sin(heading), 0.0
     for k in range(first, end - 1):
         tx, ty = np.float64(points[k + 1, 0]) - points[k, 0], np.float64(points[k + 1, 1]) - points[k, 1]
@@ -51,32 +52,21 @@ def _look_on(m: int, x: float, y: float, heading: float, points: Float32, first:
 
 
 @kernel
-def follow_lanes(
-    found: Float64,
-    points: Float32,
-    offsets: Int32,
-    successors: Int32,
-    successor_offsets: Int32,
-    turn: Float64,
-    spacing: float,
-    way: Float64,
-    count: Int32,
-) -> None:
-    """Points along the lanes ahead; where lanes part, along the one that turns least.
+def follow_lanes(found: Float64, lanes: Lanes, spacing: float, way: Float64, count: Int32) -> None:
+    """Sample points along the lanes ahead; at a split, along the lane that turns least.
 
     Args:
-        found: (Q, 3) as of ``find_lanes``; nothing follows from a row below 0.
-        points, offsets: (P, 2) [m], (M + 1,) centrelines.
-        successors, successor_offsets: Rows of the lanes that follow each, (M + 1,) where they begin.
-        turn: (M,) by how much each lane turns [rad].
-        spacing: Between points [m].
-        way: (Q, K, 2) written: [m], the first point is the place itself.
-        count: (Q,) written: how many points there are before the lanes end, at most K.
+        found: (Q, 3) from :func:`find_lanes`; a row of -1 has no way.
+        lanes: The map's lanes.
+        spacing: Distance between points [m].
+        way: (Q, K, 2) output [m]; the first point is the start.
+        count: (Q,) output: number of points before the lanes end, at most K.
     """
+    points, offsets = lanes.points, lanes.offsets
     for q in range(len(found)):
         count[q], m = 0, int(found[q, 0])
         arc, x, y, idle = -found[q, 1], np.nan, np.nan, 0
-        while m >= 0 and idle < len(offsets):  # lanes may lead in circles, also in such as have no length
+        while m >= 0 and idle < len(offsets):  # lanes may form cycles, even of zero length
             before = arc
             for k in range(offsets[m], offsets[m + 1]):
                 length = 0.0 if np.isnan(x) else np.hypot(points[k, 0] - x, points[k, 1] - y)
@@ -89,14 +79,14 @@ def follow_lanes(
             if count[q] == way.shape[1]:
                 break
             idle = idle + 1 if arc == before else 0
-            m = _straightest(successors, successor_offsets[m], successor_offsets[m + 1], turn)
+            m = _straightest(lanes, m)
 
 
 @device_function
-def _straightest(successors: Int32, first: int, end: int, turn: Float64) -> int:
-    """The successor that turns least; -1 without any."""
+def _straightest(lanes: Lanes, m: int) -> int:
+    """Return the successor of lane ``m`` that turns least, or -1."""
     best, least = -1, np.inf
-    for k in range(first, end):
-        if abs(turn[successors[k]]) < least:
-            best, least = int(successors[k]), abs(turn[successors[k]])
+    for k in range(lanes.successor_offsets[m], lanes.successor_offsets[m + 1]):
+        if abs(lanes.turn[lanes.successors[k]]) < least:
+            best, least = int(lanes.successors[k]), abs(lanes.turn[lanes.successors[k]])
     return best

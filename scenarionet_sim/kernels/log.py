@@ -1,52 +1,30 @@
-"""Recorded tracks as the simulator reads them: one row of numbers per timestep and object."""
+"""Columns of recorded and simulated motion, and which recorded positions form a path."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from scenarionet_data.arrays.compiled import kernel
-from scenarionet_data.arrays.dtypes import Bool, Float32, Float64
+from scenarionet_data.arrays.dtypes import Bool, Float32
 
 X, Y, Z, HEADING, VX, VY, YAW_RATE, VALID = range(8)
-"""Columns of a log."""
+"""Columns of a log (T, N, 8): position [m], heading [rad], velocity [m/s], yaw rate [rad/s], 1 where valid.
 
+The first seven are also the columns of ``State.motion``, the first four those of ``Paths.path``.
+"""
 
-@kernel
-def pack_log(
-    position: Float32, heading: Float32, velocity: Float32, valid: Bool, timestamps: Float64, log: Float32
-) -> None:
-    """Transposes tracks and adds yaw rates: central differences over valid neighbours, as for velocities.
-
-    Args:
-        position, heading, velocity, valid: (N, T, 3), (N, T), (N, T, 2), (N, T) as in ``Tracks``.
-        timestamps: (T,) [s].
-        log: (T, N, 8) of zeros, written where valid: x, y, z [m], heading [rad], vx, vy [m/s], yaw rate [rad/s], 1.
-    """
-    num_objects, num_steps = valid.shape
-    for n in range(num_objects):
-        for t in range(num_steps):
-            if not valid[n, t]:
-                continue
-            row = log[t, n]
-            before = t - 1 if t > 0 and valid[n, t - 1] else t
-            after = t + 1 if t + 1 < num_steps and valid[n, t + 1] else t
-            row[X], row[Y], row[Z] = position[n, t, 0], position[n, t, 1], position[n, t, 2]
-            row[HEADING], row[VX], row[VY] = heading[n, t], velocity[n, t, 0], velocity[n, t, 1]
-            if after > before:
-                turn = np.float64(heading[n, after]) - np.float64(heading[n, before])
-                turn -= 2.0 * np.pi * np.floor(turn / (2.0 * np.pi) + 0.5)
-                row[YAW_RATE] = turn / (timestamps[after] - timestamps[before])
-            row[VALID] = 1.0
+ARC = 4
+"""Column of ``Paths.path`` with the arc length [m]."""
 
 
 @kernel
 def thin(log: Float32, spacing: float, is_kept: Bool) -> None:
-    """Which recorded positions make an object's path: the first, then each at least ``spacing`` from the last kept.
+    """Select the recorded positions of each object's path: the first, then each ``spacing`` from the last selected.
 
     Args:
         log: (T, N, 8).
-        spacing: [m]
-        is_kept: (N, T) written.
+        spacing: Least distance between points [m].
+        is_kept: (N, T) output.
     """
     for n in range(log.shape[1]):
         x, y = np.inf, np.inf

@@ -1,6 +1,6 @@
-"""The smaller and the larger of two numbers, for compiled functions.
+"""Minimum and maximum of two numbers for compiled functions.
 
-Numba compiles the builtins ``min`` and ``max`` anew for every place they are called from, 20 ms each; these once.
+Numba compiles the builtins ``min`` and ``max`` again for every call site (20 ms each), but these functions once.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ Number = TypeVar("Number", int, float)
 
 @device_function
 def smaller(a: Number, b: Number) -> Number:
-    """The smaller of two numbers."""
+    """Return the smaller of two numbers."""
     return a if a < b else b
 
 
 @device_function
 def larger(a: Number, b: Number) -> Number:
-    """The larger of two numbers."""
+    """Return the larger of two numbers."""
     return a if a > b else b

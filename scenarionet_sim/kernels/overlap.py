@@ -1,4 +1,4 @@
-"""Which boxes overlap: the separating-axis test on rectangles in the plane, and heights."""
+"""Overlap of boxes: separating-axis test on rectangles in the plane, and height intervals."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8
+from scenarionet_sim.kernels.log import HEADING, X, Y, Z
 
 
 @device_function
@@ -14,7 +15,7 @@ def is_overlapping(
     dx: float, dy: float, cos: float, sin: float, length: float, width: float,
     other_cos: float, other_sin: float, other_length: float, other_width: float,
 ) -> bool:  # fmt: skip
-    """Whether two rectangles share more than their edge; the other's middle is at (dx, dy) from the first's."""
+    """Return whether two rectangles overlap by more than an edge; (dx, dy) leads from the first centre to the other."""
     c, s = abs(cos * other_cos + sin * other_sin), abs(cos * other_sin - sin * other_cos)
     along, across = abs(cos * dx + sin * dy), abs(cos * dy - sin * dx)
     if 2.0 * along >= length + c * other_length + s * other_width:
@@ -30,22 +31,20 @@ def is_overlapping(
 @kernel
 def find_contacts(
     agents: Int32,
-    position: Float64,
-    heading: Float64,
-    z: Float64,
+    motion: Float64,
     size: Float64,
     object_type: UInt8,
     present: Bool,
     contacts: Bool,
     hits: npt.NDArray[np.uint32],
 ) -> None:
-    """What each agent's box overlaps.
+    """Find the objects that each agent's box overlaps.
 
     Args:
-        agents: (A, 2) world and row; an agent that is not present touches nothing.
-        position, heading, z, size, object_type, present: See ``State``.
-        contacts: (A, N) written.
-        hits: (A,) written: bit k is set when an object of type k is touched.
+        agents: (A, 2) world and row; an absent agent touches nothing.
+        motion, size, object_type, present: See ``State``.
+        contacts: (A, N) output.
+        hits: (A,) output: bit k is set when an object of type k is touched.
     """
     for a in range(len(agents)):
         w, n = agents[a, 0], agents[a, 1]
@@ -54,16 +53,16 @@ def find_contacts(
             contacts[a, m] = False
         if not present[w, n]:
             continue
-        x, y, length, width = position[w, n, 0], position[w, n, 1], size[w, n, 0], size[w, n, 1]
-        cos, sin, reach = np.cos(heading[w, n]), np.sin(heading[w, n]), length + width
+        own, length, width = motion[w, n], size[w, n, 0], size[w, n, 1]
+        cos, sin, reach = np.cos(own[HEADING]), np.sin(own[HEADING]), length + width
         for m in range(present.shape[1]):
-            dx, dy = position[w, m, 0] - x, position[w, m, 1] - y
-            far = reach + size[w, m, 0] + size[w, m, 1]  # twice a circle's radius is at most length + width
+            dx, dy = motion[w, m, X] - own[X], motion[w, m, Y] - own[Y]
+            far = reach + size[w, m, 0] + size[w, m, 1]  # at least twice the sum of both circumscribed radii
             if not present[w, m] or m == n or 4.0 * (dx * dx + dy * dy) > far * far:
                 continue
-            if 2.0 * abs(z[w, m] - z[w, n]) > size[w, m, 2] + size[w, n, 2]:
+            if 2.0 * abs(motion[w, m, Z] - own[Z]) > size[w, m, 2] + size[w, n, 2]:
                 continue
-            other_cos, other_sin = np.cos(heading[w, m]), np.sin(heading[w, m])
+            other_cos, other_sin = np.cos(motion[w, m, HEADING]), np.sin(motion[w, m, HEADING])
             if is_overlapping(dx, dy, cos, sin, length, width, other_cos, other_sin, size[w, m, 0], size[w, m, 1]):
                 contacts[a, m] = True
                 hits[a] |= np.uint32(1) << np.uint32(object_type[w, m])

@@ -1,11 +1,12 @@
-"""Rays in space: a spinning lidar's rings over the ground and over upright boxes."""
+"""Ray casting in space: the rings of a spinning lidar over the ground and upright boxes."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from scenarionet_data.arrays.compiled import kernel
-from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, UInt8
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32
+from scenarionet_sim.kernels.log import HEADING, X, Y, Z
 from scenarionet_sim.kernels.minmax import larger, smaller
 from scenarionet_sim.kernels.rays import box_ahead, ray_through_box
 
@@ -13,61 +14,51 @@ from scenarionet_sim.kernels.rays import box_ahead, ray_through_box
 @kernel
 def spin(
     agents: Int32,
-    position: Float64,
-    z: Float64,
-    heading: Float64,
+    motion: Float64,
     size: Float64,
-    object_type: UInt8,
-    present: Bool,
-    is_seen: Bool,
+    is_visible: Bool,
     directions: Float64,
-    slopes: Float64,
-    mount: float,
-    reach: float,
+    rings: Float64,
+    lidar: tuple[float, float],
     out: Float32,
 ) -> None:
-    """Ranges of one turn of each agent's lidar, as shares of ``reach``; 1 where nothing is.
-
-    The ground is the plane the agent stands on.
+    """Compute the ranges of one revolution of each agent's lidar, divided by the reach; 1 without a hit.
 
     Args:
         agents: (A, 2) world and row.
-        position, z, heading, size, object_type, present: The state of W worlds, see ``State``.
-        is_seen: (256,) by ``ObjectType``; code ``GROUND`` (9) is the ground.
+        motion, size: See ``State``.
+        is_visible: (W, N) objects to detect.
         directions: (K, 2) unit vectors of the azimuths 2 pi k / K from straight ahead, counter-clockwise.
-        slopes: (R,) tangents of the rings' elevations.
-        mount: Height of the lidar over the ground [m].
-        reach: Range [m], measured along the ray.
-        out: (A, R, K), written.
+        rings: (R, 2) tangent of each ring's elevation, and its range on the ground divided by the reach.
+        lidar: Height over the ground, and reach along the ray [m].
+        out: (A, R, K) output.
     """
-    count = directions.shape[0]
+    count, (mount, reach) = directions.shape[0], lidar
     enters, leaves = np.empty(count), np.empty(count)
     for a in range(agents.shape[0]):
-        w, me = agents[a, 0], agents[a, 1]
-        cos_me, sin_me = np.cos(heading[w, me]), np.sin(heading[w, me])
-        eye = z[w, me] - 0.5 * size[w, me, 2] + mount
-        for ring in range(slopes.shape[0]):
-            ground = 1.0
-            if is_seen[9] and slopes[ring] < 0.0:
-                ground = smaller(-mount / slopes[ring] * np.sqrt(1.0 + slopes[ring] ** 2) / reach, 1.0)
+        w, own = agents[a, 0], agents[a, 1]
+        me = motion[w, own]
+        cos_me, sin_me = np.cos(me[HEADING]), np.sin(me[HEADING])
+        eye = me[Z] - 0.5 * size[w, own, 2] + mount
+        for ring in range(rings.shape[0]):
             for k in range(count):
-                out[a, ring, k] = ground
-        for n in range(position.shape[1]):
-            if n == me or not present[w, n] or not is_seen[object_type[w, n]]:
+                out[a, ring, k] = rings[ring, 1]
+        for n in range(motion.shape[1]):
+            if n == own or not is_visible[w, n]:
                 continue
-            dx, dy = position[w, n, 0] - position[w, me, 0], position[w, n, 1] - position[w, me, 1]
-            half_x, half_y, turn = 0.5 * size[w, n, 0], 0.5 * size[w, n, 1], heading[w, n] - heading[w, me]
+            dx, dy, turn = motion[w, n, X] - me[X], motion[w, n, Y] - me[Y], motion[w, n, HEADING] - me[HEADING]
+            half_x, half_y = 0.5 * size[w, n, 0], 0.5 * size[w, n, 1]
             first, last, x, y, cos, sin = box_ahead(dx, dy, cos_me, sin_me, turn, half_x, half_y, reach, count)
             for ray in range(first, last + 1):
                 k = ray + count if ray < 0 else ray
                 forward = cos * directions[k, 0] + sin * directions[k, 1]
                 left = cos * directions[k, 1] - sin * directions[k, 0]
                 enters[ray - first], leaves[ray - first] = ray_through_box(x, y, forward, left, half_x, half_y)
-            bottom, top = z[w, n] - 0.5 * size[w, n, 2] - eye, z[w, n] + 0.5 * size[w, n, 2] - eye
-            for ring in range(slopes.shape[0]):
-                slope = slopes[ring]
+            bottom, top = motion[w, n, Z] - 0.5 * size[w, n, 2] - eye, motion[w, n, Z] + 0.5 * size[w, n, 2] - eye
+            for ring in range(rings.shape[0]):
+                slope = rings[ring, 0]
                 stretch = np.sqrt(1.0 + slope * slope) / reach
-                low, high = 0.0, np.inf  # how far away, over the ground, the ring is as high as the box
+                low, high = 0.0, np.inf  # horizontal distances at which the ring is at the height of the box
                 if slope > 0.0:
                     low, high = larger(bottom / slope, 0.0), top / slope
                 elif slope < 0.0:

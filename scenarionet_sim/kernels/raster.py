@@ -1,8 +1,8 @@
-"""Drawing into pictures of bytes: polygons and lines, one number a pixel.
+"""Rasterisation of polygons and lines into images of bytes.
 
-Pictures are (C, H, W), row 0 at the top; pixel (r, c) is the square from (c, r) to (c + 1, r + 1). What is drawn has
-a type, and ``channel_of`` and ``value_of`` (256,) say into which picture it goes, -1 for none, and as what. A view
-(6,) turns metres into pixels: column = v0 x + v1 y + v2, row = v3 x + v4 y + v5.
+Images are (C, H, W), row 0 at the top; pixel (r, c) is the square from (c, r) to (c + 1, r + 1). Shapes have a type
+code, and ``style`` (256, 2) gives the channel (-1 for none) and the pixel value of each type. A view (6,) maps metres
+to pixels: column = v0 x + v1 y + v2, row = v3 x + v4 y + v5.
 """
 
 from __future__ import annotations
@@ -10,22 +10,22 @@ from __future__ import annotations
 import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function, kernel
-from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int8, Int16, Int32, UInt8
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int16, Int32, UInt8
 from scenarionet_sim.kernels.minmax import larger, smaller
 
 
 @device_function
 def fill(outline: Float64, count: int, value: int, picture: UInt8, turns: Int16) -> None:
-    """Fill a closed outline: the pixels around whose centre it turns.
+    """Fill a closed outline: the pixels whose centre has a non-zero winding number.
 
     Args:
         outline: (count or more, 2) columns and rows.
-        count: Number of its points.
-        value: What to write.
+        count: Number of points.
+        value: Pixel value.
         picture: (H, W).
-        turns: (H, W + 3) scratch memory, 0 before and after. Where the outline crosses a row's middle, the number
-            at the first pixel behind the crossing changes by 1; the last two columns are the row's first and last
-            such pixel, the first as ``W - column``.
+        turns: (H, W + 3) scratch memory, 0 before and after. Where the outline crosses the middle of a row, the
+            entry at the first pixel behind the crossing changes by 1. The last two columns hold the row's first
+            (as ``W - column``) and last such pixel.
     """
     height, width = picture.shape
     top, bottom = height, -1
@@ -55,7 +55,7 @@ def fill(outline: Float64, count: int, value: int, picture: UInt8, turns: Int16)
 
 @device_function
 def draw_line(x0: float, y0: float, x1: float, y1: float, value: int, picture: UInt8) -> None:
-    """Draw a line one pixel wide: its two ends, and a pixel in every column (or row, if it is steep) between."""
+    """Draw a line one pixel wide: both ends, and one pixel per column (or row, if it is steep) between."""
     height, width = picture.shape
     for x, y in ((x0, y0), (x1, y1)):
         if 0.0 <= x < width and 0.0 <= y < height:
@@ -80,28 +80,27 @@ def draw_line(x0: float, y0: float, x1: float, y1: float, value: int, picture: U
 
 @device_function
 def to_pixel(view: Float64, x: float, y: float) -> tuple[float, float]:
-    """Column and row of a place."""
+    """Return column and row of a point."""
     return view[0] * x + view[1] * y + view[2], view[3] * x + view[4] * y + view[5]
 
 
 @kernel
-def list_in_window(
-    window: Float64, origin: Float32, shape: Int32, cell_size: float, cell_start: Int32, cell_items: Int32, found: Bool
-) -> None:
-    """Mark what a grid lists in the cells that a window touches.
+def list_in_window(window: Float64, frame: Float64, cell_start: Int32, cell_items: Int32, found: Bool) -> None:
+    """Mark the items of the grid cells that a window touches.
 
     Args:
         window: (4,) min_x, min_y, max_x, max_y [m].
-        origin, shape, cell_size, cell_start, cell_items: The grid.
-        found: (K,) bool, set True there.
+        frame, cell_start, cell_items: The grid, see ``roads.grid.Grid``.
+        found: (K,) output, set True.
     """
-    first_column = int(larger(np.floor((window[0] - origin[0]) / cell_size), 0.0))
-    first_row = int(larger(np.floor((window[1] - origin[1]) / cell_size), 0.0))
-    last_column = int(smaller(np.floor((window[2] - origin[0]) / cell_size), shape[0] - 1.0))
-    last_row = int(smaller(np.floor((window[3] - origin[1]) / cell_size), shape[1] - 1.0))
+    columns = int(frame[3])
+    first_column = int(larger(np.floor((window[0] - frame[0]) / frame[2]), 0.0))
+    first_row = int(larger(np.floor((window[1] - frame[1]) / frame[2]), 0.0))
+    last_column = int(smaller(np.floor((window[2] - frame[0]) / frame[2]), frame[3] - 1.0))
+    last_row = int(smaller(np.floor((window[3] - frame[1]) / frame[2]), frame[4] - 1.0))
     for row in range(first_row, last_row + 1):
         for column in range(first_column, last_column + 1):
-            cell = row * shape[0] + column
+            cell = row * columns + column
             for place in range(cell_start[cell], cell_start[cell + 1]):
                 found[cell_items[place]] = True
 
@@ -112,8 +111,7 @@ def draw_polygons(
     offsets: Int32,
     types: UInt8,
     is_near: Bool,
-    channel_of: Int8,
-    value_of: UInt8,
+    style: Int16,
     view: Float64,
     pictures: UInt8,
     turns: Int16,
@@ -122,8 +120,8 @@ def draw_polygons(
 
     Args:
         outlines, offsets, types: (P, 2) [m], (M + 1,), (M,), see ``Roads``.
-        is_near: (M,) polygons to look at.
-        channel_of, value_of, view, pictures: See above.
+        is_near: (M,) polygons to draw.
+        style, view, pictures: See above.
         turns: (H, W + 3) int16, zeros.
     """
     longest = 0
@@ -131,13 +129,13 @@ def draw_polygons(
         longest = larger(longest, offsets[m + 1] - offsets[m])
     pixels = np.empty((longest, 2))
     for m in range(len(offsets) - 1):
-        channel = channel_of[types[m]]
+        channel = style[types[m], 0]
         if channel < 0 or not is_near[m]:
             continue
         for k in range(offsets[m], offsets[m + 1]):
             place = k - offsets[m]
             pixels[place, 0], pixels[place, 1] = to_pixel(view, outlines[k, 0], outlines[k, 1])
-        fill(pixels, offsets[m + 1] - offsets[m], value_of[types[m]], pictures[channel], turns)
+        fill(pixels, offsets[m + 1] - offsets[m], style[types[m], 1], pictures[channel], turns)
 
 
 @kernel
@@ -145,15 +143,14 @@ def draw_segments(
     segments: Float32,
     types: UInt8,
     is_near: Bool,
-    channel_of: Int8,
-    value_of: UInt8,
+    style: Int16,
     view: Float64,
     pictures: UInt8,
 ) -> None:
     """Draw segments (S, 4) [m] of types (S,), one pixel wide; the rest as in :func:`draw_polygons`."""
     for s in range(len(types)):
-        channel = channel_of[types[s]]
+        channel = style[types[s], 0]
         if channel >= 0 and is_near[s]:
             x0, y0 = to_pixel(view, segments[s, 0], segments[s, 1])
             x1, y1 = to_pixel(view, segments[s, 2], segments[s, 3])
-            draw_line(x0, y0, x1, y1, value_of[types[s]], pictures[channel])
+            draw_line(x0, y0, x1, y1, style[types[s], 1], pictures[channel])

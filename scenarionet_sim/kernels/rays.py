@@ -1,7 +1,7 @@
-"""Rays in the plane: how far an agent sees until a box, or a line of the map, is in the way.
+"""Ray casting in the plane, at boxes of objects and at lines of the map.
 
 Rays start at the agent's centre and turn with it: ray k has the direction ``directions[k]`` in the agent's frame
-(x forward, y left). What is written is the distance as a share of the range: 0 at the centre, 1 for nothing seen.
+(x forward, y left). The output is the distance divided by the range: 0 at the centre, 1 without a hit.
 """
 
 from __future__ import annotations
@@ -9,11 +9,13 @@ from __future__ import annotations
 import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function, kernel
-from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, UInt8
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32
+from scenarionet_sim.kernels.log import HEADING, X, Y
 from scenarionet_sim.kernels.minmax import larger, smaller
+from scenarionet_sim.kernels.structures import Lines
 
 _HUGE = 1e300
-"""Stands for 1 / 0: times 0 it is 0, where infinity would give NaN."""
+"""Substitute for 1 / 0: its product with 0 is 0, where infinity would give NaN."""
 
 
 @device_function
@@ -23,7 +25,7 @@ def _inverse(value: float) -> float:
 
 @device_function
 def ray_through_box(x: float, y: float, dx: float, dy: float, half_x: float, half_y: float) -> tuple[float, float]:
-    """Where a line enters and leaves a box around 0 [its direction's length]; it misses it if it leaves first."""
+    """Return where a line enters and leaves a box around 0, in units of (dx, dy); a miss leaves before it enters."""
     over_x, over_y = _inverse(dx), _inverse(dy)
     x0, x1 = (-half_x - x) * over_x, (half_x - x) * over_x
     y0, y1 = (-half_y - y) * over_y, (half_y - y) * over_y
@@ -32,7 +34,7 @@ def ray_through_box(x: float, y: float, dx: float, dy: float, half_x: float, hal
 
 @device_function
 def rays_at_circle(x: float, y: float, radius: float, count: int) -> tuple[int, int]:
-    """First and last of ``count`` evenly spread rays that may meet a circle at (x, y); -1 is the last ray of all."""
+    """Return the first and last of ``count`` evenly spread rays that may meet a circle; -1 is the last ray."""
     apart = np.sqrt(x * x + y * y)
     if apart <= radius:
         return 0, count - 1
@@ -47,18 +49,18 @@ def rays_at_circle(x: float, y: float, radius: float, count: int) -> tuple[int, 
 def box_ahead(
     dx: float, dy: float, cos: float, sin: float, turn: float, half_x: float, half_y: float, reach: float, count: int
 ) -> tuple[int, int, float, float, float, float]:
-    """A box as an agent sees it.
+    """Transform a box into the frame of an agent.
 
     Args:
-        dx, dy: From the agent to the box.
-        cos, sin: Of the agent's heading.
-        turn: From the agent's heading to the box's.
-        half_x, half_y: Half of the box's length and width.
-        reach, count: Range, and number of rays, evenly spread from straight ahead.
+        dx, dy: Offset from the agent to the box [m].
+        cos, sin: Cosine and sine of the agent's heading.
+        turn: Heading of the box minus the agent's [rad].
+        half_x, half_y: Half of the box's length and width [m].
+        reach, count: Range [m], and number of rays, evenly spread from straight ahead.
 
     Returns:
-        First and last ray that may meet it, the first beyond the last when it is out of reach; the agent's place
-        x, y in the box's frame; cosine and sine of ``turn``.
+        First and last ray that may meet it (first > last if out of reach); the agent's position x, y in the frame
+        of the box; cosine and sine of ``turn``.
     """
     radius = np.sqrt(half_x * half_x + half_y * half_y)
     if dx * dx + dy * dy >= (reach + radius) * (reach + radius):
@@ -71,40 +73,32 @@ def box_ahead(
 
 @kernel
 def cast_at_boxes(
-    agents: Int32,
-    position: Float64,
-    heading: Float64,
-    size: Float64,
-    object_type: UInt8,
-    present: Bool,
-    is_seen: Bool,
-    directions: Float64,
-    reach: float,
-    out: Float32,
+    agents: Int32, motion: Float64, size: Float64, is_visible: Bool, directions: Float64, reach: float, out: Float32
 ) -> None:
-    """What evenly spread rays of each agent see of the other objects' boxes.
+    """Cast evenly spread rays of each agent at the other objects' boxes.
 
-    Only the rays that may meet a box's circumscribed circle are tried against it.
+    Only rays that may meet a box's circumscribed circle are tested against it.
 
     Args:
         agents: (A, 2) world and row.
-        position, heading, size, object_type, present: The state of W worlds, see ``State``.
-        is_seen: (256,) by ``ObjectType``.
+        motion, size: See ``State``.
+        is_visible: (W, N) objects to detect.
         directions: (R, 2) unit vectors at angles 2 pi k / R from straight ahead, counter-clockwise.
         reach: Range [m].
-        out: (A, R), written.
+        out: (A, R) output.
     """
     count = directions.shape[0]
     for a in range(agents.shape[0]):
-        w, me = agents[a, 0], agents[a, 1]
-        cos_me, sin_me = np.cos(heading[w, me]), np.sin(heading[w, me])
+        w, own = agents[a, 0], agents[a, 1]
+        me = motion[w, own]
+        cos_me, sin_me = np.cos(me[HEADING]), np.sin(me[HEADING])
         for ray in range(count):
             out[a, ray] = 1.0
-        for n in range(position.shape[1]):
-            if n == me or not present[w, n] or not is_seen[object_type[w, n]]:
+        for n in range(motion.shape[1]):
+            if n == own or not is_visible[w, n]:
                 continue
-            dx, dy = position[w, n, 0] - position[w, me, 0], position[w, n, 1] - position[w, me, 1]
-            half_x, half_y, turn = 0.5 * size[w, n, 0], 0.5 * size[w, n, 1], heading[w, n] - heading[w, me]
+            dx, dy, turn = motion[w, n, X] - me[X], motion[w, n, Y] - me[Y], motion[w, n, HEADING] - me[HEADING]
+            half_x, half_y = 0.5 * size[w, n, 0], 0.5 * size[w, n, 1]
             first, last, x, y, cos, sin = box_ahead(dx, dy, cos_me, sin_me, turn, half_x, half_y, reach, count)
             for ray in range(first, last + 1):
                 k = ray - count if ray >= count else ray + count if ray < 0 else ray
@@ -118,44 +112,33 @@ def cast_at_boxes(
 
 @device_function
 def nearest_segment(
-    x: float,
-    y: float,
-    dx: float,
-    dy: float,
-    reach: float,
-    segments: Float32,
-    segment_type: UInt8,
-    is_seen: Bool,
-    origin: Float32,
-    shape: Int32,
-    cell_size: float,
-    cell_start: Int32,
-    cell_items: Int32,
+    x: float, y: float, dx: float, dy: float, reach: float, w: int, lines: Lines, is_visible: Bool
 ) -> float:
-    """Distance [m] from (x, y) along the unit vector (dx, dy) to the nearest segment seen, ``reach`` if none is.
+    """Return the distance [m] from (x, y) along the unit vector (dx, dy) to the nearest visible segment.
 
-    Walks through the cells of the grid that the ray crosses, nearest first, and stops at the first with a hit.
+    Traverses the grid cells along the ray, nearest first, and stops at the first with a hit; ``reach`` without a hit.
     Source: J. Amanatides, A. Woo, "A fast voxel traversal algorithm for ray tracing", 1987.
     """
     over_x, over_y = _inverse(dx), _inverse(dy)
-    left, low = np.float64(origin[0]), np.float64(origin[1])
-    width, height = shape[0] * cell_size, shape[1] * cell_size
+    left, low, cell_size = lines.frame[w, 0], lines.frame[w, 1], lines.frame[w, 2]
+    columns, rows = int(lines.frame[w, 3]), int(lines.frame[w, 4])
+    width, height = columns * cell_size, rows * cell_size
     enter, leave = ray_through_box(x - left - width / 2, y - low - height / 2, dx, dy, width / 2, height / 2)
     start, best = larger(enter, 0.0), reach
     if enter > leave or leave < 0.0 or start >= reach:
         return best
-    column = smaller(larger(int((x + start * dx - left) / cell_size), 0), shape[0] - 1)
-    row = smaller(larger(int((y + start * dy - low) / cell_size), 0), shape[1] - 1)
+    column = smaller(larger(int((x + start * dx - left) / cell_size), 0), columns - 1)
+    row = smaller(larger(int((y + start * dy - low) / cell_size), 0), rows - 1)
     step_x, step_y = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
     next_x = (left + (column + (dx > 0)) * cell_size - x) * over_x
     next_y = (low + (row + (dy > 0)) * cell_size - y) * over_y
     along_x, along_y = cell_size * abs(over_x), cell_size * abs(over_y)
-    while 0 <= column < shape[0] and 0 <= row < shape[1]:
-        cell = row * shape[0] + column
-        for place in range(cell_start[cell], cell_start[cell + 1]):
-            s = cell_items[place]
-            if is_seen[segment_type[s]]:
-                best = smaller(best, _ray_to_segment(x, y, dx, dy, segments, s, best))
+    while 0 <= column < columns and 0 <= row < rows:
+        cell = row * columns + column
+        for place in range(lines.cell_start[w, cell], lines.cell_start[w, cell + 1]):
+            s = lines.cell_items[w, place]
+            if is_visible[lines.segment_type[w, s]]:
+                best = smaller(best, _ray_to_segment(x, y, dx, dy, lines.segments[w, s], best))
         if best <= smaller(next_x, next_y):
             break
         if next_x < next_y:
@@ -168,12 +151,12 @@ def nearest_segment(
 
 
 @device_function
-def _ray_to_segment(x: float, y: float, dx: float, dy: float, segments: Float32, s: int, otherwise: float) -> float:
-    ax, ay = segments[s, 0] - x, segments[s, 1] - y
-    bx, by = segments[s, 2] - x, segments[s, 3] - y
+def _ray_to_segment(x: float, y: float, dx: float, dy: float, segment: Float32, otherwise: float) -> float:
+    ax, ay = segment[0] - x, segment[1] - y
+    bx, by = segment[2] - x, segment[3] - y
     side_a, side_b = dx * ay - dy * ax, dx * by - dy * bx
     if (side_a > 0.0 and side_b > 0.0) or (side_a < 0.0 and side_b < 0.0) or side_a == side_b:
-        return otherwise  # on one side of the ray, or along it
+        return otherwise  # on one side of the ray, or parallel to it
     share = side_a / (side_a - side_b)
     along = (ax + share * (bx - ax)) * dx + (ay + share * (by - ay)) * dy
     return along if along >= 0.0 else otherwise
@@ -181,53 +164,24 @@ def _ray_to_segment(x: float, y: float, dx: float, dy: float, segments: Float32,
 
 @kernel
 def cast_at_segments(
-    agents: Int32,
-    position: Float64,
-    heading: Float64,
-    segments: Float32,
-    segment_type: UInt8,
-    is_seen: Bool,
-    origin: Float32,
-    shape: Int32,
-    cell_size: Float64,
-    cell_start: Int32,
-    cell_items: Int32,
-    directions: Float64,
-    reach: float,
-    out: Float32,
+    agents: Int32, motion: Float64, lines: Lines, is_visible: Bool, directions: Float64, reach: float, out: Float32
 ) -> None:
-    """What rays of each agent see of the lines of its map.
+    """Cast rays of each agent at the lines of its map.
 
     Args:
         agents: (A, 2) world and row.
-        position, heading: The state of W worlds, see ``State``.
-        segments, segment_type: (W, S, 4) [m], (W, S), see ``Roads``.
-        is_seen: (256,) by ``MapFeatureType``.
-        origin, shape, cell_size, cell_start, cell_items: The grid over the segments, each with a first axis W.
+        motion: See ``State``.
+        lines: Segments of W maps.
+        is_visible: (256,) by ``MapFeatureType``.
         directions: (R, 2) unit vectors in the agent's frame.
         reach: Range [m].
-        out: (A, R), written.
+        out: (A, R) output.
     """
     for a in range(agents.shape[0]):
-        w, me = agents[a, 0], agents[a, 1]
-        x, y = position[w, me, 0], position[w, me, 1]
-        cos, sin = np.cos(heading[w, me]), np.sin(heading[w, me])
+        w = agents[a, 0]
+        me = motion[w, agents[a, 1]]
+        cos, sin = np.cos(me[HEADING]), np.sin(me[HEADING])
         for ray in range(directions.shape[0]):
             forward, left = directions[ray, 0], directions[ray, 1]
             dx, dy = cos * forward - sin * left, sin * forward + cos * left
-            seen = nearest_segment(
-                x,
-                y,
-                dx,
-                dy,
-                reach,
-                segments[w],
-                segment_type[w],
-                is_seen,
-                origin[w],
-                shape[w],
-                cell_size[w],
-                cell_start[w],
-                cell_items[w],
-            )
-            out[a, ray] = seen / reach
+            out[a, ray] = nearest_segment(me[X], me[Y], dx, dy, reach, w, lines, is_visible) / reach

@@ -1,4 +1,4 @@
-"""What lies ahead of an agent on its own path, and who is around it, in its frame (x forward, y left)."""
+"""Observation of the agent's own path, and of the objects around it, in its frame (x forward, y left)."""
 
 from __future__ import annotations
 
@@ -6,141 +6,136 @@ import numpy as np
 
 from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, UInt8
+from scenarionet_sim.kernels.log import ARC, HEADING, VX, VY, YAW_RATE, X, Y
 from scenarionet_sim.kernels.minmax import larger, smaller
 from scenarionet_sim.kernels.paths import Path, direction, pose_at, segment_at
+from scenarionet_sim.kernels.structures import Recorded
 
 _STANDING = 0.1
-"""Speed [m/s] below which a vehicle's motion does not tell how it steers."""
-
-
-@kernel
-def find_lost(agents: Int32, arc: Float64) -> int:
-    """The first of the agents (A, 2) whose arc length (W, N) is not known, -1 when all are."""
-    for a in range(agents.shape[0]):
-        if np.isnan(arc[agents[a, 0], agents[a, 1]]):
-            return a
-    return -1
+"""Speed [m/s] below which a vehicle's motion does not reveal its steering."""
 
 
 @kernel
 def points_ahead(
     agents: Int32,
-    position: Float64,
-    heading: Float64,
-    arc: Float64,
-    path_points: Float32,
-    path_arc: Float32,
-    path_heading: Float32,
-    path_z: Float32,
+    motion: Float64,
+    route: Float64,
+    path: Float32,
     path_offsets: Int32,
     spacing: float,
     out: Float64,
-) -> None:
-    """Points of each agent's path, ``spacing`` apart from where it is now; those beyond the end are its end.
+) -> int:
+    """Sample points of each agent's path ahead; points beyond the end are the end.
 
     Args:
         agents: (A, 2) world and row.
-        position, heading, arc: The state of W worlds, see ``State``.
-        path_points, path_arc, path_heading, path_z, path_offsets: Paths of W worlds, see ``WorldBatch``.
-        spacing: [m] along the path; the first point is one spacing ahead.
-        out: (A, K, 2) [m], written; 0 for an agent without a path.
+        motion, route: See ``State``.
+        path, path_offsets: Paths of W worlds, see ``WorldBatch``.
+        spacing: Distance between points along the path [m]; the first is one spacing ahead.
+        out: (A, K, 2) output [m]; 0 for an agent without a path.
+
+    Returns:
+        Index of the first agent whose arc length is NaN (not located on its path), or -1.
     """
+    lost = -1
     for a in range(agents.shape[0]):
-        w, me = agents[a, 0], agents[a, 1]
-        cos, sin = np.cos(heading[w, me]), np.sin(heading[w, me])
-        first, end = path_offsets[w, me], path_offsets[w, me + 1]
-        path = Path(path_points[w], path_arc[w], path_heading[w], path_z[w], first, end)
+        w, own = agents[a, 0], agents[a, 1]
+        if lost < 0 and np.isnan(route[w, own, 0]):
+            lost = a
+        me = motion[w, own]
+        cos, sin = np.cos(me[HEADING]), np.sin(me[HEADING])
+        way = Path(path[w], path_offsets[w, own], path_offsets[w, own + 1])
         for k in range(out.shape[1]):
             out[a, k, 0], out[a, k, 1] = 0.0, 0.0
-            if end == first:
+            if way.end == way.first:
                 continue
-            x, y = float(path.points[first, 0]), float(path.points[first, 1])
-            if end - first > 1:
-                along = smaller(larger(arc[w, me] + (k + 1) * spacing, 0.0), np.float64(path.arc[end - 1]))
-                x, y, _, _ = pose_at(path, along)
-            dx, dy = x - position[w, me, 0], y - position[w, me, 1]
+            x, y = float(way.points[way.first, X]), float(way.points[way.first, Y])
+            if way.end - way.first > 1:
+                s = larger(route[w, own, 0] + (k + 1) * spacing, 0.0)
+                x, y, _, _ = pose_at(way, smaller(s, np.float64(way.points[way.end - 1, ARC])))
+            dx, dy = x - me[X], y - me[Y]
             out[a, k, 0], out[a, k, 1] = cos * dx + sin * dy, cos * dy - sin * dx
+    return lost
 
 
 @kernel
 def observe_self(
     agents: Int32,
-    heading: Float64,
-    velocity: Float64,
-    yaw_rate: Float64,
+    motion: Float64,
+    route: Float64,
     size: Float64,
-    arc: Float64,
-    lateral: Float64,
-    path_points: Float32,
-    path_arc: Float32,
-    path_heading: Float32,
-    path_z: Float32,
+    path: Float32,
     path_offsets: Int32,
     wheelbase: float,
     out: Float64,
-) -> None:
-    """How each agent moves, and where it is on its path.
+) -> int:
+    """Observe each agent's own motion and its location on its path.
 
     Args:
         agents: (A, 2) world and row.
-        heading, velocity, yaw_rate, size, arc, lateral: The state of W worlds, see ``State``.
-        path_points, path_arc, path_heading, path_z, path_offsets: As in :func:`points_ahead`.
-        wheelbase: Between the axles, as a share of the length.
-        out: (A, 7), written: speed forward and to the left [m/s], yaw rate [rad/s], steering angle [rad], heading
-            relative to the path [rad] from -pi to pi, distance to the left of it [m], share of it that is done.
+        motion, route, size: See ``State``.
+        path, path_offsets: As in :func:`points_ahead`.
+        wheelbase: Distance between the axles, as a share of the length.
+        out: (A, 7) output: speed forward and to the left [m/s], yaw rate [rad/s], steering angle [rad], heading
+            relative to the path [rad] in [-pi, pi], offset to its left [m], completed share of its length.
+
+    Returns:
+        Index of the first agent whose arc length is NaN (not located on its path), or -1.
     """
+    lost = -1
     for a in range(agents.shape[0]):
-        w, me = agents[a, 0], agents[a, 1]
-        cos, sin = np.cos(heading[w, me]), np.sin(heading[w, me])
-        forward = cos * velocity[w, me, 0] + sin * velocity[w, me, 1]
+        w, own = agents[a, 0], agents[a, 1]
+        if lost < 0 and np.isnan(route[w, own, 0]):
+            lost = a
+        me = motion[w, own]
+        cos, sin = np.cos(me[HEADING]), np.sin(me[HEADING])
+        forward = cos * me[VX] + sin * me[VY]
         out[a, 0] = forward
-        out[a, 1] = cos * velocity[w, me, 1] - sin * velocity[w, me, 0]
-        out[a, 2] = yaw_rate[w, me]
-        out[a, 3] = 0.0  # a bicycle's yaw rate is speed * tan(steering) / wheelbase
+        out[a, 1] = cos * me[VY] - sin * me[VX]
+        out[a, 2] = me[YAW_RATE]
+        out[a, 3] = 0.0  # yaw rate of a bicycle = speed * tan(steering) / wheelbase
         if abs(forward) >= _STANDING:
-            out[a, 3] = np.arctan(wheelbase * size[w, me, 0] * yaw_rate[w, me] / forward)
-        out[a, 4], out[a, 5], out[a, 6] = 0.0, lateral[w, me], 1.0
-        first, end = path_offsets[w, me], path_offsets[w, me + 1]
-        if end - first > 1:
-            path = Path(path_points[w], path_arc[w], path_heading[w], path_z[w], first, end)
-            tx, ty, _ = direction(path, segment_at(path, arc[w, me]))
+            out[a, 3] = np.arctan(wheelbase * size[w, own, 0] * me[YAW_RATE] / forward)
+        out[a, 4], out[a, 5], out[a, 6] = 0.0, route[w, own, 1], 1.0
+        way = Path(path[w], path_offsets[w, own], path_offsets[w, own + 1])
+        if way.end - way.first > 1:
+            tx, ty, _ = direction(way, segment_at(way, route[w, own, 0]))
             out[a, 4] = np.arctan2(sin * tx - cos * ty, cos * tx + sin * ty)
-            out[a, 6] = smaller(larger(arc[w, me] / path_arc[w, end - 1], 0.0), 1.0)
+            out[a, 6] = smaller(larger(route[w, own, 0] / way.points[way.end - 1, ARC], 0.0), 1.0)
+    return lost
 
 
 @kernel
 def observe_others(
     agents: Int32,
-    position: Float64,
-    heading: Float64,
-    velocity: Float64,
+    motion: Float64,
     size: Float64,
     object_type: UInt8,
-    present: Bool,
-    is_seen: Bool,
+    is_visible: Bool,
     reach: float,
     out: Float64,
 ) -> None:
-    """The objects nearest to each agent, nearest first, the lower row first where two are as near.
+    """Observe the objects nearest to each agent, nearest first; ties in the order of their rows.
 
     Args:
         agents: (A, 2) world and row.
-        position, heading, velocity, size, object_type, present: The state of W worlds, see ``State``.
-        is_seen: (256,) by ``ObjectType``.
-        reach: Between centres [m].
-        out: (A, K, 13), written, zeros where there are no more: 1; centre x, y [m]; cosine and sine of the turn
-            from the agent's heading to the object's; velocity minus the agent's, x, y [m/s]; length, width, height
-            [m]; 1 for types 1, 2 and 3 (vehicle, pedestrian, cyclist).
+        motion, size, object_type: See ``State``.
+        is_visible: (W, N) objects to report.
+        reach: Largest distance between centres [m].
+        out: (A, K, 13) output, zeros beyond the last object: 1; centre x, y [m]; cosine and sine of the object's
+            heading minus the agent's; velocity minus the agent's, x, y [m/s]; length, width, height [m]; 1 for
+            types 1, 2 and 3 (vehicle, pedestrian, cyclist).
     """
     most = out.shape[1]
     apart, rows = np.empty(most), np.empty(most, np.int32)
     for a in range(agents.shape[0]):
-        w, me = agents[a, 0], agents[a, 1]
+        w, own = agents[a, 0], agents[a, 1]
+        me = motion[w, own]
         found = 0
-        for n in range(position.shape[1]):
-            if n == me or not present[w, n] or not is_seen[object_type[w, n]]:
+        for n in range(motion.shape[1]):
+            if n == own or not is_visible[w, n]:
                 continue
-            dx, dy = position[w, n, 0] - position[w, me, 0], position[w, n, 1] - position[w, me, 1]
+            dx, dy = motion[w, n, X] - me[X], motion[w, n, Y] - me[Y]
             distance = dx * dx + dy * dy
             if distance > reach * reach or (found == most and distance >= apart[found - 1]):
                 continue
@@ -150,16 +145,16 @@ def observe_others(
                 apart[place], rows[place] = apart[place - 1], rows[place - 1]
                 place -= 1
             apart[place], rows[place] = distance, n
-        cos, sin = np.cos(heading[w, me]), np.sin(heading[w, me])
+        cos, sin = np.cos(me[HEADING]), np.sin(me[HEADING])
         for place in range(most):
             for column in range(out.shape[2]):
                 out[a, place, column] = 0.0
             if place >= found:
                 continue
             n = rows[place]
-            dx, dy = position[w, n, 0] - position[w, me, 0], position[w, n, 1] - position[w, me, 1]
-            vx, vy = velocity[w, n, 0] - velocity[w, me, 0], velocity[w, n, 1] - velocity[w, me, 1]
-            turn = heading[w, n] - heading[w, me]
+            dx, dy = motion[w, n, X] - me[X], motion[w, n, Y] - me[Y]
+            vx, vy = motion[w, n, VX] - me[VX], motion[w, n, VY] - me[VY]
+            turn = motion[w, n, HEADING] - me[HEADING]
             out[a, place, 0] = 1.0
             out[a, place, 1], out[a, place, 2] = cos * dx + sin * dy, cos * dy - sin * dx
             out[a, place, 3], out[a, place, 4] = np.cos(turn), np.sin(turn)
@@ -173,38 +168,41 @@ def observe_others(
 @kernel
 def observe_light(
     agents: Int32,
-    arc: Float64,
+    route: Float64,
     timestep: Int32,
-    stop_arc: Float32,
-    stop_light: Int32,
-    stop_offsets: Int32,
-    light_state: UInt8,
-    num_steps: Int32,
+    recorded: Recorded,
     colors: UInt8,
     reach: float,
     out: Float32,
-) -> None:
-    """The next light that governs each agent's path.
+) -> int:
+    """Observe the next traffic light on each agent's path.
 
     Args:
         agents: (A, 2) world and row.
-        arc, timestep: The state of W worlds, see ``State``.
-        stop_arc, stop_light, stop_offsets, light_state, num_steps: Stops and lights of W worlds, see ``WorldBatch``.
-        colors: ``LightColor`` by ``LightState``.
-        reach: [m] along the path.
-        out: (A, 4), written: distance along the path to the stop point as a share of ``reach``, 1 without a light
-            in reach; then 1 at the light's colour now (at the last timestep, after the end): green, yellow, red.
+        route, timestep: See ``State``.
+        recorded: Stops and lights of W worlds.
+        colors: (K,) ``LightColor`` by ``LightState``.
+        reach: Range along the path [m].
+        out: (A, 4) output: distance along the path to the stop point divided by ``reach``, 1 without a light in
+            reach; then 1 at the light's current colour (the last recorded one after the end): green, yellow, red.
+
+    Returns:
+        Index of the first agent whose arc length is NaN (not located on its path), or -1.
     """
+    lost = -1
     for a in range(agents.shape[0]):
-        w, me = agents[a, 0], agents[a, 1]
+        w, own = agents[a, 0], agents[a, 1]
+        if lost < 0 and np.isnan(route[w, own, 0]):
+            lost = a
         out[a, 0], out[a, 1], out[a, 2], out[a, 3] = 1.0, 0.0, 0.0, 0.0
-        now = smaller(timestep[w], num_steps[w] - 1)
-        for stop in range(stop_offsets[w, me], stop_offsets[w, me + 1]):
-            apart = stop_arc[w, stop] - arc[w, me]
+        now = smaller(timestep[w], recorded.num_steps[w] - 1)
+        for stop in range(recorded.stop_offsets[w, own], recorded.stop_offsets[w, own + 1]):
+            apart = recorded.stop_arc[w, stop] - route[w, own, 0]
             if apart >= 0.0:
                 if apart <= reach:
                     out[a, 0] = apart / reach
-                    color = colors[light_state[w, stop_light[w, stop], now]]
+                    color = colors[recorded.light_state[w, recorded.stop_light[w, stop], now]]
                     if color > 0:
                         out[a, color] = 1.0
                 break
+    return lost

@@ -1,8 +1,8 @@
-"""What engine, brake and tyres do to a vehicle's velocity in one physics step.
+"""Effect of engine, brakes and tyres on a vehicle's velocity in one physics step.
 
-The tyres of each axle take away the velocity across the wheels as far as friction allows, as in Bullet's raycast
-vehicle: with grip a vehicle rolls along the arc its front wheels ask for, without it slides. Both axles stand at
-the same distance from the centre of mass and carry half of the load each; all is per unit of mass.
+The tyres of each axle cancel the velocity across the wheels as far as friction allows, as in Bullet's raycast
+vehicle: with grip a vehicle follows the arc of its front wheels, without it slides. Both axles are at the same
+distance from the centre of mass and carry half of the load each; all quantities are per unit of mass.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_sim.kernels.minmax import larger, smaller
 
 Vehicle = tuple[float, float, float, float, float, float]
-"""Angle of the front wheels at steering 1 [rad]; acceleration by the engine, by the brakes, and the most that
-friction gives [m/s²]; fastest speed that the engine drives at [m/s]; wheelbase as a share of the length."""
+"""Angle of the front wheels at steering 1 [rad]; acceleration of engine, brakes and friction limit [m/s²]; maximum
+speed of the engine [m/s]; wheelbase as a share of the length."""
 
 
 @kernel
 def apply_tyres(motion: Float64, size: Float64, actions: Float64, vehicle: Vehicle, step: float) -> None:
-    """Change velocities by what the wheels do in one step; in place.
+    """Apply the wheels' impulses of one step to the velocities, in place.
 
     Args:
         motion: (A, 6) x, y, heading [rad], velocity along x and y [m/s], yaw rate [rad/s]; the last three change.
         size: (A, 3) [m].
         actions: (A, 2) steering and throttle in [-1, 1].
-        vehicle: Of every agent.
+        vehicle: Capabilities of every agent.
         step: [s].
     """
     max_steer, acceleration, braking, friction, max_speed, wheelbase = vehicle
@@ -49,13 +49,13 @@ def apply_tyres(motion: Float64, size: Float64, actions: Float64, vehicle: Vehic
 
 @device_function
 def _engine(forward: float, change: float, max_speed: float) -> float:
-    """Change of speed by the engine: nothing beyond the fastest."""
+    """Return the change of speed by the engine, limited by its maximum speed."""
     return smaller(change, larger(0.0, max_speed - forward))
 
 
 @device_function
 def _brake(forward: float, change: float) -> float:
-    """Change of speed by the brakes: no more than stops."""
+    """Return the change of speed by the brakes, at most to standstill."""
     return -math.copysign(smaller(change, abs(forward)), forward)
 
 
@@ -63,16 +63,16 @@ def _brake(forward: float, change: float) -> float:
 def _roll(
     forward: float, left: float, yaw_rate: float, steer: float, frame: tuple[float, float], axle: tuple[float, float]
 ) -> tuple[float, float, float]:
-    """Velocity and yaw rate after the impulses of both axles along and across their wheels.
+    """Return velocity and yaw rate after the impulses of both axles along and across their wheels.
 
-    The impulses across, f and r, solve [[a, b], [b, d]] (f, r) = -(slip_f, slip_r), which leaves no velocity
-    across either axle; where one of them is more than friction gives, it is cut and the other one found anew.
+    The lateral impulses f and r solve [[a, b], [b, d]] (f, r) = -(slip_f, slip_r), which leaves no lateral velocity
+    at either axle; an impulse beyond the friction limit is clipped and the other one solved again.
 
     Args:
-        forward, left, yaw_rate: In the vehicle's frame.
+        forward, left, yaw_rate: Velocity in the vehicle's frame.
         steer: Angle of the front wheels.
-        frame: From the centre to an axle, and radius of gyration squared.
-        axle: Impulse of each axle along its wheels, and the most it has across them, per unit of mass.
+        frame: Distance from centre to axle, and squared radius of gyration.
+        axle: Longitudinal impulse of each axle, and its largest lateral one, per unit of mass.
     """
     (arm, gyration), (along, grip) = frame, axle
     cos, sin = math.cos(steer), math.sin(steer)

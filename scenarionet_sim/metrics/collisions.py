@@ -1,7 +1,7 @@
-"""Collisions by what was hit.
+"""Collisions by the type of the object hit.
 
-A crash begins at the step at which an agent touches what it did not touch before; boxes that overlap from the first
-moment on are the recording's own.
+A crash begins in the step in which an agent touches an object that it did not touch in the step before; boxes that
+overlap from the first moment on belong to the recording and do not count.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ _HUMANS = (ObjectType.PEDESTRIAN, ObjectType.CYCLIST)
 
 @dataclass(frozen=True)
 class Collisions:
-    """What was hit in an episode.
+    """Collisions of an episode.
 
     Attributes:
-        vehicles, humans, objects: How many different vehicles; pedestrians and cyclists; objects of every other type.
-        cost: The paper's cost: the number of crashes, of which one object may suffer several.
-        first: Step of the first crash; None without any.
+        vehicles, humans, objects: Number of different vehicles, of pedestrians and cyclists, and of all other objects.
+        cost: The paper's cost: number of crashes, possibly several with one object.
+        first: Step of the first crash, or None.
     """
 
     vehicles: int
@@ -34,10 +34,10 @@ class Collisions:
 
 
 def count_collisions(contacts: Bool, object_type: UInt8) -> Collisions:
-    """Collisions of one agent.
+    """Count the collisions of one agent.
 
     Args:
-        contacts: (T, N) whose box its box overlaps.
+        contacts: (T, N) objects that its box overlaps.
         object_type: (N,) codes of ``ObjectType``.
     """
     crashes = contacts[1:] & ~contacts[:-1]

@@ -1,4 +1,4 @@
-"""Comfort: accelerations, jerks and turning, within the bounds of nuPlan's metric ``ego_is_comfortable``.
+"""Comfort: acceleration, jerk and yaw, with the bounds of nuPlan's metric ``ego_is_comfortable``.
 
 Bounds, window lengths and orders are those of nuplan-devkit's closed-loop metrics: accelerations are smoothed
 (window 8, order 2), jerks are derivatives of the smoothed accelerations (window 15, order 2), yaw rate and yaw
@@ -19,14 +19,14 @@ _DECIMALS = 8
 
 @dataclass(frozen=True)
 class Comfort:
-    """Extremes over an episode; NaN when it is too short for the filter.
+    """Extremes over an episode; NaN if it is too short for the filter.
 
     Attributes:
-        min_lon_acceleration, max_lon_acceleration: Along the heading [m/s²].
-        max_lat_acceleration: Across it, either way [m/s²].
-        max_jerk: Of the acceleration's magnitude, either way [m/s³].
-        max_lon_jerk: Along the heading, either way [m/s³].
-        max_yaw_rate, max_yaw_acceleration: Either way [rad/s, rad/s²].
+        min_lon_acceleration, max_lon_acceleration: Longitudinal acceleration [m/s²].
+        max_lat_acceleration: Absolute lateral acceleration [m/s²].
+        max_jerk: Absolute derivative of the acceleration's magnitude [m/s³].
+        max_lon_jerk: Absolute longitudinal jerk [m/s³].
+        max_yaw_rate, max_yaw_acceleration: Absolute values [rad/s, rad/s²].
     """
 
     min_lon_acceleration: float
@@ -39,7 +39,7 @@ class Comfort:
 
     @property
     def is_comfortable(self) -> bool:
-        """Whether every extreme is within its bound."""
+        """True if every extreme is within its bound."""
         return (
             self.min_lon_acceleration >= -4.05
             and self.max_lon_acceleration <= 2.40
@@ -52,10 +52,10 @@ class Comfort:
 
 
 def measure_comfort(acceleration: Float64, heading: Float64, dt: float) -> Comfort:
-    """The extremes of an episode.
+    """Return the extremes of an episode.
 
     Args:
-        acceleration: (T, 2) along and across the heading [m/s²], see :func:`body_acceleration`.
+        acceleration: (T, 2) longitudinal and lateral [m/s²], see :func:`body_acceleration`.
         heading: (T,) [rad], wrapped or not.
         dt: [s].
     """
@@ -69,7 +69,7 @@ def measure_comfort(acceleration: Float64, heading: Float64, dt: float) -> Comfo
 
 
 def body_acceleration(velocity: Float64, heading: Float64, dt: float) -> Float64:
-    """(T, 2) acceleration along and across the heading, by central differences.
+    """Return longitudinal and lateral acceleration (T, 2), by central differences.
 
     Args:
         velocity: (T, 2) along the scenario's axes [m/s].

@@ -1,7 +1,7 @@
-"""Whether a motion is one that a car can make: Waymax's ``kinematic_infeasibility``.
+"""Kinematic feasibility: Waymax's ``kinematic_infeasibility``.
 
-The bicycle model is turned round: which acceleration and which curvature lead from one moment to the next? More
-than 10.4 m/s² or 0.3 1/m, either way and beyond 1e-3, is more than a car can do.
+The inverse bicycle model gives the acceleration and curvature between consecutive moments. An absolute value above
+10.4 m/s² or 0.3 1/m, with a tolerance of 1e-3, is infeasible for a car.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from scenarionet_data.arrays.dtypes import Bool, Float64
 
 MAX_ACCELERATION, MAX_CURVATURE = 10.4, 0.3
 _TOLERANCE = 1e-3
-_SLOW = 0.6  # [m/s] below it a change of heading says nothing about the wheels
+_SLOW = 0.6  # [m/s] below it a change of heading does not determine the curvature
 
 
 def is_infeasible(speed: Float64, heading: Float64, dt: float) -> Bool:
-    """(T - 1,) steps that no car can make.
+    """Return the infeasible steps (T - 1,).
 
     Args:
         speed: (T,) along the heading [m/s].

@@ -1,4 +1,4 @@
-"""Every metric of a rollout: a row of ``schemas/results.toml``, column by column."""
+"""All metrics of a rollout, as a row of ``schemas/results.toml``."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _CORNERS = np.array([[0.5, 0.5], [0.5, -0.5], [-0.5, -0.5], [-0.5, 0.5]])
 
 
 def measure(rollout: Rollout, world: World) -> dict[str, Any]:
-    """The metrics of a rollout; None where a scenario has nothing to measure one by, such as a map or lights."""
+    """Return the metrics of a rollout; None where the scenario lacks what a metric needs, such as a map or lights."""
     agent = rollout.agent
     corners = _corners(rollout, world)
     row = {
@@ -45,7 +45,7 @@ def measure(rollout: Rollout, world: World) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Numbers that are none as None."""
+    """Replace NaN and infinity by None."""
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
@@ -61,7 +61,7 @@ def _collisions(rollout: Rollout, world: World) -> dict[str, Any]:
 
 
 def _motion(rollout: Rollout) -> dict[str, Any]:
-    """Comfort, and steps that no car can make."""
+    """Comfort and infeasible steps."""
     heading, velocity = rollout.heading[:, rollout.agent], rollout.velocity[:, rollout.agent]
     comfort = measure_comfort(body_acceleration(velocity, heading, rollout.dt), heading, rollout.dt)
     speed = velocity[:, 0] * np.cos(heading) + velocity[:, 1] * np.sin(heading)
@@ -74,7 +74,7 @@ def _motion(rollout: Rollout) -> dict[str, Any]:
 
 
 def _beside_the_log(rollout: Rollout, world: World) -> dict[str, Any]:
-    """Distance from the recording, and progress beside its progress."""
+    """Distance from the recording, and progress relative to it."""
     recorded = world.log_position[rollout.start :, rollout.agent].astype(np.float64)
     valid = world.log_valid[rollout.start :, rollout.agent]
     average, final = displacement(rollout.position[:, rollout.agent], recorded, valid)
@@ -104,7 +104,7 @@ def _time_to_collision(rollout: Rollout, world: World, corners: Float64) -> floa
 
 
 def _is_between_lanes(corners: Float64, rollout: Rollout, world: World) -> Bool:
-    """(T,) whether corners lie in different lanes, or the centre in an intersection."""
+    """Return moments (T,) with corners in different lanes, or the centre in an intersection."""
     roads = world.roads
     if not roads.num_lanes:
         return np.zeros(len(corners), np.bool_)
@@ -115,7 +115,7 @@ def _is_between_lanes(corners: Float64, rollout: Rollout, world: World) -> Bool:
 
 
 def _rules(rollout: Rollout, world: World, corners: Float64) -> dict[str, Any]:
-    """Off the road, the wrong way, over a red light; None without a map or without lights."""
+    """Off-road time, wrong-way distance and red-light violations; None without a map or lights."""
     roads, position = world.roads, np.ascontiguousarray(rollout.position[:, rollout.agent])
     off_road = wrong = red = None
     if roads.is_road.any():
@@ -130,7 +130,7 @@ def _rules(rollout: Rollout, world: World, corners: Float64) -> dict[str, Any]:
 
 
 def _lights(rollout: Rollout, world: World) -> tuple[Float64, Float64, Bool]:
-    """Stop points, directions of the lanes there, and when each light is red; of lights whose lane is in the map."""
+    """Return stop points, lane directions and red phases of the lights whose lane is in the map."""
     rows = np.flatnonzero((world.light_lane >= 0) & np.isfinite(world.light_stop).all(axis=1))
     rows = rows[world.roads.lanes.lengths[world.light_lane[rows]] > 1]
     steps = np.minimum(rollout.start + np.arange(rollout.num_steps + 1), world.num_steps - 1)  # the last state stays

@@ -1,4 +1,4 @@
-"""Rules of the road: staying on it, driving the right way, and stopping at red."""
+"""Rules of the road: off-road driving, driving direction and red lights."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32
 from scenarionet_sim.roads.roads import Roads
 
 OFF_ROAD_TOLERANCE = 0.3
-"""[m] A corner this far from everything to drive on is off the road (nuPlan's ``drivable_area_compliance``)."""
+"""Distance from the drivable area at which a corner is off the road [m] (nuPlan's ``drivable_area_compliance``)."""
 
 ON_LANE = 2.0
-"""[m] A vehicle whose centre is closer than this to a lane's centreline is on that lane."""
+"""Largest distance from a centreline at which a vehicle's centre is on the lane [m]."""
 
 _WRONG_WAY_WINDOW = 1.0  # [s]
 _STOP_REACH = 2.0  # [m] to either side of a stop point
 
 
 def is_off_road(corners: Float64, roads: Roads) -> Bool:
-    """(T,) moments at which a corner is off the road: nuPlan's ``drivable_area_compliance``, negated.
+    """Return the moments (T,) with a corner off the road: nuPlan's ``drivable_area_compliance``, negated.
 
     Args:
         corners: (T, 4, 2) [m].
-        roads: With at least one polygon to drive on.
+        roads: The map, with at least one drivable polygon.
     """
     polygons = shapely.STRtree(
         [shapely.Polygon(outline) for outline in roads.polygons.take(np.flatnonzero(roads.is_road))]
@@ -38,19 +38,19 @@ def is_off_road(corners: Float64, roads: Roads) -> Bool:
 
 @kernel
 def lane_progress(position: Float64, lanes: Float32, offsets: Int32, reach: float) -> Float64:
-    """Way made along the lanes in each step: of those a vehicle is on, the one that it follows best.
+    """Return the progress along the lanes in each step: of the lanes it is on, along the one it follows best.
 
     Args:
-        position: (T, 2) of its centre [m].
+        position: (T, 2) centre of the vehicle [m].
         lanes: (P, 2) points of every centreline.
-        offsets: (M + 1,) where each begins in ``lanes``.
-        reach: How far from a centreline it is still on the lane [m].
+        offsets: (M + 1,) start of each lane in ``lanes``.
+        reach: Largest distance from a centreline at which it is on the lane [m].
 
     Returns:
-        (T,) [m]; 0 first, and where it is on no lane; negative against the direction of every lane it is on.
+        (T,) [m]; 0 first and off all lanes; negative against the direction of all lanes it is on.
     """
     progress = np.zeros(len(position))
-    for t in range(1, len(position)):  # a loop: numba compiles it
+    for t in range(1, len(position)):
         x, y = position[t - 1, 0], position[t - 1, 1]
         dx, dy = position[t, 0] - x, position[t, 1] - y
         best = -np.inf
@@ -70,9 +70,9 @@ def lane_progress(position: Float64, lanes: Float32, offsets: Int32, reach: floa
 
 
 def wrong_way(progress: Float64, dt: float) -> tuple[float, float]:
-    """Distance driven against the traffic within a second, the most of it, and nuPlan's mark for it.
+    """Return the largest distance driven against the traffic within a second, and nuPlan's score for it.
 
-    The mark is ``driving_direction_compliance``: 1 below 2 m, 0.5 below 6 m, else 0.
+    The score is ``driving_direction_compliance``: 1 below 2 m, 0.5 below 6 m, else 0.
 
     Args:
         progress: (T,) see :func:`lane_progress`.
@@ -86,12 +86,12 @@ def wrong_way(progress: Float64, dt: float) -> tuple[float, float]:
 
 
 def runs_red_light(position: Float64, stop: Float64, direction: Float64, is_red: Bool) -> Bool:
-    """(L,) lights whose stop point the centre of a vehicle passes, in the lane's direction, while they are red.
+    """Return the lights (L,) whose stop point the vehicle's centre passes in the lane's direction while they are red.
 
     Args:
         position: (T, 2) [m].
         stop: (L, 2) stop points [m].
-        direction: (L, 2) of the lanes there, of length 1.
+        direction: (L, 2) unit vectors of the lanes at the stop points.
         is_red: (L, T).
     """
     away = position[None] - stop[:, None]

@@ -1,9 +1,9 @@
-"""The Savitzky-Golay filter: derivatives of noisy series by fitting polynomials to moving windows.
+"""Savitzky-Golay filter: smoothing and derivatives by polynomial fits to moving windows.
 
 A. Savitzky and M. J. E. Golay, Analytical Chemistry 36 (1964) 1627. Ends and even windows are treated as in
 ``scipy.signal.savgol_filter`` with its default mode "interp", which nuPlan's metrics use: the first and last half
-window come from the polynomial of the first and last whole window, and an even window's value lies half a sample
-after its place.
+window use the polynomial of the first and last full window, and the output of an even window is shifted by half a
+sample.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from scenarionet_data.arrays.dtypes import Float64
 
 
 def savitzky_golay(values: Float64, window: int, order: int, dt: float, derivative: int = 0) -> Float64:
-    """A smoothed series, or a derivative of it.
+    """Return the smoothed series or a derivative of it.
 
     Args:
         values: (T,).
-        window: Samples that each polynomial is fitted to; no more than there are.
-        order: Of the polynomials.
-        dt: Between samples.
-        derivative: Which; 0 is the series itself.
+        window: Window length [samples], at most T.
+        order: Order of the polynomials.
+        dt: Sampling interval [s].
+        derivative: Order of the derivative; 0 for the series itself.
 
     Returns:
-        (T,); NaN when there are not more samples than ``order``.
+        (T,); NaN if there are at most ``order`` samples.
 
     Example:
         >>> savitzky_golay(np.array([0.0, 1.0, 4.0, 9.0, 16.0]), 5, 2, dt=1.0, derivative=1).round(6).tolist()
@@ -36,7 +36,7 @@ def savitzky_golay(values: Float64, window: int, order: int, dt: float, derivati
     if window <= order:
         return np.full(count, np.nan)
     half, middle = window // 2, (window - 1) / 2
-    fit = np.linalg.pinv(np.vander(np.arange(window) - middle, order + 1, increasing=True))  # window to polynomial
+    fit = np.linalg.pinv(np.vander(np.arange(window) - middle, order + 1, increasing=True))  # to coefficients
     scale = math.factorial(derivative) / dt**derivative
     starts = np.arange(count - window + 1)
     polynomials = np.lib.stride_tricks.sliding_window_view(values, window) @ fit.T

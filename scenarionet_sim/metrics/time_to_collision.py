@@ -1,9 +1,8 @@
-"""Time to collision: when boxes would meet if every object continued as now, as nuPlan's ``time_to_collision``.
+"""Time to collision: when boxes would overlap at constant velocity, as nuPlan's ``time_to_collision``.
 
-Looked ahead is 0.1 s to 2.9 s in steps of 0.1 s, at the velocity of the moment and without turning. Counted are
-objects ahead of the vehicle, within 30 degrees of its heading as seen from its rear axle; where it is between
-lanes also those beside it, which are not behind, beyond 150 degrees. What has been touched before counts no more,
-and a vehicle that stands (at most 5 mm/s) runs into nothing.
+The horizon is 0.1 s to 2.9 s in steps of 0.1 s, at the current velocity and heading. Objects within 30 degrees of the
+vehicle's heading, seen from its rear axle, count; between lanes all objects within 150 degrees. Objects that have
+been touched before do not count. A standing vehicle (at most 5 mm/s) has no time to collision.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from scenarionet_data.arrays.dtypes import Bool, Float64
 from scenarionet_sim.kernels.overlap import is_overlapping
 
 STEP, HORIZON, BOUND = 0.1, 3.0, 0.95
-"""[s] Looked ahead; and nuPlan's bound, below which it is too short."""
+"""Step and horizon, and nuPlan's lower bound [s]."""
 
 _AHEAD, _BEHIND = math.cos(math.radians(30.0)), math.cos(math.radians(150.0))
 _STANDING = 5e-3
@@ -28,7 +27,7 @@ def time_to_collision(
     position: Float64, heading: Float64, velocity: Float64, size: Float64, present: Bool, touched: Bool,
     between_lanes: Bool, ego: int, rear: float,
 ) -> Float64:  # fmt: skip
-    """Time to the next collision at every moment.
+    """Return the time to the next collision at every moment.
 
     Args:
         position: (T, N, 2) [m].
@@ -36,13 +35,13 @@ def time_to_collision(
         velocity: (T, N, 2) [m/s].
         size: (N, 3) [m].
         present: (T, N).
-        touched: (T, N) whether the vehicle has touched an object before, or does now.
-        between_lanes: (T,) whether the vehicle is in more than one lane, or in an intersection.
+        touched: (T, N) objects that the vehicle touches or has touched.
+        between_lanes: (T,) vehicle is in more than one lane, or in an intersection.
         ego: Row of the vehicle.
-        rear: From its centre back to its rear axle [m].
+        rear: Distance from its centre to its rear axle [m].
 
     Returns:
-        (T,) [s]; infinite where nothing would be hit.
+        (T,) [s]; infinite without a collision.
     """
     soonest = np.full(len(position), np.inf)
     length, width, num_steps = size[ego, 0], size[ego, 1], round(HORIZON / STEP)

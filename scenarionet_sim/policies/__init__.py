@@ -1,7 +1,7 @@
-"""What moves the objects of a world: the log, the laws of traffic, an action from outside, or nothing.
+"""Policies: replay of the log, reactive traffic, constant velocity, and external actions.
 
-A policy is a frozen specification that pickles. A simulation takes several, and each object is driven by the last
-one that wants it, so the general comes first: ``(Replay(), Idm(), External())``.
+A policy is a frozen, picklable specification. A simulation takes several, and each object is driven by the last one
+that selects it, so the most general comes first: ``(Replay(), Idm(), External())``.
 """
 
 from scenarionet_sim.policies.base import Policy

@@ -1,4 +1,4 @@
-"""What a policy is: it writes the next moment of the objects it drives, from this moment of all."""
+"""Base class of policies: they write the next state of the objects they drive, from the current state of all."""
 
 from __future__ import annotations
 
@@ -17,31 +17,31 @@ class Policy(ABC):
     """Drives some objects of every world.
 
     Attributes:
-        objects: Which objects it wants.
+        objects: Selects the objects, as a function of a world that returns a mask (N,).
     """
 
     objects: ObjectMask = all_objects
 
-    def wants(self, world: World) -> Bool:
-        """(N,) the objects it drives, unless a later policy wants them too."""
+    def selects(self, world: World) -> Bool:
+        """Return the mask (N,) of objects it drives, unless a later policy selects them too."""
         return self.objects(world)
 
     def prepare(self, world: World, driven: Bool) -> World:
-        """The world as this policy needs it; ``driven`` (N,) are the objects it drives there."""
+        """Return the world as this policy needs it; ``driven`` (N,) are the objects it drives."""
         del driven
         return world
 
     @abstractmethod
-    def advance(self, batch: WorldBatch, now: State, then: State, driver: UInt8, me: int, dt: float) -> None:
-        """Write the objects that it drives into the next moment.
+    def advance(self, batch: WorldBatch, now: State, then: State, driver: UInt8, policy_id: int, dt: float) -> None:
+        """Write the next state of its objects.
 
-        Every policy reads the same moment, so the order of policies and objects changes nothing.
+        All policies read the same current state, so their order does not matter.
 
         Args:
-            batch: The worlds.
-            now: This moment.
-            then: The next moment; of its arrays, the rows of objects that others drive are not to be touched.
-            driver: (W, N) uint8 which policy drives each object.
-            me: The number of this one in ``driver``.
-            dt: Seconds between the moments.
+            batch: Maps, logs and paths of the worlds.
+            now: Current state.
+            then: Next state, initially a copy of ``now``; write only the rows that this policy drives.
+            driver: (W, N) uint8 policy of each object.
+            policy_id: Number of this policy in ``driver``.
+            dt: Length of the step [s].
         """

@@ -1,8 +1,9 @@
-"""Traffic that reacts, on the paths it was recorded on."""
+"""Reactive traffic on recorded paths."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 from scenarionet_data.arrays.dtypes import Bool, UInt8
 from scenarionet_data.errors import BadParameter
@@ -19,21 +20,21 @@ from scenarionet_sim.worlds.world_batch import WorldBatch
 class Idm(Policy):
     """The Intelligent Driver Model (Treiber, Hennecke, Helbing 2000) along an object's recorded path.
 
-    It keeps headway to whatever reaches into the strip ahead, the ego too, stops at red lights on the lanes that
-    its path follows, slows down for bends, and leaves at the end of its path. It appears as recorded, as soon as
-    its place is free. Objects that were recorded standing are left to the policy before this one.
+    An object keeps a headway to every box on the strip ahead, including the ego, stops at red lights on the lanes of
+    its path, slows down for bends, and leaves at the end of its path. It appears as recorded, once its place is free.
+    Objects that were recorded standing are left to the preceding policy.
 
     Attributes:
-        objects: Which objects; ``Idm(objects=ego)`` is a driver for the ego.
+        objects: Selects the objects; ``Idm(objects=ego)`` drives the ego.
         headway: Time gap to the object ahead [s].
-        acceleration: [m/s2]
-        deceleration: Comfortable braking [m/s2].
+        acceleration: Maximum acceleration [m/s²].
+        deceleration: Comfortable deceleration [m/s²].
         standstill: Gap at rest [m].
-        slowest: Desired speed of an object that was recorded slower than this; otherwise the highest recorded [m/s].
-        lateral: Sideways acceleration in bends [m/s2].
-        overlap: What reaches less far than this into the strip is passed [m]: recorded boxes are not that exact.
-        hardest: Braking in an emergency [m/s2].
-        shortest: Objects with a shorter path stand [m].
+        slowest: Least desired speed [m/s]; the desired speed is the highest recorded one.
+        lateral: Lateral acceleration in bends [m/s²].
+        overlap: Boxes that overlap the strip by less are ignored [m]: recorded boxes are not that exact.
+        hardest: Emergency deceleration [m/s²].
+        shortest: Objects with a shorter path count as standing [m].
     """
 
     objects: ObjectMask = other_vehicles
@@ -50,22 +51,16 @@ class Idm(Policy):
     def __post_init__(self) -> None:
         for number in ("headway", "acceleration", "deceleration", "standstill", "slowest", "lateral", "hardest"):
             if not getattr(self, number) > 0.0:
-                raise BadParameter(f"Idm: {number} is {getattr(self, number)}; it must be positive")
+                raise BadParameter(f"Idm({number}={getattr(self, number)}): expected a positive number")
 
-    def wants(self, world: World) -> Bool:
-        """Those of its objects that drive at all."""
+    def selects(self, world: World) -> Bool:
+        """Return the mask (N,) of its objects that drive at all."""
         return self.objects(world) & (world.paths.length() >= self.shortest)
 
-    def advance(self, batch: WorldBatch, now: State, then: State, driver: UInt8, me: int, dt: float) -> None:
-        """One step of the law for each."""
-        law = Law(
-            self.headway, self.acceleration, self.deceleration, self.standstill,
-            self.slowest, self.lateral, self.overlap, self.hardest,
-        )  # fmt: skip
-        paths = batch.path_points, batch.path_arc, batch.path_heading, batch.path_z, batch.path_offsets
-        stops = batch.stop_arc, batch.stop_light, batch.stop_offsets, batch.light_state
-        moments = *now.motion, now.arc, *then.motion, then.arc, then.lateral
-        drive_along_paths(
-            driver, me, dt, law, LIGHT_COLORS, batch.log, batch.num_steps, now.timestep,
-            *paths, batch.top_speed, *stops, now.size, *moments,
-        )  # fmt: skip
+    @cached_property
+    def _law(self) -> Law:
+        return Law(*(getattr(self, name) for name in Law._fields))
+
+    def advance(self, batch: WorldBatch, now: State, then: State, driver: UInt8, policy_id: int, dt: float) -> None:
+        """Apply the driver model to each object."""
+        drive_along_paths(driver, policy_id, dt, self._law, LIGHT_COLORS, batch.recorded, now.moment, then.moment)

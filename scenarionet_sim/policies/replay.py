@@ -1,4 +1,4 @@
-"""The log as it was recorded, bit for bit."""
+"""Replay of the log, bit for bit."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from scenarionet_sim.worlds.world_batch import WorldBatch
 
 @dataclass(frozen=True)
 class Replay(Policy):
-    """Objects are where they were recorded, and there only while they are valid.
+    """Objects follow their recorded states and are present only while those are valid.
 
-    After the log's last timestep they stand where they are.
+    After the end of the log they are at rest.
     """
 
-    def advance(self, batch: WorldBatch, now: State, then: State, driver: UInt8, me: int, dt: float) -> None:
-        """Copies the log's next row."""
+    def advance(self, batch: WorldBatch, now: State, then: State, driver: UInt8, policy_id: int, dt: float) -> None:
+        """Copy the next row of the log."""
         del dt
-        replay(batch.log, batch.num_steps, now.timestep, driver, me, *then.motion)
+        replay(batch.log, batch.num_steps, now.timestep, driver, policy_id, then.motion, then.present)

@@ -1,4 +1,4 @@
-"""Traffic that goes on when its recorded path ends: along the lanes of the map."""
+"""Reactive traffic that continues along the lanes of the map when its recorded path ends."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from scenarionet_sim.worlds.world import World
 
 @dataclass(frozen=True)
 class RouteFollower(Idm):
-    """Like :class:`Idm`, but a path that ends on a lane goes on along it and the lanes that follow.
+    """Like :class:`Idm`, but a path that ends on a lane continues along that lane and its successors.
 
-    Where lanes part it takes the one that turns least. Without a map, or beside every lane, it is Idm.
+    At a split it takes the lane that turns least. Without a map, or off all lanes, it behaves like Idm.
 
     Attributes:
-        beyond: How far paths go on [m].
+        beyond: Length of the continuation [m].
     """
 
     beyond: float = 200.0
 
     def prepare(self, world: World, driven: Bool) -> World:
-        """The world with longer paths for its objects."""
+        """Return the world with extended paths."""
         return continued(world, driven, self.beyond)

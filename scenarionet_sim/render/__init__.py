@@ -1,6 +1,6 @@
-"""Pictures of simulations: the drawing is :mod:`scenarionet_data.plots`, here is what a simulation gives it.
+"""Images of simulations: converts worlds and states to what :mod:`scenarionet_data.plots` draws.
 
-Needs matplotlib (extra ``plots``), and PyAV for mp4 (extra ``video``); no display but for a window.
+Needs matplotlib (extra ``plots``), and PyAV for mp4 (extra ``video``); only windows need a display.
 """
 
 from scenarionet_sim.render.live import Live

@@ -1,4 +1,4 @@
-"""What an environment shows while it runs: pictures with trails, or a window on a screen."""
+"""Live view of a simulation: images with trails, or a window."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class Live:
     """Follows the ego of one slot of a simulation, episode after episode.
 
     Args:
-        width: What is seen across [m].
-        size: Side of a picture [pixel].
+        width: Width of the view [m].
+        size: Side of an image [pixels].
 
     Example:
         live = Live()
@@ -35,7 +35,7 @@ class Live:
         self._image: Any = None
 
     def picture(self, world: World, state: State, slot: int = 0) -> UInt8:
-        """The moment (H, W, 3) uint8; one that is not later than the one before begins a new episode."""
+        """Return the current moment as (H, W, 3) uint8; a timestep not later than the last one begins a new episode."""
         if self._view is None or self._world is not world:
             self._view, self._world = TopDown(scene_of(world), self._window, self._size), world
             self._moments.clear()
@@ -46,10 +46,10 @@ class Live:
         return self._view.frame(self._moments)
 
     def show(self, picture: UInt8) -> None:
-        """Show a picture in a window, which opens the first time; one that somebody closed stays closed.
+        """Show an image in a window; a window that the user closes stays closed.
 
         Raises:
-            BadParameter: There is no display.
+            BadParameter: No display is available.
         """
         from matplotlib import pyplot
 
@@ -76,15 +76,14 @@ class Live:
 
 
 def _require_display() -> None:
-    """Raises BadParameter unless matplotlib can open windows here."""
+    """Raise BadParameter unless matplotlib can open windows."""
     from matplotlib import pyplot
 
     try:
         can_open = pyplot.get_backend().lower() != "agg"
-    except ImportError:  # a backend with windows was asked for where there is no display
+    except ImportError:  # an interactive backend was requested without a display
         can_open = False
     if not can_open:
         raise BadParameter(
-            "a window needs a display and a toolkit that matplotlib knows, such as tkinter; "
-            "without, take pictures with render_mode='rgb_array'"
+            "a window needs a display and a GUI toolkit such as tkinter; without them use render_mode='rgb_array'"
         )

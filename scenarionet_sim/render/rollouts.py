@@ -1,4 +1,4 @@
-"""What everybody did in a run, as moments to draw."""
+"""Rollouts of an evaluation run, as moments to draw."""
 
 from __future__ import annotations
 
@@ -14,15 +14,20 @@ _ROWS = """
 
 
 def rollout_moments(lake: Lake, run: str, scene: Scene) -> list[Moment]:
-    """The moments of a scene in a run, from its first to its last.
+    """Return the moments of a scenario in a run, in order.
+
+    Args:
+        lake: The lake with the run.
+        run: Name of the run.
+        scene: The scenario.
 
     Raises:
-        BadParameter: The run did not play this scenario.
+        BadParameter: The run has no rollout of this scenario.
     """
     rows = lake.sql(_ROWS, {"run": run, "scenario_id": scene.scenario_id})
     if rows.is_empty():
         runs = ", ".join(lake.sql("SELECT DISTINCT run FROM rollouts ORDER BY run")["run"]) or "none"
-        raise BadParameter(f"run {run!r} holds no {scene.scenario_id}; runs of this lake: {runs}")
+        raise BadParameter(f"run {run!r} has no rollout of {scene.scenario_id}; runs in this lake: {runs}")
     row_of = {track: row for row, track in enumerate(scene.track_ids)}
     objects = [row_of[track] for track in rows["track_id"]]
     num_moments, start = len(rows["x"][0]), int(rows["start"][0])

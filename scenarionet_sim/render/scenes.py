@@ -1,4 +1,4 @@
-"""Worlds and their moments, as pictures want them."""
+"""Conversion of worlds and states to scenes and moments for plots."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from scenarionet_sim.worlds.world import World
 
 
 def scene_of(world: World) -> Scene:
-    """A world as a scene: the same objects, row by row."""
+    """Convert a world to a scene with the same object rows."""
     velocity = world.log_velocity
     return Scene(
         scenario_id=world.scenario_id,
@@ -34,7 +34,7 @@ def scene_of(world: World) -> Scene:
 
 
 def shapes_of(roads: Roads) -> MapShapes:
-    """The shapes of a world's map; its lines are put together again from their segments."""
+    """Convert a map to shapes; consecutive segments are joined to polylines."""
     segments = roads.segments
     is_new = np.ones(len(segments), np.bool_)
     is_new[1:] = (np.diff(roads.segment_feature) != 0) | (segments[1:, :2] != segments[:-1, 2:]).any(axis=1)
@@ -49,7 +49,7 @@ def shapes_of(roads: Roads) -> MapShapes:
 
 
 def moment_of(world: World, state: State, slot: int = 0) -> Moment:
-    """A world as a simulation has it now; a copy."""
+    """Copy the current moment of a slot."""
     here = slice(0, world.num_objects)
     position, heading = state.position[slot, here].copy(), state.heading[slot, here].copy()
     return Moment(int(state.timestep[slot]), position, heading, state.present[slot, here].copy())

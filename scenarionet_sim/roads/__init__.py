@@ -1,1 +1,1 @@
-"""The map in the plane: segments, lanes and polygons, each under a grid."""
+"""The map in the plane: segments, lanes and polygons, with grids for look-up."""

@@ -1,6 +1,6 @@
-"""The map as the simulator wants it: segments, polygons and lanes as flat arrays with a grid over each.
+"""The map as arrays: line segments and polygons under a grid each, lanes and their successors.
 
-Heights are left out: sensors and rules look at the plane.
+Heights are dropped: sensors and rules work in the plane.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ class Roads:
     """A map in the plane; all coordinates in metres, scenario frame.
 
     Attributes:
-        segments: (S, 4) float32 x0, y0, x1, y1 of what is drawn as a line: road lines, road edges and stop lines
-            (an edge given as an area: its outline), feature by feature, along each feature.
+        segments: (S, 4) float32 x0, y0, x1, y1 of road lines, road edges and stop lines (of an edge given as an area:
+            its outline), feature by feature, in order along each feature.
         segment_type: (S,) uint8 codes of ``MapFeatureType``.
         segment_feature: (S,) int32 row of the segment's feature in the scenario's map.
         segment_grid: Grid over the segments.
         lane_ids: (M,) str.
         lane_type: (M,) uint8 codes of ``MapFeatureType``.
         lanes: M x (n, 2) float32 centrelines in driving direction.
-        successors: M x rows of the lanes that follow, int32; those outside the map are left out.
+        successors: M x rows of the following lanes, int32, without those outside the map.
         speed_limit: (M,) float32 [m/s], NaN when unknown.
-        polygons: Q x (n, 2) float32 outlines, implicitly closed: first the lanes', row by row (a lane without one
-            gets its buffered centreline), then those of every other feature that has one.
+        polygons: Q x (n, 2) float32 outlines, implicitly closed: first of the lanes, in their order (the buffered
+            centreline of a lane without one), then of all other features with an outline.
         polygon_type: (Q,) uint8 codes of ``MapFeatureType``.
         polygon_grid: Grid over the polygons.
     """
@@ -60,7 +60,7 @@ class Roads:
     polygon_type: UInt8
     polygon_grid: Grid
     is_road: Bool = field(init=False, repr=False)
-    """(Q,) polygons that may be driven on."""
+    """(Q,) drivable polygons."""
 
     def __post_init__(self) -> None:
         is_road = is_lane(self.polygon_type) | np.isin(self.polygon_type, AREAS_TO_DRIVE_ON)
@@ -73,54 +73,54 @@ class Roads:
 
     @classmethod
     def from_map(cls, features: MapFeatures | None) -> Roads:
-        """The roads of a scenario's map; empty for None."""
+        """Convert a scenario's map; None gives empty roads."""
         if features is None:
             return cls.from_map(MapBuilder().build(np.zeros(3)))
         segments, feature = _segments(features)
-        lane_rows = np.flatnonzero(is_lane(features.types))
-        other_rows = np.flatnonzero(~is_lane(features.types) & (features.polygon.lengths > 0))
+        lane_rows = np.flatnonzero(is_lane(features.feature_type))
+        other_rows = np.flatnonzero(~is_lane(features.feature_type) & (features.polygon.lengths > 0))
         polygons = _joined(lane_outlines(features, lane_rows), _in_plane(features.polygon.take(other_rows)))
         start, end = segments[:, :2], segments[:, 2:]
         return cls(
             segments=segments,
-            segment_type=features.types[feature],
+            segment_type=features.feature_type[feature],
             segment_feature=feature,
             segment_grid=Grid.over(np.minimum(start, end), np.maximum(start, end)),
             lane_ids=features.ids[lane_rows],
-            lane_type=features.types[lane_rows],
+            lane_type=features.feature_type[lane_rows],
             lanes=_in_plane(features.polyline.take(lane_rows)),
             successors=_successors(features, lane_rows),
             speed_limit=features.speed_limit[lane_rows],
             polygons=polygons,
-            polygon_type=features.types[np.concatenate([lane_rows, other_rows])],
+            polygon_type=features.feature_type[np.concatenate([lane_rows, other_rows])],
             polygon_grid=Grid.over(*polygons.bounds()),
         )
 
     def is_on_road(self, points: npt.ArrayLike) -> Bool:
-        """Whether points (..., 2) [m] lie on a lane or another area to drive on."""
+        """Return whether points (..., 2) [m] are on a lane or another drivable area."""
         return self.is_in(points, self.is_road)
 
-    def is_in(self, points: npt.ArrayLike, is_wanted: Bool) -> Bool:
-        """Whether points (..., 2) [m] lie in any of the polygons chosen by a mask (Q,)."""
-        return self._find(points, is_wanted) >= 0
+    def is_in(self, points: npt.ArrayLike, is_selected: Bool) -> Bool:
+        """Return whether points (..., 2) [m] are inside any of the polygons selected by a mask (Q,)."""
+        return self._find(points, is_selected) >= 0
 
     def lane_at(self, points: npt.ArrayLike) -> Int32:
-        """Row of a lane around each point (..., 2) [m]; the first where lanes overlap, -1 beside all."""
+        """Return the row of the first lane around each point (..., 2) [m], or -1."""
         return self._find(points, is_lane(self.polygon_type))
 
-    def _find(self, points: npt.ArrayLike, is_wanted: Bool) -> Int32:
+    def _find(self, points: npt.ArrayLike, is_selected: Bool) -> Int32:
         where = np.asarray(points, dtype=np.float64)
         flat = np.ascontiguousarray(where.reshape(-1, 2))
         found = np.empty(len(flat), np.int32)
         grid, outlines = self.polygon_grid, self.polygons
-        cells = grid.origin, grid.shape, grid.cell_size, grid.cell_start, grid.cell_items
-        find_polygon(flat, outlines.values, outlines.offsets, is_wanted, *cells, found)
+        cells = grid.frame, grid.cell_start, grid.cell_items
+        find_polygon(flat, outlines.values, outlines.offsets, is_selected, *cells, found)
         return found.reshape(where.shape[:-1])
 
 
 def _segments(features: MapFeatures) -> tuple[Float32, Int32]:
-    """Segments (S, 4) of everything that is a line, and each one's feature (S,)."""
-    types = features.types
+    """Return the segments (S, 4) of all lines, and the feature of each (S,)."""
+    types = features.feature_type
     is_line = is_road_line(types) | is_road_edge(types) | (types == MapFeatureType.STOP_LINE)
     has_line = features.polyline.lengths > 1
     open_rows, closed_rows = np.flatnonzero(is_line & has_line), np.flatnonzero(is_line & ~has_line)
@@ -134,7 +134,7 @@ def _segments(features: MapFeatures) -> tuple[Float32, Int32]:
 
 
 def _between(lines: Ragged, *, is_closed: bool) -> Float32:
-    """(S, 4) from each point to the next of its list, and from the last to the first of a closed one."""
+    """Return segments (S, 4) between consecutive points of each list, and from last to first if closed."""
     start = lines.values[:, :2]
     end = np.roll(start, -1, axis=0)
     is_last = np.zeros(len(start), np.bool_)
@@ -146,7 +146,7 @@ def _between(lines: Ragged, *, is_closed: bool) -> Float32:
 
 
 def _successors(features: MapFeatures, lane_rows: IntP) -> Ragged:
-    """M x rows of lanes, int32."""
+    """Return the rows of the lanes that follow each lane, M x int32."""
     row_of = {lane: row for row, lane in enumerate(features.ids[lane_rows])}
     named = features.exit_lanes.take(lane_rows)
     rows = np.array([row_of.get(lane, -1) for lane in named.values], np.int32)

@@ -1,4 +1,4 @@
-"""What agents observe: each sensor a frozen specification, over the arrays of a batch and a state."""
+"""Sensors of agents: frozen specifications that read the arrays of a batch and a state."""
 
 from scenarionet_sim.sensors.base import Sensor
 from scenarionet_sim.sensors.bird_view import BirdView, Channel

@@ -1,8 +1,7 @@
-"""What a sensor is: a frozen specification that pickles, and writes what A agents observe into an array.
+"""Base class of sensors: frozen, picklable specifications that write the observations of A agents into an array.
 
-An agent is a world and a row of it. Frames of what is observed are the agent's, x forward and y left, from its box's
-centre, unless a sensor says otherwise. Nothing is remembered between calls; noise comes from the generator that is
-handed in.
+An agent is a world and a row of it. Unless a sensor says otherwise, observations are in the agent's frame, x forward
+and y left from the centre of its box. Sensors keep no state between calls; noise comes from the generator passed in.
 """
 
 from __future__ import annotations
@@ -17,8 +16,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int32
 from scenarionet_data.errors import BadParameter, MissingDependency
-from scenarionet_data.scenario.vocabulary import MapFeatureType
-from scenarionet_sim.kernels.route_observation import find_lost
+from scenarionet_data.scenario.vocabulary import MapFeatureType, ObjectType
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
 
@@ -27,15 +25,15 @@ if TYPE_CHECKING:
 
 
 OBJECT_TYPES = 256
-"""Length of tables by type code."""
+"""Length of lookup tables by type code."""
 
 
 class Sensor(ABC):
-    """Observes agents; subclasses are frozen dataclasses.
+    """Base class of sensors; subclasses are frozen dataclasses.
 
     Attributes:
-        low, high: Bounds of every number observed.
-        dtype: Its type.
+        low, high: Bounds of every observed value.
+        dtype: Type of the values.
     """
 
     low: ClassVar[float] = 0.0
@@ -45,25 +43,25 @@ class Sensor(ABC):
     @property
     @abstractmethod
     def shape(self) -> tuple[int, ...]:
-        """Shape of what one agent observes."""
+        """Shape of one agent's observation."""
 
     @abstractmethod
     def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:
-        """Write what agents observe.
+        """Write the observations of agents.
 
         Args:
-            batch: The worlds.
-            state: Where everything is now.
+            batch: The worlds' maps, logs and paths.
+            state: Current state of all objects.
             agents: (A, 2) int32 world and row of each agent.
-            rng: Where noise comes from; untouched by a sensor without noise.
-            out: (A, ...) of the sensor's shape and dtype, C-contiguous, overwritten.
+            rng: Source of noise; unused by a sensor without noise.
+            out: (A, *shape) C-contiguous output of the sensor's dtype.
 
         Returns:
             ``out``.
         """
 
     def space(self) -> Box:
-        """The Gymnasium space of what one agent observes.
+        """Return the Gymnasium space of one agent's observation.
 
         Raises:
             MissingDependency: Gymnasium is not installed.
@@ -72,32 +70,35 @@ class Sensor(ABC):
             from gymnasium.spaces import Box
         except ImportError as error:
             raise MissingDependency("spaces need gymnasium", "sim") from error
-        return Box(self.low, self.high, self.shape, self.dtype)  # type: ignore[arg-type]  # a numpy type is meant
+        return Box(self.low, self.high, self.shape, self.dtype)  # type: ignore[arg-type]  # accepts NumPy types
 
     def empty(self, num_agents: int) -> Array:
-        """Room for what agents observe: (A, ...) zeros."""
+        """Return an output array (A, *shape) of zeros."""
         return np.zeros((num_agents, *self.shape), self.dtype)
 
 
-def require_arcs(state: State, agents: Int32) -> None:
-    """Refuse agents whose place on their paths is not known.
+def require_located(lost: int, agents: Int32) -> None:
+    """Raise if an agent is not located on its path.
+
+    Args:
+        lost: Index of the agent, or -1; see ``kernels.route_observation``.
+        agents: (A, 2) world and row.
 
     Raises:
-        BadParameter: Naming the first.
+        BadParameter: ``lost`` is an agent.
     """
-    lost = find_lost(agents, state.arc)
     if lost >= 0:
         raise BadParameter(
-            f"object {agents[lost, 1]} of world {agents[lost, 0]} has no place on its path; a simulation finds "
-            "its agents', call kernels.paths.follow_paths for others"
+            f"object {agents[lost, 1]} of world {agents[lost, 0]} is not located on its path; a simulation locates "
+            "its agents, call kernels.paths.follow_paths for other objects"
         )
 
 
 def require(is_met: bool, message: str) -> None:
-    """Refuse a sensor's parameter.
+    """Raise unless a condition on a sensor's parameters is met.
 
     Raises:
-        BadParameter: The requirement is not met.
+        BadParameter: The condition is not met.
     """
     if not is_met:
         raise BadParameter(message)
@@ -105,16 +106,21 @@ def require(is_met: bool, message: str) -> None:
 
 @lru_cache
 def table(types: tuple[IntEnum, ...] | None) -> Bool:
-    """(256,) bool by type code: True for these types, for all when None."""
+    """Return (256,) bool by type code: True for the given types, or for all if None."""
     chosen = np.full(OBJECT_TYPES, types is None)
     chosen[[*(types or ())]] = True
     chosen.flags.writeable = False
     return chosen
 
 
+def visible_objects(state: State, types: tuple[ObjectType, ...] | None) -> Bool:
+    """Return (W, N) the present objects of the given types, or of all types if None."""
+    return state.present if types is None else state.present & table(types)[state.object_type]
+
+
 @lru_cache
 def directions(count: int) -> Float64:
-    """(count, 2) unit vectors at angles 2 pi k / count from straight ahead, counter-clockwise."""
+    """Return (count, 2) unit vectors at angles 2 pi k / count from straight ahead, counter-clockwise."""
     angles = np.arange(count) * (2.0 * np.pi / count)
     vectors = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     vectors.flags.writeable = False
@@ -122,5 +128,5 @@ def directions(count: int) -> Float64:
 
 
 def map_types(is_kind: Callable[[Any], Any]) -> tuple[MapFeatureType, ...]:
-    """The map features that a mask function such as ``is_road_edge`` takes."""
+    """Return the map feature types that satisfy a predicate such as ``is_road_edge``."""
     return tuple(member for member in MapFeatureType if is_kind(member))

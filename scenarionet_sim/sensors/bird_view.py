@@ -1,4 +1,4 @@
-"""A picture from above, one channel for each kind of thing: what planners and policies that learn are fed."""
+"""A bird's-eye-view image with one channel per class, as used by learned planners and policies."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int8, Int32
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int16, Int32
 from scenarionet_data.arrays.geometry import box_corners
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import (
@@ -23,13 +23,12 @@ from scenarionet_data.scenario.vocabulary import (
 )
 from scenarionet_sim.kernels.raster import draw_polygons, draw_segments, list_in_window
 from scenarionet_sim.sensors.base import Sensor, map_types, require
-from scenarionet_sim.worlds.history import History
-from scenarionet_sim.worlds.state import State
+from scenarionet_sim.worlds.state import History, State
 from scenarionet_sim.worlds.world_batch import WorldBatch
 
 
 class Channel(IntEnum):
-    """What the channels of a bird's view show."""
+    """Channels of a bird's-eye view."""
 
     ROAD = 0
     CROSSWALK = 1
@@ -45,24 +44,23 @@ class Channel(IntEnum):
 
 
 LIGHT_VALUES = {LightColor.UNKNOWN: 64, LightColor.GREEN: 128, LightColor.YELLOW: 192, LightColor.RED: 255}
-"""Values of a light's square in the channel LIGHT."""
+"""Pixel values in the channel LIGHT by colour."""
 
-_LIGHT_SIDE = 2.0
-"""[m]."""
+_LIGHT_SIDE = 2.0  # [m]
 
 
-def _channels(chosen: dict[Channel, tuple[IntEnum, ...]], other: int = -1) -> Int8:
-    """(256,) channel by type code."""
-    table = np.full(256, other, np.int8)
+def _style(chosen: dict[Channel, tuple[IntEnum, ...]], other: int = -1) -> Int16:
+    """Return (256, 2) channel and pixel value by type code; value 255."""
+    style = np.full((256, 2), (other, 255), np.int16)
     for channel, types in chosen.items():
-        table[[*types]] = channel
-    return table
+        style[[*types], 0] = channel
+    return style
 
 
 _LANES = map_types(is_lane)
-_AREAS = _channels({Channel.ROAD: (*_LANES, *AREAS_TO_DRIVE_ON), Channel.CROSSWALK: (MapFeatureType.CROSSWALK,)})
-_LINES = _channels({Channel.LANE_LINE: map_types(is_road_line), Channel.ROAD_EDGE: map_types(is_road_edge)})
-_OBJECTS = _channels(
+_AREAS = _style({Channel.ROAD: (*_LANES, *AREAS_TO_DRIVE_ON), Channel.CROSSWALK: (MapFeatureType.CROSSWALK,)})
+_LINES = _style({Channel.LANE_LINE: map_types(is_road_line), Channel.ROAD_EDGE: map_types(is_road_edge)})
+_OBJECTS = _style(
     {
         Channel.VEHICLE: (ObjectType.VEHICLE,),
         Channel.PEDESTRIAN: (ObjectType.PEDESTRIAN,),
@@ -70,24 +68,26 @@ _OBJECTS = _channels(
     },
     other=Channel.OBJECT,
 )
-_FULL = np.full(256, 255, np.uint8)
-_LIGHTS = np.array([LIGHT_VALUES[LightColor(color)] for color in LIGHT_COLORS], np.uint8)
+_ROUTE = _style({}, Channel.ROUTE)
+_EGO = _style({}, Channel.EGO)
+_LIGHTS = _style({}, Channel.LIGHT)
+_LIGHTS[: len(LIGHT_COLORS), 1] = [LIGHT_VALUES[LightColor(color)] for color in LIGHT_COLORS]
 
 
 @dataclass(frozen=True)
 class BirdView(Sensor):
-    """A picture of everything around the agent.
+    """A bird's-eye-view image around the agent.
 
-    Observes (11 + history, size, size) uint8, row 0 at the top: 255 where the channel's kind of thing is, else 0; the
-    light channel has ``LIGHT_VALUES``. Channels are those of :class:`Channel`; the agent is in EGO alone. After
-    them comes one channel for each past moment, the latest first, with every object's box as it was then, seen
-    from where the agent is now. Areas and boxes cover the pixels whose centres they hold; lines are one pixel wide.
+    Observes (11 + history, size, size) uint8, row 0 at the top: 255 where an object of the channel's class is,
+    else 0; the light channel has ``LIGHT_VALUES``. Channels are those of :class:`Channel`; the agent is only in EGO.
+    They are followed by one channel per past moment, the latest first, with the boxes of all objects at that moment
+    in the agent's current frame. Areas and boxes cover the pixels whose centres they contain; lines are one pixel wide.
 
     Attributes:
-        size: Pixels along a side.
-        resolution: [m] of a pixel.
+        size: Side length [pixels].
+        resolution: Side length of a pixel [m].
         heading_up: The agent's heading points up; else the scenario's +y does (north, where the source says so).
-        anchor: Column and row of the agent, as shares of ``size``.
+        anchor: Column and row of the agent, as fractions of ``size``.
         history: History moments shown; the simulation has to remember as many.
     """
 
@@ -101,9 +101,9 @@ class BirdView(Sensor):
     history: int = 0
 
     def __post_init__(self) -> None:
-        require(self.size > 0, f"a bird's view has at least one pixel, found size={self.size}")
-        require(self.resolution > 0, f"a pixel is larger than 0 m, found resolution={self.resolution}")
-        require(self.history >= 0, f"past moments are at least 0, found history={self.history}")
+        require(self.size > 0, f"BirdView needs size >= 1, found size={self.size}")
+        require(self.resolution > 0, f"BirdView needs a resolution above 0 m, found resolution={self.resolution}")
+        require(self.history >= 0, f"BirdView needs history >= 0, found history={self.history}")
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -111,20 +111,20 @@ class BirdView(Sensor):
         return len(Channel) + self.history, self.size, self.size
 
     def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
-        """See the class.
+        """Draw the images.
 
         Raises:
-            BadParameter: Fewer moments are remembered than the history shows.
+            BadParameter: The simulation keeps fewer past moments than ``history``.
         """
         remembered = 0 if state.history is None else len(state.history.present)
         if remembered < self.history:
             raise BadParameter(
-                f"a bird's view of history={self.history} needs as many past moments, found {remembered}; "
-                f"give Simulation history={self.history}"
+                f"BirdView(history={self.history}) needs as many past moments, found {remembered}; "
+                f"pass history={self.history} to Simulation"
             )
         turns = np.zeros((self.size, self.size + 3), np.int16)
         out[...] = 0
-        for (world, row), pictures in zip(agents.tolist(), out, strict=True):  # a picture takes half a millisecond
+        for (world, row), pictures in zip(agents.tolist(), out, strict=True):  # an image takes half a millisecond
             view = self.view(state.position[world, row], float(state.heading[world, row]))
             self._draw_map(batch, world, view, pictures, turns)
             self._draw_route(batch, world, row, view, pictures)
@@ -133,14 +133,14 @@ class BirdView(Sensor):
         return out
 
     def view(self, center: Float64, heading: float) -> Float64:
-        """(6,) metres to pixels, as kernels take it: column = v0 x + v1 y + v2, row = v3 x + v4 y + v5."""
+        """Return the map from metres to pixels (6,): column = v0 x + v1 y + v2, row = v3 x + v4 y + v5."""
         cos, sin = (np.cos(heading), np.sin(heading)) if self.heading_up else (0.0, 1.0)
         turn = np.array([[sin, -cos], [-cos, -sin]]) / self.resolution
         start = np.array(self.anchor) * self.size - turn @ center
         return np.array([*turn[0], start[0], *turn[1], start[1]])
 
     def _window(self, view: Float64) -> Float64:
-        """(4,) box around what the picture shows [m]."""
+        """Return the bounding box (4,) of the image [m]."""
         turn, start = view.reshape(2, 3)[:, :2], view[[2, 5]]
         corners = np.array([[0, 0], [self.size, 0], [0, self.size], [self.size, self.size]])
         places = (corners - start) @ np.linalg.inv(turn).T
@@ -149,16 +149,16 @@ class BirdView(Sensor):
     def _draw_map(self, batch: WorldBatch, world: int, view: Float64, pictures: Array, turns: Array) -> None:
         window = self._window(view)
         outlines = batch.polygons[world], batch.polygons_offsets[world], batch.polygon_type[world]
-        draw_polygons(*outlines, _near_polygons(batch, world, window), _AREAS, _FULL, view, pictures, turns)
+        draw_polygons(*outlines, _near_polygons(batch, world, window), _AREAS, view, pictures, turns)
         lines = batch.segments[world], batch.segment_type[world]
-        draw_segments(*lines, _near_segments(batch, world, window), _LINES, _FULL, view, pictures)
+        draw_segments(*lines, _near_segments(batch, world, window), _LINES, view, pictures)
 
     def _draw_route(self, batch: WorldBatch, world: int, row: int, view: Float64, pictures: Array) -> None:
         first, end = batch.path_offsets[world, row : row + 2]
-        points = batch.path_points[world, first:end]
+        points = batch.path[world, first:end, :2]
         segments = np.concatenate([points[:-1], points[1:]], axis=1)
         no_type, everywhere = np.zeros(len(segments), np.uint8), np.ones(len(segments), np.bool_)
-        draw_segments(segments, no_type, everywhere, _channels({}, Channel.ROUTE), _FULL, view, pictures)
+        draw_segments(segments, no_type, everywhere, _ROUTE, view, pictures)
 
     def _draw_lights(
         self, batch: WorldBatch, world: int, timestep: int, view: Float64, pictures: Array, turns: Array
@@ -168,7 +168,7 @@ class BirdView(Sensor):
         is_placed = ~np.isnan(stop[:, 0])
         sides = np.full(count, _LIGHT_SIDE)
         corners = box_corners(stop, np.zeros(count), sides, sides)
-        _draw_boxes(corners, shown, is_placed, _channels({}, Channel.LIGHT), _LIGHTS, view, pictures, turns)
+        _draw_boxes(corners, shown, is_placed, _LIGHTS, view, pictures, turns)
 
     def _draw_objects(self, state: State, world: int, row: int, view: Float64, pictures: Array, turns: Array) -> None:
         types, sizes = state.object_type[world], state.size[world]
@@ -178,23 +178,21 @@ class BirdView(Sensor):
 
         corners, present = boxes(state.position[world], state.heading[world]), state.present[world]
         is_me = np.arange(len(types)) == row
-        _draw_boxes(corners, types, present & is_me, _channels({}, Channel.EGO), _FULL, view, pictures, turns)
-        _draw_boxes(corners, types, present & ~is_me, _OBJECTS, _FULL, view, pictures, turns)
+        _draw_boxes(corners, types, present & is_me, _EGO, view, pictures, turns)
+        _draw_boxes(corners, types, present & ~is_me, _OBJECTS, view, pictures, turns)
         past = state.history or History.empty(0, *state.present.shape)
         for moment in range(self.history):
-            channel = _channels({}, len(Channel) + moment)
+            channel = _style({}, len(Channel) + moment)
             corners = boxes(past.position[moment, world], past.heading[moment, world])
-            _draw_boxes(corners, types, past.present[moment, world], channel, _FULL, view, pictures, turns)
+            _draw_boxes(corners, types, past.present[moment, world], channel, view, pictures, turns)
 
 
 def _near_polygons(batch: WorldBatch, world: int, window: Float64) -> Bool:
-    """(Q,) polygons of a world that may lie in a window."""
+    """Return a mask (Q,) of the polygons of a world that may overlap a window."""
     found = np.zeros(batch.polygon_type.shape[1], np.bool_)
     list_in_window(
         window,
-        batch.polygon_grid_origin[world],
-        batch.polygon_grid_shape[world],
-        batch.polygon_grid_cell_size[world],
+        batch.polygon_grid_frame[world],
         batch.polygon_grid_cell_start[world],
         batch.polygon_grid_cell_items[world],
         found,
@@ -203,13 +201,11 @@ def _near_polygons(batch: WorldBatch, world: int, window: Float64) -> Bool:
 
 
 def _near_segments(batch: WorldBatch, world: int, window: Float64) -> Bool:
-    """(S,) segments of a world that may lie in a window."""
+    """Return a mask (S,) of the segments of a world that may overlap a window."""
     found = np.zeros(batch.segment_type.shape[1], np.bool_)
     list_in_window(
         window,
-        batch.segment_grid_origin[world],
-        batch.segment_grid_shape[world],
-        batch.segment_grid_cell_size[world],
+        batch.segment_grid_frame[world],
         batch.segment_grid_cell_start[world],
         batch.segment_grid_cell_items[world],
         found,
@@ -221,13 +217,12 @@ def _draw_boxes(
     corners: Float64,
     types: Array,
     is_drawn: Bool,
-    channel_of: Int8,
-    value_of: Array,
+    style: Int16,
     view: Float64,
     pictures: Array,
     turns: Array,
 ) -> None:
-    """Fill boxes given by their corners (N, 4, 2) [m]."""
+    """Fill boxes given by corners (N, 4, 2) [m]."""
     outlines = corners.reshape(-1, 2).astype(np.float32)
     offsets = np.arange(0, len(outlines) + 1, 4, dtype=np.int32)
-    draw_polygons(outlines, offsets, np.ascontiguousarray(types), is_drawn, channel_of, value_of, view, pictures, turns)
+    draw_polygons(outlines, offsets, np.ascontiguousarray(types), is_drawn, style, view, pictures, turns)

@@ -1,4 +1,4 @@
-"""How far it is to the road's boundary."""
+"""Distance to the road boundary."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ BOUNDARIES = (
     MapFeatureType.ROAD_LINE_SOLID_DOUBLE_YELLOW,
     *map_types(is_road_edge),
 )
-"""What a vehicle may not drive over: edges and solid lines, as for MetaDrive's side detector. Solid lines count because
-some sources (nuScenes and nuPlan in ScenarioNet's pickles) record the road's edge as a solid white line."""
+"""Lines that a vehicle must not cross: edges and solid lines, as in MetaDrive's side detector. Solid lines are included
+because some sources (nuScenes and nuPlan in ScenarioNet's pickles) record the road edge as a solid white line."""
 
 
 @dataclass(frozen=True)
 class BoundaryDetector(LineRays):
-    """Rays at road edges and solid lines; the paper's has 12 over 50 m. See :class:`LineRays`."""
+    """Rays at road edges and solid lines; the paper uses 12 over 50 m. See :class:`LineRays`."""
 
     types: tuple[MapFeatureType, ...] = BOUNDARIES

@@ -1,4 +1,4 @@
-"""How far it is to the lines between lanes."""
+"""Distance to lane lines."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rays at the lines of the map, the part that boundary and lane-line detectors share."""
+"""Rays at the lines of the map, shared by the boundary and lane-line detectors."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from scenarionet_sim.worlds.world_batch import WorldBatch
 class LineRays(Sensor):
     """Rays from the agent's centre to the nearest line of the map.
 
-    Observes (rays,) float32 in [0, 1]: the distance as a share of ``range``, 1 where no line is in reach or the
-    scenario has no map. Ray k points 2 pi k / rays counter-clockwise from straight ahead and turns with the agent.
-    Other objects do not stand in the way.
+    Observes (rays,) float32 in [0, 1]: the distance as a share of ``range``, 1 without a line in reach or without
+    a map. Ray k points 2 pi k / rays counter-clockwise from straight ahead and turns with the agent.
+    Objects do not occlude lines.
 
     Attributes:
         rays: Number of rays.
-        range: [m] from the agent's centre.
-        types: The lines that are seen.
-        noise: Standard deviation of a Gaussian error of the distance [m].
-        dropout: Probability that a ray sees nothing.
+        range: Largest distance from the agent's centre [m].
+        types: Visible line types.
+        noise: Standard deviation of the Gaussian range error [m].
+        dropout: Probability that a ray has no return.
     """
 
     rays: int = 12
@@ -41,9 +41,9 @@ class LineRays(Sensor):
         name = type(self).__name__
         require(self.rays > 0, f"{name} needs at least one ray, found rays={self.rays}")
         require(self.range > 0, f"{name} needs a range above 0 m, found range={self.range}")
-        require(len(self.types) > 0, f"{name} needs at least one type of line to see, found types=()")
-        require(self.noise >= 0, f"the noise of {name} is a deviation from 0 m upwards, found noise={self.noise}")
-        require(0 <= self.dropout <= 1, f"the dropout of {name} is a probability, found dropout={self.dropout}")
+        require(len(self.types) > 0, f"{name} needs at least one line type, found types=()")
+        require(self.noise >= 0, f"the noise of {name} must be at least 0 m, found noise={self.noise}")
+        require(0 <= self.dropout <= 1, f"the dropout of {name} must be a probability, found dropout={self.dropout}")
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -51,22 +51,7 @@ class LineRays(Sensor):
         return (self.rays,)
 
     def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:
-        """See the class."""
-        cast_at_segments(
-            agents,
-            state.position,
-            state.heading,
-            batch.segments,
-            batch.segment_type,
-            table(self.types),
-            batch.segment_grid_origin,
-            batch.segment_grid_shape,
-            batch.segment_grid_cell_size,
-            batch.segment_grid_cell_start,
-            batch.segment_grid_cell_items,
-            directions(self.rays),
-            self.range,
-            out,
-        )
+        """Write the ranges."""
+        cast_at_segments(agents, state.motion, batch.lines, table(self.types), directions(self.rays), self.range, out)
         add_noise(out, self.noise / self.range, self.dropout, rng)
         return out

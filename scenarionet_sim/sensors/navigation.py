@@ -1,4 +1,4 @@
-"""Where to go: points ahead on the agent's own path."""
+"""Points ahead on the agent's reference path."""
 
 from __future__ import annotations
 
@@ -9,23 +9,22 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Int32
 from scenarionet_sim.kernels.route_observation import points_ahead
-from scenarionet_sim.sensors.base import Sensor, require, require_arcs
+from scenarionet_sim.sensors.base import Sensor, require, require_located
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
 
 
 @dataclass(frozen=True)
 class Navigation(Sensor):
-    """Points of the reference path ahead of the agent, in its frame; the paper's are 10, 2 m apart.
+    """Points of the reference path ahead of the agent, in its frame; the paper uses 10 points, 2 m apart.
 
     Observes (points, 2) float32 in [-1, 1]: x forward and y left as shares of ``range``, clipped. The first point is
-    one spacing ahead of the agent's place on the path; points beyond the path's end are its end, so that they gather
-    at the destination. 0 for an agent without a path.
+    one spacing ahead of the agent; points beyond the end of the path are its end. 0 for an agent without a path.
 
     Attributes:
         points: Number of points.
-        spacing: Between them along the path [m].
-        range: [m] that is 1.
+        spacing: Distance between points along the path [m].
+        range: Distance that is scaled to 1 [m].
     """
 
     low: ClassVar[float] = -1.0
@@ -37,7 +36,7 @@ class Navigation(Sensor):
     def __post_init__(self) -> None:
         require(self.points > 0, f"navigation needs at least one point, found points={self.points}")
         scales = self.spacing, self.range
-        require(min(scales) > 0, f"spacing and range of navigation are above 0 m, found {scales}")
+        require(min(scales) > 0, f"spacing and range of navigation must be above 0 m, found {scales}")
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -45,11 +44,10 @@ class Navigation(Sensor):
         return self.points, 2
 
     def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
-        """See the class."""
-        require_arcs(state, agents)
+        """Write the points."""
         ahead = np.empty((len(agents), self.points, 2))
-        paths = batch.path_points, batch.path_arc, batch.path_heading, batch.path_z, batch.path_offsets
-        points_ahead(agents, state.position, state.heading, state.arc, *paths, self.spacing, ahead)
+        lost = points_ahead(agents, state.motion, state.route, batch.path, batch.path_offsets, self.spacing, ahead)
+        require_located(lost, agents)
         np.divide(ahead, self.range, out=out, casting="same_kind")
-        np.minimum(out, 1.0, out=out)  # np.clip takes three times as long for so few numbers
+        np.minimum(out, 1.0, out=out)  # np.clip is three times slower for so few values
         return np.maximum(out, -1.0, out=out)

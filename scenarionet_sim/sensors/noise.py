@@ -1,4 +1,4 @@
-"""Imperfect rays: errors of range, and rays that come back empty."""
+"""Range errors and drop-outs of rays."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from scenarionet_data.arrays.dtypes import Float32
 
 
 def add_noise(shares: Float32, spread: float, dropout: float, rng: np.random.Generator) -> None:
-    """Disturb ranges in place.
+    """Add noise to ranges in place.
 
     Args:
-        shares: Ranges as shares of the sensor's, in [0, 1].
-        spread: Standard deviation of a Gaussian error, as a share; the result is kept in [0, 1].
-        dropout: Probability that a ray sees nothing, whatever is there.
-        rng: Left alone when there is nothing to disturb.
+        shares: Ranges divided by the sensor's range, in [0, 1].
+        spread: Standard deviation of the Gaussian error, divided by the range; results are clipped to [0, 1].
+        dropout: Probability that a ray has no return.
+        rng: Source of noise; unused when both are 0.
     """
     if spread > 0.0:
         shares += spread * rng.standard_normal(shares.shape, np.float32)

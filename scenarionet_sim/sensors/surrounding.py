@@ -1,4 +1,4 @@
-"""The true states of the objects around an agent: what perfect perception would report."""
+"""True states of the objects around an agent, as from perfect perception."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Array, Float64, Int32
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.kernels.route_observation import observe_others
-from scenarionet_sim.sensors.base import Sensor, require, table
+from scenarionet_sim.sensors.base import Sensor, require, visible_objects
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
 
@@ -22,17 +22,17 @@ class Surrounding(Sensor):
 
     Observes (objects, 13) float32 in [-1, 1], each clipped there; a row of zeros where there is no object:
 
-    0.       1: there is one
+    0.       1 for an object
     1. - 2.  centre, x forward and y left / ``range``
     3. - 4.  cosine and sine of its heading minus the agent's
     5. - 6.  velocity minus the agent's, forward and left / ``max_speed``
     7. - 9.  length, width, height / ``max_size``
-    10. - 12. 1 for a vehicle, a pedestrian, a cyclist; all 0 for another kind
+    10. - 12. 1 for a vehicle, a pedestrian, a cyclist; all 0 for other types
 
     Attributes:
-        objects: How many at most.
-        range: Between centres [m].
-        types: What is reported; None: everything.
+        objects: Largest number of objects.
+        range: Largest distance between centres [m].
+        types: Reported object types; None for all.
         max_speed: [m/s].
         max_size: [m].
     """
@@ -46,9 +46,9 @@ class Surrounding(Sensor):
     max_size: float = 20.0
 
     def __post_init__(self) -> None:
-        require(self.objects > 0, f"surrounding objects are at least one, found objects={self.objects}")
+        require(self.objects > 0, f"Surrounding needs objects >= 1, found objects={self.objects}")
         scales = self.range, self.max_speed, self.max_size
-        require(min(scales) > 0, f"range, max_speed and max_size are above 0, found {scales}")
+        require(min(scales) > 0, f"range, max_speed and max_size must be above 0, found {scales}")
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -56,15 +56,15 @@ class Surrounding(Sensor):
         return self.objects, 13
 
     def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
-        """See the class."""
-        motion = state.position, state.heading, state.velocity, state.size, state.object_type, state.present
+        """Write the states."""
         observed = np.empty((len(agents), *self.shape))
-        observe_others(agents, *motion, table(self.types), self.range, observed)
-        np.multiply(observed, self._shares, out=out, casting="same_kind")
+        is_visible = visible_objects(state, self.types)
+        observe_others(agents, state.motion, state.size, state.object_type, is_visible, self.range, observed)
+        np.multiply(observed, self._scale, out=out, casting="same_kind")
         return np.clip(out, -1.0, 1.0, out=out)
 
     @cached_property
-    def _shares(self) -> Float64:
-        """(13,) what the columns are multiplied with."""
+    def _scale(self) -> Float64:
+        """(13,) factors of the columns."""
         full = [1.0, *[self.range] * 2, 1.0, 1.0, *[self.max_speed] * 2, *[self.max_size] * 3, 1.0, 1.0, 1.0]
         return 1.0 / np.array(full)

@@ -1,1 +1,1 @@
-"""Reward and termination, running counts, and who of the agents is judged."""
+"""The driving task: reward, termination and running statistics of an episode."""

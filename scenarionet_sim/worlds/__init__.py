@@ -1,1 +1,1 @@
-"""Recordings as arrays, side by side on a batch, and the state of everything that moves at one moment."""
+"""Scenarios as arrays: one world, a batch of worlds, and the state of everything that moves."""

@@ -1,4 +1,4 @@
-"""Ways along the lanes of a map: how a path goes on where its recording ends."""
+"""Continuation of recorded paths along the lanes of the map."""
 
 from __future__ import annotations
 
@@ -9,53 +9,54 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, IntP
 from scenarionet_data.arrays.geometry import wrap_angle
 from scenarionet_sim.kernels.lanes import find_lanes, follow_lanes
+from scenarionet_sim.kernels.log import HEADING, Z
+from scenarionet_sim.kernels.structures import Lanes
 from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.worlds.paths import Paths, Stops
 from scenarionet_sim.worlds.world import World
 
-_BESIDE = 2.5  # [m] from a centreline an object is still on the lane
+_BESIDE = 2.5  # [m] from its centreline, an object is on a lane
 _STEP = 2.0  # [m] between points
-_BACK_TO_THE_MIDDLE = 20.0  # [m] over which a path that ends beside a centreline comes back to it
+_BACK_TO_THE_MIDDLE = 20.0  # [m] over which a path beside a centreline returns to it
 
 
 def continued(world: World, rows: Bool, beyond: float) -> World:
-    """The world with paths that go on along the lanes.
+    """Return the world with paths that continue along the lanes.
 
     Args:
         world: As recorded.
-        rows: (N,) objects whose paths go on, where they end on a lane that leads their way.
-        beyond: How far [m].
+        rows: (N,) objects whose paths continue, if they end on a lane in their direction.
+        beyond: Length of the continuation [m].
     """
     paths = world.paths
     owners = np.flatnonzero(rows & (np.diff(paths.path_offsets) > 0))
     way, count = _ways(world.roads, paths, owners, beyond)
     if not count.any():
         return world
-    longer = _lengthened(paths, owners, way, count)
+    longer = _extend(paths, owners, way, count)
     return replace(world, paths=longer, stops=Stops.on(longer, world.light_lane, world.light_stop, world.roads))
 
 
 def _ways(roads: Roads, paths: Paths, owners: IntP, beyond: float) -> tuple[Float64, Int32]:
-    """(Q, K, 2) points every ``_STEP`` behind the ends of these objects' paths, and how many of them there are.
+    """Return points every ``_STEP`` beyond the ends of the owners' paths (Q, K, 2), and their number (Q,).
 
-    A way that begins beside its lane comes back to the lane's middle.
+    A way that begins beside the centreline returns to it.
     """
     ends = paths.path_offsets[1:][owners] - 1
     found = np.tile([-1.0, 0.0, _BESIDE], (len(ends), 1))
     lanes, last = roads.lanes, paths.path_points[ends]
-    find_lanes(last, paths.path_heading[ends], lanes.values, lanes.offsets, found)
+    find_lanes(last, paths.path[ends, HEADING], lanes.values, lanes.offsets, found)
     ahead = np.arange(0.0, beyond + 1e-6, _STEP)
     way, count = np.zeros((len(ends), len(ahead), 2)), np.zeros(len(ends), np.int32)
-    following = roads.successors
-    follow_lanes(
-        found, lanes.values, lanes.offsets, following.values, following.offsets, _turns(roads), _STEP, way, count
-    )
+    successors = roads.successors
+    graph = Lanes(lanes.values, lanes.offsets, successors.values, successors.offsets, _turns(roads))
+    follow_lanes(found, graph, _STEP, way, count)
     way += (last - way[:, 0])[:, None] * np.maximum(1.0 - ahead / _BACK_TO_THE_MIDDLE, 0.0)[:, None]
-    return way[:, 1:], np.maximum(count - 1, 0)  # the first is where the path ends
+    return way[:, 1:], np.maximum(count - 1, 0)  # without the first, the end of the path
 
 
 def _turns(roads: Roads) -> Float64:
-    """(M,) change of direction from each lane's start to its end [rad]."""
+    """Return the change of direction (M,) from each lane's start to its end [rad]."""
     points, turns = roads.lanes.values.astype(np.float64), np.zeros(roads.num_lanes)
     bent = np.flatnonzero(roads.lanes.lengths > 2)
     first, end = roads.lanes.offsets[:-1][bent], roads.lanes.offsets[1:][bent]
@@ -64,16 +65,16 @@ def _turns(roads: Roads) -> Float64:
     return turns
 
 
-def _lengthened(paths: Paths, owners: IntP, way: Float64, count: Int32) -> Paths:
-    """The paths with ``count`` points of each owner's way behind its own."""
+def _extend(paths: Paths, owners: IntP, way: Float64, count: Int32) -> Paths:
+    """Append the first ``count`` points of each owner's way to its path."""
     own = np.diff(paths.path_offsets)
     added = np.zeros_like(own)
     added[owners] = count
     offsets = np.append(0, np.cumsum(own + added)).astype(np.int32)
-    place = np.arange(len(paths.path_arc)) + np.repeat(offsets[:-1] - paths.path_offsets[:-1], own)
+    place = np.arange(len(paths.path)) + np.repeat(offsets[:-1] - paths.path_offsets[:-1], own)
     is_tail = np.ones(offsets[-1], np.bool_)
     is_tail[place] = False
-    end = np.repeat(paths.path_offsets[1:] - 1, added)  # of the path in front of each added point
+    end = np.repeat(paths.path_offsets[1:] - 1, added)  # last recorded point before each added point
     tail = way[np.arange(way.shape[1]) < count[:, None]]
     step = np.diff(tail, axis=0, prepend=0.0)
     is_first = np.diff(np.repeat(np.arange(len(own)), added), prepend=-1) > 0
@@ -81,10 +82,7 @@ def _lengthened(paths: Paths, owners: IntP, way: Float64, count: Int32) -> Paths
     hops = np.cumsum(np.hypot(step[:, 0], step[:, 1]))
     until = (hops - np.hypot(step[:, 0], step[:, 1]))[is_first]
     arc = hops - np.repeat(until, count[count > 0]) + paths.path_arc[end]
-    columns = tail, arc, np.arctan2(step[:, 1], step[:, 0]), paths.path_z[end]
-    recorded = paths.path_points, paths.path_arc, paths.path_heading, paths.path_z
-    joined = [np.empty((len(is_tail), *values.shape[1:]), np.float32) for values in recorded]
-    for values, before, behind in zip(joined, recorded, columns, strict=True):
-        values[place], values[is_tail] = before, behind
-    points, arcs, headings, z = joined
-    return Paths(points, arcs, headings, z, offsets)
+    longer = np.empty((len(is_tail), 5), np.float32)
+    longer[place] = paths.path
+    longer[is_tail] = np.column_stack([tail, paths.path[end, Z], np.arctan2(step[:, 1], step[:, 0]), arc])
+    return Paths(longer, offsets)

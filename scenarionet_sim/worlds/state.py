@@ -1,97 +1,159 @@
-"""Everything that moves, at one moment, in W worlds of N objects: the only truth of a simulation."""
+"""The state of a simulation: everything that moves in W worlds of N objects, at one moment and at past ones."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8
-from scenarionet_sim.worlds.history import History
+from scenarionet_sim.kernels.log import HEADING, VX, YAW_RATE, Z
+from scenarionet_sim.kernels.structures import Moment
 from scenarionet_sim.worlds.world import World
 
 
 @dataclass(eq=False)
-class State:
-    """W worlds side by side; worlds with fewer than N objects have rows that are never present.
-
-    Row n of world w is row n of that world's log. Rows that are not present hold what they held last.
+class History:
+    """The last K moments, latest first, for sensors that show past positions.
 
     Attributes:
-        position: (W, N, 2) float64 [m] centre of the box.
-        heading: (W, N) float64 [rad] in [-pi, pi).
-        velocity: (W, N, 2) float64 [m/s] along the scenario's axes.
-        yaw_rate: (W, N) float64 [rad/s].
-        z: (W, N) float64 [m] centre of the box.
-        present: (W, N) bool.
-        arc: (W, N) float64 [m] how far along its own path an object is that does not replay its log; NaN before
-            that is known, infinite once it has left at the path's end.
-        lateral: (W, N) float64 [m] how far to the left of its path it is.
-        size: (W, N, 3) float64 [m] length, width, height.
-        object_type: (W, N) uint8 codes of ``ObjectType``.
-        timestep: (W,) int32.
-        history: The moments before, where somebody wants them remembered.
+        position: (K, W, N, 2) float64 [m].
+        heading: (K, W, N) float64 [rad].
+        present: (K, W, N) bool; False before the first moment of an episode.
     """
 
     position: Float64
     heading: Float64
-    velocity: Float64
-    yaw_rate: Float64
-    z: Float64
     present: Bool
-    arc: Float64
-    lateral: Float64
+
+    @classmethod
+    def empty(cls, num_moments: int, num_worlds: int, num_objects: int) -> History:
+        """Return a history without any object."""
+        shape = num_moments, num_worlds, num_objects
+        return cls(np.zeros((*shape, 2)), np.zeros(shape), np.zeros(shape, np.bool_))
+
+    def push(self, state: State) -> None:
+        """Insert a moment and drop the oldest."""
+        for moments, now in zip(
+            (self.position, self.heading, self.present), (state.position, state.heading, state.present), strict=True
+        ):
+            moments[1:] = moments[:-1]
+            moments[:1] = now
+
+    def resized(self, num_objects: int) -> History:
+        """Return a copy with room for more objects."""
+        num_moments, num_worlds, old = self.present.shape
+        larger, here = History.empty(num_moments, num_worlds, num_objects), slice(0, old)
+        larger.position[:, :, here] = self.position
+        larger.heading[:, :, here], larger.present[:, :, here] = self.heading, self.present
+        return larger
+
+
+@dataclass(eq=False)
+class State:
+    """State of W worlds; worlds with fewer than N objects have padding rows that are never present.
+
+    Row n of world w is row n of that world's log. Values of absent rows are undefined. Frame: the scenario's.
+
+    Attributes:
+        motion: (W, N, 7) float64 x, y, z [m] of the box's centre, heading [rad] in [-pi, pi), velocity x, y [m/s],
+            yaw rate [rad/s]; columns as in ``kernels.log``. ``position``, ``heading`` and so on are views of it.
+        route: (W, N, 2) float64 [m] arc length along the object's own path (NaN until it is known, infinite once
+            the object has left at the end of the path), and lateral offset to its left.
+        present: (W, N) bool.
+        size: (W, N, 3) float64 [m] length, width, height.
+        object_type: (W, N) uint8 codes of ``ObjectType``.
+        timestep: (W,) int32.
+        history: Past moments, if the simulation keeps any.
+        moment: The arrays as kernels take them.
+    """
+
+    motion: Float64
+    route: Float64
+    present: Bool
     size: Float64
     object_type: UInt8
     timestep: Int32
     history: History | None = None
+    moment: Moment = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self.moment = Moment(self.motion, self.route, self.present, self.size, self.object_type, self.timestep)
 
     @property
-    def motion(self) -> tuple[Any, ...]:
-        """Position, heading, velocity, yaw rate, height and presence, in the order that kernels take them."""
-        return self.position, self.heading, self.velocity, self.yaw_rate, self.z, self.present
+    def position(self) -> Float64:
+        """(W, N, 2) view [m]."""
+        return self.motion[..., :2]
+
+    @property
+    def z(self) -> Float64:
+        """(W, N) view [m]."""
+        return self.motion[..., Z]
+
+    @property
+    def heading(self) -> Float64:
+        """(W, N) view [rad]."""
+        return self.motion[..., HEADING]
+
+    @property
+    def velocity(self) -> Float64:
+        """(W, N, 2) view [m/s]."""
+        return self.motion[..., VX : VX + 2]
+
+    @property
+    def yaw_rate(self) -> Float64:
+        """(W, N) view [rad/s]."""
+        return self.motion[..., YAW_RATE]
+
+    @property
+    def arc(self) -> Float64:
+        """(W, N) view [m]."""
+        return self.route[..., 0]
+
+    @property
+    def lateral(self) -> Float64:
+        """(W, N) view [m]."""
+        return self.route[..., 1]
 
     @classmethod
     def empty(cls, num_worlds: int, num_objects: int) -> State:
-        """Nothing anywhere."""
+        """Return a state without any object."""
         shape = num_worlds, num_objects
         return cls(
-            position=np.zeros((*shape, 2)),
-            heading=np.zeros(shape),
-            velocity=np.zeros((*shape, 2)),
-            yaw_rate=np.zeros(shape),
-            z=np.zeros(shape),
+            motion=np.zeros((*shape, 7)),
+            route=np.zeros((*shape, 2)),
             present=np.zeros(shape, np.bool_),
-            arc=np.zeros(shape),
-            lateral=np.zeros(shape),
             size=np.zeros((*shape, 3)),
             object_type=np.zeros(shape, np.uint8),
             timestep=np.zeros(num_worlds, np.int32),
         )
 
     def begin(self, slot: int, world: World, start: int, is_driven: Bool) -> None:
-        """Put a slot at a timestep of a log.
+        """Set a slot to a timestep of a log.
 
         Args:
-            slot: Which.
-            world: Its world.
-            start: Timestep.
+            slot: The slot.
+            world: The slot's world.
+            start: Timestep of the log.
             is_driven: (N,) objects that may be present.
         """
         here = slice(0, world.num_objects)
         self.present[slot] = False
         self.present[slot, here] = world.log_valid[start] & is_driven
-        self.position[slot, here], self.z[slot, here] = world.log_position[start], world.log_z[start]
-        self.heading[slot, here], self.velocity[slot, here] = world.log_heading[start], world.log_velocity[start]
-        self.yaw_rate[slot, here] = world.log_yaw_rate[start]
-        self.arc[slot], self.lateral[slot] = np.nan, 0.0
+        self.motion[slot, here] = world.log[start, :, :7]
+        self.route[slot] = np.nan, 0.0
         self.size[slot, here], self.object_type[slot, here] = world.size, world.object_type
         self.timestep[slot] = start
+        if self.history is not None:
+            self.history.present[:, slot] = False
 
-    def take(self, other: State) -> None:
-        """Copy a state of as many worlds and at most as many objects."""
+    def resized(self, num_objects: int) -> State:
+        """Return a copy with room for more objects."""
+        larger = State.empty(len(self.timestep), num_objects)
         for column in fields(self):
-            old = getattr(other, column.name)
+            old = getattr(self, column.name)
             if isinstance(old, np.ndarray):
-                getattr(self, column.name)[tuple(map(slice, old.shape))] = old
+                getattr(larger, column.name)[tuple(map(slice, old.shape))] = old
+        if self.history is not None:
+            larger.history = self.history.resized(num_objects)
+        return larger

@@ -1,7 +1,7 @@
-"""One recorded scenario as the arrays a simulation runs on: the log, every object's path, the roads, the lights.
+"""One recorded scenario as the arrays of a simulation: log, reference paths, roads and lights.
 
-A world is immutable and holds nothing of an episode; that is :class:`~scenarionet_sim.worlds.state.State`. Frame and
-units are the scenario's (:mod:`scenarionet_data.scenario.description`).
+A world is immutable and independent of episodes, see :class:`~scenarionet_sim.worlds.state.State`. Frame and units
+are the scenario's (:mod:`scenarionet_data.scenario.description`).
 N objects, T timesteps, P path points, L lights.
 """
 
@@ -16,7 +16,7 @@ from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, Object
 from scenarionet_data.arrays.geometry import median_sizes
 from scenarionet_data.scenario.description import ScenarioDescription, Tracks
 from scenarionet_data.scenario.stop_points import light_places
-from scenarionet_sim.kernels.log import HEADING, VALID, VX, YAW_RATE, Z, pack_log
+from scenarionet_sim.kernels.log import HEADING, VALID, VX, YAW_RATE, Z
 from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.worlds.paths import Paths, Stops
 
@@ -32,13 +32,13 @@ class World:
         track_ids: (N,) str.
         object_type: (N,) uint8 codes of ``ObjectType``.
         size: (N, 3) float32 [m] length, width, height: the median over the valid steps.
-        log: (T, N, 8) float32 x, y, z [m], heading [rad], vx, vy [m/s], yaw rate [rad/s], 1 where valid; see
-            :mod:`scenarionet_sim.kernels.log` for the columns. ``log_position`` and so on are views of it.
-        top_speed: (N,) float32 [m/s] the highest recorded.
+        log: (T, N, 8) float32 x, y, z [m], heading [rad], vx, vy [m/s], yaw rate [rad/s], 1 where valid, else 0;
+            columns as in ``kernels.log``. ``log_position`` and so on are views of it.
+        top_speed: (N,) float32 highest recorded speed [m/s].
         paths: Reference paths.
-        stops: Where paths meet lights.
-        light_lane: (L,) int32 row of the lane in ``roads``, or -1 when the map lacks it.
-        light_stop: (L, 2) float32 [m]; the start of the lane where the source does not say, else NaN.
+        stops: Stop points of lights on the paths.
+        light_lane: (L,) int32 row of the lane in ``roads``, or -1 if the map lacks it.
+        light_stop: (L, 2) float32 [m]; the start of the lane if the source has none, NaN if that is unknown too.
         light_state: (L, T) uint8 codes of ``LightState``.
         roads: The map.
         extents: (4,) float32 min_x, min_y, max_x, max_y [m] of everything recorded.
@@ -103,7 +103,7 @@ class World:
 
     @classmethod
     def from_scenario(cls, scenario: ScenarioDescription) -> World:
-        """The world of a scenario."""
+        """Convert a scenario."""
         tracks = scenario.tracks
         log = _log(tracks, scenario.timestamps)
         roads, paths = Roads.from_map(scenario.map), Paths.from_log(log)
@@ -128,9 +128,21 @@ class World:
 
 
 def _log(tracks: Tracks, timestamps: Float64) -> Float32:
-    log = np.zeros((len(timestamps), len(tracks), 8), np.float32)
-    pack_log(tracks.position, tracks.heading, tracks.velocity, tracks.valid, timestamps, log)
-    return log
+    """Return the tracks as a log (T, N, 8), with yaw rates by central differences over valid neighbours."""
+    valid, steps = tracks.valid, np.arange(len(timestamps))
+    before, after = np.tile(steps, (len(tracks), 1)), np.tile(steps, (len(tracks), 1))
+    before[:, 1:] -= valid[:, :-1]
+    after[:, :-1] += valid[:, 1:]
+    heading = tracks.heading.astype(np.float64)
+    turn = np.take_along_axis(heading, after, axis=1) - np.take_along_axis(heading, before, axis=1)
+    turn -= 2.0 * np.pi * np.floor(turn / (2.0 * np.pi) + 0.5)
+    span = timestamps[after] - timestamps[before]
+    log = np.zeros((len(tracks), len(timestamps), 8), np.float32)
+    log[..., :3], log[..., HEADING], log[..., VX : VX + 2] = tracks.position, tracks.heading, tracks.velocity
+    log[..., YAW_RATE] = np.divide(turn, span, out=np.zeros_like(turn), where=span > 0)
+    log[..., VALID] = 1.0
+    log[~valid] = 0.0
+    return np.ascontiguousarray(log.transpose(1, 0, 2))
 
 
 def _extents(log: Float32) -> Float32:

@@ -1,4 +1,4 @@
-"""W worlds side by side, as kernels want them: every array of every world, stacked and padded."""
+"""A batch of W worlds: every array of every world, stacked and padded for kernels."""
 
 from __future__ import annotations
 
@@ -10,27 +10,29 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64, Int32, UInt8
 from scenarionet_data.arrays.ragged import Ragged
+from scenarionet_sim.kernels.structures import Lines, Recorded
 from scenarionet_sim.roads.grid import Grid
 from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.worlds.paths import Paths, Stops
 from scenarionet_sim.worlds.world import World
 
 _SLACK = 1.25
-"""A stack that has to grow grows by this, so that a long run seldom copies."""
+"""Factor by which stacks grow, so that a long run rarely copies."""
 
 
 class WorldBatch:
-    """The worlds a simulation holds, each in its slot.
+    """The worlds of a simulation, one per slot.
 
     Every array of :class:`World`, its ``paths``, ``stops`` and ``roads`` is an attribute of the same name with a
-    leading axis of worlds, C-contiguous, padded at the end to the longest. Lists of lists (``lanes``, ``polygons``)
-    are their values, and offsets under ``lanes_offsets``; a grid is its parts (``segment_grid_cell_start``, ...);
-    a number of each world is an array (W,). What a world really has is counted by the ``num_...`` arrays; offsets
-    are padded with their last value, so lists beyond the last are empty.
+    leading axis of worlds, C-contiguous, padded at the end to the longest. Ragged lists (``lanes``, ``polygons``)
+    become values and offsets (``lanes_offsets``); a grid becomes its parts (``segment_grid_cell_start``, ...);
+    scalars become arrays (W,). The ``num_...`` arrays count the unpadded entries; offsets are padded with their
+    last value, so padding lists are empty.
 
     Attributes:
         worlds: The worlds, by slot.
         num_objects, num_steps, num_segments, num_lights, num_lanes, num_polygons: (W,) int32.
+        recorded, lines: The arrays as kernels take them.
     """
 
     num_objects: Int32
@@ -46,10 +48,7 @@ class WorldBatch:
     size: Float32
     log: Float32
     top_speed: Float32
-    path_points: Float32
-    path_arc: Float32
-    path_heading: Float32
-    path_z: Float32
+    path: Float32
     path_offsets: Int32
     stop_arc: Float32
     stop_light: Int32
@@ -62,9 +61,7 @@ class WorldBatch:
     segments: Float32
     segment_type: UInt8
     segment_feature: Int32
-    segment_grid_origin: Float32
-    segment_grid_shape: Int32
-    segment_grid_cell_size: Float64
+    segment_grid_frame: Float64
     segment_grid_cell_start: Int32
     segment_grid_cell_items: Int32
     lane_type: UInt8
@@ -76,9 +73,7 @@ class WorldBatch:
     polygons: Float32
     polygons_offsets: Int32
     polygon_type: UInt8
-    polygon_grid_origin: Float32
-    polygon_grid_shape: Int32
-    polygon_grid_cell_size: Float64
+    polygon_grid_frame: Float64
     polygon_grid_cell_start: Int32
     polygon_grid_cell_items: Int32
     is_road: Bool
@@ -88,17 +83,18 @@ class WorldBatch:
         self._arrays = [dict(_arrays(world)) for world in worlds]
         for name in self._arrays[0]:
             self._stack(name, np.max([arrays[name].shape for arrays in self._arrays], axis=0).tolist())
+        self._collect()
 
     def __len__(self) -> int:
         return len(self.worlds)
 
     @property
     def max_objects(self) -> int:
-        """N: rows that every world has room for."""
+        """N, including padding."""
         return int(self.object_type.shape[1])
 
     def replace(self, slot: int, world: World) -> None:
-        """Put another world into a slot; stacks that are too small for it are made anew, larger."""
+        """Replace the world of a slot; stacks that are too small grow."""
         self.worlds[slot], self._arrays[slot] = world, dict(_arrays(world))
         for name, array in self._arrays[slot].items():
             stack: Array = getattr(self, name)
@@ -110,14 +106,20 @@ class WorldBatch:
                     for need, old in zip(array.shape, stack.shape[1:], strict=True)
                 ]
                 self._stack(name, room)
+        self._collect()
 
     def _stack(self, name: str, room: Sequence[int]) -> None:
-        """Make one attribute anew, with room for what the worlds hold now."""
+        """Rebuild one attribute with a new padded shape."""
         arrays = [arrays[name] for arrays in self._arrays]
         stack = np.zeros((len(arrays), *room), arrays[0].dtype)
         for slot, array in enumerate(arrays):
             _put(stack, slot, array, name)
         setattr(self, name, stack)
+
+    def _collect(self) -> None:
+        self.recorded = Recorded(*(getattr(self, name) for name in Recorded._fields))
+        grid = self.segment_grid_frame, self.segment_grid_cell_start, self.segment_grid_cell_items
+        self.lines = Lines(self.segments, self.segment_type, *grid)
 
 
 def _put(stack: Array, slot: int, array: Array, name: str) -> None:
@@ -127,7 +129,7 @@ def _put(stack: Array, slot: int, array: Array, name: str) -> None:
 
 
 def _arrays(world: World) -> Iterator[tuple[str, Array]]:
-    """The arrays of a world under the names that a batch gives them."""
+    """Yield the arrays of a world under their names in a batch."""
     roads = world.roads
     counts = {
         "num_objects": world.num_objects,

@@ -61,7 +61,7 @@ def test_lanes_and_their_links(read: Read) -> None:
     assert features is not None
     rows = {name: row for row, name in enumerate(features.ids)}
     lanes = outside["map"]["lanes"]
-    assert sum(is_lane(features.types)) == len(lanes)
+    assert sum(is_lane(features.feature_type)) == len(lanes)
     for name, lane in lanes.items():
         row = rows[name]
         assert bool(features.is_intersection[row]) == lane["is_intersection"]
@@ -78,7 +78,7 @@ def test_areas(read: Read) -> None:
     scenario, outside = read
     features = scenario.map
     assert features is not None
-    drivable = features.types == MapFeatureType.DRIVABLE_AREA
+    drivable = features.feature_type == MapFeatureType.DRIVABLE_AREA
     own = [shapely.Polygon(features.polygon[row][:, :2]) for row in np.flatnonzero(drivable)]
     theirs = [shapely.make_valid(shapely.Polygon(np.array(area)[:, :2])) for area in outside["map"]["areas"].values()]
     moved = shapely.affinity.translate(shapely.union_all(own), *scenario.origin[:2])

@@ -92,7 +92,9 @@ def test_lanes_and_their_links(read: Read) -> None:
                 assert token in expansion["incoming"][other]
             for other in set(features.entry_lanes[k]) - set(expansion["incoming"][token]):
                 assert token in expansion["outgoing"][other]
-        parts = [features.polygon[k][:, :2] for k in np.flatnonzero(features.types == MapFeatureType.DRIVABLE_AREA)]
+        parts = [
+            features.polygon[k][:, :2] for k in np.flatnonzero(features.feature_type == MapFeatureType.DRIVABLE_AREA)
+        ]
         area = sum(shapely.Polygon(part).area for part in parts)
         assert area == pytest.approx(sum(expansion["drivable"]), rel=1e-4)
         for token, kind in expansion["stop_lines"].items():

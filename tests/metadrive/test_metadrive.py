@@ -115,7 +115,7 @@ def test_the_simulator_gets_the_map_and_the_lights(replayed: dict[str, Any], sce
         if features is None:
             assert found["num_lanes"] == 0
             continue
-        drivable = set(features.ids[is_lane(features.types) & (features.polyline.lengths > 1)])
+        drivable = set(features.ids[is_lane(features.feature_type) & (features.polyline.lengths > 1)])
         assert found["num_lanes"] == len(drivable), name
         assert found["num_lights"] == len(drivable & set(lights.lane_ids)), name
 

@@ -297,6 +297,7 @@ for _ in range(8):
 """
 
 
+@pytest.mark.long
 def test_memory_stays_flat(tmp_path):
     """In a process of its own, whose memory nothing else moves.
 

@@ -1,4 +1,4 @@
-"""A small lake and a way to type commands at it."""
+"""A small lake and helpers that run commands on it."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from scenarionet_data.conversion import convert
+from scenarionet_pipelines import machine
 from scenarionet_pipelines.cli import cli
 from tests.fixtures.made import NAME, write_raw
 
@@ -19,8 +20,10 @@ SHARDS = {"a": ["1", "2", "3", "4", "5", "6"], "b": ["11", "12", "13", "7 invali
 
 
 def run(*words: str | Path) -> Result:
-    """Type a command; standard output and error of the result are apart."""
-    return CliRunner().invoke(cli, [str(word) for word in words])
+    """Invoke a command in this process, with one worker by default; the result has output and errors apart."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(machine, "default_workers", lambda: 1)
+        return CliRunner().invoke(cli, [str(word) for word in words])
 
 
 @pytest.fixture
@@ -38,23 +41,23 @@ def _converted(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def lake(_converted: Path, tmp_path: Path) -> Path:
-    """A lake of one's own with the raw recordings converted."""
+    """A private copy of a lake with the converted recordings."""
     return Path(shutil.copytree(_converted, tmp_path / "lake"))
 
 
 @pytest.fixture
 def ok() -> Callable[..., str]:
-    """Type a command that has to succeed; returns what it prints."""
+    """Run a command that has to succeed and return its output."""
 
-    def type_it(*words: str | Path) -> str:
+    def run_it(*words: str | Path) -> str:
         result = run(*words)
         assert result.exit_code == 0, result.output
         return result.stdout
 
-    return type_it
+    return run_it
 
 
 @pytest.fixture
 def as_json(ok: Callable[..., str]) -> Callable[..., Any]:
-    """Type a command with ``--json``; returns the one object it prints."""
+    """Run a command with ``--json`` and return the printed object."""
     return lambda *words: json.loads(ok(*words, "--json"))

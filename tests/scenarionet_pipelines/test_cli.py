@@ -1,4 +1,4 @@
-"""The command as a whole: quick, documented, one line per error, an exit code that says whose fault it is."""
+"""The command line as a whole: light imports, documented verbs, one-line errors and exit codes."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_help_lists_every_verb_with_a_sentence():
 
 
 @pytest.mark.parametrize("name", ALL_VERBS)
-def test_every_verb_shows_examples_that_can_be_typed(name):
+def test_examples_of_every_verb_are_valid(name):
     found = verb(name)
     assert found.examples
     for example in found.examples:
@@ -57,12 +57,12 @@ def test_every_verb_shows_examples_that_can_be_typed(name):
 
 
 @pytest.mark.parametrize("name", ALL_VERBS)
-def test_every_option_says_what_it_does(name):
+def test_every_option_has_help(name):
     options = [param for param in verb(name).params if isinstance(param, click.Option)]
     assert [option.name for option in options if not option.help] == []
 
 
-def test_every_verb_that_reports_knows_json():
+def test_every_verb_has_a_json_option():
     assert [name for name in ALL_VERBS if "--json" not in {o for p in verb(name).params for o in p.opts}] == []
 
 
@@ -130,13 +130,13 @@ def test_errors_are_one_line_with_an_exit_code(words, code, says, raw, lake, tmp
 @pytest.mark.parametrize(
     "words", ["lst lake", "list", "list lake --colour", "split", "convert pg 0:2 lake --workers 0"]
 )
-def test_what_cannot_be_parsed_is_usage(words):
+def test_unparsable_arguments_are_usage_errors(words):
     result = run(*words.split())
     assert result.exit_code == 2
     assert "Usage: " in result.stderr
 
 
-def test_a_mistyped_verb_is_recognised():
+def test_similar_verbs_are_suggested():
     assert "did you mean filter" in run("fliter", "lake").stderr
 
 
@@ -145,7 +145,7 @@ def test_debug_shows_the_traceback():
     assert result.exception.__class__.__name__ == "NoSuchSnapshot"
 
 
-def test_the_excerpt_of_a_query_is_left_out():
+def test_the_query_excerpt_is_left_out():
     assert one_line("Parser Error: syntax error\n\nLINE 1: SELEC\n        ^") == "Parser Error: syntax error"
 
 

@@ -48,7 +48,7 @@ def test_a_leak_is_a_warning_in_one_line(lake):
     assert result.exit_code == 0
     (line,) = result.stderr.splitlines()
     assert line.startswith("warning: this split leaks: ")
-    assert "`--by source_log`" in line
+    assert "--by source_log" in line
     assert Lake(lake).databases == ["all_a", "all_b"]
 
 

@@ -204,14 +204,14 @@ def test_check_parts_the_good_from_the_broken(lake, suffix, ok, tmp_path):
     assert "no scenario is left of 6" in nothing.stderr
 
 
-def test_check_says_which_files_it_writes(lake, tmp_path):
+def test_check_rejects_unknown_file_formats(lake, tmp_path):
     for words in (("--scorecard", "-o", "card.txt"), ("--broken", "broken"), ("-o", "card.csv")):
         result = run("check", lake, *words)
         assert result.exit_code == 2
         assert "--scorecard" in result.stderr or ".parquet, .csv, .json" in result.stderr
 
 
-def test_check_names_what_is_gone(lake, ok):
+def test_check_names_missing_files(lake, ok):
     gone = Path(ok("files", lake, "tracks").split()[0])
     gone.unlink()
     result = run("check", lake)

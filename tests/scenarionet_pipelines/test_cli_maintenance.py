@@ -74,7 +74,7 @@ def test_vacuum_rejects_bad_options(lake, words, says):
     assert says in result.stderr
 
 
-def test_fsck_of_a_whole_lake(lake, ok, as_json):
+def test_fsck_of_an_intact_lake(lake, ok, as_json):
     assert ok("fsck", lake, "--deep") == "checked  9 files of 1 snapshot: intact\n"
     assert as_json("fsck", lake)["is_whole"]
 

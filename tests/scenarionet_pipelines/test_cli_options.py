@@ -1,4 +1,4 @@
-"""Options of converters as people type them."""
+"""Parsing of converter options."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_every_type():
         "nothing=1",
     ],
 )
-def test_what_does_not_fit_is_refused(word):
+def test_invalid_values_are_rejected(word):
     with pytest.raises(BadParameter, match=word.split("=")[0]):
         parse(word)
 

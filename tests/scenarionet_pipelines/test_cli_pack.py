@@ -65,6 +65,6 @@ def test_invalid_arguments(words, message):
 
 def test_rejects_existing_output_and_unknown_database(picked, tmp_path):
     taken = run("pack", picked, "picked", tmp_path)
-    assert (taken.exit_code, "give another name" in taken.stderr) == (2, True)
+    assert (taken.exit_code, "choose another name" in taken.stderr) == (2, True)
     unknown = run("pack", picked, "nobody", tmp_path / "pack")
     assert (unknown.exit_code, "no database 'nobody'" in unknown.stderr) == (2, True)

@@ -53,7 +53,7 @@ def test_simulation_leaves_its_results_in_the_store(lake):
     assert "busy-idm" in again  # taken from what is there
 
 
-def test_a_dry_run_says_what_there_is(lake):
+def test_a_dry_run_prints_the_plan(lake):
     assert "1 shard that the lake has already" in run("convert", "pg", "0:8", lake, "--split", "train", "--dry-run")
 
 

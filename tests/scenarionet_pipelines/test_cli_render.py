@@ -28,7 +28,7 @@ def test_a_video(lake, as_json, tmp_path):
         assert video.info["duration"] == 50
 
 
-def test_what_happened_in_a_run(tmp_path, ok, as_json):
+def test_a_run_is_drawn(tmp_path, ok, as_json):
     """A car that keeps its speed, drawn where it drove and not where it was recorded."""
     lake = write_lake(tmp_path / "lake", [make_drive(num_steps=12)]).root
     ok("filter", lake, "--where", "true", "--name", "all")
@@ -50,7 +50,7 @@ def test_what_happened_in_a_run(tmp_path, ok, as_json):
         (("nobody", "-o", "s.png"), 1, "no one scenario 'nobody'"),
     ],
 )
-def test_what_goes_wrong_is_said(lake, tmp_path, monkeypatch, words, code, message):
+def test_errors_are_reported(lake, tmp_path, monkeypatch, words, code, message):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "there.png").touch()
     result = run("render", lake, *words)

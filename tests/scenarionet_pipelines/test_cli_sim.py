@@ -61,7 +61,7 @@ def test_sim_with_a_driver_in_the_current_folder(lake, tmp_path, monkeypatch, as
         (("--policy", "idn"), "unknown policy 'idn'"),
         (("nothing", "--policy", "idm"), "no database 'nothing'"),
         ((), "Missing option '--policy'"),
-        (("--policy", "idm", "--name", "a/b"), "'a/b' is no name of a run"),
+        (("--policy", "idm", "--name", "a/b"), "'a/b' is not a valid name of a run"),
     ],
 )
 def test_sim_rejects_bad_options(lake, words, message):
@@ -74,7 +74,7 @@ def test_a_run_of_another_kind_is_refused(lake, ok):
     ok("sim", lake, "--policy", "replay", "--name", "mine", "--workers", "1")
     result = run("sim", lake, "--policy", "constant", "--name", "mine")
     assert result.exit_code == 2
-    assert "a run 'mine' is there with policy 'replay', not 'constant'; choose another name" in result.stderr
+    assert "a run 'mine' exists with policy 'replay', not 'constant'; choose another name" in result.stderr
 
 
 def test_record(lake, as_json, ok):

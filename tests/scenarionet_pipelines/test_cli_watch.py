@@ -46,7 +46,7 @@ def test_watching_ends_cleanly(number, tmp_path):
 
 
 @pytest.mark.long
-def test_stale_lists_first_what_it_would_convert_again(raw, lake):
+def test_reconvert_stale_lists_the_shards_first(raw, lake):
     refused = run("convert", NEWER, raw, lake, "--reconvert-stale")
     assert refused.exit_code == 2
     assert "would convert again 2 shards that another version of the converter wrote:" in refused.stderr
@@ -59,7 +59,7 @@ def test_stale_lists_first_what_it_would_convert_again(raw, lake):
 
 
 @pytest.mark.parametrize(("answer", "replaced"), [("y", True), ("n", False)])
-def test_stale_asks(raw, lake, monkeypatch, answer, replaced):
+def test_reconvert_stale_asks_for_confirmation(raw, lake, monkeypatch, answer, replaced):
     monkeypatch.setattr("scenarionet_pipelines.cli.verbs.convert._is_interactive", lambda: True)
     before = Lake(lake).snapshot.number
     asked = CliRunner().invoke(cli, ["convert", NEWER, str(raw), str(lake), "--reconvert-stale"], input=f"{answer}\n")

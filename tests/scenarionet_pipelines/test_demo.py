@@ -1,4 +1,4 @@
-"""``make demo``: does the main job, again and again, and touches nothing that is not its own."""
+"""``make demo``: runs repeatedly and does not touch foreign folders."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ def test_demo_twice(tmp_path):
     assert "total" in result.stdout
 
 
-def test_a_step_is_a_command_line_and_its_failure_ends_the_demo(tmp_path, capsys):
+def test_a_failing_step_ends_the_demo(tmp_path, capsys):
     with pytest.raises(SystemExit) as ended:
         demo._command("list", str(tmp_path))()
     assert ended.value.code == 1
     assert capsys.readouterr().out == f"$ scenarionet list {tmp_path}\n"
 
 
-def test_a_folder_of_somebody_else_stays(tmp_path):
+def test_a_foreign_folder_is_not_removed(tmp_path):
     (tmp_path / "precious").touch()
     result = CliRunner().invoke(demo.main, [str(tmp_path)])
     assert result.exit_code == 2

@@ -20,7 +20,7 @@ def test_without_limits(container):
     assert machine.memory() > 2**28
 
 
-def test_a_container_has_what_it_is_granted(container):
+def test_limits_of_a_container(container):
     (container / "cpu.max").write_text("350000 100000\n")
     (container / "memory.max").write_text(f"{2**30}\n")
     assert machine.num_cores() == 4
@@ -37,7 +37,7 @@ def test_workers_fit_into_memory(container, gigabytes, workers, monkeypatch):
     assert machine.default_workers() == workers
 
 
-def test_disk_of_a_folder_to_come(tmp_path):
+def test_free_disk_of_a_folder_that_does_not_exist_yet(tmp_path):
     assert machine.free_disk(tmp_path / "not" / "yet") == pytest.approx(machine.free_disk(tmp_path), rel=0.1)
 
 
@@ -49,19 +49,24 @@ def test_versions():
     assert local.is_within("1", "")
 
 
-def test_a_package_that_is_not_there(monkeypatch):
+@pytest.mark.parametrize(
+    ("is_checkout", "install"), [(True, "pip install -e '.[sim]'"), (False, "pip install 'scenarionet-lake[sim]'")]
+)
+def test_missing_packages_have_a_remedy(is_checkout, install, monkeypatch, tmp_path):
+    (tmp_path / "checkout").touch()
+    monkeypatch.setattr(local, "_PROJECT", tmp_path / ("checkout" if is_checkout else "nothing"))
     wanted = ["nothing-like-it>=1", "numpy<2", "nor-this>=2; extra == 'sim'", "b>=1; python_version == '2.7'"]
     monkeypatch.setattr(local, "_requirements", lambda: wanted)
     found = [(f.subject, f.state, f.remedy) for f in local.examine_installation() if f.topic == "packages"]
     assert found == [
         ("nothing-like-it", "bad", "pip install 'nothing-like-it>=1'"),
         ("numpy", "bad", "pip install 'numpy<2'"),
-        ("nor-this", "missing", "pip install 'scenarionet-lake[sim]'"),
+        ("nor-this", "missing", install),
         ("b", "missing", ""),
     ]
 
 
-def test_requirements_of_a_checkout_are_those_of_the_package(monkeypatch):
+def test_requirements_of_a_checkout_match_the_package(monkeypatch):
     from importlib.metadata import PackageNotFoundError
 
     def absent(name):
@@ -77,9 +82,9 @@ def test_a_converter_that_does_not_load_is_named(monkeypatch):
     from scenarionet_data import converters
 
     def broken(name):
-        raise RuntimeError("of another age")
+        raise RuntimeError("incompatible")
 
     monkeypatch.setattr(converters, "names", lambda: ["old"])
     monkeypatch.setattr(converters, "get", broken)
     (found,) = [f for f in local.examine_installation() if f.topic == "converters"]
-    assert (found.state, found.found) == ("bad", "does not load: RuntimeError: of another age")
+    assert (found.state, found.found) == ("bad", "does not load: RuntimeError: incompatible")

@@ -27,7 +27,7 @@ REAL = {
 }
 
 
-def test_there_is_one_of_each_kind():
+def test_all_notebooks_are_known():
     assert names() == [
         "closed_loop", "cross_dataset", "events", "filters_and_splits", "overview", "quality", "three_engines",
         "your_own_dataset",

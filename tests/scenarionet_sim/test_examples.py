@@ -38,7 +38,7 @@ def test_programs(generated, program, arguments, printed):
     assert CliRunner().invoke(program, ["--help"]).output
 
 
-def test_a_random_agent_is_the_same_again(generated):
+def test_a_random_agent_is_reproducible(generated):
     env = gymnasium.make("ScenarioNet-v0", scenarios=Scenarios(generated))
     assert scenarionet_sim and random_agent.play(env, 2, seed=3) == random_agent.play(env, 2, seed=3)
 

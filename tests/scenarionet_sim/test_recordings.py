@@ -1,4 +1,4 @@
-"""Real recordings, where they are at hand: every one can be replayed to success, and driven by several agents."""
+"""Real recordings, if available: all replay to success, and run with several agents."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SOURCES = [
     ("argoverse1", "argoverse1/forecasting/train", Argoverse1Options(has_map=False)),
     ("lyft", "lyft/scenes/sample.zarr", LyftOptions(has_map=False)),
 ]
-"""Dataset, folder below the recordings, options: those without a map at hand do without."""
+"""Dataset, folder below the recordings, options: without a map where the map data are missing."""
 
 
 @pytest.mark.long

@@ -1,4 +1,4 @@
-"""The loop: order, slots, determinism, coming and going, and what it refuses."""
+"""The simulation loop: order, slots, determinism, appearing and leaving, invalid calls."""
 
 from __future__ import annotations
 
@@ -50,20 +50,20 @@ def large() -> World:
 
 
 def moments(simulation: Simulation, steps: int, seed: int = 0, slot: int = 0) -> list[np.ndarray]:
-    """A slot's moving arrays after each of some steps; the slot's agent drives by itself, the others as they like."""
+    """A slot's moving arrays after each of some steps; the slot's agent has its own actions, the others at random."""
     rng, others, kept = np.random.default_rng(seed), np.random.default_rng(99), []
     for _ in range(steps):
         actions = others.uniform(-1, 1, (len(simulation.agents), 2))
         actions[simulation.agents[:, 0] == slot] = rng.uniform(-1, 1, 2)
         simulation.step(actions)
         state, n = simulation.state, simulation.batch.num_objects[slot]
-        arrays = (*state.motion, state.arc, state.lateral)
+        arrays = state.motion, state.route, state.present
         kept.append(np.concatenate([array[slot, :n].ravel().astype(float) for array in arrays]))
     return kept
 
 
 @pytest.mark.parametrize("policies", [TRAFFIC, (ConstantVelocity(), RouteFollower(), External(objects=ego))])
-def test_the_same_again_is_the_same_bits(policies):
+def test_runs_are_bit_identical(policies):
     simulation = Simulation([drive()], policies)
     first = moments(simulation, 30)
     simulation.reset(0)
@@ -73,13 +73,13 @@ def test_the_same_again_is_the_same_bits(policies):
     np.testing.assert_array_equal(first, other)
 
 
-def test_a_world_does_not_notice_its_neighbours():
+def test_a_world_is_independent_of_its_neighbours():
     alone = moments(Simulation([drive()], TRAFFIC), 25)
     among = moments(Simulation([*made(), drive(), large()], TRAFFIC), 25, slot=3)
     np.testing.assert_array_equal(alone, among)
 
 
-def test_a_slot_takes_another_world_while_the_others_go_on():
+def test_a_slot_takes_another_world_while_the_others_continue():
     simulation = Simulation([made()[0], drive()], TRAFFIC)
     wanted = moments(Simulation([drive()], TRAFFIC), 20)
     rng = np.random.default_rng(0)
@@ -87,13 +87,13 @@ def test_a_slot_takes_another_world_while_the_others_go_on():
         simulation.reset(0, world)
         simulation.step(np.array([[0.1, 0.1], rng.uniform(-1, 1, 2)]))
         state = simulation.state
-        arrays = (*state.motion, state.arc, state.lateral)
+        arrays = state.motion, state.route, state.present
         np.testing.assert_array_equal(wanted[t], np.concatenate([a[1, :4].ravel().astype(float) for a in arrays]))
     assert simulation.batch.worlds == [large(), drive()]
     assert simulation.state.timestep.tolist() == [1, 20]
 
 
-def test_reset_begins_where_it_is_told():
+def test_reset_begins_at_the_given_timestep():
     simulation = Simulation([large()])
     simulation.reset(0, start=17)
     assert simulation.state.timestep[0] == 17
@@ -102,7 +102,7 @@ def test_reset_begins_where_it_is_told():
     assert Simulation([hidden]).state.timestep[0] == 6
 
 
-def test_the_last_policy_that_wants_an_object_drives_it():
+def test_the_last_policy_that_selects_an_object_drives_it():
     policies = (
         Replay(),
         ConstantVelocity(objects=OfType((ObjectType.VEHICLE,))),
@@ -116,7 +116,7 @@ def test_the_last_policy_that_wants_an_object_drives_it():
     assert nobody.state.present[0].tolist() == [True, False, False, False]
 
 
-def test_an_idm_driver_for_the_ego_is_no_agent():
+def test_an_ego_driven_by_idm_is_not_an_agent():
     simulation = Simulation([drive()], (Replay(), Idm(objects=ego)))
     assert len(simulation.agents) == 0
     for _ in range(30):
@@ -124,7 +124,7 @@ def test_an_idm_driver_for_the_ego_is_no_agent():
     assert 5.0 < simulation.state.position[0, 0, 0] < 20.0  # behind t1, before the light
 
 
-def test_contacts_say_what_an_agent_runs_into():
+def test_contacts_list_the_objects_an_agent_hits():
     cone = Other(12.0, type=ObjectType.TRAFFIC_CONE)
     world = World.from_scenario(make_drive(others=(cone, Other(4.0, 3.5, vx=10.0))))
     simulation = Simulation([world])
@@ -138,7 +138,7 @@ def test_contacts_say_what_an_agent_runs_into():
     assert touched[-1] == [False, False, False]
 
 
-def test_agents_know_where_they_are_on_their_route():
+def test_agents_are_located_on_their_route():
     simulation = Simulation([drive()])
     for _ in range(20):
         simulation.step([[0.05, 0.0]])
@@ -148,8 +148,8 @@ def test_agents_know_where_they_are_on_their_route():
     assert simulation.previous.arc[0, 0] < arc
 
 
-def test_agents_lie_in_rows_however_many_there_are():
-    """So that no kernel is compiled twice."""
+def test_agents_are_in_row_order():
+    """Avoids a second compilation of each kernel."""
     for worlds in ([drive()], [drive(), drive()], [*made(), drive()]):
         assert Simulation(worlds, (Replay(), External(objects=vehicles))).agents.flags.c_contiguous
 
@@ -171,7 +171,7 @@ def test_worlds_of_one_simulation_have_one_timestep():
         Simulation([drive(), slow])
 
 
-def test_a_simulation_without_objects_that_move_still_runs():
+def test_a_simulation_without_moving_objects_runs():
     lonely = World.from_scenario(make_scenario(0, num_objects=1, num_lights=0, has_map=False))
     simulation = Simulation([lonely], TRAFFIC)
     simulation.step([[0.0, 0.0]])

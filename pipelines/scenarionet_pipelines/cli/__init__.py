@@ -19,7 +19,7 @@ VERBS = {
     "Manage databases": ("lineage", "rebuild", "rebase", "copy", "rename", "drop", "checkout"),
     "Simulate": ("sim", "record"),
     "Share": ("export", "pack"),
-    "Maintain": ("check", "fsck", "compact", "vacuum", "doctor"),
+    "Maintain": ("check", "fsck", "compact", "vacuum", "doctor", "compile"),
 }
 """Verbs by task, in the order of ``--help``; ``verbs/<verb>.py`` defines each."""
 

@@ -4,23 +4,30 @@ from __future__ import annotations
 
 import re
 
-_CALL = re.compile(r"""\blake\.([a-z]+)\(["']?([^"'(),]+)["']?\)""")
+_CALL = re.compile(r"""`?\b(?:lake|Lake)\.([a-z_]+)\(["']?([^"'(),]+)["']?[^()]*\)`?""")
 _FLAG = re.compile(r"\b([a-z][a-z_]*)=(True|False)\b")
 _VALUE = re.compile(r"""\b([a-z][a-z_]*)=(["'])([^"']*)\2""")
 
 
 def one_line(error: BaseException | str) -> str:
-    """Return an error's message in one line, with Python advice written as options.
+    """Return the message of an error or warning in one line, with Python advice written as options.
 
-    The excerpt of the query that DuckDB appends is left out.
+    The excerpt of the query that DuckDB appends is left out. Errors state in ``cli_remedy`` which option or command
+    has the effect of their advice; it is appended unless the translated message contains it.
     """
     lines = str(error).splitlines()
     end = next((number for number, line in enumerate(lines) if line.startswith("LINE ")), len(lines))
-    return as_options(" ".join(" ".join(lines[:end]).split()))
+    remedy = getattr(error, "cli_remedy", "")
+    text = as_options(" ".join(" ".join(lines[:end]).split()), remedy)
+    return text if remedy in text else f"{text} (on the command line: {remedy})"
 
 
-def as_options(message: str) -> str:
+def as_options(message: str, remedy: str = "") -> str:
     """Return a message with Python keyword arguments and methods written as the command line has them.
+
+    Args:
+        message: The message.
+        remedy: The command that stands for a method call in the message, if known.
 
     Example:
         >>> as_options("give another name, or replace=True for a new version of it")
@@ -28,7 +35,8 @@ def as_options(message: str) -> str:
         >>> as_options('pass by="source_log", check=False, or lake.rebase("busy")')
         'pass --by source_log, --no-check, or `scenarionet rebase LAKE busy`'
     """
-    message = _CALL.sub(r"`scenarionet \1 LAKE \2`", message)
+    command = f"`{remedy}`" if remedy.startswith("scenarionet ") else ""
+    message = _CALL.sub(lambda found: command or f"`scenarionet {found[1]} LAKE {found[2]}`", message)
     message = _FLAG.sub(lambda found: _option(found[1], is_on=found[2] == "True"), message)
     return _VALUE.sub(lambda found: f"{_option(found[1])} {found[3]}", message)
 

@@ -98,15 +98,9 @@ class Verbs(click.Group):
             except (ScenarioNetError, OSError) as error:
                 if ctx.params["debug"] or getattr(error, "errno", None) == errno.EPIPE:
                     raise
-                click.echo(f"error: {one_line(error)}{_remedy(error)}", err=True)
+                click.echo(f"error: {one_line(error)}", err=True)
                 ctx.exit(2 if isinstance(error, _USAGE_ERRORS) else 1)
 
 
-def _remedy(message: BaseException | str) -> str:
-    """Return the remedy on the command line, where the message advises in Python."""
-    remedy = getattr(message, "cli_remedy", "")
-    return f" (on the command line: {remedy})" if remedy else ""
-
-
 def _show_warning(message: Warning | str, category: type[Warning], *rest: Any) -> None:  # noqa: ARG001
-    click.echo(f"warning: {message}{_remedy(message)}", err=True)
+    click.echo(f"warning: {one_line(message)}", err=True)

@@ -20,6 +20,8 @@ from scenarionet_pipelines.doctor.finding import Finding
 
 _REQUIREMENT = re.compile(r"([A-Za-z0-9._-]+)(?:\[[^\]]*\])?\s*([^;]*)(?:;(.*))?")
 _ENOUGH_DISK = 10 * 10**9
+_PROJECT = Path(__file__).parents[3] / "pyproject.toml"
+"""Exists in a checkout only."""
 
 
 def examine_installation() -> Iterator[Finding]:
@@ -52,7 +54,10 @@ def _packages() -> Iterator[Finding]:
 
 def _package(name: str, wanted: str, extra: str | None) -> Finding:
     absent: Literal["missing", "bad"] = "missing" if extra else "bad"
-    remedy = f"pip install '{PACKAGE}[{extra}]'" if extra else f"pip install '{name}{wanted}'"
+    if extra:
+        remedy = f"pip install -e '.[{extra}]'" if _PROJECT.exists() else f"pip install '{PACKAGE}[{extra}]'"
+    else:
+        remedy = f"pip install '{name}{wanted}'"
     try:
         version = metadata.version(name)
         if not extra:  # a required package must also be importable
@@ -71,7 +76,7 @@ def _requirements() -> list[str]:
     try:
         return metadata.requires(PACKAGE) or []
     except metadata.PackageNotFoundError:
-        project = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text("utf-8"))["project"]
+        project = tomllib.loads(_PROJECT.read_text("utf-8"))["project"]
         extras = project["optional-dependencies"].items()
         return [*project["dependencies"], *(_with_extra(text, extra) for extra, texts in extras for text in texts)]
 
@@ -129,6 +134,7 @@ def examine_machine(folder: str) -> Iterator[Finding]:
     yield Finding("machine", "workers", "ok", f"{machine.default_workers()} by default (--workers)")
     is_enough = free >= _ENOUGH_DISK
     remedy = "" if is_enough else "free disk space: the training split of Waymo needs more than 1 TB"
+    yield Finding("machine", "kernels", "ok", "compiled on first use; `scenarionet compile` compiles all in advance")
     yield Finding("machine", "free disk", "ok" if is_enough else "missing", f"{free / 1e9:,.1f} GB", remedy)
 
 

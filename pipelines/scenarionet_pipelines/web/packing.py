@@ -92,7 +92,7 @@ def _lights(lights: Lights, features: MapFeatures | None) -> dict[str, Array]:
     """Stop points and states of traffic lights."""
     stop = lights.stop_point[:, :2]
     if features is not None:
-        rows = np.flatnonzero(is_lane(features.types))
+        rows = np.flatnonzero(is_lane(features.feature_type))
         stop = light_places(lights, features.ids[rows], features.polyline.take(rows))[1]
     return {"lightPosition": stop, "lightState": lights.state}
 
@@ -107,7 +107,7 @@ def _features(features: MapFeatures) -> list[dict[str, Any]]:
             "limit": None if np.isnan(limit) else round(float(limit), 2),
         }
         for name, code, kind, limit in zip(
-            features.ids, features.types, _kinds(features.types), features.speed_limit, strict=True
+            features.ids, features.feature_type, _kinds(features.feature_type), features.speed_limit, strict=True
         )
     ]
 

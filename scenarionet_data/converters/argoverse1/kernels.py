@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from math import sqrt
 
-from numba import njit
-
+from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.dtypes import Array
 
 _LEAST_SPREAD = 1e-6
 """Variance of times below which a slope is undefined [s²]."""
 
 
-@njit(cache=True)
+@kernel
 def fit_slopes(
     place: Array, piece: Array, times: Array, half_frames: int, half_window: float, slope: Array, certainty: Array
 ) -> None:

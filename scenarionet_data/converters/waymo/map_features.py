@@ -75,7 +75,7 @@ def map_features(features: WireMap, origin: Float64) -> MapFeatures | None:
 
     return MapFeatures(
         ids=strings(features.ids.tolist()),
-        types=_codes(features.kinds, features.types),
+        feature_type=_codes(features.kinds, features.types),
         polyline=_geometry(points, features.num_points, is_line),
         polygon=_geometry(points, features.num_points, ~is_line),
         speed_limit=limit.astype(np.float32),

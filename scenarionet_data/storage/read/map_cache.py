@@ -94,7 +94,8 @@ def _read(path: Path) -> SharedMap:
     """Read a shared map from its file."""
     file = pq.ParquetFile(path)
     tables.load("maps").check_version(file.metadata.metadata, str(path))
-    (rows,) = file.read(use_threads=False).sort_by("feature_index").combine_chunks().to_batches()
+    whole = tables.load("maps").conform(file.read(use_threads=False))
+    (rows,) = whole.sort_by("feature_index").combine_chunks().to_batches()
     origins = np.column_stack([rows.column(f"origin_{axis}").to_numpy() for axis in "xyz"])
     boxes = [rows.column(name).to_numpy(zero_copy_only=False) for name in ("min_x", "min_y", "max_x", "max_y")]
     bounds = np.column_stack(boxes).astype(np.float64) + origins[:, [0, 1, 0, 1]]

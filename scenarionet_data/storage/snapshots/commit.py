@@ -1,4 +1,4 @@
-"""Commits: finished shards become part of the lake, all at once or not at all, whoever else commits meanwhile."""
+"""Commits: add finished shards to the lake atomically, also while other jobs commit."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from scenarionet_data.storage.write.layouts import layout_of, unit_of
 _ATTEMPTS = 50
 
 _READ: WeakKeyDictionary[LakeFiles, dict[str, pa.Array]] = WeakKeyDictionary()
-"""Scenario ids by metadata file, of every lake that this process commits to."""
+"""Scenario ids by metadata file, for each lake that this process commits to."""
 
-Told = TypeVar("Told")
+Outcome = TypeVar("Outcome")
 
 
 @dataclass(frozen=True)
 class Committed:
-    """What became of a commit.
+    """Result of a commit.
 
     Attributes:
         snapshot: The snapshot that holds the shards.
-        refused: Shards left out, because a scenario of theirs is in the lake already: record, scenario id.
+        refused: Shards that repeat a scenario id already in the lake: record, scenario id.
     """
 
     snapshot: Snapshot
@@ -44,11 +44,11 @@ class Committed:
 
 @dataclass(frozen=True)
 class Rewritten:
-    """Shards that were written together, in other files than before.
+    """Shards that were rewritten together.
 
     Attributes:
-        old: Their records as they were.
-        new: Their records now, in the same order.
+        old: Their records before.
+        new: Their records after, in the same order.
     """
 
     old: tuple[ShardRecord, ...]
@@ -58,70 +58,73 @@ class Rewritten:
 def commit(
     files: LakeFiles, added: Iterable[ShardRecord], operation: str, removed: frozenset[str] = frozenset()
 ) -> Committed:
-    """Add finished shards to the lake and take shards away, as one new snapshot.
+    """Publish a snapshot with finished shards added and others removed.
 
     Args:
-        files: The lake.
-        added: Finished shards; those the lake holds already are skipped.
-        operation: What made them, in words.
-        removed: Keys of shards they replace. When one of ``added`` is refused, nothing is replaced and nothing is
-            committed: what is in the lake goes only together with what takes its place.
+        files: The lake's files.
+        added: Finished shards; those already in the lake are skipped.
+        operation: Description for the snapshot.
+        removed: Keys of the shards they replace. When one of ``added`` is refused, nothing is committed, so that no
+            shard is removed without its replacement.
 
     Raises:
-        SnapshotConflict: Other jobs published a snapshot before this one, every time.
-        LakeError: Files of ``added`` are gone.
+        SnapshotConflict: Other jobs published a snapshot first, on every attempt.
+        LakeError: Files of ``added`` are missing.
     """
     wanted = list(added)
 
     def change(base: Snapshot) -> tuple[Snapshot | None, tuple[tuple[ShardRecord, str], ...]]:
         present = set(manifests.column(files, base, "key").to_pylist())
-        gone = frozenset(removed & present)
-        fresh = [record for record in wanted if record.key not in present - gone]
-        _keep(files, fresh)
-        held = manifests.shards(files, base) if gone else []
-        fresh, refused = _refuse_duplicates(files, metadata_files.live(base, held, gone), fresh)
-        if (refused and gone) or not (fresh or gone):
+        replaced = frozenset(removed & present)
+        fresh = [record for record in wanted if record.key not in present - replaced]
+        _renew(files, fresh)
+        existing = manifests.shards(files, base) if replaced else []
+        remaining = metadata_files.current_metadata(base, existing, replaced)
+        fresh, refused = _refuse_duplicates(files, remaining, fresh)
+        if (refused and replaced) or not (fresh or replaced):
             return None, refused
-        moved = _separate(files, held, gone)
+        rewritten = _rewrite_neighbours(files, existing, replaced)
         following = Snapshot(
             number=base.number + 1,
             created_at=snapshots.now(),
             operation=operation,
-            metadata=(*metadata_files.live(base, held, gone, moved), *metadata_files.own(fresh)),
-            manifests=manifests.write(files, base, [*fresh, *moved], gone | {one.key for one in moved}),
+            metadata=(
+                *metadata_files.current_metadata(base, existing, replaced, rewritten),
+                *metadata_files.shard_files(fresh),
+            ),
+            manifests=manifests.write(files, base, [*fresh, *rewritten], replaced | {one.key for one in rewritten}),
         )
         return following, refused
 
     return Committed(*_publish(files, change))
 
 
-def swap(files: LakeFiles, rewritten: Sequence[Rewritten], operation: str) -> tuple[Snapshot, list[Rewritten]]:
-    """Let shards lie in other files, as one new snapshot with few metadata files.
+def replace_files(files: LakeFiles, rewritten: Sequence[Rewritten], operation: str) -> tuple[Snapshot, list[Rewritten]]:
+    """Publish a snapshot in which rewritten shards point to their new files.
 
     Returns:
-        The snapshot, and what was left out: another job has replaced or rewritten one of its shards meanwhile.
+        The snapshot, and the entries left out because another job has replaced or rewritten one of their shards.
 
     Raises:
-        SnapshotConflict: Other jobs published a snapshot before this one, every time.
+        SnapshotConflict: Other jobs published a snapshot first, on every attempt.
     """
 
     def change(base: Snapshot) -> tuple[Snapshot | None, list[Rewritten]]:
-        held = manifests.shards(files, base)
-        there = {record.key: record.metadata_file for record in held}
-        ready = [each for each in rewritten if all(there.get(old.key) == old.metadata_file for old in each.old)]
-        moved = {record.key: record for each in ready for record in each.new}
+        existing = manifests.shards(files, base)
+        current = {record.key: record.metadata_file for record in existing}
+        ready = [each for each in rewritten if all(current.get(old.key) == old.metadata_file for old in each.old)]
+        new = {record.key: record for each in ready for record in each.new}
         late = [each for each in rewritten if each not in ready]
-        if not moved:
+        if not new:
             return None, late
-        _keep(files, moved.values())
-        now = [moved.get(record.key, record) for record in held]
-        schemas = {record.metadata_file: record.schemas for record in now if record.metadata_file is not None}
+        _renew(files, new.values())
+        now = [new.get(record.key, record) for record in existing]
         following = Snapshot(
             number=base.number + 1,
             created_at=snapshots.now(),
             operation=operation,
-            metadata=metadata_files.merge(files, schemas),
-            manifests=manifests.write(files, base, moved.values(), frozenset(moved)),
+            metadata=metadata_files.merge(files, metadata_files.shard_files(now)),
+            manifests=manifests.write(files, base, new.values(), frozenset(new)),
         )
         return following, late
 
@@ -129,85 +132,89 @@ def swap(files: LakeFiles, rewritten: Sequence[Rewritten], operation: str) -> tu
 
 
 def consolidate(files: LakeFiles) -> Snapshot:
-    """Give partitions of many shards few metadata files; see :mod:`.metadata_files`."""
+    """Merge the metadata files of partitions with many shards; see :mod:`.metadata_files`."""
 
     def change(base: Snapshot) -> tuple[Snapshot | None, None]:
-        schemas = metadata_files.own_with_schemas(files, base)
-        if set(metadata_files.layout(schemas)) == set(base.metadata):
+        names = metadata_files.snapshot_shard_files(files, base)
+        if set(metadata_files.layout(names)) == set(base.metadata):
             return None, None
         following = replace(
             base,
             number=base.number + 1,
             created_at=snapshots.now(),
             operation="consolidate metadata",
-            metadata=metadata_files.merge(files, schemas),
+            metadata=metadata_files.merge(files, names),
         )
         return following, None
 
     return _publish(files, change)[0]
 
 
-def _publish(files: LakeFiles, change: Callable[[Snapshot], tuple[Snapshot | None, Told]]) -> tuple[Snapshot, Told]:
-    """Publish what a change makes of the newest snapshot, again for as long as others publish first.
+def _publish(
+    files: LakeFiles, change: Callable[[Snapshot], tuple[Snapshot | None, Outcome]]
+) -> tuple[Snapshot, Outcome]:
+    """Apply a change to the newest snapshot and publish the result; retry when another job publishes first.
 
     Args:
-        files: The lake.
-        change: The following snapshot, or None when there is nothing to change; and what to tell.
+        files: The lake's files.
+        change: Returns the following snapshot (None if nothing changes) and a further result for the caller.
     """
     for attempt in range(_ATTEMPTS):
         base = snapshots.read(files)
         try:
-            following, told = change(base)
+            following, outcome = change(base)
         except LakeError:
             if snapshots.read(files).number == base.number:
                 raise
-            continue  # others have moved on and a vacuum has taken files of the base
+            continue  # another job has published, and a vacuum has removed files of the base
         if following is None:
-            return base, told
+            return base, outcome
         if snapshots.publish(files, following):
-            return following, told
-        time.sleep(random.uniform(0, 0.02 * (attempt + 1)))  # noqa: S311  # spreads rivals, hides nothing
+            return following, outcome
+        time.sleep(random.uniform(0, 0.02 * (attempt + 1)))  # noqa: S311  # back-off between competing jobs
     raise SnapshotConflict(
-        f"{files.root}: {_ATTEMPTS} times another job committed first; run the same command again, nothing is lost"
+        f"{files.root}: another job committed first, {_ATTEMPTS} times; run the same command again, no work is lost"
     )
 
 
-def _separate(files: LakeFiles, held: Sequence[ShardRecord], gone: frozenset[str]) -> list[ShardRecord]:
-    """Shards that share files with those that go, written anew: a file of the lake holds no row that is superseded."""
-    units = {unit_of(record): layout_of(record) for record in held if record.key in gone}
-    left = [record for record in held if record.key not in gone and unit_of(record) in units]
-    moved: list[ShardRecord] = []
-    for unit, profile in units.items():
+def _rewrite_neighbours(
+    files: LakeFiles, existing: Sequence[ShardRecord], removed: frozenset[str]
+) -> list[ShardRecord]:
+    """Rewrite the shards that share files with removed shards, so that no file keeps superseded rows."""
+    units = {unit_of(record): layout_of(record) for record in existing if record.key in removed}
+    left = [record for record in existing if record.key not in removed and unit_of(record) in units]
+    rewritten: list[ShardRecord] = []
+    for unit, layout in units.items():
         together = [record for record in left if unit_of(record) == unit]
-        moved += rewriting.rewrite(files, together, profile) if together else []
-    return moved
+        rewritten += rewriting.rewrite(files, together, layout) if together else []
+    return rewritten
 
 
-def _keep(files: LakeFiles, records: Iterable[ShardRecord]) -> None:
-    """Renew the files of shards that are about to be committed, so that no ``vacuum`` takes them.
+def _renew(files: LakeFiles, records: Iterable[ShardRecord]) -> None:
+    """Renew the files of shards that are about to be committed, which protects them from ``vacuum``.
 
     Raises:
-        LakeError: One has taken them already.
+        LakeError: A vacuum has already removed them.
     """
     for record in records:
-        gone = files.renew([*metadata_files.own([record]), *record.files])
-        if gone:
+        missing = files.renew([*metadata_files.shard_files([record]), *record.files])
+        if missing:
             raise LakeError(
-                f"{files.url(gone[0])}: gone, although shard {record.name} was finished; `scenarionet vacuum` takes "
-                "what is not committed after a day: run the same command again, it makes what is missing"
+                f"{files.url(missing[0])}: gone, although shard {record.name} was finished; `scenarionet vacuum` "
+                "removes uncommitted files after a day: run the same command again to create them"
             )
 
 
 def _refuse_duplicates(
-    files: LakeFiles, live: tuple[str, ...], fresh: list[ShardRecord]
+    files: LakeFiles, remaining: tuple[str, ...], fresh: list[ShardRecord]
 ) -> tuple[list[ShardRecord], tuple[tuple[ShardRecord, str], ...]]:
-    """Parts the shards into those whose ids are new to the lake and those with an id it holds."""
+    """Split shards into accepted ones and ones that repeat a scenario id already in the lake."""
     if not fresh:
         return [], ()
     releases = {(record.dataset, record.version) for record in fresh}
-    ids = [_ids(files, metadata_files.own([record])) for record in fresh]
+    ids = [_ids(files, metadata_files.shard_files([record])) for record in fresh]
     wanted = pa.concat_arrays(ids)
-    rivals = _ids(files, [name for name in live if _release(name) in releases])
+    rivals = _ids(files, [name for name in remaining if _release(name) in releases])
     taken = set(rivals.filter(pc.is_in(rivals, value_set=wanted)).to_pylist())
     accepted, refused = [], []
     for record, own in zip(fresh, map(pa.Array.to_pylist, ids), strict=True):
@@ -221,7 +228,7 @@ def _refuse_duplicates(
 
 
 def _ids(files: LakeFiles, names: list[str]) -> pa.Array:
-    """Scenario ids in metadata files; each is read once for all commits of a job, for it never changes."""
+    """Scenario ids in metadata files; each file is read once per process, because it never changes."""
     known = _READ.setdefault(files, {})
     missing = [name for name in names if name not in known]
     for name, rows in zip(missing, files.read_all(missing, ["scenario_id"]), strict=True):

@@ -1,4 +1,4 @@
-"""Manifests: the Parquet files of a snapshot that list its shards, and what is asked of them together."""
+"""Manifests: the Parquet files of a snapshot that list its shards."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ _MAX_MANIFESTS = 16
 
 
 def shard_table(files: LakeFiles, snapshot: Snapshot) -> pa.Table:
-    """Every shard of a snapshot as rows of ``schemas/shards.toml``, in order of partition and name."""
+    """All shards of a snapshot as rows of ``schemas/shards.toml``, ordered by partition and name."""
     schema = tables.load("shards").schema
     with snapshots.reading_from(files, snapshot):
         parts = _read_all(files, snapshot.manifests)
-    together = pa.concat_tables([schema.empty_table(), *(part.cast(schema) for part in parts)])
+    together = pa.concat_tables([schema.empty_table(), *parts])
     return together.sort_by([(name, "ascending") for name in ("dataset", "version", "split", "name", "key")])
 
 
@@ -40,45 +40,46 @@ def column(files: LakeFiles, snapshot: Snapshot, name: str) -> pa.ChunkedArray:
 
 
 def shards(files: LakeFiles, snapshot: Snapshot) -> list[ShardRecord]:
-    """Every shard of a snapshot as records."""
+    """All shards of a snapshot as records."""
     return [ShardRecord(**row) for row in shard_table(files, snapshot).to_pylist()]
 
 
 def read(files: LakeFiles, name: str, columns: list[str] | None = None) -> pa.Table:
-    """The shards that a manifest lists.
+    """Shards listed in a manifest.
 
     Raises:
-        LakeError: It is gone or damaged, or of another version of the contract.
+        LakeError: The manifest is missing or damaged, or has a schema version that cannot be read.
     """
     return _read_all(files, [name], columns)[0]
 
 
 def _read_all(files: LakeFiles, names: Sequence[str], columns: list[str] | None = None) -> list[pa.Table]:
-    found = files.read_all(names, columns)
+    found, table = files.read_all(names, columns), tables.load("shards")
     for name, rows in zip(names, found, strict=True):
-        tables.load("shards").check_version(rows.schema.metadata, name)
-    return found
+        table.check_version(rows.schema.metadata, name)
+    return [table.conform(rows, columns) for rows in found]
 
 
 def check_schemas(files: LakeFiles, snapshot: Snapshot) -> None:
-    """Refuse a snapshot with files of another version of the contract.
+    """Raise unless all shards of a snapshot were written under readable schema versions.
 
     Raises:
-        SchemaMismatch: Naming a shard, what was found and what to do.
+        SchemaMismatch: The message names a shard, both versions and the remedy.
     """
-    names, found = (column(files, snapshot, name).to_pylist() for name in ("name", "schemas"))
-    for name, tag in zip(names, found, strict=True):
-        if tag != tables.content_tag():
+    found = column(files, snapshot, "schemas").to_pylist()
+    for tag in set(found):
+        if not tables.reads_content(tag):
+            name = column(files, snapshot, "name")[found.index(tag)].as_py()
             raise SchemaMismatch(
                 f"{files.root}: shard {name} was written under {tag}, this version reads {tables.content_tag()}; "
-                "convert its recordings again with --replace, or use the version that wrote them"
+                "convert its recordings again with replace=True, or use the version of this software that wrote them"
             )
 
 
 def write(files: LakeFiles, base: Snapshot, added: Iterable[ShardRecord], removed: frozenset[str]) -> tuple[str, ...]:
-    """Manifests of ``base`` with shards added and (by key) removed.
+    """Write the manifests of ``base`` with shards added and (by key) removed.
 
-    Usually one new manifest beside the old ones; folded into one when shards go or too many gather.
+    Adds one manifest; merges all into one when shards are removed or there are more than 16.
     """
     fresh = [asdict(record) for record in added]
     if not removed and len(base.manifests) < _MAX_MANIFESTS:
@@ -89,15 +90,15 @@ def write(files: LakeFiles, base: Snapshot, added: Iterable[ShardRecord], remove
 
 def _write_file(files: LakeFiles, rows: list[dict[str, object]]) -> str:
     ordered = sorted(rows, key=lambda row: str(row["key"]))
-    # The same shard may lie in other files since it was converted: its metadata file's name tells.
-    told = "\n".join(f"{row['key']} {row['metadata_file']}" for row in ordered)
-    name = f"{snapshots.FOLDER}/manifest-{hashlib.blake2b(told.encode(), digest_size=8).hexdigest()}.parquet"
+    # The name of the metadata file changes when a shard is rewritten to other files.
+    identity = "\n".join(f"{row['key']} {row['metadata_file']}" for row in ordered)
+    name = f"{snapshots.FOLDER}/manifest-{hashlib.blake2b(identity.encode(), digest_size=8).hexdigest()}.parquet"
     files.publish(write_table(files, "shards", ordered, {}), name)
     return name
 
 
 class NamedFiles:
-    """Which files snapshots name; each manifest is read once.
+    """Files referenced by snapshots; each manifest is read once.
 
     Args:
         files: The lake.
@@ -108,9 +109,9 @@ class NamedFiles:
         self._listed = cache(self._read)
 
     def of(self, number: int) -> set[str]:
-        """Every file that a snapshot needs: what is read, and what its next consolidation falls back to.
+        """All files that a snapshot needs, including those that its next consolidation reads.
 
-        Empty when it has expired meanwhile.
+        Empty if the snapshot has expired in the meantime.
         """
         try:
             snapshot = snapshots.read(self._files, number)
@@ -119,7 +120,7 @@ class NamedFiles:
         return set().union(snapshot.metadata, snapshot.manifests, *map(self._listed, snapshot.manifests))
 
     def _read(self, manifest: str) -> frozenset[str]:
-        """Files of the shards that a manifest lists."""
+        """Files of the shards in a manifest."""
         rows = read(self._files, manifest, ["metadata_file", "files"])
         names = rows["metadata_file"].drop_null().to_pylist()
         return frozenset(names).union(pc.unique(pc.list_flatten(rows["files"])).to_pylist())

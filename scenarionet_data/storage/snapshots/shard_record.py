@@ -1,4 +1,4 @@
-"""What a shard has become: its record, and the names of its files."""
+"""Records of finished shards, and the names of their files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from scenarionet_data.storage.files.lake_files import LakeFiles
 
 @dataclass(frozen=True)
 class ShardRecord:
-    """A finished shard: a row of ``schemas/shards.toml``, described there."""
+    """A finished shard: a row of ``schemas/shards.toml``, which describes the fields."""
 
     key: str
     dataset: str
@@ -43,30 +43,30 @@ def partition(table: str, dataset: str, version: str, split: str) -> str:
 
 
 def shard_key(shard: Shard, converter_version: str) -> str:
-    """The shard's key under this version of the contract: other columns make other files."""
+    """The shard's key, which depends on the versions of converter and table schemas."""
     return shard.key(f"{converter_version} {tables.content_tag()}")
 
 
 def metadata_name(shard: Shard, key: str) -> str:
-    """Name of a shard's own metadata file: known before it is written, so that a finished shard is found."""
+    """Name of a shard's metadata file; known in advance, so that a finished shard can be found."""
     return f"{partition('metadata', shard.dataset, shard.version, shard.split)}/{shard.name}-{key}.parquet"
 
 
 def find_finished(files: LakeFiles, shard: Shard, converter_version: str) -> ShardRecord | None:
-    """The record of a shard that an earlier job finished, whether it was committed or not."""
+    """Record of a shard that an earlier job has finished, committed or not."""
     return find_record(files, metadata_name(shard, shard_key(shard, converter_version)))
 
 
 def find_record(files: LakeFiles, name: str) -> ShardRecord | None:
-    """The record in a shard's own metadata file; None unless that and every file of the shard is there.
+    """Record in a shard's metadata file; None unless this file and all files of the shard exist.
 
-    They are renewed, so that no ``vacuum`` takes them before they are committed.
+    The files are renewed, which protects them from ``vacuum`` until they are committed.
     """
     if not files.has(name):
         return None
     try:
         footer = pq.read_metadata(files.path(name)).metadata
-    except pa.ArrowInvalid:  # damaged since it was published: the shard is converted again
+    except pa.ArrowInvalid:  # damaged after publication: convert the shard again
         return None
     record = ShardRecord(**json.loads(footer[b"scenarionet.shard"]))
     is_whole = files.sizes(record.files) == record.sizes

@@ -1,4 +1,4 @@
-"""Whole tables as files of the lake: metadata, shard lists, members of databases."""
+"""Write whole tables to files: metadata, manifests, members of databases."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ def write_table(
     footer: Mapping[str, str],
     row_group_size: int | None = None,
 ) -> Path:
-    """Write rows of a contract table to a temporary file and return its path."""
+    """Write rows of a table to a temporary file and return its path; nullable columns they lack become null."""
     declared = tables.load(table)
     content = rows if isinstance(rows, pa.Table) else pa.Table.from_pylist(rows, schema=declared.schema)
     temporary = files.temporary()
     with writing(temporary, temporary), declared.writer(temporary, footer) as writer:
-        writer.write_table(content.cast(declared.schema), row_group_size=row_group_size)
+        writer.write_table(declared.conform(content), row_group_size=row_group_size)
     return temporary

@@ -12,6 +12,7 @@ from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from tests.fixtures.lakes import content
 from tests.fixtures.made import BUCKETED, FEW, NAME, NEWER, Made, MadeOptions, ids, run, wanted, write_raw
+from tests.fixtures.schema_versions import raise_version
 
 
 def test_a_second_run_skips_and_a_new_file_is_added(raw, root):
@@ -73,10 +74,9 @@ def test_a_newer_converter_replaces_only_when_told(raw, root):
 def test_another_contract_is_refused_until_replaced(raw, root, monkeypatch):
     write_raw(raw, {"a": [1]})
     run(raw, root)
-    tag = "scenarionet_data.schema.tables.content_tag"
-    monkeypatch.setattr(tag, lambda: "tracks/2")
+    raise_version(monkeypatch, "tracks", is_compatible=False)
     with pytest.raises(
-        LakeError, match=r"shard a was written under .*tracks/1, this version reads tracks/2; .*--replace"
+        LakeError, match=r"shard a was written under .*tracks/1, this version reads .*tracks/2; .*replace=True"
     ):
         ids(root)
     with pytest.raises(DuplicateScenario, match="under another version of the contract"):
@@ -94,6 +94,17 @@ def test_the_same_recordings_under_another_split_are_duplicates(raw, root):
     assert sorted(name for name, _ in report.failed) == ["a", "b"]
     assert all("is in the lake already, from another source or split" in reason for _, reason in report.failed)
     assert ids(root) == wanted(1, 2, 3)
+
+
+def test_an_older_readable_schema_is_kept_until_stale_shards_are_replaced(raw, root, monkeypatch):
+    write_raw(raw, {"a": [1]})
+    run(raw, root)
+    raise_version(monkeypatch, "tracks")
+    assert ids(root) == wanted(1)
+    report = run(raw, root)
+    assert (report.converted, report.skipped, report.stale) == (0, 1, 1)
+    assert run(raw, root, reconvert_stale=True).replaced == 1
+    assert ids(root) == wanted(1)
 
 
 def test_planning_writes_nothing(raw, root):

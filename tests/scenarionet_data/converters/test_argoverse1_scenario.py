@@ -103,7 +103,7 @@ def row_of(features: MapFeatures, lane: int) -> int:
 
 def test_lanes_are_the_source_s(city: MapFeatures) -> None:
     assert len(city) == 2 * 8 * 2 + 2
-    assert (city.types == MapFeatureType.LANE_SURFACE_STREET).all()
+    assert (city.feature_type == MapFeatureType.LANE_SURFACE_STREET).all()
     assert (city.polyline.lengths == 10).all()
     assert not city.polyline.values[:, 2].any()
     np.testing.assert_allclose(city.width.values, 1.9, atol=1e-4)

@@ -55,7 +55,7 @@ def test_every_painted_line_has_its_type(forecasting: Path) -> None:
                 assert not len(lines)
                 continue
             (line,) = lines
-            assert MapFeatureType(features.types[rows[line]]).name == wanted[mark]
+            assert MapFeatureType(features.feature_type[rows[line]]).name == wanted[mark]
             points = np.array([[p["x"], p["y"], p["z"]] for p in lane[f"{side}_lane_boundary"]]) - scenario.origin
             stored = features.polyline[rows[line]]
             assert np.allclose(stored, points, atol=1e-4) or np.allclose(stored, points[::-1], atol=1e-4)
@@ -65,17 +65,17 @@ def test_every_painted_line_has_its_type(forecasting: Path) -> None:
 def test_lines_that_two_lanes_share_are_stored_once(forecasting: Path) -> None:
     features = scenarios(CONVERTER, forecasting.parent)[0].map
     assert features is not None
-    lines = features.polyline.values[np.repeat(is_road_line(features.types), features.polyline.lengths)]
+    lines = features.polyline.values[np.repeat(is_road_line(features.feature_type), features.polyline.lengths)]
     used = [*features.left_boundaries.values, *features.right_boundaries.values]
-    assert len(set(used)) == is_road_line(features.types).sum() < len(used)
+    assert len(set(used)) == is_road_line(features.feature_type).sum() < len(used)
     assert len(np.unique(lines, axis=0)) > len(lines) / 2
 
 
 def test_lanes_lie_between_their_sides(forecasting: Path) -> None:
     features = scenarios(CONVERTER, forecasting.parent)[0].map
     assert features is not None
-    for row in np.flatnonzero(is_lane(features.types)):
-        width, is_bike = features.width[row], features.types[row] == MapFeatureType.LANE_BIKE_LANE
+    for row in np.flatnonzero(is_lane(features.feature_type)):
+        width, is_bike = features.width[row], features.feature_type[row] == MapFeatureType.LANE_BIKE_LANE
         assert width.shape == (len(features.polyline[row]), 2)
         np.testing.assert_allclose(width.sum(axis=1), 1.8 if is_bike else 3.5, atol=0.1)
         np.testing.assert_allclose(width[:, 0], width[:, 1], atol=0.1)
@@ -91,7 +91,7 @@ def test_road_edges_leave_out_the_cuts(forecasting: Path) -> None:
     (scenario,) = scenarios(CONVERTER, forecasting.parent)
     features = scenario.map
     assert features is not None
-    edges = [features.polyline[row] + scenario.origin for row in np.flatnonzero(is_road_edge(features.types))]
+    edges = [features.polyline[row] + scenario.origin for row in np.flatnonzero(is_road_edge(features.feature_type))]
     assert len(edges) == 3  # both sides of the first area, and the second one's outline, open at the cut
     for edge in edges:
         step = np.abs(np.diff(edge, axis=0))

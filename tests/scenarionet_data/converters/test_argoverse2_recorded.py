@@ -64,14 +64,14 @@ def test_recorded_forecasting_positions_are_the_files(
 def test_recorded_forecasting_map(recorded: tuple[ScenarioDescription, ScenarioDescription]) -> None:
     features = recorded[0].map
     assert features is not None
-    names = counts([MapFeatureType(code).name for code in features.types])
+    names = counts([MapFeatureType(code).name for code in features.feature_type])
     assert names["LANE_BIKE_LANE"] == 37
     assert names["LANE_SURFACE_STREET"] == 34
     assert names["DRIVABLE_AREA"] == 2
     assert names["CROSSWALK"] == 6
     assert (features.is_intersection == 1).sum() == 32
     # Of 142 sides 92 carry no paint; the 50 others are 37 lines, 13 of which bound two lanes.
-    assert is_road_line(features.types).sum() == 37
+    assert is_road_line(features.feature_type).sum() == 37
     sides = features.left_boundaries.lengths.sum() + features.right_boundaries.lengths.sum()
     assert sides == 50
     known = set(features.ids)
@@ -87,7 +87,7 @@ def test_recorded_sensor_log(recorded: tuple[ScenarioDescription, ScenarioDescri
     assert scenario.num_timesteps == 156
     assert scenario.timestamps[-1] == pytest.approx(15.499874)
     assert scenario.map is not None
-    assert is_lane(scenario.map.types).sum() == 199
+    assert is_lane(scenario.map.feature_type).sum() == 199
     assert scenario.source.city == "PIT"
     assert scenario.extras["num_interpolated_poses"] == 0
     assert scenario.extras["num_completed_links"] == 107
@@ -100,7 +100,7 @@ def test_recorded_sensor_boxes_stand_on_the_ground(
     _, scenario = recorded
     tracks, features = scenario.tracks, scenario.map
     assert features is not None
-    lanes = features.polyline.values[np.repeat(is_lane(features.types), features.polyline.lengths)]
+    lanes = features.polyline.values[np.repeat(is_lane(features.feature_type), features.polyline.lengths)]
     bottom = tracks.position[..., 2] - tracks.size[..., 2] / 2.0
     for row in [scenario.ego_index, *np.flatnonzero(tracks.source_type == "BUS")]:
         for step in np.flatnonzero(tracks.valid[row])[::10]:

@@ -73,7 +73,7 @@ def test_earth_agrees_with_proj(latitude: float, longitude: float, height: float
 
 
 def test_lanes_lie_where_they_were_laid_out(features: MapFeatures) -> None:
-    assert set(features.ids[is_lane(features.types)]) == set(world.LANES)
+    assert set(features.ids[is_lane(features.feature_type)]) == set(world.LANES)
     low, high = world.JUNCTION
     for name, first, last, y in (("in0", world.ENDS[0], low, -1.75), ("back-in", world.ENDS[1], high, 1.75)):
         center = features.polyline[row(features, name)]
@@ -115,7 +115,12 @@ def test_lanes_say_what_they_are(features: MapFeatures) -> None:
     def of(name: str) -> tuple[str, float, int, str | None]:
         at = row(features, name)
         limit = features.speed_limit[at]
-        return MapFeatureType(features.types[at]).name, float(limit), features.is_intersection[at], features.extras[at]
+        return (
+            MapFeatureType(features.feature_type[at]).name,
+            float(limit),
+            features.is_intersection[at],
+            features.extras[at],
+        )
 
     assert of("in0") == ("LANE_SURFACE_STREET", world.SPEED, 0, '{"parent":"west"}')
     assert of("in2")[0] == "LANE_BIKE_LANE"
@@ -130,20 +135,20 @@ def test_paint_changes_along_a_side(features: MapFeatures) -> None:
     lane = row(features, "out0")
     assert list(features.right_boundaries[lane]) == ["out0-right-0", "out0-right-1"]
     broken, solid = (row(features, name) for name in ("out0-right-0", "out0-right-1"))
-    assert features.types[broken] == MapFeatureType.ROAD_LINE_BROKEN_SINGLE_WHITE
-    assert features.types[solid] == MapFeatureType.ROAD_LINE_SOLID_SINGLE_WHITE
+    assert features.feature_type[broken] == MapFeatureType.ROAD_LINE_BROKEN_SINGLE_WHITE
+    assert features.feature_type[solid] == MapFeatureType.ROAD_LINE_SOLID_SINGLE_WHITE
     change = world.JUNCTION[1] + 50.0
     np.testing.assert_allclose(features.polyline[broken][[0, -1], 0], [world.JUNCTION[1], change], atol=0.02)
     np.testing.assert_allclose(features.polyline[solid][[0, -1], 0], [change, world.ENDS[1]], atol=0.02)
     assert not len(features.left_boundaries[row(features, "left1")])  # nothing is said of the paint
     assert not len(features.right_boundaries[row(features, "left1")])  # no paint
-    assert features.types[row(features, "in2-right")] == MapFeatureType.ROAD_EDGE_BOUNDARY
-    assert features.types[row(features, "out1-right")] == MapFeatureType.UNKNOWN_LINE
+    assert features.feature_type[row(features, "in2-right")] == MapFeatureType.ROAD_EDGE_BOUNDARY
+    assert features.feature_type[row(features, "out1-right")] == MapFeatureType.UNKNOWN_LINE
 
 
 def test_controls_become_features(features: MapFeatures) -> None:
     def of(name: str) -> MapFeatureType:
-        return MapFeatureType(features.types[row(features, name)])
+        return MapFeatureType(features.feature_type[row(features, name)])
 
     assert of("CROSSWALK") == MapFeatureType.CROSSWALK
     np.testing.assert_allclose(features.polygon[row(features, "CROSSWALK")][:, :2], world.CROSSWALK, atol=0.02)

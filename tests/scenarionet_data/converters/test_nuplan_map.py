@@ -62,7 +62,7 @@ def source_row(built: world.City, layer: str, fid: int) -> dict[str, Any]:
 
 
 def test_every_layer_has_its_features(features: MapFeatures, built: world.City) -> None:
-    names, counts = np.unique([MapFeatureType(code).name for code in features.types], return_counts=True)
+    names, counts = np.unique([MapFeatureType(code).name for code in features.feature_type], return_counts=True)
     layers = {name: len(rows) for name, rows in built.rows.items()}
     connectors = layers["lane_connectors"]
     assert dict(zip(names.tolist(), counts.tolist(), strict=True)) == {
@@ -120,7 +120,7 @@ def test_connectors_lead_on(features: MapFeatures, built: world.City) -> None:
     assert len(features.polygon[row]) > 3
     assert extras_of(features, CONNECTORS[1]) == {"roadblock_id": "58000", "turn": "right"}
     assert extras_of(features, CONNECTORS[2])["turn"] == "left"
-    lanes = np.flatnonzero(is_lane(features.types))
+    lanes = np.flatnonzero(is_lane(features.feature_type))
     by_id = {features.ids[row]: row for row in lanes}
     ends = [
         features.polyline[row][-1] - features.polyline[by_id[after]][0]
@@ -155,9 +155,9 @@ def test_areas_say_what_they_are(features: MapFeatures, built: world.City) -> No
     assert extras_of(features, "roadblock-58001")["intersection_id"] == str(built.rows["intersections"][1]["fid"])
     # The connectors and lanes of the road lie in the drivable area.
     kinds = (MapFeatureType.DRIVABLE_AREA, MapFeatureType.INTERSECTION, MapFeatureType.CARPARK_AREA)
-    rows = np.flatnonzero(np.isin(features.types, kinds))
+    rows = np.flatnonzero(np.isin(features.feature_type, kinds))
     area = shapely.union_all([shapely.Polygon(features.polygon[row][:, :2]) for row in rows]).buffer(0.05)
-    lanes = np.flatnonzero(is_lane(features.types))
+    lanes = np.flatnonzero(is_lane(features.feature_type))
     assert all(area.contains(shapely.LineString(features.polyline[row][:, :2])) for row in lanes)
 
 
@@ -239,7 +239,7 @@ def test_the_ego_drives_on_its_lane(path: Path, tmp_path: Path) -> None:
     (shard,) = NuPlan().shards(str(raw), "mini", "v1.1", NuPlanOptions())
     scenario = NuPlan().scenario(shard, next(iter(NuPlan().records(shard))))
     assert scenario.map is not None
-    lanes = np.flatnonzero(is_lane(scenario.map.types))
+    lanes = np.flatnonzero(is_lane(scenario.map.feature_type))
     lines = shapely.MultiLineString([scenario.map.polyline[row][:, :2].astype(float) for row in lanes])
     ego = scenario.tracks.position[scenario.ego_index, :, :2].astype(float)
     assert shapely.distance(shapely.points(ego), lines).max() < 0.02

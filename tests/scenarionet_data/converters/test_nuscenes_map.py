@@ -39,7 +39,7 @@ def row(features: MapFeatures, *words: Any) -> int:
 
 
 def of_type(features: MapFeatures, kind: str) -> list[int]:
-    return np.flatnonzero(features.types == MapFeatureType[kind]).tolist()
+    return np.flatnonzero(features.feature_type == MapFeatureType[kind]).tolist()
 
 
 def extras(features: MapFeatures, index: int) -> dict[str, Any]:
@@ -48,7 +48,7 @@ def extras(features: MapFeatures, index: int) -> dict[str, Any]:
 
 def test_every_record_is_there(read: tuple[District, MapBuilder, MapFeatures]) -> None:
     district, _, features = read
-    assert is_lane(features.types).sum() == len(district.layers["lane"]) + len(district.layers["lane_connector"])
+    assert is_lane(features.feature_type).sum() == len(district.layers["lane"]) + len(district.layers["lane_connector"])
     for layer, kind in (("ped_crossing", "CROSSWALK"), ("stop_line", "STOP_LINE"), ("carpark_area", "CARPARK_AREA"),
                         ("road_block", "ROADBLOCK"), ("traffic_light", "TRAFFIC_LIGHT")):  # fmt: skip
         assert {features.ids[k] for k in of_type(features, kind)} == {r["token"] for r in district.layers[layer]}
@@ -66,7 +66,7 @@ def test_lanes_lie_between_their_sides_and_meet(read: tuple[District, MapBuilder
         line, area = shapely.LineString(features.polyline[k][:, :2]), shapely.Polygon(features.polygon[k][:, :2])
         assert line.within(area.buffer(0.1))
         assert line.hausdorff_distance(area.exterior) < WIDTH
-    for k in np.flatnonzero(is_lane(features.types)):
+    for k in np.flatnonzero(is_lane(features.feature_type)):
         for other in features.exit_lanes[k]:
             if other in rows:
                 gap = features.polyline[k][-1] - features.polyline[rows[other]][0]
@@ -106,7 +106,7 @@ def test_dividers_are_cut_where_their_type_changes(read: tuple[District, MapBuil
     found = []
     for number in range(3):
         k = features.ids.tolist().index(f"{token(PLACE, 'lane_divider', 0, -1)}-{number}")
-        found.append((MapFeatureType(features.types[k]).name, (features.polyline[k][:, 0] - CENTER[0]).tolist()))
+        found.append((MapFeatureType(features.feature_type[k]).name, (features.polyline[k][:, 0] - CENTER[0]).tolist()))
     assert found == [
         ("ROAD_LINE_BROKEN_SINGLE_WHITE", stations[:3]),
         ("ROAD_LINE_SOLID_SINGLE_WHITE", stations[2:4]),
@@ -117,7 +117,7 @@ def test_dividers_are_cut_where_their_type_changes(read: tuple[District, MapBuil
 def test_divider_types(read: tuple[District, MapBuilder, MapFeatures]) -> None:
     """Exact types say all; the others keep the map's word; a type nobody states is assumed."""
     _, _, features = read
-    lines = [(MapFeatureType(t).name, extras(features, k)) for k, t in enumerate(features.types) if 16 <= t < 32]
+    lines = [(MapFeatureType(t).name, extras(features, k)) for k, t in enumerate(features.feature_type) if 16 <= t < 32]
     found = Counter((name, word.get("segment_type", "assumed" if word else "")) for name, word in lines)
     assert found == {
         ("ROAD_LINE_BROKEN_SINGLE_WHITE", "DOUBLE_DASHED_WHITE"): 2,
@@ -170,7 +170,7 @@ def test_traffic_lights_hang_where_the_map_says(read: tuple[District, MapBuilder
 
 def test_intersections(read: tuple[District, MapBuilder, MapFeatures]) -> None:
     district, _, features = read
-    inside = {features.ids[k] for k in np.flatnonzero((features.is_intersection == 1) & is_lane(features.types))}
+    inside = {features.ids[k] for k in np.flatnonzero((features.is_intersection == 1) & is_lane(features.feature_type))}
     assert inside == {record["token"] for record in district.layers["lane_connector"]}
     for name in inside:
         assert extras(features, features.ids.tolist().index(name)) == {"is_connector": True}
@@ -248,7 +248,7 @@ def test_a_scenarios_map_is_the_crop_around_its_path(tmp_path: Path) -> None:
         points = np.concatenate([narrow.map.polyline[k], narrow.map.polygon[k]])[:, :2]
         assert (points.max(axis=0) >= low - 1e-3).all()
         assert (points.min(axis=0) <= high + 1e-3).all()
-    lights = wide.map.types == MapFeatureType.TRAFFIC_LIGHT
+    lights = wide.map.feature_type == MapFeatureType.TRAFFIC_LIGHT
     z = wide.map.polyline.values[:, 2] + wide.origin[2]
     assert set(np.round(z[~np.repeat(lights, wide.map.polyline.lengths)], 6)) == {0.0}
     assert scene.location == PLACE

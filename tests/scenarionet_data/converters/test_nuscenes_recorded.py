@@ -97,7 +97,7 @@ def test_lanes_and_dividers_are_the_pickles(pairs: list[Pair]) -> None:
         features, source = scenario.map, pickled["map_features"]
         assert features is not None
         found = [k for k, name in enumerate(features.ids) if name in source]
-        assert is_lane(features.types[found]).sum() > 60
+        assert is_lane(features.feature_type[found]).sum() > 60
         for k in found:
             wanted = np.array(source[features.ids[k]]["polyline"])[:, :2]
             step = np.hypot(*np.diff(wanted, axis=0, prepend=np.inf).T)
@@ -114,13 +114,13 @@ def test_real_lanes_have_dividers_beside_them(pairs: list[Pair]) -> None:
     for _, scenario in pairs:
         features = scenario.map
         assert features is not None
-        lanes = is_lane(features.types)
+        lanes = is_lane(features.feature_type)
         bounded = (features.left_boundaries.lengths > 0) | (features.right_boundaries.lengths > 0)
         assert bounded[lanes].sum() > 20
         for k in np.flatnonzero(lanes & bounded):
             ids = {*features.left_boundaries[k], *features.right_boundaries[k]}
             assert len(ids) == len(features.left_boundaries[k]) + len(features.right_boundaries[k])
-        edges = features.types == MapFeatureType.ROAD_EDGE_BOUNDARY
-        areas = features.types == MapFeatureType.DRIVABLE_AREA
+        edges = features.feature_type == MapFeatureType.ROAD_EDGE_BOUNDARY
+        areas = features.feature_type == MapFeatureType.DRIVABLE_AREA
         assert edges.any()
         assert areas.any()

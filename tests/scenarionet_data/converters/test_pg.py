@@ -92,6 +92,7 @@ def figures(count):
 PAPER = np.array([226.07, 9.81, 0.36, 0.39])
 
 
+@pytest.mark.long
 def test_figures_are_near_the_papers():
     np.testing.assert_allclose(figures(128), PAPER, rtol=0.35)
 

@@ -168,7 +168,7 @@ def test_waymo_map(tmp_path: Path) -> None:
     assert features.controlled_lanes[row["32"]].tolist() == ["1", "2"]
     assert features.polyline[row["32"]].shape == (1, 3)
     assert features.polyline[row["23"]].shape == (1, 3)
-    assert features.types[row["31"]] == MapFeatureType.CROSSWALK
+    assert features.feature_type[row["31"]] == MapFeatureType.CROSSWALK
 
 
 def test_nuscenes_lane_headings_are_no_heights(tmp_path: Path) -> None:

@@ -168,7 +168,7 @@ def test_no_lights_and_no_map(tmp_path: Path):
 def test_types_of_map_features(tmp_path: Path):
     features = convert(tmp_path, PAYLOAD)[0].map
     assert features is not None
-    types = dict(zip(features.ids, (MapFeatureType(code).name for code in features.types), strict=True))
+    types = dict(zip(features.ids, (MapFeatureType(code).name for code in features.feature_type), strict=True))
     lanes = [types[str(100 * row)] for row in range(4)]
     assert lanes == ["LANE_SURFACE_STREET", "LANE_BIKE_LANE", "LANE_UNKNOWN", "LANE_FREEWAY"]
     assert [types[str(2000 + k)] for k in range(9)] == [MapFeatureType(16 + k).name for k in range(9)]

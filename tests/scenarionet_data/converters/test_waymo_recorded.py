@@ -58,7 +58,7 @@ def test_recorded_lights(recorded: ScenarioDescription):
 def test_recorded_map(recorded: ScenarioDescription):
     features = recorded.map
     assert features is not None
-    groups = Counter(MapFeatureType(code).name.split("_")[0] for code in features.types)
+    groups = Counter(MapFeatureType(code).name.split("_")[0] for code in features.feature_type)
     assert groups == {"LANE": 199, "ROAD": 87, "STOP": 8, "CROSSWALK": 4, "SPEED": 3}
     assert len(features) == 301
     assert (len(features.polyline.values) + len(features.polygon.values)) == 19_636

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from pathlib import Path
 
 import polars as pl
 import pyarrow as pa
@@ -27,9 +28,23 @@ SCENARIOS = [make_scenario(seed, num_objects=2 + seed % 3, num_steps=12, num_lan
 IDS = [scenario.id for scenario in SCENARIOS]
 
 
+@pytest.fixture(scope="module")
+def _written(tmp_path_factory) -> Path:
+    return write_lake(tmp_path_factory.mktemp("written") / "lake", SCENARIOS).root
+
+
 @pytest.fixture
-def lake(tmp_path) -> Lake:
-    return write_lake(tmp_path / "lake", SCENARIOS)
+def lake(_written, tmp_path) -> Lake:
+    return Lake(shutil.copytree(_written, tmp_path / "lake"))
+
+
+@pytest.fixture(scope="module")
+def _with_columns(_written, tmp_path_factory) -> Path:
+    """A lake with the user columns ``score`` and ``kind``."""
+    lake = Lake(shutil.copytree(_written, tmp_path_factory.mktemp("with_columns") / "lake"))
+    lake.tag("score", {name: k for k, name in enumerate(IDS)})
+    lake.tag("kind", dict.fromkeys(IDS, "a"))
+    return lake.root
 
 
 def files(lake):
@@ -186,10 +201,8 @@ def test_versions_stay_and_lineage_pins_the_one_it_asked(lake):
         ("SELECT x FROM tracks", set()),
     ],
 )
-def test_only_layers_that_a_query_asks_are_joined(lake, query, joined):
-    lake.tag("score", {name: k for k, name in enumerate(IDS)})
-    lake.tag("kind", dict.fromkeys(IDS, "a"))
-    lake = lake.refresh()
+def test_only_layers_that_a_query_asks_are_joined(_with_columns, query, joined):
+    lake = Lake(_with_columns)
     lake.sql("SELECT kind, score FROM metadata")
     lake.arrow(query)
     views = lake.arrow("SELECT sql FROM duckdb_views() WHERE view_name LIKE 'meta%a'")["sql"].to_pylist()

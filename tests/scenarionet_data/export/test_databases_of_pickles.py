@@ -182,5 +182,5 @@ def test_imported_pickles_survive_another_round(source: str, tmp_path: Path, req
     for scenario_id, scenario in first.items():
         assert_same(scenario, second[scenario_id])
         assert second[scenario_id].extras == scenario.extras
-        assert scenario.map.types.tolist() == second[scenario_id].map.types.tolist()
-        assert MapFeatureType.LANE_SURFACE_STREET in scenario.map.types
+        assert scenario.map.feature_type.tolist() == second[scenario_id].map.feature_type.tolist()
+        assert MapFeatureType.LANE_SURFACE_STREET in scenario.map.feature_type

@@ -49,7 +49,10 @@ def hashes(lake, scenarios):
     return [content_hash(scenario) for scenario in ScenarioLoader(lake, scenarios)]
 
 
-@pytest.mark.parametrize("where", ["true", "hash(scenario_id) % 3 = 0", "ends_with(scenario_id, '100')"])
+@pytest.mark.parametrize(
+    "where",
+    [pytest.param("true", marks=pytest.mark.long), "hash(scenario_id) % 3 = 0", "ends_with(scenario_id, '100')"],
+)
 def test_holds_the_members_and_nothing_else(where, lake, tmp_path):
     picked = lake.filter(where, name="picked")
     packed = lake.pack(picked, tmp_path / "pack")

@@ -116,7 +116,7 @@ def test_no_words_of_a_figure_overlap(lake):
             assert not first.get_tightbbox().overlaps(second.get_tightbbox().shrunk(0.98, 0.98))
 
 
-def test_a_profile_is_what_was_driven():
+def test_profile_of_a_known_drive():
     """10 m/s straight on; the other speeds up by 2 m/s² from the third timestep on."""
     scenario = make_drive(others=(Other(15.0, 3.5, vx=10.0, first=3),))
     tracks = scenario.tracks

@@ -89,7 +89,7 @@ def test_arrows_point_along_lanes_that_do_not_turn():
     assert arrows(Ragged.empty(2, 2)).lengths.tolist() == []
 
 
-def test_trails_fade_and_skip_what_was_not_there():
+def test_trails_fade_and_skip_missing_positions():
     """The other car is seen from timestep 3 on; what stands still has no trail."""
     scene = Scene.of(make_drive(others=(Other(20.0, 3.5, vx=5.0, first=3), Other(50.0))))
     moments = [scene.moment(timestep) for timestep in range(6)]
@@ -102,7 +102,7 @@ def test_trails_fade_and_skip_what_was_not_there():
     assert object_layer.trails(scene, moments[:1]) == []
 
 
-def test_boxes_are_there_for_who_is_present_with_the_ego_on_top():
+def test_boxes_of_present_objects_with_the_ego_on_top():
     scene = Scene.of(make_drive(others=(Other(20.0), Other(30.0, first=5))))
     others, _, ego, _ = object_layer.boxes(scene, scene.moment(0))
     assert len(others.get_paths()) == 1

@@ -142,7 +142,14 @@ class Case:
         return {row["scenario_id"]: row["detail"] for row in rows}
 
 
-@pytest.fixture(scope="module", params=sorted(datasets.WRITERS))
+BY_DEFAULT = ("nuplan", "pg", "waymo")
+"""A dataset with shared maps, a generated one and one with heights; the others are tested with the long tests."""
+DATASETS = [
+    name if name in BY_DEFAULT else pytest.param(name, marks=pytest.mark.long) for name in sorted(datasets.WRITERS)
+]
+
+
+@pytest.fixture(scope="module", params=DATASETS)
 def case(request, tmp_path_factory) -> Case:
     root = tmp_path_factory.mktemp(request.param)
     recordings = datasets.read(request.param, root / "raw")

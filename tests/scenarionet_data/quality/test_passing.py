@@ -20,7 +20,8 @@ def mixed(tmp_path, lenient):
 
 @pytest.mark.parametrize(("is_strict", "left"), [(False, [2, 3, 4, 5]), (True, [3, 4, 5])])
 def test_the_good_ones_become_a_database(is_strict, left, mixed):
-    made = save_passing(run_checks(mixed), "good", strict=is_strict)
+    findings = run_checks(mixed)
+    made = save_passing(findings, "good", strict=is_strict)
     assert made.scenario_ids == [sound(seed).id for seed in left]
     assert (made.lineage.operation, made.lineage.count, made.lineage.parents) == ("check", len(left), [])
     assert made.lineage.parameters["is_strict"] is is_strict
@@ -28,8 +29,8 @@ def test_the_good_ones_become_a_database(is_strict, left, mixed):
     assert again["scenario_id"].to_list() == made.scenario_ids
     assert again["content_hash"].to_list() == made.members["content_hash"].to_pylist()
     with pytest.raises(DatabaseExists):
-        save_passing(run_checks(mixed), "good")
-    assert save_passing(run_checks(mixed), "good", replace=True).version == 2
+        save_passing(findings, "good")
+    assert save_passing(findings, "good", replace=True).version == 2
 
 
 def test_without_a_hard_rule_every_scenario_is_good(mixed):

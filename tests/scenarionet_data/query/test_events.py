@@ -319,9 +319,8 @@ def test_filter_keeps_scenarios_in_which_an_event_happens(tmp_path):
 
 
 @pytest.mark.parametrize("name", EVENTS.names())
-def test_an_empty_lake_has_no_hits(name, tmp_path):
-    (tmp_path / "snapshots").mkdir()
-    assert Lake(tmp_path).mine(name).is_empty()
+def test_an_empty_lake_has_no_hits(name, empty_lake):
+    assert empty_lake.mine(name).is_empty()
 
 
 def test_generated_scenarios_are_mined(tmp_path):

@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from scenarionet_data import Lake, ScenarioLoader
+from scenarionet_data import ScenarioLoader
 from scenarionet_data.errors import (
     BadParameter,
     QueryError,
@@ -115,7 +115,7 @@ def test_lights_and_maps_are_the_arrays(lake):
         (
             s.id,
             s.map.ids[k],
-            MapFeatureType(s.map.types[k]).name,
+            MapFeatureType(s.map.feature_type[k]).name,
             s.map.polyline[k][:, 0].tolist(),
             len(s.map.polygon[k]),
         )
@@ -126,14 +126,15 @@ def test_lights_and_maps_are_the_arrays(lake):
 
 
 @pytest.mark.parametrize("name", Folder("views", QueryError).names())
-def test_every_view_has_its_columns_in_an_empty_lake(lake, tmp_path, name):
-    (tmp_path / "snapshots").mkdir()
-    empty, full = Lake(tmp_path), lake.sql(f"SELECT * FROM {name} LIMIT 0")
-    found = empty.sql(f"SELECT * FROM {name}")
+def test_every_view_has_its_columns_in_an_empty_lake(lake, empty_lake, name):
+    full, found = lake.sql(f"SELECT * FROM {name} LIMIT 0"), empty_lake.sql(f"SELECT * FROM {name}")
     assert found.schema == full.schema
     assert len(found) == len(full) == 0
-    assert len(empty) == 0
-    assert empty.summary().is_empty()
+
+
+def test_an_empty_lake_has_an_empty_summary(empty_lake):
+    assert len(empty_lake) == 0
+    assert empty_lake.summary().is_empty()
 
 
 def test_a_lake_without_lights_and_maps(tmp_path):

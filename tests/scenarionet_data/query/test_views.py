@@ -174,7 +174,7 @@ def test_lane_graph_has_every_link(lake, scenarios):
         "RIGHT": "right_neighbors",
     }
     for scenario in scenarios:
-        ids, types = scenario.map.ids, scenario.map.types
+        ids, types = scenario.map.ids, scenario.map.feature_type
         lanes = {name for name, kind in zip(ids, types, strict=True) if kind < 16}
         for row, name in enumerate(ids):
             for relation, column in columns.items():

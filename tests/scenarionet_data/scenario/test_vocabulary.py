@@ -1,4 +1,4 @@
-"""The words of the field: MetaDrive's type strings, codes that never move, colour groups."""
+"""Vocabulary: MetaDrive's type strings, stable codes, colour groups."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from scenarionet_data.scenario import vocabulary
+from scenarionet_data.scenario.parts import MapFeatures
 from scenarionet_data.scenario.vocabulary import (
     LIGHT_COLORS,
     LightColor,
@@ -82,3 +83,9 @@ def test_names_by_code():
     assert table[MapFeatureType.CROSSWALK] == "CROSSWALK"
     assert table[5] is None
     assert len(table) == max(MapFeatureType) + 1
+
+
+def test_the_old_name_of_the_feature_type_warns():
+    features = MapFeatures.empty()
+    with pytest.warns(DeprecationWarning, match="feature_type"):
+        assert features.types is features.feature_type

@@ -26,7 +26,7 @@ def rollout(scenario_id: str) -> dict:
     return {"scenario_id": scenario_id} | facts | {name: [0.0, 1.0] for name in ("x", "y", "heading", "vx", "vy")}
 
 
-def publish(run: evaluation_runs.Run, part: int, scenario_id: str, cost: int) -> None:
+def publish(run: evaluation_runs.EvaluationRun, part: int, scenario_id: str, cost: int) -> None:
     results = [{"scenario_id": scenario_id, "track_id": "t0", "cost": cost}]
     run.publish(part, {"rollouts": [rollout(scenario_id)], "results": results})
 
@@ -53,16 +53,16 @@ def test_without_runs_the_views_are_empty(lake):
 def test_only_the_same_work_goes_on_with_a_run(lake):
     first = evaluation_runs.claim(lake.files, "mine", ("results",), {"policy": "idm", "backend": "Kinematic()"})
     assert evaluation_runs.claim(lake.files, "mine", ("results",), {"backend": "Kinematic()", "policy": "idm"}) == first
-    with pytest.raises(BadParameter, match="'mine' is there with policy 'idm', not 'replay'; choose another name"):
+    with pytest.raises(BadParameter, match="'mine' exists with policy 'idm', not 'replay'; choose another name"):
         evaluation_runs.claim(lake.files, "mine", ("results",), {"policy": "replay", "backend": "Kinematic()"})
-    with pytest.raises(BadParameter, match="no name of a run"):
+    with pytest.raises(BadParameter, match="not a valid name of a run"):
         evaluation_runs.claim(lake.files, "../mine", ("results",), {})
 
 
 def test_a_part_is_done_when_its_last_table_is_there(lake):
     run = evaluation_runs.claim(lake.files, "mine", ("rollouts", "results"), {})
     run.publish(0, {"rollouts": [rollout(SCENARIOS[0].id)], "results": []})
-    half = evaluation_runs.Run(lake.files, "mine", ("rollouts",))
+    half = evaluation_runs.EvaluationRun(lake.files, "mine", ("rollouts",))
     half.publish(1, {"rollouts": [rollout(SCENARIOS[1].id)]})
     assert run.done() == {0}
 

@@ -39,10 +39,10 @@ def test_pictures_are_typical_extreme_and_random_ones(lake, contents):
         assert 0 < len(ids) == len(set(ids)) <= 8
         for picture in group:
             assert Image.open(io.BytesIO(picture.png)).size == PICTURE_SIZE
-            assert picture.facts["num_objects"] == lake.facts(picture.scenario_id)["num_objects"]
+            assert picture.facts["num_objects"] == lake.describe(picture.scenario_id)["num_objects"]
     most = lake.sql("SELECT arg_max(scenario_id, num_objects) AS id FROM metadata")["id"].item()
     (found,) = [each for each in section.pictures["extreme"] if "most objects" in each.reason]
-    assert lake.facts(found.scenario_id)["num_objects"] == lake.facts(most)["num_objects"]
+    assert lake.describe(found.scenario_id)["num_objects"] == lake.describe(most)["num_objects"]
 
 
 @pytest.mark.long
@@ -85,7 +85,7 @@ def test_copies_are_not_typical_twice():
     assert len(found["typical"]) == 2  # the distances from the median are 0 and 1
 
 
-def test_missing_numbers_make_nobody_strange_or_extreme():
+def test_missing_values_are_neither_typical_nor_extreme():
     found = select_examples(measured(ego_distance=[np.nan, 2, 3, 4], min_ego_gap=[np.nan] * 4))
     assert [why for _, why in found["extreme"]] == ["longest route"]
     assert select_examples(measured(ego_distance=[np.nan, np.nan]))["extreme"] == []

@@ -53,7 +53,7 @@ def test_ticks_are_few_round_and_within(low, high):
     assert all(low - 1e-9 <= tick <= high * (1 + 1e-9) for tick in ticks)
 
 
-def test_the_page_is_whole_and_needs_nothing_else(contents):
+def test_the_page_is_self_contained(contents):
     text = render(contents)
     outline = Outline(text)
     assert {"script", "link", "iframe", "form"}.isdisjoint(outline.tags)

@@ -217,7 +217,7 @@ def test_a_hostile_name_stays_text_in_the_table(browser, served):
 
 
 @pytest.mark.long
-def test_what_is_not_there_is_said_so(browser, served):
+def test_missing_input_is_an_error(browser, served):
     with visiting(browser, f"{served}/?{urlencode({'scenario': 'made/v1/nobody'})}") as page:
         page.wait_for_selector("#player .problem")
         assert "made/v1/nobody" in page.inner_text("#player .problem")
@@ -273,7 +273,7 @@ def test_saving_the_filter(browser, tmp_path):
 
 
 @pytest.mark.long
-def test_without_write_there_is_nothing_to_save_with(browser, served):
+def test_a_read_only_page_cannot_save(browser, served):
     with visiting(browser, served) as page:
         ids(page)
         assert page.get_by_role("button", name="Save as database").count() == 0

@@ -33,7 +33,7 @@ def test_columns_are_those_of_the_contract_without_addresses(lake):
     assert "tracks_file" not in found
 
 
-def test_values_are_what_javascript_can_hold(lake):
+def test_values_fit_javascript(lake):
     (row,) = ask(lake, count=1, names=["content_hash", "timestamps", "has_z", "num_objects"]).rows
     assert isinstance(row["content_hash"], str)
     assert isinstance(row["timestamps"], list)
@@ -41,7 +41,7 @@ def test_values_are_what_javascript_can_hold(lake):
     assert isinstance(row["num_objects"], int)
 
 
-def test_beyond_the_last_page_there_is_nothing(lake):
+def test_pages_beyond_the_last_are_empty(lake):
     assert ask(lake, first=1000).rows == []
     assert ask(lake, "num_objects > 1e6").total == 0
 

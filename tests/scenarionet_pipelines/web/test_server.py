@@ -73,7 +73,7 @@ NOBODY = ["../../etc/passwd", "made/v1/../../x", HOSTILE + "x", "", "\0", "made/
 
 @pytest.mark.parametrize("scenario_id", NOBODY)
 @pytest.mark.parametrize("what", ["scene", "thumbnail", "facts"])
-def test_ids_that_nobody_has(served, what, scenario_id):
+def test_unknown_ids(served, what, scenario_id):
     status, answer = said(request(served, f"/api/{what}?id={quote(scenario_id, safe='')}"))
     assert status == 404
     assert "no " in answer["error"]
@@ -116,7 +116,7 @@ def test_a_database_shows_its_members_alone(served, lake):
     assert answer["total"] == len(lake.database("several"))
 
 
-def test_nobody_waits_for_a_filter_that_was_given_up(served):
+def test_an_abandoned_filter_is_interrupted(served):
     """Its client has gone, so it is stopped: the next one is answered."""
     endless = quote("(SELECT sum(a.range * b.range) FROM range(10000000) a, range(10000000) b) > 0")
     place = urlsplit(served)

@@ -154,7 +154,7 @@ class BackendConformance:
     # --- what comes in, what changes ------------------------------------------------------------------
 
     @pytest.mark.parametrize("speed", [0.0, 1e-12, 5.0, 70.0])
-    def test_stays_finite_whatever_it_does(self, session, speed):
+    def test_stays_finite_under_any_actions(self, session, speed):
         state = make_state(speed=speed)
         state.velocity[0, 0, 1] = 12.0  # slides sideways
         state.yaw_rate[0, 0] = 5.0
@@ -170,14 +170,14 @@ class BackendConformance:
         for name, array in before.items():
             np.testing.assert_array_equal(array[0, 1:], getattr(state, name)[0, 1:])
 
-    def test_no_agents_are_no_trouble(self, session):
+    def test_a_step_without_agents(self, session):
         state = make_state(speed=3.0)
         session.drive(state, np.zeros((0, 2), np.int32), np.zeros((0, 2)), CONTROL_STEP)
         np.testing.assert_array_equal(motion_of(state, EGO), motion_of(make_state(speed=3.0), EGO))
 
     # --- the same again -------------------------------------------------------------------------------
 
-    def test_is_deterministic_and_sessions_do_not_meet(self):
+    def test_is_deterministic_and_sessions_are_independent(self):
         actions, alone = wild(40, seed=1), self._episode(wild(40, seed=1))
         sessions = [self.backend.open(make_stage()) for _ in range(5)]
         states = [make_state(speed=8.0) for _ in sessions]
@@ -199,7 +199,7 @@ class BackendConformance:
             passed.append(roll(session, state, actions, 30))
         np.testing.assert_array_equal(*passed)
 
-    def test_every_slot_is_the_same(self):
+    def test_every_slot_gives_the_same_result(self):
         num_worlds = 5
         session, state = self.backend.open(make_stage(num_worlds)), make_state(num_worlds, speed=8.0)
         state.present[:, 1] = True

@@ -1,4 +1,4 @@
-"""What an action may be, whatever the backend."""
+"""Validation of actions."""
 
 from __future__ import annotations
 
@@ -18,6 +18,6 @@ def test_one_action_may_come_alone():
     assert checked_actions([0.5, 0.0]).shape == (1, 2)
 
 
-def test_an_action_that_is_not_a_number_is_refused():
+def test_a_nan_action_is_rejected():
     with pytest.raises(BadParameter, match=r"not a number: \[nan, 0.0\]"):
         checked_actions([[0.0, 0.0], [np.nan, 0.0]])

@@ -32,7 +32,7 @@ class TestBullet(BackendConformance):
     backend = Bullet()
 
     def test_a_moving_car_pushes_from_behind(self, session):
-        """As a recorded car would: it comes to its next pose whatever is in its way."""
+        """Like a recorded car, it reaches its next pose regardless of obstacles."""
         state = make_state()
         for step in range(40):
             put(state, 1, (-8.0 + 0.8 * step, 0.3), (8.0, 0.0))
@@ -40,7 +40,7 @@ class TestBullet(BackendConformance):
         ego = motion_of(state, EGO)[0]
         assert ego[0] > 10.0 and ego[3] > 4.0
 
-    def test_a_standing_car_stops_what_hits_it(self, session):
+    def test_a_standing_car_stops_a_vehicle_that_hits_it(self, session):
         free = roll(self.backend.open(make_stage()), make_state(speed=10.0), COAST, 20)[-1, 0]
         state = make_state(speed=10.0)
         put(state, 1, (9.0, 0.0))
@@ -70,7 +70,7 @@ class TestBullet(BackendConformance):
         gap = passed[:, 1, 0] - passed[:, 0, 0]
         assert gap.min() > SIZE[0] - 0.2, "they have gone into each other"
 
-    def test_what_is_not_present_is_not_in_the_way(self, session):
+    def test_absent_objects_do_not_collide(self, session):
         state = make_state(speed=10.0)
         put(state, 1, (9.0, 0.0))
         state.present[0, 1] = False
@@ -84,7 +84,7 @@ class TestBullet(BackendConformance):
         assert np.hypot(*turned[-1, 3:5] - turned[0, 3:5]) <= 0.1 * 9.81 + 1e-6
 
     def test_bodies_that_sleep_return(self):
-        """A world that keeps few bodies asleep goes the same way as one that keeps all."""
+        """The number of sleeping bodies does not change the result."""
         ends = []
         for max_asleep in (0, 32):
             session, state = Bullet(max_asleep=max_asleep).open(make_stage()), make_state(speed=10.0)
@@ -115,7 +115,7 @@ def crowd(num: int) -> tuple[State, np.ndarray]:
 
 
 def test_fifty_dynamic_bodies(record_property, capsys):
-    """Fifty cars in a block, all driven wildly: they hit each other, stay finite and do it again bit for bit."""
+    """Fifty cars in a block, all driven wildly: they hit each other, stay finite and are reproducible bit for bit."""
     ends, actions = [], np.random.default_rng(5).uniform(-1, 1, (60, 50, 2))
     for _ in range(2):
         session, (state, agents) = Bullet().open(make_stage()), crowd(50)
@@ -133,12 +133,12 @@ def test_fifty_dynamic_bodies(record_property, capsys):
     assert abs(ends[0][:, 3:5]).max() < 60.0, "contact makes energy"
 
 
-def test_without_pybullet_says_what_to_do(monkeypatch):
+def test_a_missing_pybullet_names_the_remedy(monkeypatch):
     monkeypatch.setitem(sys.modules, "pybullet", None)
     with pytest.raises(MissingDependency, match=r"scenarionet-lake\[sim\].*Kinematic"):
         Bullet().open(make_stage())
 
 
-def test_loading_it_is_silent(capfd):
+def test_importing_pybullet_is_silent(capfd):
     Bullet().open(make_stage()).close()
     assert capfd.readouterr() == ("", "")

@@ -1,4 +1,4 @@
-"""Every vehicle an agent: PettingZoo's test, agents that come and go, and the paper's multi-agent task."""
+"""Every vehicle an agent: PettingZoo's test, agents that appear and leave, and the paper's multi-agent task."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.environments.multi_agent import ScenarioNetParallelEnv
+from scenarionet_sim.kernels.scoring import TERMS
 from scenarionet_sim.scenarios import Scenarios
-from scenarionet_sim.task.task import TERMS
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import write_lake
 
@@ -40,14 +40,14 @@ def scene(tmp_path):
     "backend", [BACKENDS[0], pytest.param(BACKENDS[1], marks=pytest.mark.long)], ids=["kinematic", "bullet"]
 )
 @pytest.mark.parametrize("observation", ["flat", "dict"])
-def test_pettingzoo_is_content(drives, backend, observation):
+def test_pettingzoo_tests_pass(drives, backend, observation):
     where = "source_scenario_id IN ('crowd', 'wall')"
     env = ScenarioNetParallelEnv(scenarios=Scenarios(drives, where=where), backend=backend, observation=observation)
     parallel_api_test(env, num_cycles=200)
 
 
-def test_agents_come_as_recorded_and_go_when_they_arrive(scene):
-    """t1 is there from the start, t2 comes at timestep 15; t3 is parked and t4 walks: no agents."""
+def test_agents_appear_as_recorded_and_leave_when_they_arrive(scene):
+    """t1 is present from the start, t2 appears at timestep 15; t3 is parked and t4 walks: not agents."""
     walker = Other(5.0, -9.0, vy=1.0)
     env = ScenarioNetParallelEnv(
         scenarios=scene(Other(20.0, 3.5, vx=8.0), Other(-40.0, 3.5, vx=8.0, first=15), Other(90.0, 9.0))
@@ -70,7 +70,7 @@ def test_agents_come_as_recorded_and_go_when_they_arrive(scene):
         assert results[there[-1]][1][agent] == 10.0
 
 
-def test_an_agent_that_has_gone_is_not_there(scene):
+def test_a_retired_agent_is_absent(scene):
     env = ScenarioNetParallelEnv(scenarios=scene(Other(20.0, 3.5, vx=8.0)))
     env.reset()
     while len(env.agents) == 2:
@@ -79,7 +79,7 @@ def test_an_agent_that_has_gone_is_not_there(scene):
     assert env.core.simulation.state.present[0].tolist() == [True, False]
 
 
-def test_the_reward_is_the_paper_s(scene):
+def test_the_reward_is_that_of_the_paper(scene):
     """R = R_disp + P_collision + R_term: -1 for a crash, which does not end the episode; smoothness does not count."""
     env = ScenarioNetParallelEnv(scenarios=scene(Other(8.0, vx=2.0)))
     results = drive(env, (0.0, 0.2))
@@ -112,7 +112,7 @@ def test_ten_metres_off_the_route(scene):
     assert abs(infos["t0"]["lateral"]) > 10.0 >= abs(before[-1][4]["t0"]["lateral"])
 
 
-def test_time_passes_while_nobody_is_there(scene):
+def test_timesteps_without_agents_are_skipped(scene):
     """The ego arrives long before the other car comes."""
     env = ScenarioNetParallelEnv(scenarios=scene(Other(-40.0, vx=8.0, first=35), num_steps=61, speed=1.0))
     results = drive(env, (0.0, 1.0))
@@ -124,7 +124,7 @@ def test_time_passes_while_nobody_is_there(scene):
     assert results[arrived + 1][4]["t1"]["timestep"] == 36
 
 
-def test_everybody_runs_out_of_time(scene):
+def test_all_agents_run_out_of_time(scene):
     env = ScenarioNetParallelEnv(scenarios=scene(Other(30.0, 3.5, vx=8.0)))
     results = drive(env, (0.0, -1.0))
     _, _, over, late, infos, _ = results[-1]
@@ -137,7 +137,7 @@ def test_everybody_runs_out_of_time(scene):
     assert infos["t0"]["distance_to_log"] == pytest.approx(40.0 - 6.25, abs=1.0)
 
 
-def test_no_vehicle_that_drives(scene):
+def test_a_scenario_without_travelling_vehicles(scene):
     env = ScenarioNetParallelEnv(scenarios=scene(speed=0.0))
     assert env.reset() == ({}, {})
     assert env.agents == env.possible_agents == []
@@ -154,7 +154,7 @@ def test_the_same_seed_and_actions_give_the_same_bits(only, backend):
     np.testing.assert_equal(drive(pickle.loads(pickle.dumps(env)), (0.01, 0.3), seed=None), first)
 
 
-def test_actions_for_all_and_nobody_else(only):
+def test_actions_must_match_the_agents(only):
     env = ScenarioNetParallelEnv(scenarios=only("crowd"))
     with pytest.raises(ResetNeeded):
         env.step({})

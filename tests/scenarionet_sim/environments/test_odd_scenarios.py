@@ -1,4 +1,4 @@
-"""Scenarios that lack something, actions that are none, damaged lakes: every environment drives or says why."""
+"""Incomplete scenarios, invalid actions, damaged lakes: every environment runs or raises a clear error."""
 
 from __future__ import annotations
 
@@ -71,8 +71,8 @@ def test_every_scenario_can_be_replayed_to_success(lake, name):
     assert info["success"] and info["distance_to_log"] < 1e-5
 
 
-def test_all_of_them_in_one_batch(lake):
-    """Worlds of 1 to 500 objects, with and without a map, change places in the slots."""
+def test_all_recordings_in_one_batch(lake):
+    """Worlds of 1 to 500 objects, with and without a map, replace each other in the slots."""
     envs = ScenarioNetVectorEnv(3, scenarios=Scenarios(lake), sensors=EVERYTHING)
     envs.reset(seed=0)
     played = set()
@@ -93,7 +93,7 @@ def test_five_hundred_objects_of_which_many_are_agents(lake):
 
 
 @pytest.mark.parametrize("action", [(np.nan, 0.0), (0.0, np.nan)])
-def test_an_action_that_is_not_a_number(lake, action):
+def test_a_nan_action_is_an_error(lake, action):
     env = ScenarioNetEnv(scenarios=Scenarios(lake, ["made/v1/red"]), backend=Kinematic())
     env.reset()
     with pytest.raises(BadParameter, match="not a number"):
@@ -121,7 +121,7 @@ def test_an_action_of_another_shape(lake, action):
 
 
 def test_scenarios_of_different_timesteps_follow_each_other(tmp_path):
-    """A world of its own for each; a batch steps together and refuses."""
+    """Each scenario in its own world; a batch rejects different timestep lengths."""
     write_lake(tmp_path, [make_drive("a"), make_drive("b", dt=0.05), make_drive("c")])
     for kind in (ScenarioNetEnv, ScenarioNetParallelEnv):
         env = kind(scenarios=Scenarios(tmp_path), backend=Kinematic(), seed=0)
@@ -146,7 +146,7 @@ def test_a_step_before_the_beginning_and_after_the_end(lake):
     env.step((0.0, 0.0))
 
 
-def test_places_that_are_not_there(lake, tmp_path):
+def test_scenarios_and_timesteps_that_do_not_exist(lake, tmp_path):
     with pytest.raises(NoSuchSnapshot):
         ScenarioNetEnv(scenarios=Scenarios(tmp_path))
     with pytest.raises(DatabaseNotFound, match="nowhere"):
@@ -163,7 +163,7 @@ def test_places_that_are_not_there(lake, tmp_path):
 
 @pytest.mark.parametrize("prefetch", [0, 1])
 def test_a_corrupt_row_group(tmp_path, prefetch):
-    """The second of three scenarios cannot be read: its reset says so, and the one after goes on behind it."""
+    """The second of three scenarios cannot be read: its reset raises, and the next one continues after it."""
     lake = write_lake(tmp_path, [make_drive(name) for name in ("a", "b", "c")])
     rows = lake.resolve(["made/v1/b"])[1].to_pylist()[0]
     path = lake.root / rows["tracks_file"]

@@ -1,4 +1,4 @@
-"""Environments in processes of their own, however these are made, whatever the parent did before."""
+"""Environments in worker processes, forked or spawned, whatever the parent has imported."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ if __name__ == "__main__":
 
 
 def run(*command: object) -> str:
-    """What Python prints; a program that hangs fails."""
+    """Run a program and return its output, with a time limit."""
     done = subprocess.run(
         [sys.executable, *map(str, command)], capture_output=True, text=True, timeout=HANGS_AFTER, check=False
     )
@@ -58,7 +58,7 @@ def test_worker_processes(context, backend, drives, tmp_path):
     assert run(tmp_path / "parent.py", drives, context, backend) == "stepped\n"
 
 
-def test_an_environment_does_without_what_does_not_survive_a_fork(drives):
+def test_an_environment_avoids_libraries_that_break_after_a_fork(drives):
     program = f"""
 import sys
 from scenarionet_sim.environments.single_agent import ScenarioNetEnv

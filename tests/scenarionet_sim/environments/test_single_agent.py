@@ -1,4 +1,4 @@
-"""The single-agent environment: the paper's task end to end, and what Gymnasium asks of it."""
+"""The single-agent environment: the paper's task end to end, and Gymnasium's requirements."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ from gymnasium.utils.env_checker import check_env
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
-from scenarionet_sim.environments.batched import ENDS, NUMBERS
+from scenarionet_sim.environments.batched import ENDS
 from scenarionet_sim.environments.config import BOUNDARY, PAPER_OBSERVATION, EnvConfig
 from scenarionet_sim.environments.observation import Observation
 from scenarionet_sim.environments.single_agent import ScenarioNetEnv
+from scenarionet_sim.kernels.scoring import NUMBERS, TERMS
 from scenarionet_sim.policies import External, Idm, Replay, ego
 from scenarionet_sim.scenarios import Scenarios
 from scenarionet_sim.sensors.lidar import Lidar
-from scenarionet_sim.task.task import TERMS, Termination
+from scenarionet_sim.task.task import Termination
 
 GO, COAST, LEFT = (0.0, 0.6), (0.0, 0.0), (1.0, 0.3)
 BACKENDS = [Kinematic(), Bullet()]
@@ -49,13 +50,13 @@ def assert_same(first, second):
 
 @pytest.mark.parametrize("backend", BACKENDS, ids=repr)
 @pytest.mark.parametrize("observation", ["flat", "dict"])
-def test_gymnasium_is_content(only, backend, observation):
+def test_gymnasium_checker_passes(only, backend, observation):
     env = gymnasium.make("ScenarioNet-v0", scenarios=only("crowd", "wall"), backend=backend, observation=observation)
     check_env(env.unwrapped, skip_render_check=True)
     assert env.spec.id == "ScenarioNet-v0"
 
 
-def test_the_default_is_the_paper_s(only):
+def test_the_default_is_that_of_the_paper(only):
     env = ScenarioNetEnv(scenarios=only("wall"))
     assert isinstance(env.config.backend, Bullet)
     assert env.action_space.shape == (2,)
@@ -64,7 +65,7 @@ def test_the_default_is_the_paper_s(only):
     assert with_boundary.observation_space.shape == (120 + 7 + 10 * 2 + 12,)
 
 
-def test_what_is_observed_is_what_the_sensors_say(only):
+def test_observations_are_those_of_the_sensors(only):
     flat = ScenarioNetEnv(scenarios=only("wall"), backend=Kinematic())
     named = ScenarioNetEnv(scenarios=only("wall"), backend=Kinematic(), observation="dict")
     for (one, *_), (other, *_) in zip(rollout(flat), rollout(named), strict=True):
@@ -138,7 +139,7 @@ def test_collisions_cost_while_they_last_and_do_not_end(only, name, penalty, kin
 
 @pytest.mark.parametrize("backend", BACKENDS, ids=repr)
 @pytest.mark.parametrize("policies", [(Replay(),), (Replay(), Idm(objects=ego))], ids=["replay", "idm"])
-def test_an_ego_that_a_policy_drives_arrives(only, backend, policies):
+def test_an_ego_driven_by_a_policy_arrives(only, backend, policies):
     env = ScenarioNetEnv(scenarios=only("crowd", "empty"), backend=backend, policies=policies)
     for _ in range(2):
         *_, (_, reward, terminated, _, info) = rollout(env, LEFT)  # nobody listens
@@ -154,7 +155,7 @@ def test_an_idm_ego_stops_where_the_road_is_blocked(only):
     assert env.core.simulation.state.position[0, 0, 0] < 25.0 - 4.6
 
 
-def test_an_ego_that_is_watched_observes_as_one_that_drives(only):
+def test_an_ego_driven_by_a_policy_observes_as_an_agent(only):
     watched = ScenarioNetEnv(scenarios=only("crowd"), policies=(Replay(),))
     driving = ScenarioNetEnv(scenarios=only("crowd"), backend=Kinematic())
     np.testing.assert_array_equal(watched.reset()[0], driving.reset()[0])
@@ -177,7 +178,7 @@ def test_the_same_seed_and_actions_give_the_same_bits(only, backend):
     assert not np.array_equal(different[0][0], again[0][0])
 
 
-def test_environments_of_one_process_do_not_meet(only):
+def test_environments_of_one_process_are_independent(only):
     alone = rollout(ScenarioNetEnv(scenarios=only("crowd")), wander, seed=0)
     pair = [ScenarioNetEnv(scenarios=only("crowd")) for _ in range(2)]
     for env in pair:
@@ -233,7 +234,7 @@ def test_info_names_everything(only):
         ({"scenarios": Scenarios("lake"), "render_mode": "ansi"}, "rgb_array"),
     ],
 )
-def test_settings_that_are_none(settings, message):
+def test_invalid_settings(settings, message):
     with pytest.raises(BadParameter, match=message):
         ScenarioNetEnv(**settings)
 

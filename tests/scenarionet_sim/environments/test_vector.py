@@ -1,4 +1,4 @@
-"""Worlds that step as one batch: the same as one by one, and what Gymnasium asks of a vector environment."""
+"""The vector environment: equal to single environments, and Gymnasium's requirements of a vector environment."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
-from scenarionet_sim.environments.batched import ENDS, NUMBERS
+from scenarionet_sim.environments.batched import ENDS
 from scenarionet_sim.environments.config import VectorConfig
 from scenarionet_sim.environments.single_agent import ScenarioNetEnv
 from scenarionet_sim.environments.vector import ScenarioNetVectorEnv
+from scenarionet_sim.kernels.scoring import NUMBERS
 from scenarionet_sim.policies import External, Idm, Replay
 from scenarionet_sim.scenarios import Curriculum, Scenarios
 
@@ -35,7 +36,7 @@ def run(envs, steps, seed=0):
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
 @pytest.mark.parametrize(("backend", "exact"), [(Kinematic(), True), (Bullet(), False)], ids=["kinematic", "bullet"])
-def test_a_batch_is_what_its_worlds_are_one_by_one(only, mode, backend, exact):
+def test_a_batch_equals_its_worlds_one_by_one(only, mode, backend, exact):
     """Each slot of Gymnasium's own vector environment gets the scenario that the batch draws for it."""
     count, steps = 4, 60
     batch = ScenarioNetVectorEnv(count, scenarios=only(*NAMES), backend=backend, autoreset_mode=mode)
@@ -72,7 +73,7 @@ def test_the_same_seed_and_actions_give_the_same_bits(drives, backend, observati
         np.testing.assert_equal(one, other)
 
 
-def test_different_scenarios_in_a_slot_after_another(only):
+def test_consecutive_scenarios_in_a_slot(only):
     envs = ScenarioNetVectorEnv(2, scenarios=only("wall", "crowd", "empty"))
     results = run(envs, 120)
     ids = np.array([result[-1]["scenario_id"] for result in results]).T
@@ -142,7 +143,7 @@ def test_a_curriculum_rises_with_all_worlds(only):
     assert ids[-1] == {"made/v1/empty"}
 
 
-def test_what_is_refused(only):
+def test_invalid_calls_are_rejected(only):
     with pytest.raises(BadParameter, match="num_envs=0"):
         ScenarioNetVectorEnv(0, scenarios=only("wall"))
     with pytest.raises(BadParameter, match="NEXT_STEP or SAME_STEP"):

@@ -1,4 +1,4 @@
-"""The window of ``render_mode="human"``: on a virtual display what is driven is seen; without a display it says so."""
+"""The window of ``render_mode="human"``: shows the vehicles on a virtual display; without a display it is an error."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def run(program, *words, **environment):
 
 @pytest.mark.long
 @pytest.mark.parametrize(("module", "kind"), FACES)
-def test_what_is_driven_is_on_the_screen(module, kind, drives, display, tmp_path):
+def test_the_window_shows_the_vehicles(module, kind, drives, display, tmp_path):
     done = drive(drives, tmp_path, module, kind, DISPLAY=display, MPLBACKEND="")
     assert (done.returncode, done.stdout) == (0, "[]\n"), done.stderr
     first, last = (pixels((tmp_path / step).read_bytes()) for step in ("1", "11"))
@@ -94,7 +94,7 @@ def test_what_is_driven_is_on_the_screen(module, kind, drives, display, tmp_path
 
 
 @pytest.mark.long
-def test_gymnasium_is_content_with_every_render_mode(drives, display):
+def test_gymnasium_checker_passes_with_every_render_mode(drives, display):
     done = run(CHECK, drives, DISPLAY=display, MPLBACKEND="")
     assert (done.returncode, done.stdout) == (0, "['rgb_array', 'human']\n"), done.stderr
 

@@ -133,7 +133,7 @@ def test_a_failing_scenario_does_not_end_the_run(lake):
     assert lake.named_query("runs").select("scenarios", "not_simulated").rows() == [(5, 2)]
 
 
-def test_a_database_in_its_order(lake):
+def test_a_database_is_evaluated_in_its_order(lake):
     lake.filter("ego_mean_speed > 9.5", name="fast")
     evaluate(lake, "fast", policy="replay", name="fast", rollouts=False)
     assert lake.sql("SELECT scenario_id FROM results ORDER BY ALL")["scenario_id"].to_list() == [

@@ -38,7 +38,7 @@ def test_a_row_for_every_vehicle_and_timestep(lake):
     assert lake.sql("SELECT DISTINCT len(observation) FROM observations").item() == length
 
 
-def test_the_ego_sees_what_it_sees_in_the_environment(lake):
+def test_the_ego_observes_the_same_as_in_the_environment(lake):
     record(lake, name="seen", agents="ego")
     seen = lake.sql(
         "SELECT observation FROM observations WHERE scenario_id = $id ORDER BY timestep", {"id": SCENARIOS[0].id}

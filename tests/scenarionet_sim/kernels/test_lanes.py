@@ -1,4 +1,4 @@
-"""The lane that an object is on against shapely, and the ways that lanes lead."""
+"""The lane of an object, against shapely, and the way along its successors."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import pytest
 import shapely
 
 from scenarionet_sim.kernels.lanes import find_lanes, follow_lanes
+from scenarionet_sim.kernels.structures import Lanes
 
 BESIDE = 2.5
 
@@ -22,7 +23,7 @@ def random_lanes(rng, count=12):
 
 
 def nearest_lane(lanes, place, heading):
-    """Distance to the nearest piece of a lane that leads along ``heading``, and how far along its lane that is."""
+    """Return distance, row and arc length of the nearest lane segment along ``heading``."""
     best = BESIDE, -1.0, 0.0
     for row, lane in enumerate(lanes.astype(np.float64)):
         for k, (one, other) in enumerate(pairwise(lane)):
@@ -34,7 +35,7 @@ def nearest_lane(lanes, place, heading):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_the_nearest_lane_that_leads_the_way(seed):
+def test_the_nearest_lane_in_the_direction_of_travel(seed):
     rng = np.random.default_rng(seed)
     lanes = random_lanes(rng)
     places, headings = rng.uniform(-20.0, 20.0, (150, 2)).astype(np.float32), rng.uniform(-4.0, 4.0, 150)
@@ -48,31 +49,30 @@ def test_the_nearest_lane_that_leads_the_way(seed):
 
 
 def follow(lines, successors, turn, lane, along, count=8):
-    """Points every 2 m from ``along`` a lane on."""
+    """Return points every 2 m from ``along`` on a lane."""
     way, number = np.zeros((1, count, 2)), np.zeros(1, np.int32)
-    follow_lanes(
-        np.array([[lane, along, 0.0]]), np.concatenate(lines).astype(np.float32),
-        np.cumsum([0, *map(len, lines)]).astype(np.int32), np.array([*chain(*successors)], np.int32),
-        np.cumsum([0, *map(len, successors)]).astype(np.int32), np.array(turn), 2.0, way, number,
-    )  # fmt: skip
+    offsets, successor_offsets = (np.cumsum([0, *map(len, lists)]).astype(np.int32) for lists in (lines, successors))
+    points, rows = np.concatenate(lines).astype(np.float32), np.array([*chain(*successors)], np.int32)
+    lanes = Lanes(points, offsets, rows, successor_offsets, np.array(turn))
+    follow_lanes(np.array([[lane, along, 0.0]]), lanes, 2.0, way, number)
     return way[0, : number[0]]
 
 
 EAST = [(0.0, 0.0), (4.0, 0.0)]
 
 
-def test_a_way_takes_the_straightest_lane_and_ends_with_the_last():
+def test_a_way_takes_the_straightest_lane_and_ends_with_the_last_one():
     north, onward = [(4.0, 0.0), (4.0, 10.0)], [(4.0, 0.0), (9.0, 0.0)]
     way = follow([EAST, north, onward], [[1, 2], [], []], [0.0, 1.5, 0.1], lane=0, along=1.0)
     np.testing.assert_allclose(way, [(1.0, 0.0), (3.0, 0.0), (5.0, 0.0), (7.0, 0.0), (9.0, 0.0)])
 
 
-def test_a_way_goes_round_and_round():
+def test_a_way_follows_a_cycle_of_lanes():
     back = [(4.0, 0.0), (0.0, 0.0)]
     way = follow([EAST, back], [[1], [0]], [0.0, 0.0], lane=0, along=0.0)
     np.testing.assert_allclose(way[:, 0], [0, 2, 4, 2, 0, 2, 4, 2])
 
 
-def test_lanes_without_length_lead_nowhere_and_beside_all_lanes_there_is_no_way():
+def test_zero_length_lanes_and_positions_off_all_lanes_have_no_way():
     assert len(follow([EAST, [(4.0, 0.0)]], [[1], [1]], [0.0, 0.0], lane=0, along=0.0)) == 3
     assert len(follow([EAST], [[]], [0.0], lane=-1, along=0.0)) == 0

@@ -1,4 +1,4 @@
-"""Box overlap against shapely, and against the distance of boxes that the lake's statistics use."""
+"""Overlap of boxes, against shapely and against the box distance of the lake's statistics."""
 
 from __future__ import annotations
 
@@ -7,29 +7,31 @@ import shapely
 
 from scenarionet_data.arrays.geometry import box_corners
 from scenarionet_data.statistics.gaps import nearest_box
+from scenarionet_sim.kernels.log import HEADING, Z
 from scenarionet_sim.kernels.overlap import find_contacts
 
 
-def scene(rng, worlds=3, objects=40):
-    shape = worlds, objects
-    return (
-        rng.uniform(-15, 15, (*shape, 2)), rng.uniform(-np.pi, np.pi, shape), rng.choice([0.0, 4.0], shape),
-        rng.uniform(0.3, 6, (*shape, 3)), rng.integers(1, 7, shape).astype(np.uint8), rng.random(shape) < 0.8,
-    )  # fmt: skip
+def make_boxes(position, heading, z, size):
+    """Return motion and size of boxes at rest."""
+    motion = np.zeros((*heading.shape, 7))
+    motion[..., :2], motion[..., HEADING], motion[..., Z] = position, heading, z
+    return motion, np.ascontiguousarray(size)
 
 
-def contacts_of(agents, state):
-    contacts = np.ones((len(agents), state[0].shape[1]), np.bool_)
+def contacts_of(agents, motion, size, object_type, present):
+    contacts = np.ones((len(agents), motion.shape[1]), np.bool_)
     hits = np.full(len(agents), 99, np.uint32)
-    find_contacts(agents, *state, contacts, hits)
+    find_contacts(agents, motion, size, object_type, present, contacts, hits)
     return contacts, hits
 
 
 def test_contacts_are_the_overlapping_rectangles_at_the_same_height():
-    state = scene(np.random.default_rng(0))
-    position, heading, z, size, object_type, present = state
+    rng, shape = np.random.default_rng(0), (3, 40)
+    position, heading = rng.uniform(-15, 15, (*shape, 2)), rng.uniform(-np.pi, np.pi, shape)
+    z, size = rng.choice([0.0, 4.0], shape), rng.uniform(0.3, 6, (*shape, 3))
+    object_type, present = rng.integers(1, 7, shape).astype(np.uint8), rng.random(shape) < 0.8
     agents = np.argwhere(np.ones(present.shape)).astype(np.int32, order="C")
-    contacts, hits = contacts_of(agents, state)
+    contacts, hits = contacts_of(agents, *make_boxes(position, heading, z, size), object_type, present)
     boxes = shapely.polygons(box_corners(position, heading, size[..., 0], size[..., 1]))
     assert contacts.sum() > 50
     for (w, n), row, hit in zip(agents, contacts, hits, strict=True):
@@ -40,25 +42,21 @@ def test_contacts_are_the_overlapping_rectangles_at_the_same_height():
         assert {k for k in range(12) if hit >> k & 1} == set(object_type[w][touch].tolist())
 
 
-def test_overlap_is_a_distance_of_nothing():
+def test_overlap_is_a_distance_of_zero():
     rng = np.random.default_rng(1)
     first, second = rng.uniform([-4, -4, -3, 1, 1], [4, 4, 3, 5, 3], (2, 500, 5))
     both = np.stack([first, second], axis=1)
-    state = (
-        both[..., :2], both[..., 2], np.zeros((500, 2)), np.insert(both[..., 3:], 2, 1.5, axis=-1),
-        np.ones((500, 2), np.uint8), np.ones((500, 2), np.bool_),
-    )  # fmt: skip
+    boxes = make_boxes(both[..., :2], both[..., 2], 0.0, np.insert(both[..., 3:], 2, 1.5, axis=-1))
     agents = np.column_stack([np.arange(500), np.zeros(500)]).astype(np.int32)
-    contacts, _ = contacts_of(agents, tuple(map(np.ascontiguousarray, state)))
+    contacts, _ = contacts_of(agents, *boxes, np.ones((500, 2), np.uint8), np.ones((500, 2), np.bool_))
     gap = [
         nearest_box(np.stack(pair)[:, None], np.ones((2, 1), np.bool_), 0) for pair in zip(first, second, strict=True)
     ]
     np.testing.assert_array_equal(contacts[:, 1], np.array(gap) == 0)
 
 
-def test_edges_that_only_meet_are_no_contact():
-    state = (
-        np.array([[[0.0, 0.0], [4.0, 0.0], [0.0, 2.0]]]), np.zeros((1, 3)), np.zeros((1, 3)),
-        np.tile([4.0, 2.0, 1.5], (1, 3, 1)), np.ones((1, 3), np.uint8), np.ones((1, 3), np.bool_),
-    )  # fmt: skip
-    assert not contacts_of(np.array([[0, 0]], np.int32), state)[0].any()
+def test_touching_edges_are_not_a_contact():
+    position = np.array([[[0.0, 0.0], [4.0, 0.0], [0.0, 2.0]]])
+    boxes = make_boxes(position, np.zeros((1, 3)), 0.0, np.tile([4.0, 2.0, 1.5], (1, 3, 1)))
+    types, present = np.ones((1, 3), np.uint8), np.ones((1, 3), np.bool_)
+    assert not contacts_of(np.array([[0, 0]], np.int32), *boxes, types, present)[0].any()

@@ -1,4 +1,4 @@
-"""Polygons and lines in pixels, against shapely and against plain loops."""
+"""Rasterised polygons and lines, against shapely and plain loops."""
 
 from __future__ import annotations
 
@@ -11,25 +11,24 @@ from hypothesis import strategies as st
 from scenarionet_sim.kernels.raster import draw_polygons, draw_segments
 
 IDENTITY = np.array([1.0, 0, 0, 0, 1.0, 0])
-CHANNEL = np.zeros(256, np.int8)
-VALUE = np.full(256, 9, np.uint8)
+STYLE = np.tile(np.array([0, 9], np.int16), (256, 1))  # channel 0, value 9
 HEIGHT, WIDTH = 40, 50
 
 
 def filled(outline, turns=None):
-    """The kernel's picture of one polygon."""
+    """Return the image of one polygon."""
     picture = np.zeros((1, HEIGHT, WIDTH), np.uint8)
     turns = np.zeros((HEIGHT, WIDTH + 3), np.int16) if turns is None else turns
     points = np.asarray(outline, np.float32)
     offsets, one = np.array([0, len(points)], np.int32), np.ones(1, np.uint8)
-    draw_polygons(points, offsets, one, one.astype(bool), CHANNEL, VALUE, IDENTITY, picture, turns)
-    assert not turns.any(), "scratch memory is left as it was found"
+    draw_polygons(points, offsets, one, one.astype(bool), STYLE, IDENTITY, picture, turns)
+    assert not turns.any(), "scratch memory must be restored"
     return picture[0]
 
 
 @given(st.integers(0, 10**6), st.integers(3, 9))
-def test_a_polygon_covers_the_pixels_whose_centres_it_holds(seed, count):
-    """Star-shaped polygons of any size, also beyond the picture's borders."""
+def test_a_polygon_covers_the_pixels_whose_centres_it_contains(seed, count):
+    """Star-shaped polygons of any size, also beyond the borders of the image."""
     rng = np.random.default_rng(seed)
     angles = np.sort(rng.uniform(0, 2 * np.pi, count))
     radii = rng.uniform(2, 40, count)
@@ -48,7 +47,7 @@ def test_an_outline_that_overlaps_itself_has_no_hole():
     assert (filled(square * 2) == 9).sum() == 15 * 15
 
 
-def test_neighbours_share_no_pixel_and_leave_none_out():
+def test_adjacent_polygons_cover_each_pixel_once():
     """Half a picture each, cut by a slanted line."""
     left = filled([[0, 0], [13.3, 0], [31.7, HEIGHT], [0, HEIGHT]])
     right = filled([[13.3, 0], [WIDTH, 0], [WIDTH, HEIGHT], [31.7, HEIGHT]])
@@ -56,19 +55,19 @@ def test_neighbours_share_no_pixel_and_leave_none_out():
 
 
 @pytest.mark.parametrize("outline", [[[3, 3]], [[3, 3], [9, 9]], [[3, 3], [9, 3], [20, 3]], []])
-def test_what_has_no_area_covers_nothing(outline):
+def test_a_polygon_without_area_covers_nothing(outline):
     assert not filled(np.reshape(outline, (-1, 2))).any()
 
 
 @given(st.integers(0, 10**6), st.sampled_from([5, 40, 400]))
 def test_a_line_is_one_pixel_wide(seed, scale):
-    """The pixels of its ends, and for every column (row, if it is steep) whose middle it crosses, the one it is in."""
+    """Both ends, and one pixel per column (row, if steep) whose middle it crosses."""
     rng = np.random.default_rng(seed)
     x0, y0, x1, y1 = (25 + rng.uniform(-scale, scale, 4)).astype(np.float32).astype(float)
     picture = np.zeros((1, HEIGHT, WIDTH), np.uint8)
     one = np.ones(1, np.uint8)
     segment = np.array([[x0, y0, x1, y1]], np.float32)
-    draw_segments(segment, one, one.astype(bool), CHANNEL, VALUE, IDENTITY, picture)
+    draw_segments(segment, one, one.astype(bool), STYLE, IDENTITY, picture)
     pixels = {(int(np.floor(y)), int(np.floor(x))) for x, y in ((x0, y0), (x1, y1))}
     if abs(y1 - y0) > abs(x1 - x0):
         middles = np.arange(HEIGHT)[(min(y0, y1) <= np.arange(HEIGHT) + 0.5) & (np.arange(HEIGHT) + 0.5 < max(y0, y1))]

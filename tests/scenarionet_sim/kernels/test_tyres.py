@@ -1,4 +1,4 @@
-"""Tyres: by hand where they have grip, by what friction allows where they have none."""
+"""Tyres: by hand with grip, by the friction limit without."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_throttle_and_brake_along_the_heading():
     assert after((0, 0, 0, 45.0, 0, 0), (0.0, 1.0))[3] == 45.0, "faster than the engine drives: it adds nothing"
 
 
-def test_with_grip_the_vehicle_rolls_along_its_wheels():
+def test_with_grip_the_vehicle_follows_its_wheels():
     """Momentum of the two impulses, and no velocity across either axle: four equations, solved by NumPy."""
     steer, arm, gyration = math.radians(40.0) * 0.1, 0.5 * 0.6 * 4.5, (4.5**2 + 1.8**2) / 12.0
     cos, sin = math.cos(steer), math.sin(steer)
@@ -46,7 +46,7 @@ def test_with_grip_the_vehicle_rolls_along_its_wheels():
 
 
 @given(numbers, numbers, st.floats(-4, 4), st.floats(-1, 1), st.floats(-1, 1))
-def test_friction_gives_no_more_than_it_has(forward, left, turn, steer, throttle):
+def test_impulses_respect_the_friction_limit(forward, left, turn, steer, throttle):
     before = np.array([0, 0, 0.4, forward, left, turn])
     moved = after(before, (steer, throttle))
     assert np.isfinite(moved).all()
@@ -54,7 +54,7 @@ def test_friction_gives_no_more_than_it_has(forward, left, turn, steer, throttle
 
 
 @given(numbers, numbers, st.floats(-4, 4), st.floats(-1, 1))
-def test_tyres_make_no_energy(forward, left, turn, steer):
+def test_tyres_do_not_add_energy(forward, left, turn, steer):
     gyration = (4.5**2 + 1.8**2) / 12.0
     weights = np.array([0, 0, 0, 1, 1, gyration])
     before = np.array([0, 0, 0.4, forward, left, turn])

@@ -49,7 +49,7 @@ def test_turning():
     assert not measure_comfort(np.zeros((60, 2)), 0.96 * TIME, DT).is_comfortable
 
 
-def test_too_short_to_judge():
+def test_episodes_too_short_to_measure():
     assert np.isnan(measure_comfort(np.zeros((2, 2)), np.zeros(2), DT).max_jerk)
 
 

@@ -51,7 +51,7 @@ def test_collisions_by_type():
     assert count_collisions(np.zeros((5, 7), bool), types) == Collisions(0, 0, 0, 0, None)
 
 
-def test_what_no_car_can_do():
+def test_infeasible_motion():
     heading = np.zeros(4)
     assert is_infeasible(np.array([10.0, 11.0, 12.0, 13.0]), heading, 0.1).tolist() == [False] * 3
     assert is_infeasible(np.array([10.0, 11.05, 11.05, 10.0]), heading, 0.1).tolist() == [True, False, True]

@@ -1,4 +1,4 @@
-"""Every metric of drives whose metrics can be told by looking at them."""
+"""All metrics of drives with obvious results."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def measured(scenario: ScenarioDescription, policy: str = "replay") -> dict:
     return measure(*drive(scenario, policy))
 
 
-def test_a_row_is_what_the_contract_says():
+def test_a_row_matches_the_schema():
     row = measured(make_drive(others=(Other(20.0, vx=5.0),), red=True))
     columns = {column.name for column in tables.load("results").columns}
     assert set(row) == columns - {"run", "scenario_id", "track_id", "error"}
@@ -67,7 +67,7 @@ def test_idm_keeps_behind_it():
     ("kind", "column"),
     [(ObjectType.PEDESTRIAN, "collided_humans"), (ObjectType.TRAFFIC_CONE, "collided_objects")],
 )
-def test_what_was_hit(kind, column):
+def test_collided_objects(kind, column):
     row = measured(make_drive(others=(Other(20.0, type=kind),)))
     assert row[column] == row["cost"] == 1
 
@@ -94,7 +94,7 @@ def test_without_a_map():
     assert row["off_road_time"] is None and row["wrong_way_distance"] is None
 
 
-def test_an_ego_that_stands():
+def test_a_standing_ego():
     row = measured(make_drive(speed=0.0))
     assert row["success"] and row["route_completion"] == 1.0 and row["steps"] == 1
     assert row["is_comfortable"] is None and row["max_jerk"] is None

@@ -1,4 +1,4 @@
-"""The Savitzky-Golay filter against its published coefficients and against polynomials, which it must return."""
+"""The Savitzky-Golay filter against its published coefficients and against polynomials, which it reproduces."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ def test_five_points_second_order_by_the_published_coefficients():
 
 
 @pytest.mark.parametrize("derivative", [0, 1, 2])
-def test_polynomials_come_back_to_their_ends(derivative):
+def test_polynomials_are_reproduced_up_to_their_ends(derivative):
     time = 0.1 * np.arange(25)
     cubic = np.polynomial.Polynomial([1.0, -2.0, 3.0, 0.5])
     found = savitzky_golay(cubic(time), 7, 3, dt=0.1, derivative=derivative)
     assert found == pytest.approx(cubic.deriv(derivative)(time) if derivative else cubic(time))
 
 
-def test_an_even_window_answers_for_half_a_sample_later():
+def test_an_even_window_shifts_by_half_a_sample():
     """As scipy.signal.savgol_filter does; its first and last half window are not shifted."""
     time = np.arange(20.0)
     found = savitzky_golay(time, 8, 2, dt=1.0)

@@ -35,7 +35,7 @@ def test_straight_ahead(gap, speed, wanted):
     assert soonest([[0, 0], [4 + gap, 0]], [[speed, 0], [0, 0]]) == pytest.approx([wanted])
 
 
-def test_only_what_is_ahead_counts():
+def test_only_objects_ahead_count():
     side = [[0, 0], [0, 5.1]], [[10, 0], [10, -5]]
     assert soonest(*side).tolist() == [np.inf]
     assert soonest(*side, between=True) == pytest.approx([0.7]), "3.1 m between the boxes, 5 m/s"

@@ -1,4 +1,4 @@
-"""Constant velocity and agents: straight on, and coming when the log has them."""
+"""Constant velocity and agents: motion, and appearance with the log."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def world() -> World:
     return World.from_scenario(make_drive(others=others))
 
 
-def test_constant_velocity_keeps_on():
+def test_constant_velocity_continues():
     simulation = Simulation([world()], [ConstantVelocity()])
     for _ in range(50):  # beyond the log's end too
         simulation.step()
@@ -29,7 +29,7 @@ def test_constant_velocity_keeps_on():
     np.testing.assert_allclose(position[2], [x + 7.0 * 4.5, y], atol=1e-3)
 
 
-def test_agents_come_with_the_log_and_stay():
+def test_agents_appear_with_the_log_and_stay():
     simulation = Simulation([world()], (Replay(), External(objects=vehicles)))
     assert simulation.agents.tolist() == [[0, 0], [0, 1]]
     for _ in range(5):
@@ -43,7 +43,7 @@ def test_agents_come_with_the_log_and_stay():
     assert simulation.state.position[0, 2, 0] > world().log_position[5, 2, 0] + 13.0
 
 
-def test_retired_agents_do_not_come_back():
+def test_retired_agents_do_not_return():
     simulation = Simulation([world()], (Replay(), External(objects=vehicles)))
     for _ in range(6):
         simulation.step()

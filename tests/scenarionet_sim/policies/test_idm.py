@@ -1,4 +1,4 @@
-"""IDM: headway to whatever is on the path, the ego too; red lights; bends; coming and going."""
+"""IDM: headway to objects on the path, including the ego; red lights; bends; appearing and leaving."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_on_a_free_road_it_drives_at_its_recorded_speed():
     np.testing.assert_allclose(position[:, 1, 1], 0.0, atol=1e-6)
 
 
-def test_what_is_on_another_lane_is_not_in_the_way():
+def test_objects_on_another_lane_are_ignored():
     others = (Other(-25.0, 3.5, vx=10.0),)
     beside, _ = run(make_drive(others=others), (Replay(), Idm(), External()), BRAKE)
     alone, _ = run(make_drive(others=others), (Replay(), Idm()))
@@ -56,13 +56,13 @@ def test_what_is_on_another_lane_is_not_in_the_way():
 
 
 @pytest.mark.parametrize("kind", [ObjectType.PEDESTRIAN, ObjectType.TRAFFIC_CONE, ObjectType.CYCLIST])
-def test_anything_in_the_way_stops_it(kind):
+def test_any_object_on_the_path_stops_it(kind):
     scenario = make_drive(speed=0.0, num_steps=101, others=(Other(-60.0, 3.5, vx=10.0), Other(10.0, 3.5, type=kind)))
     position, _ = run(scenario, (Replay(), Idm()))
     assert 4.0 < position[-1, 1, 0] < 10.0 - 2.3
 
 
-def test_an_object_that_crosses_makes_it_wait_until_it_has_passed():
+def test_it_waits_for_a_crossing_object():
     crossing = Other(-20.0, -8.0, vy=1.6, type=ObjectType.PEDESTRIAN)
     scenario = make_drive(speed=0.0, num_steps=161, others=(Other(-60.0, vx=8.0), crossing))
     position, _ = run(scenario, (Replay(), Idm()))
@@ -72,7 +72,7 @@ def test_an_object_that_crosses_makes_it_wait_until_it_has_passed():
     assert car[-1, 0] > -10.0
 
 
-def test_what_passes_above_is_not_in_the_way():
+def test_objects_at_another_height_are_ignored():
     scenario = make_drive(speed=0.0, others=(Other(-30.0, 3.5, vx=10.0), Other(-10.0, 3.5)))
     scenario.tracks.position[2, :, 2] = 6.0
     position, _ = run(scenario, (Replay(), Idm()))
@@ -115,7 +115,7 @@ def test_it_slows_down_for_a_bend():
     assert speed[:30].min() > 9.0
 
 
-def test_it_comes_when_its_place_is_free_and_leaves_at_the_end_of_its_path():
+def test_it_appears_once_its_place_is_free_and_leaves_at_the_end_of_its_path():
     coming = Other(20.0, vx=10.0, first=10, last=30)
     scenario = make_drive(num_steps=61, others=(coming,))
     _, present = run(scenario, (Replay(), Idm()), steps=55)
@@ -133,6 +133,6 @@ def test_objects_recorded_standing_are_replayed():
     assert simulation.driver[0].tolist() == [1, 0, 1]
 
 
-def test_numbers_that_make_no_law_are_refused():
-    with pytest.raises(BadParameter, match="headway is 0"):
+def test_parameters_must_be_positive():
+    with pytest.raises(BadParameter, match="headway=0"):
         Idm(headway=0.0)

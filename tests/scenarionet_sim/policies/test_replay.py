@@ -28,7 +28,7 @@ def test_every_object_is_where_it_was_recorded_while_it_is_valid(seed):
         simulation.step()
 
 
-def test_after_the_log_objects_stand_where_they_are():
+def test_after_the_log_objects_are_at_rest():
     world = World.from_scenario(make_scenario(1))
     simulation = Simulation([world], [Replay()])
     for _ in range(world.num_steps + 4):

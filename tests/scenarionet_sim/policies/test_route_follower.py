@@ -1,4 +1,4 @@
-"""Paths that go on along lanes."""
+"""Paths that continue along lanes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.fixtures.drives import Other, make_drive
 DRIVE = make_drive(others=(Other(0.0, 4.5, vx=8.0, last=20), Other(0.0, 30.0, vx=5.0)), red=True)
 
 
-def test_paths_go_on_along_their_lane_and_the_next():
+def test_paths_continue_along_their_lane_and_the_next():
     world = World.from_scenario(DRIVE)
     longer = continued(world, np.array([True, True, True]), 100.0)
     np.testing.assert_allclose(longer.paths.length()[:2], world.paths.length()[:2] + 100.0, atol=0.1)
@@ -31,7 +31,7 @@ def test_paths_go_on_along_their_lane_and_the_next():
         assert (np.diff(points[:, 0]) > 0).all()
 
 
-def test_the_straightest_of_the_lanes_that_follow_is_taken():
+def test_the_straightest_successor_is_taken():
     lane, builder = MapFeatureType.LANE_SURFACE_STREET, MapBuilder()
     builder.add("here", lane, polyline=[[-50, 0], [60, 0]], exit_lanes=["left", "ahead"])
     builder.add("left", lane, polyline=[[60, 0], [70, 3], [75, 20]])
@@ -43,7 +43,7 @@ def test_the_straightest_of_the_lanes_that_follow_is_taken():
     np.testing.assert_allclose(longer.paths.path_points[-1], [100.0, 0.5], atol=0.05)
 
 
-def test_it_drives_on_where_idm_leaves():
+def test_it_continues_where_idm_leaves():
     world = World.from_scenario(make_drive(others=(Other(0.0, 3.5, vx=8.0, last=20),)))
     there = {}
     for policy in (Idm(), RouteFollower()):

@@ -1,4 +1,4 @@
-"""What a simulation gives to the drawing, and what it shows while it runs."""
+"""Conversion of simulations to plots, and live images."""
 
 from __future__ import annotations
 

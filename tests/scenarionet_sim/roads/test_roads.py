@@ -39,25 +39,25 @@ def test_segments_are_the_lines_of_the_map(generated):
     roads, features = Roads.from_map(generated.map), generated.map
     wanted = []
     for row, line in enumerate(features.polyline):
-        if is_road_line(features.types[row]) or is_road_edge(features.types[row]):
+        if is_road_line(features.feature_type[row]) or is_road_edge(features.feature_type[row]):
             wanted += [(*start[:2], *end[:2], row) for start, end in pairwise(line)]
     found = np.column_stack([roads.segments, roads.segment_feature])
     np.testing.assert_array_equal(found, np.array(wanted))
-    np.testing.assert_array_equal(roads.segment_type, features.types[roads.segment_feature])
+    np.testing.assert_array_equal(roads.segment_type, features.feature_type[roads.segment_feature])
     assert roads.segments.dtype == np.float32
     assert roads.segment_feature.dtype == np.int32
 
 
 def test_lanes_and_their_successors(generated):
     roads, features = Roads.from_map(generated.map), generated.map
-    rows = np.flatnonzero(is_lane(features.types))
+    rows = np.flatnonzero(is_lane(features.feature_type))
     assert list(roads.lane_ids) == list(features.ids[rows])
     for lane, row in enumerate(rows):
         assert [roads.lane_ids[i] for i in roads.successors[lane]] == list(features.exit_lanes[row])
         np.testing.assert_array_equal(roads.lanes[lane], features.polyline[row][:, :2])
 
 
-def test_an_edge_that_is_an_area_is_its_outline():
+def test_an_edge_given_as_an_area_becomes_its_outline():
     square = [[0, 0], [4, 0], [4, 4], [0, 4]]
     roads = roads_of((EDGE, {"polygon": square}))
     np.testing.assert_array_equal(roads.segments, [[0, 0, 4, 0], [4, 0, 4, 4], [4, 4, 0, 4], [0, 4, 0, 0]])
@@ -92,7 +92,7 @@ def test_a_lane_without_outline_is_its_buffered_centreline():
     assert roads.lane_at(to_the_left) == 1
 
 
-def test_widths_that_cannot_be_are_not_believed():
+def test_implausible_widths_are_ignored():
     """Sources give 0, or the way across the street, where a lane has no boundary of its own."""
     line = [[0, 0], [10, 0], [20, 0]]
     roads = roads_of((LANE, {"polyline": line, "width": [[0.0, 1.0], [20.0, 1.0], [2.0, 1.0]]}))
@@ -111,7 +111,7 @@ def test_a_lane_of_repeated_points_has_an_outline():
     assert roads.is_on_road([[5, 1.7], [5, -1.7], [5, 1.8], [-0.1, 0]]).tolist() == [True, True, False, False]
 
 
-def test_crosswalks_are_polygons_but_no_road():
+def test_crosswalks_are_polygons_but_not_drivable():
     roads = roads_of((MapFeatureType.CROSSWALK, {"polygon": [[0, 0], [4, 0], [4, 4], [0, 4]]}))
     assert roads.polygon_type.tolist() == [MapFeatureType.CROSSWALK]
     assert not roads.is_on_road([2.0, 2.0])
@@ -125,7 +125,7 @@ def test_without_lanes(features):
     assert roads.lane_at([0.0, 0.0]) == -1
 
 
-def test_a_feature_far_away_makes_large_cells_and_not_many():
+def test_a_distant_feature_enlarges_cells_instead_of_adding_many():
     roads = roads_of((EDGE, {"polyline": [[0, 0], [10, 0]]}), (EDGE, {"polyline": [[1e6, 1e6], [1e6 + 10, 1e6]]}))
     assert roads.segment_grid.shape.prod() <= 1 << 18
     assert len(roads.segment_grid.cell_items) == 2
@@ -157,7 +157,7 @@ def test_every_box_is_in_every_cell_it_touches(seed, count):
     ],
 )
 def test_recorded_egos_drive_on_roads(recordings, dataset, folder):
-    """Lanes without outlines are buffered (Waymo), widths are not always to be believed (pickles)."""
+    """Lanes without outlines are buffered (Waymo), widths may be wrong (pickles)."""
     converter = converters.get(dataset)
     for shard in converter.shards(str(recordings / folder), "val", converter.release, converter.Options()):
         for record in converter.records(shard):

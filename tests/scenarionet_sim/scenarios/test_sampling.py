@@ -51,7 +51,7 @@ def test_weights_are_frequencies():
 
 
 @pytest.mark.parametrize("weights", [[], [0.0, 0.0], [1.0, -1.0], [1.0, np.nan], [np.inf]])
-def test_weights_that_are_none(weights):
+def test_invalid_weights(weights):
     with pytest.raises(BadParameter, match="weights"):
         Weighted(weights)
 
@@ -68,7 +68,7 @@ def test_a_level_ends_at_three_quarters():
     assert set(draws(course, 30)) == {3, 4, 5}
 
 
-def test_a_full_window_is_needed_and_begins_anew():
+def test_promotion_needs_a_full_window_on_each_level():
     course = CurriculumSampler(6, Curriculum(levels=3))
     course.report(0, True)
     assert (course.level, course.success_rate) == (0, 1.0)
@@ -84,7 +84,7 @@ def test_episodes_of_an_earlier_level_do_not_count():
     assert (course.level, course.success_rate) == (1, 0.0)
 
 
-def test_the_last_level_goes_on():
+def test_the_last_level_continues():
     course = CurriculumSampler(2, Curriculum(levels=2))
     course.report(0, True)
     for _ in range(5):
@@ -94,7 +94,7 @@ def test_the_last_level_goes_on():
 
 
 @given(count=st.integers(1, 500), levels=st.integers(1, 500))
-def test_levels_part_the_scenarios(count, levels):
+def test_levels_partition_the_scenarios(count, levels):
     if levels > count:
         with pytest.raises(BadParameter, match=f"{levels} levels of {count} scenarios"):
             CurriculumSampler(count, Curriculum(levels=levels))

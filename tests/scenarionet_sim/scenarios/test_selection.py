@@ -1,4 +1,4 @@
-"""Which scenarios an environment plays, and how they reach it."""
+"""Selection and prefetching of the scenarios of an environment."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_random_draws_all(lake):
     assert drawn[:9] != ids(*range(9))
 
 
-def test_weights_are_of_the_database_or_an_expression(lake):
+def test_weights_come_from_the_database_or_an_expression(lake):
     assert set(series(scenarios(lake, "many", order="weighted"), 100)) == set(lake.database("many").scenario_ids)
     only = scenarios(lake, order="weighted", weight="CASE WHEN source_scenario_id = 's000003' THEN 1 ELSE 0 END")
     assert set(series(only, 20)) == set(ids(3))
@@ -111,7 +111,7 @@ def test_a_specification_pickles_and_takes_paths_and_lists(lake):
         ({"curriculum": Curriculum(levels=10)}, BadParameter, "10 levels of 9 scenarios"),
     ],
 )
-def test_what_cannot_be_played(lake, options, error, message):
+def test_selections_that_cannot_be_played(lake, options, error, message):
     with pytest.raises(error, match=message):
         Scenarios(str(lake.root), **options).open()
 
@@ -126,7 +126,7 @@ def test_what_cannot_be_played(lake, options, error, message):
         {"curriculum": Curriculum(), "order": "random"},
     ],
 )
-def test_words_that_contradict(options):
+def test_contradicting_arguments(options):
     with pytest.raises(BadParameter):
         Scenarios("lake", **options)
 
@@ -140,7 +140,7 @@ def test_no_lake(tmp_path):
 
 
 class Source:
-    """Ten scenarios whose loading is counted, and fails where told."""
+    """Ten scenarios that count their loads, some of which fail."""
 
     def __init__(self, broken=()):
         self.loaded, self.broken, self.threads = [], set(broken), set()
@@ -167,7 +167,7 @@ def test_the_series_does_not_depend_on_prefetching(prefetch):
     stream.close()
 
 
-def test_the_next_is_loaded_beside():
+def test_the_next_scenario_is_prefetched():
     source = Source()
     stream = source.stream(prefetch=1)
     stream.next()
@@ -180,7 +180,7 @@ def test_the_next_is_loaded_beside():
     assert here.threads == {threading.main_thread()}
 
 
-def test_the_last_ones_are_kept_and_no_more():
+def test_the_cache_is_bounded():
     source = Source()
     stream = source.stream(prefetch=0, cache_size=3)
     for index in (0, 1, 2, 0, 1, 2):
@@ -205,7 +205,7 @@ def test_a_damaged_scenario_is_an_error_of_its_own(prefetch):
     stream.close()
 
 
-def test_a_closed_stream_has_no_thread_and_can_go_on():
+def test_a_closed_stream_has_no_thread_and_can_continue():
     stream = Source().stream(prefetch=2)
     stream.next()
     before = threading.active_count()
@@ -217,7 +217,7 @@ def test_a_closed_stream_has_no_thread_and_can_go_on():
     stream.close()
 
 
-def test_numbers_of_scenarios():
+def test_indices_of_scenarios():
     stream = Source().stream()
     assert stream.index("s4") == 4
     with pytest.raises(ScenarioNotFound, match="not among the 10"):

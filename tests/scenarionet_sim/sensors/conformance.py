@@ -1,4 +1,4 @@
-"""What every sensor must do: a sensor's own test inherits it and sets ``sensor``."""
+"""The conformance suite of sensors: a test class inherits it and sets ``sensor``."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class SensorConformance:
         return out
 
     def check(self, simulation):
-        """Every agent's observation lies in the space."""
+        """Every agent's observation is in the space."""
         space = self.sensor.space()
         observed = self.observed(simulation)
         assert observed.dtype == self.sensor.dtype == space.dtype
@@ -52,7 +52,7 @@ class SensorConformance:
         assert all(space.contains(one) for one in observed)
         return observed
 
-    def test_the_space_holds_what_is_observed(self, simulation):
+    def test_observations_are_in_the_space(self, simulation):
         assert len(simulation.agents) > 20
         observed = self.check(simulation)
         assert len(np.unique(observed)) > 1
@@ -61,14 +61,14 @@ class SensorConformance:
     def test_the_same_seed_gives_the_same_bits(self, simulation):
         np.testing.assert_array_equal(self.observed(simulation), self.observed(simulation))
 
-    def test_a_batch_is_its_agents_one_by_one(self, simulation):
+    def test_a_batch_equals_its_agents_one_by_one(self, simulation):
         together = self.observed(simulation, self.exact)
         for place in range(0, len(simulation.agents), 5):
             one = self.observed(simulation, self.exact, simulation.agents[place : place + 1])
             np.testing.assert_array_equal(one[0], together[place])
 
-    def test_a_world_alone_is_observed_as_among_others(self, simulation):
-        """The other worlds' sizes, and the padding that they bring, change nothing."""
+    def test_an_observation_does_not_depend_on_other_worlds(self, simulation):
+        """Sizes of other worlds and padding have no effect."""
         third = simulate(crowd()[2], steps=0, history=2)
         among = _crowd(steps=0)
         rows = among.agents[:, 0] == 2
@@ -76,7 +76,7 @@ class SensorConformance:
             self.observed(third, self.exact), self.observed(among, self.exact, among.agents[rows])
         )
 
-    def test_nothing_is_changed_by_looking(self, simulation):
+    def test_observing_changes_nothing(self, simulation):
         before = pickle.dumps(simulation.state)
         self.observed(simulation)
         assert pickle.dumps(simulation.state) == before

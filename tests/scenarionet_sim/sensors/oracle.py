@@ -1,4 +1,4 @@
-"""Slow and plain observations, by shapely and NumPy, to compare with."""
+"""Reference observations by shapely and NumPy."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ def pixel_centres(sensor, state, world, row):
 
 
 def holds(shapes, places, border):
-    """Pixels whose centre lies in a shape, and those so near to an outline that float32 may decide."""
+    """Return pixels whose centre is in a shape, and those too close to an outline for float32."""
     shape = shapely.unary_union(shapes)
     inside = shapely.contains_xy(shape, places[..., 0], places[..., 1])
     unsure = shapely.dwithin(shapely.boundary(shape), shapely.points(places), border)
@@ -71,7 +71,7 @@ class TestBirdView(SensorConformance):
         assert drawn >= {Channel.ROAD, Channel.EGO, Channel.VEHICLE, Channel.OBJECT}
 
     def test_every_line_has_its_channel(self, simulation):  # noqa: F811
-        """A line's places are drawn, and nothing farther from a line than a pixel is."""
+        """Points on a line are drawn, and nothing farther from it than a pixel."""
         sensor, state, batch = BirdView(size=64, resolution=0.5), simulation.state, simulation.batch
         agents = simulation.agents[simulation.agents[:, 0] == 0][:3]
         for (world, row), pictures in zip(agents, self.observed(simulation, sensor, agents), strict=True):
@@ -88,8 +88,8 @@ class TestBirdView(SensorConformance):
                 assert (apart[pictures[channel] == 255] <= np.sqrt(0.5) + 1e-6).all()
                 assert (pictures[channel][1:-1, 1:-1][apart[1:-1, 1:-1] < 0.05] == 255).all()
 
-    def test_history_shows_where_everybody_was(self, simulation):  # noqa: F811
-        """The pictures of the past are those of the boxes as they were, seen from now."""
+    def test_history_shows_past_positions(self, simulation):  # noqa: F811
+        """Past channels show the boxes at those moments in the current frame."""
         drive = simulate(make_drive(speed=8.0, others=(Other(15.0, 3.5, vx=5.0),)), steps=0, history=2)
         sensor = BirdView(size=60, resolution=0.5, history=2)
         ego, boxes = np.array([[0, 0]], np.int32), []
@@ -106,8 +106,8 @@ class TestBirdView(SensorConformance):
         drive.reset(0)
         assert not self.observed(drive, sensor, ego)[0, len(Channel) :].any()
 
-    def test_a_history_that_nobody_remembers_is_refused(self):
-        with pytest.raises(BadParameter, match="give Simulation history=2"):
+    def test_a_history_longer_than_the_simulation_keeps_is_refused(self):
+        with pytest.raises(BadParameter, match="pass history=2 to Simulation"):
             self.observed(simulate(make_drive(), history=1))
 
     def test_route_and_red_light_lie_ahead(self):

@@ -12,7 +12,7 @@ from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.kernels.rays import cast_at_boxes
 from scenarionet_sim.sensors import Lidar
-from scenarionet_sim.sensors.base import directions, table
+from scenarionet_sim.sensors.base import directions
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.simulations import simulate
 from tests.scenarionet_sim.sensors import oracle
@@ -26,8 +26,7 @@ class TestLidar(SensorConformance):
         rays, reach, state = 61, 40.0, simulation.state
         agents = simulation.agents[::4].copy()
         found = np.empty((len(agents), rays))
-        boxes = state.position, state.heading, state.size, state.object_type, state.present
-        cast_at_boxes(agents, *boxes, table(None), directions(rays), reach, found)
+        cast_at_boxes(agents, state.motion, state.size, state.present, directions(rays), reach, found)
         num_inside = 0
         for (world, row), shares in zip(agents, found, strict=True):
             shapes = [oracle.box(state, world, n) for n in oracle.others(state, world, row)]
@@ -39,7 +38,7 @@ class TestLidar(SensorConformance):
             np.testing.assert_allclose(shares, wanted, atol=1e-9)
         assert (found < 1).mean() > 0.1
 
-    def test_noise_disturbs_what_is_seen_and_stays_in_range(self, simulation):  # noqa: F811
+    def test_noise_changes_observations_within_their_range(self, simulation):  # noqa: F811
         exact = self.observed(simulation, Lidar(rays=90))
         noisy = self.observed(simulation, Lidar(rays=90, noise=0.5))
         seen = exact < 0.9

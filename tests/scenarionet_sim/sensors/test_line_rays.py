@@ -11,7 +11,9 @@ from hypothesis import strategies as st
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import MapFeatureType
+from scenarionet_sim.kernels.log import HEADING, X, Y
 from scenarionet_sim.kernels.rays import cast_at_segments
+from scenarionet_sim.kernels.structures import Lines
 from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.sensors import BoundaryDetector, LaneLineDetector
 from scenarionet_sim.sensors.base import directions, table
@@ -56,25 +58,18 @@ def compare(simulation, sensor, suite):  # noqa: F811
 
 
 def cast(roads, position, heading, rays, reach):
-    """The kernel, in float64."""
-    grid = roads.segment_grid
-    cells = (
-        grid.origin[None],
-        grid.shape[None],
-        np.array([grid.cell_size]),
-        grid.cell_start[None],
-        grid.cell_items[None],
-    )
-    found = np.empty((1, rays))
-    place = np.array([[0, 0]], np.int32), np.array(position, float).reshape(1, 1, 2), np.array([[heading]], float)
-    lines = roads.segments[None], roads.segment_type[None], table(BOUNDARIES)
-    cast_at_segments(*place, *lines, *cells, directions(rays), reach, found)
+    """Call the kernel with float64 output."""
+    grid, found, motion = roads.segment_grid, np.empty((1, rays)), np.zeros((1, 1, 7))
+    motion[0, 0, [X, Y, HEADING]] = *position, heading
+    arrays = roads.segments, roads.segment_type, grid.frame, grid.cell_start, grid.cell_items
+    lines = Lines(*(array[None] for array in arrays))
+    cast_at_segments(np.array([[0, 0]], np.int32), motion, lines, table(BOUNDARIES), directions(rays), reach, found)
     return found[0]
 
 
 @given(st.integers(0, 10**6), st.integers(1, 40), st.sampled_from([3.0, 30.0, 300.0]))
-def test_the_walk_through_the_grid_misses_nothing(seed, count, scale):
-    """Random lines, seen from inside and outside of their grid, agree with all lines tried one by one."""
+def test_grid_traversal_misses_no_segment(seed, count, scale):
+    """Random lines, seen from inside and outside of their grid, agree with brute force."""
     rng = np.random.default_rng(seed)
     builder = MapBuilder()
     for number in range(count):
@@ -108,13 +103,13 @@ def test_rays_along_the_cells_borders(heading):
 
 
 def test_between_two_edges():
-    """The road's edges lie 1.75 m to the right and 5.25 m to the left of the ego."""
+    """The road's edges are 1.75 m to the right and 5.25 m to the left of the ego."""
     drive = simulate(make_drive(), steps=0)
     detector = BoundaryDetector(rays=4)
     shares = detector.observe(drive.batch, drive.state, drive.agents, np.random.default_rng(0), detector.empty(1))
     np.testing.assert_allclose(shares[0] * 50, [50, 5.25, 50, 1.75], atol=1e-5)
 
 
-def test_nothing_to_see_is_refused():
-    with pytest.raises(BadParameter, match="at least one type"):
+def test_empty_types_are_refused():
+    with pytest.raises(BadParameter, match="at least one line type"):
         BoundaryDetector(types=())

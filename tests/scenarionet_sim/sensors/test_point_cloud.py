@@ -1,4 +1,4 @@
-"""The point cloud, against rays in space tried one by one."""
+"""The point cloud, against brute-force rays in space."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.kernels.point_cloud import spin
 from scenarionet_sim.sensors import PointCloud
-from scenarionet_sim.sensors.base import directions, table
+from scenarionet_sim.sensors.base import directions
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.simulations import simulate
 from tests.scenarionet_sim.sensors import oracle
@@ -21,9 +21,11 @@ class TestPointCloud(SensorConformance):
         sensor, state = PointCloud(rings=7, azimuths=48, lowest=-0.3, highest=0.1, mount=1.2), simulation.state
         agents = simulation.agents[::5].copy()
         found = np.empty((len(agents), *sensor.shape))
-        boxes = state.position, state.z, state.heading, state.size, state.object_type, state.present
-        rays = directions(sensor.azimuths), np.tan(sensor.elevations)
-        spin(agents, *boxes, table(None), *rays, sensor.mount, sensor.range, found)
+        slopes, ground = np.tan(sensor.elevations), np.ones(sensor.rings)
+        down = slopes < 0
+        ground[down] = np.minimum(-sensor.mount / np.sin(sensor.elevations[down]) / sensor.range, 1)
+        rays = directions(sensor.azimuths), np.column_stack([slopes, ground]), (sensor.mount, sensor.range)
+        spin(agents, state.motion, state.size, state.present, *rays, found)
         for (world, row), shares in zip(agents, found, strict=True):
             np.testing.assert_allclose(shares, slabs(sensor, state, world, row), atol=1e-9)
         above = found[:, sensor.elevations >= 0]
@@ -53,7 +55,7 @@ def slabs(sensor, state, world, row):
     return np.minimum(best / sensor.range, 1)
 
 
-def test_points_lie_on_what_is_seen():
+def test_points_are_on_visible_surfaces():
     """On the ground, which is ``mount`` below, or on the back of the car ahead."""
     drive = simulate(make_drive(speed=0.0, others=(Other(20.0),)), steps=0)
     sensor = PointCloud(rings=32, azimuths=360)

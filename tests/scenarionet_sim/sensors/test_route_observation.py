@@ -1,4 +1,4 @@
-"""What an agent knows of itself, its way, the lights on it and the others, against NumPy and shapely."""
+"""Observation of the ego, its route, lights and other objects, against NumPy and shapely."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tests.scenarionet_sim.sensors.conformance import SensorConformance, simulat
 
 def path_of(batch, world, row):
     first, end = batch.path_offsets[world, row : row + 2]
-    return batch.path_points[world, first:end].astype(float)
+    return batch.path[world, first:end, :2].astype(float)
 
 
 class TestEgoState(SensorConformance):
@@ -45,7 +45,7 @@ class TestEgoState(SensorConformance):
             wanted += [state.lateral[world, row] / 10, done]
             np.testing.assert_allclose(observed, np.clip(wanted, -1, 1), atol=2e-6)
 
-    def test_an_object_that_nobody_looked_for_is_refused(self):
+    def test_an_object_that_is_not_located_is_rejected(self):
         replayed = Simulation([World.from_scenario(make_drive())], (Replay(),))
         with pytest.raises(BadParameter, match="follow_paths"):
             self.observed(replayed, agents=np.array([[0, 0]], np.int32))
@@ -65,7 +65,7 @@ class TestNavigation(SensorConformance):
             wanted = oracle.in_frame(state, world, row, [[place.x, place.y] for place in places])
             np.testing.assert_allclose(observed, np.clip(wanted / 25, -1, 1), atol=2e-5)
 
-    def test_straight_ahead_and_gathered_at_the_end(self):
+    def test_points_are_straight_ahead_and_end_at_the_destination(self):
         drive = simulate(make_drive(speed=10.0, num_steps=11), steps=0)  # a route of 10 m
         points = self.observed(drive)[0] * 25
         np.testing.assert_allclose(points[:, 0], [2, 4, 6, 8, 10, 10, 10, 10, 10, 10], atol=1e-5)
@@ -76,7 +76,7 @@ class TestLightAhead(SensorConformance):
     sensor = LightAhead()
 
     def test_red_ahead_until_it_is_passed(self):
-        """The light stands where the ego has driven half its 40 m."""
+        """The light is at the middle of the ego's 40 m."""
         drive = Simulation([World.from_scenario(make_drive(red=True))])
         for step in range(40):
             light = self.observed(drive)[0]
@@ -90,7 +90,7 @@ class TestLightAhead(SensorConformance):
         drive = Simulation([World.from_scenario(make_drive(red=True))])
         np.testing.assert_array_equal(self.observed(drive, LightAhead(range=15.0)), [[1, 0, 0, 0]])
 
-    def test_after_the_recording_it_shows_what_it_showed_last(self):
+    def test_after_the_recording_a_light_keeps_its_last_state(self):
         drive = Simulation([World.from_scenario(make_drive(red=True, num_steps=31, speed=5.0))])
         for _ in range(60):
             drive.step([[0.0, -1.0]])

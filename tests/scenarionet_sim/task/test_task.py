@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 
 from scenarionet_data.scenario.vocabulary import ObjectType
-from scenarionet_sim.task.task import MULTI_AGENT, SINGLE_AGENT, TERMS, Status, Verdict, is_terminated, judge
+from scenarionet_sim.kernels.log import ARC, VX, VY
+from scenarionet_sim.kernels.scoring import NUM_TOTALS, NUMBERS, TERMS, Contacts, StepResult, score_step
+from scenarionet_sim.kernels.structures import Moment, Recorded
+from scenarionet_sim.task.task import MULTI_AGENT, SINGLE_AGENT, Status, is_terminated, task_parameters
 
 VEHICLE, PERSON, CYCLIST, CONE, BARRIER = (
     1 << kind
@@ -24,38 +27,46 @@ STEP = {
 }  # fmt: skip
 
 
-def judged(task=SINGLE_AGENT, **changes):
-    """Verdict about agents at an ordinary step with some of its numbers changed; of one agent unless arrays."""
+def scored(task=SINGLE_AGENT, **changes):
+    """Score agents after an ordinary step with some numbers changed; of one agent unless they are arrays."""
     numbers = {name: np.atleast_1d(value) for name, value in (STEP | changes).items()}
     count = max(map(len, numbers.values()))
     step = {name: np.broadcast_to(values, count) for name, values in numbers.items()}
-    column = {name: np.array(step[name], np.float64)[:, None] for name in ("arc", "arc_before", "lateral", "speed")}
-    verdict, (reward, termination) = Verdict.of(count), task
-    judge(
+    motion, route, before = np.zeros((count, 1, 7)), np.zeros((count, 1, 2)), np.zeros((count, 1, 2))
+    motion[:, 0, VX], motion[:, 0, VY] = 0.6 * step["speed"], -0.8 * step["speed"]
+    route[:, 0, 0], route[:, 0, 1], before[:, 0, 0] = step["arc"], step["lateral"], step["arc_before"]
+    path, log = np.zeros((count, 2, 5), np.float32), np.zeros((count, 1, 1, 8), np.float32)
+    path[:, 1, ARC] = step["length"]
+    none, no_stops = np.zeros((count, 0), np.int32), np.zeros((count, 0), np.float32)
+    recorded = Recorded(
+        log, np.array(step["num_steps"], np.int32), np.zeros((count, 1), np.float32), path,
+        np.tile(np.array([0, 2], np.int32), (count, 1)), no_stops, none, none, np.zeros((count, 0, 0), np.uint8),
+    )  # fmt: skip
+    present, timestep = np.ones((count, 1), np.bool_), np.array(step["timestep"], np.int32)
+    now = Moment(motion, route, present, np.ones((count, 1, 3)), np.ones((count, 1), np.uint8), timestep)
+    nothing = np.zeros((count, 1), np.bool_)
+    result = StepResult(np.zeros((count, len(NUMBERS))), np.zeros(count, np.uint8), np.zeros((count, 1, NUM_TOTALS)))
+    score_step(
         np.stack([np.arange(count), np.zeros(count)], axis=1).astype(np.int32),
-        *(column[name] for name in ("arc", "arc_before", "lateral")),
-        np.stack([0.6 * column["speed"], -0.8 * column["speed"]], axis=2),
-        np.stack([np.zeros(count), step["length"]], axis=1).astype(np.float32),
-        np.tile(np.array([0, 2], np.int32), (count, 1)),
-        np.array(step["timestep"], np.int32),
-        np.array(step["num_steps"], np.int32),
         np.array(step["steering"], np.float64),
-        np.array(step["hits"], np.uint32),
-        reward.numbers,
-        termination.numbers,
-        verdict.terms,
-        verdict.status,
-        verdict.completion,
+        Contacts(nothing, nothing, np.array(step["hits"], np.uint32)),
+        now,
+        route,
+        before,
+        recorded,
+        task_parameters(*task),
+        result,
     )
+    terms, completion = result.numbers[:, :4], result.numbers[:, 4]
     if count > 1:
-        return verdict
-    return dict(zip(TERMS, verdict.terms[0].tolist(), strict=True)), Status(verdict.status[0]), verdict.completion[0]
+        return terms, result.status, completion
+    return dict(zip(TERMS, terms[0].tolist(), strict=True)), Status(result.status[0]), completion[0]
 
 
 def test_displacement_counts_twice():
     """R_disp = d_t - d_(t-1), c1 = 2; also backwards."""
-    assert judged()[0] == {"displacement": 2.0, "smoothness": 0.0, "collision": 0.0, "terminal": 0.0}
-    assert judged(arc=9.5)[0]["displacement"] == -1.0
+    assert scored()[0] == {"displacement": 2.0, "smoothness": 0.0, "collision": 0.0, "terminal": 0.0}
+    assert scored(arc=9.5)[0]["displacement"] == -1.0
 
 
 @pytest.mark.parametrize(
@@ -73,7 +84,7 @@ def test_displacement_counts_twice():
 )
 def test_smoothness(speed, steering, smoothness):
     """P_smooth = min(0, 1/v_t - |a[0]|)."""
-    assert judged(speed=speed, steering=steering)[0]["smoothness"] == pytest.approx(smoothness, abs=1e-15)
+    assert scored(speed=speed, steering=steering)[0]["smoothness"] == pytest.approx(smoothness, abs=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -89,9 +100,9 @@ def test_smoothness(speed, steering, smoothness):
     ],
 )
 def test_collision_does_not_end_an_episode(hits, single, multi):
-    terms, status, _ = judged(hits=hits)
+    terms, status, _ = scored(hits=hits)
     assert (terms["collision"], status) == (single, Status.DRIVING)
-    terms, status, _ = judged(MULTI_AGENT, hits=hits)
+    terms, status, _ = scored(MULTI_AGENT, hits=hits)
     assert (terms["collision"], status) == (multi, Status.DRIVING)
 
 
@@ -107,39 +118,39 @@ def test_collision_does_not_end_an_episode(hits, single, multi):
 )
 def test_the_last_step(changes, status, single, multi):
     """R_term by how the episode ended, and R_disp = 0."""
-    terms, found, _ = judged(**changes)
+    terms, found, _ = scored(**changes)
     assert (found, terms["terminal"], terms["displacement"]) == (status, single, 0.0)
-    terms, found, _ = judged(MULTI_AGENT, **changes)
+    terms, found, _ = scored(MULTI_AGENT, **changes)
     if multi is None:  # 2.5 m do not matter there
         assert (found, terms["terminal"], terms["displacement"]) == (Status.DRIVING, 0.0, 1.0)
     else:
         assert (found, terms["terminal"], terms["displacement"]) == (status, multi, 0.0)
 
 
-def test_limits_themselves_are_inside():
-    assert judged(lateral=2.5)[1] is Status.DRIVING
-    assert judged(arc=95.0)[1] is Status.DRIVING
-    assert judged(timestep=139)[1] is Status.DRIVING
-    assert judged(MULTI_AGENT, lateral=10.0)[1] is Status.DRIVING
+def test_limits_are_inclusive():
+    assert scored(lateral=2.5)[1] is Status.DRIVING
+    assert scored(arc=95.0)[1] is Status.DRIVING
+    assert scored(timestep=139)[1] is Status.DRIVING
+    assert scored(MULTI_AGENT, lateral=10.0)[1] is Status.DRIVING
 
 
 def test_multi_agent_weighs_displacement_once_and_smoothness_not():
-    terms = judged(MULTI_AGENT, steering=1.0, speed=10.0)[0]
+    terms = scored(MULTI_AGENT, steering=1.0, speed=10.0)[0]
     assert terms == {"displacement": 1.0, "smoothness": 0.0, "collision": 0.0, "terminal": 0.0}
 
 
 def test_completion_is_a_share():
-    assert judged(arc=25.0)[2] == 0.25
-    assert judged(arc=-3.0)[2] == 0.0
-    assert judged(arc=120.0)[2] == 1.0
+    assert scored(arc=25.0)[2] == 0.25
+    assert scored(arc=-3.0)[2] == 0.0
+    assert scored(arc=120.0)[2] == 1.0
 
 
 @pytest.mark.parametrize("length", [0.0, 1.99])
 def test_a_route_under_two_metres_counts_as_reached(length):
-    assert judged(length=length, arc=0.0)[1:] == (Status.ARRIVED, 1.0)
+    assert scored(length=length, arc=0.0)[1:] == (Status.ARRIVED, 1.0)
 
 
-def test_agents_are_judged_each_by_itself():
+def test_agents_are_scored_independently():
     rng, count = np.random.default_rng(0), 40
     columns = {
         "arc": rng.uniform(-5, 105, count), "arc_before": rng.uniform(0, 100, count),
@@ -147,17 +158,17 @@ def test_agents_are_judged_each_by_itself():
         "speed": rng.uniform(0, 20, count), "steering": rng.uniform(-1, 1, count),
         "hits": rng.choice([0, CONE, PERSON], count), "timestep": rng.integers(1, 150, count),
     }  # fmt: skip
-    verdict = judged(**columns)
+    all_terms, all_status, all_completion = scored(**columns)
     for agent in range(count):
-        terms, status, completion = judged(**{name: values[agent] for name, values in columns.items()})
-        assert list(terms.values()) == verdict.terms[agent].tolist()
-        assert (status, completion) == (verdict.status[agent], verdict.completion[agent])
-    assert set(verdict.status.tolist()) == {0, 1, 2, 3}
-    assert is_terminated(verdict.status).tolist() == [code in (1, 2) for code in verdict.status]
+        terms, status, completion = scored(**{name: values[agent] for name, values in columns.items()})
+        assert list(terms.values()) == all_terms[agent].tolist()
+        assert (status, completion) == (all_status[agent], all_completion[agent])
+    assert set(all_status.tolist()) == {0, 1, 2, 3}
+    assert is_terminated(all_status).tolist() == [code in (1, 2) for code in all_status]
 
 
 def test_weights_are_a_specification():
     reward, _ = SINGLE_AGENT
     assert pickle.loads(pickle.dumps(reward)) == reward
     softer = replace(reward, road_user=-1.0)
-    assert judged((softer, SINGLE_AGENT[1]), hits=PERSON)[0]["collision"] == -1.0
+    assert scored((softer, SINGLE_AGENT[1]), hits=PERSON)[0]["collision"] == -1.0

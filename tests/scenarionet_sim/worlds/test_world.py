@@ -1,4 +1,4 @@
-"""A scenario as arrays: the log bit for bit, paths, sizes, lights, and what scenarios may lack."""
+"""A scenario as arrays: the log bit for bit, paths, sizes, lights, and missing parts."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_sizes_are_medians_over_the_valid_steps():
         np.testing.assert_allclose(world.size[n], wanted, rtol=1e-6)
 
 
-def test_paths_leave_out_what_is_closer_than_their_spacing():
+def test_paths_drop_points_closer_than_their_spacing():
     scenario = make_scenario(2)
     scenario.tracks.position[1] = np.cumsum(np.full((31, 3), 0.03), axis=0) * scenario.tracks.valid[1, :, None]
     world = World.from_scenario(scenario)
@@ -66,7 +66,7 @@ def test_paths_leave_out_what_is_closer_than_their_spacing():
         assert paths.length()[n] == pytest.approx(wanted[-1] if len(wanted) else 0.0, abs=1e-3)
 
 
-def test_lights_stop_at_their_lanes_start_where_the_source_says_nothing():
+def test_lights_without_a_stop_point_stop_at_the_start_of_their_lane():
     scenario = make_scenario(0, num_lights=3, num_lanes=2)
     world = World.from_scenario(scenario)
     assert world.light_lane.tolist() == [0, 1, -1]

@@ -1,4 +1,4 @@
-"""Worlds side by side: every array of every world is there, whatever came before it in its slot."""
+"""Batches of worlds: every array of every world, independent of earlier worlds in the slot."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def bare() -> World:
 
 
 def check(batch: WorldBatch, slot: int, value: object, prefix: str = "") -> int:
-    """Compares a world with its slot; returns how many arrays there were."""
+    """Compare a world with its slot; return the number of arrays."""
     count = 0
     for column in fields(value):
         part, name = getattr(value, column.name), prefix + column.name
@@ -70,7 +70,7 @@ def test_every_array_of_every_world_is_stacked():
     assert batch.max_objects == 40
 
 
-def test_a_larger_world_makes_room_and_a_smaller_one_leaves_nothing_of_it():
+def test_larger_and_smaller_worlds_replace_each_other():
     batch = WorldBatch([small(), middle()])
     for world in (large(), small(), bare(), middle()):
         batch.replace(0, world)
@@ -80,7 +80,7 @@ def test_a_larger_world_makes_room_and_a_smaller_one_leaves_nothing_of_it():
     assert not batch.log[0, middle().num_steps :].any() and not batch.log[0, :, middle().num_objects :].any()
 
 
-def test_room_is_kept_so_that_long_runs_stop_copying():
+def test_capacity_is_kept_so_that_long_runs_stop_copying():
     batch = WorldBatch([small()])
     batch.replace(0, large())
     log = batch.log

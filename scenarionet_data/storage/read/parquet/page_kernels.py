@@ -12,13 +12,11 @@ Rows of a column are described by ``lengths``: that of the row's list, or 1 for 
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, TypeVar, cast
+from typing import Any
 
 import numpy as np
-from numba import njit
 
-from scenarionet_data.arrays.compiled import device_function
+from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.storage.read.parquet.thrift_kernels import (
     DATA_PAGE,
@@ -49,20 +47,13 @@ SPARE = 4
 # Shapes of a column.
 NULLABLE, LIST = 1, 2
 
-Function = TypeVar("Function", bound=Callable[..., Any])
-
-
-def _kernel(function: Function) -> Function:
-    options: dict[str, Any] = {"cache": True, "nogil": True, "no_cfunc_wrapper": True}
-    return cast(Function, njit(**options)(function))
-
 
 def is_compiled() -> bool:
     """Whether this process has compiled the kernels or loaded them from the cache."""
     return bool(getattr(load_pages, "signatures", True))
 
 
-@_kernel
+@kernel(nogil=True)
 def load_pages(data: Array, base: int, chunks: Array, pages: Array, number: int, scratch: Array, at: int) -> int:
     """Locate a row group's pages; decompress those in LZ4, and reserve space for those in zstd.
 
@@ -153,7 +144,7 @@ def _extended(data: Array, at: int, end: int, nibble: int) -> tuple[int, int]:
     return length, at
 
 
-@_kernel
+@kernel(nogil=True)
 def read_levels(data: Array, pages: Array, shapes: Array, firsts: Array, lists: Array, rows: Array) -> None:
     """Decode the lengths of all columns' rows, and locate the values of their pages.
 
@@ -184,7 +175,7 @@ def read_levels(data: Array, pages: Array, shapes: Array, firsts: Array, lists: 
             offsets[row + 1] = offsets[row] + lengths[row]
 
 
-@_kernel
+@kernel(nogil=True)
 def read_words(data: Array, pages: Array, values: Array) -> bool:
     """Decode 4-byte values, PLAIN or BYTE_STREAM_SPLIT.
 
@@ -210,7 +201,7 @@ def read_words(data: Array, pages: Array, values: Array) -> bool:
     return True
 
 
-@_kernel
+@kernel(nogil=True)
 def read_bits(data: Array, pages: Array, values: Array) -> bool:
     """Decode truth values like :func:`read_words`; ``values`` is (sum of COUNT,) int8."""
     done = 0
@@ -224,7 +215,7 @@ def read_bits(data: Array, pages: Array, values: Array) -> bool:
     return True
 
 
-@_kernel
+@kernel(nogil=True)
 def read_texts(data: Array, pages: Array, offsets: Array, text: Array) -> bool:
     """Decode texts like :func:`read_words`.
 
@@ -250,7 +241,7 @@ def read_texts(data: Array, pages: Array, offsets: Array, text: Array) -> bool:
     return True
 
 
-@_kernel
+@kernel(nogil=True)
 def read_indices(data: Array, pages: Array, codes: Array, values: Array) -> bool:
     """Decode dictionary indices like :func:`read_words`; ``values`` is (sum of COUNT,) int32.
 

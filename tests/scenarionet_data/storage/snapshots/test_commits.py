@@ -152,5 +152,5 @@ def test_endless_rivals_are_a_conflict_with_the_remedy(files, template, monkeypa
     record = write_shard(files.root, [template])
     monkeypatch.setattr(snapshots, "publish", lambda files, snapshot: False)
     monkeypatch.setattr(time, "sleep", lambda seconds: None)
-    with pytest.raises(SnapshotConflict, match="run the same command again, nothing is lost"):
+    with pytest.raises(SnapshotConflict, match="run the same command again, no work is lost"):
         commits.commit(files, [record], "test")

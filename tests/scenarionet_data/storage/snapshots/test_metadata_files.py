@@ -82,15 +82,8 @@ def test_replacing_within_a_merged_partition(files, template, few):
 
 def test_large_partitions_stay_within_the_limit():
     own = [f"metadata/dataset=d/version=v/split=s/{k:05d}-{k:016x}.parquet" for k in range(3000)]
-    wanted = metadata_files.layout(dict.fromkeys(own, "v"))
+    wanted = metadata_files.layout(own)
     assert len(wanted) == metadata_files.MERGED_FILES <= metadata_files.MAX_METADATA_FILES
     assert sorted(name for sources in wanted.values() for name in sources) == own
-    few = dict.fromkeys(own[: metadata_files.MAX_METADATA_FILES], "v")
+    few = own[: metadata_files.MAX_METADATA_FILES]
     assert metadata_files.layout(few) == {name: [name] for name in few}
-
-
-def test_files_of_different_contracts_are_not_merged(few):
-    own = {f"metadata/dataset=d/version=v/split=s/{k}.parquet": "tracks/1" for k in range(9)}
-    assert len(metadata_files.layout(own)) <= 4
-    mixed = own | {"metadata/dataset=d/version=v/split=s/9.parquet": "tracks/2"}
-    assert list(metadata_files.layout(mixed)) == sorted(mixed)

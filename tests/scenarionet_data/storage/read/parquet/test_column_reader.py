@@ -8,9 +8,9 @@ import pyarrow.parquet as pq
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numba import njit
 
 from scenarionet_data.arrays.columns import Columns
+from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.errors import LakeError
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.read.parquet import ColumnReader, RowGroup, UnreadableFile
@@ -211,7 +211,7 @@ def test_spans_beyond_the_rows_are_refused():
 GUARD = 8
 
 
-@njit
+@kernel
 def decompress(block, start, end, target, first, stop):
     """Make the device function callable from Python."""
     return kernels._decompress(block, start, end, target, first, stop)

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numba import njit
 
+from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.storage.read.parquet import thrift_kernels as kernels
 
 
-@njit
+@kernel
 def read_header(data, at):
     """Make the device function callable from Python."""
     return kernels.read_header(data, at)

@@ -1,4 +1,4 @@
-"""How an environment is looked at: pictures as arrays, or a window."""
+"""Rendering of environments: image arrays, or a window."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ if TYPE_CHECKING:
 METADATA: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 10}
 
 
-class View:
-    """What ``render`` does in one of Gymnasium's modes, from above the ego; drawn by ``render``, which it imports late.
+class Renderer:
+    """``render`` of an environment, from above the ego; imports matplotlib on first use.
 
     Args:
         mode: ``rgb_array``, ``human`` or None.
 
     Raises:
-        BadParameter: There is no such mode.
+        BadParameter: The mode is unknown.
     """
 
     def __init__(self, mode: str | None) -> None:
         if mode is not None and mode not in METADATA["render_modes"]:
-            raise BadParameter(f"render_mode {mode!r}; there are {', '.join(METADATA['render_modes'])}")
-        self.mode = mode
+            raise BadParameter(f"unknown render_mode {mode!r}; choose from {', '.join(METADATA['render_modes'])}")
+        self.mode, self.is_window = mode, mode == "human"
         self._live: Live | None = None
 
     def render(self, core: BatchedEnvironment) -> UInt8 | None:
-        """The moment as a picture (H, W, 3), or None when it is shown in a window.
+        """Return the current moment as an image (H, W, 3), or show it in a window and return None.
 
         Raises:
             MissingDependency: matplotlib is not installed.
@@ -46,15 +46,10 @@ class View:
 
             self._live = Live()
         picture = self._live.picture(core.simulation.batch.worlds[0], core.simulation.state)
-        if self.mode == "rgb_array":
+        if not self.is_window:
             return picture
         self._live.show(picture)
         return None
-
-    def follow(self, core: BatchedEnvironment) -> None:
-        """After every step and reset: a window shows it by itself."""
-        if self.mode == "human":
-            self.render(core)
 
     def close(self) -> None:
         """Close the window."""

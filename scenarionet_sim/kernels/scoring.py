@@ -1,0 +1,149 @@
+"""Reward, termination and running statistics of agents after a step."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.arrays.compiled import kernel
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8
+from scenarionet_data.scenario.vocabulary import ObjectType
+from scenarionet_sim.kernels.log import ARC, VALID, VX, VY, X, Y
+from scenarionet_sim.kernels.minmax import larger, smaller
+from scenarionet_sim.kernels.structures import Moment, Recorded
+from scenarionet_sim.task.task import ARRIVED, DRIVING, OFF_ROUTE, TIMED_OUT
+
+ROAD_USERS = np.uint32(sum(1 << kind for kind in (ObjectType.VEHICLE, ObjectType.PEDESTRIAN, ObjectType.CYCLIST)))
+"""Bits of the types that count as vehicles and humans; all others are objects."""
+
+TERMS = ("displacement", "smoothness", "collision", "terminal")
+"""Terms of the reward: the first columns of ``StepResult.numbers``."""
+
+NUMBERS = (
+    *TERMS,
+    "route_completion",
+    "lateral",
+    "cost",
+    "vehicle_crashes",
+    "human_crashes",
+    "object_crashes",
+    "speed",
+    "mean_speed",
+    "distance_to_log",
+    "mean_distance_to_log",
+)
+"""Columns of ``StepResult.numbers``."""
+
+_COMPLETION, _LATERAL, _COST, _CRASHES, _SPEED, _MEAN_SPEED, _DISTANCE, _MEAN_DISTANCE = 4, 5, 6, 7, 10, 11, 12, 13
+_VEHICLE, _HUMANS = int(ObjectType.VEHICLE), (int(ObjectType.PEDESTRIAN), int(ObjectType.CYCLIST))
+_STEPS, _SPEEDS, _LOG_STEPS, _LOG_DISTANCES = 3, 4, 5, 6  # columns of totals, after three of crashes
+NUM_TOTALS = 7
+
+
+class Contacts(NamedTuple):
+    """Objects that A agents touch.
+
+    Attributes:
+        now, before: (A, N) after this step, and after the one before.
+        hits: (A,) their types as bits.
+    """
+
+    now: Bool
+    before: Bool
+    hits: npt.NDArray[np.uint32]
+
+
+class StepResult(NamedTuple):
+    """Result of a step for A agents.
+
+    Attributes:
+        numbers: (A, 14) weighted terms of the reward, which add up to it; completed share of the route; lateral
+            offset from it [m]; crashes that begin in this step; crashes so far with vehicles, humans and objects;
+            speed now and on average [m/s]; distance from the recorded position, last known and on average [m].
+        status: (A,) codes of ``Status``.
+        totals: (W, N, 7) sums over the episode, by object: crashes with vehicles, humans and objects; steps,
+            speeds; steps with a recorded position, distances from it.
+    """
+
+    numbers: Float64
+    status: UInt8
+    totals: Float64
+
+
+@kernel
+def score_step(
+    agents: Int32,
+    steering: Float64,
+    contacts: Contacts,
+    now: Moment,
+    route: Float64,
+    route_before: Float64,
+    recorded: Recorded,
+    task: Float64,
+    result: StepResult,
+) -> None:
+    """Write the result of a step.
+
+    An agent both beyond the end of its route and off it has left it: it must arrive on the route. A crash begins when
+    an agent touches an object that it did not touch a step before. The distance from the recording is measured in
+    the plane, at timesteps with a recorded position.
+
+    Nine parameters: ``route`` differs from ``now.route`` for egos that a policy drives.
+
+    Args:
+        agents: (A, 2) world and row.
+        steering: (A,) first number of each action, in [-1, 1].
+        contacts: Objects that the agents touch.
+        now: Current state.
+        route, route_before: (W, N, 2) location on the reference trajectory, now and a step before; see ``State``.
+        recorded: Logs and paths.
+        task: (12,) see ``task.task_parameters``.
+        result: Output.
+    """
+    c1, c2, c3, p_road_user, p_object, r_arrived, r_off_route, slow = task[:8]
+    max_lateral, min_completion, short_route, extra_steps = task[8:]
+    log = recorded.log
+    for a in range(len(agents)):
+        w, n = agents[a, 0], agents[a, 1]
+        row, numbers, total, t = now.motion[w, n], result.numbers[a], result.totals[w, n], now.timestep[w]
+        speed = np.hypot(row[VX], row[VY])
+        first, end = recorded.path_offsets[w, n], recorded.path_offsets[w, n + 1]
+        length = recorded.path[w, end - 1, ARC] if end > first else 0.0
+        is_short = length < short_route
+        done = 1.0 if is_short else smaller(larger(route[w, n, 0] / length, 0.0), 1.0)
+        status, terminal = DRIVING, 0.0
+        if abs(route[w, n, 1]) > max_lateral:
+            status, terminal = OFF_ROUTE, r_off_route
+        elif is_short or done > min_completion:
+            status, terminal = ARRIVED, r_arrived
+        elif t >= recorded.num_steps[w] + extra_steps:
+            status = TIMED_OUT
+        collision = 0.0
+        if contacts.hits[a] & ROAD_USERS:
+            collision = p_road_user
+        elif contacts.hits[a]:
+            collision = p_object
+        numbers[0] = c1 * (route[w, n, 0] - route_before[w, n, 0]) if status == DRIVING else 0.0
+        numbers[1] = c2 * smaller(0.0, 1.0 / speed - abs(steering[a])) if speed >= slow else c2 * 0.0
+        numbers[2], numbers[3] = c3 * collision, terminal
+        numbers[_COMPLETION], numbers[_LATERAL], result.status[a] = done, route[w, n, 1], status
+        begun = 0
+        for m in range(contacts.now.shape[1]):
+            if contacts.now[a, m] and not contacts.before[a, m]:
+                begun += 1
+                kind = now.object_type[w, m]
+                total[0 if kind == _VEHICLE else (1 if kind in _HUMANS else 2)] += 1.0
+        total[_STEPS] += 1.0
+        total[_SPEEDS] += speed
+        if t < recorded.num_steps[w] and log[w, t, n, VALID] != 0:
+            apart = np.hypot(row[X] - log[w, t, n, X], row[Y] - log[w, t, n, Y])
+            total[_LOG_STEPS] += 1.0
+            total[_LOG_DISTANCES] += apart
+            numbers[_DISTANCE] = apart
+        numbers[_COST] = begun
+        for kind in range(3):
+            numbers[_CRASHES + kind] = total[kind]
+        numbers[_SPEED], numbers[_MEAN_SPEED] = speed, total[_SPEEDS] / total[_STEPS]
+        numbers[_MEAN_DISTANCE] = total[_LOG_DISTANCES] / larger(total[_LOG_STEPS], 1.0)

@@ -1,0 +1,43 @@
+"""``scenarionet compile``: afterwards, no process has to compile anything."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+USE = """
+import sys
+from scenarionet_data import ScenarioLoader, convert
+from scenarionet_data.arrays.compiled import compilations
+from scenarionet_sim import Idm, External, Replay, ScenarioNetEnv, Scenarios
+
+convert("pg", "8:10", sys.argv[1])
+ScenarioLoader(sys.argv[1])[0]
+for policies in ((Replay(), External()), (Replay(), Idm(), External())):
+    env = ScenarioNetEnv(scenarios=Scenarios(sys.argv[1]), policies=policies)
+    env.reset(seed=0)
+    env.step([0.0, 0.5])
+print([done.name for done in compilations if not done.from_cache], len(compilations) > 10)
+"""
+
+
+@pytest.mark.parametrize("is_fresh", [False, pytest.param(True, marks=pytest.mark.long)])
+def test_nothing_is_compiled_after_compile(tmp_path, is_fresh):
+    pytest.importorskip("gymnasium")
+    environment = dict(os.environ)
+    if is_fresh:
+        environment["NUMBA_CACHE_DIR"] = str(tmp_path / "cache")
+    run = {"env": environment, "capture_output": True, "text": True, "check": True}
+    made = subprocess.run([sys.executable, "-m", "scenarionet_pipelines.cli", "compile", "--json"], **run)
+    report = json.loads(made.stdout)
+    assert sum(task["compiled"] + task["cached"] for task in report["tasks"]) > 20
+    assert report["folders"]
+    if is_fresh:
+        assert all(folder.startswith(str(tmp_path)) for folder in report["folders"])
+        assert sum(task["cached"] for task in report["tasks"]) == 0
+    used = subprocess.run([sys.executable, "-c", USE, str(tmp_path / "lake")], **run)
+    assert used.stdout.split() == ["[]", "True"]

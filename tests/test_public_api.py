@@ -1,0 +1,119 @@
+"""The public names, and that a misspelt keyword is an error in every public function and method."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import pkgutil
+import subprocess
+import sys
+
+import pytest
+
+import scenarionet_data
+from scenarionet_data import Database, Lake, ScenarioLoader
+from tests.fixtures.lakes import write_lake
+from tests.fixtures.scenarios import make_scenario
+
+PACKAGES = ("scenarionet_data", "scenarionet_sim", "scenarionet_pipelines")
+
+FORWARDED = {
+    "scenarionet_data.plots.artists.Strokes.__init__": "to matplotlib",
+    "scenarionet_data.plots.artists.Pieces.__init__": "to matplotlib",
+    "scenarionet_data.plots.artists.Marks.__init__": "to matplotlib",
+    "scenarionet_data.plots.artists.areas": "to matplotlib",
+    "scenarionet_data.plots.style.new_figure": "to matplotlib",
+    "scenarionet_data.plots.drawing.scenario_figure": "to draw_scenario",
+    "scenarionet_data.plots.multiples.small_multiples": "to draw_scenario",
+    "scenarionet_data.procedural.roadmap.Block.add_lane": "to the dataclass Lane",
+    "scenarionet_data.storage.files.fsspec_adapter.RemoteFilesystem.info": "signature of fsspec",
+    "scenarionet_data.storage.files.fsspec_adapter.RemoteFilesystem.glob": "signature of fsspec",
+    "scenarionet_sim.environments.single_agent.ScenarioNetEnv.__init__": "to the dataclass EnvConfig",
+    "scenarionet_sim.environments.multi_agent.ScenarioNetParallelEnv.__init__": "to the dataclass EnvConfig",
+    "scenarionet_sim.environments.vector.ScenarioNetVectorEnv.__init__": "to the dataclass EnvConfig",
+    "scenarionet_sim.environments.vector.ScenarioNetVectorEnv.close_extras": "signature of Gymnasium",
+    "scenarionet_pipelines.cli.group.Verb.__init__": "to click",
+    "scenarionet_pipelines.cli.group.Verbs.__init__": "to click",
+    "scenarionet_pipelines.report.markup.tag": "attributes of an HTML element",
+}
+"""Functions with ``**`` parameters, and what rejects unknown names or uses any of them."""
+
+
+def public_functions():
+    """Public functions and methods, and constructors, by qualified name."""
+    for package in map(importlib.import_module, PACKAGES):
+        for found in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+            try:
+                module = importlib.import_module(found.name)
+            except ModuleNotFoundError as error:  # an optional dependency
+                assert (error.name or "").split(".")[0] not in PACKAGES, found.name
+                continue
+            for name, value in vars(module).items():
+                if name.startswith("_") or getattr(value, "__module__", None) != module.__name__:
+                    continue
+                members = vars(value).items() if inspect.isclass(value) else ()
+                functions = [(name, value)] if inspect.isfunction(value) else []
+                for member, attribute in members:
+                    function = getattr(attribute, "__func__", attribute)
+                    is_public = not member.startswith("_") or member == "__init__"
+                    if is_public and inspect.isfunction(function) and function.__module__ == module.__name__:
+                        functions.append((f"{name}.{member}", function))
+                for qualified, function in functions:
+                    yield f"{module.__name__}.{qualified}", function
+
+
+def test_no_public_function_swallows_keywords():
+    swallowing = {
+        name
+        for name, function in public_functions()
+        if any(each.kind is each.VAR_KEYWORD for each in inspect.signature(function).parameters.values())
+    }
+    assert swallowing - set(FORWARDED) == set()
+
+
+@pytest.fixture
+def lake_of_three(tmp_path):
+    return write_lake(tmp_path / "lake", [make_scenario(k, num_steps=6, num_lanes=1) for k in range(3)])
+
+
+@pytest.mark.parametrize("kind", [Lake, Database, ScenarioLoader])
+def test_methods_are_written_out(kind):
+    classes = [each for each in kind.__mro__ if each.__module__.startswith("scenarionet_data")]
+    methods = {name: value for each in classes for name, value in vars(each).items() if inspect.isfunction(value)}
+    wrong = [name for name, value in methods.items() if not value.__qualname__.endswith(f".{name}")]
+    assert wrong == []
+    assert [name for name, value in methods.items() if not name.startswith("_") and not value.__doc__] == []
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda lake: lake.filter("true", name="x", parant="busy"),
+        lambda lake: lake.select("true", parant="busy"),
+        lambda lake: lake.sample(n=2, name="x", sead=3),
+        lambda lake: lake.split(None, {"a": 1.0}, prefix="x"),
+        lambda lake: lake.merge("a", "b", name="x", replase=True),
+        lambda lake: lake.copy("a", name="x", replase=True),
+        lambda lake: lake.arrow("SELECT 1", boxes=None),
+        lambda lake: lake.select().filter(name="x", where_="true"),
+    ],
+)
+def test_a_misspelt_keyword_is_a_type_error(call, lake_of_three):
+    with pytest.raises(TypeError, match="unexpected keyword argument"):
+        call(lake_of_three)
+    assert lake_of_three.databases == []
+
+
+def test_public_names_are_listed_and_imported_on_demand():
+    names = scenarionet_data.__all__
+    assert len(set(names)) == len(names) <= 40
+    assert dir(scenarionet_data) == sorted(names)
+    assert {name for name in names if getattr(scenarionet_data, name, None) is None} == set()
+    assert scenarionet_data.__version__[0].isdecimal()
+    with pytest.raises(AttributeError, match=r"has no 'Lakes'; it has .*Lake"):
+        _ = scenarionet_data.Lakes
+    code = (
+        "import sys, scenarionet_data; print([n for n in ('duckdb', 'numba', 'pyarrow', 'numpy') if n in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
