@@ -36,7 +36,7 @@ def scenario_card(scenario: ScenarioDescription) -> str:
     """Return a picture and the properties of a scenario."""
     tracks, source = scenario.tracks, scenario.source
     seconds = float(scenario.timestamps[-1] - scenario.timestamps[0])
-    facts = {
+    properties = {
         "scenario": scenario.id,
         "split": scenario.split,
         "time": f"{scenario.num_timesteps} timesteps, {seconds:.1f} s, now at {scenario.current_timestep}",
@@ -46,13 +46,13 @@ def scenario_card(scenario: ScenarioDescription) -> str:
         "place": ", ".join(filter(None, (source.city, source.date))) or "unknown",
         "licence": source.licence,
     }
-    return _card(_table_of(facts), [_picture(scenario)])
+    return _card(_table_of(properties), [_picture(scenario)])
 
 
 def database_card(database: Database) -> str:
     """Return the properties and first scenarios of a database."""
     lineage = database.lineage
-    facts = {
+    properties = {
         "database": database.reference,
         "scenarios": f"{len(database):,}",
         "made by": lineage.operation + (f" of {', '.join(lineage.parents)}" if lineage.parents else ""),
@@ -60,7 +60,7 @@ def database_card(database: Database) -> str:
         "when": f"{lineage.created_at}, on snapshot {lineage.snapshot}",
     }
     first = database.members["scenario_id"][:_PICTURES].to_pylist()
-    return _card(_table_of(facts), _pictures(database.view, first))
+    return _card(_table_of(properties), _pictures(database.view, first))
 
 
 def loader_card(loader: ScenarioLoader) -> str:
@@ -75,9 +75,9 @@ def lake_card(lake: Lake) -> str:
         _table(rows.columns, rows.rows()) if len(rows) else "<p>no scenarios yet: <code>scenarionet convert</code></p>"
     )
     databases = ", ".join(lake.databases) or "none yet"
-    facts = {"lake": str(lake.root), "snapshot": f"{lake.snapshot.number}", "databases": databases}
+    properties = {"lake": str(lake.root), "snapshot": f"{lake.snapshot.number}", "databases": databases}
     examples = lake.sql(_EXAMPLES, {"count": _PICTURES})["scenario_id"].to_list()
-    return _card(_table_of(facts) + table, _pictures(lake, examples))
+    return _card(_table_of(properties) + table, _pictures(lake, examples))
 
 
 def _pictures(view: LakeView, ids: Sequence[str]) -> list[str]:

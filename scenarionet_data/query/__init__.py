@@ -1,1 +1,1 @@
-"""Asks the lake: DuckDB views over a snapshot's files, databases of scenarios, lineage."""
+"""Queries: DuckDB views over the files of a snapshot, named SQL, and the base class of lakes."""

@@ -9,7 +9,7 @@ from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.scenario.description import MapFeatures
 
 HALF_WIDTH = 1.75
-"""From the centreline to either side [m] of a lane of unknown width."""
+"""Distance from the centreline to either side [m] of lanes of unknown width."""
 
 _PLAUSIBLE = (0.5, 2.75)
 """Plausible half widths [m]: where a lane has no boundary of its own, sources record 0, or the distance to a boundary

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -105,3 +106,20 @@ def test_facts_are_shown_where_pictures_cannot_be(tmp_path, monkeypatch):
     page = Page(lake_card(lake))
     assert any(word.startswith("no pictures: ") for word in page.words)
     assert "made" in page.words
+
+
+def test_a_notebook_shows_html(tmp_path):
+    """IPython shows the HTML without ``_repr_html_`` on the classes: parts below do not know how they are displayed."""
+    pytest.importorskip("IPython")
+    root = write_lake(tmp_path / "lake", [make_scenario(1)]).root
+    code = (
+        "from IPython.core.interactiveshell import InteractiveShell\n"
+        "shell = InteractiveShell.instance()\n"
+        "from scenarionet_data import Lake, ScenarioLoader\n"
+        f"lake = Lake({str(root)!r})\n"
+        "for shown in (lake, lake.select(), lake.select()[0], ScenarioLoader(lake)):\n"
+        "    html = shell.display_formatter.format(shown)[0]['text/html']\n"
+        "    print('<table>' in html, len(repr(shown).splitlines()))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == ["True 1"] * 4

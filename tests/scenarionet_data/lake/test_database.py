@@ -189,3 +189,12 @@ def test_operations_take_a_path(own):
     assert all(result.is_met for result in run_checks(own.root, names=["ids_are_unique"]).results)
     assert pack(str(own.root), "all", own.root.parent / "pack").num_scenarios == NUM_VARIED
     assert len(ScenarioLoader(str(own.root), "all")) == NUM_VARIED
+
+
+def test_a_selection_is_exported_and_drawn(own, tmp_path):
+    selected = own.select("num_objects > 3")
+    assert selected.export(tmp_path / "pickles").num_scenarios == len(selected)
+    assert own.export(selected, tmp_path / "again").num_scenarios == len(selected)
+    plots = pytest.importorskip("scenarionet_data.plots.distributions")
+    groups = plots.distributions(own, "num_objects", databases=[selected])
+    assert [group.counts.sum() for group in groups] == [len(selected)]
