@@ -35,6 +35,7 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
     Runs after the workers have ended: the operating system counts only children that have been waited for.
     """
+    gc.unfreeze()  # what is left at the end of the process would be reported as a leak
     if hasattr(config, "workerinput") or config.option.collectonly:
         return
     used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]

@@ -1,4 +1,4 @@
-"""Small geometry on arrays: angles, path lengths, frames. No scenario types here."""
+"""Plane geometry on arrays: angles, path lengths, rotations, boxes, velocities."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def yaw_from_quaternion(qw: Float64, qx: Float64, qy: Float64, qz: Float64) -> F
 
 
 def rotate(points: Array, angle: npt.ArrayLike) -> Float64:
-    """Points (..., 2) turned counter-clockwise by ``angle`` (...) [rad]."""
+    """Points (..., 2) rotated counter-clockwise by ``angle`` (...) [rad]."""
     cos, sin = np.cos(angle), np.sin(angle)
     x, y = points[..., 0], points[..., 1]
     return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
@@ -56,9 +56,9 @@ def box_corners(center: Array, heading: Array, length: Array, width: Array) -> F
 
 
 def median_sizes(size: Array, valid: Bool) -> Float32:
-    """(N, k) float32 medians of sizes (N, T, k) over the valid steps (N, T); 0 for what is never valid.
+    """(N, k) float32 medians of sizes (N, T, k) over the valid steps (N, T); 0 for objects that are never valid.
 
-    A sensor's noise then makes no box grow.
+    The median is robust against sensor noise.
     """
     ordered = np.sort(np.where(valid[..., None], size, np.inf), axis=1)
     count = valid.sum(axis=1)
@@ -70,7 +70,7 @@ def median_sizes(size: Array, valid: Bool) -> Float32:
 
 
 def estimate_velocity(position: Array, valid: Bool, timestamps: Array) -> Float64:
-    """Velocity from positions, for sources that record none: central differences over valid neighbours.
+    """Estimate velocity from positions by central differences over valid neighbours, for sources without velocity.
 
     One-sided at both ends of a run of valid timesteps; 0 for a state without a valid neighbour.
 

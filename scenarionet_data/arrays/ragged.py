@@ -1,4 +1,4 @@
-"""Lists of different lengths in two flat arrays: polylines, polygons, and the ids a lane refers to."""
+"""Ragged arrays: lists of different lengths in two flat arrays, for polylines, polygons and ids."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Ragged:
 
     Attributes:
         offsets: (M + 1,) int32; list ``i`` is ``values[offsets[i]:offsets[i + 1]]``.
-        values: (P, ...) the lists' elements, one after the other: (P, 3) float32 points [m],
+        values: (P, ...) elements of all lists, concatenated: (P, 3) float32 points [m],
             (P, 2) float32 widths [m], or (P,) str ids as an object array.
 
     Example:
@@ -50,10 +50,10 @@ class Ragged:
         return self.offsets[1:] - self.offsets[:-1]
 
     def take(self, rows: Array) -> Ragged:
-        """The lists at ``rows``, in that order."""
+        """Select lists by index."""
         lengths = self.lengths[rows]
         offsets = _offsets(lengths)
-        if not offsets[-1]:  # as most lists of ids are
+        if not offsets[-1]:  # common for lists of ids
             return Ragged(offsets, self.values[:0])
         elements = np.arange(offsets[-1]) + np.repeat(self.offsets[rows] - offsets[:-1], lengths)
         return Ragged(offsets, self.values[elements])
@@ -68,7 +68,7 @@ class Ragged:
         return lower, upper
 
     def is_equal(self, other: Ragged) -> bool:
-        """Whether both hold the same lists, bit for bit."""
+        """Whether both have the same lists, bit for bit."""
         return (
             np.array_equal(self.offsets, other.offsets)
             and self.values.dtype == other.values.dtype
@@ -84,7 +84,7 @@ class Ragged:
 
     @classmethod
     def from_flat(cls, lengths: Sequence[int] | Array, values: Array) -> Ragged:
-        """Lists of these lengths whose elements lie one after the other in ``values``."""
+        """Lists of these lengths over the concatenated elements ``values``."""
         return cls(_offsets(lengths), values)
 
     @classmethod

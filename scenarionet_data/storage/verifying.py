@@ -1,4 +1,4 @@
-"""Whether a snapshot's files are what was written: sizes, checksums, footers, and every row that is referred to."""
+"""Verify a snapshot's files: sizes, checksums, footers, and all referenced rows."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _PARTITION = ["dataset", "version", "split"]
 
 @dataclass(frozen=True)
 class Written:
-    """What is known about a file since it was written; None where nothing is.
+    """Size and checksum of a file when it was written; None if unknown.
 
     Attributes:
         size: Bytes.
@@ -36,11 +36,11 @@ class Written:
 
 @dataclass(frozen=True)
 class Damage:
-    """What is wrong with a file.
+    """Damage of a file.
 
     Attributes:
         file: Its name, relative to the lake.
-        reason: What was wanted and what was found.
+        reason: What was expected and what was found.
     """
 
     file: str
@@ -53,19 +53,19 @@ def verify(
     digest: Callable[[str], str] | None = None,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> Iterator[Damage]:
-    """Everything that is wrong with the files of a snapshot; each file of the lake is read once.
+    """Find all damage in the files of a snapshot; each file is read once.
 
     Args:
-        files: The lake.
-        snapshot: Which version of it.
-        digest: SHA-256 of a file by its name; computed unless given.
+        files: The lake's files.
+        snapshot: The snapshot.
+        digest: Returns the SHA-256 of a file; computed by default.
         on_progress: Called with files read and files to read.
     """
     lists = [*snapshot.manifests, *snapshot.metadata]
     broken = [damage for name in lists for damage in unreadable(files, name)]
     yield from broken
     if {damage.file for damage in broken} & set(snapshot.manifests):
-        return  # nobody can say what belongs to the snapshot
+        return  # the contents of the snapshot are unknown
     verifier = Verifier(files, digest=digest)
     shards = manifests.shard_table(files, snapshot)
     yield from verifier.files(listed(shards), on_progress)
@@ -74,19 +74,19 @@ def verify(
 
 
 def listed(shards: pa.Table) -> dict[str, Written]:
-    """What is known about each file of some shards, by its name; shards may share files."""
+    """Sizes and checksums of the files of some shards, by name; shards may share files."""
     columns = (pc.list_flatten(shards[name]).to_pylist() for name in ("files", "sizes", "checksums"))
     return {name: Written(size, checksum) for name, size, checksum in zip(*columns, strict=True)}
 
 
 class Verifier:
-    """Checks files of a lake, and then whether what refers to them is true.
+    """Checks files of a lake, then the references to them.
 
     Args:
-        files: The lake.
-        is_deep: Whether every byte is read, and who lies in every row.
+        files: The lake's files.
+        is_deep: Whether to read every byte and the scenario of every row.
         workers: Threads that read files.
-        digest: SHA-256 of a file by its name; computed unless given.
+        digest: Returns the SHA-256 of a file; computed by default.
     """
 
     def __init__(
@@ -106,10 +106,10 @@ class Verifier:
     def files(
         self, written: Mapping[str, Written], on_progress: Callable[[int, int], None] | None = None
     ) -> Iterator[Damage]:
-        """What is wrong with files of tables.
+        """Find damage in files of tables.
 
         Args:
-            written: What is known about each by its name.
+            written: Size and checksum of each file by name.
             on_progress: Called with files read and files to read.
         """
         with ThreadPoolExecutor(self._workers) as pool:
@@ -123,7 +123,7 @@ class Verifier:
                     on_progress(done, len(written))
 
     def _file(self, name: str, written: Written) -> Damage | Int64:
-        """Rows of each row group of a file, or what is wrong with it."""
+        """Rows of each row group of a file, or its damage."""
         digest = self._digest if self._is_deep else None
         damage = _changed(self._files, name, written, digest)
         if damage:
@@ -134,23 +134,23 @@ class Verifier:
             return Damage(name, str(error))
 
     def references(self, snapshot: Snapshot, shards: pa.Table) -> Iterator[Damage]:
-        """What a snapshot says that is not so, after its files have been checked.
+        """Find wrong references of a snapshot, after its files have been checked.
 
         Args:
-            snapshot: Which version of the lake.
+            snapshot: The snapshot.
             shards: Its shards.
         """
         names, table = _columns(), tables.load("metadata")
         parts = [table.conform(part, names) for part in self._files.read_all(snapshot.metadata, names)]
         rows = pa.concat_tables([table.schema.empty_table().select(names), *parts])
-        # Nobody has the rows of a shared map as an address.
+        # No scenario has the address of rows of a shared map.
         shared = set(listed(shards.filter(pc.equal(shards["split"], ""))))
         yield from self._wrong_addresses(rows, set(listed(shards)), shared)
         yield from _missing_maps(rows, shards)
         yield from _wrong_counts(rows, shards)
 
     def _wrong_addresses(self, rows: pa.Table, known: set[str], shared: set[str]) -> Iterator[Damage]:
-        """Scenarios whose rows are not where their metadata say, one of each file; and rows of nobody."""
+        """Find scenarios with wrong addresses (one per file), and files without scenarios."""
         for table in _ADDRESSED:
             addressed = rows.filter(pc.greater(rows[f"{table}_num_rows"], 0))
             names = addressed[f"{table}_file"].cast(pa.string()).combine_chunks().dictionary_encode()
@@ -164,22 +164,22 @@ class Verifier:
                 chosen = np.flatnonzero(codes == code)
                 if name not in known:
                     yield Damage(name, f"holds {ids[chosen[0]]}, but no shard of the snapshot lists it")
-                if name in self._groups:  # else it is told already
+                if name in self._groups:  # otherwise its damage is reported already
                     yield from self._wrong_file(name, ids[chosen], places[chosen])
             left = sorted((known - shared - set(names.dictionary.to_pylist())) & set(self._groups))
             yield from (Damage(name, "no scenario has its rows here") for name in left if name.startswith(f"{table}/"))
 
     def _wrong_file(self, name: str, ids: Object, places: Int64) -> Iterator[Damage]:
-        """Scenarios that a file does not hold where they should be, one of them.
+        """Find a scenario whose rows are not at its address in a file.
 
         Args:
             name: The file.
-            ids: (n,) of the scenarios.
+            ids: (n,) scenario ids.
             places: (n, 3) row group, first row, number of rows of each.
         """
         number, first, count = places.T
         held = self._groups[name]
-        there = np.append(held, 0)  # the last for numbers that there are none of
+        there = np.append(held, 0)  # the last element is for row groups that do not exist
         wrong = (first < 0) | (first + count > there[np.where((number >= 0) & (number < len(held)), number, -1)])
         for row in np.flatnonzero(wrong)[:1]:
             yield Damage(name, f"row group {number[row]} does not hold the {count[row]} rows of {ids[row]}")
@@ -192,7 +192,7 @@ class Verifier:
             yield from self._strangers(name, ids, start, count)
 
     def _strangers(self, name: str, ids: Object, start: Int64, count: Int64) -> Iterator[Damage]:
-        """Rows that belong to another scenario than the one that has its rows there, one of them."""
+        """Find a row that belongs to another scenario than its address says."""
         key = "map_id" if name.startswith("maps/") else "scenario_id"
         found = self._files.read(name, [key])[key].to_numpy()
         offsets = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
@@ -203,7 +203,7 @@ class Verifier:
 
 
 def unreadable(files: LakeFiles, name: str) -> Iterator[Damage]:
-    """What is wrong with a file that is read whole."""
+    """Read a whole file and report its damage."""
     try:
         files.read(name)
     except LakeError as error:
@@ -211,14 +211,14 @@ def unreadable(files: LakeFiles, name: str) -> Iterator[Damage]:
 
 
 def _changed(files: LakeFiles, name: str, written: Written, digest: Callable[[str], str] | None) -> Damage | None:
-    """What is wrong with the bytes of a file."""
+    """Compare size and checksum of a file with those written."""
     found = files.size(name)
     if found is None:
         return Damage(name, "gone")
     if written.size is not None and found != written.size:
         return Damage(name, f"{found:,} bytes long, was written with {written.size:,}")
     if digest and written.checksum is not None and digest(name) != written.checksum:
-        return Damage(name, "its bytes are not those that were written: another checksum")
+        return Damage(name, "its bytes differ from those written: another checksum")
     return None
 
 
@@ -226,7 +226,7 @@ def _row_groups(files: LakeFiles, name: str) -> Int64:
     """Rows of each row group.
 
     Raises:
-        LakeError: The footer cannot be read, or is of another version of the contract.
+        LakeError: The footer cannot be read, or has a schema version that cannot be read.
     """
     footer = files.footer(name)
     tables.load(name.split("/")[0]).check_version(footer.metadata, files.url(name))
@@ -242,7 +242,7 @@ def _columns() -> list[str]:
 
 
 def _missing_maps(rows: pa.Table, shards: pa.Table) -> Iterator[Damage]:
-    """Shared maps that scenarios are windows on and no shard has."""
+    """Find shared maps that scenarios refer to and no shard contains."""
     keys = ["dataset", "version", "map_id"]
     shared = shards.filter(pc.equal(shards["split"], ""))
     there = set(zip(*(shared[name].to_pylist() for name in ("dataset", "version", "name")), strict=True))
@@ -253,7 +253,7 @@ def _missing_maps(rows: pa.Table, shards: pa.Table) -> Iterator[Damage]:
 
 
 def _wrong_counts(rows: pa.Table, shards: pa.Table) -> Iterator[Damage]:
-    """Partitions with other scenarios than their shards say."""
+    """Find partitions whose number of scenarios differs from that of their shards."""
     texts = pa.table({name: rows[name].cast(pa.string()) for name in _PARTITION})
     held = texts.group_by(_PARTITION).aggregate([([], "count_all")])
     said = shards.group_by(_PARTITION).aggregate([("num_scenarios", "sum")])

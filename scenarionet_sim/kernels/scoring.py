@@ -102,8 +102,10 @@ def score_step(
         task: (12,) see ``task.task_parameters``.
         result: Output.
     """
-    c1, c2, c3, p_road_user, p_object, r_arrived, r_off_route, slow = task[:8]
-    max_lateral, min_completion, short_route, extra_steps = task[8:]
+    # Indexed, since unpacking an array compiles an iterator for every name.
+    c1, c2, c3, p_road_user, p_object = task[0], task[1], task[2], task[3], task[4]
+    r_arrived, r_off_route, slow = task[5], task[6], task[7]
+    max_lateral, min_completion, short_route, extra_steps = task[8], task[9], task[10], task[11]
     log = recorded.log
     for a in range(len(agents)):
         w, n = agents[a, 0], agents[a, 1]

@@ -109,7 +109,7 @@ def test_progress_goes_to_standard_error(tmp_path, monkeypatch):
     from scenarionet_pipelines.cli import progress
 
     echo, printed = click.echo, []
-    monkeypatch.setattr(progress, "_LINE_EVERY", 0.02)
+    monkeypatch.setattr(progress, "_SECONDS_BETWEEN_LINES", 0.02)
     monkeypatch.setattr(progress.click, "echo", lambda line, **how: (printed.append(str(line)), echo(line, **how)))
     raw = held_raw(tmp_path / "raw", shards=2)
     gate.close(raw, admitted=0)
@@ -164,7 +164,7 @@ def test_an_interrupted_run_is_continued(number, tmp_path, ok):
     assert output == ""
     line = log.read_text().splitlines()[-1]  # after lines of progress
     assert line.startswith("interrupted: ")
-    assert "the same command goes on from there" in line
+    assert "run the same command again to continue" in line
     kept = len(Lake(lake))
     assert 9 <= kept < 30
     assert f"({kept} scenarios)" in line

@@ -37,8 +37,8 @@ def test_watching_ends_cleanly(number, tmp_path):
     reported = log.read_text()
     assert running.returncode == 0
     assert errors.splitlines() == [
-        f"watching {raw}: a look every 0.2 s, until Ctrl-C",
-        f"stopped watching {raw}; what is finished is kept in {lake}",
+        f"watching {raw} every 0.2 s; stop with Ctrl-C",
+        f"stopped watching {raw}; finished shards are kept in {lake}",
     ]
     reports = [json.loads(text) for text in re.split(r"(?<=^})\n", reported, flags=re.MULTILINE) if text]
     assert [report["converted"] for report in reports] == [2, 1]

@@ -1,4 +1,4 @@
-"""Snapshots: the committed, immutable lists of what a lake holds. Readers trust a snapshot, never a folder."""
+"""Snapshots: immutable lists of a lake's files. Readers use a snapshot, never the listing of a folder."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class Snapshot:
     Attributes:
         number: From 1; 0 is the empty lake before its first commit.
         created_at: UTC, ISO 8601.
-        operation: What made it, in words.
-        metadata: Live files of the metadata table.
-        manifests: Parquet files that list the shards, together.
+        operation: Description of the commit.
+        metadata: Files of the metadata table.
+        manifests: Parquet files that list the shards.
     """
 
     number: int
@@ -35,7 +35,7 @@ class Snapshot:
     manifests: tuple[str, ...]
 
     def to_bytes(self) -> bytes:
-        """As JSON text."""
+        """Serialise as JSON."""
         return json.dumps({"format": 1, **asdict(self)}, indent=1).encode()
 
 
@@ -43,16 +43,16 @@ EMPTY = Snapshot(0, "", "empty", (), ())
 
 
 def numbers(files: LakeFiles) -> list[int]:
-    """Numbers of the snapshots that are there, rising."""
+    """Numbers of the existing snapshots, ascending."""
     stems = [name.rpartition("/")[2].removesuffix(".json") for name in files.names(FOLDER, ".json")]
     return sorted(int(stem) for stem in stems if stem.isdecimal())
 
 
 def read(files: LakeFiles, number: int | None = None) -> Snapshot:
-    """A snapshot; the newest when no number is given, EMPTY for a lake without any.
+    """Read a snapshot, by default the newest one; EMPTY for a lake without snapshots.
 
     Raises:
-        NoSuchSnapshot: That number is not there; the message lists what is.
+        NoSuchSnapshot: The snapshot does not exist; the message lists those that do.
     """
     there, wanted = numbers(files), number
     if number is None:
@@ -68,24 +68,24 @@ def read(files: LakeFiles, number: int | None = None) -> Snapshot:
     except (FileNotFoundError, LakeError):
         if files.has(file_name(number)):
             raise
-        return read(files, wanted)  # it has expired since it was listed
+        return read(files, wanted)  # expired since it was listed
 
 
 def newest(files: LakeFiles) -> Snapshot:
-    """The newest snapshot.
+    """Read the newest snapshot.
 
     Raises:
-        NoSuchSnapshot: There is no lake.
+        NoSuchSnapshot: The folder contains no lake.
     """
     check_is_lake(files)
     return read(files)
 
 
 def check_is_lake(files: LakeFiles) -> None:
-    """Refuse a folder that is none.
+    """Raise unless the folder contains a lake.
 
     Raises:
-        NoSuchSnapshot: With the remedy.
+        NoSuchSnapshot: The message names the remedy.
     """
     if FOLDER not in files.folders("."):
         remedy = f"make one with `scenarionet convert DATASET RAW {files.root}`"
@@ -107,17 +107,17 @@ def _parse(path: Path) -> Snapshot:
 
 
 def publish(files: LakeFiles, snapshot: Snapshot) -> bool:
-    """Publish a snapshot unless another job took its number; returns whether it did."""
+    """Publish a snapshot unless its number is taken; returns whether it was published."""
     if not files.publish_new(file_name(snapshot.number), snapshot.to_bytes()):
         return False
-    if files.has(_mark(snapshot.number)):  # that number was taken and has expired since: others have moved on
+    if files.has(_mark(snapshot.number)):  # the number was used by a snapshot that has expired
         files.remove(file_name(snapshot.number))
         return False
     return True
 
 
 def expire(files: LakeFiles, number: int) -> None:
-    """Take a snapshot away. Its number stays taken: a mark says so to whoever was about to publish it."""
+    """Remove a snapshot; a mark keeps its number reserved, so that no concurrent job publishes it again."""
     files.publish_new(_mark(number), b"")
     files.remove(file_name(number))
 
@@ -129,29 +129,29 @@ def restore(files: LakeFiles, snapshot: Snapshot) -> None:
 
 
 def sweep_marks(files: LakeFiles, older_than: float) -> None:
-    """Let numbers of snapshots that expired more than some seconds ago go: nobody is about to publish them."""
+    """Remove the marks of snapshots that expired more than ``older_than`` seconds ago."""
     for listed in files.listing(FOLDER):
         if listed.name.endswith(".expired") and time.time() - listed.modified > older_than:
             files.remove_unchanged(listed)
 
 
 def published(files: LakeFiles) -> dict[int, float]:
-    """When each snapshot was published [s since 1970, on the clock of the lake's disk], by number."""
+    """Time of publication of each snapshot [s since 1970, on the clock of the lake's disk], by number."""
     there = {file_name(number): number for number in numbers(files)}
     return {there[listed.name]: listed.modified for listed in files.listing(FOLDER) if listed.name in there}
 
 
 def has(files: LakeFiles, snapshot: Snapshot) -> bool:
-    """Whether a snapshot that was read is still there."""
+    """Whether a snapshot still exists."""
     return snapshot.number == 0 or files.has(file_name(snapshot.number))
 
 
 @contextmanager
 def reading_from(files: LakeFiles, snapshot: Snapshot) -> Iterator[None]:
-    """Says of a file that is gone that its snapshot has expired, where that is so.
+    """Convert errors about missing files into NoSuchSnapshot when the snapshot has expired.
 
     Raises:
-        NoSuchSnapshot: With the remedy.
+        NoSuchSnapshot: The message names the remedy.
     """
     try:
         yield
@@ -165,7 +165,7 @@ def reading_from(files: LakeFiles, snapshot: Snapshot) -> Iterator[None]:
 
 
 def file_name(number: int) -> str:
-    """Name of a snapshot's file."""
+    """File name of a snapshot."""
     return f"{FOLDER}/{number:08d}.json"
 
 
@@ -174,5 +174,5 @@ def _mark(number: int) -> str:
 
 
 def now() -> str:
-    """UTC in ISO 8601, to the second."""
+    """Current UTC time in ISO 8601, in seconds."""
     return datetime.now(UTC).isoformat(timespec="seconds")

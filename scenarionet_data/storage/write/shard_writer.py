@@ -1,7 +1,6 @@
-"""Writes one shard: at most 64 scenarios a file, one row group each; its metadata file comes last.
+"""Write one shard: at most 64 scenarios per file, one row group each; the metadata file is published last.
 
-The result depends on the shard alone, not on who writes it or when, so two jobs that write the same shard
-publish the same files.
+The result depends on the shard alone, so two jobs that write the same shard publish identical files.
 """
 
 from __future__ import annotations
@@ -28,15 +27,15 @@ from scenarionet_data.storage.snapshots.shard_record import ShardRecord, metadat
 from scenarionet_data.storage.write.table_file import write_table
 
 SCENARIOS_PER_FILE = 64
-"""A footer of 64 row groups opens in 0.7 ms, one of 250 in 2-4 ms."""
+"""A footer with 64 row groups is read in 0.7 ms, one with 250 in 2-4 ms."""
 
 _SHARD_TABLES = ("tracks", "lights", "maps")
 _MAX_WAITING = 256
 _MAX_WAITING_BYTES = 64_000_000
-"""Scenarios, and bytes of them, that wait to be audited together: asking costs 50 ms, however few they are."""
+"""Limits of a batch of scenarios for the audit (number, bytes); one audit costs at least 50 ms."""
 
 Audit = Callable[[LakeFiles, Sequence[Encoded]], Mapping[int, InvalidScenario]]
-"""Judges encoded scenarios before they are written: position in the sequence to why one is refused."""
+"""Checks encoded scenarios before they are written; returns an error for each rejected position."""
 
 
 class ShardWriter:
@@ -44,10 +43,10 @@ class ShardWriter:
 
     Args:
         files: The lake's files.
-        shard: What is being converted.
+        shard: The shard.
         converter_version: Version of the converter.
-        licence: Licence of the recordings; goes into every footer.
-        audit: Judges scenarios before they are written; what it refuses goes to quarantine.
+        licence: Licence of the recordings, written to every footer.
+        audit: Checks scenarios before they are written; rejected ones go to quarantine.
     """
 
     def __init__(
@@ -75,14 +74,14 @@ class ShardWriter:
 
     @property
     def num_scenarios(self) -> int:
-        """Scenarios added so far, those among them that the audit will refuse."""
+        """Scenarios added so far, including those that the audit will reject."""
         return len(self._ids)
 
     def add(self, scenario: ScenarioDescription) -> None:
-        """Validate and encode one scenario; it is written together with others.
+        """Validate and encode one scenario; it is written in a batch.
 
         Raises:
-            InvalidScenario: It breaks the contract, belongs elsewhere, or its id was added before.
+            InvalidScenario: It is invalid, belongs to another shard, or its id was added before.
             LakeError: The lake cannot be written.
         """
         scenario.validate()
@@ -101,7 +100,7 @@ class ShardWriter:
             self._write_waiting()
 
     def reject(self, position: int, error: Exception) -> None:
-        """Note that the record at ``position`` has become no scenario, and why."""
+        """Quarantine the record at ``position`` with the error."""
         known = error if isinstance(error, InvalidScenario) else None
         self._rejected.append(
             {
@@ -121,11 +120,11 @@ class ShardWriter:
         """Publish everything, the metadata file last; returns the shard's record.
 
         Args:
-            max_scenarios: Where conversion was told to stop.
+            max_scenarios: Limit of the conversion.
             num_records: Records read from the source.
 
         Raises:
-            LakeError: Records read are not those converted and those in quarantine.
+            LakeError: The number of records differs from that of converted and quarantined ones.
         """
         self._write_waiting()
         self._close_parts()
@@ -160,7 +159,7 @@ class ShardWriter:
         return record
 
     def abandon(self) -> None:
-        """Drop what is open; published files of an unfinished shard are never referred to."""
+        """Remove unfinished files; published files of an unfinished shard are never referenced."""
         for part in self._parts.values():
             part.discard()
         self._parts.clear()
@@ -168,7 +167,7 @@ class ShardWriter:
     # --- parts --------------------------------------------------------------------------------------
 
     def _write_waiting(self) -> None:
-        """Audit the scenarios that wait, and write or reject each."""
+        """Audit the batch, and write or reject each scenario."""
         waiting, self._waiting, self._num_bytes = self._waiting, [], 0
         encoded = [each for _, each in waiting]
         refused = self._audit(self._files, encoded) if self._audit and encoded else {}
@@ -185,7 +184,7 @@ class ShardWriter:
                 self._close_parts()
 
     def _write(self, table: str, batch: pa.RecordBatch | None) -> dict[str, Any]:
-        """Write a scenario's rows as one row group; returns its address columns but for the file."""
+        """Write a scenario's rows as one row group; returns its address columns except the file."""
         rows = 0 if batch is None else batch.num_rows
         address: dict[str, Any] = {f"{table}_num_rows": rows}
         if not rows:
@@ -197,7 +196,7 @@ class ShardWriter:
         return address
 
     def _close_parts(self) -> None:
-        """Publish the open files and tell the pending metadata rows their names."""
+        """Publish the open files and enter their names in the pending metadata rows."""
         number = len(self._rows) // SCENARIOS_PER_FILE
         for table, part in self._parts.items():
             checksum, size = part.close(len(self._pending))
@@ -222,12 +221,12 @@ class ShardWriter:
 
 
 def _batches(encoded: Encoded) -> dict[str, pa.RecordBatch]:
-    """The rows that there are, by table."""
+    """A scenario's rows by table."""
     return {name: getattr(encoded, name) for name in _SHARD_TABLES if getattr(encoded, name) is not None}
 
 
 class _Part:
-    """One open file of one table."""
+    """An open file of one table."""
 
     def __init__(self, path: Path, table: str, footer: Mapping[str, str], first: pa.RecordBatch) -> None:
         self.path = path
@@ -255,6 +254,6 @@ class _Part:
 
     def discard(self) -> None:
         """Remove the unfinished file."""
-        with suppress(OSError):  # a disk that is full does not take the footer either, and nobody wants it
+        with suppress(OSError):  # on a full disk the footer cannot be written, and is not needed
             self._writer.close()
         self.path.unlink(missing_ok=True)

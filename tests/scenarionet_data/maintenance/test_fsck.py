@@ -52,7 +52,7 @@ def test_a_changed_byte_is_found_by_reading_deep(root, table):
     path, name = file_of(root, f"{table}/**/*.parquet")
     change_a_byte(path)
     assert found(root, is_deep=False) == {}
-    assert found(root) == {name: "its bytes are not those that were written: another checksum"}
+    assert found(root) == {name: "its bytes differ from those written: another checksum"}
 
 
 @pytest.mark.parametrize("pattern", ["tracks/**/*.parquet", "metadata/**/*.parquet", "snapshots/manifest-*"])

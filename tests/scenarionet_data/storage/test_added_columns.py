@@ -62,7 +62,7 @@ def rows(root, table, without):
     return sorted(map(str, found.to_dicts()))
 
 
-@settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=6, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(chosen=st.sampled_from(DROPPABLE))
 def test_any_nullable_column_may_be_missing(written, tmp_path, chosen):
     table, column = chosen

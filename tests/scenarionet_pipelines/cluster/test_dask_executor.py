@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 
 import pytest
@@ -11,8 +12,10 @@ from scenarionet_data.errors import LakeError, WorkerLost
 from scenarionet_data.execution.executors import ProcessExecutor, run_serially
 from scenarionet_pipelines.cluster import open_cluster
 from scenarionet_pipelines.cluster.dask_executor import DaskExecutor
+from tests.fixtures import gate
 from tests.fixtures.lakes import content
 from tests.fixtures.made import NAME, MadeOptions, write_raw
+from tests.fixtures.waiting import until
 
 THREADS = """
 kind = "local"
@@ -63,7 +66,8 @@ def test_a_job_out_of_memory_is_lost_and_the_others_continue(dask_executor, name
         list(executor([2, 17, 4], half))
 
 
-def test_jobs_are_read_lazily(dask_executor):
+def test_jobs_are_read_lazily(dask_executor, monkeypatch):
+    monkeypatch.setattr("scenarionet_pipelines.cluster.dask_executor._AHEAD", 0.0)  # whatever rate was measured before
     taken = 0
 
     def jobs():
@@ -94,9 +98,18 @@ def test_every_executor_writes_the_same_lake(dask_executor, tmp_path):
 
 @pytest.mark.long
 def test_processes_and_dask_write_the_same_lake(tmp_path):
-    raw = str(write_raw(tmp_path / "raw", {f"s{k}": [10 * k, f"{10 * k + 1} invalid"] for k in range(8)}))
+    raw = write_raw(tmp_path / "raw", {f"s{k}": [f"{10 * k} held", f"{10 * k + 1} invalid"] for k in range(8)})
+
+    def open_when_both_wait() -> None:
+        until(lambda: len(gate.waiting(raw)) == 2, "both workers have begun a shard")
+        gate.open_(raw)
+
     with open_cluster("local", workers=2) as workers:
         for name, executor in {"serial": run_serially, "pool": ProcessExecutor(2), "dask": workers}.items():
-            report = convert(NAME, raw, tmp_path / name, options=MadeOptions(num_objects=2), executor=executor)
+            beside = threading.Thread(target=open_when_both_wait)
+            if name != "serial":
+                gate.close(raw, admitted=0)
+                beside.start()
+            report = convert(NAME, str(raw), tmp_path / name, options=MadeOptions(num_objects=2), executor=executor)
             assert len(report.workers) == (1 if name == "serial" else 2)
     assert content(tmp_path / "serial") == content(tmp_path / "pool") == content(tmp_path / "dask")

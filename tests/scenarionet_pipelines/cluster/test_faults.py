@@ -199,7 +199,7 @@ def test_an_interrupted_client(processes: Processes, tmp_path, number, where):
     assert command.returncode == 130, line
     assert all(each.startswith(("cluster ", f"convert {NAME}: ")) for each in progress), progress
     assert line.startswith("interrupted: ")
-    assert "the same command goes on from there" in line
+    assert "run the same command again to continue" in line
     assert psutil.wait_procs(started, timeout=HANGS_AFTER)[1] == []
     kept = len(Lake(lake))
     assert kept >= 9
