@@ -25,7 +25,7 @@ from scenarionet_data.storage.read.parquet import page_kernels as kernels
 from scenarionet_data.storage.read.parquet.footer import Footer, RowGroup, UnreadableFile
 from scenarionet_data.storage.read.parquet.thrift_kernels import UNKNOWN
 
-_COMPILE_AFTER = 64
+COMPILE_AFTER = 64
 """Row groups that a reader leaves to Arrow before it compiles the kernels: compiling costs as much as 1,500."""
 _TEXT = ("string", "json")
 _NULLS = {"float32": np.float32(np.nan), "bool": np.int8(-1), "dictionary": np.int32(-1), **dict.fromkeys(_TEXT)}
@@ -54,7 +54,7 @@ class ColumnReader:
         compile_after: Row groups that are left to Arrow unless the kernels are compiled already.
     """
 
-    def __init__(self, columns: Sequence[ColumnType], compile_after: int = _COMPILE_AFTER) -> None:
+    def __init__(self, columns: Sequence[ColumnType], compile_after: int = COMPILE_AFTER) -> None:
         self._columns = list(columns)
         self._shapes = np.array([kernels.LIST * c.is_list + kernels.NULLABLE * c.nullable for c in self._columns])
         self._zstd = zstandard.ZstdDecompressor()
