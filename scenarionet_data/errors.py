@@ -43,7 +43,17 @@ class CorruptSource(SourceError):
 
 
 class MissingDependency(SourceError):
-    """A package that only this operation needs is not installed; the message names the extra to install."""
+    """An optional package is not installed.
+
+    Args:
+        need: What needs which package, for example ``"pictures need matplotlib"``.
+        extra: The extra that installs it.
+        alternative: Another solution, if there is one.
+    """
+
+    def __init__(self, need: str, extra: str, alternative: str = "") -> None:
+        install = f"pip install 'scenarionet-lake[{extra}]', or in a checkout pip install -e '.[{extra}]'"
+        super().__init__(f"{need}: {install}{f'; {alternative}' if alternative else ''}")
 
 
 class InvalidScenario(ScenarioNetError):

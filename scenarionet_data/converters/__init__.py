@@ -1,7 +1,7 @@
-"""The datasets this project can convert, by name. A new one is one file and one line here.
+"""Registry of converters by dataset name.
 
-A package of your own registers its converter under the entry point group ``scenarionet.converters``; one that is
-not packaged is named as ``module:Class``.
+Installed packages register converters under the entry point group ``scenarionet.converters``; any other converter is
+named as ``module:Class``.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ _BUILTIN = {
 
 
 def names() -> list[str]:
-    """Names of all converters, built in and installed."""
+    """Return the names of all converters, built in and installed."""
     return sorted({*_BUILTIN, *(point.name for point in _installed())})
 
 
 def get(name: str) -> Converter[Any]:
-    """The converter of that name, or of a class given as ``module:Class``.
+    """Return the converter of a name, or of a class given as ``module:Class``.
 
     Raises:
-        SourceNotFound: There is none; the message lists the nearest names.
+        SourceNotFound: Unknown name, with the closest ones; or the class cannot be imported.
     """
     if ":" in name:
         return _instance(name)
@@ -50,7 +50,7 @@ def get(name: str) -> Converter[Any]:
 
 
 def budgets(dataset: str) -> Budgets:
-    """What a dataset's converter declares; the defaults for a dataset whose converter is not installed here."""
+    """Return the budgets of a dataset's converter, or the defaults if that converter is not installed."""
     return get(dataset).budgets if dataset in names() else Budgets()
 
 

@@ -1,7 +1,7 @@
-"""The seam every dataset plugs into: a converter lists shards cheaply and turns raw records into scenarios.
+"""Base class of converters: list the shards of a dataset cheaply, and turn raw records into scenarios.
 
-A converter sees raw files, ``scenario``, ``building``, ``vocabulary``, ``geometry`` and ``errors``. It never
-builds tables, opens the lake, or knows its paths.
+Converters use raw files, ``scenario``, ``building``, ``arrays``, ``ingest`` and ``errors``. They do not build tables
+or access a lake.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Budgets:
-    """How far recorded motion may stray from plausible motion: the numbers in the soft rules of ``sql/checks``.
+    """Tolerances for implausible motion: the thresholds of the soft rules in ``sql/checks``.
 
-    A scenario is judged by its moving objects, without the first and last step of each run of timesteps and without
-    reversing: it strays when half of what is measured is beyond a median, or 1 of 100 beyond a 99th percentile.
+    A scenario is measured on its moving objects, excluding the first and last step of each valid run and reversing
+    vehicles. It is an outlier if its median or its 99th percentile exceeds the threshold.
 
     Attributes:
         velocity_median, velocity_p99: |velocity - change of position / time| [m/s].
         heading_p99: |angle between velocity and heading| [rad] above 1 m/s.
-        step_speed: Distance over time between two timesteps [m/s]; what is faster has jumped.
+        step_speed: Distance over time between two timesteps [m/s]; faster objects have jumped.
         link_gap: Distance from a lane's end to its successor's start [m].
-        outliers: Share of a dataset's scenarios that may stray.
+        outliers: Permitted fraction of outliers among a dataset's scenarios.
     """
 
     velocity_median: float = 0.5
@@ -49,20 +49,20 @@ Record = TypeVar("Record")
 
 
 class Converter(ABC, Generic[Record]):
-    """Turns one dataset's raw recordings into scenarios.
+    """Converts the raw recordings of one dataset into scenarios.
 
     Class attributes:
         name: The dataset's name on the command line and in the lake.
-        version: The converter's own version; raise it when its output changes.
-        release: Default of the dataset's version.
+        version: The converter's version; increment it when its output changes.
+        release: Default version of the dataset.
         licence: Licence of the recordings.
-        raw: What RAW has to be, in one line.
-        Options: Dataclass of what the converter can be told.
-        properties: Keys of what is known of its recordings before they are read, beyond ``file`` and ``name``.
-        budgets: How far real recordings stray from plausible motion.
-        listed: Of RAW in an object store, the files whose content ``shards`` and ``maps`` read: glob patterns for the
-            end of a path, for example ``"scenes/*.json"``. Of all others they find names and sizes there.
-        ignored: Names of folders that hold nothing a converter reads, for example images by the million.
+        raw: Description of RAW, in one line.
+        Options: Dataclass of the converter's options.
+        properties: Keys of the input properties it lists, in addition to ``file`` and ``name``.
+        budgets: Tolerances for implausible motion in its recordings.
+        listed: Glob patterns (matched at the end of a path, for example ``"scenes/*.json"``) of the files whose content
+            ``shards`` and ``maps`` read. In an object store only these are downloaded for listing.
+        ignored: Names of folders that the converter does not read, for example images.
     """
 
     name: ClassVar[str]
@@ -78,10 +78,10 @@ class Converter(ABC, Generic[Record]):
 
     @abstractmethod
     def shards(self, raw: str, split: str, version: str, options: Any) -> Iterable[Shard]:
-        """List the units of work under ``raw`` without reading their content.
+        """List the shards under ``raw`` without reading their content.
 
         Raises:
-            SourceNotFound: Nothing of this dataset is there; the message says what was looked for.
+            SourceNotFound: No recordings of this dataset; the message says what was searched for.
         """
 
     @abstractmethod
@@ -89,36 +89,36 @@ class Converter(ABC, Generic[Record]):
         """Read a shard's raw records one by one, on a worker, in bounded memory.
 
         Raises:
-            CorruptSource: The shard cannot be read to its end; it fails as a whole.
+            CorruptSource: The shard cannot be read to its end; the whole shard fails.
         """
 
     @abstractmethod
     def scenario(self, shard: Shard, record: Record) -> ScenarioDescription:
-        """Make one record a scenario.
+        """Convert one record to a scenario.
 
         Raises:
-            InvalidScenario: This record is unusable and goes to quarantine; the shard goes on. So does any
-                other exception raised here.
+            InvalidScenario: The record is unusable. It goes to quarantine and the shard continues, as for any other
+                exception raised here.
         """
 
     def dataset_folder(self, raw: Path) -> Path:
-        """The folder below which all lies that ``raw`` needs: itself, or a folder above when ``raw`` is a part."""
+        """Folder that contains everything ``raw`` needs: itself, or a parent if ``raw`` is part of a dataset."""
         return raw
 
     def files(self, shard: Shard) -> Iterator[Iterable[str]]:
-        """What reading a shard takes of an object store, for a worker to download; its items unless told otherwise.
+        """Files needed to read a shard, for a worker to download from an object store; by default its items.
 
-        Names lie below the shard's root, and the last part of one may be a pattern: ``map/*.json``. They come in
-        batches: each is on this machine, below ``shard.root``, when the next one is asked for, so that one may look
-        into what is there. What the store does not have is not there, as in a folder.
+        Names are relative to the shard's root, and the last part may be a pattern: ``map/*.json``. They are yielded in
+        batches: a batch is downloaded to ``shard.root`` before the next one is requested, which may depend on its
+        content. Files missing from the store are skipped.
         """
         yield [item.name for item in shard.items]
 
     def maps(self, raw: str, version: str, options: Any) -> Iterable[Shard]:  # noqa: ARG002
-        """List the maps that many scenarios share, for example a city's; most datasets have none.
+        """List maps shared by many scenarios, for example of a city; empty for most datasets.
 
-        Each is a shard with an empty split whose name is the ``map_id`` that scenarios refer to. They are
-        committed before any scenario.
+        Each is a shard with an empty split whose name is the ``map_id`` of its scenarios. Shared maps are committed
+        before any scenario.
         """
         return ()
 
@@ -126,22 +126,22 @@ class Converter(ABC, Generic[Record]):
         """Read a shared map, on a worker.
 
         Raises:
-            CorruptSource: It cannot be read.
+            CorruptSource: The map cannot be read.
         """
-        raise NotImplementedError(f"{self.name} has no shared maps, so none is called {shard.name}")
+        raise NotImplementedError(f"{self.name} has no shared map {shard.name}")
 
 
 def find_files(raw: str, pattern: str, what: str, split: str | None = None) -> list[Path]:
-    """Files below ``raw`` that match a glob pattern, sorted; ``raw`` may be such a file itself.
+    """Return the files below ``raw`` that match a glob pattern, sorted; ``raw`` may be such a file itself.
 
     Args:
         raw: Folder or file.
         pattern: Glob, for example ``"*.tfrecord*"``.
-        what: What the user should have there, for the message.
-        split: Leave out what lies in folders named after another split.
+        what: Description of these files, for error messages.
+        split: Skip folders named after another split.
 
     Raises:
-        SourceNotFound: There is no such folder, or nothing in it matches.
+        SourceNotFound: No such folder, or no matching file.
     """
     root = Path(raw)
     if root.is_file() and root.match(pattern):

@@ -1,7 +1,7 @@
-"""Along which stretch of a lane a boundary or neighbour lies: short rows in ``extras``, Waymo's records elsewhere.
+"""Segments of a lane along its boundaries and neighbours: compact rows in ``extras``, converted from Waymo's records.
 
-Waymo's lanes name boundaries and neighbours with the indices of the points where they begin and end. ScenarioNet's
-pickles hold them as dictionaries of str, 150 kB of text a scenario; a lane's ``extras`` hold the same as rows:
+Waymo's lanes list boundaries and neighbours with the indices of their first and last points. ScenarioNet's pickles
+store them as dictionaries of str, 150 kB of text per scenario; a lane's ``extras`` store the same as rows:
 
     "left_boundaries": [[first point, last point, feature_id, type code], ...]
     "left_neighbor":   [[feature_id, own first, own last, its first, its last, [boundary rows]], ...]
@@ -26,7 +26,7 @@ _boundary_values, _neighbor_values = itemgetter(*_BOUNDARY_KEYS), itemgetter(*_N
 
 
 def to_rows(extras: Mapping[str, Any]) -> dict[str, Any]:
-    """A lane's extras with rows in place of records; records of another form stay as they are."""
+    """Replace records in a lane's extras by rows; keep records of any other form."""
     if not extras:
         return {}
     rows = dict(extras)
@@ -39,7 +39,7 @@ def to_rows(extras: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def to_records(extras: Mapping[str, Any]) -> dict[str, Any]:
-    """A lane's extras with records, every value a str, in place of rows: what :func:`to_rows` took apart."""
+    """Replace rows in a lane's extras by records with str values: the inverse of :func:`to_rows`."""
     records = dict(extras)
     for name in BOUNDARIES:
         if name in records:
@@ -51,7 +51,7 @@ def to_records(extras: Mapping[str, Any]) -> dict[str, Any]:
 
 
 _OTHER_FORM = (KeyError, TypeError, ValueError)
-"""What a record raises that has other keys, or indices that are no whole numbers."""
+"""Errors raised for records with other keys or with indices that are not integers."""
 
 
 def _boundary_row(record: Any) -> list[Any]:

@@ -1,6 +1,6 @@
-"""Procedural generation as a dataset: RAW is a range of seeds, and a seed's scenario is made on the spot.
+"""Procedural generation (PG) as a dataset: RAW is a range of seeds, each of which generates a scenario.
 
-The generator itself is ``scenarionet_data.procedural``; here its episodes become scenarios.
+The generator is ``scenarionet_data.procedural``; this module converts its episodes to scenarios.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from scenarionet_data.scenario.description import (
 )
 from scenarionet_data.scenario.vocabulary import LightState, MapFeatureType, ObjectType, Provenance
 
-BLOCK = 64  # seeds a shard
+BLOCK = 64  # seeds per shard
 HISTORY = 10  # timesteps before the current one, as in Waymo
 _RANGE = re.compile(r"(?:(\d+):)?(\d+)")
 _MAX_SEED = 10**10
@@ -51,7 +51,7 @@ class ProceduralOptions(GeneratorOptions, Options):
 
 
 class Procedural(Converter[int]):
-    """Generated roads and traffic."""
+    """Procedurally generated roads and traffic."""
 
     name: ClassVar[str] = "pg"
     version: ClassVar[str] = "1"
@@ -62,7 +62,7 @@ class Procedural(Converter[int]):
     budgets: ClassVar[Budgets] = Budgets(velocity_median=0.02, velocity_p99=0.2, heading_p99=0.02)
 
     def shards(self, raw: str, split: str, version: str, options: ProceduralOptions) -> Iterator[Shard]:
-        """Blocks of 64 seeds, aligned so that a longer range adds shards and changes only the last one."""
+        """List aligned blocks of 64 seeds, so that a longer range only changes the last shard and adds new ones."""
         options.check()
         seeds = parse_seeds(raw)
         for first in range(seeds.start // BLOCK * BLOCK, seeds.stop, BLOCK):
@@ -78,22 +78,22 @@ class Procedural(Converter[int]):
             )
 
     def records(self, shard: Shard) -> Iterator[int]:
-        """The seeds."""
+        """Yield the seeds."""
         return (int(item.name) for item in shard.items)
 
     def scenario(self, shard: Shard, record: int) -> ScenarioDescription:
-        """Generate a seed's scenario."""
+        """Generate the scenario of a seed."""
         options = shard.options
         if not isinstance(options, ProceduralOptions):
-            raise TypeError(f"options of {shard.name}: wanted ProceduralOptions, found {type(options).__name__}")
+            raise TypeError(f"options of {shard.name}: expected ProceduralOptions, found {type(options).__name__}")
         return describe(generate(record, options), record, shard, options.dt)
 
 
 def parse_seeds(raw: str) -> range:
-    """The seeds that RAW asks for.
+    """Parse RAW as a range of seeds.
 
     Raises:
-        SourceNotFound: It is not a range of seeds, or an empty one.
+        SourceNotFound: Not a range of seeds, or an empty one.
 
     Example:
         >>> parse_seeds("64:200"), parse_seeds("10")
@@ -109,7 +109,7 @@ def parse_seeds(raw: str) -> range:
 
 
 def describe(episode: Episode, seed: int, shard: Shard, dt: float) -> ScenarioDescription:
-    """An episode as a scenario."""
+    """Convert an episode to a scenario."""
     steps = episode.valid.shape[1]
     position = np.concatenate([episode.motion[0, :, :2], np.zeros((steps, 1))], axis=1)
     origin = make_origin(position, episode.valid[0], has_z=False)
@@ -133,7 +133,7 @@ def describe(episode: Episode, seed: int, shard: Shard, dt: float) -> ScenarioDe
 
 
 def _tracks(episode: Episode, origin: Float64) -> Tracks:
-    """Vehicles first, then what stands still."""
+    """Build the tracks: vehicles first, then static objects."""
     moving, steps = episode.valid.shape
     poses, sizes = boxes(episode.obstacles)
     standing = np.zeros((len(poses), steps, 4))
@@ -155,7 +155,7 @@ def _tracks(episode: Episode, origin: Float64) -> Tracks:
 
 
 def _lights(episode: Episode, origin: Float64) -> Lights:
-    """One light for every lane across an intersection that has lights."""
+    """Build one light for each lane across a signalised intersection."""
     signal = episode.graph.lanes.signal
     controlled = np.flatnonzero(signal >= 0)
     lanes = episode.road_map.lanes
@@ -175,7 +175,7 @@ def _lights(episode: Episode, origin: Float64) -> Lights:
 
 
 def _map_features(road_map: RoadMap, origin: Float64) -> MapFeatures:
-    """Lanes, lines and areas, block by block."""
+    """Collect lanes, lines and areas, block by block."""
     builder = MapBuilder()
     entries: dict[str, list[str]] = {}
     exits: dict[str, list[str]] = {}

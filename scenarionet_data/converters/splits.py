@@ -1,4 +1,4 @@
-"""Which split a raw folder stands for: owners name folders after them."""
+"""Guess the split of raw recordings from folder names."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ _MANY = 64
 
 
 def guess_split(raw: str, top: str = "") -> str:
-    """Split that the folder names of ``raw``, or else of the folders in it, stand for; ``train`` when none does.
+    """Return the split named by ``raw`` or a folder above it, else by the folders in it, else ``train``.
 
     Args:
         raw: Folder or file.
-        top: A folder above it, if one is given: its own name and those above say nothing.
+        top: Folder above ``raw`` at which the search for a name ends; by default the root.
 
     Raises:
-        BadParameter: There are several in it; the message names them.
+        BadParameter: The folder contains several splits.
 
     Example:
         >>> guess_split("/data/waymo/validation")
@@ -45,12 +45,14 @@ def guess_split(raw: str, top: str = "") -> str:
             return _SPLITS[part.lower()]
     inside = sorted({_SPLITS[name] for name in _split_folders(Path(raw))})
     if len(inside) > 1:
-        raise BadParameter(f"{raw}: holds the splits {', '.join(inside)}; choose one with --split")
+        raise BadParameter(
+            f"{raw}: contains the splits {', '.join(inside)}; choose one, for example split='{inside[0]}'"
+        )
     return inside[0] if inside else "train"
 
 
 def _split_folders(folder: Path, depth: int = 3) -> Iterator[str]:
-    """Folder names at most ``depth`` levels down that stand for a split; what lies in those is not looked at."""
+    """Return the names of splits among the folders at most ``depth`` levels down."""
     if not depth or not folder.is_dir():
         return
     with os.scandir(folder) as entries:
@@ -58,7 +60,7 @@ def _split_folders(folder: Path, depth: int = 3) -> Iterator[str]:
     found = [name.lower() for name in inside if name.lower() in _SPLITS]
     yield from found
     others = [name for name in inside if name.lower() not in _SPLITS]
-    for name in others if len(others) <= _MANY else []:  # a folder of many folders holds recordings, not splits
+    for name in others if len(others) <= _MANY else []:  # a folder of many folders contains recordings, not splits
         yield from _split_folders(folder / name, depth - 1)
 
 

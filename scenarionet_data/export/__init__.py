@@ -1,11 +1,11 @@
-"""ScenarioNet's pickles, written: databases of ours that MetaDrive and ScenarioNet open without a change there.
+"""Export databases as ScenarioNet pickles, which MetaDrive and ScenarioNet read without changes.
 
-The format is theirs (MetaDrive 0.4.3, ScenarioNet of 2025-03); this package writes one form of it. Reading
-pickles, of every vintage, is a conversion like any other: ``scenarionet_data.converters.scenarionet``.
+The format is that of MetaDrive 0.4.3 and ScenarioNet (2025-03). Pickles of every version are read by a converter,
+``scenarionet_data.converters.scenarionet``.
 
-    describe   one scenario as their dictionary        summary    the statistics their filters read
-    maps       its map features and lights             sanity     the check every written dictionary passes
-    pickling   scenarios to files                      parts      many of them, by several workers
+    describe   one scenario as a dictionary            summary    the statistics that ScenarioNet's filters read
+    maps       its map features and lights             sanity     the check of every written dictionary
+    pickling   scenarios to files                      parts      the same, by several workers
     write      a database of pickles on disk
 """
 

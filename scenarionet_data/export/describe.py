@@ -1,8 +1,8 @@
-"""One scenario as the plain dictionary that ScenarioNet pickles: tracks, metadata, and what names it.
+"""Convert a scenario to the plain dictionary that ScenarioNet pickles: tracks, metadata and names.
 
-Every value is a builtin or a writable array of its own. Coordinates stay in the scenario frame (float32);
-``metadata["origin"]`` leads back to the source frame. Keys that ScenarioNet does not know hold what only the
-lake knows; its readers ignore them, our import reads them back.
+Every value is a builtin or a separate writable array. Coordinates stay in the scenario frame (float32);
+``metadata["origin"]`` is its position in the source frame. Additional keys store data without a place in ScenarioNet's
+format; its readers ignore them, this project's converter reads them back.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from scenarionet_data.scenario.description import ScenarioDescription, Source
 from scenarionet_data.scenario.vocabulary import ObjectType, names
 
 TRACK_TYPES = ("VEHICLE", "PEDESTRIAN", "CYCLIST", "OTHER", "TRAFFIC_CONE", "TRAFFIC_BARRIER")
-"""Types that MetaDrive accepts for a track; every other becomes OTHER, which it skips."""
+"""Track types that MetaDrive accepts; all others become OTHER, which it skips."""
 
 _OBJECT_TYPES = names(ObjectType)
 
 
 @dataclass(frozen=True)
 class Identity:
-    """What a scenario is called in ScenarioNet.
+    """Name of a scenario in ScenarioNet.
 
     Attributes:
-        dataset, version, id: As in the pickle; a scenario that was imported has its original ones.
+        dataset, version, id: As in the pickle; a scenario converted from a pickle has its original ones.
     """
 
     dataset: str
@@ -40,7 +40,7 @@ class Identity:
 
     @property
     def file_name(self) -> str:
-        """``sd_{dataset}_{version}_{id}.pkl``, the form MetaDrive recognises."""
+        """``sd_{dataset}_{version}_{id}.pkl``, as recognised by MetaDrive."""
         return f"sd_{_escape(self.dataset)}_{_escape(self.version)}_{_escape(self.id)}.pkl"
 
 
@@ -49,25 +49,25 @@ def _escape(text: str) -> str:
 
 
 def identify(scenario: ScenarioDescription) -> Identity:
-    """The scenario's name in ScenarioNet.
+    """Return the scenario's name in ScenarioNet.
 
     Raises:
-        InvalidScenario: It was imported from a pickle, but its extras do not say which.
+        InvalidScenario: It was converted from a pickle, but its extras lack the original name.
     """
     if scenario.dataset == "scenarionet":
         missing = [key for key in ("dataset", "version", "id") if key not in scenario.extras]
         if missing:
-            raise InvalidScenario(scenario.id, f"extras.{missing[0]}", "wanted the imported pickle's own name")
+            raise InvalidScenario(scenario.id, f"extras.{missing[0]}", "expected the name of the original pickle")
         return Identity(*(str(scenario.extras[key]) for key in ("dataset", "version", "id")))
     dataset, version, name = scenario.id.split("/")
     return Identity(dataset, version, name)
 
 
 def to_pickle_dict(scenario: ScenarioDescription) -> dict[str, Any]:
-    """The scenario as ScenarioNet's dictionary.
+    """Convert a scenario to ScenarioNet's dictionary.
 
     Args:
-        scenario: A valid one; its arrays are copied.
+        scenario: A valid scenario; arrays are copied.
 
     Returns:
         Dictionary with ``id``, ``version``, ``length``, ``tracks``, ``dynamic_map_states``, ``map_features`` and
@@ -91,7 +91,7 @@ def to_pickle_dict(scenario: ScenarioDescription) -> dict[str, Any]:
 def _describe_tracks(scenario: ScenarioDescription, identity: Identity) -> dict[str, Any]:
     tracks = scenario.tracks
     arrays = {name: np.array(getattr(tracks, name)) for name in ("position", "heading", "velocity", "valid")}
-    # One contiguous array per size, so that a track's row is a plain (T,) array.
+    # One contiguous array per dimension, so that a track's row is a plain (T,) array.
     length, width, height = np.array(np.moveaxis(tracks.size, -1, 0), order="C")
     arrays |= {"length": length, "width": width, "height": height}
     if is_ego_swapped(identity.dataset, identity.version):
@@ -120,12 +120,12 @@ def _describe_tracks(scenario: ScenarioDescription, identity: Identity) -> dict[
 
 
 def is_ego_swapped(dataset: str, version: str) -> bool:
-    """Whether MetaDrive takes the ego's length for its width, as ScenarioNet's nuScenes converter wrote them."""
+    """Whether MetaDrive exchanges the ego's length and width, as written by ScenarioNet's nuScenes converter."""
     return dataset == "nuscenes" or version.startswith("nuscenesv1.0")
 
 
 def _swap_ego_size(length: Any, width: Any) -> None:
-    """Exchange length and width in place where MetaDrive, which looks for width > length, exchanges them back."""
+    """Exchange length and width in place where MetaDrive exchanges them back (if width > length)."""
     longer = length > width
     length[longer], width[longer] = width[longer], length[longer]
 

@@ -1,7 +1,7 @@
-"""Map features and traffic lights in ScenarioNet's form.
+"""Convert map features and traffic lights to ScenarioNet's format.
 
-What MetaDrive cannot read is left out and named in the metadata: a lane, line or edge without points, a crosswalk,
-sidewalk or stop sign without its shape (``omitted_map_features``), and a lane's outline whose centre lies
+Features that MetaDrive cannot read are dropped and listed in the metadata: a lane, line or edge without points, a
+crosswalk, sidewalk or stop sign without geometry (``omitted_map_features``), and a lane's polygon whose centre is
 100 m or more from that of its centreline (``omitted_polygons``).
 """
 
@@ -36,7 +36,7 @@ _MAX_CENTROID_DISTANCE = 100.0
 
 
 def is_flat(scenario: ScenarioDescription) -> bool:
-    """Whether the map records no heights: every z is 0 in the source frame."""
+    """Whether the map has no heights: every z is 0 in the source frame."""
     if scenario.map is None:
         return True
     origin_z = scenario.origin[2]
@@ -44,14 +44,14 @@ def is_flat(scenario: ScenarioDescription) -> bool:
 
 
 def describe_map(features: MapFeatures | None, *, flat: bool) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Map features by id.
+    """Return map features by id.
 
     Args:
         features: None for a scenario without a map.
-        flat: Points get two coordinates, as in ScenarioNet's maps of datasets without heights.
+        flat: Write 2D points, as in ScenarioNet's maps of datasets without heights.
 
     Returns:
-        The features, and metadata that names what was left out (empty when nothing was).
+        The features, and metadata that lists what was dropped (empty if nothing was).
     """
     if features is None:
         return {}, {}
@@ -76,12 +76,12 @@ def describe_map(features: MapFeatures | None, *, flat: bool) -> tuple[dict[str,
 
 
 def _points(ragged: Ragged, flat: bool) -> Ragged:
-    """A writable copy with contiguous points of two or three coordinates."""
+    """Return a writable, contiguous copy of 2D or 3D points."""
     return Ragged(ragged.offsets, np.array(ragged.values[:, : 2 if flat else 3], order="C"))
 
 
 def _is_readable(features: MapFeatures) -> Bool:
-    """(M,) whether MetaDrive finds what it needs of a feature: a centreline, a line, an area."""
+    """(M,) whether a feature has the geometry that MetaDrive requires: a centreline, a line or an area."""
     types, line, area = features.feature_type, features.polyline.lengths, features.polygon.lengths
     needs_area = np.isin(types, _AREAS)
     is_edge = is_road_edge(types) & (types != MapFeatureType.GUARDRAIL)  # which MetaDrive ignores
@@ -114,7 +114,7 @@ def _describe_feature(features: MapFeatures, row: int, polyline: Float32, polygo
 def _describe_lane(
     features: MapFeatures, row: int, feature: dict[str, Any], types_by_id: dict[str, str]
 ) -> dict[str, Any]:
-    """What only lanes have."""
+    """Fields of lanes."""
     num_points, extras = len(feature["polyline"]), feature.get("extras", {})
     lane: dict[str, Any] = {
         "entry_lanes": _ids(features.entry_lanes, row),
@@ -133,14 +133,14 @@ def _describe_lane(
     if len(features.width[row]):
         lane["width"] = np.array(np.broadcast_to(features.width[row], (num_points, 2)))
     if feature.get("polygon", np.zeros((0, 2))).shape[1] == 3:
-        # MetaDrive fails on a lane's outline with heights: they stand beside it.
+        # MetaDrive fails on 3D lane polygons: heights are stored separately.
         lane["polygon"] = np.array(feature["polygon"][:, :2], order="C")
         lane["polygon_z"] = np.array(feature["polygon"][:, 2])
     return lane
 
 
 def _whole_boundary(feature_id: str, num_points: int, types_by_id: dict[str, str]) -> dict[str, str]:
-    """ScenarioNet's boundary record, every value a str, for a line or edge beside the whole lane."""
+    """ScenarioNet's boundary record, with str values, for a line or edge along the whole lane."""
     return {
         "lane_start_index": "0",
         "lane_end_index": str(max(num_points - 1, 0)),
@@ -154,11 +154,11 @@ def _ids(ragged: Ragged, row: int) -> list[str]:
 
 
 def describe_lights(scenario: ScenarioDescription, dataset: str) -> dict[str, Any]:
-    """Traffic lights by the id of the lane they control, as MetaDrive looks them up.
+    """Return traffic lights by the id of the lane they control, as MetaDrive expects them.
 
-    Several lights of one lane become one, which shows the most restrictive of what they show at a timestep (red
-    before yellow, green, unknown); ``metadata["light_ids"]`` names them all. A light without a stop point stands
-    at the start of its lane (``is_stop_point_assumed``), at the scenario's origin when the map lacks the lane.
+    Several lights of one lane are merged to the most restrictive state at each timestep (red before yellow, green,
+    unknown); ``metadata["light_ids"]`` lists them. A light without a stop point is placed at the start of its lane
+    (``is_stop_point_assumed``), or at the scenario's origin if the map lacks the lane.
     """
     lights = scenario.lights
     rows_of_lane: dict[str, list[int]] = {}
@@ -189,7 +189,7 @@ def describe_lights(scenario: ScenarioDescription, dataset: str) -> dict[str, An
 
 
 def _most_restrictive(states: UInt8) -> UInt8:
-    """(lights, T) codes to the (T,) of one light; LightColor's codes rise from unknown to red."""
+    """Merge (lights, T) codes to (T,); LightColor's codes increase from unknown to red."""
     rank = np.where(states == LightState.ABSENT, 0, LIGHT_COLORS[states] + 1)
     chosen: UInt8 = states[rank.argmax(axis=0), np.arange(states.shape[1])]
     return chosen

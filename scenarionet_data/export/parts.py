@@ -1,7 +1,7 @@
-"""A database of pickles written in parts, by whoever runs them: each part into a folder of its own, then joined.
+"""Write a database of pickles in parts with an executor: each part into its own folder, then joined.
 
-Workers find the scenarios in a file of the database that is being written, so that a job is two numbers; who does a
-part again, because a worker was lost, writes into another folder.
+Workers read the scenarios from a file in the database being written, so that a job is just two numbers. A part that is
+repeated because its worker was lost is written into another folder.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Entries = list[Written | InvalidScenario]
 
 @dataclass(frozen=True)
 class _Part:
-    """Scenarios ``first`` to before ``end``, to be written below ``draft``."""
+    """Scenarios ``first`` to ``end - 1``, to be written below ``draft``."""
 
     draft: Path
     first: int
@@ -39,12 +39,12 @@ class _Part:
 def write_parts(
     scenarios: Iterable[ScenarioDescription], draft: Path, executor: Executor
 ) -> Iterator[Written | InvalidScenario]:
-    """Pickle scenarios in parts; what became of each, in their order.
+    """Pickle scenarios in parts; yield the result of each, in order.
 
     Args:
-        scenarios: A sequence that can be pickled, such as a ScenarioLoader.
-        draft: The database being written; a place that every worker sees.
-        executor: Who writes.
+        scenarios: A picklable sequence, such as a ScenarioLoader.
+        draft: The database being written, on a file system shared by all workers.
+        executor: Runs the parts.
     """
     sequence = cast(Sequence[ScenarioDescription], scenarios)
     (draft / _SOURCE).write_bytes(pickle.dumps(sequence))
@@ -62,7 +62,7 @@ def write_parts(
 
 
 def _write_part(part: _Part) -> tuple[int, Entries]:
-    """Write a part, on a worker; its number and what became of each scenario."""
+    """Write a part, on a worker; return its number and the result of each scenario."""
     scenarios = _source(part.draft / _SOURCE)
     folder = Path(tempfile.mkdtemp(prefix=f".{part.first}-", dir=part.draft))
     chosen = (scenarios[number] for number in range(part.first, part.end))
@@ -77,5 +77,5 @@ def _lost_part(part: _Part, reason: str) -> tuple[int, Entries]:
 
 @lru_cache(maxsize=1)
 def _source(path: Path) -> Any:
-    """The scenarios: opened once a process."""
-    return pickle.loads(path.read_bytes())  # noqa: S301  # written a moment ago by who asks for the part
+    """The scenarios, opened once per process."""
+    return pickle.loads(path.read_bytes())  # noqa: S301  # written by the process that submits the part

@@ -1,4 +1,4 @@
-"""Scenarios to files: one pickle each, as numpy 1.26 and 2.x load it."""
+"""Write scenarios as pickles that NumPy 1.26 and 2.x load."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Written:
     """A pickled scenario.
 
     Attributes:
-        scenario_id: Which.
+        scenario_id: Its id.
         path: Its file.
         num_bytes: The file's size.
         metadata: Its entry of the database's summary.
@@ -35,7 +35,7 @@ class Written:
 
 
 def write_scenarios(scenarios: Iterable[ScenarioDescription], folder: Path) -> Iterator[Written | InvalidScenario]:
-    """Pickle scenarios one by one; in place of one that the format cannot hold, the reason."""
+    """Pickle scenarios one by one; yield the reason for each that the format cannot represent."""
     names: set[str] = set()
     for scenario in scenarios:
         try:
@@ -58,12 +58,12 @@ def _write_scenario(scenario: ScenarioDescription, folder: Path, taken: set[str]
 
 
 def twice(scenario_id: str, name: str) -> InvalidScenario:
-    """Two scenarios want the same file."""
-    return InvalidScenario(scenario_id, "id", f"wanted a file name of its own, found {name} a second time")
+    """Error for two scenarios with the same file name."""
+    return InvalidScenario(scenario_id, "id", f"expected a unique file name, found {name} a second time")
 
 
 def dump(value: Any, path: Path) -> None:
-    """Pickle so that numpy 1.26 and 2.x load it, and arrays come back writable (protocol 4)."""
+    """Pickle with protocol 4 so that NumPy 1.26 and 2.x load it with writable arrays."""
     with path.open("wb") as file:
         pickler = pickle.Pickler(file, protocol=4)
         pickler.dispatch_table = copyreg.dispatch_table.copy()
@@ -72,6 +72,6 @@ def dump(value: Any, path: Path) -> None:
 
 
 def _reduce_array(array: np.ndarray[Any, Any]) -> tuple[Any, ...]:
-    """State as numpy pickles it, but rebuilt by ``numpy.ndarray``: numpy 2 renamed its private module."""
+    """NumPy's pickle state, rebuilt by ``numpy.ndarray``, because NumPy 2 renamed its private module."""
     state = array.__reduce__()[2]
     return np.ndarray, ((0,), np.dtype(np.int8)), state

@@ -1,7 +1,7 @@
-"""The statistics that ScenarioNet keeps in a pickle's metadata and that its filters read.
+"""Compute the statistics in a pickle's metadata that ScenarioNet's filters read.
 
-Same definitions as ``ScenarioDescription.update_summaries`` of MetaDrive 0.4.3, from the dictionary that is
-written, so that merging or copying a database there changes nothing.
+Same definitions as ``ScenarioDescription.update_summaries`` of MetaDrive 0.4.3, computed from the written dictionary,
+so that merging or copying a database with ScenarioNet does not change them.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ _MAX_HEIGHT_DIFF = 10.0
 
 
 def summarize(description: Mapping[str, Any]) -> dict[str, Any]:
-    """``object_summary`` and ``number_summary`` of a description."""
+    """Return ``object_summary`` and ``number_summary`` of a description."""
     objects = {track_id: summarize_object(track_id, track) for track_id, track in description["tracks"].items()}
     return {"object_summary": objects, "number_summary": _summarize_numbers(description, objects)}
 
 
 def summarize_object(track_id: str, track: Mapping[str, Any]) -> dict[str, Any]:
-    """Length and distance of one track.
+    """Return length and distance of one track.
 
-    ``moving_distance`` [m] adds the steps between consecutive valid timesteps, over gaps too;
+    ``moving_distance`` [m] is the sum of steps between consecutive valid timesteps, including gaps;
     ``continuous_valid_length`` is the number of timesteps of the first unbroken run.
     """
     valid = np.asarray(track["state"]["valid"]).astype(bool).reshape(-1)
@@ -70,9 +70,9 @@ def _summarize_numbers(description: Mapping[str, Any], objects: Mapping[str, Any
 
 
 def map_height_diff(map_features: Mapping[str, Any]) -> float:
-    """Highest minus lowest point of the road lines [m]; -inf when none has a z.
+    """Return the height difference of road lines [m]; -inf if none has a z.
 
-    Like MetaDrive's, it stops at the first line that takes it above 10 m: a flag for overpasses, no measurement.
+    As in MetaDrive, it stops at the first line that exceeds 10 m: a flag for overpasses, not a measurement.
     """
     highest, lowest = -math.inf, math.inf
     for feature in map_features.values():

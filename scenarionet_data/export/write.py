@@ -1,7 +1,7 @@
-"""A database of pickles on disk: one file per scenario, the summary of all metadata, the mapping to folders.
+"""Write a database of pickles: one file per scenario, the summary of all metadata, the mapping to folders.
 
-It is written beside its place and renamed when complete, so that nobody ever sees half of it. Scenarios stream
-through; only the summary, which MetaDrive wants as one pickle, grows with their number.
+It is written to a temporary folder and renamed when complete, so that partial databases are never visible. Scenarios
+are streamed; only the summary, a single pickle, grows with their number.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ MAPPING_FILE = "dataset_mapping.pkl"
 
 @dataclass(frozen=True)
 class ExportReport:
-    """What :func:`export` did.
+    """Result of :func:`export`.
 
     Attributes:
         directory: The database.
         num_scenarios, num_bytes: Pickled scenarios and their size.
-        refused: Scenarios that the format cannot hold, left out of the database.
+        refused: Scenarios that the format cannot represent, which are not written.
     """
 
     directory: Path
@@ -57,17 +57,17 @@ def export(
     """Write a ScenarioNet database.
 
     Args:
-        scenarios: In the order of MetaDrive's scenario index.
-        directory: The database; new or empty, unless ``replace``.
-        replace: Replace a database of pickles that is there.
-        executor: Writes parts of it, for example on a cluster; ``scenarios`` is a sequence that can be pickled then.
-        on_progress: Called after each scenario; the total is 0 where ``scenarios`` has no length.
+        scenarios: Scenarios, in the order of MetaDrive's scenario index.
+        directory: Folder of the database; new or empty unless ``replace``.
+        replace: Replace an existing database of pickles.
+        executor: Writes it in parts, for example on a cluster; requires ``scenarios`` to be a picklable sequence.
+        on_progress: Called after each scenario; the total is 0 if ``scenarios`` has no length.
 
     Raises:
-        DatabaseExists: ``directory`` is not empty, or holds other things than a database.
-        BadParameter: There was no scenario to write.
-        InvalidScenario: None of the scenarios could be written; the first one's reason.
-        LakeError: The disk is full, or ``directory`` may not be written.
+        DatabaseExists: ``directory`` is not empty, or contains other files than a database.
+        BadParameter: No scenarios.
+        InvalidScenario: None of the scenarios could be written, with the first reason.
+        LakeError: The disk is full, or ``directory`` is not writable.
     """
     directory = Path(directory)
     _check_target(directory, replace)
@@ -84,7 +84,7 @@ def export(
             if on_progress:
                 on_progress(done, total, done)
         if not summary:
-            raise refused[0] if refused else BadParameter(f"{directory}: there is no scenario to export")
+            raise refused[0] if refused else BadParameter(f"{directory}: no scenarios to export")
         dump(_without_arrays(summary), draft / SUMMARY_FILE)
         dump(dict.fromkeys(summary, ""), draft / MAPPING_FILE)
     return ExportReport(directory, len(summary), num_bytes, tuple(refused))
@@ -111,7 +111,7 @@ def export_database(
 
 
 def _take(entry: Written | InvalidScenario, draft: Path, summary: dict[str, Any]) -> int:
-    """Take a pickled scenario into the database; returns its size."""
+    """Move a pickled scenario into the database; return its size."""
     if isinstance(entry, InvalidScenario):
         raise entry
     name = entry.path.name
@@ -123,7 +123,7 @@ def _take(entry: Written | InvalidScenario, draft: Path, summary: dict[str, Any]
 
 
 def _without_arrays(value: Any) -> Any:
-    """As ScenarioNet's summaries: arrays as lists, sets as tuples."""
+    """Convert arrays to lists and sets to tuples, as in ScenarioNet's summaries."""
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, set):
@@ -138,9 +138,11 @@ def _check_target(directory: Path, replace: bool) -> None:
         return
     foreign = [p.name for p in directory.iterdir() if not _is_ours(p)] if directory.is_dir() else [directory.name]
     if foreign:
-        raise DatabaseExists(f"{directory}: holds {foreign[0]!r}, no database of pickles; give another directory")
+        raise DatabaseExists(
+            f"{directory}: contains {foreign[0]!r} and is not a database of pickles; give another directory"
+        )
     if not replace:
-        raise DatabaseExists(f"{directory}: is not empty; --replace it, or give another directory")
+        raise DatabaseExists(f"{directory}: is not empty; pass replace=True, or give another directory")
 
 
 def _is_ours(path: Path) -> bool:
@@ -150,10 +152,10 @@ def _is_ours(path: Path) -> bool:
 
 @contextmanager
 def _new_directory(directory: Path) -> Iterator[Path]:
-    """A sibling that takes ``directory``'s place when the block ends, and vanishes when it fails.
+    """Yield a temporary sibling that replaces ``directory`` when the block ends, or is deleted if it fails.
 
     Raises:
-        LakeError: The disk is full, or does not allow it; whoever writes the parts.
+        LakeError: The disk is full or not writable, also on workers.
     """
     mark = secrets.token_hex(4)
     draft = directory.with_name(f".{directory.name}.{mark}.new")
@@ -165,7 +167,7 @@ def _new_directory(directory: Path) -> Iterator[Path]:
         raise
     except OSError as error:
         raise LakeError(
-            f"cannot write {directory}: {error.strerror or error}; nothing of it is left: free some space or choose "
+            f"cannot write {directory}: {error.strerror or error}; nothing was written: free some space or choose "
             "another directory, and run the same command again"
         ) from error
     finally:

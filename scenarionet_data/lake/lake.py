@@ -7,23 +7,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenarionet_data.databases.record import DatabaseRecord
+from scenarionet_data.lake.comparisons import ComparableLake
 from scenarionet_data.lake.database import Database
 from scenarionet_data.lake.tagging import TaggableLake
 from scenarionet_data.operations import combine
-from scenarionet_data.operations.comparison import DatabaseStatistics, compare
-from scenarionet_data.operations.diff import Diff, diff
-from scenarionet_data.operations.events import mine
+from scenarionet_data.operations.diff import Diff
 from scenarionet_data.operations.filter import filter_database, select_scenarios
 from scenarionet_data.operations.lineage import LineageTree, lineage_tree
-from scenarionet_data.operations.overlap import DatabaseOverlap, overlap
 from scenarionet_data.operations.rebuild import RebuildResult, rebase, rebuild
 from scenarionet_data.operations.sample import sample
 from scenarionet_data.operations.split import split
 from scenarionet_data.query.named_sql import Conditions
 
 if TYPE_CHECKING:  # loading, packs and export import numba, which takes 0.5 s that a query does not need
-    import polars as pl
-
     from scenarionet_data.execution.executors import Executor
     from scenarionet_data.execution.progress import Progress
     from scenarionet_data.export import ExportReport
@@ -31,7 +27,7 @@ if TYPE_CHECKING:  # loading, packs and export import numba, which takes 0.5 s t
     from scenarionet_data.packs.packing import PackReport
 
 
-class Lake(TaggableLake):
+class Lake(TaggableLake, ComparableLake):
     """One snapshot of a lake, open for queries and for operations on databases.
 
     Args:
@@ -324,54 +320,6 @@ class Lake(TaggableLake):
             DatabaseNotFound: A parent is gone.
         """
         return rebase(self, database, keep_members=keep_members)
-
-    # --- comparisons ----------------------------------------------------------------------------------
-
-    def compare(self, *databases: DatabaseRecord | str) -> list[DatabaseStatistics]:
-        """Return statistics of databases in the given order; of the whole lake without any."""
-        return compare(self, *databases)
-
-    def diff(self, before: DatabaseRecord | str, after: DatabaseRecord | str) -> Diff:
-        """Compare two sets of scenarios: members that came, went or changed, and columns with other values.
-
-        Args:
-            before, after: Databases, ``name``, ``name@version``, or ``@7`` for the whole lake at snapshot 7.
-        """
-        return diff(self, before, after)
-
-    def overlap(self, *databases: DatabaseRecord | str, kinds: Sequence[str] | None = None) -> list[DatabaseOverlap]:
-        """Find what two or more databases share, pair by pair: scenarios, contents, logs, seconds of a log, drives.
-
-        Args:
-            *databases: The databases; this snapshot describes their members.
-            kinds: Rules of ``sql/overlaps``, all by default. Only ``near_duplicate`` reads tracks.
-
-        Returns:
-            One result per pair and rule, including empty ones.
-
-        Raises:
-            UnknownQuery: No such rule.
-        """
-        return overlap(self, *databases, kinds=kinds)
-
-    def mine(
-        self,
-        event: str,
-        parameters: Mapping[str, Any] | None = None,
-        database: DatabaseRecord | str | None = None,
-    ) -> pl.DataFrame:
-        """Find all occurrences of an event, in order of scenario and time.
-
-        Args:
-            event: Name of an event of ``sql/events``.
-            parameters: Values of its parameters as Python values; the others keep their defaults.
-            database: Search only its members.
-
-        Raises:
-            UnknownEvent: No such event.
-            BadParameter: No such parameter, or a value of another type.
-        """
-        return mine(self, event, parameters, database)
 
     # --- scenarios ------------------------------------------------------------------------------------
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class TaggableLake(LakeView):
-    """A view of a lake with methods for user columns; the base class of :class:`~scenarionet_data.Lake`."""
+    """A view of a lake with methods for user columns; a base class of :class:`~scenarionet_data.Lake`."""
 
     def tag(
         self,

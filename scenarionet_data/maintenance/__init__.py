@@ -1,4 +1,4 @@
-"""Care for a lake that is in use: files of another size (compact), room (vacuum), and whether all is whole (fsck)."""
+"""Maintenance of a lake in use: rewrite files (compact), delete unused ones (vacuum), check integrity (fsck)."""
 
 from __future__ import annotations
 

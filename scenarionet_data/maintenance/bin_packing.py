@@ -1,4 +1,4 @@
-"""Bins: which of a lake's shards are worth rewriting in a profile, and which of them together."""
+"""Plan a compaction: group the shards that are worth rewriting into bins."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from scenarionet_data.storage.write import layouts, rewriting
 from scenarionet_data.storage.write.layouts import Layout
 
 _SCENARIOS_PER_BIN = 1024
-_WELL_FILLED = 0.5
-"""Files that are filled less are merged with others; those filled more are not worth the work."""
+_MIN_FILL = 0.5
+"""Files below this fill level are merged with others; rewriting fuller ones is not worth the work."""
 _KEYS = ("dataset", "version", "split")
 
 
 @dataclass(frozen=True)
 class Bin:
-    """Shards to be written together; picklable.
+    """Shards to write together; picklable.
 
     Attributes:
         lake: The lake's root.
         profile: Name of the profile.
-        records: The shards as they are, of one partition.
+        records: The current shards, all of one partition.
     """
 
     lake: str
@@ -37,46 +37,46 @@ class Bin:
 
     @property
     def num_scenarios(self) -> int:
-        """Scenarios of its shards."""
+        """Number of scenarios in its shards."""
         return sum(record.num_scenarios for record in self.records)
 
 
 def plan_compaction(lake: LakeLike, profile: str = "training", *, where: Mapping[str, str] | None = None) -> list[Bin]:
-    """What :func:`.compact` would rewrite: bins of up to 1,024 scenarios; a larger shard is a bin of its own.
+    """Return the bins that :func:`.compact` would rewrite: up to 1,024 scenarios each, or a single larger shard.
 
     Raises:
-        BadParameter: There is no such profile, or ``where`` names something else.
-        NoSuchSnapshot: There is no lake.
+        BadParameter: Unknown profile, or unknown key in ``where``.
+        NoSuchSnapshot: Not a lake.
     """
     wanted, patterns, files = layouts.load(profile), dict(where or {}), open_files(lake)
     for key in sorted(set(patterns) - set(_KEYS)):
-        raise BadParameter(f"--where {key}: choose by {', '.join(_KEYS)}")
+        raise BadParameter(f"where: unknown key {key!r}; select by {', '.join(_KEYS)}")
     base = snapshots.newest(files)
     manifests.check_schemas(files, base)
-    kinds: dict[tuple[str, ...], list[ShardRecord]] = defaultdict(list)
+    groups: dict[tuple[str, ...], list[ShardRecord]] = defaultdict(list)
     for record in manifests.shards(files, base):
         if record.num_scenarios and all(fnmatchcase(getattr(record, key), patterns[key]) for key in patterns):
-            # What was converted alike stays told apart from the rest.
+            # Only shards converted with the same converter version and options share files.
             kind = (record.dataset, record.version, record.split, record.converter_version, record.options)
-            kinds[kind].append(record)
-    found = [bin_ for kind in sorted(kinds) for bin_ in _bins(kinds[kind], wanted)]
+            groups[kind].append(record)
+    found = [bin_ for kind in sorted(groups) for bin_ in _bins(groups[kind], wanted)]
     return [Bin(str(files.root), profile, tuple(records)) for records in found]
 
 
 def _bins(records: Iterable[ShardRecord], profile: Layout) -> Iterator[list[ShardRecord]]:
-    """Shards to write together; those that lie well already are left out."""
+    """Group shards to write together; skip those with a good layout."""
     units: dict[str, list[ShardRecord]] = defaultdict(list)
     for record in records:
         units[layouts.unit_of(record)].append(record)
-    loose = [unit for unit in units.values() if not _is_well(unit, profile, _WELL_FILLED)]
-    for together in _filled(loose):
+    loose = [unit for unit in units.values() if not _has_good_layout(unit, profile, _MIN_FILL)]
+    for together in _packed(loose):
         is_alone = len(together) == 1
-        if not (is_alone and _is_well(together[0], profile, 0.0)):
+        if not (is_alone and _has_good_layout(together[0], profile, 0.0)):
             yield [record for unit in together for record in unit]
 
 
-def _is_well(unit: list[ShardRecord], profile: Layout, filled: float) -> bool:
-    """Whether shards lie in files of a profile, no more than they need, and filled at least that much."""
+def _has_good_layout(unit: list[ShardRecord], profile: Layout, filled: float) -> bool:
+    """Whether shards have a profile's layout, in the minimum number of files, filled to at least ``filled``."""
     num_files = sum(name.startswith("tracks/") for name in content_sizes(unit))
     scenarios = sum(record.num_scenarios for record in unit)
     is_least = num_files <= profile.num_files(scenarios)
@@ -84,8 +84,8 @@ def _is_well(unit: list[ShardRecord], profile: Layout, filled: float) -> bool:
     return layouts.layout_of(unit[0]) == profile and (is_least if not filled else is_filled)
 
 
-def _filled(units: list[list[ShardRecord]]) -> Iterator[list[list[ShardRecord]]]:
-    """Units in order, as many together as make a bin."""
+def _packed(units: list[list[ShardRecord]]) -> Iterator[list[list[ShardRecord]]]:
+    """Group consecutive units into bins."""
     together: list[list[ShardRecord]] = []
     count = 0
     for unit in units:
@@ -100,7 +100,7 @@ def _filled(units: list[list[ShardRecord]]) -> Iterator[list[list[ShardRecord]]]
 
 
 def content_sizes(records: Iterable[ShardRecord]) -> dict[str, int]:
-    """Size of each file of tracks, lights and maps that some shards lie in."""
+    """Size of each file of tracks, lights and maps of some shards."""
     return {
         name: size
         for record in records

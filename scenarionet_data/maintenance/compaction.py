@@ -1,8 +1,8 @@
-"""Compaction: many small files become few, in the profile that suits what is done with them.
+"""Compaction: rewrite many small files into a few, in the profile that suits their use.
 
-Whole shards are rewritten together, a bin at a time, beside readers and writers: old snapshots keep their files, and a
-bin that another job has changed meanwhile is left out and planned anew. What a killed run has finished is taken as it
-is by the next.
+Whole shards are rewritten, one bin at a time, concurrently with readers and writers: old snapshots keep their files,
+and a bin that another job changes in the meantime is skipped and planned again. The next run adopts the files that a
+killed run has finished.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ _COMMIT_EVERY = 3600.0
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What became of a bin.
+class BinResult:
+    """Result of rewriting a bin.
 
     Attributes:
-        bin: Which.
-        records: The shards as they are now; empty when it failed.
+        bin: The bin.
+        records: The rewritten shards; empty if it failed.
         error: Why it failed.
     """
 
@@ -45,18 +45,18 @@ class Outcome:
 
 @dataclass
 class Compaction:
-    """What a compaction did.
+    """Result of a compaction.
 
     Attributes:
         profile: Name of the profile.
-        shards: Shards that lie in other files now.
-        scenarios: Their scenarios.
-        files_before, files_after: Files of tracks, lights and maps that hold them.
-        bytes_before, bytes_after: Their sizes together.
-        failed: Name of a bin's first shard, and why the bin stays as it was.
-        left: Shards that other jobs changed again and again meanwhile; the next run takes them.
-        snapshot: The lake's newest snapshot.
-        seconds: Time it took.
+        shards: Number of rewritten shards.
+        scenarios: Number of their scenarios.
+        files_before, files_after: Number of their files of tracks, lights and maps.
+        bytes_before, bytes_after: Total size of these files.
+        failed: Name of the first shard of each failed bin, and the reason.
+        left: Number of shards skipped because other jobs kept changing them; run again for these.
+        snapshot: Number of the lake's newest snapshot.
+        seconds: Time taken.
     """
 
     profile: str
@@ -72,7 +72,7 @@ class Compaction:
     seconds: float = 0.0
 
     def count(self, rewritten: Rewritten) -> None:
-        """Add a bin that has been committed."""
+        """Add a committed bin."""
         before, after = content_sizes(rewritten.old), content_sizes(rewritten.new)
         self.shards += len(rewritten.new)
         self.scenarios += sum(record.num_scenarios for record in rewritten.new)
@@ -91,19 +91,19 @@ def compact(
     executor: Executor | None = None,
     on_progress: Progress | None = None,
 ) -> Compaction:
-    """Rewrite a lake's files in a profile, as one new snapshot; ids, content hashes and databases stay as they are.
+    """Rewrite a lake's files in a profile as one new snapshot; ids, content hashes and databases do not change.
 
     Args:
         lake: The lake, its folder or its URL.
-        profile: ``training``: a scenario a row group, up to 64 a file; ``analytics``: 16 a row group, up to 1,024.
-        where: Shell patterns for ``dataset``, ``version`` and ``split``; everything unless given.
-        workers: Processes.
-        executor: Does the work in place of the processes, for example on a cluster.
-        on_progress: Told about every finished bin.
+        profile: ``training``: one scenario per row group, up to 64 per file; ``analytics``: 16 and up to 1,024.
+        where: Shell patterns for ``dataset``, ``version`` and ``split``; all shards by default.
+        workers: Number of processes.
+        executor: Rewrites the bins instead of local processes, for example on a cluster.
+        on_progress: Called before the first bin and after each one.
 
     Raises:
-        BadParameter: There is no such profile, or ``where`` names something else.
-        NoSuchSnapshot: There is no lake.
+        BadParameter: Unknown profile, or unknown key in ``where``.
+        NoSuchSnapshot: Not a lake.
         LakeError: The lake cannot be written.
     """
     started = time.monotonic()
@@ -120,55 +120,57 @@ def compact(
     return report
 
 
-def compact_bin(job: Bin) -> Outcome:
-    """Rewrite one bin, or take what an earlier run has finished; nothing is committed. Runs on a worker."""
+def compact_bin(job: Bin) -> BinResult:
+    """Rewrite one bin, or adopt files of an earlier run, without committing. Runs on a worker."""
     try:
         records = rewriting.rewrite(open_files(job.lake), job.records, layouts.load(job.profile))
-    except LakeError as error:  # a damaged file must not keep the others from being compacted
-        return Outcome(job, (), str(error))
-    return Outcome(job, tuple(records))
+    except LakeError as error:  # a damaged file must not prevent compaction of the others
+        return BinResult(job, (), str(error))
+    return BinResult(job, tuple(records))
 
 
-def _lost(job: Bin, reason: str) -> Outcome:
-    """What becomes of a bin that no worker survives."""
-    return Outcome(job, (), reason)
+def _lost_bin(job: Bin, reason: str) -> BinResult:
+    """Make the result of a bin that kills its worker."""
+    return BinResult(job, (), reason)
 
 
 def _rewrite(
     files: LakeFiles, bins: list[Bin], executor: Executor, report: Compaction, on_progress: Progress | None
 ) -> list[Rewritten]:
-    """Rewrite bins and commit them; returns those that other jobs have changed meanwhile."""
+    """Rewrite bins and commit them; return those that other jobs have changed in the meantime."""
     late: list[Rewritten] = []
     finished: list[Rewritten] = []
-    failed: list[Outcome] = []
+    failed: list[BinResult] = []
     num_scenarios, committed_at = 0, time.monotonic()
     if on_progress:
         on_progress(0, len(bins), 0)
-    for done, outcome in enumerate(executor(bins, compact_bin, _lost), start=1):
-        if outcome.error:
-            failed.append(outcome)
+    for done, result in enumerate(executor(bins, compact_bin, _lost_bin), start=1):
+        if result.error:
+            failed.append(result)
         else:
-            finished.append(Rewritten(outcome.bin.records, outcome.records))
-        num_scenarios += outcome.bin.num_scenarios
+            finished.append(Rewritten(result.bin.records, result.records))
+        num_scenarios += result.bin.num_scenarios
         if on_progress:
             on_progress(done, len(bins), num_scenarios)
-        if time.monotonic() - committed_at > _COMMIT_EVERY:  # well within the day after which a vacuum takes it
+        if (
+            time.monotonic() - committed_at > _COMMIT_EVERY
+        ):  # well within the day after which a vacuum deletes uncommitted files
             late += _commit(files, finished, report)
             finished, committed_at = [], time.monotonic()
     late += _commit(files, finished, report)
     return late + _report_failed(files, failed, report)
 
 
-def _report_failed(files: LakeFiles, failed: list[Outcome], report: Compaction) -> list[Rewritten]:
-    """Note why bins failed; returns those whose files are gone because other jobs have changed them meanwhile."""
+def _report_failed(files: LakeFiles, failed: list[BinResult], report: Compaction) -> list[Rewritten]:
+    """Report why bins failed; return those whose files were replaced by other jobs in the meantime."""
     report.failed = []
     late = []
-    there = {record.key: record for record in manifests.shards(files, snapshots.read(files))} if failed else {}
-    for outcome in failed:
-        if all(there.get(record.key) == record for record in outcome.bin.records):
-            report.failed.append((outcome.bin.records[0].name, str(outcome.error)))
+    current = {record.key: record for record in manifests.shards(files, snapshots.read(files))} if failed else {}
+    for result in failed:
+        if all(current.get(record.key) == record for record in result.bin.records):
+            report.failed.append((result.bin.records[0].name, str(result.error)))
         else:
-            late.append(Rewritten(outcome.bin.records, ()))
+            late.append(Rewritten(result.bin.records, ()))
     return late
 
 

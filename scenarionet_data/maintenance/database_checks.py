@@ -1,4 +1,4 @@
-"""What fsck asks of what belongs to no snapshot: databases, users' columns, results of the simulator."""
+"""fsck of everything outside snapshots: databases, user columns, evaluation results."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from scenarionet_data.storage.verifying import Damage, unreadable
 _MEMBER = ["scenario_id", "content_hash"]
 
 
-def damages(files: LakeFiles, there: Mapping[int, Snapshot], broken: Iterable[str]) -> Iterator[Damage]:
-    """What is wrong with them.
+def damages(files: LakeFiles, readable: Mapping[int, Snapshot], broken: Iterable[str]) -> Iterator[Damage]:
+    """Find damaged databases, user columns and evaluation results.
 
     Args:
         files: The lake.
-        there: Its snapshots that can be read, by number.
-        broken: Files that are known to be damaged; what needs them is not asked.
+        readable: Its readable snapshots by number.
+        broken: Files known to be damaged; checks that need them are skipped.
     """
-    yield from _database_damages(files, _Contents(files, there, set(broken)))
+    yield from _database_damages(files, _Contents(files, readable, set(broken)))
     for layer in files.folders("layers"):
         for name in files.names(f"layers/{layer}", ".parquet"):
             yield from unreadable(files, name)
@@ -35,41 +35,41 @@ def damages(files: LakeFiles, there: Mapping[int, Snapshot], broken: Iterable[st
 
 
 class _Contents:
-    """Which scenarios snapshots hold."""
+    """Scenarios of snapshots."""
 
-    def __init__(self, files: LakeFiles, there: Mapping[int, Snapshot], broken: set[str]) -> None:
-        self.newest = max(there, default=0)
+    def __init__(self, files: LakeFiles, readable: Mapping[int, Snapshot], broken: set[str]) -> None:
+        self.newest = max(readable, default=0)
         self._files = files
-        self._there = there
+        self._readable = readable
         self._broken = broken
-        self._kept: dict[int, pa.Table | None] = {}
+        self._cache: dict[int, pa.Table | None] = {}
 
     def lost(self, database: DatabaseRecord, number: int) -> int | None:
-        """Members that a snapshot does not hold as they were; None when it cannot tell."""
-        if number not in self._kept:
-            self._kept[number] = self._read(number)
-        held = self._kept[number]
-        return None if held is None else database.members.join(held, _MEMBER, join_type="left anti").num_rows
+        """Number of members missing or changed in a snapshot; None if the snapshot is damaged."""
+        if number not in self._cache:
+            self._cache[number] = self._read(number)
+        scenarios = self._cache[number]
+        return None if scenarios is None else database.members.join(scenarios, _MEMBER, join_type="left anti").num_rows
 
     def has(self, number: int) -> bool:
-        """Whether there is such a snapshot."""
-        return number in self._there
+        """Whether the snapshot is readable."""
+        return number in self._readable
 
     def _read(self, number: int) -> pa.Table | None:
-        names = self._there[number].metadata if number in self._there else ()
-        if number not in self._there or self._broken.intersection(names):
+        names = self._readable[number].metadata if number in self._readable else ()
+        if number not in self._readable or self._broken.intersection(names):
             return None
         empty = tables.load("metadata").schema.empty_table().select(_MEMBER)
         return pa.concat_tables([empty, *(self._files.read(name, _MEMBER) for name in names)])
 
 
 def bases(files: LakeFiles) -> set[int]:
-    """Snapshots that databases were made on, as far as they say so."""
+    """Snapshots that readable databases were made on."""
     return {found.lineage.snapshot for _, found in _each_database(files) if not isinstance(found, str)}
 
 
 def _each_database(files: LakeFiles) -> Iterator[tuple[str, DatabaseRecord | str]]:
-    """Every version of every database: its file, and itself or why it cannot be read."""
+    """Yield every version of every database: its file, and the database or the reason why it cannot be read."""
     for name in databases.names(files):
         for version in databases.versions(files, name):
             try:
@@ -84,15 +84,15 @@ def _database_damages(files: LakeFiles, contents: _Contents) -> Iterator[Damage]
             yield Damage(file, found)
             continue
         damages = list(unreadable(files, file))
-        yield from damages or (Damage(file, reason) for reason in _complaints(files, found, contents))
+        yield from damages or (Damage(file, reason) for reason in _problems(files, found, contents))
 
 
-def _complaints(files: LakeFiles, found: DatabaseRecord, contents: _Contents) -> Iterator[str]:
-    """What is wrong with a database that can be read."""
+def _problems(files: LakeFiles, found: DatabaseRecord, contents: _Contents) -> Iterator[str]:
+    """Yield the problems of a readable database."""
     made_on, count = found.lineage.snapshot, found.members.num_rows
     if count != found.lineage.count:
         yield f"{count:,} members, was written with {found.lineage.count:,}"
-    if contents.lost(found, contents.newest):  # then it is read from the snapshot it was made on
+    if contents.lost(found, contents.newest):  # such a database is read from the snapshot it was made on
         lost = contents.lost(found, made_on)
         if not contents.has(made_on):
             yield f"members have changed, and snapshot {made_on}, which it was made on, is gone"

@@ -1,6 +1,6 @@
-"""fsck: whether every file of a lake is there, whole, and what others that refer to it say it is.
+"""fsck: check that every file of a lake exists, is intact and matches the references to it.
 
-Files only: whether what scenarios say makes sense is asked by ``catalog.checks``.
+This checks files; ``quality.checks`` checks the content of scenarios.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from scenarionet_data.storage.verifying import Damage, Verifier, Written, listed
 
 @dataclass(frozen=True)
 class Problem:
-    """Something wrong with a file.
+    """A problem with a file.
 
     Attributes:
         file: Its name, relative to the lake.
-        reason: What was wanted and what was found.
-        remedy: What to do.
+        reason: What was expected and what was found.
+        remedy: How to fix it.
     """
 
     file: str
@@ -42,12 +42,12 @@ class Problem:
 
 @dataclass(frozen=True)
 class Note:
-    """Files that are not wrong, but only take room.
+    """Files that are not damaged, but unused.
 
     Attributes:
-        text: What they are.
-        num_files: How many.
-        size: Bytes.
+        text: Description.
+        num_files: Number of files.
+        size: Total size [bytes].
     """
 
     text: str
@@ -57,13 +57,13 @@ class Note:
 
 @dataclass(frozen=True)
 class Fsck:
-    """What was found.
+    """Result of a check.
 
     Attributes:
-        snapshots: Numbers of the snapshots that can be read.
-        num_files: Files of tables that were checked.
-        problems: What is wrong.
-        notes: What only takes room.
+        snapshots: Numbers of the readable snapshots.
+        num_files: Number of checked table files.
+        problems: Damaged or missing files.
+        notes: Unused files.
     """
 
     snapshots: tuple[int, ...]
@@ -73,66 +73,66 @@ class Fsck:
 
     @property
     def is_whole(self) -> bool:
-        """Whether nothing is wrong."""
+        """Whether readable are no problems."""
         return not self.problems
 
 
 def fsck(
     lake: LakeLike, *, is_deep: bool = False, workers: int | None = None, on_progress: Progress | None = None
 ) -> Fsck:
-    """Check the files of a lake; nothing is changed.
+    """Check the files of a lake without changing anything.
 
-    Every file that a snapshot names has to be there, with its size, footer and rows. In the newest snapshot, and in
-    those that databases were made on, every reference is followed.
+    Every file of a snapshot has to exist with the recorded size, footer and number of rows. In the newest snapshot, and
+    in those that databases were made on, every reference is checked.
 
     Args:
         lake: The lake, its folder or its URL.
-        is_deep: Read every byte: checksums, and who lies in every row.
-        workers: Threads; one a core unless given.
-        on_progress: Told about every file of a table.
+        is_deep: Read every byte: verify checksums and the scenario of every row.
+        workers: Number of threads; one per core by default.
+        on_progress: Called after each table file.
 
     Raises:
-        NoSuchSnapshot: There is no lake.
+        NoSuchSnapshot: Not a lake.
     """
     files = open_files(lake)
     snapshots.check_is_lake(files)
-    there, damages = _read_snapshots(files)
-    lists, found = _read_manifests(files, there)
+    readable, damages = _read_snapshots(files)
+    lists, found = _read_manifests(files, readable)
     damages += found
     written = _written(lists.values())
-    damages += (each for name in _live_metadata(there) for each in unreadable(files, name))
+    damages += (each for name in _current_metadata(readable) for each in unreadable(files, name))
     verifier = Verifier(files, is_deep=is_deep, workers=workers or os.cpu_count() or 1)
-    told = {damage.file for damage in damages}
-    read = {name: known for name, known in written.items() if name not in told}
+    damaged = {damage.file for damage in damages}
+    read = {name: known for name, known in written.items() if name not in damaged}
     damages += verifier.files(read, on_progress and (lambda done, total: on_progress(done, total, 0)))
     broken = {damage.file for damage in damages}
-    for number in sorted({*database_checks.bases(files), max(there, default=0)} & set(there)):
-        if broken.isdisjoint((*there[number].manifests, *there[number].metadata)):
-            damages += verifier.references(there[number], manifests.shard_table(files, there[number]))
-    damages += database_checks.damages(files, there, broken)
-    newest = there[max(there)].manifests if there else ()
+    for number in sorted({*database_checks.bases(files), max(readable, default=0)} & set(readable)):
+        if broken.isdisjoint((*readable[number].manifests, *readable[number].metadata)):
+            damages += verifier.references(readable[number], manifests.shard_table(files, readable[number]))
+    damages += database_checks.damages(files, readable, broken)
+    newest = readable[max(readable)].manifests if readable else ()
     inputs = Inputs(lists[name] for name in newest if name in lists)
     problems = dict.fromkeys(Problem(each.file, _reason(each), remedy(each.file, inputs)) for each in damages)
-    return Fsck(tuple(there), len(written), tuple(problems), _notes(files, there))
+    return Fsck(tuple(readable), len(written), tuple(problems), _notes(files, readable))
 
 
 def repair(lake: LakeLike, found: Fsck) -> list[str]:
-    """Take shards with damaged files out of the lake, so that converting again brings them back.
+    """Remove shards with damaged files from the lake, so that they can be converted again.
 
-    Merged metadata is merged again. Damaged files of shards are deleted: nothing would ever read them.
+    Merged metadata is merged again. Damaged files of shards are deleted.
 
     Args:
         lake: The lake, its folder or its URL.
-        found: What is wrong with it.
+        found: Result of :func:`fsck`.
 
     Returns:
-        Names of the shards that have to be converted again.
+        Names of the shards to convert again.
     """
     files = open_files(lake)
     broken = {problem.file for problem in found.problems}
     metadata_files.merge_again(files, broken)
-    held = manifests.shards(files, snapshots.newest(files))
-    hit = [record for record in held if broken.intersection((*record.files, record.metadata_file))]
+    current = manifests.shards(files, snapshots.newest(files))
+    hit = [record for record in current if broken.intersection((*record.files, record.metadata_file))]
     commits.commit(files, [], "repair", frozenset(record.key for record in hit))
     commits.consolidate(files)
     for name in sorted(broken.intersection(name for r in hit for name in (*r.files, r.metadata_file) if name)):
@@ -142,26 +142,26 @@ def repair(lake: LakeLike, found: Fsck) -> list[str]:
 
 
 def _read_snapshots(files: LakeFiles) -> tuple[dict[int, Snapshot], list[Damage]]:
-    """The snapshots that can be read, and what is wrong with the others."""
-    there, damages = {}, []
+    """Read all snapshots; return the readable ones, and the damage of the others."""
+    readable, damages = {}, []
     for number in snapshots.numbers(files):
         try:
-            there[number] = snapshots.read(files, number)
+            readable[number] = snapshots.read(files, number)
         except LakeError as error:
             damages.append(Damage(snapshots.file_name(number), str(error)))
-    return there, damages
+    return readable, damages
 
 
-def _read_manifests(files: LakeFiles, there: dict[int, Snapshot]) -> tuple[dict[str, pa.Table], list[Damage]]:
-    """The shards that each manifest lists, and what is wrong with those that cannot be read."""
-    names = sorted({name for snapshot in there.values() for name in snapshot.manifests})
+def _read_manifests(files: LakeFiles, readable: dict[int, Snapshot]) -> tuple[dict[str, pa.Table], list[Damage]]:
+    """Read all manifests; return the shards of each, and the damage of unreadable ones."""
+    names = sorted({name for snapshot in readable.values() for name in snapshot.manifests})
     damages = {name: list(unreadable(files, name)) for name in names}
     lists = {name: manifests.read(files, name) for name in names if not damages[name]}
     return lists, [damage for found in damages.values() for damage in found]
 
 
 def _written(lists: Iterable[pa.Table]) -> dict[str, Written]:
-    """What is known about every file that belongs to a shard."""
+    """Recorded properties of every file of a shard."""
     written: dict[str, Written] = {}
     for shards in lists:
         written |= listed(shards)
@@ -170,24 +170,24 @@ def _written(lists: Iterable[pa.Table]) -> dict[str, Written]:
 
 
 def _reason(damage: Damage) -> str:
-    """What was found, without the remedy that an error's message ends with."""
+    """Return the reason without the remedy at the end of an error message."""
     return damage.reason.partition("; ")[0]
 
 
-def _live_metadata(there: dict[int, Snapshot]) -> list[str]:
-    return sorted({name for snapshot in there.values() for name in snapshot.metadata})
+def _current_metadata(readable: dict[int, Snapshot]) -> list[str]:
+    return sorted({name for snapshot in readable.values() for name in snapshot.metadata})
 
 
-def _notes(files: LakeFiles, there: dict[int, Snapshot]) -> tuple[Note, ...]:
+def _notes(files: LakeFiles, readable: dict[int, Snapshot]) -> tuple[Note, ...]:
     names = manifests.NamedFiles(files)
     try:
-        named = set().union(*(names.of(number) for number in there))
-    except LakeError:  # told already; what belongs to nobody cannot be told then
+        named = set().union(*(names.of(number) for number in readable))
+    except LakeError:  # reported already; unused files cannot be determined
         return ()
     kinds = {
-        "named by no snapshot: a job may be about to commit them, else `scenarionet vacuum` deletes them": [
+        "not part of any snapshot: a job may be about to commit them, otherwise `scenarionet vacuum` deletes them": [
             each for each in list_files(files) if each.name not in named
         ],
-        "below .tmp: a job may be writing them, else the next one deletes them after a day": files.listing(".tmp"),
+        "below .tmp: a job may be writing them, otherwise the next one deletes them after a day": files.listing(".tmp"),
     }
     return tuple(Note(text, len(found), sum(x.size for x in found)) for text, found in kinds.items() if found)

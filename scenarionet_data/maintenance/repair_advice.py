@@ -1,4 +1,4 @@
-"""What to do about a damaged file of a lake, by what it is."""
+"""Advice on repairing damaged files of a lake, by kind of file."""
 
 from __future__ import annotations
 
@@ -9,22 +9,24 @@ import pyarrow as pa
 
 _SHOWN = 3
 _OF_FOLDER = {
-    "databases": "restore it from a copy of the lake, or drop this version and make it again "
-    "(`scenarionet rebase` does, where its members have changed)",
-    "layers": "restore it from a copy of the lake, or tag again with --replace",
+    "databases": "restore it from a copy of the lake, or drop this version and create it again "
+    "(`scenarionet rebase` does, if its members have changed)",
+    "layers": "restore it from a copy of the lake, or tag again with replace=True",
     "results": "remove the run's folder and simulate again",
 }
 _MERGED = "`scenarionet fsck LAKE --repair` merges it again"
-_SNAPSHOT = "restore it from a copy of the lake, or remove it: the snapshot before it holds all but what came with it"
+_SNAPSHOT = (
+    "restore it from a copy of the lake, or remove it: the previous snapshot has everything except what was added by it"
+)
 _OLDER = (
-    "the newest snapshot does not need it: `scenarionet rebase` the databases that were made on older ones, then "
+    "the newest snapshot does not need it: `scenarionet rebase` the databases made on older ones, then "
     "`scenarionet vacuum LAKE --keep-last 1 --yes`; or restore it from a copy of the lake"
 )
-_MANIFEST = "restore it from a copy of the lake; without it nobody knows which shards its snapshots have"
+_MANIFEST = "restore it from a copy of the lake; without it the shards of its snapshots are unknown"
 
 
 class Inputs:
-    """Which recordings the files of a snapshot come from.
+    """Recordings that the files of a snapshot were converted from.
 
     Args:
         manifests: Its shards, as rows of ``schemas/shards.toml``.
@@ -45,7 +47,7 @@ class Inputs:
 
 
 def remedy(file: str, newest: Inputs) -> str:
-    """What to do about a damaged file, by what the newest snapshot needs."""
+    """Return how to repair a damaged file, depending on the newest snapshot."""
     folder, _, rest = file.partition("/")
     if folder == "snapshots":
         return _MANIFEST if rest.startswith("manifest-") else _SNAPSHOT

@@ -1,8 +1,8 @@
-"""Vacuum: snapshots that nobody needs expire, and files that nothing names any more are deleted.
+"""Vacuum: expire old snapshots and delete files that no snapshot refers to.
 
-What jobs at work have published but not yet committed is safe for a day; what they take over from earlier jobs they
-renew first. Databases, users' columns and results of the simulator are never touched, and the newest snapshot and those
-that databases were made on never expire.
+Files that running jobs have published but not yet committed are kept for a day; files adopted from earlier jobs are
+renewed first. Databases, user columns and evaluation results are never deleted, and the newest snapshot and those that
+databases were made on never expire.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 
 UNCOMMITTED_FOR = 24 * 3600.0
-"""How long a file that no snapshot names is left alone [s]: a job at work may be about to commit it."""
+"""Minimum age of unreferenced files before deletion [s]: a running job may be about to commit them."""
 
 _FOLDERS = ("snapshots", "metadata", "tracks", "lights", "maps", "quarantine")
 
 
 @dataclass(frozen=True)
 class Vacuum:
-    """What a vacuum does, or did.
+    """Plan or result of a vacuum.
 
     Attributes:
-        expired: Numbers of the snapshots that go, rising.
-        kept: Numbers of those that stay.
-        needed: Databases that keep a snapshot which would go otherwise, by its number.
-        files: What goes, in order of name.
-        young: Files that nothing names, and that stay because a job may be about to commit them.
-        is_done: Whether it was done, or only planned.
+        expired: Numbers of the expired snapshots, ascending.
+        kept: Numbers of the others.
+        needed: Databases that prevent a snapshot from expiring, by its number.
+        files: Deleted files, sorted by name.
+        young: Unreferenced files kept because a job may be about to commit them.
+        is_done: Whether it was carried out.
     """
 
     expired: tuple[int, ...]
@@ -48,12 +48,12 @@ class Vacuum:
 
     @property
     def size(self) -> int:
-        """Bytes of the files that go."""
+        """Total size of the deleted files [bytes]."""
         return sum(listed.size for listed in self.files)
 
     @property
     def tables(self) -> dict[str, tuple[int, int]]:
-        """Number and bytes of the files that go, by table."""
+        """Number and size of the deleted files, by table."""
         found: dict[str, tuple[int, int]] = {}
         for listed in self.files:
             table = listed.name.split("/")[0]
@@ -63,36 +63,36 @@ class Vacuum:
 
 
 def plan_vacuum(lake: LakeLike, *, keep_last: int | None = None, older_than: float | None = None) -> Vacuum:
-    """What :func:`vacuum` would do; nothing is changed.
+    """Return what :func:`vacuum` would do, without changing anything.
 
     Args:
         lake: The lake, its folder or its URL.
-        keep_last: So many of the newest snapshots stay.
-        older_than: Younger snapshots stay [s]. With both, a snapshot goes when neither keeps it.
+        keep_last: Number of newest snapshots to keep.
+        older_than: Keep snapshots younger than this [s]. With both, a snapshot expires if neither keeps it.
 
     Raises:
-        BadParameter: Neither is given, or one that keeps nothing.
-        NoSuchSnapshot: There is no lake.
+        BadParameter: Neither is given, or nothing would be kept.
+        NoSuchSnapshot: Not a lake.
     """
     if keep_last is None and older_than is None:
-        raise BadParameter("say which snapshots may go: keep the last N, or those that are not older than so long")
+        raise BadParameter("give keep_last or older_than: the number of newest snapshots to keep, or their maximum age")
     if (keep_last is not None and keep_last < 1) or (older_than is not None and older_than < 0):
-        raise BadParameter("keep at least the last snapshot: it is what the lake holds")
+        raise BadParameter("keep at least the newest snapshot, the current content of the lake")
     files = open_files(lake)
     snapshots.newest(files)
-    # Listed before the snapshots are read: whatever a job commits meanwhile is named by one of them, or not listed.
+    # List files before reading snapshots: a file committed in between is either referenced or not listed.
     listed, published = list_files(files), snapshots.published(files)
     numbers = snapshots.numbers(files)
     now = time.time()
     young = {n for n in numbers if older_than is not None and now - published.get(n, now) <= older_than}
     recent = set(numbers[-(keep_last or 1) :])
-    bases = _made_on(files)
+    used = _made_on(files)
     going = set(numbers) - young - recent
-    needed = {number: tuple(bases[number]) for number in sorted(going & set(bases))}
+    needed = {number: tuple(used[number]) for number in sorted(going & set(used))}
     expired = going - set(needed)
     named, held_until = _named(files, numbers, {number: published.get(number, 0.0) for number in expired})
-    doomed, waiting = _unnamed(listed, named, held_until)
-    return Vacuum(tuple(sorted(expired)), tuple(sorted(set(numbers) - expired)), needed, doomed, waiting)
+    deleted, waiting = _unnamed(listed, named, held_until)
+    return Vacuum(tuple(sorted(expired)), tuple(sorted(set(numbers) - expired)), needed, deleted, waiting)
 
 
 def vacuum(
@@ -102,32 +102,32 @@ def vacuum(
     older_than: float | None = None,
     on_progress: Progress | None = None,
 ) -> Vacuum:
-    """Expire snapshots and delete what nothing names; what was done is in the result.
+    """Expire snapshots and delete unreferenced files.
 
-    Killed at any moment it leaves a lake that is whole; the next run deletes what is left, a day later where the
-    snapshot that named it has expired already.
+    The lake stays consistent if the process is killed at any moment; the next run deletes the rest, a day later if the
+    snapshot of a file has already expired.
 
     Args:
         lake: The lake, its folder or its URL.
-        keep_last: So many of the newest snapshots stay.
-        older_than: Younger snapshots stay [s]. With both, a snapshot goes when neither keeps it.
-        on_progress: Told about every deleted file.
+        keep_last: Number of newest snapshots to keep.
+        older_than: Keep snapshots younger than this [s]. With both, a snapshot expires if neither keeps it.
+        on_progress: Called after each file.
 
     Raises:
-        BadParameter: Neither is given, or one that keeps nothing.
-        NoSuchSnapshot: There is no lake.
+        BadParameter: Neither is given, or nothing would be kept.
+        NoSuchSnapshot: Not a lake.
         LakeError: The lake cannot be written.
     """
     files = open_files(lake)
     plan = plan_vacuum(lake, keep_last=keep_last, older_than=older_than)
     files.sweep()
     snapshots.sweep_marks(files, UNCOMMITTED_FOR)
-    gone = {number: snapshots.read(files, number) for number in plan.expired}
+    removed = {number: snapshots.read(files, number) for number in plan.expired}
     for number in plan.expired:
         snapshots.expire(files, number)
-    # A database may have been made on one meanwhile: that snapshot comes back. A commit may name listed files again.
-    for number in sorted(set(gone) & set(_made_on(files))):
-        snapshots.restore(files, gone.pop(number))
+    # Restore a snapshot that a database was made on in the meantime. A commit may refer to listed files again.
+    for number in sorted(set(removed) & set(_made_on(files))):
+        snapshots.restore(files, removed.pop(number))
     names = manifests.NamedFiles(files)
     named = set().union(*(names.of(number) for number in set(snapshots.numbers(files)) - set(plan.kept)))
     deleted = []
@@ -136,13 +136,13 @@ def vacuum(
             deleted.append(listed)
         if on_progress:
             on_progress(done, len(plan.files), 0)
-    expired = tuple(sorted(gone))
-    kept = tuple(number for number in snapshots.numbers(files) if number not in gone)
+    expired = tuple(sorted(removed))
+    kept = tuple(number for number in snapshots.numbers(files) if number not in removed)
     return Vacuum(expired, kept, plan.needed, tuple(deleted), plan.young, is_done=True)
 
 
 def list_files(files: LakeFiles) -> list[Listed]:
-    """Files that belong to the lake as long as a snapshot names them."""
+    """List the files that belong to snapshots."""
     found = (listed for folder in _FOLDERS for listed in files.listing(folder))
     return [listed for listed in found if listed.name.endswith(".parquet")]
 
@@ -158,10 +158,9 @@ def _made_on(files: LakeFiles) -> dict[int, list[str]]:
 
 
 def _named(files: LakeFiles, numbers: Iterable[int], expired: Mapping[int, float]) -> tuple[set[str], dict[str, float]]:
-    """Files that the snapshots which stay name, and until when the others name each of theirs.
+    """Return the files of the kept snapshots, and for files of expired ones when the last of these was published.
 
-    That is when the last snapshot that names it was published: a file that was published or renewed later may be
-    about to be committed again.
+    A file that was published or renewed later than that may be about to be committed again.
     """
     named: set[str] = set()
     held_until: dict[str, float] = {}
@@ -178,7 +177,7 @@ def _named(files: LakeFiles, numbers: Iterable[int], expired: Mapping[int, float
 def _unnamed(
     listed: Iterable[Listed], named: set[str], held_until: Mapping[str, float]
 ) -> tuple[tuple[Listed, ...], tuple[Listed, ...]]:
-    """Files that go, and those that nothing names but that are too young to go."""
+    """Split unreferenced files into those to delete and those too young for it."""
     youngest = time.time() - UNCOMMITTED_FOR
     free = sorted((each for each in listed if each.name not in named), key=lambda each: each.name)
     goes = [each.modified < youngest or each.modified <= held_until.get(each.name, -1.0) for each in free]

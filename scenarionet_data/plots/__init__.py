@@ -93,4 +93,4 @@ def __getattr__(name: str) -> Any:
     except ModuleNotFoundError as error:
         if (error.name or "").split(".")[0] not in ("matplotlib", "PIL"):
             raise
-        raise MissingDependency("pictures need matplotlib; install scenarionet-lake[plots]") from error
+        raise MissingDependency("pictures need matplotlib", "plots") from error

@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING
 
 from scenarionet_data.arrays.dtypes import Float64, Int32
 from scenarionet_data.errors import BadParameter, MissingDependency
-from scenarionet_data.version import PACKAGE
 from scenarionet_sim.backends.base import SUBSTEPS, Drive
 from scenarionet_sim.backends.world_bodies import Key, WorldBodies
 from scenarionet_sim.kernels.bodies import find_bodies, read_motion, write_motion
@@ -166,8 +165,9 @@ def _import_bullet() -> ModuleType:
         return importlib.import_module("pybullet")
     except ImportError as error:
         raise MissingDependency(
-            f"the Bullet backend needs pybullet: pip install '{PACKAGE}[sim]' with CPython 3.11, for which there is a "
-            "wheel; or use the backend Kinematic, which needs no extra package"
+            "the Bullet backend needs pybullet",
+            "sim",
+            "its wheels are for CPython 3.11; or use the backend Kinematic, which needs no extra package",
         ) from error
     finally:
         os.dup2(error_output, 2)

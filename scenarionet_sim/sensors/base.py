@@ -69,7 +69,7 @@ class Sensor(ABC):
         try:
             from gymnasium.spaces import Box
         except ImportError as error:
-            raise MissingDependency("spaces need gymnasium; install scenarionet-lake[sim]") from error
+            raise MissingDependency("spaces need gymnasium", "sim") from error
         return Box(self.low, self.high, self.shape, self.dtype)  # type: ignore[arg-type]  # accepts NumPy types
 
     def empty(self, num_agents: int) -> Array:

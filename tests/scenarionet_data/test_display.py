@@ -100,7 +100,7 @@ def test_facts_are_shown_where_pictures_cannot_be(tmp_path, monkeypatch):
         without.delattr("scenarionet_data.plots.thumbnails", raising=False)
         page = Page(lake_card(lake))
     assert page.pictures() == []
-    assert any("install scenarionet-lake[plots]" in word for word in page.words)
+    assert any("pip install 'scenarionet-lake[plots]'" in word for word in page.words)
     for path in (lake.root / "tracks").rglob("*.parquet"):
         path.unlink()
     page = Page(lake_card(lake))

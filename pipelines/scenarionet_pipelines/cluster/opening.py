@@ -65,16 +65,10 @@ def _load() -> tuple[Any, type[DaskExecutor]]:
         dask = importlib.import_module("dask")
         importlib.import_module("distributed")
     except ImportError as error:
-        raise _missing("cluster") from error
+        raise MissingDependency("Dask clusters need dask and distributed", "cluster") from error
     from scenarionet_pipelines.cluster.dask_executor import DaskExecutor
 
     return dask, DaskExecutor
-
-
-def _missing(extra: str) -> MissingDependency:
-    return MissingDependency(
-        f"this cluster needs packages that are not installed: pip install 'scenarionet-lake[{extra}]'"
-    )
 
 
 def _start(profile: ClusterProfile) -> Any:
@@ -83,7 +77,7 @@ def _start(profile: ClusterProfile) -> Any:
     try:
         make = getattr(importlib.import_module(module), name)
     except ImportError as error:
-        raise _missing(extra) from error
+        raise MissingDependency(f"clusters of kind {profile.kind} need {module.partition('.')[0]}", extra) from error
     try:
         return _STARTS[profile.kind](make, profile)
     except Exception as error:  # from asyncssh, Kubernetes or Dask, without a common base class

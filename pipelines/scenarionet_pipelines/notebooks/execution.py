@@ -23,7 +23,7 @@ def read(name: str) -> Any:
     try:
         import nbformat
     except ImportError as error:
-        raise MissingDependency("notebooks need nbclient and more; install scenarionet-lake[notebooks]") from error
+        raise MissingDependency("notebooks need nbclient and more", "notebooks") from error
     return nbformat.read(path(name), as_version=4)  # type: ignore[no-untyped-call]
 
 

@@ -14,7 +14,7 @@ DEFAULT_PORT = 8642
 try:
     import uvicorn
 except ImportError as error:
-    raise MissingDependency("browsing needs a web server: pip install 'scenarionet-lake[web]'") from error
+    raise MissingDependency("browsing needs a web server", "web") from error
 
 
 class Server:

@@ -26,58 +26,60 @@ from scenarionet_data.ingest.shard import RawItem, Shard, bucket, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription, make_scenario_id
 
 _FINGERPRINT_SAMPLE = 4096
-"""Bytes: a file has 90 kB, and there are 300,000 of them to list."""
+"""Bytes hashed at each end of a file: there are 300,000 files of 90 kB to list."""
 _PEEKED = 16
-"""Files that are looked into, to tell this dataset from another folder of CSV."""
+"""Number of files opened to recognise this dataset among other folders of CSV files."""
 
 
 @dataclass(frozen=True)
 class Argoverse1Options(Options):
-    """Where the maps are, and how much of them goes with a scenario."""
+    """Location of the maps, and the extent of a scenario's map."""
 
     maps: str = field(
         default="", metadata={"doc": "Folder of the *_vector_map.xml; empty: below RAW.", "is_path": True}
     )
     has_map: bool = field(default=True, metadata={"doc": "Whether scenarios get a map."})
-    radius: float = field(default=100.0, metadata={"doc": "Metres of map around the box that holds the ego's path."})
+    radius: float = field(
+        default=100.0, metadata={"doc": "Margin of the map around the bounding box of the ego's path [m]."}
+    )
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.radius < 1e5:
-            raise BadParameter(f"radius: wanted metres of 0 or more, found {self.radius}")
+            raise BadParameter(f"radius: expected 0 m or more, found {self.radius}")
 
 
 class Argoverse1(Converter[RawItem]):
-    """One scenario a file, in buckets; the maps of the two cities are shared."""
+    """One scenario per file, in buckets; the maps of the two cities are shared."""
 
     name = "argoverse1"
     version = "1"
     release = "v1.1"
     licence = "CC BY-NC-SA 4.0"
-    raw = "folder of forecasting files (*.csv), with the maps (*_vector_map.xml) in it or in -O maps=FOLDER"
+    raw = "folder of forecasting files (*.csv), with the maps (*_vector_map.xml) in it or in the option maps"
     Options = Argoverse1Options
     properties = ("location",)
-    # Positions are as recorded, with 0.1 m of noise, sticking and jumps, which differences show ten times as large;
-    # velocities are fitted to a second of them. Of 40 recordings: medians of 0.4 ... 1.6 m/s, 99 % below 7 ... 24
-    # (one 36) m/s and 0.3 (one 0.6) rad, five jumps above 60 m/s.
+    # Recorded positions have 0.1 m of noise, freezes and jumps, which differences amplify tenfold; velocities are
+    # fitted to one second of them. In 40 recordings: medians of 0.4 to 1.6 m/s, 99th percentiles of 7 to 24 m/s
+    # (one 36) and 0.3 rad (one 0.6), and five jumps above 60 m/s.
     budgets = Budgets(velocity_median=1.7, velocity_p99=25.0, heading_p99=0.3, step_speed=100.0, outliers=0.1)
 
     def maps(self, raw: str, version: str, options: Argoverse1Options) -> Iterator[Shard]:
-        """The cities' maps, see :meth:`Converter.maps`."""
+        """List the maps of the cities."""
         for path in find_maps(options.maps or raw).values() if options.has_map else ():
             item = RawItem(path.name, fingerprint([path]))
             yield Shard(self.name, version, "", map_id(path), str(path.parent), (item,), Options())
 
     def map_features(self, shard: Shard) -> MapBuilder:
-        """Read a city's map, see :meth:`Converter.map_features`."""
+        """Read the map of a city."""
         return read_city(shard.paths[0]).features
 
     def shards(self, raw: str, split: str, version: str, options: Argoverse1Options) -> Iterator[Shard]:
-        """Buckets of files, see :meth:`Converter.shards`."""
+        """List buckets of files."""
         files = _find_recordings(raw, split)
         root = Path(raw) if Path(raw).is_dir() else Path(raw).parent
         maps = _maps_for(raw, options)
-        known = fingerprint(maps) if maps else ""  # a map that arrives later changes what stands on it
-        resolved = replace(options, maps=os.pathsep.join(map(str, maps)))  # workers need not search
+        known = fingerprint(maps) if maps else ""  # scenarios change if a map is added later
+        resolved = replace(options, maps=os.pathsep.join(map(str, maps)))  # saves workers the search
         items = [
             RawItem(
                 path.relative_to(root).as_posix(), fingerprint([path], _FINGERPRINT_SAMPLE) + known, _properties(path)
@@ -88,32 +90,32 @@ class Argoverse1(Converter[RawItem]):
             yield Shard(self.name, version, split, name, str(root), members, resolved)
 
     def files(self, shard: Shard) -> Iterator[list[str]]:
-        """The files of a bucket and the maps that lie below the same root, see :meth:`Converter.files`."""
+        """Files of a bucket and the maps below the same root."""
         root, maps = Path(shard.root), filter(None, _options(shard).maps.split(os.pathsep))
         shared = [Path(path).relative_to(root).as_posix() for path in maps if Path(path).is_relative_to(root)]
         yield [*shared, *(item.name for item in shard.items)]
 
     def records(self, shard: Shard) -> Iterator[RawItem]:
-        """The files of a bucket, see :meth:`Converter.records`."""
+        """Yield the files of a bucket."""
         yield from shard.items
 
     def scenario(self, shard: Shard, record: RawItem) -> ScenarioDescription:
-        """Read one file, see :meth:`Converter.scenario`."""
+        """Read one file."""
         options = _options(shard)
         path = Path(shard.root) / record.name
-        # Every split counts its files from 1.
+        # Files are numbered from 1 in every split.
         scenario_id = make_scenario_id(shard.dataset, shard.version, f"{shard.split}-{path.stem}")
         try:
             recording = read_recording(path)
             city = _city(recording.city, path, options) if options.has_map else None
-        except CorruptSource as error:  # of this file or its map: other files of the shard are fine
+        except CorruptSource as error:  # of this file or its map: continue with the other files
             raise InvalidScenario(scenario_id, "source", str(error)) from error
         return describe(shard, scenario_id, record.name, recording, city, options.radius, self.licence)
 
 
 def _options(shard: Shard) -> Argoverse1Options:
     if not isinstance(shard.options, Argoverse1Options):
-        raise BadParameter(f"wanted Argoverse1Options, found {type(shard.options).__name__}")
+        raise BadParameter(f"expected Argoverse1Options, found {type(shard.options).__name__}")
     return shard.options
 
 
@@ -126,22 +128,22 @@ def _fact(path: Path, _key: str) -> str | tuple[str, ...]:
 
 
 def _find_recordings(raw: str, split: str) -> list[Path]:
-    """The CSV files of a split.
+    """Find the CSV files of a split.
 
     Raises:
-        SourceNotFound: There are none, or they are another dataset's.
+        SourceNotFound: No files, or files of another dataset.
     """
     found = find_files(raw, "*.csv", f"Argoverse 1 recordings of split {split}", split)
     if not any(is_recording(path) or not is_local(path) for path in found[:_PEEKED]):
-        raise SourceNotFound(f"{found[0]} and its like are no Argoverse 1 recordings; give a folder that holds some")
+        raise SourceNotFound(f"{found[0]} and others are not Argoverse 1 recordings; give a folder that contains some")
     return found
 
 
 def _maps_for(raw: str, options: Argoverse1Options) -> list[Path]:
-    """The maps' files; none when scenarios get no map.
+    """Find the map files; none if scenarios are converted without maps.
 
     Raises:
-        SourceNotFound: There are none.
+        SourceNotFound: No map files.
     """
     if not options.has_map:
         return []
@@ -149,8 +151,8 @@ def _maps_for(raw: str, options: Argoverse1Options) -> list[Path]:
     found = list(find_maps(places).values())
     if not found:
         raise SourceNotFound(
-            f"{places}: no pruned_argoverse_*_vector_map.xml in it; download the HD maps and add -O maps=FOLDER, "
-            "or go without: -O has_map=false"
+            f"{places}: no pruned_argoverse_*_vector_map.xml in it; download the HD maps and set the option maps "
+            "to their folder, or has_map to false"
         )
     return found
 
@@ -160,6 +162,6 @@ def _city(name: str, path: Path, options: Argoverse1Options) -> City:
     if name not in maps:
         raise CorruptSource(
             f"{path}: recorded in {name!r}, and there is no pruned_argoverse_{name}_*_vector_map.xml (of "
-            f"{' and '.join(maps)} there are maps); download it, or go without: -O has_map=false"
+            f"{' and '.join(maps)} there are maps); download it, or set the option has_map to false"
         )
     return read_city(maps[name])

@@ -1,4 +1,4 @@
-"""The loop that fits lines to noisy positions, compiled: a recording has a thousand fits of eleven frames each."""
+"""Compiled line fits to noisy positions: a recording has a thousand fits of eleven frames each."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.dtypes import Array
 
 _LEAST_SPREAD = 1e-6
-"""s² below which the frames of a fit lie at one time."""
+"""Variance of times below which a slope is undefined [s²]."""
 
 
 @kernel
 def fit_slopes(
     place: Array, piece: Array, times: Array, half_frames: int, half_window: float, slope: Array, certainty: Array
 ) -> None:
-    """Slopes of lines fitted to the frames around each one, within its piece.
+    """Fit lines to the frames around each frame, within its piece, and fill in their slopes.
 
     Args:
         place: (N, S) complex [m].
-        piece: (N, S) number of the piece each frame belongs to, negative where the track is not seen.
+        piece: (N, S) number of the piece of each frame, negative where the track is not observed.
         times: (S,) [s].
-        half_frames: Most frames of a fit on each side.
-        half_window: Most seconds on each side; the frames next to the middle count at any distance.
-        slope: (N, S) complex [m/s], zeros, filled where there is something to fit.
-        certainty: (N, S) zeros, filled with the root of the summed squared distances from the frames' mean time [s].
+        half_frames: Maximum number of frames on each side.
+        half_window: Maximum seconds on each side; the adjacent frames are always used.
+        slope: (N, S) complex [m/s]; zeros on entry, filled where a fit is possible.
+        certainty: (N, S) root of the summed squared distances from the frames' mean time [s]; zeros on entry.
     """
     for row in range(piece.shape[0]):
         for frame in range(piece.shape[1]):

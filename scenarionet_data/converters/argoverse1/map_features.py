@@ -1,9 +1,9 @@
-"""Argoverse 1's ``pruned_argoverse_<city>_<number>_vector_map.xml``: the lanes of a city.
+"""Read Argoverse 1's ``pruned_argoverse_<city>_<number>_vector_map.xml``: the lanes of a city.
 
 Nodes are points (``<node id x y>``), ways are lanes: ``<way lane_id>`` with a centreline of node references and
-tags. Frame: the city's, metres; heights, which some files have, are left out, as objects have none. Of a lane's
-extent only the centreline is told; the owner's API takes 3.8 m for the width of all of them, and so is done here.
-Lanes that the map was pruned of are still named as neighbours, successors and predecessors.
+tags. Frame: the city's, in metres; heights, present in some files, are dropped because objects have none. Lanes have
+a centreline only; their width is 3.8 m, as in argoverse-api. Lanes removed by pruning are still listed as neighbours,
+successors and predecessors.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from scenarionet_data.scenario.description import MapFeatures
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 
 WIDTH = 3.8
-"""Metres (argoverse-api, ``utils/centerline_utils.py`` and ``utils/manhattan_search.py`` assume it)."""
+"""Width of a lane [m], as assumed in argoverse-api (``utils/centerline_utils.py``, ``utils/manhattan_search.py``)."""
 
 _NAME = re.compile(r"pruned_argoverse_([A-Za-z]+)_(\d+)_vector_map\.xml")
 _BOOLEANS = {"True": True, "False": False}
@@ -36,11 +36,11 @@ _KEPT_CITIES = 2
 
 @dataclass(frozen=True, eq=False)
 class City:
-    """A city's map in its own frame.
+    """A city's map, in the city's frame.
 
     Attributes:
         map_id: For example ``MIA-10316``.
-        features: All of it.
+        features: The whole map.
         centers: Centreline of each feature, points (P, 2) float64 [m].
     """
 
@@ -57,11 +57,11 @@ class City:
         return self.features.build(np.zeros(3), has_z=False)
 
     def crop(self, window: tuple[float, float, float, float], origin: Float64) -> MapFeatures:
-        """What ``features.crop(window).build(origin, has_z=False)`` gives, several times as fast.
+        """Return ``features.crop(window).build(origin, has_z=False)``, several times as fast.
 
         Args:
             window: min_x, min_y, max_x, max_y [m] in the city's frame.
-            origin: (3,) of the scenario.
+            origin: (3,) [m] of the scenario.
         """
         rows = np.flatnonzero(meets(self._bounds, window))
         near = self.centers.take(rows)
@@ -72,7 +72,7 @@ class City:
 
 @dataclass
 class Lane:
-    """A way of the file: what its tags say."""
+    """A way of the file with its tags."""
 
     id: str
     tags: dict[str, str]
@@ -80,22 +80,22 @@ class Lane:
     exits: list[str]
 
     def is_true(self, key: str) -> bool:
-        """A tag that is True or False."""
+        """Parse a tag that is True or False."""
         if self.tags.get(key) not in _BOOLEANS:
-            raise ValueError(f"lane {self.id}: wanted True or False for {key}, found {self.tags.get(key)!r}")
+            raise ValueError(f"lane {self.id}: expected True or False for {key}, found {self.tags.get(key)!r}")
         return _BOOLEANS[self.tags[key]]
 
     def neighbor(self, key: str) -> str | None:
-        """A tag that is a lane or None."""
+        """Parse a tag that is a lane or None."""
         found = self.tags[key]
         return None if found == "None" else str(int(found))
 
 
 def find_maps(places: str) -> dict[str, Path]:
-    """The vector maps in folders, at any depth, by city; the newest, where a city has several.
+    """Find vector maps in folders, at any depth, by city; the newest if a city has several.
 
     Args:
-        places: Folders, or the maps themselves, separated as in ``$PATH``.
+        places: Folders or map files, separated as in ``$PATH``.
     """
     files: list[str] = []
     for place in places.split(os.pathsep):
@@ -105,7 +105,7 @@ def find_maps(places: str) -> dict[str, Path]:
 
 @lru_cache(maxsize=16)
 def maps_by_city(files: str) -> dict[str, Path]:
-    """:func:`find_maps` of files only: their names say it all, so that each process looks once."""
+    """:func:`find_maps` for map files, cached per process."""
     paths = [Path(file) for file in files.split(os.pathsep)]
     found = [(match, path) for path in paths if (match := _NAME.fullmatch(path.name))]
     found.sort(key=lambda pair: (pair[0][1], int(pair[0][2]), pair[1]))
@@ -113,16 +113,16 @@ def maps_by_city(files: str) -> dict[str, Path]:
 
 
 def map_id(path: Path) -> str:
-    """The id of a map, from its file's name."""
+    """Return the id of a map from its file's name."""
     match = _NAME.fullmatch(path.name)
     return f"{match[1]}-{match[2]}" if match else path.stem
 
 
 def read_city(path: Path) -> City:
-    """Read a city's map, or take it from the few that a process keeps in memory.
+    """Read a city's map; a process caches a few.
 
     Raises:
-        CorruptSource: The map is missing, damaged, or laid out otherwise.
+        CorruptSource: The map is missing, damaged or of another format.
     """
     if not path.is_file():
         raise CorruptSource(f"{path}: no such map; download the HD maps again")
@@ -138,12 +138,12 @@ def _read_city(path: Path, state: tuple[int, int]) -> City:  # noqa: ARG001  # a
         features = _features(lanes, centers)
     except (OSError, ElementTree.ParseError, ValueError, KeyError) as error:
         reason = f"no {error}" if isinstance(error, KeyError) else str(error)
-        raise CorruptSource(f"{path}: wanted an Argoverse 1 vector map ({reason}); download it again") from error
+        raise CorruptSource(f"{path}: expected an Argoverse 1 vector map ({reason}); download it again") from error
     return City(map_id(path), features, centers)
 
 
 def _read_lanes(root: ElementTree.Element) -> tuple[list[Lane], Ragged]:
-    """Ways as lanes, and their centrelines with points (P, 2) float64."""
+    """Return ways as lanes, and their centrelines as points (P, 2) float64."""
     node_ids = {node.attrib["id"]: row for row, node in enumerate(root.iter("node"))}
     flat = [float(node.attrib[axis]) for node in root.iter("node") for axis in "xy"]
     points = np.array(flat, np.float64).reshape(-1, 2)
@@ -211,7 +211,7 @@ def _extras(lane: Lane, sides: Sides, known: dict[str, int]) -> Iterator[tuple[s
 
 
 def _complete_links(lanes: list[Lane]) -> None:
-    """Make successor and predecessor mutual between lanes of the map: what one of them states holds."""
+    """Make successors and predecessors mutual between lanes of the map."""
     by_id = {lane.id: lane for lane in lanes}
     for lane in lanes:
         for others, back in ((lane.exits, "entries"), (lane.entries, "exits")):

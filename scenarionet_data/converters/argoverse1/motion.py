@@ -1,9 +1,9 @@
-"""From noisy positions at uneven times to motion at 10 Hz, for Argoverse 1.
+"""Estimate motion at 10 Hz from Argoverse 1's noisy positions at uneven times.
 
-Tracks are the output of a tracker: positions scatter by about 0.1 m, stick and catch up, and now and then jump by
-metres. Differences between neighbours would be noise, so velocities are slopes of lines fitted to a second.
+Positions are the output of a tracker: they scatter by about 0.1 m, freeze and catch up, and sometimes jump by metres.
+Finite differences would be mostly noise, so velocities are slopes of lines fitted to one second.
 
-Points and velocities in the plane are complex numbers here, x + iy: half the array operations, twice the speed.
+Points and velocities in the plane are complex numbers x + iy: half the array operations, twice the speed.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from scenarionet_data.arrays.dtypes import Bool, Complex128, Float64, Int64
 from scenarionet_data.converters.argoverse1.kernels import fit_slopes
 
 DT = 0.1
-"""Seconds from one timestep to the next."""
+"""Timestep [s]."""
 _HALF_FRAMES = 5
 _HALF_WINDOW = 0.55
-"""Frames and seconds of a fit on each side; the frames next to the middle count at any distance."""
+"""Maximum frames and seconds of a fit on each side; the adjacent frames are always used."""
 _JUMP = 30.0
-"""m/s by which a step exceeds those around it when a track jumps to another place: lines are not fitted across."""
+"""A step this much faster than the adjacent ones is a jump [m/s]; lines are not fitted across jumps."""
 _SCATTER = 0.1
-"""m of a position, the median over 645 recorded tracks."""
+"""Standard deviation of positions [m], the median over 645 recorded tracks."""
 _MOVING = 1.0
-"""m/s below which the direction of a motion says nothing about where an object points."""
+"""Speed below which the direction of motion does not determine the heading [m/s]."""
 _LONGEST_STEP = 0.5
-"""Seconds between recorded times that are still bridged (in recordings that lost frames up to 0.47)."""
+"""Longest gap between recorded times that is interpolated [s] (up to 0.47 in recordings with lost frames)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +36,10 @@ class Motion:
 
     Attributes:
         timestamps: (T,) [s].
-        position: (N, T, 2) [m], between recorded ones.
+        position: (N, T, 2) [m], interpolated between recorded ones.
         velocity: (N, T, 2) [m/s].
-        course: (N, T) [rad] direction of motion; while an object stands, that of when it last or next moves.
-        has_course: (N,) whether it ever moves; without, its course is 0.
+        course: (N, T) [rad] direction of motion; at standstill that of the nearest motion in time.
+        has_course: (N,) whether it ever moves; otherwise its course is 0.
         valid: (N, T).
     """
 
@@ -52,7 +52,7 @@ class Motion:
 
 
 def resample(track: Int64, frame: Int64, position: Float64, times: Float64) -> Motion:
-    """Motion of tracks recorded at uneven times.
+    """Estimate the motion of tracks recorded at uneven times.
 
     Args:
         track, frame: (R,) sorted by track, then by frame.
@@ -89,12 +89,12 @@ def _xy(points: Complex128) -> Float64:
 
 
 def _pieces(track: Int64, time: Float64, points: Complex128) -> Int64:
-    """(R,) number of the piece each row belongs to: tracks, cut where they jump."""
+    """(R,) number of the piece of each row: tracks are cut at jumps."""
     same = track[1:] == track[:-1]
     step = np.divide(np.diff(points), np.diff(time), out=np.zeros(len(same), np.complex128), where=same)
     has_before, has_after = same & np.roll(same, 1), same & np.roll(same, -1)
     has_before[:1], has_after[-1:] = False, False
-    # At a track's end the step inside stands for the missing one, so that a jump there is seen too.
+    # At the ends of a track the inner step replaces the missing one, so that jumps there are found too.
     before = np.where(has_before, np.roll(step, 1), np.where(has_after, np.roll(step, -1), step))
     after = np.where(has_after, np.roll(step, -1), before)
     usual = _middle(before.real, step.real, after.real) + 1j * _middle(before.imag, step.imag, after.imag)
@@ -102,17 +102,17 @@ def _pieces(track: Int64, time: Float64, points: Complex128) -> Int64:
 
 
 def _middle(a: Float64, b: Float64, c: Float64) -> Float64:
-    """The median of three."""
+    """Median of three."""
     middle: Float64 = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
     return middle
 
 
 def _fitted_velocity(place: Complex128, piece: Int64, times: Float64) -> tuple[Complex128, Float64]:
-    """Slopes of lines fitted to the frames around each one, within its piece.
+    """Fit lines to the frames around each frame, within its piece.
 
     Returns:
-        (N, S) [m/s], 0 where there is nothing to fit, and (N, S) the root of the summed squared distances from
-        the frames' mean time [s]: what a position's scatter is divided by to give that of the slope.
+        (N, S) slopes [m/s], 0 where no fit is possible, and (N, S) the root of the summed squared distances from the
+        frames' mean time [s]: the standard deviation of positions divided by it is that of the slope.
     """
     slope, certainty = np.zeros_like(place), np.zeros(piece.shape)
     fit_slopes(place, piece, times, _HALF_FRAMES, _HALF_WINDOW, slope, certainty)
@@ -120,7 +120,7 @@ def _fitted_velocity(place: Complex128, piece: Int64, times: Float64) -> tuple[C
 
 
 def _from_nearest(values: Complex128, known: Bool) -> Complex128:
-    """Values (N, S) with those of the nearest known frame of the same track in place of unknown ones."""
+    """Replace unknown values (N, S) by those of the nearest known frame of the track."""
     here, far = np.arange(known.shape[1]), 2 * known.shape[1]
     last = np.maximum.accumulate(np.where(known, here, -far), axis=1)
     following = np.minimum.accumulate(np.where(known, here, far)[:, ::-1], axis=1)[:, ::-1]
@@ -129,7 +129,7 @@ def _from_nearest(values: Complex128, known: Bool) -> Complex128:
 
 
 def _at(values: Complex128, frames: Int64) -> Complex128:
-    """Values (N, S) at each track's frames (N, T)."""
+    """Take values (N, S) at each track's frames (N, T)."""
     rows = np.arange(len(values))[:, None] * values.shape[1]
     taken: Complex128 = values.ravel().take(rows + frames)  # faster than take_along_axis
     return taken
@@ -138,8 +138,8 @@ def _at(values: Complex128, frames: Int64) -> Complex128:
 class _Steps:
     """Timesteps of 0.1 s over recorded frames.
 
-    A timestep between two frames that both show an object lies on the line between them; at the ends of what was
-    seen, frames reach half a timestep far. What was not seen in between stays a gap.
+    A timestep between two frames that both observe an object is interpolated linearly; at the ends of an observation
+    frames extend by half a timestep. Gaps stay gaps.
 
     Attributes:
         timestamps: (T,) [s].
@@ -163,12 +163,12 @@ class _Steps:
         self._beyond = np.where(bridged, 0.0, self.timestamps - times[self._first])
 
     def between(self, values: Complex128, slope: Complex128 | None = None) -> Complex128:
-        """Values (N, S) of frames at the timesteps (N, T); ``slope`` continues them at the ends."""
+        """Interpolate values (N, S) of frames at the timesteps (N, T); ``slope`` extrapolates at the ends."""
         first = _at(values, self._first)
         between: Complex128 = first + self._share * (_at(values, self._second) - first)
         return between if slope is None else between + self._beyond * _at(slope, self._first)
 
 
 def step_of(time: float) -> int:
-    """The timestep nearest to a time [s]."""
+    """Return the timestep nearest to a time [s]."""
     return round(float(time) / DT)

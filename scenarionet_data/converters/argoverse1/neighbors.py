@@ -1,7 +1,7 @@
-"""On which side of a lane its neighbour really lies, and whether it leads the other way.
+"""Determine the side of a lane's neighbours, and whether they lead in the opposite direction.
 
-Argoverse 1 calls a neighbour left or right without saying in whose direction: two lanes that lead opposite ways
-both have the other on their left, and some neighbours are given on the wrong side.
+Argoverse 1 lists left and right neighbours regardless of direction: two lanes of opposite directions each have the
+other on their left, and some neighbours are listed on the wrong side.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from scenarionet_data.arrays.dtypes import Bool, Float64, Int64
 from scenarionet_data.arrays.ragged import Ragged
 
 _ASIDE = 0.5
-"""Metres a neighbour has to lie off a lane's centreline for its side to be told from geometry."""
+"""Minimum lateral distance of a neighbour for its side to be determined from geometry [m]."""
 
 
 @dataclass
 class Sides:
-    """A lane's neighbours: left and right of it in driving direction.
+    """Neighbours of a lane, left and right in its driving direction.
 
     Attributes:
-        left, right: Lanes, those of the other direction too.
-        opposite: Those of the other direction.
-        moved: Those that the source has on the other side.
+        left, right: Lanes of either direction.
+        opposite: Those of the opposite direction.
+        moved: Those that the source lists on the other side.
     """
 
     left: list[str] = field(default_factory=list)
@@ -37,10 +37,10 @@ class Sides:
 def sort_sides(
     neighbors: Sequence[tuple[str | None, str | None]], known: Mapping[str, int], centers: Ragged
 ) -> list[Sides]:
-    """Neighbours where they lie; those outside the map stay where the source has them.
+    """Sort neighbours by geometry; keep the side of those outside the map.
 
     Args:
-        neighbors: Left and right neighbour of each lane, as given.
+        neighbors: Left and right neighbour of each lane in the source.
         known: Row of each lane of the map.
         centers: Centrelines, points (P, 2) [m].
     """
@@ -70,7 +70,7 @@ def _put(sides: Sides, name: str, side: int) -> None:
 
 
 def _beside(centers: Ragged, lanes: Int64, others: Int64) -> tuple[Float64, Bool]:
-    """How far to the left of the middle of a lane the other one lies [m], and whether it leads the other way."""
+    """Lateral offset of another lane at the middle of a lane [m], positive to the left, and whether it is opposite."""
     if not len(lanes):
         return np.zeros(0), np.zeros(0, np.bool_)
     direction = _directions(centers)
@@ -88,7 +88,7 @@ def _beside(centers: Ragged, lanes: Int64, others: Int64) -> tuple[Float64, Bool
 
 
 def _directions(lines: Ragged) -> Float64:
-    """(P, 2) unit vectors along each line, from the point before to the one after."""
+    """(P, 2) unit tangents of each line, from the previous to the next point."""
     index = np.arange(len(lines.values))
     after = np.minimum(index + 1, np.repeat(lines.offsets[1:] - 1, lines.lengths))
     before = np.maximum(index - 1, np.repeat(lines.offsets[:-1], lines.lengths))

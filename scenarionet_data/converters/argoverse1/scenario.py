@@ -1,4 +1,4 @@
-"""An Argoverse 1 recording as a scenario: motion at 10 Hz, what the source leaves out assumed and marked so."""
+"""Convert an Argoverse 1 recording to a scenario: motion at 10 Hz; sizes and types are assumed and flagged."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from scenarionet_data.scenario.description import Lights, MapFeatures, ScenarioD
 from scenarionet_data.scenario.vocabulary import ObjectType
 
 _EGO_SIZE = (4.877, 2.0, 1.473)
-"""Length, width, height [m] of a Ford Fusion: the recording vehicle's box in the owner's later dataset."""
+"""Length, width, height [m] of the recording vehicle, a Ford Fusion; from Argoverse 2."""
 _CAR_SIZE = (4.0, 2.0, 1.6)
 _NEAR_LANE = 8.0
-"""Metres from a lane's centreline within which what stands is taken to point along it: a lane of parking more."""
+"""Maximum distance from a centreline for a static object to be aligned with the lane [m]: one parking lane more."""
 
 
 def describe(
     shard: Shard, scenario_id: str, file: str, recording: Recording, city: City | None, radius: float, licence: str
 ) -> ScenarioDescription:
-    """Make a recording a scenario.
+    """Convert a recording to a scenario.
 
     Args:
-        shard: Where it belongs.
+        shard: Its shard.
         scenario_id: Its id.
         file: Its raw file, relative to the raw folder.
-        recording: What the file holds.
-        city: The map; None to go without.
-        radius: Metres of map around the ego's path.
-        licence: Of the dataset.
+        recording: The content of the file.
+        city: The map; None for no map.
+        radius: Margin of the map around the ego's path [m].
+        licence: Licence of the dataset.
     """
     motion = resample(recording.track, recording.frame, recording.position, recording.times)
     ego, focal = recording.only(EGO), recording.only(FOCAL)
@@ -77,7 +77,7 @@ def describe(
 
 
 def _window(motion: Motion, ego: int, origin: Float64, radius: float) -> tuple[float, float, float, float]:
-    """The box around the ego's path and the margin, in the scenario's frame."""
+    """Bounding box of the ego's path plus the margin, in the scenario's frame."""
     path = motion.position[ego, motion.valid[ego]] - origin[:2]
     (min_x, min_y), (max_x, max_y) = path.min(axis=0) - radius, path.max(axis=0) + radius
     return float(min_x), float(min_y), float(max_x), float(max_y)
@@ -113,12 +113,12 @@ def _tracks(
 
 
 def _heading_note(has_course: bool, is_from_lane: bool) -> dict[str, Any] | None:
-    """What the heading of something that never moves stands on."""
+    """Source of the heading of an object that never moves."""
     return None if has_course else {"heading_from": "lane" if is_from_lane else "nothing"}
 
 
 def _lane_headings(motion: Motion, origin: Float64, roads: MapFeatures | None) -> tuple[Float64, Bool]:
-    """Direction of the lane nearest to each track that never moves, and whether there is one near: both (N,)."""
+    """Direction of the nearest lane for tracks that never move, and whether one is within reach: both (N,)."""
     heading, is_near = np.zeros(len(motion.valid)), np.zeros(len(motion.valid), np.bool_)
     standing = np.flatnonzero(~motion.has_course)
     if roads is None or not len(roads) or not len(standing):
@@ -131,10 +131,10 @@ def _lane_headings(motion: Motion, origin: Float64, roads: MapFeatures | None) -
 
 
 def _nearest_segments(places: Float64, lines: Ragged) -> tuple[Float64, Float64]:
-    """Distance [m] of places (K, 2) to the nearest segment of the lines, and its direction [rad]: both (K,)."""
+    """Distance [m] of points (K, 2) to the nearest segment of the lines, and its direction [rad]: both (K,)."""
     inner = np.ones(len(lines.values) - 1, np.bool_)
     inner[lines.offsets[1:-1] - 1] = False
-    x, y = lines.values[:, :2].T.copy()  # one coordinate after the other: sums of two are slow along the last axis
+    x, y = lines.values[:, :2].T.copy()  # one coordinate after the other: sums over a last axis of length 2 are slow
     step_x, step_y = np.diff(x)[inner], np.diff(y)[inner]
     away_x, away_y = places.T[..., None].astype(np.float32) - np.stack([x[:-1][inner], y[:-1][inner]])[:, None]
     squared = np.maximum(step_x * step_x + step_y * step_y, 1e-9)

@@ -1,9 +1,9 @@
-"""Argoverse 1's forecasting CSV: one row per observed object and time, city frame, metres.
+"""Read Argoverse 1's forecasting CSV: one row per observed object and time, city frame, metres.
 
     TIMESTAMP,TRACK_ID,OBJECT_TYPE,X,Y,CITY_NAME
     315971499.0250085,00000000-0000-0000-0000-000000000000,AV,2661.0156381377387,1145.753051913686,PIT
 
-OBJECT_TYPE says what part an object has in the challenge, not what it is: AV records, AGENT is to be predicted.
+OBJECT_TYPE is the role in the challenge: AV is the recording vehicle, AGENT is to be predicted, OTHERS.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ EGO = "AV"
 FOCAL = "AGENT"
 NUM_OBSERVED = 20
 _LENGTHS = (NUM_OBSERVED, 50)
-"""Recorded times: the test split ends where the future begins."""
+"""Recorded times: the test split ends with the history."""
 
 _TYPES = {
     "TIMESTAMP": pa.float64(),
@@ -40,15 +40,15 @@ _TWO_LINES = 512
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """One file: N tracks, S recorded times, R rows, a track's after the other's, each in order of time.
+    """One file: N tracks, S recorded times, R rows sorted by track and time.
 
     Attributes:
         city: MIA or PIT.
         ids: (N,) tracks in order of first appearance.
         types: (N,) AV, AGENT or OTHERS.
-        start: Time of the first row [s], on the source's own clock.
+        start: Time of the first row [s], on the source's clock.
         times: (S,) [s] from the start, strictly increasing.
-        track, frame: (R,) what each row is about and when.
+        track, frame: (R,) indices of each row.
         position: (R, 2) [m].
     """
 
@@ -62,7 +62,7 @@ class Recording:
     position: Float64
 
     def only(self, word: str) -> int:
-        """Row of the one track of a type."""
+        """Row of the only track of a type."""
         return self.types.index(word)
 
 
@@ -73,7 +73,7 @@ def is_recording(path: Path) -> bool:
 
 
 def city_of(path: Path) -> str:
-    """The city that the first row names; an empty text where there is none."""
+    """City of the first row, or an empty string."""
     with path.open("rb") as file:
         _, row, *_ = [*file.read(_TWO_LINES).splitlines(), b"", b""]
     return row.rpartition(b",")[2].decode("ascii", "replace")
@@ -83,7 +83,7 @@ def read_recording(path: Path) -> Recording:
     """Read one file.
 
     Raises:
-        CorruptSource: It is missing, damaged, incomplete, or of another kind.
+        CorruptSource: Missing, damaged, incomplete, or of another format.
     """
     rows = _read(path)
     stamps, frame = np.unique(rows["TIMESTAMP"].to_numpy(), return_inverse=True)
@@ -94,7 +94,7 @@ def read_recording(path: Path) -> Recording:
     track, frame = track[order], frame[order].astype(np.int64)
     twice = np.flatnonzero((track[1:] == track[:-1]) & (frame[1:] == frame[:-1]))
     if len(twice):
-        raise CorruptSource(f"{path}: track {ids[track[twice[0]]]} has two rows of one time; download it again")
+        raise CorruptSource(f"{path}: track {ids[track[twice[0]]]} has two rows with the same time; download it again")
     return Recording(
         city=_city(rows, path),
         ids=ids,
@@ -108,7 +108,7 @@ def read_recording(path: Path) -> Recording:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    """The columns, each as one array, numbers finite."""
+    """Read the columns as arrays, with finite numbers."""
     try:
         data = path.read_bytes()
         table = pa.csv.read_csv(
@@ -120,12 +120,12 @@ def _read(path: Path) -> dict[str, Any]:
         reason = str(error).splitlines()[0].strip("'") if str(error) else type(error).__name__
         raise CorruptSource(f"{path} cannot be read ({reason}); download it again") from error
     if not table.num_rows:
-        raise CorruptSource(f"{path}: wanted rows, found none; download it again")
+        raise CorruptSource(f"{path}: expected rows, found none; download it again")
     rows = {name: table.column(name).combine_chunks() for name in _TYPES}
     for name, column in rows.items():
         is_whole = not column.null_count and (name not in _NUMBERS or np.isfinite(column.to_numpy()).all())
         if not is_whole:
-            raise CorruptSource(f"{path}: column {name}: wanted a value in every row; download it again")
+            raise CorruptSource(f"{path}: column {name}: expected a value in every row; download it again")
     return rows
 
 
@@ -133,13 +133,13 @@ _NUMBERS = ("TIMESTAMP", "X", "Y")
 
 
 def _words(rows: dict[str, Any], name: str) -> tuple[list[str], Int64]:
-    """Distinct words in order of first appearance, and which of them each row has."""
+    """Distinct words in order of first appearance, and the index of each row's word."""
     encoded = rows[name].dictionary_encode()
     return encoded.dictionary.to_pylist(), encoded.indices.to_numpy().astype(np.int64)
 
 
 def _one_word_each(rows: dict[str, Any], track: Int64, count: int, path: Path) -> list[str]:
-    """(N,) the type of each track."""
+    """(N,) type of each track."""
     words, code = _words(rows, "OBJECT_TYPE")
     code_of_track = np.zeros(count, np.int64)
     code_of_track[track] = code
@@ -151,14 +151,14 @@ def _one_word_each(rows: dict[str, Any], track: Int64, count: int, path: Path) -
 def _city(rows: dict[str, Any], path: Path) -> str:
     words, _ = _words(rows, "CITY_NAME")
     if len(words) != 1:
-        raise CorruptSource(f"{path}: wanted one CITY_NAME, found {', '.join(words[:3])}; download it again")
+        raise CorruptSource(f"{path}: expected one CITY_NAME, found {', '.join(words[:3])}; download it again")
     return words[0]
 
 
 def _check(path: Path, stamps: Float64, types: list[str]) -> None:
     if len(stamps) not in _LENGTHS:
-        wanted = f"wanted {_LENGTHS[0]} or {_LENGTHS[1]} times, found {len(stamps)}"
+        wanted = f"expected {_LENGTHS[0]} or {_LENGTHS[1]} times, found {len(stamps)}"
         raise CorruptSource(f"{path}: {wanted}; download it again")
     for word in (EGO, FOCAL):
         if types.count(word) != 1:
-            raise CorruptSource(f"{path}: wanted one {word}, found {types.count(word)}; download it again")
+            raise CorruptSource(f"{path}: expected one {word}, found {types.count(word)}; download it again")

@@ -1,6 +1,6 @@
 """Argoverse 2 (https://www.argoverse.org/av2.html): motion forecasting scenarios and sensor logs, without av2.
 
-RAW is a folder that holds either or both, at any depth:
+RAW is a folder that contains either or both, at any depth:
 
     <split>/<scenario>/scenario_<id>.parquet + log_map_archive_<id>.json                      motion forecasting
     <split>/<log>/annotations.feather + city_SE3_egovehicle.feather + map/log_map_archive_*.json          sensor
@@ -35,32 +35,34 @@ from scenarionet_data.scenario.description import ScenarioDescription
 
 _SPLITS = {"train", "val", "test"}
 _FINGERPRINT_SAMPLE = 4096
-"""Bytes: a scenario's files are 100 kB each, and there are 500,000 of them to list."""
+"""Bytes hashed at each end of a file: there are 500,000 files of 100 kB to list."""
 
 
 @dataclass(frozen=True)
 class Argoverse2Options(Options):
-    """What to convert, and how sensor logs are cut."""
+    """Kind of recordings, and windows of sensor logs."""
 
-    kind: str = field(default="auto", metadata={"doc": "forecasting, sensor, or auto: whichever of them RAW holds."})
+    kind: str = field(default="auto", metadata={"doc": "forecasting, sensor, or auto: whichever RAW contains."})
     window: float = field(
         default=20.0,
-        metadata={"doc": "Seconds of a scenario cut from a sensor log. Logs last about 16 s: 20 takes them whole."},
+        metadata={
+            "doc": "Length of a scenario cut from a sensor log [s]. Logs last about 16 s: 20 converts them whole."
+        },
     )
     stride: float = field(
-        default=0.0, metadata={"doc": "Seconds from one window of a sensor log to the next; 0: as the window."}
+        default=0.0, metadata={"doc": "Time between the starts of two windows of a sensor log [s]; 0: the window."}
     )
 
     def __post_init__(self) -> None:
         if self.kind not in ("auto", "forecasting", "sensor"):
-            raise BadParameter(f"kind: wanted auto, forecasting or sensor, found {self.kind!r}")
+            raise BadParameter(f"kind: expected auto, forecasting or sensor, found {self.kind!r}")
         if not (self.window >= DT and (self.stride == 0 or self.stride >= DT)):
             found = f"found {self.window} and {self.stride}"
-            raise BadParameter(f"window, stride: wanted {DT} s or more (or a stride of 0), {found}")
+            raise BadParameter(f"window, stride: expected {DT} s or more (or a stride of 0), {found}")
 
 
 class Argoverse2(Converter[RawItem | Window]):
-    """The motion forecasting dataset in buckets of scenarios, the sensor dataset a log a shard."""
+    """The motion forecasting dataset in buckets of scenarios, the sensor dataset with one log per shard."""
 
     name = "argoverse2"
     version = "1"
@@ -73,7 +75,7 @@ class Argoverse2(Converter[RawItem | Window]):
     ignored = frozenset({"sensors"})
 
     def shards(self, raw: str, split: str, version: str, options: Argoverse2Options) -> Iterator[Shard]:
-        """Buckets of forecasting scenarios, then sensor logs, see :meth:`Converter.shards`."""
+        """List buckets of forecasting scenarios, then sensor logs."""
         scenarios, logs = _find(Path(raw), split, options.kind)
         items = [_item(raw, path, _scenario_files(path), _properties(path)) for path in scenarios]
         for name, members in bucket(items).items():
@@ -87,16 +89,16 @@ class Argoverse2(Converter[RawItem | Window]):
             yield Shard(self.name, version, split, name, raw, tuple(items), options, properties)
 
     def files(self, shard: Shard) -> Iterator[list[str]]:
-        """Tables and maps, without what sensors saw, see :meth:`Converter.files`."""
+        """Tables and maps, without sensor data."""
         paths = [Path(item.name) for item in shard.items]
         read = [log_patterns(path) if _is_log(path) else _scenario_pair(path) for path in paths]
         yield [file.as_posix() for files in read for file in files]
 
     def records(self, shard: Shard) -> Iterator[RawItem | Window]:
-        """Scenario folders as they are, or the windows of a sensor log, see :meth:`Converter.records`."""
+        """Yield scenario folders, or the windows of a sensor log."""
         options = shard.options
         if not isinstance(options, Argoverse2Options):
-            raise BadParameter(f"wanted Argoverse2Options, found {type(options).__name__}")
+            raise BadParameter(f"expected Argoverse2Options, found {type(options).__name__}")
         for item, path in zip(shard.items, shard.paths, strict=True):
             if _is_log(path):
                 yield from windows(read_log(path), options.window, options.stride or options.window)
@@ -104,20 +106,20 @@ class Argoverse2(Converter[RawItem | Window]):
                 yield item
 
     def scenario(self, shard: Shard, record: RawItem | Window) -> ScenarioDescription:
-        """Read a scenario's folder, or describe a window, see :meth:`Converter.scenario`."""
+        """Convert a scenario's folder, or a window of a log."""
         if isinstance(record, Window):
             return describe(shard, record, self.licence)
         return read_scenario(shard, record, self.licence)
 
 
 def _find(raw: Path, split: str, kind: str) -> tuple[list[Path], list[Path]]:
-    """Scenario Parquet files and annotation files below ``raw``, sorted.
+    """Find scenario Parquet files and annotation files below ``raw``, sorted.
 
-    Folders of another split are left out, so that RAW may be the whole dataset; so is what lies inside a log,
-    where thousands of images are.
+    Folders of another split are skipped, so that RAW may be the whole dataset; so are the contents of logs, with
+    thousands of images.
 
     Raises:
-        SourceNotFound: There are none.
+        SourceNotFound: No such files.
     """
     others = _SPLITS - {split} if split in _SPLITS else set()
     scenarios: list[Path] = []
@@ -155,7 +157,7 @@ def _scenario_files(path: Path) -> list[Path]:
 
 
 def _scenario_pair(path: Path) -> list[Path]:
-    """A scenario's Parquet file and its map."""
+    """Files of a scenario: its Parquet file and its map."""
     return [path, path.with_name(f"log_map_archive_{path.stem.removeprefix('scenario_')}.json")]
 
 

@@ -1,4 +1,4 @@
-"""Argoverse 2's drivable areas: their outlines, and which parts of them are edges of the road."""
+"""Argoverse 2's drivable areas: outlines, and the parts of them that are road edges."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Bool, Float64
 
 TILE = 30.0
-"""The owner cuts drivable areas along lines x or y = a multiple of 30 m: where two areas meet and where a
-log's map ends (seen in real maps). Such a cut is no edge of the road."""
+"""Drivable areas are cut along lines x or y = a multiple of 30 m, where two areas meet and where a log's map ends
+(observed in real maps). Such a cut is not a road edge."""
 
 
 def outline(points: Float64) -> Float64:
-    """An area's outline (n, 3), open, counter-clockwise: the road is on the left of its edges."""
+    """Return an area's outline (n, 3), open and counter-clockwise: the road is on the left of its edges."""
     ring = points[:-1] if np.array_equal(points[0], points[-1]) else points
     x, y = ring[:, 0] - ring[0, 0], ring[:, 1] - ring[0, 1]
     doubled_area = (x * np.roll(y, -1) - y * np.roll(x, -1)).sum()
@@ -20,13 +20,13 @@ def outline(points: Float64) -> Float64:
 
 
 def road_edges(outlines: list[Float64]) -> list[list[Float64]]:
-    """The edges of the road along each outline.
+    """Find the road edges along each outline.
 
     Args:
         outlines: (n, 3) [m] each, open.
 
     Returns:
-        For each outline its edges (k, 3); an outline that is all edge comes closed, with its first point again.
+        Edges (k, 3) of each outline; an outline that is entirely an edge is closed, repeating its first point.
     """
     if not outlines:
         return []
@@ -44,7 +44,7 @@ def _is_cut(start: Float64, end: Float64) -> Bool:
 
 
 def _is_repeated(start: Float64, end: Float64) -> Bool:
-    """True for segments that two outlines (or one, twice) have, in either direction: areas touch there."""
+    """Whether a segment occurs twice among the outlines, in either direction: areas touch there."""
     points = np.concatenate([start, end])
     nodes = points[:, 0] + 1.0j * points[:, 1]
     code = np.unique(nodes, return_inverse=True)[1].astype(np.int64).reshape(2, -1)
@@ -55,10 +55,10 @@ def _is_repeated(start: Float64, end: Float64) -> Bool:
 
 
 def _runs(ring: Float64, kept: Bool) -> list[Float64]:
-    """Parts of a ring whose segments are ``kept``; segment i starts at point i."""
+    """Parts of a ring with segments in ``kept``; segment i starts at point i."""
     if kept.all():
         return [np.concatenate([ring, ring[:1]])]
-    shift = -int(np.argmin(kept))  # begin at a segment that is left out, so that no run wraps around
+    shift = -int(np.argmin(kept))  # start at a segment that is not kept, so that no run wraps around
     ring, kept = np.roll(ring, shift, axis=0), np.roll(kept, shift)
     closed = np.concatenate([ring, ring[:1]])
     bounds = np.flatnonzero(np.diff(np.concatenate([[False], kept, [False]]).astype(np.int8)))

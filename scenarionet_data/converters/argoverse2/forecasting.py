@@ -1,7 +1,7 @@
-"""Argoverse 2 motion forecasting: one folder with ``scenario_<id>.parquet`` and its map is one scenario.
+"""Argoverse 2 motion forecasting: one scenario per folder, with ``scenario_<id>.parquet`` and its map.
 
-10 Hz, 11 s (5 s observed; the test split ends there), one row per observed state, city frame. The dataset
-records no sizes, which come from a table by type, and no heights of objects: their boxes stand on the map's ground.
+10 Hz, 11 s (5 s of history; the test split ends there), one row per observed state, city frame. The dataset has no
+sizes, which are assumed by type, and no heights of objects, which are placed on the map's ground.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ from scenarionet_data.scenario.description import (
 
 
 def read_scenario(shard: Shard, item: RawItem, licence: str) -> ScenarioDescription:
-    """The scenario of one folder, given its Parquet file.
+    """Convert the folder of a Parquet file to a scenario.
 
     Raises:
-        InvalidScenario: A file of the folder is missing, damaged, or another scenario's. Not CorruptSource: the
-            other folders of the shard are fine.
+        InvalidScenario: A file of the folder is missing, damaged or of another scenario. Not CorruptSource: the
+            other folders of the shard are unaffected.
     """
     path = Path(shard.root) / item.name
     name = path.stem.removeprefix("scenario_")
@@ -52,39 +52,39 @@ def read_scenario(shard: Shard, item: RawItem, licence: str) -> ScenarioDescript
     except CorruptSource as error:
         raise InvalidScenario(scenario_id, "source", str(error)) from error
     if EGO not in table.grid.ids:
-        raise InvalidScenario(scenario_id, "ego_id", f"wanted a track {EGO!r}, found {table.grid.ids[:3]} ...")
+        raise InvalidScenario(scenario_id, "ego_id", f"expected a track {EGO!r}, found {table.grid.ids[:3]} ...")
     source = Source(
         scenario_id=name,
         file=item.name,
         licence=licence,
         log=table.slice,
         city=table.city,
-        date=None,  # the dataset's clock starts at the GPS epoch, 1980-01-06, not at the day of recording
+        date=None,  # the dataset's clock starts at the GPS epoch, 1980-01-06
         crs=f"argoverse2 city frame {table.city}",
     )
     return _describe(shard, scenario_id, source, table, roads)
 
 
 class _Table:
-    """One scenario's Parquet file, checked: what all rows share, and the rows on a grid of tracks and timesteps.
+    """One scenario's Parquet file, validated: constant columns, and rows on a grid of tracks and timesteps.
 
     Attributes:
-        city, focal: Words of the source.
-        slice, map: The slice of a drive that the scenario was cut from (the nearest thing to a log that is
-            told) and the source's number of the map; None where the file leaves them out.
+        city, focal: City and id of the focal track.
+        slice, map: The slice of a drive that the scenario was cut from (used as its log), and the source's number of
+            the map; None if missing.
         start: Time of the first timestep [ns].
         timestamps: (T,) [s] from the start.
         current_timestep: The last observed one.
         grid: N tracks by T timesteps.
         motion: (R, 5) x, y [m], heading [rad], velocity x, y [m/s] of each row.
-        types, categories: (N,) words of the source.
+        types, categories: (N,) values of the source.
     """
 
     def __init__(self, path: Path) -> None:
         rows = read_parquet(path)
         shared = _Shared(rows, path)
         if shared.word("scenario_id") != path.stem.removeprefix("scenario_"):
-            raise CorruptSource(f"{path}: holds scenario {shared.word('scenario_id')}; give it its own name back")
+            raise CorruptSource(f"{path}: contains scenario {shared.word('scenario_id')}; restore its original name")
         self.city, self.focal = shared.word("city"), shared.word("focal_track_id")
         self.slice, self.map = shared.optional("slice_id"), shared.optional("map_id")
         self.start, end = shared.number("start_timestamp"), shared.number("end_timestamp")
@@ -102,11 +102,11 @@ class _Table:
 
 
 class _Shared:
-    """Columns that hold one value in all rows of a scenario."""
+    """Read columns with a single value in all rows of a scenario."""
 
     def __init__(self, rows: pa.Table, path: Path) -> None:
         if not rows.num_rows:
-            raise CorruptSource(f"{path}: wanted rows, found none; download it again")
+            raise CorruptSource(f"{path}: expected rows, found none; download it again")
         self._rows, self._path = rows, path
 
     def number(self, name: str) -> float:
@@ -116,7 +116,7 @@ class _Shared:
         return str(column(self._rows, self._path, name)[0])
 
     def optional(self, name: str) -> Any:
-        """None without such a column: the owner's writer leaves some out."""
+        """Return None for a missing column: some files lack optional ones."""
         return self._rows.column(name)[0].as_py() if name in self._rows.column_names else None
 
 
@@ -159,7 +159,7 @@ def _kind(track: str, word: str) -> Kind:
 
 
 def _positions(table: _Table, kinds: list[Kind], roads: RoadMap) -> Float64:
-    """(N, T, 3) box centres in the city frame: half a height above the map's ground."""
+    """(N, T, 3) box centres in the city frame, half a height above the map's ground."""
     places = table.motion[:, :2]
     height = table.grid.place(ground_height(roads.ground, places))
     height += np.array([kind.size[2] / 2.0 for kind in kinds])[:, None]

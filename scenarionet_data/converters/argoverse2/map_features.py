@@ -1,8 +1,8 @@
-"""Argoverse 2's ``log_map_archive_<id>.json``: lanes, painted lines, drivable areas and crossings of one log.
+"""Read Argoverse 2's ``log_map_archive_<id>.json``: lanes, painted lines, drivable areas and crossings of one log.
 
-Frame: the city's, metres, z up. There are no traffic lights, stop signs or speed limits. Motion forecasting maps
-give centrelines (with z = 0), sensor maps none: there they lie halfway between the sides. A neighbour may be a
-lane of the other direction, as the source has it: then both lanes have the other on their left.
+Frame: the city's, in metres, z up. There are no traffic lights, stop signs or speed limits. Motion forecasting maps
+have centrelines (with z = 0); in sensor maps they are derived, halfway between the sides. As in the source, a neighbour
+may be of the opposite direction: then each lane has the other on its left.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _XYZ = itemgetter("x", "y", "z")
 
 
 class Lane(NamedTuple):
-    """What the archive says of a lane beside its geometry; ``marks`` and ``neighbors`` are left, right."""
+    """A lane without its geometry; ``marks`` and ``neighbors`` are left, right."""
 
     id: str
     kind: str
@@ -48,12 +48,12 @@ class RoadMap:
     """A map archive in the city frame.
 
     Attributes:
-        lanes: K lanes, links completed: what one lane calls its successor has it as predecessor.
+        lanes: K lanes with mutual links: a lane's successors list it as predecessor.
         left, right, centers: K lines, (P, 3) float64 [m].
         widths: Distance of the left and right side at each centre point, (P, 2) float64 [m].
         areas: Outline (n, 3) of each drivable area, counter-clockwise, by id.
         crossings: Outline (n, 3) of each pedestrian crossing, by id.
-        num_completed_links: Links that the archive states on one of the two lanes only.
+        num_completed_links: Number of links listed by one of the two lanes only.
     """
 
     lanes: list[Lane]
@@ -67,11 +67,11 @@ class RoadMap:
 
     @property
     def ground(self) -> Float64:
-        """(G, 3) points on the ground: along centrelines and around areas."""
+        """(G, 3) points on the ground: of centrelines and of area outlines."""
         return np.concatenate([self.centers.values, *self.areas.values()])
 
     def features(self, origin: Float64) -> MapFeatures:
-        """Everything as map features, offsets from ``origin`` (3,) [m]."""
+        """Build all map features, as offsets from ``origin`` (3,) [m]."""
         builder = MapBuilder()
         boundaries = _Boundaries(builder)
         for lane, left, right, center, width in zip(
@@ -102,14 +102,14 @@ class RoadMap:
 
 
 class _Boundaries:
-    """Adds the painted sides of lanes; a line that two lanes share point by point is stored once."""
+    """Adds the painted sides of lanes; a line with identical points in two lanes is stored once."""
 
     def __init__(self, builder: MapBuilder) -> None:
         self._builder = builder
         self._stored: dict[tuple[str, bytes], str] = {}
 
     def add(self, feature_id: str, mark: str, points: Float64) -> tuple[str, ...]:
-        """Ids of the lines on this side of a lane: none without paint, else one."""
+        """Ids of the lines on one side of a lane: one if painted, else none."""
         if mark == NO_MARK:
             return ()
         for key in ((mark, points.tobytes()), (mark, points[::-1].tobytes())):
@@ -126,14 +126,14 @@ def read_map(path: Path) -> RoadMap:
     """Read one map archive.
 
     Raises:
-        CorruptSource: The file is missing, is no JSON, or is not laid out like a map archive.
+        CorruptSource: The file is missing, not JSON, or not a map archive.
     """
     try:
         return _parse(json.loads(path.read_bytes()))
     except FileNotFoundError as error:
         raise CorruptSource(f"{path}: no such map; download the folder it belongs to again") from error
     except (OSError, ValueError, TypeError, KeyError) as error:
-        wanted = "wanted an Argoverse 2 map archive"
+        wanted = "expected an Argoverse 2 map archive"
         raise CorruptSource(f"{path}: {wanted}, found {error!r}; download it again") from error
 
 
@@ -159,7 +159,7 @@ def _parse(archive: dict[str, Any]) -> RoadMap:
         widths=widths,
         areas={str(area["id"]): outline(points) for area, points in zip(areas, outlines, strict=True)},
         crossings={
-            # Both edges run the same way, so the second closes the outline backwards.
+            # Both edges have the same direction: the second is reversed to close the outline.
             str(crossing["id"]): np.concatenate([edges[2 * row], edges[2 * row + 1][::-1]])
             for row, crossing in enumerate(crossings)
         },
@@ -181,7 +181,7 @@ def _lane(segment: Mapping[str, Any]) -> Lane:
 
 
 def _lines(lists: Iterable[Points]) -> Ragged:
-    """Lists of {x, y, z} as one ragged array; ValueError for a line of fewer than two points or NaN."""
+    """Convert lists of {x, y, z} to a ragged array; ValueError for a line with fewer than two points or NaN."""
     lists = list(lists)
     lengths = [len(points) for points in lists]
     if min(lengths, default=2) < 2:
@@ -193,10 +193,10 @@ def _lines(lists: Iterable[Points]) -> Ragged:
 
 
 def _complete_links(lanes: list[Lane]) -> int:
-    """Make links between lanes of the map mutual; returns how many were stated on one side only.
+    """Make links between lanes of the map mutual; return how many were listed by one lane only.
 
-    A log's map lists all successors but about half of the predecessors (107 of 199 links of one real log lack
-    theirs, although the lanes' ends coincide there).
+    A log's map lists all successors but only about half of the predecessors (in one real log, 107 of 199 links lack
+    them although the lanes' ends coincide).
     """
     by_id = {lane.id: lane for lane in lanes}
     completed = 0

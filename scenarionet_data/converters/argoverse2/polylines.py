@@ -1,6 +1,6 @@
-"""Arithmetic on many polylines at once, for Argoverse 2's lanes: resampling, centrelines, widths, the ground.
+"""Batched operations on Argoverse 2's polylines: resampling, centrelines, widths, ground height.
 
-Lines are :class:`Ragged` with float64 points (P, 3) [m] in the city frame, each of two points or more.
+Lines are :class:`Ragged` with float64 points (P, 3) [m] in the city frame, with at least two points each.
 """
 
 from __future__ import annotations
@@ -11,20 +11,20 @@ from scenarionet_data.arrays.dtypes import Float32, Float64
 from scenarionet_data.arrays.ragged import Ragged
 
 SPACING = 2.0
-"""Largest distance [m] between points of a derived centreline. With this, its points are as many as those of the
-dataset's own centrelines, and lie within 12 cm of them (half of them within 5 mm)."""
+"""Maximum distance between points of a derived centreline [m]. It gives as many points as the dataset's centrelines
+have, within 12 cm of them (half within 5 mm)."""
 
 
 def positions_along(lines: Ragged) -> Float64:
-    """(P,) how far each point lies along its line: line ``i`` runs from 2 i to 2 i + 1, by arc length.
+    """(P,) position of each point along its line: line ``i`` runs from 2 i to 2 i + 1, by arc length.
 
-    The lines' ranges do not touch, so that one ``np.interp`` serves all of them.
+    The ranges of lines are disjoint, so that one ``np.interp`` resamples all of them.
     """
     starts, counts = lines.offsets[:-1], lines.lengths
     travelled = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(lines.values[:, :2], axis=0).T))])
     travelled -= np.repeat(travelled[starts], counts)
     length = np.repeat(travelled[lines.offsets[1:] - 1], counts)
-    # A line that stays in one point (the inside of a sharp turn) has no arc length: its points count instead.
+    # A line of identical points (the inside of a sharp turn) has no arc length: use point indices.
     index = (np.arange(len(travelled)) - np.repeat(starts, counts)) / np.repeat(counts - 1, counts)
     along: Float64 = np.divide(travelled, length, out=index, where=length > 0)
     along += 2.0 * np.repeat(np.arange(len(lines)), counts)
@@ -32,13 +32,13 @@ def positions_along(lines: Ragged) -> Float64:
 
 
 def points_at(lines: Ragged, positions: Float64) -> Float64:
-    """(Q, 3) points of ``lines`` at ``positions`` (Q,) in the measure of :func:`positions_along`."""
+    """(Q, 3) points of ``lines`` at ``positions`` (Q,) as defined by :func:`positions_along`."""
     along = positions_along(lines)
     return np.stack([np.interp(positions, along, lines.values[:, axis]) for axis in range(3)], axis=-1)
 
 
 def midlines(left: Ragged, right: Ragged) -> Ragged:
-    """Lines halfway between left and right sides, by arc length, with a point every 2 m or less."""
+    """Compute centrelines halfway between left and right sides, by arc length, with a point at least every 2 m."""
     lengths = (_line_lengths(left) + _line_lengths(right)) / 2.0
     counts = np.maximum(np.ceil(lengths / SPACING).astype(np.int64), 1) + 1
     offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
@@ -55,7 +55,7 @@ def _line_lengths(lines: Ragged) -> Float64:
 
 
 def between(centers: Ragged, left: Ragged, right: Ragged) -> tuple[Ragged, Ragged]:
-    """Centrelines seen with their sides, each point with those at the same fraction of arc length.
+    """Combine centrelines with their sides, point by point at the same fraction of arc length.
 
     Returns:
         The centrelines with the mean height of their sides, and per point the distance of the left and right
@@ -71,7 +71,7 @@ def between(centers: Ragged, left: Ragged, right: Ragged) -> tuple[Ragged, Ragge
 
 
 def _leftward(lines: Ragged) -> Float64:
-    """(P, 2) unit vectors to the left of each line, across the step from the point before to the one after."""
+    """(P, 2) unit normals to the left of each line, from the previous to the next point."""
     index = np.arange(len(lines.values))
     after = np.minimum(index + 1, np.repeat(lines.offsets[1:] - 1, lines.lengths))
     before = np.maximum(index - 1, np.repeat(lines.offsets[:-1], lines.lengths))
@@ -82,11 +82,10 @@ def _leftward(lines: Ragged) -> Float64:
 
 
 def ground_height(ground: Float64, places: Float64, cell: float = 8.0) -> Float64:
-    """Height [m] of the ground at places in the plane, from scattered points on it.
+    """Interpolate the height of the ground [m] at points in the plane from scattered points on it.
 
-    Shepard's interpolation (weights 1 / distance^4) at the corners of the lattice cells that hold a place, and
-    bilinear inside a cell: smooth along a path, and cheap, as places share cells. Where roads cross
-    above each other the result lies between them.
+    Shepard's interpolation (weights 1 / distance^4) at the corners of lattice cells, bilinear within a cell: smooth
+    along a path, and cheap, as points share cells. Where roads cross at different heights the result is in between.
 
     Args:
         ground: (G, 3) points on the ground.
@@ -101,7 +100,7 @@ def ground_height(ground: Float64, places: Float64, cell: float = 8.0) -> Float6
     nodes, node_of_corner = np.unique(cells[:, None] + np.array([0.0, 1.0, 1.0j, 1.0 + 1.0j]), return_inverse=True)
     weights = _inverse_fourth_powers(np.stack([nodes.real, nodes.imag], axis=-1) * cell, ground[:, :2])
     lowest = ground[:, 2].min()
-    # Not `@`: its threads cost more than they save here, much more when workers share the processor.
+    # Not `@`: its threads cost more than they save, especially if workers share the processor.
     height = np.einsum("kp,p->k", weights, (ground[:, 2] - lowest).astype(np.float32)) / weights.sum(axis=1)
     corners = height[node_of_corner.reshape(-1, 4)][cell_of_place]
     u, v = (places / cell - low).T
@@ -111,7 +110,7 @@ def ground_height(ground: Float64, places: Float64, cell: float = 8.0) -> Float6
 
 
 def _inverse_fourth_powers(nodes: Float64, points: Float64) -> Float32:
-    """(K, P) 1 / distance^4, with distances of 0.1 m at least; in place, as the array is the cost."""
+    """(K, P) 1 / distance^4, with distances of at least 0.1 m; computed in place to save memory."""
     u, v = (nodes - points[0]).astype(np.float32), (points - points[0]).astype(np.float32)
     weights: Float32 = u[:, :1] - v[:, 0]
     np.square(weights, out=weights)

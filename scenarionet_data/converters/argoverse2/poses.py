@@ -1,4 +1,4 @@
-"""Turns and poses of Argoverse 2 sensor logs: unit quaternions w, x, y, z and the ego's pose at any time."""
+"""Rotations and poses of Argoverse 2 sensor logs: unit quaternions w, x, y, z and the interpolated ego pose."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Poses:
     Attributes:
         turn: (S, 4) unit quaternions.
         shift: (S, 3) [m].
-        num_interpolated: At how many of the times no pose was recorded.
+        num_interpolated: Number of times without a recorded pose.
     """
 
     turn: Float64
@@ -31,28 +31,28 @@ class Poses:
     num_interpolated: int
 
     def to_city(self, points: Float64, at: Int64) -> Float64:
-        """(R, 3) points of the ego frame in the city frame; ``at`` (R,) says by which pose."""
+        """Transform points (R, 3) from the ego frame to the city frame with poses ``at`` (R,)."""
         return rotated(self.turn[at], points) + self.shift[at]
 
 
 def read_poses(path: Path, times: Int64) -> Poses:
-    """Poses at ``times`` (S,) [ns]: the recorded one where there is one, else between the two around it.
+    """Return the poses at ``times`` (S,) [ns]: recorded ones, or interpolated between the adjacent two.
 
     Raises:
-        CorruptSource: The file is missing or damaged, or a time lies outside what it covers.
+        CorruptSource: The file is missing or damaged, or does not cover a time.
     """
     rows = read_feather(path, ("timestamp_ns", *QUATERNION, *TRANSLATION))
     recorded, first = np.unique(numbers(rows, path, "timestamp_ns"), return_index=True)
     if not len(recorded) or times[0] < recorded[0] or times[-1] > recorded[-1]:
-        raise CorruptSource(f"{path}: wanted poses around every annotated sweep; download the log again")
+        raise CorruptSource(f"{path}: expected poses around every annotated sweep; download the log again")
     turn, shift = quaternions(rows, path)[first], numbers(rows, path, *TRANSLATION)[first]
     after = np.searchsorted(recorded, times)
     is_exact = recorded[after] == times
     before = np.where(is_exact, after, after - 1)
     span = np.where(is_exact, 1, recorded[after] - recorded[before])
     share = ((times - recorded[before]) / span)[:, None]
-    # A quaternion and its negative are the same turn: blend on the nearer side. Poses are 6 ms apart, so that
-    # the normalised blend is the great arc.
+    # A quaternion and its negative are the same rotation: interpolate the nearer one. Poses are 6 ms apart, so that
+    # normalised linear interpolation equals slerp.
     sign = np.where((turn[before] * turn[after]).sum(axis=1, keepdims=True) < 0, -1.0, 1.0)
     blended = (1 - share) * turn[before] + share * sign * turn[after]
     blended /= np.linalg.norm(blended, axis=1, keepdims=True)
@@ -60,7 +60,7 @@ def read_poses(path: Path, times: Int64) -> Poses:
 
 
 def quaternions(rows: Any, path: Path) -> Float64:
-    """(R, 4) quaternions of a table, made exactly unit.
+    """Read quaternions (R, 4) of a table, normalised.
 
     Raises:
         CorruptSource: One is far from unit length.
@@ -68,13 +68,13 @@ def quaternions(rows: Any, path: Path) -> Float64:
     columns = numbers(rows, path, *QUATERNION)
     norm = np.linalg.norm(columns, axis=1, keepdims=True)
     if (np.abs(norm - 1.0) > 1e-2).any():
-        raise CorruptSource(f"{path}: columns qw, qx, qy, qz: wanted quaternions of length 1; download it again")
+        raise CorruptSource(f"{path}: columns qw, qx, qy, qz: expected quaternions of length 1; download it again")
     unit: Float64 = columns / norm
     return unit
 
 
 def rotated(turn: Float64, vectors: Float64) -> Float64:
-    """Vectors (R, 3) turned by unit quaternions (R, 4): v + 2 w (u x v) + 2 u x (u x v)."""
+    """Rotate vectors (R, 3) by unit quaternions (R, 4): v + 2 w (u x v) + 2 u x (u x v)."""
     w, u = turn[:, :1], turn[:, 1:]
     twice = 2.0 * np.cross(u, vectors)
     turned: Float64 = vectors + w * twice + np.cross(u, twice)
@@ -82,7 +82,7 @@ def rotated(turn: Float64, vectors: Float64) -> Float64:
 
 
 def forward(turn: Float64) -> Float64:
-    """(R, 3) where +x points after each turn."""
+    """(R, 3) direction of +x after each rotation."""
     return rotated(turn, np.broadcast_to([1.0, 0.0, 0.0], (len(turn), 3)))
 
 

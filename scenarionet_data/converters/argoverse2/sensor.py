@@ -1,8 +1,8 @@
 """Argoverse 2 sensor logs: annotated boxes in the ego frame of each sweep, the ego's poses, and the log's map.
 
-10 Hz, about 16 s a log. The timesteps are the annotated sweeps; boxes come to the city frame by the ego's pose
-at the sweep's own timestamp: the very pose where there is one (always, in real logs), else interpolated
-between the two poses around it. The dataset records no velocities: they are estimated from positions.
+10 Hz, about 16 s per log. The timesteps are the annotated sweeps. Boxes are transformed to the city frame with the
+ego's pose at the timestamp of the sweep: a recorded one (always, in real logs), or interpolated between the adjacent
+two. Velocities are not recorded, but estimated from positions.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _SIZE = ("length_m", "width_m", "height_m")
 DT = 0.1
 """Nominal time between sweeps [s]."""
 HISTORY = 10
-"""``current_timestep``: after 1 s, as in the Waymo Open Motion Dataset; the sensor dataset names no such step."""
+"""``current_timestep``: after 1 s, as in the Waymo Open Motion Dataset; the sensor dataset does not define it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,10 +58,10 @@ class Log:
     Attributes:
         name: The log's id.
         sweeps: (S,) int64 [ns], strictly increasing.
-        num_interpolated: Sweeps without a pose of their own timestamp.
+        num_interpolated: Number of sweeps without a recorded pose.
         ego: (S, 4) x, y, z of the ego's box centre [m], heading [rad].
         sweep: (R,) sweep of each box.
-        tracks, categories: (R,) words.
+        tracks, categories: (R,) values of the source.
         boxes: (R, 7) x, y, z [m], heading [rad], length, width, height [m].
         roads: The log's map.
         city: The code in the map's file name, for example PIT.
@@ -81,7 +81,7 @@ class Log:
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """Sweeps ``first`` ... ``last - 1`` of a log: one scenario."""
+    """Sweeps ``first`` to ``last - 1`` of a log: one scenario."""
 
     log: Log
     first: int
@@ -89,13 +89,13 @@ class Window:
 
 
 def log_files(annotations: Path) -> list[Path]:
-    """The files of a log that are read, given its ``annotations.feather``; those that exist."""
+    """Existing files read for a log, given its ``annotations.feather``."""
     _, poses, _ = log_patterns(annotations)
     return [path for path in (annotations, poses, *_maps(annotations.parent)) if path.is_file()]
 
 
 def log_patterns(annotations: Path) -> list[Path]:
-    """The files of a log that are read, given its ``annotations.feather``, as patterns: its poses, then its map."""
+    """Patterns of the files read for a log, given its ``annotations.feather``: poses, then map."""
     folder = annotations.parent
     return [annotations, folder / _POSES, folder / _MAP]
 
@@ -105,7 +105,7 @@ def _maps(folder: Path) -> list[Path]:
 
 
 def city_of(annotations: Path) -> str | None:
-    """The city of a log, from its map's file name, for example PIT; None where it is not told."""
+    """City of a log, from the name of its map file, for example PIT; None if unknown."""
     return next(map(_city, _maps(annotations.parent)), None)
 
 
@@ -113,14 +113,14 @@ def read_log(annotations: Path) -> Log:
     """Read one log's boxes, poses and map.
 
     Raises:
-        CorruptSource: A file is missing or damaged, or a sweep lies outside the recorded poses.
+        CorruptSource: A file is missing or damaged, or a sweep is outside the recorded poses.
     """
     folder = annotations.parent
     names = ("timestamp_ns", "track_uuid", "category", *_SIZE, *QUATERNION, *TRANSLATION)
     rows = read_feather(annotations, names)
     sweeps, sweep = np.unique(numbers(rows, annotations, "timestamp_ns"), return_inverse=True)
     if not len(sweeps):
-        raise CorruptSource(f"{annotations}: wanted annotations, found none; download the log again")
+        raise CorruptSource(f"{annotations}: expected annotations, found none; download the log again")
     poses = read_poses(folder / _POSES, sweeps)
     position = poses.to_city(numbers(rows, annotations, *TRANSLATION), sweep)
     facing = rotated(poses.turn[sweep], forward(quaternions(rows, annotations)))
@@ -151,7 +151,7 @@ def _city(path: Path) -> str | None:
 def windows(log: Log, window: float, stride: float) -> Iterator[Window]:
     """Cut a log every ``stride`` seconds into ``window`` seconds; a sweep counts as 0.1 s.
 
-    The last window ends with the log and may be shorter; it is left out when nothing would follow its history.
+    The last window ends with the log and may be shorter; it is dropped if it would end within its history.
     """
     size, step, count = round(window / DT), round(stride / DT), len(log.sweeps)
     for first in range(0, count, step):
@@ -163,7 +163,7 @@ def windows(log: Log, window: float, stride: float) -> Iterator[Window]:
 
 
 def describe(shard: Shard, window: Window, licence: str) -> ScenarioDescription:
-    """The scenario of one window."""
+    """Convert one window to a scenario."""
     log, part = window.log, slice(window.first, window.last)
     times = log.sweeps[part]
     timestamps = (times - times[0]) * 1e-9
@@ -201,7 +201,7 @@ def describe(shard: Shard, window: Window, licence: str) -> ScenarioDescription:
 
 
 def _tracks(window: Window, ego: Float64, timestamps: Float64, origin: Float64) -> Tracks:
-    """The annotated objects of the window, and the ego after them."""
+    """Build the annotated objects of the window, followed by the ego."""
     log = window.log
     (rows,) = np.nonzero((log.sweep >= window.first) & (log.sweep < window.last))
     grid = Grid(log.tracks.take(rows), log.sweep[rows] - window.first, len(timestamps), Path(log.name))

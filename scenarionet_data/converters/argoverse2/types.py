@@ -1,6 +1,6 @@
-"""What Argoverse 2 calls things and what they are here: object types, assumed sizes, lanes, painted lines.
+"""Vocabulary of Argoverse 2 mapped to the lake's: object types, assumed sizes, lanes, painted lines.
 
-Words from the owner's code (``av2/datasets/motion_forecasting/data_schema.py``,
+Names from av2's code (``av2/datasets/motion_forecasting/data_schema.py``,
 ``av2/datasets/sensor/constants.py``, ``av2/map/lane_segment.py``).
 """
 
@@ -12,19 +12,19 @@ from scenarionet_data.scenario.vocabulary import MapFeatureType, ObjectType
 
 EGO = "AV"
 EGO_SIZE = (4.877, 2.0, 1.473)
-"""Length, width, height [m] of the recording vehicle, a Ford Fusion: the size of the EGO_VEHICLE boxes in the
-owner's scenario-mining annotations."""
+"""Length, width, height [m] of the recording vehicle, a Ford Fusion: the size of the EGO_VEHICLE boxes in
+Argoverse 2's scenario-mining annotations."""
 EGO_CENTER = (1.34, 0.0, 0.40)
-"""Box centre [m] in the ego frame, whose origin is the rear axle: x from the car's overhangs; z because the
-axle drives 0.333 m above the map's ground (median over a sensor log), half the height less that."""
+"""Box centre [m] in the ego frame, whose origin is the rear axle: x from the car's overhangs; z is half
+the height less 0.333 m, the height of the axle above the map's ground (median over a sensor log)."""
 
 
 class Kind(NamedTuple):
-    """What an object type of the motion forecasting dataset stands for.
+    """Mapping of an object type of the motion forecasting dataset.
 
     Attributes:
-        type: Ours.
-        size: Assumed length, width, height [m]: the dataset records none.
+        type: The lake's type.
+        size: Assumed length, width, height [m], as the dataset has no sizes.
         is_assumed: Whether ``type`` is a guess.
     """
 
@@ -34,7 +34,7 @@ class Kind(NamedTuple):
 
 
 # Construction objects are cones, barrels, barriers and signs; most are cones. Static, background and unknown
-# objects, and bicycles nobody rides, are none of the types that drive or bound the road.
+# objects and riderless bicycles have no type among road users and barriers.
 OBJECTS = {
     "vehicle": Kind(ObjectType.VEHICLE, (4.0, 2.0, 1.6)),
     "bus": Kind(ObjectType.VEHICLE, (12.0, 2.5, 3.2)),
@@ -48,11 +48,11 @@ OBJECTS = {
     "unknown": Kind(ObjectType.OTHER, (0.5, 0.5, 1.0)),
 }
 UNKNOWN_OBJECT = Kind(ObjectType.OTHER, (0.5, 0.5, 1.0), is_assumed=True)
-"""Stands for a word that is not in the table."""
+"""Mapping of unknown types."""
 
 TRACK_CATEGORIES = dict(enumerate(("FRAGMENT", "UNSCORED", "SCORED", "FOCAL")))
 
-# The annotators box the rider and the bicycle apart: the rider is the cyclist, the bicycle is OTHER.
+# Rider and bicycle are annotated separately: the rider is the cyclist, the bicycle is OTHER.
 _SENSOR_GROUPS = {
     ObjectType.VEHICLE: """REGULAR_VEHICLE LARGE_VEHICLE BOX_TRUCK TRUCK TRUCK_CAB BUS SCHOOL_BUS ARTICULATED_BUS
         RAILED_VEHICLE VEHICULAR_TRAILER""",
@@ -73,10 +73,10 @@ LANES = {
 }
 
 NO_MARK = "NONE"
-"""A side without paint: neither a line nor an edge. Its geometry stays in the lane's polygon and width."""
+"""Marks of an unpainted side: neither a line nor an edge, but part of the lane's polygon and width."""
 
-# SOLID_DASH is solid on the lane's own side, DASH_SOLID dashed there (av2/rendering/map.py). In yellow both are
-# the passing line; in white, for which there is no such word, the line is what the lane itself may do with it.
+# SOLID_DASH is solid on the lane's side, DASH_SOLID dashed (av2/rendering/map.py). In yellow both are passing lines;
+# in white, without such a type, the line has the type of the lane's own side.
 MARKS = {
     "DASHED_WHITE": MapFeatureType.ROAD_LINE_BROKEN_SINGLE_WHITE,
     "DASHED_YELLOW": MapFeatureType.ROAD_LINE_BROKEN_SINGLE_YELLOW,
@@ -104,4 +104,4 @@ INEXACT_MARKS = frozenset(
         "UNKNOWN",
     }
 )
-"""Marks whose feature type says less than they do: their line keeps the word in extras ``mark_type``."""
+"""Marks with a less specific feature type: their line keeps the name in extras ``mark_type``."""

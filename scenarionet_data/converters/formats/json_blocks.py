@@ -1,7 +1,7 @@
-"""Reads nuScenes' tables: one JSON list of flat records each, up to 1.3 GB, in bounded memory.
+"""Read nuScenes' tables (a JSON list of flat records each, up to 1.3 GB) in bounded memory.
 
-``json.load`` would make 10 GB of Python objects of the largest table. Here a file passes by in blocks of whole
-records; of tables that hold many more rows than are needed, only the wanted records are parsed at all.
+``json.load`` would turn the largest table into 10 GB of Python objects. Here a file is read in blocks of whole
+records, and in tables with many more rows than needed only the matching records are parsed.
 """
 
 from __future__ import annotations
@@ -19,40 +19,40 @@ import pyarrow.json
 from scenarionet_data.errors import CorruptSource
 
 BLOCK = 8 << 20
-"""Bytes read at once: larger blocks take more memory and are no faster."""
+"""Bytes per block; larger blocks use more memory and are not faster."""
 
 _BETWEEN = re.compile(rb"\}\s*,\s*\{")
 
 
 def read_list(path: Path) -> list[dict[str, Any]]:
-    """All records of a small table.
+    """Return all records of a small table.
 
     Raises:
-        CorruptSource: The file is missing, or is no JSON list of objects.
+        CorruptSource: The file is missing or not a JSON list of objects.
     """
     try:
         records = json.loads(path.read_bytes())
     except (OSError, ValueError) as error:
         raise _unreadable(path, error) from error
     if not isinstance(records, list) or not all(isinstance(record, dict) for record in records):
-        raise CorruptSource(f"{path}: wanted a list of records; download the tables again")
+        raise CorruptSource(f"{path}: expected a list of records; download the tables again")
     return records
 
 
 def read_rows(
     path: Path, schema: pa.Schema, key: str = "", wanted: Container[bytes] = (), block: int = BLOCK
 ) -> Iterator[pa.Table]:
-    """The columns of ``schema``, a block of records at a time; other fields are passed over.
+    """Yield the columns of ``schema``, one block of records at a time; other fields are skipped.
 
     Args:
-        path: A table whose records hold no objects, as all 13 tables do.
-        schema: Columns to read; a field that a record lacks is null, but not all of them may.
-        key: When given, only records whose text field of this name is in ``wanted`` are read.
+        path: A table of flat records, as all 13 tables are.
+        schema: Columns to read; fields missing from some records are null, but not from all.
+        key: Read only the records whose text field of this name is in ``wanted``.
         wanted: Values of ``key``.
-        block: Bytes read at once.
+        block: Bytes per block.
 
     Raises:
-        CorruptSource: The file is missing, cut off, or holds something else.
+        CorruptSource: The file is missing, truncated or not such a table.
     """
     chosen = re.compile(rb'"%s"\s*:\s*"([^"]*)"' % key.encode()) if key else None
     parsing = pa.json.ParseOptions(schema, newlines_in_values=True, unexpected_field_behavior="ignore")
@@ -73,7 +73,7 @@ def read_rows(
 
 
 def _blocks(path: Path, size: int) -> Iterator[bytes]:
-    """The text between ``[`` and ``]`` in pieces of whole records, as large as ``size`` or a little more."""
+    """Yield the text between ``[`` and ``]`` in blocks of whole records of about ``size`` bytes."""
     with path.open("rb") as file:
         rest = file.read(size).lstrip()
         if rest[:1] != b"[":
@@ -81,18 +81,18 @@ def _blocks(path: Path, size: int) -> Iterator[bytes]:
         rest = rest[1:]
         while more := file.read(size):
             rest += more
-            last = rest.rfind(b"{")  # the records are flat: here the last one begins
+            last = rest.rfind(b"{")  # start of the last record: records are flat
             if last > 0:
                 yield rest[:last].rstrip().removesuffix(b",")
                 rest = rest[last:]
     rest = rest.rstrip()
     if rest[-1:] != b"]":
-        raise ValueError("it is cut off: there is no ']' at its end")
+        raise ValueError("truncated: no ']' at its end")
     yield rest[:-1]
 
 
 def _selected(text: bytes, key: re.Pattern[bytes], wanted: Container[bytes]) -> bytes:
-    """The records of a block whose key is wanted, one after the other."""
+    """Concatenate the records of a block whose key is wanted."""
     return b"\n".join(
         text[text.rfind(b"{", 0, found.start()) : text.find(b"}", found.end()) + 1]
         for found in key.finditer(text)

@@ -1,9 +1,9 @@
-"""Reads protobuf messages column by column: all messages of one type at once, into arrays, without any runtime.
+"""Read protobuf messages column by column, all messages of one type at once, into arrays.
 
-A record of traffic holds tens of thousands of small messages; one Python object each would cost more than the rest
-of a conversion. The encoding is protobuf.dev/programming-guides/encoding. As in every reader, fields of another
-number or wire type are skipped, lists may be packed or not, and of single fields the last one counts. Groups, which
-the language gave up, count as damage.
+A traffic record has tens of thousands of small messages; a Python object for each would cost more than the rest of a
+conversion. The encoding is protobuf.dev/programming-guides/encoding. As in every parser, fields with another number
+or wire type are skipped, lists may be packed or not, and the last occurrence of a singular field counts. Groups, which
+are deprecated, are treated as damage.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _ROOM = 4096
 
 
 class DamagedMessage(ValueError):
-    """Bytes that are no protobuf message; says where."""
+    """Bytes that are not a protobuf message; gives the position."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,9 +35,9 @@ class Messages:
     """n messages of one type.
 
     Attributes:
-        buffer: (B,) uint8 bytes in which all of them lie.
-        first, end: (n,) int32 byte at which each begins, and the one behind it.
-        owner: (n,) int32 row of the message that each is part of, ascending.
+        buffer: (B,) uint8 bytes that contain all of them.
+        first, end: (n,) int32 first byte of each, and the byte after its last.
+        owner: (n,) int32 row of the parent message, ascending.
 
     Example:
         >>> pair = Messages.of(bytes([0x08, 150, 1, 0x12, 2, 0x08, 7]))  # {1: 150, 2: {1: 7}}
@@ -55,31 +55,30 @@ class Messages:
 
     @classmethod
     def of(cls, payload: bytes) -> Messages:
-        """The one message that ``payload`` is."""
+        """A single message."""
         zero = np.zeros(1, np.int32)
         return cls(np.frombuffer(payload, dtype=np.uint8), zero, np.array([len(payload)], np.int32), zero)
 
     def __getitem__(self, rows: Int64) -> Messages:
-        """Some of them."""
+        """Select messages."""
         return Messages(self.buffer, self.first[rows], self.end[rows], self.owner[rows])
 
     def contents(self) -> list[bytes]:
-        """Each one's bytes."""
+        """Bytes of each message."""
         return [self.buffer[first:end].tobytes() for first, end in zip(self.first, self.end, strict=True)]
 
     def scalars(self, layout: str, missing: int = 0) -> UInt64:
-        """Their single numbers as bits; see :func:`doubles`, :func:`floats`, :func:`int64s`, ....
+        """Singular numeric fields as bits; see :func:`doubles`, :func:`floats`, :func:`int64s`, ...
 
         Args:
-            layout: What field 1, 2, ... is: ``v`` varint (integer, enum, bool), ``d`` double, ``f`` float,
-                ``-`` not wanted.
-            missing: Stands where a message lacks the field.
+            layout: Type of field 1, 2, ...: ``v`` varint (integer, enum, bool), ``d`` double, ``f`` float, ``-`` skip.
+            missing: Value of fields that a message lacks.
 
         Returns:
             (n, len(layout)).
 
         Raises:
-            DamagedMessage: One of them is no message.
+            DamagedMessage: One of them is not a valid message.
         """
         values = np.zeros((len(self), len(layout)), np.uint64)
         if missing:
@@ -89,10 +88,10 @@ class Messages:
         return values
 
     def fields(self) -> Fields:
-        """Everything that stands in them.
+        """All fields of the messages.
 
         Raises:
-            DamagedMessage: One of them is no message.
+            DamagedMessage: One of them is not a valid message.
         """
         nothing = np.empty(0, np.int64), np.empty((0, 0), np.uint64)
         room = _ROOM + int((self.end - self.first).sum()) // 16
@@ -106,14 +105,14 @@ class Messages:
 
 @dataclass(frozen=True, eq=False)
 class Fields:
-    """The k fields of some messages, in the order in which they stand there.
+    """The k fields of some messages, in the order of the encoding.
 
     Attributes:
-        buffer: (B,) uint8 bytes in which the messages lie.
-        owner: (k,) int32 row of the message that has the field.
+        buffer: (B,) uint8 bytes that contain the messages.
+        owner: (k,) int32 row of the message of the field.
         number: (k,) int32 field number.
         wire: (k,) int32 wire type.
-        first, end: (k,) int32 byte at which the content begins, and the one behind it.
+        first, end: (k,) int32 first byte of the content, and the byte after its last.
     """
 
     buffer: UInt8
@@ -125,33 +124,33 @@ class Fields:
 
     @property
     def is_part(self) -> Bool:
-        """(k,) whether it is a message, a text or a packed list."""
+        """(k,) whether each is length-delimited: a message, string or packed list."""
         is_part: Bool = self.wire == BYTES
         return is_part
 
     def where(self, mask: Bool) -> Fields:
-        """Those where ``mask`` (k,) holds."""
+        """Fields where ``mask`` (k,) is True."""
         columns = (self.owner, self.number, self.wire, self.first, self.end)
         return Fields(self.buffer, *(column[mask] for column in columns))
 
     def messages(self, mask: Bool) -> Messages:
-        """The messages and texts where ``mask`` (k,) holds."""
+        """Messages and strings where ``mask`` (k,) is True."""
         mask = mask & self.is_part
         return Messages(self.buffer, self.first[mask], self.end[mask], self.owner[mask])
 
     def parts(self, number: int) -> Messages:
-        """The messages under one field number."""
+        """Messages with one field number."""
         return self.messages(self.number == number)
 
     def lists(self, number: int, kind: str) -> tuple[Int32, UInt64]:
-        """Elements of a repeated number.
+        """Elements of a repeated numeric field.
 
         Args:
-            number: Its field number.
+            number: The field number.
             kind: ``v`` or ``d``, as in :meth:`Messages.scalars`.
 
         Returns:
-            (k,) row of the message that each element belongs to, ascending, and (k,) its bits.
+            (k,) row of the message of each element, ascending, and (k,) its bits.
 
         Raises:
             DamagedMessage: A packed list ends inside an element.
@@ -160,14 +159,14 @@ class Fields:
         return self.where((self.number == number) & ((self.wire == wire) | self.is_part))._elements(wire)
 
     def column(self, number: int, kind: str, size: int) -> UInt64:
-        """A single number of each message.
+        """A singular numeric field of each message.
 
         Args:
             number, kind: As in :meth:`lists`.
-            size: How many messages there are.
+            size: Number of messages.
 
         Returns:
-            (size,) bits, 0 where a message lacks the field.
+            (size,) bits, 0 if a message lacks the field.
         """
         wire = _WIRE_TYPES[kind]
         owner, bits = self.where((self.number == number) & (self.wire == wire))._elements(wire)
@@ -176,8 +175,8 @@ class Fields:
         return values
 
     def _elements(self, wire: int) -> tuple[Int32, UInt64]:
-        """What :meth:`lists` returns, of fields that are numbers of this type or packed lists of them."""
-        elements = np.empty((2, int((self.end - self.first).sum())), np.int64)  # each takes a byte or more
+        """Implements :meth:`lists` for fields that are numbers of this type or packed lists of them."""
+        elements = np.empty((2, int((self.end - self.first).sum())), np.int64)  # an element takes at least one byte
         count = _require_sound(unpack(self.buffer, self.first, self.end, wire, elements))
         run, bits = elements[:, :count]
         return self.owner[run], bits.view(np.uint64)
@@ -199,17 +198,17 @@ def int64s(bits: UInt64) -> Int64:
 
 
 def int32s(bits: UInt64) -> Int64:
-    """Bits as the int32 that the message declares, widened."""
+    """Bits as int32 values, widened to int64."""
     return bits.astype(np.int32).astype(np.int64)
 
 
 def enums(bits: UInt64, size: int) -> Int64:
-    """Bits as values of an enum that counts from 0 to ``size`` - 1; 0 where they are none of them."""
+    """Bits as values 0 to ``size`` - 1 of an enum; 0 for others."""
     values = int32s(bits)
     return np.where((values >= 0) & (values < size), values, 0)
 
 
 def _require_sound(result: np.int64) -> int:
     if result < 0:
-        raise DamagedMessage(f"no protobuf message at byte {-1 - result}")
+        raise DamagedMessage(f"invalid data at byte {-1 - result}")
     return int(result)

@@ -1,9 +1,8 @@
-"""The compiled part of ``protowire``: a walk over the fields of messages and one over the elements of lists.
+"""Compiled part of ``protowire``: walk the fields of messages and the elements of lists.
 
-Reading never leaves a message. Damage moves the position to ``_BAD``, beyond every end, so that loops stop by
-themselves, and a loop that does not stop exactly at its end has met damage. Indices are unsigned because the test
-for Python's negative ones takes time, and a walk is one long function because handing its arrays on to others takes
-four times as long.
+Reads stay within a message. Damage sets the position to ``_BAD``, beyond every end, so that loops terminate; a loop
+that does not stop exactly at its end has found damage. Indices are unsigned to avoid the check for negative ones.
+Each walk is one long function because passing arrays to others makes it four times slower.
 """
 
 from __future__ import annotations
@@ -21,17 +20,17 @@ _BAD = np.int64(1 << 62)
 
 @kernel
 def walk(buffer: UInt8, firsts: Int32, ends: Int32, wires: Int64, values: UInt64, fields: Int32) -> np.int64:
-    """Goes through the fields of messages.
+    """Walk the fields of messages.
 
     Args:
         buffer: All bytes.
-        firsts, ends: (n,) where each message begins and ends.
-        wires: (w,) wire types; number f of message m goes to ``values[m, f - 1]`` if ``wires[f - 1]`` is its own.
+        firsts, ends: (n,) first byte and end of each message.
+        wires: (w,) wire types; field f of message m is stored in ``values[m, f - 1]`` if its type is ``wires[f - 1]``.
         values: (n, w).
-        fields: (5, k) message, field number, wire type, first byte and end of the content; may be too short.
+        fields: (5, k) message, field number, wire type, first byte and end of the content; k may be too small.
 
     Returns:
-        How many fields there are; -1 - b if the message that begins at byte b is damaged.
+        Number of fields; -1 - b if the message at byte b is damaged.
     """
     count = np.int64(0)
     for message in range(len(firsts)):
@@ -74,16 +73,16 @@ def walk(buffer: UInt8, firsts: Int32, ends: Int32, wires: Int64, values: UInt64
 
 @kernel
 def unpack(buffer: UInt8, firsts: Int32, ends: Int32, wire: int, elements: Int64) -> np.int64:
-    """Goes through the elements of lists.
+    """Walk the elements of lists.
 
     Args:
         buffer: All bytes.
-        firsts, ends: (n,) where each list begins and ends.
+        firsts, ends: (n,) first byte and end of each list.
         wire: Wire type of an element, VARINT or DOUBLE.
-        elements: (2, k) row of the list and bits of each element; k must be the number of bytes or more.
+        elements: (2, k) row of the list and bits of each element; k is at least the number of bytes.
 
     Returns:
-        How many elements there are; -1 - b if the list that begins at byte b is damaged.
+        Number of elements; -1 - b if the list at byte b is damaged.
     """
     count = np.int64(0)
     for run in range(len(firsts)):
@@ -106,7 +105,7 @@ def unpack(buffer: UInt8, firsts: Int32, ends: Int32, wire: int, elements: Int64
 
 @device_function(forceinline=True)
 def _read_varint(buffer: UInt8, pos: np.int64, end: np.int64) -> tuple[np.int64, np.int64]:
-    """Value, as 64 signed bits, and the position behind it; nearly all are one byte long."""
+    """Return a varint as 64 signed bits, and the position after it; nearly all are one byte long."""
     if pos < end and buffer[np.uint64(pos)] < 0x80:
         return np.int64(buffer[np.uint64(pos)]), pos + 1
     return _read_long_varint(buffer, pos, end)
@@ -127,7 +126,7 @@ def _read_long_varint(buffer: UInt8, pos: np.int64, end: np.int64) -> tuple[np.i
 
 @device_function(forceinline=True)
 def _bits(buffer: UInt8, pos: np.int64, size: int) -> np.uint64:
-    """``size`` bytes as a number, the lowest first; becomes a single load."""
+    """Read ``size`` little-endian bytes; compiles to a single load."""
     bits = np.uint64(0)
     for i in range(size):
         bits |= np.uint64(buffer[np.uint64(pos) + np.uint64(i)]) << np.uint64(8 * i)

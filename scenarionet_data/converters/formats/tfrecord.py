@@ -1,7 +1,7 @@
-"""TFRecord files: a sequence of byte strings, each framed by its length and two masked CRC-32C checksums.
+"""Read TFRecord files: byte strings framed by their length and two masked CRC-32C checksums.
 
 A frame is: uint64 length, uint32 masked crc of those 8 bytes, the payload, uint32 masked crc of the payload; all
-little-endian (tensorflow/core/lib/io/record_writer.h). The checksum runs at memory speed, so every byte is checked.
+little-endian (tensorflow/core/lib/io/record_writer.h). Checksums run at memory speed, so every byte is checked.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ class Record:
     """One payload of a TFRecord file.
 
     Attributes:
-        offset: Byte in the file at which its frame begins.
-        payload: As stored.
-        is_intact: Whether the payload has the checksum it was written with.
+        offset: First byte of its frame in the file.
+        payload: Its bytes.
+        is_intact: Whether the payload matches its checksum.
     """
 
     offset: int
@@ -36,13 +36,12 @@ class Record:
 
 
 def read_records(path: Path) -> Iterator[Record]:
-    """The records of a file one by one; holds one payload at a time.
+    """Yield the records of a file, with one payload in memory at a time.
 
-    A payload with a wrong checksum is handed out, marked: its length is sound, so the next record can be read.
+    A payload with a wrong checksum is yielded and marked: its length is intact, so the next record can be read.
 
     Raises:
-        CorruptSource: The file is empty, is no TFRecord file, is damaged where a length should stand, or ends
-            inside a record.
+        CorruptSource: The file is empty, not a TFRecord file, truncated, or has a damaged length.
     """
     size = path.stat().st_size
     if not size:
@@ -64,7 +63,7 @@ def read_records(path: Path) -> Iterator[Record]:
 
 
 def _length(path: Path, offset: int, header: bytes) -> int:
-    """Payload length from a frame's header."""
+    """Parse the payload length from a frame's header."""
     if len(header) < _HEADER.size:
         raise CorruptSource(f"{path}: truncated inside the record header at byte {offset}; {_REMEDY}")
     length, checksum = _HEADER.unpack(header)
@@ -75,6 +74,6 @@ def _length(path: Path, offset: int, header: bytes) -> int:
 
 
 def masked_crc(data: bytes) -> int:
-    """CRC-32C of ``data``, turned right by 15 bits plus a constant, as TFRecord stores it."""
+    """CRC-32C of ``data``, rotated right by 15 bits plus a constant, as TFRecord stores it."""
     crc: int = google_crc32c.value(data)
     return (((crc >> 15) | (crc << 17)) + 0xA282EAD8) & 0xFFFFFFFF

@@ -1,8 +1,8 @@
-"""Lyft's zarr arrays: tables of records cut into compressed chunks, of which only the wanted ones are read.
+"""Read zarr 2 arrays of records in compressed chunks, as Lyft's recordings, one chunk at a time.
 
 The storage format is version 2 (zarr-specs.readthedocs.io/en/latest/v2/v2.0.html). The ``zarr`` package cannot open
-these arrays since its release 3, which knows no records with arrays in them; a chunk is one file that ``numcodecs``
-decodes.
+these arrays since release 3, which does not support records that contain arrays. A chunk is one file, decoded by
+``numcodecs``.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.errors import CorruptSource, MissingDependency
 
 _BLOSC_HEADER = 16
-"""Bytes; those at 4, 8 and 12 are the number of bytes decoded, a block's, and encoded, as little-endian uint32."""
+"""Header size in bytes; at 4, 8 and 12: decoded size, block size and encoded size, as little-endian uint32."""
 _MAX_CHUNK = 1 << 30
-"""Bytes; Lyft's largest chunks have 3 million."""
+"""Largest accepted chunk in bytes; Lyft's largest chunks have 3 million."""
 
 
 class ChunkedTable:
     """One array of a zarr folder, read by rows.
 
-    The chunk read last is kept, as neighbouring scenes share it.
+    The most recent chunk is cached, as neighbouring scenes share it.
 
     Attributes:
         path: The array's folder.
-        dtype: Of a row.
+        dtype: Type of a row.
 
     Raises:
-        CorruptSource: Its description is missing, damaged, or another format's.
+        CorruptSource: Its metadata is missing, damaged or of another format.
         MissingDependency: numcodecs is not installed.
     """
 
@@ -47,10 +47,10 @@ class ChunkedTable:
             found = {name: described[name] for name in wanted}
             compressor = described["compressor"]
         except (OSError, ValueError, TypeError, KeyError) as error:
-            wanted_text = "wanted the description of a one-dimensional zarr array"
+            wanted_text = "expected the metadata of a one-dimensional zarr array"
             raise CorruptSource(f"{path}/.zarray: {wanted_text}, found {error!r}; download it again") from error
         if found != wanted or not 0 < self._chunk * self.dtype.itemsize <= _MAX_CHUNK:
-            raise CorruptSource(f"{path}/.zarray: wanted {wanted} and chunks up to 1 GiB, found {found}")
+            raise CorruptSource(f"{path}/.zarray: expected {wanted} and chunks up to 1 GiB, found {found}")
         self._is_blosc = bool(compressor) and compressor.get("id") == "blosc"
         self._codec = _codec(compressor, path)
         self._kept: tuple[int, Array] | None = None
@@ -59,7 +59,7 @@ class ChunkedTable:
         return self._length
 
     def rows(self, first: int, last: int) -> Array:
-        """Rows ``first`` ... ``last - 1``, which have to exist.
+        """Read rows ``first`` to ``last - 1``, which have to exist.
 
         Raises:
             CorruptSource: A chunk is missing or damaged.
@@ -71,7 +71,7 @@ class ChunkedTable:
         return np.concatenate(parts) if len(parts) > 2 else parts[-1]
 
     def chunk_files(self, first: int, last: int) -> list[Path]:
-        """The files in which rows ``first`` ... ``last - 1`` lie."""
+        """Files of the chunks with rows ``first`` to ``last - 1``."""
         numbers = range(first // self._chunk, -(-last // self._chunk)) if last > first else ()
         return [self.path / str(number) for number in numbers]
 
@@ -83,63 +83,63 @@ class ChunkedTable:
         return records
 
     def _decode(self, file: Path) -> Array:
-        """One chunk. The last is as long as the others; what is behind the array's end is never asked for."""
+        """Read one chunk. All have the same length; rows after the array's end are not used."""
         size = self._chunk * self.dtype.itemsize
         try:
             data = file.read_bytes()
         except FileNotFoundError as error:
-            # zarr would read such a chunk as zeros; Lyft's writer leaves none out.
+            # zarr reads a missing chunk as zeros; Lyft's writer stores all of them.
             raise CorruptSource(f"{file}: this chunk is missing; download it again") from error
         if self._is_blosc and not _is_blosc(data, size):
-            raise CorruptSource(f"{file}: wanted a whole Blosc chunk of {size} bytes; download it again")
+            raise CorruptSource(f"{file}: expected a complete Blosc chunk of {size} bytes; download it again")
         try:
             decoded = bytes(self._codec.decode(data)) if self._codec else data
         except (RuntimeError, ValueError) as error:
             raise CorruptSource(f"{file}: cannot be decoded ({error}); download it again") from error
         if len(decoded) != size:
-            raise CorruptSource(f"{file}: wanted {size} bytes, found {len(decoded)}; download it again")
+            raise CorruptSource(f"{file}: expected {size} bytes, found {len(decoded)}; download it again")
         return np.frombuffer(decoded, self.dtype)
 
 
 def read_attributes(folder: Path) -> dict[str, Any]:
-    """The attributes of a zarr folder.
+    """Read the attributes of a zarr folder.
 
     Raises:
-        CorruptSource: They are missing or damaged.
+        CorruptSource: Missing or damaged attributes.
     """
     try:
         attributes = json.loads((folder / ".zattrs").read_bytes())
     except (OSError, ValueError) as error:
         raise CorruptSource(f"{folder}/.zattrs: cannot be read ({error}); download it again") from error
     if not isinstance(attributes, dict):
-        raise CorruptSource(f"{folder}/.zattrs: wanted attributes by name, found {type(attributes).__name__}")
+        raise CorruptSource(f"{folder}/.zattrs: expected attributes by name, found {type(attributes).__name__}")
     return attributes
 
 
 def _dtype(fields: Any) -> np.dtype[Any]:
-    """The type of a record from its JSON form, in which lists stand for tuples."""
+    """Parse a record type from its JSON form, with lists in place of tuples."""
     if not isinstance(fields, list):
-        raise ValueError(f"wanted the fields of a record, found {fields!r}")
+        raise ValueError(f"expected the fields of a record, found {fields!r}")
     dtype = np.dtype([(name, kind, *(tuple(shape) for shape in rest)) for name, kind, *rest in fields])
     if dtype.hasobject:
-        raise ValueError("a record that holds Python objects")
+        raise ValueError("a record that contains Python objects")
     return dtype
 
 
 def _sizes(sizes: Any) -> list[int]:
     if not all(isinstance(size, int) and size >= 0 for size in sizes):
-        raise ValueError(f"wanted sizes, found {sizes!r}")
+        raise ValueError(f"expected sizes, found {sizes!r}")
     return list(sizes)
 
 
 def _codec(compressor: Mapping[str, Any] | None, path: Path) -> Any:
-    """What decodes a chunk; None where chunks lie there as they are."""
+    """Return the decoder of chunks; None if they are not compressed."""
     if compressor is None:
         return None
     try:
         import numcodecs
     except ImportError as error:
-        raise MissingDependency("Lyft's zarr chunks need numcodecs: pip install 'scenarionet-lake[lyft]'") from error
+        raise MissingDependency("Lyft's zarr chunks need numcodecs", "lyft") from error
     try:
         return numcodecs.get_codec(dict(compressor))
     except (ValueError, TypeError) as error:
@@ -147,9 +147,9 @@ def _codec(compressor: Mapping[str, Any] | None, path: Path) -> Any:
 
 
 def _is_blosc(data: bytes, size: int) -> bool:
-    """Whether the header says that the chunk is whole and as large as it has to be.
+    """Whether the header matches the size of the chunk and of the decoded array.
 
-    Blosc itself believes the header and would read beyond the end of a truncated chunk.
+    Blosc trusts the header and would read beyond the end of a truncated chunk.
     """
     if len(data) < _BLOSC_HEADER:
         return False

@@ -4,9 +4,9 @@ RAW is the dataset's folder, or one of the zarr folders in it:
 
     scenes/<name>.zarr               scenes of about 25 s at 10 Hz, format version 1 or 2
     semantic_map/semantic_map.pb     the map, there or anywhere in the dataset's folder
-    meta.json                        where the recordings' frame lies on the earth, likewise
+    meta.json                        the transform from the recordings' frame to the earth, likewise
 
-The older perception dataset, which comes in nuScenes format, is another converter's matter.
+The older perception dataset has nuScenes' format and is read by that converter.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ from scenarionet_data.scenario.description import ScenarioDescription
 __all__ = ["Lyft", "LyftOptions"]
 
 _BLOCK = 32
-"""Scenes of a shard: successive ones, which share chunks; about 700,000 rows of agents."""
+"""Number of consecutive scenes per shard, which share chunks; about 700,000 rows of agents."""
 
 
 class Lyft(Converter[Window]):
-    """A shard is a block of scenes of one recording; the semantic map is shared by all."""
+    """One shard per block of scenes of a recording; the semantic map is shared by all."""
 
     name = "lyft"
     version = "1"
@@ -56,21 +56,21 @@ class Lyft(Converter[Window]):
     Options = LyftOptions
     properties = ("location", "log", "date", "host")
     listed = (*DESCRIPTIONS, "*.zarr/scenes/*")
-    # The recorded scene's two windows: 0.5 and 0.7, 12 and 12 m/s, 1.6 and 2.0 rad, jumps of 79 and 84 m/s.
+    # Measured in two windows: 0.5 and 0.7 m/s, 12 and 12 m/s, 1.6 and 2.0 rad, jumps of 79 and 84 m/s.
     budgets = Budgets(velocity_median=1.0, velocity_p99=15.0, heading_p99=2.2, step_speed=100.0)
 
     def shards(self, raw: str, split: str, version: str, options: LyftOptions) -> Iterator[Shard]:
-        """Blocks of scenes, recording by recording, see :meth:`Converter.shards`."""
+        """List blocks of scenes, recording by recording."""
         root, recordings = dataset_folder(Path(raw)), find_recordings(Path(raw), split)
         maps = find_map(options.maps or str(root)) if options.has_map else []
         map_mark = fingerprint(maps) if maps else ""
-        resolved = replace(options, maps=os.pathsep.join(map(str, maps)))  # workers need not search
+        resolved = replace(options, maps=os.pathsep.join(map(str, maps)))  # saves workers the search
         for path in recordings:
             name = path.relative_to(root).as_posix()
             stem = re.sub(r"[^A-Za-z0-9._-]", "-", name.removesuffix(".zarr"))
             try:
                 items = scene_items(Recording(path), name, map_mark)
-            except CorruptSource:  # said again when the shard is read: it fails alone
+            except CorruptSource:  # reported when the shard is read, which fails alone
                 items = [damaged_item(path, name)]
             for first in range(0, len(items), _BLOCK):
                 block = tuple(items[first : first + _BLOCK])
@@ -78,16 +78,16 @@ class Lyft(Converter[Window]):
                 yield Shard(self.name, version, split, shard, str(root), block, resolved, {"location": CITY})
 
     def dataset_folder(self, raw: Path) -> Path:
-        """The folder above a recording, see :meth:`Converter.dataset_folder`."""
+        """The folder of the dataset above a recording."""
         return dataset_folder(raw)
 
     def files(self, shard: Shard) -> Iterator[list[str]]:
-        """The map, the recordings' scenes, then the chunks of those of the shard, see :meth:`Converter.files`."""
+        """The map, the recordings' scenes, then the chunks of the shard's scenes."""
         root, maps = Path(shard.root), filter(None, _options(shard).maps.split(os.pathsep))
         names = {scene_of(item)[0] for item in shard.items}
         described = [Path(path) for path in maps] + [root / file for name in names for file in description_files(name)]
         yield _below(root, described)
-        with suppress(CorruptSource):  # said again when the shard is read
+        with suppress(CorruptSource):  # reported when the shard is read
             scenes = list(_scenes(shard))
             yield _below(root, [file for recording, scene in scenes for file in recording.frame_files(scene)])
             yield _below(
@@ -95,20 +95,20 @@ class Lyft(Converter[Window]):
             )
 
     def records(self, shard: Shard) -> Iterator[Window]:
-        """The windows of the shard's scenes, see :meth:`Converter.records`."""
+        """Yield the windows of the shard's scenes."""
         options = _options(shard)
         city = _read_city(find_map(options.maps or shard.root)) if options.has_map else None
         for recording, scene in _scenes(shard):
             yield from windows(recording, scene, options, city)
 
     def scenario(self, shard: Shard, record: Window) -> ScenarioDescription:
-        """Describe a window, see :meth:`Converter.scenario`."""
+        """Convert a window."""
         return describe(shard, record, self.licence)
 
     def maps(self, raw: str, version: str, options: LyftOptions) -> Iterator[Shard]:
-        """The semantic map, see :meth:`Converter.maps`."""
+        """List the semantic map."""
         if options.has_map:
-            find_recordings(Path(raw), split="")  # in a folder of something else the map is not what is missing
+            find_recordings(Path(raw), split="")  # report missing recordings before a missing map
             root = dataset_folder(Path(raw))
             files = find_map(options.maps or str(root))
             folder = Path(os.path.commonpath(files)) if options.maps else root
@@ -116,18 +116,18 @@ class Lyft(Converter[Window]):
             yield Shard(self.name, version, "", MAP_ID, str(folder), tuple(items), Options())
 
     def map_features(self, shard: Shard) -> MapBuilder:
-        """Read the semantic map, see :meth:`Converter.map_features`."""
+        """Read the semantic map."""
         return _read_city(shard.paths).features
 
 
 def _options(shard: Shard) -> LyftOptions:
     if not isinstance(shard.options, LyftOptions):
-        raise BadParameter(f"wanted LyftOptions, found {type(shard.options).__name__}")
+        raise BadParameter(f"expected LyftOptions, found {type(shard.options).__name__}")
     return shard.options
 
 
 def _scenes(shard: Shard) -> Iterator[tuple[Recording, Scene]]:
-    """A shard's scenes, with their recordings."""
+    """Yield a shard's scenes with their recordings."""
     recording = None
     for name, row in map(scene_of, shard.items):
         if recording is None or recording.path != Path(shard.root, name):
@@ -137,14 +137,14 @@ def _scenes(shard: Shard) -> Iterator[tuple[Recording, Scene]]:
 
 
 def _content_files(shard: Shard, recording: Recording, scene: Scene) -> Iterator[Path]:
-    """Files with what surrounds the ego in the windows of a scene; none for one that is going to be refused."""
+    """Files with the agents and lights of a scene's windows; none for a scene that will be refused."""
     for window in windows(recording, scene, _options(shard), None):
         with suppress(InvalidScenario, CorruptSource):
             yield from recording.content_files(window.first, window.last, scene.name)
 
 
 def _below(root: Path, paths: list[Path]) -> list[str]:
-    """Names of those that lie below a folder."""
+    """Names of the files below a folder, relative to it."""
     return [path.relative_to(root).as_posix() for path in paths if path.is_relative_to(root)]
 
 

@@ -1,4 +1,4 @@
-"""What lies in a folder of Lyft's dataset: recordings, the map, and the scenes of each recording as raw items."""
+"""Find the files of Lyft's dataset: recordings, the map, and the scenes of each recording as raw items."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ MAP_FILES = ("semantic_map.pb", "meta.json")
 DESCRIPTIONS = (".zattrs", ".zarray")
 _FINGERPRINT_SAMPLE = 4096
 _SPLITS = {"train": "train", "train_full": "train", "validate": "val", "validate_full": "val", "test": "test"}
-"""The owner's names of recordings that belong to one split."""
+"""Splits by the names of Lyft's recordings."""
 
 
 def dataset_folder(raw: Path) -> Path:
-    """The dataset's folder: RAW, or the one in which the zarr folder RAW lies."""
+    """Return the dataset's folder: RAW, or the folder above it if RAW is a zarr folder."""
     if raw.suffix != ".zarr":
         return raw
     return raw.parent.parent if raw.parent.name == "scenes" else raw.parent
 
 
 def find_recordings(raw: Path, split: str) -> list[Path]:
-    """The zarr folders of RAW, without those whose name is that of another split than ``split``, if one is given.
+    """Find the zarr folders of RAW, without those named after another split than ``split``.
 
     Raises:
-        SourceNotFound: There are none.
+        SourceNotFound: No zarr folders.
     """
     found = [raw] if raw.suffix == ".zarr" and raw.is_dir() else _find(raw, ".zarr")
     others = set(_SPLITS.values()) - {split} if split in _SPLITS.values() else set()
@@ -41,7 +41,7 @@ def find_recordings(raw: Path, split: str) -> list[Path]:
 
 
 def _find(folder: Path, ending: str) -> list[Path]:
-    """Folders and files below whose name ends so, sorted; what is inside recordings is not looked at."""
+    """Find folders and files by suffix, sorted, without looking inside recordings."""
     found = []
     for place, folders, files in os.walk(folder):
         found += [Path(place, name) for name in (*folders, *files) if name.endswith(ending)]
@@ -50,39 +50,39 @@ def _find(folder: Path, ending: str) -> list[Path]:
 
 
 def find_map(places: str) -> list[Path]:
-    """``semantic_map.pb`` and ``meta.json``.
+    """Find ``semantic_map.pb`` and ``meta.json``.
 
     Args:
-        places: Folders that hold them at any depth, or the files themselves, separated as in ``$PATH``.
+        places: Folders that contain them at any depth, or the files, separated as in ``$PATH``.
 
     Raises:
-        SourceNotFound: One of them is not there, or there are several.
+        SourceNotFound: One of them is missing, or there are several.
     """
     chosen = []
     for name in MAP_FILES:
         found = [path for place in map(Path, places.split(os.pathsep)) for path in _named(place, name)]
         if len(found) != 1:
             count = f"found {len(found)}: {', '.join(map(str, found))}" if found else "found none"
-            hint = "download the dataset's semantic map, or go without it: -O has_map=false"
-            raise SourceNotFound(f"{places}: wanted one {name} in it, {count}; {hint}")
+            hint = "download the dataset's semantic map, or set the option has_map to false"
+            raise SourceNotFound(f"{places}: expected one {name} in it, {count}; {hint}")
         chosen += found
     return chosen
 
 
 def _named(place: Path, name: str) -> list[Path]:
-    """A file itself, if that is its name, or the files of this name in a folder."""
+    """A file of this name, or the files of this name in a folder."""
     found = _find(place, name) if place.is_dir() else [place]
     return [path for path in found if path.name == name and path.is_file()]
 
 
 def description_files(recording: str) -> list[str]:
-    """Files that say what scenes a recording has, and how its tables are cut into chunks; one name is a pattern."""
+    """Files with a recording's scenes and the chunk layout of its tables; one name is a pattern."""
     tables = ("frames", "agents", "traffic_light_faces")
     return [f"{recording}/.zattrs", f"{recording}/scenes/*", *(f"{recording}/{table}/.zarray" for table in tables)]
 
 
 def scene_items(recording: Recording, name: str, map_mark: str) -> list[RawItem]:
-    """The scenes of a recording, told apart by their row and the files with their frames, and by the map."""
+    """Scenes of a recording as items, identified by row, with fingerprints of their frames and the map."""
     marks: dict[Path, str] = {}
     items = []
     for scene in recording.scenes:
@@ -98,11 +98,11 @@ def scene_items(recording: Recording, name: str, map_mark: str) -> list[RawItem]
 
 
 def damaged_item(path: Path, name: str) -> RawItem:
-    """Stands for all scenes of a recording whose tables cannot be read; :func:`scene_of` finds none in it."""
+    """Item for all scenes of a recording whose tables cannot be read."""
     return RawItem(name, fingerprint(sorted(file for file in path.rglob(".z*") if file.is_file())))
 
 
 def scene_of(item: RawItem) -> tuple[str, int | None]:
-    """Name of an item's recording, and the row of its scene; None when it stands for all of them."""
+    """Return the name of an item's recording, and the row of its scene; None for all scenes."""
     name, _, number = item.name.rpartition(":")
     return (name, int(number)) if number.isdigit() else (item.name, None)

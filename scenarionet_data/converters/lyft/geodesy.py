@@ -1,4 +1,4 @@
-"""From local frames on the ellipsoid to earth-centred coordinates (WGS 84), the way Lyft's map stores geometry."""
+"""Transform local frames on the WGS 84 ellipsoid to earth-centred coordinates, as used by Lyft's map."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Float64
 
 SEMI_MAJOR_AXIS = 6_378_137.0
-"""[m] of the WGS 84 ellipsoid."""
+"""Semi-axes of the WGS 84 ellipsoid [m]."""
 FLATTENING = 1.0 / 298.257223563
 _SQUARED_ECCENTRICITY = FLATTENING * (2.0 - FLATTENING)
 
 
 def on_ellipsoid(latitude: Float64, longitude: Float64) -> Float64:
-    """Earth-centred, earth-fixed coordinates of points of height 0 (EPSG 9602).
+    """Return the earth-centred, earth-fixed coordinates of points of height 0 (EPSG 9602).
 
     Args:
         latitude, longitude: (K,) geodetic [rad].
@@ -32,11 +32,11 @@ def on_ellipsoid(latitude: Float64, longitude: Float64) -> Float64:
 
 
 def local_to_earth(points: Float64, latitude: Float64, longitude: Float64) -> Float64:
-    """East, north, up [m] (P, 3), each from its own origin of height 0, to earth-centred coordinates (P, 3) [m].
+    """Transform east, north, up [m] (P, 3), with an origin of height 0 per point, to earth-centred coordinates.
 
     Args:
         points: (P, 3).
-        latitude, longitude: (P,) of the origins, geodetic [rad].
+        latitude, longitude: (P,) geodetic coordinates of the origins [rad].
     """
     origin, axes = on_ellipsoid(latitude, longitude), _axes(latitude, longitude)
     turned: Float64 = origin + np.einsum("pi,pij->pj", points, axes)

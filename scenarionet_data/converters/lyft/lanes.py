@@ -1,4 +1,4 @@
-"""The two sides of Lyft's lanes, in driving direction, and the paint along them."""
+"""Sides of Lyft's lanes in driving direction, and the paint along them."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ class Side(NamedTuple):
 
     Attributes:
         points: (n, 2) [m].
-        dividers: Kinds of paint, one after the other.
-        changes: Where one gives way to the next [m] along the points.
+        dividers: Kinds of paint, in order.
+        changes: Arc lengths at which the kind changes [m].
     """
 
     points: Float64
@@ -26,12 +26,12 @@ class Side(NamedTuple):
     changes: Sequence[float]
 
     def reversed(self) -> Side:
-        """The same, from its last point to its first."""
+        """The side in reverse order."""
         length = path_length(self.points)
         return Side(self.points[::-1], self.dividers[::-1], [length - place for place in reversed(self.changes)])
 
     def paint(self) -> list[tuple[int, Float64]]:
-        """Each kind of paint with the part of the side along which it runs; a kind without a place is left out."""
+        """Each kind of paint with its part of the side; kinds without extent are skipped."""
         if len(self.dividers) == 1:
             return [(self.dividers[0], self.points)]
         step = np.hypot(*np.diff(self.points, axis=0).T)
@@ -42,19 +42,19 @@ class Side(NamedTuple):
 
 
 class Sides(NamedTuple):
-    """Left and right side of a lane; their points run in driving direction."""
+    """Left and right side of a lane, with points in driving direction."""
 
     left: Side
     right: Side
 
     @property
     def ends(self) -> Float64:
-        """(2, 2) where the lane begins and ends [m]."""
+        """(2, 2) start and end of the lane [m]."""
         ends: Float64 = (self.left.points[[0, -1]] + self.right.points[[0, -1]]) / 2.0
         return ends
 
     def turned_around(self) -> Sides:
-        """The same lane driven the other way; its sides are named anew when their order asks for it."""
+        """The lane in the opposite direction, with left and right swapped if needed."""
         left, right = self.left.reversed(), self.right.reversed()
         outline = np.concatenate([left.points, right.points[::-1]])
         return Sides(left, right) if _is_clockwise(outline) else Sides(right, left)
@@ -63,16 +63,16 @@ class Sides(NamedTuple):
 def in_driving_direction(
     lanes: Mapping[str, Sides], is_backward: Mapping[str, bool], ahead: Mapping[str, Sequence[str]]
 ) -> dict[str, Sides]:
-    """Lanes whose points run the way they are driven.
+    """Orient lanes in driving direction.
 
-    The map's description says that a side's points follow the road segment, so those of lanes against the segment
-    would run backwards; the owner's reader takes them as they are. What is true shows where lanes meet: such lanes
-    are turned around if that makes the ends of lanes fit the beginnings of the lanes ahead better.
+    According to the map's description the points of a side follow the road segment, so those of lanes against the
+    segment would be reversed; l5kit does not reverse them. They are reversed here if the ends of lanes then fit the
+    starts of their successors better.
 
     Args:
-        lanes: As stored, by id.
-        is_backward: Whether a lane goes against its segment.
-        ahead: Ids of the lanes that follow each.
+        lanes: Lanes as stored, by id.
+        is_backward: Whether a lane leads against its segment.
+        ahead: Ids of the successors of each lane.
     """
     if not any(is_backward[lane] for lane in lanes):
         return dict(lanes)
@@ -81,7 +81,7 @@ def in_driving_direction(
 
 
 def _gaps(lanes: Mapping[str, Sides], ahead: Mapping[str, Sequence[str]]) -> float:
-    """Sum of the distances [m] from the ends of lanes to the beginnings of those ahead."""
+    """Sum of the distances from the ends of lanes to the starts of their successors [m]."""
     links = [(lane, other) for lane in lanes for other in ahead[lane] if other in lanes]
     ends = {lane: sides.ends for lane, sides in lanes.items()}
     return sum(float(np.hypot(*(ends[lane][1] - ends[other][0]))) for lane, other in links)
@@ -93,7 +93,7 @@ def _is_clockwise(outline: Float64) -> bool:
 
 
 def _part(points: Float64, along: Float64, first: float, last: float) -> Float64:
-    """(m, 2) points of a line from one place along it to another [m]."""
+    """(m, 2) part of a line between two arc lengths [m]."""
     inner = (along > first) & (along < last)
     places = np.concatenate([[first], along[inner], [last]])
     return np.column_stack([np.interp(places, along, points[:, axis]) for axis in range(2)])

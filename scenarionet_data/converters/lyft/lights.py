@@ -1,4 +1,4 @@
-"""Lyft's lights: which faces of which traffic lights are lit, frame by frame, as states of the lanes they control."""
+"""Convert Lyft's lit traffic light faces, frame by frame, to states of the lanes they control."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from scenarionet_data.scenario.vocabulary import LIGHT_COLORS, LightState, Prove
 
 _UNKNOWN = LightState.LANE_STATE_UNKNOWN
 _CODES = 16
-"""More than there are light states."""
+"""Greater than the number of light states."""
 
 
 def lights(content: Content, city: City | None, origin: Float64) -> Lights:
-    """One row per traffic light and lane that it controls.
+    """Build one row per traffic light and controlled lane.
 
-    A lane shows the face that is lit (ACTIVE), the most restrictive if several are, unknown if none is said to be,
-    and nothing where the light is not reported. A face without a lane in the map, and every face without a map,
-    goes to a row that has the light in place of the lane.
+    The state of a lane is that of the lit (ACTIVE) face, of the most restrictive one if several are lit, unknown if
+    none is known to be lit, and none where the light is not reported. Faces without a lane in the map, and all faces
+    without a map, are assigned to a row with the light's id as lane.
 
     Args:
         content: Frames with their faces.
@@ -45,7 +45,7 @@ def lights(content: Content, city: City | None, origin: Float64) -> Lights:
 
 
 def _ranked(state: LightState) -> int:
-    """A number that is higher the more restrictive a state is, from which the state can be had back."""
+    """Encode a state as a number that increases with its restrictiveness."""
     return int(LIGHT_COLORS[state]) * _CODES + int(state)
 
 
@@ -55,7 +55,7 @@ def _state(city: City | None, kind: str) -> LightState:
 
 
 def _targets(city: City | None, kind: str) -> list[tuple[str, str]]:
-    """Light and lane of the rows that a face belongs to."""
+    """Light and lane of the rows of a face."""
     light, face = kind.split("\n")
     lanes = city.faces[face][1] if city and face in city.faces else []
     return [(light, lane) for lane in lanes or [light]]

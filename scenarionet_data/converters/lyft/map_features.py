@@ -1,7 +1,7 @@
-"""Lyft's semantic map as map features in the recordings' world frame, and which lanes its lights control.
+"""Convert Lyft's semantic map to map features in the recordings' world frame, and find the lanes of its lights.
 
-Geometry comes from local frames over earth-centred coordinates to the world by ``world_to_ecef`` of ``meta.json``.
-Recordings have no heights of objects, so the map lies in the plane like them. A map has about 8,500 lanes.
+Geometry is transformed from local frames to earth-centred coordinates, and from there to the world frame by
+``world_to_ecef`` of ``meta.json``. Objects have no heights, so the map has z = 0 as well. It has about 8,500 lanes.
 """
 
 from __future__ import annotations
@@ -47,11 +47,11 @@ _DIVIDERS: dict[int, tuple[Type, str | None]] = {
     11: (Type.ROAD_EDGE_BOUNDARY, "CURB_YELLOW"),
     12: (Type.ROAD_EDGE_BOUNDARY, None),
 }
-"""Lane.Boundary.DividerType; 1, NONE, is no line. The word stands where the type says less than it."""
+"""``MapFeatureType`` by Lane.Boundary.DividerType, with a name where the type is less specific; 1, NONE, is no line."""
 
 _AREAS = {16: Type.CROSSWALK, 15: Type.SPEED_BUMP, 34: Type.SPEED_BUMP, 35: Type.CARPARK_AREA}
 _STOP_SIGN, _STOP_LINE = 7, 47
-"""Kinds of traffic controls: field numbers in TrafficControlElement."""
+"""Kinds of traffic controls, by field number in TrafficControlElement."""
 
 FACES = {
     9: LightState.LANE_STATE_FLASHING_CAUTION,
@@ -63,7 +63,7 @@ FACES = {
     **dict.fromkeys((36, 37, 39, 42, 45), LightState.LANE_STATE_ARROW_CAUTION),
     **dict.fromkeys((31, 33, 40, 43, 46), LightState.LANE_STATE_ARROW_GO),
 }
-"""What a lane shows while a face is lit: flashing yellow and red, then red, yellow, green, and the arrows."""
+"""``LightState`` while a face is lit: flashing yellow and red, then red, yellow, green, and the arrows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,10 +71,10 @@ class City:
     """A semantic map.
 
     Attributes:
-        features: In the world frame, z = 0.
-        bounds: Of each feature, see ``MapBuilder.bounds``.
-        exits: Where each lane ends, (2,) [m]: the line to stop at.
-        faces: By face of a traffic light, what it shows and the lanes it controls.
+        features: Map features in the world frame, z = 0.
+        bounds: See ``MapBuilder.bounds``.
+        exits: End of each lane, (2,) [m]: its stop point.
+        faces: State and controlled lanes by face of a traffic light.
     """
 
     features: MapBuilder
@@ -85,12 +85,12 @@ class City:
 
 @lru_cache(maxsize=2)
 def read_city(map_file: Path, meta_file: Path, fingerprint: str) -> City:  # noqa: ARG001
-    """Read a semantic map; the ones read last are kept, as every scenario is cropped from it.
+    """Read a semantic map; cached, as every scenario is cropped from it.
 
     Args:
         map_file: ``semantic_map.pb``.
         meta_file: ``meta.json``.
-        fingerprint: Of both, so that changed files are read again.
+        fingerprint: Fingerprint of both files.
 
     Raises:
         CorruptSource: A file is missing or damaged.
@@ -108,19 +108,19 @@ def read_city(map_file: Path, meta_file: Path, fingerprint: str) -> City:  # noq
 
 
 def _read_world_to_ecef(path: Path) -> Float64:
-    """(4, 4) from the world to earth-centred coordinates."""
+    """(4, 4) transform from the world to earth-centred coordinates."""
     try:
         matrix = np.array(json.loads(path.read_bytes())["world_to_ecef"], dtype=np.float64)
     except (OSError, ValueError, TypeError, KeyError) as error:
-        raise CorruptSource(f"{path}: wanted world_to_ecef, found {error!r}; download it again") from error
+        raise CorruptSource(f"{path}: expected world_to_ecef, found {error!r}; download it again") from error
     is_turn = matrix.shape == (4, 4) and np.abs(matrix[:3, :3] @ matrix[:3, :3].T - np.eye(3)).max() < 1e-3
     if not (is_turn and np.isfinite(matrix).all()):
-        raise CorruptSource(f"{path}: world_to_ecef: wanted 4 by 4 numbers, a turn and a shift; download it again")
+        raise CorruptSource(f"{path}: world_to_ecef: expected a 4 x 4 rigid transform; download it again")
     return matrix
 
 
 def _in_world(points: Float64, ecef_to_world: Float64) -> Float64:
-    """(P, 2) of earth-centred points (P, 3)."""
+    """(P, 2) world coordinates of earth-centred points (P, 3)."""
     world: Float64 = points @ ecef_to_world[:2, :3].T + ecef_to_world[:2, 3]
     return world
 
@@ -129,7 +129,7 @@ def _in_world(points: Float64, ecef_to_world: Float64) -> Float64:
 
 
 def _lanes(wire: WireLanes, ecef_to_world: Float64) -> dict[str, Sides]:
-    """Lanes that have a geometry, by id, in driving direction."""
+    """Lanes with geometry, by id, in driving direction."""
     left, right = (_sides(side, ecef_to_world) for side in (wire.left, wire.right))
     pairs = zip(wire.ids, left, right, strict=True)
     found = {name: Sides(*pair) for name, *pair in pairs if min(len(side.points) for side in pair) > 1}
@@ -143,7 +143,7 @@ def _sides(wire: WireSide, ecef_to_world: Float64) -> list[Side]:
 
 
 def _add_lanes(builder: MapBuilder, wire: WireMap, lanes: Mapping[str, Sides]) -> dict[str, Float64]:
-    """Add lanes and the paint along them; returns where each lane ends."""
+    """Add lanes and the paint along them; return the end of each lane."""
     left, right = (_flat_lines([sides[side].points for sides in lanes.values()]) for side in (0, 1))
     centers, widths = between(midlines(left, right), left, right)
     entries = _entries(wire.lanes)
@@ -175,7 +175,7 @@ def _flat_lines(lines: Sequence[Float64]) -> Ragged:
 
 
 def _entries(lanes: WireLanes) -> dict[str, list[str]]:
-    """By lane the lanes that it is ahead of."""
+    """Predecessors of each lane."""
     entries: dict[str, list[str]] = {}
     for name, ahead in zip(lanes.ids, lanes.ahead, strict=True):
         for other in ahead:
@@ -195,7 +195,7 @@ def _lane_type(wire: WireMap, row: int) -> Type:
 
 
 def _speed_limit(wire: WireMap, row: int) -> float:
-    """[m/s] of the lane's segment, whose other direction may have its own; NaN for unknown and in junctions."""
+    """Speed limit of the lane's segment in its direction [m/s]; NaN if unknown and in junctions."""
     forward, backward, _ = wire.segments.get(wire.lanes.parents[row], (0.0, 0.0, 0))
     limit = backward if wire.lanes.orientations[row] == _BACKWARD and backward > 0.0 else forward
     return limit if 0.0 < limit < np.inf else np.nan
@@ -208,17 +208,17 @@ def _is_intersection(wire: WireMap, row: int) -> bool | None:
 
 def _lane_extras(lanes: WireLanes, row: int) -> dict[str, Any] | None:
     access, turn = _ACCESS[lanes.access[row]], _TURNS[lanes.turns[row]]
-    said = {
+    extras = {
         "parent": lanes.parents[row],
         "access_restriction": access if access.startswith("ONLY_") else "",
         "turn_type": turn if turn != "UNKNOWN" else "",
         "can_have_parked_cars": bool(lanes.can_have_parked_cars[row]),
     }
-    return {key: value for key, value in said.items() if value} or None
+    return {key: value for key, value in extras.items() if value} or None
 
 
 def _add_paint(builder: MapBuilder, name: str, side: Side) -> list[str]:
-    """Add the lines along one side of a lane; returns their ids."""
+    """Add the lines along one side of a lane; return their ids."""
     added = []
     for number, (kind, points) in enumerate(side.paint()):
         if kind not in _DIVIDERS:
@@ -233,7 +233,7 @@ def _add_paint(builder: MapBuilder, name: str, side: Side) -> list[str]:
 
 
 def _controlled_lanes(wire: WireMap) -> dict[str, list[str]]:
-    """By traffic control the lanes at whose exit it stands; a traffic light's lanes are its faces' too."""
+    """Lanes by the traffic control at their exit; the faces of a traffic light have its lanes."""
     lights = {name: faces for name, faces in zip(wire.controls.ids, wire.controls.faces, strict=True) if faces}
     controlled: dict[str, dict[str, None]] = {}
     for lane, controls in zip(wire.lanes.ids, wire.lanes.controls, strict=True):
@@ -246,7 +246,7 @@ def _controlled_lanes(wire: WireMap) -> dict[str, list[str]]:
 def _add_controls(
     builder: MapBuilder, controls: WireControls, ecef_to_world: Float64, controlled: Mapping[str, Sequence[str]]
 ) -> None:
-    """Add areas, stop signs and stop lines; other signs are of no kind that a map here has."""
+    """Add areas, stop signs and stop lines; other signs have no feature type."""
     places = Ragged(controls.points.offsets, _in_world(controls.points.values, ecef_to_world))
     for name, kind, points in zip(controls.ids, controls.kinds.tolist(), places, strict=True):
         lanes = controlled.get(name, ())

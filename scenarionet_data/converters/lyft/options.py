@@ -1,4 +1,4 @@
-"""What the converter of Lyft's dataset can be told."""
+"""Options of the converter of Lyft's dataset."""
 
 from __future__ import annotations
 
@@ -13,11 +13,13 @@ DT = 0.1
 
 @dataclass(frozen=True)
 class LyftOptions(Options):
-    """How scenes are cut into scenarios, and what of them is kept."""
+    """Windows, map and objects of scenarios."""
 
-    window: float = field(default=20.0, metadata={"doc": "Seconds of a scenario; scenes last about 25."})
-    stride: float = field(default=0.0, metadata={"doc": "Seconds from one window to the next; 0: as the window."})
-    radius: float = field(default=100.0, metadata={"doc": "Metres of map around the box that holds the ego's path."})
+    window: float = field(default=20.0, metadata={"doc": "Length of a scenario [s]; scenes last about 25 s."})
+    stride: float = field(default=0.0, metadata={"doc": "Time between the starts of two windows [s]; 0: the window."})
+    radius: float = field(
+        default=100.0, metadata={"doc": "Margin of the map around the bounding box of the ego's path [m]."}
+    )
     has_map: bool = field(
         default=True, metadata={"doc": "Whether scenarios get a map, from semantic_map.pb and meta.json."}
     )
@@ -31,6 +33,6 @@ class LyftOptions(Options):
     def __post_init__(self) -> None:
         if not (self.window >= DT and (self.stride == 0 or self.stride >= DT)):
             found = f"found {self.window} and {self.stride}"
-            raise BadParameter(f"window, stride: wanted {DT} s or more (or a stride of 0), {found}")
+            raise BadParameter(f"window, stride: expected {DT} s or more (or a stride of 0), {found}")
         if not 0.0 <= self.radius < 1e6:
-            raise BadParameter(f"radius: wanted metres of 0 or more, found {self.radius}")
+            raise BadParameter(f"radius: expected 0 m or more, found {self.radius}")

@@ -1,4 +1,4 @@
-"""Lyft's recordings, scene by scene: a zarr folder of four tables that refer to each other by ranges of rows.
+"""Read Lyft's recordings scene by scene: a zarr folder of four tables linked by ranges of rows.
 
     scenes               frame_index_interval, host, start_time, end_time [ns]
     frames               timestamp [ns], agent_index_interval, traffic_light_faces_index_interval, ego pose
@@ -33,7 +33,7 @@ _FIELDS = {
 }
 _LIGHTS = "traffic_light_faces_index_interval"
 _RANGES = {"agents": "agent_index_interval", "traffic_light_faces": _LIGHTS}
-"""Column of the frames that says which rows of a table are theirs."""
+"""Column of the frames with their range of rows, by table."""
 
 LABELS = tuple(
     """PERCEPTION_LABEL_NOT_SET PERCEPTION_LABEL_UNKNOWN PERCEPTION_LABEL_DONTCARE PERCEPTION_LABEL_CAR
@@ -42,7 +42,7 @@ LABELS = tuple(
     PERCEPTION_LABEL_MOTORCYCLE PERCEPTION_LABEL_CYCLIST PERCEPTION_LABEL_MOTORCYCLIST PERCEPTION_LABEL_PEDESTRIAN
     PERCEPTION_LABEL_ANIMAL AVRESEARCH_LABEL_DONTCARE""".split()  # noqa: SIM905
 )
-"""The words of ``label_probabilities`` where a recording does not name them (``l5kit/data/labels.py``)."""
+"""Labels of ``label_probabilities`` if a recording does not list them (``l5kit/data/labels.py``)."""
 
 
 @dataclass(frozen=True)
@@ -50,11 +50,11 @@ class Scene:
     """One row of the scenes.
 
     Attributes:
-        index: Which row.
-        name: Host and start; the same scene in every recording that holds it.
-        first, last: Its frames are ``first`` ... ``last - 1``.
-        start: [ns] as the scene states it; the frames' own timestamps may be seconds apart from it.
-        host: The recording car.
+        index: The row.
+        name: Host and start: identifies the scene in all recordings that contain it.
+        first, last: Frames ``first`` to ``last - 1``.
+        start: Start in the scene's record [ns]; timestamps of frames may deviate by seconds.
+        host: The recording vehicle.
     """
 
     index: int
@@ -66,13 +66,13 @@ class Scene:
 
     @property
     def date(self) -> str:
-        """Day it starts, in UTC."""
+        """Date of the start, in UTC."""
         return str(np.datetime64(self.start, "ns").astype("datetime64[D]"))
 
 
 @dataclass(frozen=True, eq=False)
 class Content:
-    """The rows of some successive frames: T frames, R agents, K faces.
+    """Rows of consecutive frames: T frames, R agents, K faces.
 
     Attributes:
         times: (T,) int64 [ns].
@@ -90,15 +90,15 @@ class Content:
 
 
 class Recording:
-    """A zarr folder, opened.
+    """An open zarr folder.
 
     Attributes:
         path: The folder.
-        labels: Words of ``label_probabilities``.
-        scenes: All of them.
+        labels: Labels of ``label_probabilities``.
+        scenes: All scenes.
 
     Raises:
-        CorruptSource: A table is missing or is no table of this dataset.
+        CorruptSource: A table is missing or not of this dataset.
     """
 
     def __init__(self, path: Path) -> None:
@@ -111,7 +111,7 @@ class Recording:
             self._tables["traffic_light_faces"] = _table(path, "traffic_light_faces")
         shape = self._tables["agents"].dtype["label_probabilities"].shape
         if shape != (len(self.labels),):
-            raise CorruptSource(f"{path}: wanted a probability for each of {len(self.labels)} labels, found {shape}")
+            raise CorruptSource(f"{path}: expected a probability for each of {len(self.labels)} labels, found {shape}")
         table = self._tables["scenes"]
         self.scenes = [_scene(index, row) for index, row in enumerate(table.rows(0, len(table)))]
 
@@ -120,23 +120,23 @@ class Recording:
 
     @property
     def num_frames(self) -> int:
-        """In all scenes together."""
+        """Number of frames in all scenes."""
         return len(self._tables["frames"])
 
     def frame_files(self, scene: Scene) -> list[Path]:
-        """Files with the frames of a scene; none where it claims frames that do not exist."""
+        """Files with the frames of a scene; none if its frames do not exist."""
         is_sound = 0 <= scene.first <= scene.last <= self.num_frames
         return self._tables["frames"].chunk_files(scene.first, scene.last) if is_sound else []
 
     def read(self, first: int, last: int, where: str) -> Content:
-        """Everything in frames ``first`` ... ``last - 1``.
+        """Read frames ``first`` to ``last - 1``.
 
         Args:
             first, last: Rows of the frames.
-            where: Names the scenario in errors.
+            where: Name of the scenario in errors.
 
         Raises:
-            InvalidScenario: A range of rows points to where there are none.
+            InvalidScenario: A range of rows is out of bounds.
             CorruptSource: A chunk is missing or damaged.
         """
         frames = self._frames(first, last, where)
@@ -156,7 +156,7 @@ class Recording:
         )
 
     def content_files(self, first: int, last: int, where: str) -> list[Path]:
-        """Files that :meth:`read` reads besides those with the frames; the same errors."""
+        """Files that :meth:`read` reads in addition to those with the frames; raises the same errors."""
         frames = self._frames(first, last, where)
         names = [name for name in _RANGES if name in self._tables]
         return [
@@ -165,23 +165,23 @@ class Recording:
 
     def _frames(self, first: int, last: int, where: str) -> Array:
         if not 0 <= first < last <= self.num_frames:
-            wanted = f"wanted frames within 0 ... {self.num_frames}"
+            wanted = f"expected frames within 0 to {self.num_frames}"
             raise InvalidScenario(where, "frame_index_interval", f"{wanted}, found {first} ... {last}")
         return self._tables["frames"].rows(first, last)
 
     def _parts(self, name: str, frames: Array, where: str) -> tuple[Int64, Array]:
-        """Frame of each row and the rows that successive frames own in a table."""
+        """Rows of consecutive frames in a table, with the frame of each."""
         lengths, first, last = self._range(name, frames, where)
         return np.repeat(np.arange(len(lengths)), lengths), self._tables[name].rows(first, last)
 
     def _range(self, name: str, frames: Array, where: str) -> tuple[Int64, int, int]:
-        """How many rows of a table each of successive frames owns, the first row, and the one after the last."""
+        """Number of rows of each consecutive frame in a table, the first row, and the one after the last."""
         table, ranges = self._tables[name], frames[_RANGES[name]].astype(np.int64)
         first, last = int(ranges[0, 0]), int(ranges[-1, 1])
         lengths = np.diff(ranges, axis=1)[:, 0]
         is_run = (ranges[1:, 0] == ranges[:-1, 1]).all() and (lengths >= 0).all()
         if not (is_run and 0 <= first <= last <= len(table)):
-            wanted = f"wanted one range of rows after the other within 0 ... {len(table)}"
+            wanted = f"expected consecutive ranges of rows within 0 to {len(table)}"
             raise InvalidScenario(where, f"frames.{name}", f"{wanted}, found {first} ... {last}")
         return lengths, first, last
 
@@ -192,7 +192,7 @@ def _table(path: Path, name: str) -> ChunkedTable:
     found = {field: table.dtype[field].shape for field in table.dtype.names or ()}
     wrong = [field for field, shape in wanted.items() if found.get(field) != shape]
     if wrong or (name == "agents" and "label_probabilities" not in found):
-        raise CorruptSource(f"{path / name}: wanted {list(wanted)}, found {list(found)}; is this a Lyft recording?")
+        raise CorruptSource(f"{path / name}: expected {list(wanted)}, found {list(found)}; is this a Lyft recording?")
     return table
 
 

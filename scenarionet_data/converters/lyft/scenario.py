@@ -1,4 +1,4 @@
-"""Windows of Lyft's scenes, and the scenario that each becomes."""
+"""Cut Lyft's scenes into windows and convert them to scenarios."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ Box = tuple[float, float, float, float]
 """min_x, min_y, max_x, max_y [m]."""
 
 HISTORY = 10
-"""``current_timestep``: after 1 s, as in the Waymo Open Motion Dataset; Lyft names no such step."""
+"""``current_timestep``: after 1 s, as in the Waymo Open Motion Dataset; Lyft does not define it."""
 MAP_ID = "semantic-map"
 CITY = "Palo Alto"
 
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """Frames ``first`` ... ``last - 1`` of the recording, all of one scene: one scenario; with the map, if wanted."""
+    """Frames ``first`` to ``last - 1`` of one scene of a recording, with the map or None: one scenario."""
 
     recording: Recording
     scene: Scene
@@ -41,8 +41,8 @@ class Window:
 def windows(recording: Recording, scene: Scene, options: LyftOptions, city: City | None) -> Iterator[Window]:
     """Cut a scene every ``stride`` seconds into ``window`` seconds; a frame counts as 0.1 s.
 
-    The last window ends with the scene and may be shorter; it is left out when nothing would follow its history.
-    A scene whose range of frames makes no sense is one window, which is refused when it is described.
+    The last window ends with the scene and may be shorter; it is dropped if it would end within its history. A scene
+    with an invalid range of frames gives one window, which is refused when it is converted.
     """
     size, step = round(options.window / DT), round((options.stride or options.window) / DT)
     if not 0 <= scene.first < scene.last <= recording.num_frames:
@@ -57,9 +57,9 @@ def windows(recording: Recording, scene: Scene, options: LyftOptions, city: City
 
 
 def describe(shard: Shard, window: Window, licence: str) -> ScenarioDescription:
-    """The scenario of one window.
+    """Convert one window to a scenario.
 
-    It lies in the plane: agents are recorded without heights, and nobody says above what the map's heights are.
+    It has no heights: agents are recorded without, and the datum of the map's heights is unknown.
     """
     scene, recording, options = window.scene, window.recording, window.options
     where = make_scenario_id(shard.dataset, shard.version, scene.name, f"frame{window.first}")
@@ -102,7 +102,7 @@ def describe(shard: Shard, window: Window, licence: str) -> ScenarioDescription:
 
 
 def _map_window(content: Content, radius: float) -> Box:
-    """The box in the world that holds the ego's path, and ``radius`` [m] more on every side."""
+    """Bounding box of the ego's path plus ``radius`` [m] on every side, in the world frame."""
     (min_x, min_y), (max_x, max_y) = content.ego[:, :2].min(axis=0), content.ego[:, :2].max(axis=0)
     return float(min_x - radius), float(min_y - radius), float(max_x + radius), float(max_y + radius)
 

@@ -1,4 +1,4 @@
-"""Lyft's agents on a grid of tracks and timesteps, and the recording car, which is not among them."""
+"""Build tracks of Lyft's agents and of the recording vehicle, which is not among them."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from scenarionet_data.scenario.vocabulary import ObjectType
 
 EGO = "ego"
 EGO_SIZE = (4.87, 1.85, 1.8)
-"""Length, width, height [m] that the owner assumes of the recording car, with sensors
+"""Length, width, height [m] of the recording vehicle with sensors, as assumed in l5kit
 (``l5kit/rasterization/rasterizer.py``)."""
 
 MOVING = 1.0
-"""[m/s] from which on a road user that stands still by its recorded velocity is taken to move."""
+"""Speed from which a road user with a recorded velocity of zero is considered moving [m/s]."""
 _REACH = 4
-"""Frames to either side over which its velocity is then estimated: boxes jump by decimetres from frame to frame,
-most of all where a track begins, which is where the recorded velocities are zero."""
+"""Frames on either side used to estimate its velocity: boxes jump by decimetres between frames, especially at the
+start of a track, where recorded velocities are zero."""
 
-# A bicycle or motorcycle that nobody rides is no cyclist: the dataset has labels of their own for riders.
+# A riderless bicycle or motorcycle is not a cyclist: the dataset has separate labels for riders.
 _GROUPS = {
     ObjectType.VEHICLE: "CAR VAN TRAM BUS TRUCK EMERGENCY_VEHICLE OTHER_VEHICLE",
     ObjectType.CYCLIST: "CYCLIST MOTORCYCLIST",
@@ -41,17 +41,17 @@ _UNTOLD = frozenset(
 def tracks(
     content: Content, labels: Sequence[str], origin: Float64, where: str, keep_unknown: bool
 ) -> tuple[Tracks, int]:
-    """The agents, the ego after them, and how many of the agents' velocities were repaired.
+    """Build the agents followed by the ego; return the number of repaired velocities as well.
 
-    A track has the label that is the most probable over its frames. The source writes a velocity of exactly zero
-    where it has estimated none, also for road users that move; there it is estimated from the positions.
+    A track has its most probable label over all frames. The source has a velocity of exactly zero where it has no
+    estimate, even for moving road users; their velocity is estimated from positions.
 
     Args:
         content: T frames.
-        labels: Words of the labels.
+        labels: Names of the labels.
         origin: (3,) [m].
-        where: Names the scenario in errors.
-        keep_unknown: Whether to keep objects of which the source does not say what they are.
+        where: Name of the scenario in errors.
+        keep_unknown: Whether to keep objects of unknown type.
 
     Raises:
         InvalidScenario: A track has two rows in one frame.
@@ -84,14 +84,14 @@ def tracks(
 
 
 class _Rows:
-    """R rows of N tracks, a track after the other, by time.
+    """R rows of N tracks, sorted by track and time.
 
     Attributes:
         agents, frame: (R,) records, and the timestep of each.
         ids: (N,) ascending.
         track: (R,) row of ``ids``, ascending.
-        words: (N,) label.
-        is_word_varied: (N,) whether a track's frames disagree about it.
+        words: (N,) labels.
+        is_word_varied: (N,) whether the label varies over a track's frames.
     """
 
     def __init__(self, content: Content, labels: Sequence[str], where: str) -> None:
@@ -101,7 +101,7 @@ class _Rows:
         (twice,) = np.nonzero((np.diff(self.track) == 0) & (np.diff(self.frame) == 0))
         if len(twice):
             found = f"found more of track {self.agents['track_id'][twice[0]]} at timestep {self.frame[twice[0]]}"
-            raise InvalidScenario(where, "agents.track_id", f"wanted one row per track and frame, {found}")
+            raise InvalidScenario(where, "agents.track_id", f"expected one row per track and frame, {found}")
         probabilities = self.agents["label_probabilities"]
         total = np.add.reduceat(probabilities, first, axis=0) if len(first) else np.zeros((0, len(labels)))
         label = total.argmax(axis=1)
@@ -110,7 +110,7 @@ class _Rows:
         self.is_word_varied = np.bincount(self.track, differs, len(self.ids)) > 0
 
     def known(self) -> _Rows:
-        """Those of objects of which the source says what they are."""
+        """Rows of objects of known type."""
         is_told = ~np.isin(self.words, list(_UNTOLD))
         rows, chosen = is_told[self.track], copy(self)
         chosen.agents, chosen.frame = self.agents[rows], self.frame[rows]
@@ -121,9 +121,9 @@ class _Rows:
 
 
 def _repaired(rows: _Rows, is_road_user: Bool, times: Float64) -> tuple[Float32, Bool]:
-    """Velocities (R, 2), and whether each is estimated: a road user's (N,) that moves at exactly 0 m/s.
+    """Velocities (R, 2), and whether each is estimated: for road users (N,) that move at exactly 0 m/s.
 
-    It is estimated over ``_REACH`` timesteps to either side, fewer at the ends of what was observed in one go.
+    Estimated over ``_REACH`` timesteps on either side, fewer at the ends of an uninterrupted observation.
     """
     velocity = rows.agents["velocity"].astype(np.float32)
     here = np.arange(len(velocity))

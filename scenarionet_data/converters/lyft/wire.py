@@ -1,7 +1,7 @@
-"""Decodes Lyft's ``semantic_map.pb``, one ``MapFragment`` message, into arrays in the source's own frames and codes.
+"""Decode Lyft's ``semantic_map.pb``, one ``MapFragment`` message, into arrays in the source's frames and codes.
 
-Field numbers are those of ``l5kit/data/proto/road_network.proto`` in woven-planet/l5kit. What the numbers mean for
-the lake stands in ``map_features``, how bytes become numbers in ``protowire``.
+Field numbers are those of ``l5kit/data/proto/road_network.proto`` in woven-planet/l5kit. ``map_features`` maps values
+to the lake's vocabulary; ``protowire`` decodes bytes.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from scenarionet_data.errors import CorruptSource
 T = TypeVar("T")
 
 _SEGMENT, _LANE, _CONTROL, _JUNCTION = 1, 3, 4, 5
-"""Kinds of map elements: their field numbers in MapElement.Element."""
+"""Kinds of map elements, by field number in MapElement.Element."""
 _CONTROL_DATA = (2, 3, 4, 5, 6, 48)
-"""Fields of a TrafficControlElement that do not say what it is."""
+"""Fields of a TrafficControlElement other than its kind."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,9 +32,9 @@ class Side:
     """One side of each of L lanes.
 
     Attributes:
-        lines: Points (P, 3) in earth-centred coordinates [m]; fewer than two where the lane has no geometry.
-        dividers: Per lane the kinds of paint along it, from its first point on.
-        changes: Per lane where one gives way to the next [m] along the side.
+        lines: Points (P, 3) in earth-centred coordinates [m]; fewer than two if the lane has no geometry.
+        dividers: Kinds of paint along each lane, from its first point.
+        changes: Arc lengths at which the kind changes [m], per lane.
     """
 
     lines: Ragged
@@ -47,12 +47,12 @@ class WireLanes:
     """L lanes.
 
     Attributes:
-        ids: Of each.
-        parents: The segment or junction it is part of, "" for none.
-        left, right: Its sides.
-        ahead: Ids of the lanes that follow.
+        ids: Their ids.
+        parents: Segment or junction of each, "" for none.
+        left, right: Their sides.
+        ahead: Ids of successors.
         left_neighbors, right_neighbors: Ids of lanes to change to, "" for none.
-        controls: Ids of the traffic controls at its exit.
+        controls: Ids of the traffic controls at the exit.
         access, orientations, turns: (L,) int64 AccessRestriction.Type, TravelDirection, TurnType.
         can_have_parked_cars: (L,) bool.
     """
@@ -76,10 +76,10 @@ class WireControls:
     """E traffic controls: lights, their faces, signs, crosswalks.
 
     Attributes:
-        ids: Of each.
-        kinds: (E,) int64 field number of what it is, 0 for none.
-        points: Points (P, 3) in earth-centred coordinates [m]; the frame's origin where it has none.
-        faces: Of a traffic light, the ids of its faces.
+        ids: Their ids.
+        kinds: (E,) int64 field number of the kind, 0 for none.
+        points: Points (P, 3) in earth-centred coordinates [m]; the frame's origin if it has none.
+        faces: Ids of a traffic light's faces.
     """
 
     ids: list[str]
@@ -90,12 +90,12 @@ class WireControls:
 
 @dataclass(frozen=True, eq=False)
 class WireMap:
-    """The parts of a MapFragment that are kept.
+    """The relevant parts of a MapFragment.
 
     Attributes:
         lanes, controls: As above.
-        segments: By id: speed limit forwards and backwards [m/s], 0 for unknown, and RoadClass.
-        junctions: By id: whether it is a real intersection.
+        segments: Speed limit forwards and backwards [m/s] (0 if unknown) and RoadClass, by id.
+        junctions: Whether it is a real intersection, by id.
     """
 
     lanes: WireLanes
@@ -108,15 +108,15 @@ def read_map(path: Path) -> WireMap:
     """Read a semantic map.
 
     Raises:
-        CorruptSource: The file is missing, no such message, or holds no lanes.
+        CorruptSource: The file is missing, not such a message, or has no lanes.
     """
     try:
         found = _decode(path.read_bytes())
     except (OSError, DamagedMessage, UnicodeDecodeError, ValueError) as error:
-        wanted = "wanted Lyft's semantic map"
+        wanted = "expected Lyft's semantic map"
         raise CorruptSource(f"{path}: {wanted}, found {error}; download it again") from error
     if not found.lanes.ids:
-        raise CorruptSource(f"{path}: wanted Lyft's semantic map, found no lanes in it; download it again")
+        raise CorruptSource(f"{path}: expected Lyft's semantic map, found no lanes in it; download it again")
     return found
 
 
@@ -125,7 +125,7 @@ def _decode(payload: bytes) -> WireMap:
     fields = elements.fields()
     ids = _single_ids(fields, 1, len(elements))
     if "" in ids or len(set(ids)) < len(ids):
-        raise ValueError("elements without an id of their own")
+        raise ValueError("elements without an id")
     bodies = fields.parts(2)
     inside = bodies.fields()
 
@@ -164,7 +164,7 @@ def _lanes(messages: Messages, ids: list[str]) -> WireLanes:
 
 
 def _side(fields: Fields, number: int, origins: Float64) -> Side:
-    """The sides of the lanes that ``fields`` belong to, whose frames have ``origins`` (L, 2)."""
+    """Sides of the lanes of ``fields``, in frames with ``origins`` (L, 2)."""
     count = len(origins)
     boundaries = fields.parts(number)
     inside = boundaries.fields()
@@ -195,7 +195,7 @@ def _controls(messages: Messages, ids: list[str]) -> WireControls:
 
 
 def _filled(points: Ragged, rows: Int64, places: Float64) -> Ragged:
-    """``points`` with one point in each of the empty lists ``rows``."""
+    """``points`` with one point added to each of the empty lists ``rows``."""
     values = np.insert(points.values, points.offsets[rows], places, axis=0)
     lengths = points.lengths.copy()
     lengths[rows] = 1
@@ -217,9 +217,9 @@ def _junctions(messages: Messages, ids: list[str]) -> dict[str, bool]:
 
 
 def _origins(fields: Fields, number: int, count: int) -> Float64:
-    """(count, 2) latitude and longitude [rad] of the frames under one field.
+    """(count, 2) latitude and longitude [rad] of the frames in one field.
 
-    The frames' altitude and bearing are left out, as the owner's own reader does (``l5kit/data/map_api.py``).
+    Altitude and bearing are ignored, as in l5kit (``l5kit/data/map_api.py``).
     """
     frames = fields.parts(number)
     places = frames.fields().parts(1)
@@ -232,18 +232,18 @@ def _origins(fields: Fields, number: int, count: int) -> Float64:
 def _points(
     fields: Fields, numbers: tuple[int, int, int], rows: npt.NDArray[np.integer[Any]], origins: Float64
 ) -> Ragged:
-    """Points from their steps [cm]: of the messages that ``fields`` belong to, for each of the rows of ``origins``.
+    """Decode points from deltas [cm], for each row of ``origins``.
 
     Args:
-        fields: Of m messages.
-        numbers: Fields with the steps in x, y and z, as zigzag integers.
-        rows: (m,) row that each message belongs to, ascending.
-        origins: (K, 2) latitude and longitude of its frame [rad].
+        fields: Fields of m messages.
+        numbers: Fields with the deltas in x, y and z, as zigzag integers.
+        rows: (m,) row of each message, ascending.
+        origins: (K, 2) latitude and longitude of the frames [rad].
     """
     columns = [fields.lists(number, "v") for number in numbers]
     counts = [np.bincount(rows[owner], minlength=len(origins)) for owner, _ in columns]
     if any(not np.array_equal(count, counts[0]) for count in counts):
-        raise ValueError("a line with more coordinates of one axis than of another")
+        raise ValueError("a line with different numbers of x, y and z coordinates")
     lines = Ragged.from_flat(counts[0].tolist(), np.stack([_zigzag(bits) for _, bits in columns], axis=-1))
     travelled = np.cumsum(np.concatenate([np.zeros((1, 3), np.int64), lines.values]), axis=0)
     local = travelled[1:] - np.repeat(travelled[lines.offsets[:-1]], lines.lengths, axis=0)
@@ -252,7 +252,7 @@ def _points(
 
 
 def _zigzag(bits: UInt64) -> Int64:
-    """sint32 as protobuf writes them: 0, -1, 1, -2, ... are 0, 1, 2, 3, ...."""
+    """Decode zigzag integers: 0, 1, 2, 3, ... are 0, -1, 1, -2, ..."""
     values = bits.astype(np.int64)
     signed: Int64 = (values >> 1) ^ -(values & 1)
     return signed
@@ -262,7 +262,7 @@ def _zigzag(bits: UInt64) -> Int64:
 
 
 def _id_lists(fields: Fields, number: int, count: int) -> list[list[str]]:
-    """The ids (GlobalId: UTF-8 bytes in field 1) under one field of each of ``count`` messages."""
+    """Ids (GlobalId: UTF-8 bytes in field 1) in one field of each of ``count`` messages."""
     references = fields.parts(number)
     names = references.fields().parts(1)
     texts = [content.decode() for content in names.contents()]
@@ -270,7 +270,7 @@ def _id_lists(fields: Fields, number: int, count: int) -> list[list[str]]:
 
 
 def _single_ids(fields: Fields, number: int, count: int) -> list[str]:
-    """As :func:`_id_lists`, of a field that is no list; "" where there is none."""
+    """As :func:`_id_lists`, for a singular field; "" if missing."""
     return [names[-1] if names else "" for names in _id_lists(fields, number, count)]
 
 

@@ -1,12 +1,12 @@
 """nuPlan (https://www.nuscenes.org/nuplan): SQLite logs and GeoPackage maps, without nuplan-devkit.
 
-RAW is a folder with ``.db`` logs anywhere below. The maps lie below RAW too, or in ``$NUPLAN_MAPS_ROOT``:
+RAW is a folder with ``.db`` logs at any depth. The maps are below RAW too, or in ``$NUPLAN_MAPS_ROOT``:
 
     nuplan-maps-v1.0.json                        the newest version of each map
     us-nv-las-vegas-strip/9.15.1915/map.gpkg     <location>/<version>/map.gpkg
 
-A scenario is a scene of a log or a window around a scenario tag, 10 or 20 timesteps a second, in the city's UTM
-zone. Heights are left out: the maps have none that objects could stand on.
+A scenario is a scene of a log or a window around a scenario tag, with 10 or 20 timesteps per second, in the city's
+UTM zone. Heights are dropped, as the maps have none.
 """
 
 from __future__ import annotations
@@ -42,22 +42,22 @@ from scenarionet_data.scenario.description import ScenarioDescription
 
 @dataclass(frozen=True)
 class NuPlanOptions(Options):
-    """How logs are cut into scenarios, and where the maps are."""
+    """Windows of scenarios, and location and extent of their maps."""
 
     by: str = field(
         default="scene",
-        metadata={"doc": "scene: 20 s each, as the owner cut them; or tag: a window around each scenario tag."},
+        metadata={"doc": "scene: the 20 s scenes of the dataset; tag: a window around each scenario tag."},
     )
     tags: str = field(
         default="",
-        metadata={"doc": "With by=tag: the types wanted, comma-separated; empty: all. --where tag=TYPE chooses logs."},
+        metadata={"doc": "With by=tag: comma-separated types of tags; empty: all. --where tag=TYPE selects logs."},
     )
-    past: float = field(
-        default=2.0, metadata={"doc": "Seconds of history: before a tag, or from the start of a scene."}
-    )
-    future: float = field(default=8.0, metadata={"doc": "With by=tag: seconds after the tag."})
+    past: float = field(default=2.0, metadata={"doc": "History [s]: before a tag, or from the start of a scene."})
+    future: float = field(default=8.0, metadata={"doc": "With by=tag: future after the tag [s]."})
     rate: int = field(default=10, metadata={"doc": "Timesteps per second: 10, or 20 as recorded."})
-    radius: float = field(default=100.0, metadata={"doc": "Metres of map around the box that holds the ego's path."})
+    radius: float = field(
+        default=100.0, metadata={"doc": "Margin of the map around the bounding box of the ego's path [m]."}
+    )
     maps: str = field(
         default="",
         metadata={
@@ -68,23 +68,23 @@ class NuPlanOptions(Options):
 
     def __post_init__(self) -> None:
         if self.by not in ("scene", "tag"):
-            raise BadParameter(f"by: wanted scene or tag, found {self.by!r}")
+            raise BadParameter(f"by: expected scene or tag, found {self.by!r}")
         if self.tags and self.by != "tag":
-            raise BadParameter("tags: choose what to cut with by=tag; scenes are all converted")
+            raise BadParameter("tags: only used with by=tag; with by=scene all scenes are converted")
         if self.rate not in (10, 20):
-            raise BadParameter(f"rate: wanted 10 or 20 per second, found {self.rate}")
+            raise BadParameter(f"rate: expected 10 or 20 per second, found {self.rate}")
         if not (0.0 <= self.past < 1e6 and 0.0 <= self.future < 1e6 and 0.0 <= self.radius < 1e6):
             found = f"{self.past}, {self.future} and {self.radius}"
-            raise BadParameter(f"past, future, radius: wanted seconds and metres of 0 or more, found {found}")
+            raise BadParameter(f"past, future, radius: expected values of 0 or more, found {found}")
 
     @property
     def wanted(self) -> frozenset[str]:
-        """The types in ``tags``."""
+        """Types in ``tags``."""
         return frozenset(part.strip() for part in self.tags.split(",") if part.strip())
 
 
 class NuPlan(Converter[Cut]):
-    """A shard is a log; the maps of the cities are shared."""
+    """One shard per log; the maps of the cities are shared."""
 
     name = "nuplan"
     version = "1"
@@ -95,11 +95,11 @@ class NuPlan(Converter[Cut]):
     properties = ("location", "log", "date", "tag")
     listed = (MANIFESTS,)
     ignored = SENSORS
-    # Of two recorded scenarios one has 0.15, 2.7 and 0.13, the other, of 0.2 s at 20 Hz, 0.8, 8.3 and 0.08.
+    # Measured in two scenarios: 0.15, 2.7 and 0.13; and 0.8, 8.3 and 0.08 in one of 0.2 s at 20 Hz.
     budgets = Budgets(velocity_median=1.0, velocity_p99=10.0, heading_p99=0.5)
 
     def shards(self, raw: str, split: str, version: str, options: NuPlanOptions) -> Iterator[Shard]:
-        """One shard per log, city by city, see :meth:`Converter.shards`."""
+        """List one shard per log, city by city."""
         atlas = find_atlas(Path(raw), options.maps)
         resolved = replace(options, maps=str(atlas.root))
         places = {log: place_of(log) for log in logs_of(split, Path(raw))}
@@ -109,7 +109,7 @@ class NuPlan(Converter[Cut]):
             yield Shard(self.name, version, split, name, raw, (item,), resolved, properties_of(log, places[log]))
 
     def files(self, shard: Shard) -> Iterator[list[str]]:
-        """The log and, if it lies below the same root, the map of its city, see :meth:`Converter.files`."""
+        """The log and, if below the same root, the map of its city."""
         (item,), (path,), root, maps = shard.items, shard.paths, Path(shard.root), Path(_options(shard).maps)
         if not maps.is_relative_to(root):
             yield [item.name]
@@ -119,7 +119,7 @@ class NuPlan(Converter[Cut]):
         yield [place.relative_to(root).as_posix() for place in found]
 
     def records(self, shard: Shard) -> Iterator[Cut]:
-        """The windows of a log, see :meth:`Converter.records`."""
+        """Yield the windows of a log."""
         options = _options(shard)
         (path,) = shard.paths
         with opened(path) as database:
@@ -137,24 +137,24 @@ class NuPlan(Converter[Cut]):
             yield Cut(log, content, window, city, map_id, options.radius, 20 // options.rate)
 
     def scenario(self, shard: Shard, record: Cut) -> ScenarioDescription:
-        """Describe a window, see :meth:`Converter.scenario`."""
+        """Convert a window."""
         return describe(shard, record, self.licence)
 
     def maps(self, raw: str, version: str, options: NuPlanOptions) -> Iterator[Shard]:
-        """The maps of the logs' cities, see :meth:`Converter.maps`; a log without one fails on its own."""
+        """List the maps of the logs' cities; a log without map fails alone."""
         atlas = find_atlas(Path(raw), options.maps)
         for map_id, path in atlas.maps_of(find_logs(Path(raw))).items():
             item = RawItem(path.relative_to(atlas.root).as_posix(), fingerprint([path]))
             yield Shard(self.name, version, "", map_id, str(atlas.root), (item,), Options())
 
     def map_features(self, shard: Shard) -> MapBuilder:
-        """Read a city's map, see :meth:`Converter.map_features`."""
+        """Read a city's map."""
         return read_city(shard.paths[0]).features
 
 
 def _options(shard: Shard) -> NuPlanOptions:
     if not isinstance(shard.options, NuPlanOptions):
-        raise BadParameter(f"wanted NuPlanOptions, found {type(shard.options).__name__}")
+        raise BadParameter(f"expected NuPlanOptions, found {type(shard.options).__name__}")
     return shard.options
 
 

@@ -1,9 +1,9 @@
-"""What a nuPlan log records of the world: boxes and light states, as compact arrays in order of sweeps.
+"""Read the boxes and light states of a nuPlan log as compact arrays, sorted by sweep.
 
-The tables have no index by sweep and may lie in any order, so each is read in one pass; tokens become row numbers
-on the way. A window is then a slice, however many windows overlap, and the memory is 48 bytes a box of the wanted
-sweeps. Rows come as Arrow batches through ADBC's SQLite driver, which takes half as long as Python's own, and tokens
-are looked up by Arrow, which takes a tenth of joins in SQLite.
+The tables have no index by sweep and no fixed order, so each is read in one pass and tokens are replaced by row
+numbers. A window is then a slice, even if windows overlap, at 48 bytes per box of the requested sweeps. Rows are read
+as Arrow batches through ADBC's SQLite driver, twice as fast as Python's, and tokens are looked up with Arrow, ten times
+as fast as joins in SQLite.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ from scenarionet_data.converters.nuplan.types import LIGHTS
 from scenarionet_data.errors import MissingDependency
 
 BOX = np.dtype([("sweep", "i4"), ("track", "i4"), ("position", "f8", 2), ("state", "f4", 6)])
-"""A box: its sweep, row of its track or -1, x, y [m], and heading [rad], length, width, height [m], vx, vy [m/s];
-NaN for what the log lacks."""
+"""A box: sweep, row of its track or -1, x, y [m], heading [rad], length, width, height [m], vx, vy [m/s]; NaN if
+missing."""
 LIGHT = np.dtype([("sweep", "i4"), ("connector", "i8"), ("state", "i2")])
-"""A light's state: its sweep, lane connector and code of ``LightState``; -1 for what the log lacks."""
+"""A light's state: sweep, lane connector and code of ``LightState``; -1 if missing."""
 
 _CHUNK = 65536
-"""Rows of a batch."""
+"""Rows per batch."""
 
 
 def _number(column: str) -> str:
-    """SQL of a column that is NULL where a text or a blob stands in place of a number."""
+    """SQL of a column that is NULL for a text or blob in place of a number."""
     return f"iif(typeof({column}) IN ('real', 'integer'), {column}, NULL)"
 
 
-# Rows that refer to no sweep at all are kept, to be counted. The first row of a query says what its columns hold:
-# the driver decides it by the first rows, where all may be NULL.
+# Rows that refer to no sweep are kept, to be counted. The first row of a query determines the types of its columns:
+# the driver infers them from the first rows, which may all be NULL.
 _UNWANTED = "CREATE TEMP TABLE unwanted (token BLOB PRIMARY KEY) WITHOUT ROWID"
 _IS_WANTED = "lidar_pc_token IS NULL OR lidar_pc_token NOT IN (SELECT token FROM temp.unwanted)"
 _BOXES = f"""
@@ -58,12 +58,12 @@ _TRACKS = "SELECT t.token, c.name FROM track t LEFT JOIN category c ON c.token =
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Rows in order of sweeps.
+    """Rows sorted by sweep.
 
     Attributes:
         values: (R,) of ``BOX`` or ``LIGHT``.
         starts: (S + 1,) int64 first row of each sweep.
-        num_lost: Rows that were left out because they refer to no sweep of the log.
+        num_lost: Number of dropped rows that refer to no sweep of the log.
     """
 
     values: Array
@@ -71,7 +71,7 @@ class Rows:
     num_lost: int
 
     def of(self, sweeps: Int64) -> tuple[Array, Int64]:
-        """The rows of these sweeps, which increase, and the place of each row's sweep among them."""
+        """Rows of increasing sweeps, and the position of each row's sweep among them."""
         first, last = int(sweeps[0]), int(sweeps[-1])
         part = self.values[self.starts[first] : self.starts[last + 1]]
         place = np.full(last - first + 1, -1)
@@ -82,13 +82,13 @@ class Rows:
 
 @dataclass(frozen=True, eq=False)
 class Content:
-    """Boxes and light states of the wanted sweeps of a log.
+    """Boxes and light states of the requested sweeps of a log.
 
     Attributes:
-        boxes: Of ``BOX``.
-        lights: Of ``LIGHT``.
+        boxes: Rows of ``BOX``.
+        lights: Rows of ``LIGHT``.
         tracks: Tokens of 16 hex digits.
-        categories: The tracks' categories; None where the log lacks it.
+        categories: The tracks' categories; None if missing.
     """
 
     boxes: Rows
@@ -98,12 +98,12 @@ class Content:
 
 
 def read_content(path: Path, log: Log, is_wanted: Bool) -> Content:
-    """Boxes and light states of a log.
+    """Read boxes and light states of a log.
 
     Args:
         path: The log's file.
-        log: The rest of it.
-        is_wanted: (S,) which sweeps' content to read.
+        log: The other tables of the log.
+        is_wanted: (S,) whether to read a sweep.
 
     Raises:
         CorruptSource: The file is damaged, or lacks a table or column.
@@ -129,7 +129,7 @@ def _cursor(path: Path) -> Iterator[Any]:
     try:
         from adbc_driver_sqlite import dbapi
     except ModuleNotFoundError as error:
-        raise MissingDependency("nuPlan logs need ADBC: pip install 'scenarionet-lake[nuplan]'") from error
+        raise MissingDependency("nuPlan logs need ADBC", "nuplan") from error
     try:
         with dbapi.connect(uri(path)) as connection, connection.cursor() as cursor:
             cursor.adbc_statement.set_options(**{"adbc.sqlite.query.batch_rows": _CHUNK})
@@ -139,25 +139,25 @@ def _cursor(path: Path) -> Iterator[Any]:
 
 
 def _read_boxes(cursor: Any, sweeps: pa.Array, tracks: pa.Array) -> Array:
-    """The boxes; only where text or a blob stands in place of a number is every cell's kind looked at."""
+    """Read boxes; check the type of every cell only if a number is replaced by a text or blob."""
     try:
         return _read(cursor, _BOXES.format(numbers=", ".join(_BOX_NUMBERS)), BOX, sweeps, tracks)
-    except (OSError, TypeError):  # the driver's for a later batch, ours for the first
+    except (OSError, TypeError):  # the driver's error for a later batch, ours for the first
         numbers = ", ".join(map(_number, _BOX_NUMBERS))
         return _read(cursor, _BOXES.format(numbers=numbers), BOX, sweeps, tracks)
 
 
 def _read(cursor: Any, query: str, kind: np.dtype[Any], *known: pa.Array) -> Array:
-    """Rows of a query as an array of ``kind``, without the query's first row.
+    """Read the rows of a query as an array of ``kind``, without the query's first row.
 
-    The query's first columns are tokens, and become places among the ``known`` ones; -1 where they are not.
+    The first columns are tokens, which are replaced by positions among the ``known`` ones, or -1.
     """
     cursor.execute(query)
     return np.concatenate([_filled(batch, kind, known) for batch in cursor.fetch_record_batch()])[1:]
 
 
 def _filled(batch: pa.RecordBatch, kind: np.dtype[Any], known: Sequence[pa.Array]) -> Array:
-    """A batch whose columns fill the fields of ``kind`` in order; -1 for NULL in a field of integers, else NaN."""
+    """Convert a batch to ``kind``, field by field; NULL becomes -1 in integer fields, else NaN."""
     rows, column = np.zeros(batch.num_rows, kind), 0
     for name in kind.names or ():
         field = rows[name].reshape(len(rows), -1)
@@ -166,7 +166,7 @@ def _filled(batch: pa.RecordBatch, kind: np.dtype[Any], known: Sequence[pa.Array
             if column < len(known):
                 cells = pc.index_in(cells, value_set=known[column])
             if not (pa.types.is_floating(cells.type) or pa.types.is_integer(cells.type)):
-                raise TypeError(f"wanted numbers in {kind.names}, found {cells.type}")
+                raise TypeError(f"expected numbers in {kind.names}, found {cells.type}")
             values = cells.to_numpy(zero_copy_only=False)
             field[:, part] = values if field.dtype.kind == "f" else np.nan_to_num(values, nan=-1.0)
             column += 1

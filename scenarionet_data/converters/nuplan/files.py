@@ -1,4 +1,4 @@
-"""Where nuPlan's files are: the logs of a split, and the maps with the list of their versions."""
+"""Find nuPlan's files: the logs of a split, and the maps with the list of their versions."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from scenarionet_data.ingest.input_properties import InputProperties, LazyProper
 
 _SPLITS = {"mini", "train", "val", "test"}
 SENSORS = frozenset({"sensor_blobs"})
-"""Folders of images and point clouds, by the million: nothing to look for in them."""
+"""Folders with millions of images and point clouds, which are not searched."""
 MANIFESTS = "nuplan-maps-v*.json"
-"""What the list of map versions is called."""
+"""File with the list of map versions."""
 _MANIFEST = re.compile(r"nuplan-maps-v[\d.]+\.json")
 
 
 def find_logs(root: Path) -> list[Path]:
-    """Logs below a folder, sorted.
+    """Find the logs below a folder, sorted.
 
     Raises:
-        SourceNotFound: There are none.
+        SourceNotFound: No logs.
     """
     logs = sorted(path for path in _walk(root) if path.suffix == ".db")
     if not logs:
@@ -34,10 +34,10 @@ def find_logs(root: Path) -> list[Path]:
 
 
 def logs_of(split: str, root: Path) -> list[Path]:
-    """Logs below a folder but for those in the folder of another split, so it may be that of the whole dataset.
+    """Find the logs below a folder, except those in folders of another split.
 
     Raises:
-        SourceNotFound: There are none; or two of one name, which would be one log twice.
+        SourceNotFound: No logs, or two of the same name.
     """
     logs = find_logs(root)
     others = _SPLITS - {split} if split in _SPLITS else set()
@@ -48,12 +48,12 @@ def logs_of(split: str, root: Path) -> list[Path]:
     by_name: dict[str, Path] = {}
     for log in kept:
         if by_name.setdefault(log.stem, log) != log:
-            raise SourceNotFound(f"{log} and {by_name[log.stem]} are one log; give a folder that holds it once")
+            raise SourceNotFound(f"{log} and {by_name[log.stem]} are the same log; give a folder that contains it once")
     return kept
 
 
 def place_of(log: Path) -> Place:
-    """Where a log was recorded; nowhere when it is not at hand, or cannot be read, as its own shard will say."""
+    """Place of a log; unknown if it is not local or cannot be read, which its shard reports."""
     if not is_local(log):
         return Place("", "", None)
     try:
@@ -64,13 +64,13 @@ def place_of(log: Path) -> Place:
 
 
 def properties_of(log: Path, place: Place) -> InputProperties:
-    """What is known of a log before it is converted; its tags only when asked for: they fill megabytes."""
+    """Input properties of a log; tags are read lazily, as they fill megabytes."""
     told = {"location": place.map_name, "log": log.stem, "date": place.date}
     return LazyProperties({key: value for key, value in told.items() if value}, ("tag",), _tags_of, log)
 
 
 def _tags_of(log: Path, _key: str) -> tuple[str, ...]:
-    """Types of a log's tags; none when it cannot be read, as its own shard will say."""
+    """Types of a log's tags; none if it cannot be read, which its shard reports."""
     try:
         with opened(log) as database:
             return read_tag_types(database)
@@ -96,17 +96,17 @@ class Atlas:
         return self.manifest.parent
 
     def candidates(self, place: Place) -> dict[str, Path]:
-        """Path of each map that a place may have, by the map's id, in order of preference."""
+        """Paths of the maps of a place by map id, in order of preference."""
         names = [name for name in (place.map_name, place.city) if name in self.versions]
         return {f"{name}-{self.versions[name]}": self.root / name / self.versions[name] / "map.gpkg" for name in names}
 
     def find(self, place: Place) -> tuple[str, Path] | None:
-        """Id and path of the map of a place; None when there is none."""
+        """Id and path of the map of a place, or None."""
         found = self.candidates(place).items()
         return next(((map_id, path) for map_id, path in found if path.is_file()), None)
 
     def maps_of(self, logs: Iterable[Path]) -> dict[str, Path]:
-        """Paths of the maps of some logs, by id; of all maps where a log is not at hand to say which is its."""
+        """Paths of the maps of some logs by id; of all maps if a log is not local."""
         places = {place_of(log) if is_local(log) else None for log in logs}
         if None in places:
             places = {Place(name, name, None) for name in self.versions}
@@ -116,7 +116,7 @@ class Atlas:
         """Id and path of the map of a log's place.
 
         Raises:
-            SourceNotFound: There is none.
+            SourceNotFound: No map of this place.
         """
         found = self.find(place)
         if found is None:
@@ -127,10 +127,10 @@ class Atlas:
 
 
 def find_atlas(root: Path, maps: str) -> Atlas:
-    """The maps folder: the one given, or one below the logs' folder, or ``$NUPLAN_MAPS_ROOT``.
+    """Find the maps folder: the given one, or below the logs' folder, or ``$NUPLAN_MAPS_ROOT``.
 
     Raises:
-        SourceNotFound: There is no list of map versions in any of them.
+        SourceNotFound: None of them has a list of map versions.
         CorruptSource: The list cannot be read.
     """
     places = [Path(maps)] if maps else [root, Path(os.environ.get("NUPLAN_MAPS_ROOT", root))]
@@ -147,7 +147,7 @@ def _versions(manifest: Path) -> dict[str, str]:
         entries = json.loads(manifest.read_bytes())
         return {location: str(entry["version"]) for location, entry in entries.items()}
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
-        raise CorruptSource(f"{manifest}: wanted map versions, found {error!r}; download the maps again") from error
+        raise CorruptSource(f"{manifest}: expected map versions, found {error!r}; download the maps again") from error
 
 
 def _walk(root: Path) -> Iterator[Path]:

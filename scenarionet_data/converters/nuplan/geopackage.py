@@ -1,7 +1,7 @@
-"""Layers of a GeoPackage (https://www.geopackage.org/spec) as columns and projected coordinates.
+"""Read layers of a GeoPackage (https://www.geopackage.org/spec) as columns and projected coordinates.
 
-A GeoPackage is an SQLite file whose geometries are well-known binary behind a short header, so sqlite3 and
-shapely read it: faster than GDAL does, and with one dependency less. Only the projection needs pyproj.
+A GeoPackage is an SQLite file with geometries in well-known binary after a short header, which sqlite3 and shapely
+read faster than GDAL, with one dependency less. Only the projection needs pyproj.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from scenarionet_data.arrays.dtypes import Float64, Int64, Object
 from scenarionet_data.errors import CorruptSource, MissingDependency
 
 _ENVELOPE = (0, 32, 48, 48, 64)
-"""Bytes of the bounds in a geometry's header, by their kind."""
+"""Size of the envelope in a geometry's header [bytes], by its type."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,9 +29,9 @@ class Layer:
     """K features of one layer.
 
     Attributes:
-        fids: K ids.
+        fids: (K,) ids.
         points: K x (n, 2) [m] projected coordinates: a line, or a polygon's outline without its last point.
-        num_holes: (K,) holes of each polygon, which ``points`` leaves out.
+        num_holes: (K,) number of holes of each polygon, which are not in ``points``.
         columns: The other columns by name, K values each.
     """
 
@@ -45,7 +45,7 @@ class Layer:
 
 
 class GeoPackage:
-    """An open GeoPackage whose table ``meta`` names the system to project to, as nuPlan's do."""
+    """An open GeoPackage with its projected coordinate system in the table ``meta``, as in nuPlan."""
 
     def __init__(self, database: sqlite3.Connection, path: Path) -> None:
         self._database = database
@@ -56,15 +56,15 @@ class GeoPackage:
         """The projected coordinate system, for example ``epsg:32611``."""
         row = self._select("SELECT value FROM meta WHERE key = 'projectedCoordSystem'")
         if not row:
-            raise CorruptSource(f"{self._path}: table meta names no projectedCoordSystem; download the maps again")
+            raise CorruptSource(f"{self._path}: table meta has no projectedCoordSystem; download the maps again")
         return str(row[0][0])
 
     def lines(self, name: str, *columns: str) -> Layer:
-        """A layer of lines, with these columns."""
+        """Read a layer of lines, with these columns."""
         return self._layer(name, shapely.GeometryType.LINESTRING, columns)
 
     def polygons(self, name: str, *columns: str) -> Layer:
-        """A layer of polygons, with these columns."""
+        """Read a layer of polygons, with these columns."""
         return self._layer(name, shapely.GeometryType.POLYGON, columns)
 
     def _layer(self, name: str, kind: shapely.GeometryType, columns: tuple[str, ...]) -> Layer:
@@ -78,7 +78,7 @@ class GeoPackage:
         is_wrong = shapely.get_type_id(shapes) != kind
         if is_wrong.any():
             fid = fids[int(np.argmax(is_wrong))]
-            raise CorruptSource(f"{self._path}: {name} {fid}: wanted a {kind.name}; download the maps again")
+            raise CorruptSource(f"{self._path}: {name} {fid}: expected a {kind.name}; download the maps again")
         return Layer(
             fids=list(fids),
             points=self._projected(name, shapes, system),
@@ -87,7 +87,7 @@ class GeoPackage:
         )
 
     def _projected(self, name: str, shapes: Object, system: int) -> list[Float64]:
-        """Coordinates of lines, or of polygons' exterior rings without the point that closes them."""
+        """Coordinates of lines, or of polygons' exterior rings without the closing point."""
         rings = shapely.get_exterior_ring(shapes)
         lines = np.where(shapely.is_missing(rings), shapes, rings)
         degrees = shapely.get_coordinates(lines)
@@ -99,7 +99,7 @@ class GeoPackage:
         return [part if ring is None else part[:-1] for part, ring in zip(parts, rings, strict=True)]
 
     def rows(self, name: str, *columns: str) -> list[Any]:
-        """Columns of a table, without geometry, row by row."""
+        """Read columns of a table, without geometry, row by row."""
         return self._select(f"SELECT {', '.join(columns)} FROM {name}")
 
     def _select(self, query: str, *parameters: Any) -> list[Any]:
@@ -111,12 +111,12 @@ def opened(path: Path) -> Iterator[GeoPackage]:
     """Open a GeoPackage for reading.
 
     Raises:
-        CorruptSource: It is missing, damaged, or lacks a table or column that is asked for.
+        CorruptSource: Missing, damaged, or without a required table or column.
     """
     if not path.is_file():
         raise CorruptSource(f"{path}: no such map; download the nuPlan maps")
     try:
-        # The file never changes under us: no locks are needed, nor a writable folder for them.
+        # immutable: needs neither locks nor a writable folder for them
         with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)) as database:
             yield GeoPackage(database, path)
     except sqlite3.Error as error:
@@ -124,7 +124,7 @@ def opened(path: Path) -> Iterator[GeoPackage]:
 
 
 def _wkb(blob: Any) -> bytes | None:
-    """The well-known binary in a geometry blob; None when it is none."""
+    """Return the well-known binary of a geometry blob, or None if invalid."""
     if not isinstance(blob, bytes) or blob[:2] != b"GP" or len(blob) < 8:
         return None
     kind = blob[3] >> 1 & 0b111
@@ -132,7 +132,7 @@ def _wkb(blob: Any) -> bytes | None:
 
 
 def _transformer(source: str, target: str) -> Any:
-    """From longitude and latitude in degrees to metres.
+    """Return the transform from longitude and latitude in degrees to metres.
 
     Raises:
         MissingDependency: pyproj is not installed.
@@ -141,7 +141,7 @@ def _transformer(source: str, target: str) -> Any:
         from pyproj import Transformer
         from pyproj.exceptions import CRSError
     except ModuleNotFoundError as error:
-        raise MissingDependency("nuPlan maps need pyproj: pip install 'scenarionet-lake[nuplan]'") from error
+        raise MissingDependency("nuPlan maps need pyproj", "nuplan") from error
     try:
         return Transformer.from_crs(source, target, always_xy=True)
     except CRSError as error:

@@ -1,7 +1,7 @@
-"""Lanes and lane connectors of a nuPlan map: their geometry from four layers, and the graph between them.
+"""Read lanes and lane connectors of a nuPlan map: geometry from four layers, and the graph between them.
 
-Trap: for a connector, the source's ``exit_lane_fid`` is the lane that leads into it (one exits that lane) and
-``entry_lane_fid`` the lane it leads to.
+Note: for a connector, the source's ``exit_lane_fid`` is its predecessor (the lane that is exited) and
+``entry_lane_fid`` its successor.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ def add_lanes(builder: MapBuilder, package: GeoPackage, boundaries: Layer) -> di
     """Add a map's lanes, then its lane connectors.
 
     Args:
-        builder: Takes them.
+        builder: Extended by them.
         package: The map.
-        boundaries: Its layer of that name.
+        boundaries: Its layer ``boundaries``.
 
     Returns:
-        The point (2,) [m] where each of them begins, by id.
+        Start point (2,) [m] of each by id.
 
     Raises:
         CorruptSource: A lane has no centreline, or two have the same id.
@@ -62,12 +62,12 @@ def add_lanes(builder: MapBuilder, package: GeoPackage, boundaries: Layer) -> di
 
 
 def identifier(value: Any) -> str:
-    """A reference as an id; layers write them as integers, as floats or as text, and nothing as NULL."""
+    """Return a reference as an id; layers store them as integers, floats or text, or NULL."""
     return "" if value in (None, "") else str(int(float(value)))
 
 
 def identifiers(text: str | None) -> list[str]:
-    """The ids in a comma list."""
+    """Ids in a comma-separated list."""
     return [identifier(part.strip()) for part in (text or "").split(",") if part.strip()]
 
 
@@ -81,7 +81,7 @@ def _centers(what: str, ids: Sequence[str], owners: Sequence[Any], paths: Layer)
 
 
 class _Sides:
-    """The boundaries of lanes, and how far they are from the middle of a centreline."""
+    """Boundaries of lanes, and their distance from the middle of a centreline."""
 
     def __init__(self, boundaries: Layer) -> None:
         self._lines = {
@@ -90,7 +90,7 @@ class _Sides:
         }
 
     def width(self, center: Float64, left: str, right: str) -> Float64 | None:
-        """(2,) [m] from the middle of a centreline to both sides; None where a side is not in the map."""
+        """(2,) distance from the middle of a centreline to both sides [m]; None if a side is not in the map."""
         if left not in self._lines or right not in self._lines:
             return None
         middle = shapely.Point(center[len(center) // 2])
@@ -107,7 +107,7 @@ def _add_lanes(
     sides: _Sides,
 ) -> None:
     entries, exits = _ends(connectors)
-    # Within a lane group, lanes are counted from the left.
+    # Lanes of a lane group are numbered from the left.
     places = list(zip(map(identifier, lanes["lane_group_fid"]), lanes["lane_index"], strict=True))
     lane_at = dict(zip(places, ids, strict=True))
     for row, lane in enumerate(ids):
@@ -163,7 +163,7 @@ def _add_connectors(
 
 
 def _ends(connectors: Layer) -> tuple[Mapping[str, list[str]], Mapping[str, list[str]]]:
-    """Connectors that lead into each lane, and those that lead out of it."""
+    """Connectors into each lane, and out of it."""
     entries: defaultdict[str, list[str]] = defaultdict(list)
     exits: defaultdict[str, list[str]] = defaultdict(list)
     rows = zip(connectors.fids, connectors["exit_lane_fid"], connectors["entry_lane_fid"], strict=True)
@@ -174,7 +174,7 @@ def _ends(connectors: Layer) -> tuple[Mapping[str, list[str]], Mapping[str, list
 
 
 def _at(lane_at: Mapping[tuple[str, Any], str], group: str, index: Any, side: int) -> list[str]:
-    """The lane beside the one at ``index`` of a group, if there is one."""
+    """Lane next to the one at ``index`` of a group, if any."""
     beside = None if index is None else lane_at.get((group, index + side))
     return [beside] if beside else []
 

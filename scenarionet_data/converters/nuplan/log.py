@@ -1,7 +1,7 @@
-"""A nuPlan log, an SQLite file: its sweeps with the ego's pose, its scenes and its tags.
+"""Read a nuPlan log, an SQLite file: its sweeps with the ego's pose, its scenes and its tags.
 
-Tables and columns as in the owner's ``nuplan/database/nuplan_db_orm``. Tokens are blobs of 8 bytes in the file
-and 16 hex digits here. What fills the file, boxes and light states, is read by ``content``.
+Tables and columns as in nuplan-devkit, ``nuplan/database/nuplan_db_orm``. Tokens are blobs of 8 bytes in the file and
+16 hex digits here. ``content`` reads the large tables: boxes and light states.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ _TAG_TYPES = "SELECT DISTINCT CAST(type AS TEXT) AS word FROM scenario_tag WHERE
 
 @dataclass(frozen=True)
 class Place:
-    """Where and when a log was recorded.
+    """Place and date of a log.
 
     Attributes:
-        city: The log's location, as the source names it.
-        map_name: The log's map; the location where the log does not say.
-        date: Day of the recording, as the source writes it.
+        city: The log's location, as named by the source.
+        map_name: The log's map; the location if missing.
+        date: Date of the recording, as written by the source.
     """
 
     city: str
@@ -57,9 +57,9 @@ class Scene:
 
     Attributes:
         token: 16 hex digits.
-        name: For example ``scene-001``; None when sweeps refer to a scene that the log lacks.
+        name: For example ``scene-001``; None if the log does not contain the scene.
         roadblock_ids: Route of the ego.
-        goal: x, y [m], heading [rad] of the ego's box where the scene's mission ends; None without one.
+        goal: x, y [m], heading [rad] of the ego's box at the goal of the scene's mission, or None.
     """
 
     token: str
@@ -70,7 +70,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class Tag:
-    """A scenario tag: its type, its sweep's token, and the token of the track it is about, or an empty one."""
+    """A scenario tag: type, token of the sweep, and token of the track concerned, or an empty string."""
 
     type: str
     sweep: str
@@ -79,19 +79,19 @@ class Tag:
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """One log: S sweeps in order of time, in the city's UTM zone.
+    """One log: S sweeps sorted by time, in the city's UTM zone.
 
     Attributes:
         name: The file's name without its suffix.
-        place: Where and when.
+        place: Place and date.
         tokens: S tokens.
         times: (S,) int64 [us].
-        scene: (S,) row in ``scenes``; -1 for a sweep of no scene.
-        ego: (S, 5) x, y [m] and heading [rad] of the ego's box, vx, vy [m/s] of its centre; NaN where the log lacks
-            the pose.
-        epsg: Code of the UTM zone; None when the log does not say.
-        scenes: Those that sweeps refer to, in order of time.
-        tags: In order of time.
+        scene: (S,) row in ``scenes``; -1 for a sweep without scene.
+        ego: (S, 5) x, y [m] and heading [rad] of the ego's box, vx, vy [m/s] of its centre; NaN without
+            pose.
+        epsg: Code of the UTM zone, or None.
+        scenes: Scenes of the sweeps, sorted by time.
+        tags: Sorted by time.
     """
 
     name: str
@@ -106,12 +106,12 @@ class Log:
 
 
 def uri(path: Path) -> str:
-    """How SQLite opens a file that never changes: no locks are needed, nor a writable folder for them."""
+    """Open mode of SQLite for an immutable file: without locks and without a writable folder for them."""
     return f"{path.resolve().as_uri()}?mode=ro&immutable=1"
 
 
 def unreadable(path: Path, error: Exception) -> CorruptSource:
-    """What to raise when SQLite cannot read a log."""
+    """Error for a log that SQLite cannot read."""
     return CorruptSource(f"{path} cannot be read as a nuPlan log ({error}); download it again")
 
 
@@ -120,7 +120,7 @@ def opened(path: Path) -> Iterator[sqlite3.Connection]:
     """Open a log for reading.
 
     Raises:
-        CorruptSource: It is missing, damaged, or lacks a table or column that is asked for.
+        CorruptSource: Missing, damaged, or without a required table or column.
     """
     try:
         with closing(sqlite3.connect(uri(path), uri=True)) as database:
@@ -130,7 +130,7 @@ def opened(path: Path) -> Iterator[sqlite3.Connection]:
 
 
 def read_place(database: sqlite3.Connection, path: Path) -> Place:
-    """Where and when a log was recorded.
+    """Read the place and date of a log.
 
     Raises:
         CorruptSource: Its table ``log`` is empty.
@@ -143,15 +143,15 @@ def read_place(database: sqlite3.Connection, path: Path) -> Place:
 
 
 def read_tag_types(database: sqlite3.Connection) -> tuple[str, ...]:
-    """The types of scenario tags there are, sorted."""
+    """Types of the scenario tags, sorted."""
     return tuple(row[0] for row in database.execute(_TAG_TYPES))
 
 
 def read_log(database: sqlite3.Connection, path: Path) -> Log:
-    """Everything but boxes and light states.
+    """Read everything except boxes and light states.
 
     Raises:
-        CorruptSource: There are no sweeps, or one has no timestamp.
+        CorruptSource: No sweeps, or one without timestamp.
     """
     rows = database.execute(_SWEEPS).fetchall()
     if not rows:
@@ -183,7 +183,7 @@ def _read_scenes(database: sqlite3.Connection) -> Iterator[Scene]:
 
 
 def _floats(rows: Sequence[Sequence[Any]]) -> Float64:
-    """Rows of numbers as an array; NaN for NULL, and for text or a blob where a number belongs."""
+    """Convert rows of numbers to an array; NaN for NULL, text and blobs."""
     try:
         return np.array(rows, np.float64)
     except (TypeError, ValueError):
@@ -193,8 +193,8 @@ def _floats(rows: Sequence[Sequence[Any]]) -> Float64:
 def _ego(poses: Float64) -> Float64:
     """(S, 5) box and velocity of the ego from its recorded poses (S, 9).
 
-    The log records the rear axle, its velocity in the car's own frame (x forward, y left), and the yaw rate w.
-    The centre lies d ahead of the axle on the rigid car, so its velocity there is (vx, vy + w d).
+    The log contains the pose of the rear axle, its velocity in the vehicle frame (x forward, y left) and the yaw rate
+    w. The centre is d ahead of the axle on the rigid body, so its velocity is (vx, vy + w d).
     """
     box = _box_of(poses[:, :6])
     forward, left, yaw_rate = poses[:, 6:].T

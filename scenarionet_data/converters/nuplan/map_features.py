@@ -1,8 +1,8 @@
-"""nuPlan's ``map.gpkg``: a city's lanes and connectors, painted lines, road blocks, stops and areas.
+"""Read nuPlan's ``map.gpkg``: a city's lanes and connectors, painted lines, road blocks, stops and areas.
 
-Frame: the city's UTM zone, metres, without heights. Lanes and lane connectors keep the source's ids, which its
-traffic lights refer to; every other feature's id is its kind and the source's id, for example ``roadblock-47012``.
-The drivable area is what is DRIVABLE_AREA, INTERSECTION or CARPARK_AREA.
+Frame: the city's UTM zone, in metres, without heights. Lanes and lane connectors have the source's ids, which traffic
+lights refer to; the id of any other feature is its kind and the source's id, for example ``roadblock-47012``. The
+drivable area consists of DRIVABLE_AREA, INTERSECTION and CARPARK_AREA.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ _AREAS = (
     ("carpark_areas", "carpark", MapFeatureType.CARPARK_AREA),
     ("walkways", "walkway", MapFeatureType.ROAD_EDGE_SIDEWALK),
 )
-"""Layers that say no more than where an area is; what they call the area, and what it is here."""
+"""Layers of areas without further columns: name of the area and ``MapFeatureType``."""
 
 _KEPT_CITIES = 2
-"""Shards come city by city, so a worker needs one city at a time, and two where one ends."""
+"""Number of cached cities: shards are listed city by city, so a worker needs at most two."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,9 +38,9 @@ class City:
     """A city's map in its UTM zone.
 
     Attributes:
-        features: All of it.
-        bounds: (M, 4) [m] of each feature.
-        starts: (2,) [m] where each lane and connector begins, by id.
+        features: The whole map.
+        bounds: (M, 4) bounding box of each feature [m].
+        starts: Start (2,) [m] of each lane and connector by id.
         projection: The zone, for example ``epsg:32611``.
     """
 
@@ -51,10 +51,10 @@ class City:
 
 
 def read_city(path: Path) -> City:
-    """Read a city's map, or take it from the few that a process keeps in memory.
+    """Read a city's map; a process caches a few.
 
     Raises:
-        CorruptSource: The map is missing, damaged, or lacks what it must have.
+        CorruptSource: The map is missing, damaged or incomplete.
         MissingDependency: pyproj is not installed.
     """
     if not path.is_file():
@@ -84,12 +84,12 @@ def _add_lines(builder: MapBuilder, boundaries: Layer) -> None:
 
 
 def _add_road_blocks(builder: MapBuilder, package: GeoPackage) -> None:
-    """Lane groups, and the connectors between them: what a route is made of."""
+    """Add lane groups and the connectors between them, which make up routes."""
     groups = package.polygons("lane_groups_polygons")
     connectors = package.polygons("lane_group_connectors", "intersection_fid")
     shared = set(groups.fids) & set(connectors.fids)
     if shared:
-        raise CorruptSource(f"road block {min(shared)} of a nuPlan map is there twice; download the maps again")
+        raise CorruptSource(f"road block {min(shared)} occurs twice in a nuPlan map; download the maps again")
     for fid, points in zip(groups.fids, groups.points, strict=True):
         builder.add(f"roadblock-{fid}", MapFeatureType.ROADBLOCK, polygon=points, is_intersection=False)
     for fid, points, crossing in zip(connectors.fids, connectors.points, connectors["intersection_fid"], strict=True):
@@ -98,7 +98,7 @@ def _add_road_blocks(builder: MapBuilder, package: GeoPackage) -> None:
 
 
 def _add_stops(builder: MapBuilder, package: GeoPackage) -> None:
-    """Stop polygons with the lanes and connectors they hold up; crossings with the lanes they cross."""
+    """Add stop polygons with the lanes and connectors they control, and crossings with the lanes they cross."""
     columns = ("stop_polygon_type_fid", "lane_fids", "lane_connector_fids")
     stops = package.polygons("stop_polygons", *columns)
     connectors = package.rows("lane_connectors", "fid", "traffic_light_stop_line_fids")

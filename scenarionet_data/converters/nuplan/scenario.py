@@ -1,4 +1,4 @@
-"""One window of a nuPlan log as a scenario: the objects' tracks, the ego's, the lights, the crop of the city."""
+"""Convert a window of a nuPlan log to a scenario: tracks, lights, and the crop of the city map."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ from scenarionet_data.scenario.vocabulary import LightState, ObjectType, Provena
 
 @dataclass(frozen=True, eq=False)
 class Cut:
-    """One window with all it is cut from: the record of a shard.
+    """A record: one window with its log and map.
 
     Attributes:
-        log, content: What the shard's file holds.
-        window: The part of it.
-        city: The map around it.
-        map_id: The map's name in the lake.
-        radius: How far the map reaches beyond the ego's path [m].
-        stride: Every how many sweeps there is a timestep.
+        log, content: The content of the log.
+        window: The window.
+        city: The map.
+        map_id: The map's id in the lake.
+        radius: Margin of the map around the ego's path [m].
+        stride: Number of sweeps per timestep.
     """
 
     log: Log
@@ -53,10 +53,10 @@ class Cut:
 
 
 def describe(shard: Shard, cut: Cut, licence: str) -> ScenarioDescription:
-    """The scenario of one window.
+    """Convert one window to a scenario.
 
     Raises:
-        InvalidScenario: The window holds a row that is damaged or refers to what the log lacks.
+        InvalidScenario: The window has a row that is damaged or refers to a missing one.
     """
     log, window = cut.log, cut.window
     scenario_id = make_scenario_id(shard.dataset, shard.version, log.name, window.token)
@@ -104,27 +104,27 @@ def describe(shard: Shard, cut: Cut, licence: str) -> ScenarioDescription:
 
 
 def _checked(scenario_id: str, cut: Cut) -> tuple[Float64, Scene | None]:
-    """(T, 5) poses of the ego, and the scene of the current timestep; InvalidScenario where they are missing."""
+    """(T, 5) poses of the ego, and the scene of the current timestep; InvalidScenario if missing."""
     log, sweeps = cut.log, cut.window.sweeps
     if not len(sweeps):
-        wanted = f"wanted a row of lidar_pc for the tagged sweep {cut.window.token}, found none"
+        wanted = f"expected a row of lidar_pc for the tagged sweep {cut.window.token}, found none"
         raise InvalidScenario(scenario_id, "scenario_tag", wanted)
     ego = log.ego[sweeps]
     lost = sweeps[~np.isfinite(ego).all(axis=1)]
     if len(lost):
-        wanted = f"wanted numbers in a row of ego_pose for sweep {log.tokens[lost[0]]}, found none"
+        wanted = f"expected numbers in a row of ego_pose for sweep {log.tokens[lost[0]]}, found none"
         raise InvalidScenario(scenario_id, "ego_pose", wanted)
     row = int(log.scene[sweeps[cut.window.current]])
     scene = log.scenes[row] if row >= 0 else None
     if scene is not None and scene.name is None:
-        raise InvalidScenario(scenario_id, "scene", f"wanted a row of scene for token {scene.token}, found none")
+        raise InvalidScenario(scenario_id, "scene", f"expected a row of scene for token {scene.token}, found none")
     return ego, scene
 
 
 def _date(log: Log) -> str:
-    """Day of the recording: what the log says where that is ISO 8601, else the first sweep's, in UTC."""
-    said = re.match(r"\d{4}-\d{2}-\d{2}", log.place.date or "")
-    return said[0] if said else str(log.times[0].astype("datetime64[us]").astype("datetime64[D]"))
+    """Date of the recording: of the log if in ISO 8601, else of the first sweep in UTC."""
+    written = re.match(r"\d{4}-\d{2}-\d{2}", log.place.date or "")
+    return written[0] if written else str(log.times[0].astype("datetime64[us]").astype("datetime64[D]"))
 
 
 def _extras(cut: Cut, scene: Scene | None, origin: Float64) -> Mapping[str, Any]:
@@ -147,7 +147,7 @@ def _extras(cut: Cut, scene: Scene | None, origin: Float64) -> Mapping[str, Any]
 
 
 def _tracks(scenario_id: str, cut: Cut, ego: Float64, timestamps: Float64, origin: Float64) -> Tracks:
-    """The boxes of the window track by track, and the ego after them."""
+    """Build the tracks of the window, followed by the ego."""
     content, steps = cut.content, len(timestamps)
     boxes, step = content.boxes.of(cut.window.sweeps)
     used, row = np.unique(boxes["track"], return_inverse=True)
@@ -176,14 +176,14 @@ def _tracks(scenario_id: str, cut: Cut, ego: Float64, timestamps: Float64, origi
 
 
 def _categories(scenario_id: str, content: Content, used: Int64) -> list[str]:
-    """The category of each track; InvalidScenario where a box, or its track, refers to nothing."""
+    """Category of each track; InvalidScenario if a box or its track refers to a missing row."""
     if len(used) and used[0] < 0:
-        raise InvalidScenario(scenario_id, "lidar_box", "wanted a row of track for every box, found none for one")
+        raise InvalidScenario(scenario_id, "lidar_box", "expected a row of track for every box, found none for one")
     words = []
     for track in used:
         word = content.categories[track]
         if word is None:
-            wanted = f"wanted a row of category for track {content.tracks[track]}, found none"
+            wanted = f"expected a row of category for track {content.tracks[track]}, found none"
             raise InvalidScenario(scenario_id, "track", wanted)
         words.append(word)
     return words
@@ -192,23 +192,23 @@ def _categories(scenario_id: str, content: Content, used: Int64) -> list[str]:
 def _check_boxes(scenario_id: str, boxes: Array, cell: Int64) -> None:
     is_whole = np.isfinite(boxes["position"]).all(axis=1) & np.isfinite(boxes["state"][:, :4]).all(axis=1)
     if not is_whole.all():
-        wanted = "wanted numbers for the place, heading and size of every box"
+        wanted = "expected numbers for the position, heading and size of every box"
         raise InvalidScenario(scenario_id, "lidar_box", f"{wanted}, found {(~is_whole).sum()} without")
     taken = np.zeros(cell.max(initial=-1) + 1, np.bool_)
     taken[cell] = True
     if np.count_nonzero(taken) < len(cell):
-        raise InvalidScenario(scenario_id, "lidar_box", "wanted one box per track and sweep, found two")
+        raise InvalidScenario(scenario_id, "lidar_box", "expected one box per track and sweep, found two")
 
 
 def _velocity(boxes: Array, row: Int64, step: Int64, timestamps: Float64, is_static: Bool) -> tuple[Float32, Bool]:
-    """Velocity of each box (R, 2), and which tracks' (N,) had to be completed.
+    """Velocity of each box (R, 2), and whether it was completed for a track (N,).
 
-    What the log leaves out is 0 for objects that stand, and estimated from positions for others.
+    Missing velocities are 0 for static objects, and estimated from positions for others.
 
     Args:
-        boxes, row, step: (R,) the boxes, and the track and timestep of each.
+        boxes, row, step: (R,) the boxes, and their tracks and timesteps.
         timestamps: (T,) [s].
-        is_static: (N,) which tracks stand.
+        is_static: (N,) whether a track is static.
     """
     velocity = np.array(boxes["state"][:, 4:])
     is_missing = np.isnan(velocity).any(axis=1)
@@ -230,15 +230,15 @@ def _velocity(boxes: Array, row: Int64, step: Int64, timestamps: Float64, is_sta
 
 
 def _lights(scenario_id: str, cut: Cut, origin: Float64) -> Lights:
-    """One light per lane connector; traffic stops where the connector begins."""
+    """Build one light per lane connector, with the stop point at its start."""
     rows, step = cut.content.lights.of(cut.window.sweeps)
     if (rows["connector"] < 0).any() or (rows["state"] < 0).any():
-        wanted = "wanted a lane connector and green, yellow, red or unknown in every row, found something else"
+        wanted = "expected a lane connector and green, yellow, red or unknown in every row, found something else"
         raise InvalidScenario(scenario_id, "traffic_light_status", wanted)
     connectors, light = np.unique(rows["connector"], return_inverse=True)
     state = np.full((len(connectors), len(cut.window.sweeps)), LightState.ABSENT, np.uint8)
     state[light, step] = rows["state"]
-    is_contradicted = state[light, step] != rows["state"]  # by a later row of the same connector and sweep
+    is_contradicted = state[light, step] != rows["state"]  # a later row of the same connector and sweep wins
     state[light[is_contradicted], step[is_contradicted]] = LightState.TRAFFIC_LIGHT_UNKNOWN
     ids = strings(connectors)
     starts = cut.city.starts

@@ -1,6 +1,6 @@
-"""What nuPlan calls things and what they are here: objects, traffic lights, lanes, painted lines, areas.
+"""Vocabulary of nuPlan mapped to the lake's: objects, traffic lights, lanes, painted lines, areas.
 
-Words and numbers from the owner's code (nuplan-devkit: ``nuplan/database/utils/label``, ``nuplan/common/maps``,
+Names and numbers from nuplan-devkit (``nuplan/database/utils/label``, ``nuplan/common/maps``,
 ``nuplan/common/actor_state/vehicle_parameters.py``).
 """
 
@@ -12,7 +12,7 @@ EGO = "ego"
 EGO_SIZE = (5.176, 2.297, 1.777)
 """Length, width, height [m] of the recording vehicle, a Chrysler Pacifica."""
 REAR_AXLE_TO_CENTER = 1.461
-"""Distance [m] from the rear axle, which the log records, to the middle of the box, along the heading."""
+"""Distance along the heading from the rear axle, the reference point of the log, to the centre of the box [m]."""
 
 OBJECTS = {
     "vehicle": ObjectType.VEHICLE,
@@ -24,7 +24,7 @@ OBJECTS = {
     "generic_object": ObjectType.OTHER,
 }
 STATIC = frozenset({"traffic_cone", "barrier", "czone_sign", "generic_object"})
-"""Categories that stand still: the owner reads no velocity of theirs, and the log may hold none."""
+"""Static categories: nuplan-devkit ignores their velocity, which may be missing."""
 
 LIGHTS = {
     "green": LightState.TRAFFIC_LIGHT_GREEN,
@@ -34,9 +34,9 @@ LIGHTS = {
 }
 
 LANES = {0: MapFeatureType.LANE_SURFACE_STREET, 1: MapFeatureType.LANE_BIKE_LANE}
-"""By ``lane_type_fid``."""
+"""``MapFeatureType`` by ``lane_type_fid``."""
 LINES = {0: MapFeatureType.ROAD_LINE_BROKEN_SINGLE_WHITE, 2: MapFeatureType.ROAD_LINE_SOLID_SINGLE_WHITE}
-"""By ``boundary_type_fid``; 3 is a boundary without paint or of unknown paint."""
+"""``MapFeatureType`` by ``boundary_type_fid``; 3 is a boundary without paint or of unknown paint."""
 
 TURNS = {0: "straight", 1: "left", 2: "right", 3: "u_turn"}
 INTERSECTIONS = {

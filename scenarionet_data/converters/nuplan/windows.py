@@ -1,4 +1,4 @@
-"""Cuts a nuPlan log into the sweeps of its scenarios: scenes, or windows around scenario tags."""
+"""Cut a nuPlan log into scenarios: scenes, or windows around scenario tags."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ class Window:
     """The sweeps of one scenario.
 
     Attributes:
-        sweeps: (T,) int64 rows in the log's sweeps, increasing; none for a tag whose sweep the log lacks.
-        current: Which of them is the last of the history.
-        token: Of the scene, or of the tag's sweep.
-        tags: Types of the tags of that sweep, or of all the scene's sweeps.
-        tracks: Tracks that these tags are about (of a tag's sweep only).
+        sweeps: (T,) int64 rows of the log's sweeps, increasing; empty for a tag of a missing sweep.
+        current: Index of the last sweep of the history.
+        token: Token of the scene, or of the tag's sweep.
+        tags: Types of the tags of that sweep, or of all sweeps of the scene.
+        tracks: Tracks concerned by the tags of a tag's sweep.
     """
 
     sweeps: Int64
@@ -34,7 +34,7 @@ class Window:
 
 
 def scenes(log: Log, stride: int, past: float) -> Iterator[Window]:
-    """The scenes in order of time, every ``stride``-th sweep; the history lasts ``past`` seconds."""
+    """Yield the scenes sorted by time, with every ``stride``-th sweep and ``past`` seconds of history."""
     sweep_of = {token: row for row, token in enumerate(log.tokens)}
     tagged = [(sweep_of[tag.sweep], tag.type) for tag in log.tags if tag.sweep in sweep_of]
     types: dict[int, set[str]] = {}
@@ -53,15 +53,15 @@ def _last_before(log: Log, sweeps: Int64, past: float) -> int:
 
 
 def tag_windows(log: Log, stride: int, past: float, future: float, wanted: Collection[str]) -> Iterator[Window]:
-    """A window around every tagged sweep, in order of time, from ``past`` to ``future`` seconds.
+    """Yield a window around every tagged sweep, sorted by time, from ``past`` to ``future`` seconds.
 
-    Tags of one sweep make one window. At either end of the log windows are shorter.
+    The tags of one sweep share a window. Windows are shorter at the ends of the log.
 
     Args:
         log: The log.
         stride: Take every ``stride``-th sweep, counted from the tagged one.
         past, future: Seconds.
-        wanted: Types of tags; all when empty.
+        wanted: Types of tags; all if empty.
     """
     sweep_of = {token: row for row, token in enumerate(log.tokens)}
     by_sweep: dict[str, list[tuple[str, str]]] = {}

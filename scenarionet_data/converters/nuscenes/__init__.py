@@ -1,15 +1,15 @@
-"""nuScenes (https://www.nuscenes.org) without its devkit: scenes, and the prediction challenge's windows.
+"""nuScenes (https://www.nuscenes.org), without nuscenes-devkit: scenes, and windows of the prediction challenge.
 
 RAW is the dataroot, or one release's folder in it:
 
     v1.0-trainval/ (or v1.0-mini/, v1.0-test/)   the 13 tables, *.json
-    maps/expansion/<location>.json               map expansion v1.3, a location each
-    maps/prediction/prediction_scenes.json       the challenge's predictions; comes with the map expansion
-    can_bus/<scene>_<message>.json               the CAN bus expansion, where it was downloaded
+    maps/expansion/<location>.json               map expansion v1.3, one file per location
+    maps/prediction/prediction_scenes.json       the challenge's predictions; part of the map expansion
+    can_bus/<scene>_<message>.json               the CAN bus expansion, optional
 
-Lyft's perception dataset has the same tables (``train_data/`` or ``v1.02-train/``) and is read too: its location
-is none of nuScenes' four, and a location that has no expansion is converted without a map. Give it a ``--version``
-of its own. Scenes of nuScenes' own locations are not converted without their map, unless ``has_map`` is false.
+Lyft's perception dataset has the same tables (``train_data/`` or ``v1.02-train/``) and is read as well, without a map,
+as its location has no map expansion; give it a ``version`` of its own. Scenes of nuScenes' four locations require their
+map unless ``has_map`` is False.
 """
 
 from __future__ import annotations
@@ -51,49 +51,50 @@ from scenarionet_data.ingest.options import Options
 from scenarionet_data.ingest.shard import RawItem, Shard, bucket, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription, make_scenario_id
 
-_GET_MAPS = "download nuScenes' map expansion v1.3, or leave maps out with -O has_map=false"
+_GET_MAPS = "download nuScenes' map expansion v1.3, or set the option has_map to false"
 _SCENES_PER_SHARD = {"scene": 64, "window": 8}
 _SUFFIX = {"scene": "", "window": "@window"}
-"""Tells a scene's items apart, so that one lake can hold scenes and windows of one split."""
+"""Suffix of items, so that one lake can contain both scenes and windows of a split."""
 
 
 @dataclass(frozen=True)
 class NuScenesOptions(Options):
-    """What becomes a scenario, and how much of the map goes with it."""
+    """Scenes or windows, their timesteps, and the extent of their map."""
 
     by: str = field(
         default="scene",
-        metadata={"doc": "scene: 20 s each; window: cut for the prediction challenge, see past and future."},
+        metadata={"doc": "scene: 20 s each; window: for the prediction challenge, see past and future."},
     )
     past: float = field(
         default=2.0,
-        metadata={"doc": "Seconds of a window before its current timestep; in a scene, where that lies."},
+        metadata={"doc": "Time before the current timestep of a window or scene [s]."},
     )
-    future: float = field(default=6.0, metadata={"doc": "Seconds of a window after its current timestep."})
+    future: float = field(default=6.0, metadata={"doc": "Time after the current timestep of a window [s]."})
     rate: int = field(
-        default=10, metadata={"doc": "Timesteps per second, interpolated between keyframes; 2: keyframes alone."}
+        default=10, metadata={"doc": "Timesteps per second, interpolated between keyframes; 2: keyframes only."}
     )
     radius: float = field(
-        default=200.0, metadata={"doc": "Metres of map around the ego's path; of lanes and areas, whole ones."}
+        default=200.0, metadata={"doc": "Margin of the map around the ego's path [m]; features are not cut."}
     )
     has_map: bool = field(default=True, metadata={"doc": "Whether scenarios get a map."})
     has_can_bus: bool = field(
-        default=True, metadata={"doc": "Whether the ego's extras get speed, steering, ... of can_bus/, where that is."}
+        default=True,
+        metadata={"doc": "Whether the ego's extras contain speed, steering, ... from can_bus/, if available."},
     )
 
     def __post_init__(self) -> None:
         if self.by not in ("scene", "window"):
-            raise BadParameter(f"by: wanted scene or window, found {self.by!r}")
+            raise BadParameter(f"by: expected scene or window, found {self.by!r}")
         if not (0 <= self.past < 1000 and 0 <= self.future < 1000):
-            raise BadParameter(f"past, future: wanted seconds, found {self.past} and {self.future}")
+            raise BadParameter(f"past, future: expected seconds, found {self.past} and {self.future}")
         if not 2 <= self.rate <= 20:
-            raise BadParameter(f"rate: wanted 2 to 20 timesteps per second, found {self.rate}")
+            raise BadParameter(f"rate: expected 2 to 20 timesteps per second, found {self.rate}")
         if not 0 <= self.radius < 1e5:
-            raise BadParameter(f"radius: wanted metres, found {self.radius}")
+            raise BadParameter(f"radius: expected metres, found {self.radius}")
 
 
 class NuScenes(Converter[Window | InvalidScenario]):
-    """Scenes in shards of one location; the locations' maps are shared."""
+    """Scenes in shards of one location; the maps of locations are shared."""
 
     name = "nuscenes"
     version = "1"
@@ -107,19 +108,19 @@ class NuScenes(Converter[Window | InvalidScenario]):
     budgets = Budgets(velocity_median=0.1, velocity_p99=3.0, heading_p99=1.0)
 
     def maps(self, raw: str, version: str, options: NuScenesOptions) -> Iterator[Shard]:
-        """The locations' maps, see :meth:`Converter.maps`."""
+        """List the maps of the locations."""
         root = dataroot(Path(raw))
         for path in sorted((root / EXPANSION).glob("*.json")) if options.has_map else ():
             item = RawItem(path.relative_to(root).as_posix(), fingerprint([path]))
-            # No option changes a map: scenes and windows of one lake share it.
+            # Independent of the options: scenes and windows in one lake share the map.
             yield Shard(self.name, version, "", map_id(path.stem), str(root), (item,), Options())
 
     def map_features(self, shard: Shard) -> MapBuilder:
-        """Read one location's map, see :meth:`Converter.map_features`."""
+        """Read the map of one location."""
         return read_map(shard.paths[0])
 
     def shards(self, raw: str, split: str, version: str, options: NuScenesOptions) -> Iterator[Shard]:
-        """The split's scenes in buckets of one location, see :meth:`Converter.shards`."""
+        """List the split's scenes in buckets of one location."""
         root, folder = dataroot(Path(raw)), find_release(Path(raw), split)
         scenes = _scenes_by_place(folder, split, options)
         maps = {place: map_file(root, place) for place in scenes if options.has_map}
@@ -131,18 +132,20 @@ class NuScenes(Converter[Window | InvalidScenario]):
             mark = fingerprint(path for path in read if path.is_file())
             items = []
             for name, log in names.items():
-                said = can_bus_mark(root, name) if options.has_can_bus else ""
-                items.append(RawItem(f"{folder.name}/{name}{_SUFFIX[options.by]}", mark + said, _properties(log)))
+                can_bus_digest = can_bus_mark(root, name) if options.has_can_bus else ""
+                items.append(
+                    RawItem(f"{folder.name}/{name}{_SUFFIX[options.by]}", mark + can_bus_digest, _properties(log))
+                )
             for number, members in bucket(items, _SCENES_PER_SHARD[options.by]).items():
                 shard = f"{folder.name}-{map_id(place)}-{options.by}-{number}"
                 yield Shard(self.name, version, split, shard, str(root), members, options, {"location": place})
 
     def dataset_folder(self, raw: Path) -> Path:
-        """The dataroot, see :meth:`Converter.dataset_folder`."""
+        """The dataroot."""
         return dataroot(raw)
 
     def files(self, shard: Shard) -> Iterator[list[str]]:
-        """The tables, the location's map and what the CAN bus said, see :meth:`Converter.files`."""
+        """The tables, the location's map and the CAN bus messages."""
         options, release = _options(shard), shard.items[0].name.split("/")[0]
         names = [f"{release}/{table}.json" for table in TABLES]
         if options.by == "window":
@@ -154,7 +157,7 @@ class NuScenes(Converter[Window | InvalidScenario]):
         yield names
 
     def records(self, shard: Shard) -> Iterator[Window | InvalidScenario]:
-        """The windows of each scene, or why there are none, see :meth:`Converter.records`."""
+        """Yield the windows of each scene, or the reason why it has none."""
         options, root = _options(shard), Path(shard.root)
         folder = root / shard.items[0].name.split("/")[0]
         release = read_release(folder)
@@ -168,54 +171,56 @@ class NuScenes(Converter[Window | InvalidScenario]):
                 recording = read_recording(release, tokens[name], scenario_id)
                 entries = None if challenge is None else challenge.get(name, ())
                 yield from _windows(recording, options, entries, scenario_id)
-            except InvalidScenario as error:  # the other scenes of the shard are fine
+            except InvalidScenario as error:  # continue with the other scenes of the shard
                 yield error
 
     def scenario(self, shard: Shard, record: Window | InvalidScenario) -> ScenarioDescription:
-        """Describe one window, see :meth:`Converter.scenario`."""
+        """Convert one window."""
         if isinstance(record, InvalidScenario):
             raise record
         options = _options(shard)
         city = self._city(shard, record) if options.has_map else None
-        said = _said(shard, record) if options.has_can_bus else {}
-        return describe(shard, record, city, said, rate=options.rate, radius=options.radius, licence=self.licence)
+        messages = _can_bus_messages(shard, record) if options.has_can_bus else {}
+        return describe(shard, record, city, messages, rate=options.rate, radius=options.radius, licence=self.licence)
 
     def _city(self, shard: Shard, window: Window) -> City | None:
-        """The map of a window's location; None where the location is none of nuScenes' and has no map."""
+        """The map of a window's location; None for a location outside nuScenes without a map."""
         place = window.recording.log["location"]
         path = map_file(Path(shard.root), place)
         if path.is_file():
             return _read_city(path, path.stat().st_size, path.stat().st_mtime_ns)
         if place in PLACES:
             scenario_id = make_scenario_id(shard.dataset, shard.version, window.recording.name)
-            raise InvalidScenario(scenario_id, "map", f"wanted {path.name} in maps/expansion, found none; {_GET_MAPS}")
+            raise InvalidScenario(
+                scenario_id, "map", f"expected {path.name} in maps/expansion, found none; {_GET_MAPS}"
+            )
         return None
 
 
-def _said(shard: Shard, window: Window) -> Mapping[str, Messages]:
-    """What the ego's CAN bus said during the window's scene."""
+def _can_bus_messages(shard: Shard, window: Window) -> Mapping[str, Messages]:
+    """CAN bus messages of the ego during the window's scene."""
     name = window.recording.name
     try:
         return read_can_bus(Path(shard.root), name)
-    except CorruptSource as error:  # the other scenes of the shard are fine
+    except CorruptSource as error:  # continue with the other scenes of the shard
         scenario_id = make_scenario_id(shard.dataset, shard.version, name)
         raise InvalidScenario(scenario_id, "can_bus", str(error)) from error
 
 
 def _options(shard: Shard) -> NuScenesOptions:
     if not isinstance(shard.options, NuScenesOptions):
-        raise BadParameter(f"wanted NuScenesOptions, found {type(shard.options).__name__}")
+        raise BadParameter(f"expected NuScenesOptions, found {type(shard.options).__name__}")
     return shard.options
 
 
 def _scene_of(item: RawItem, options: NuScenesOptions) -> str:
-    """The name of an item's scene."""
+    """Name of an item's scene."""
     return item.name.split("/")[1].removesuffix(_SUFFIX[options.by])
 
 
 @lru_cache(maxsize=2)
 def _read_city(path: Path, _size: int, _changed: int) -> City:
-    """A location's map; the last two are kept, as a worker's scenes come location by location."""
+    """Read a location's map; the last two are cached, as a worker's scenes are sorted by location."""
     builder = read_map(path)
     return City(map_id(path.stem), builder, builder.bounds)
 
@@ -234,7 +239,7 @@ def _windows(
 
 
 def _scenes_by_place(folder: Path, split: str, options: NuScenesOptions) -> dict[str, dict[str, dict[str, Any]]]:
-    """Of each location its scenes' names, with their logs' records."""
+    """Names of the scenes of each location, with the records of their logs."""
     scenes, logs = read_scenes(folder)
     found: dict[str, dict[str, dict[str, Any]]] = defaultdict(dict)
     for scene in scenes.values():
@@ -242,11 +247,11 @@ def _scenes_by_place(folder: Path, split: str, options: NuScenesOptions) -> dict
             log = logs.get(scene["log_token"], {"location": "unknown"})
             found[log["location"]][scene["name"]] = log
     if not found:
-        raise SourceNotFound(f"{folder}: none of its scenes belongs to split {split!r}; give another --split")
+        raise SourceNotFound(f"{folder}: none of its scenes belongs to split {split!r}; give another split")
     return {place: found[place] for place in sorted(found)}
 
 
 def _properties(log: dict[str, Any]) -> dict[str, str]:
-    """What a log's record, if there is one, tells of its scenes."""
+    """Input properties of scenes from their log's record, if any."""
     told = {"log": log_name(log), "date": log["date_captured"]} if "token" in log else {}
     return {key: value for key, value in told.items() if value}

@@ -1,7 +1,7 @@
-"""nuScenes' areas: outlines of polygons without holes, and the edges of the road around the drivable ones.
+"""nuScenes' areas: outlines of polygons without holes, and the road edges around drivable areas.
 
-One drivable area may cover a whole district, with every block of houses as a hole. A map feature has one outline,
-and what a scenario loads of a city's map are whole features: so such areas are cut into parts.
+A drivable area may cover a whole district, with every block of houses as a hole. A map feature has a single outline and
+is loaded as a whole, so such areas are cut into parts.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from shapely.geometry.polygon import orient
 from scenarionet_data.arrays.dtypes import Float64
 
 CELL = 100.0
-"""Largest extent of a part of an area, and length of a piece of road edge [m]."""
+"""Maximum extent of a part of an area, and length of a piece of road edge [m]."""
 
 
 def outlines(exterior: Float64, holes: Sequence[Float64], cell: float = CELL) -> list[Float64]:
-    """Outlines of the parts of a polygon: as large as it together, none with a hole or larger than ``cell``.
+    """Cut a polygon into parts without holes and not larger than ``cell``; return their outlines.
 
     Args:
         exterior: (n, 2) [m], open or closed.
         holes: Outlines of its holes.
-        cell: Largest extent of a part [m].
+        cell: Maximum extent of a part [m].
 
     Returns:
-        Outlines (k, 2), open; a small polygon without holes keeps its own, whatever it is like.
+        Outlines (k, 2), open; a small polygon without holes is returned unchanged, even if invalid.
     """
     ring = _open(exterior)
     if not holes and np.ptp(ring, axis=0).max(initial=0.0) <= cell:
@@ -39,7 +39,7 @@ def outlines(exterior: Float64, holes: Sequence[Float64], cell: float = CELL) ->
 
 
 def _cut(polygon: shapely.Polygon, cell: float) -> list[shapely.Polygon]:
-    """Halve a polygon until no part has a hole or is too large; cuts go through holes where there are any."""
+    """Halve a polygon until no part has a hole or is too large; cuts go through holes first."""
     low_x, low_y, high_x, high_y = polygon.bounds
     if not polygon.interiors and max(high_x - low_x, high_y - low_y) <= cell:
         return [polygon]
@@ -55,20 +55,20 @@ def _cut(polygon: shapely.Polygon, cell: float) -> list[shapely.Polygon]:
 
 
 def _polygons(geometry: shapely.Geometry) -> list[shapely.Polygon]:
-    """The polygons of a geometry that may hold lines and points too, where a cut runs along an edge."""
-    parts = shapely.get_parts(shapely.get_parts(geometry))  # a collection of multi-polygons at most
+    """Polygons of a geometry, which may have lines and points too if a cut is along an edge."""
+    parts = shapely.get_parts(shapely.get_parts(geometry))  # nested at most once: a collection of multi-polygons
     return list(parts[(shapely.get_type_id(parts) == shapely.GeometryType.POLYGON) & (shapely.area(parts) > 0)])
 
 
 def road_edges(areas: Iterable[tuple[Float64, Sequence[Float64]]], cell: float = CELL) -> list[Float64]:
-    """Edges of the road: the outline of all drivable areas together, the road on its left.
+    """Return road edges: the outline of the union of all drivable areas, with the road on its left.
 
     Args:
         areas: Exterior and holes of each polygon.
         cell: Length of a piece [m].
 
     Returns:
-        Lines (k, 2) of ``cell`` length or a little more; a shorter outline comes closed.
+        Lines (k, 2) of about ``cell`` length; a shorter outline is closed.
     """
     valid = [shapely.make_valid(shapely.Polygon(exterior, holes)) for exterior, holes in areas]
     whole = shapely.union_all([polygon for area in valid for polygon in _polygons(area)])
@@ -77,7 +77,7 @@ def road_edges(areas: Iterable[tuple[Float64, Sequence[Float64]]], cell: float =
 
 
 def _pieces(line: Float64, length: float) -> list[Float64]:
-    """A line cut at the points where another ``length`` is complete; neighbours share that point."""
+    """Cut a line at points every ``length`` or more; adjacent pieces share a point."""
     travelled = np.cumsum(np.hypot(*np.diff(line, axis=0).T))
     ends = np.flatnonzero(np.diff(np.floor(travelled / length), prepend=0.0)) + 1
     cuts = np.unique(np.concatenate([[0], ends, [len(line) - 1]]))

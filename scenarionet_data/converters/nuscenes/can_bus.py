@@ -1,8 +1,8 @@
-"""What nuScenes' recording car said of itself: the CAN bus expansion, ``can_bus/<scene>_<message>.json``.
+"""Read the CAN bus expansion of nuScenes, ``can_bus/<scene>_<message>.json``.
 
-Each file is a list of messages in order of ``utime`` [us]. Names and units are the owner's
-(``python-sdk/nuscenes/can_bus/README.md`` of nuscenes-devkit), at the timesteps of the scenario. Of the six kinds of
-messages those are read that are not said twice. Some twenty scenes have none.
+Each file is a list of messages sorted by ``utime`` [us]. Names and units are those of nuscenes-devkit
+(``python-sdk/nuscenes/can_bus/README.md``); values are resampled to the timesteps of the scenario. Kinds of messages
+that repeat others are skipped. About twenty scenes have no messages.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ MEASURED = {
     "steeranglefeedback": ("value",),
     "vehicle_monitor": ("vehicle_speed", "throttle", "brake", "steering", "yaw_rate"),
 }
-"""Numbers and vectors, which are interpolated."""
+"""Numbers and vectors, interpolated."""
 SWITCHED = {"vehicle_monitor": ("gear_position", "brake_switch", "left_signal", "right_signal")}
-"""Positions of switches, which are those of the last message."""
+"""Positions of switches, taken from the last message."""
 
 _GAP = 1.5e6
-"""Time [us] between messages over which nothing is said; the rarest come every 0.5 s."""
+"""Longest gap between messages that is bridged [us]; the rarest are sent every 0.5 s."""
 _DIGITS = 4
 
 
 @dataclass(frozen=True, eq=False)
 class Messages:
-    """The messages of one kind of a scene.
+    """Messages of one kind of a scene.
 
     Attributes:
         times: (M,) [us], strictly increasing.
@@ -49,7 +49,7 @@ class Messages:
 
 
 def can_bus_mark(root: Path, scene: str) -> str:
-    """Changes with the messages of a scene; empty for a scene without any."""
+    """Fingerprint of the messages of a scene; empty if it has none."""
     files = _files(root, scene)
     return fingerprint(files) if files else ""
 
@@ -59,12 +59,12 @@ def _files(root: Path, scene: str) -> list[Path]:
 
 
 def can_bus_files(scene: str) -> list[str]:
-    """Names of the files that a scene's messages may have, below the dataroot."""
+    """Names of the files with a scene's messages, relative to the dataroot."""
     return [f"{FOLDER}/{scene}_{kind}.json" for kind in MEASURED]
 
 
 def read_can_bus(root: Path, scene: str) -> Mapping[str, Messages]:
-    """A scene's messages by kind; empty for a scene without any. The last ones are kept, for the scene's windows.
+    """Read a scene's messages by kind; empty if it has none. Cached for the scene's windows.
 
     Raises:
         CorruptSource: A file is damaged.
@@ -77,18 +77,18 @@ def read_can_bus(root: Path, scene: str) -> Mapping[str, Messages]:
 
 
 def signals_at(messages: Mapping[str, Messages], times: Float64) -> dict[str, list[Any]]:
-    """What was said at ``times`` (T,) [us], by ``<kind>.<field>``: T numbers, vectors or, where unknown, None."""
+    """Sample messages at ``times`` (T,) [us]: T numbers, vectors or None, by ``<kind>.<field>``."""
     found = {}
-    for kind, said in messages.items():
-        after = np.searchsorted(said.times, times).clip(1, len(said.times) - 1)
-        is_known = (times >= said.times[0]) & (times <= said.times[-1])
-        is_known &= said.times[after] - said.times[after - 1] <= _GAP
-        last = np.searchsorted(said.times, times, side="right").clip(1) - 1
-        for name, values in said.fields.items():
+    for kind, kind_messages in messages.items():
+        after = np.searchsorted(kind_messages.times, times).clip(1, len(kind_messages.times) - 1)
+        is_known = (times >= kind_messages.times[0]) & (times <= kind_messages.times[-1])
+        is_known &= kind_messages.times[after] - kind_messages.times[after - 1] <= _GAP
+        last = np.searchsorted(kind_messages.times, times, side="right").clip(1) - 1
+        for name, values in kind_messages.fields.items():
             if name in SWITCHED.get(kind, ()):
                 at = values[last]
             else:
-                at = np.column_stack([np.interp(times, said.times, column) for column in values.T])
+                at = np.column_stack([np.interp(times, kind_messages.times, column) for column in values.T])
             found[f"{kind}.{name}"] = _listed(at, is_known)
     return found
 
@@ -112,5 +112,5 @@ def _read(path: Path, kind: str, _size: int, _changed: int) -> Messages:
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise CorruptSource(f"{path} cannot be read ({error!r}); download the CAN bus expansion again") from error
     if not is_whole:
-        raise CorruptSource(f"{path}: wanted two messages or more, of finite numbers; download the expansion again")
+        raise CorruptSource(f"{path}: expected two messages or more, of finite numbers; download the expansion again")
     return Messages(times, fields)

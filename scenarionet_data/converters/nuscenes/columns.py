@@ -1,4 +1,4 @@
-"""Columns of nuScenes' tables as arrays: tokens as row numbers, lists of numbers as vectors, rows by scene."""
+"""Convert columns of nuScenes' tables to arrays: tokens to row numbers, lists to vectors, rows sorted by scene."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from scenarionet_data.arrays.geometry import yaw_from_quaternion
 TEXT, NUMBER, NUMBERS, TEXTS = pa.string(), pa.float64(), pa.list_(pa.float64()), pa.list_(pa.string())
 
 POSE = {"translation": NUMBERS, "rotation": NUMBERS}
-"""The fields that :func:`poses` reads."""
+"""Fields read by :func:`poses`."""
 
 UNKNOWN_BIT = 63
-"""Bit that stands for a word which is not in the list."""
+"""Bit of unknown words."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Rows of a table, those of scene ``i`` from ``start[i]`` to ``start[i + 1]``.
+    """Rows of a table by scene: those of scene ``i`` are ``start[i]`` to ``start[i + 1]``.
 
     Attributes:
         start: (C + 1,).
@@ -34,7 +34,7 @@ class Rows:
     columns: dict[str, Array]
 
     def of(self, scene: int) -> dict[str, Array]:
-        """The rows of one scene."""
+        """Rows of one scene."""
         rows = slice(self.start[scene], self.start[scene + 1])
         return {name: column[rows] for name, column in self.columns.items()}
 
@@ -47,13 +47,13 @@ class Rows:
 def gather(
     blocks: Iterable[pa.Table], convert: Callable[[pa.Table], dict[str, Array]], schema: pa.Schema
 ) -> dict[str, Array]:
-    """The arrays that ``convert`` makes of each block, block after block."""
+    """Concatenate the arrays that ``convert`` returns for each block."""
     parts = [convert(block) for block in blocks] or [convert(schema.empty_table())]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def by_scene(columns: dict[str, Array], num_scenes: int) -> Rows:
-    """Sort rows by the columns ``scene`` and, where there is one, ``time``; rows of no scene (-1) are left out."""
+    """Sort rows by ``scene`` and, if present, ``time``; drop rows without scene (-1)."""
     scene = columns["scene"]
     order = np.lexsort((columns["time"], scene) if "time" in columns else (scene,))
     order = order[scene[order] >= 0]
@@ -62,13 +62,13 @@ def by_scene(columns: dict[str, Array], num_scenes: int) -> Rows:
 
 
 def index(tokens: pa.Array | pa.ChunkedArray, known: Sequence[str] | Array) -> Int64:
-    """(R,) place of each token among the ``known`` ones; -1 where it is not."""
+    """(R,) position of each token among the ``known`` ones, or -1."""
     place = pc.fill_null(pc.index_in(tokens, value_set=pa.array(known, TEXT)), -1)
     return np.asarray(place.to_numpy(), dtype=np.int64)
 
 
 def vectors(lists: pa.ChunkedArray, width: int) -> Float64:
-    """(R, width) of lists of numbers; NaN where a list is missing, of another length, or holds null."""
+    """(R, width) from lists of numbers; NaN if a list is missing, of another length or has null."""
     array = lists.combine_chunks()
     fits = pc.fill_null(pc.equal(pc.list_value_length(array), width), False)
     found = np.full((len(array), width), np.nan)
@@ -78,7 +78,7 @@ def vectors(lists: pa.ChunkedArray, width: int) -> Float64:
 
 
 def poses(rows: pa.Table) -> Float64:
-    """(R, 4) x, y, z [m] and heading [rad]; heading NaN where the quaternion is not of length 1."""
+    """(R, 4) x, y, z [m] and heading [rad]; NaN heading if the quaternion is not of length 1."""
     quaternion = vectors(rows["rotation"], 4)
     norm = np.linalg.norm(quaternion, axis=1)
     is_turn = np.abs(norm - 1.0) < 1e-2
@@ -87,7 +87,7 @@ def poses(rows: pa.Table) -> Float64:
 
 
 def bits(lists: pa.ChunkedArray, known: Sequence[str]) -> UInt64:
-    """(R,) which of at most 63 ``known`` words each list holds, bit by bit."""
+    """(R,) bit mask of the ``known`` words (at most 63) in each list."""
     array = lists.combine_chunks()
     place = index(pc.list_flatten(array), known)
     found = np.zeros(len(array), np.uint64)

@@ -1,7 +1,7 @@
 """nuScenes' dividers: painted lines between lanes of one direction, and between opposite directions.
 
-A lane divider types each of its segments (the type at a node holds to the next node). A road divider has no types
-of its own; lanes that it bounds may state them. A divider whose type changes on its way becomes several lines.
+A lane divider has a type for each segment (the type at a node applies up to the next node). A road divider has no
+types; adjacent lanes may define them. A divider with several types is split into lines of one type.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ class Divider:
     """A line of one type.
 
     Attributes:
-        id: The divider's token; with ``-0``, ``-1`` ... when it became several lines.
-        type: What it is.
+        id: The divider's token, with suffix ``-0``, ``-1``, ... if it was split.
+        type: Its type.
         points: (n, 2) [m].
-        is_lane_divider: Whether the lanes beside it run in one direction.
-        extras: What the type does not tell.
+        is_lane_divider: Whether the lanes on its sides have the same direction.
+        extras: Details that the type does not cover.
     """
 
     id: str
@@ -42,12 +42,12 @@ class Divider:
 
 
 def places(points: Float64) -> list[Place]:
-    """Points to the millimetre: lanes and dividers that touch have nodes there, not always the same ones."""
+    """Points rounded to millimetres: touching lanes and dividers may have different nodes at the same point."""
     return [(x, y) for x, y in np.round(points * 1000.0).astype(np.int64).tolist()]
 
 
 def read_dividers(expansion: Expansion) -> list[Divider]:
-    """All dividers of a map."""
+    """Return all dividers of a map."""
     stated = {
         edge: kind
         for lane in expansion.layer("lane")
@@ -64,7 +64,7 @@ def read_dividers(expansion: Expansion) -> list[Divider]:
 
 
 def _typed(expansion: Expansion, segments: list[Record]) -> Iterator[tuple[Edge, str]]:
-    """Edges and their types; a lane names both ends of every edge, a lane divider each node once."""
+    """Edges and their types; a lane lists both ends of every edge, a lane divider each node once."""
     spots = places(expansion.points([segment["node_token"] for segment in segments]))
     for (start, end), segment in zip(pairwise(spots), segments, strict=False):
         if start != end:
@@ -72,7 +72,7 @@ def _typed(expansion: Expansion, segments: list[Record]) -> Iterator[tuple[Edge,
 
 
 def _lines(expansion: Expansion, record: Record, types: dict[Edge, str], is_lane_divider: bool) -> Iterable[Divider]:
-    """The lines of one type each that a divider is made of; none where it has no nodes."""
+    """Split a divider into lines of one type; none if it has no nodes."""
     points = expansion.points(expansion.nodes(record["line_token"]))
     unstated = "NIL" if is_lane_divider else None
     kinds = [types.get(frozenset(edge), unstated) for edge in pairwise(places(points))]

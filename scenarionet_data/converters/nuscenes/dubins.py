@@ -1,8 +1,8 @@
-"""nuScenes' lane centrelines: Dubins paths of three arcs or straights each, and the points along them.
+"""Sample nuScenes' lane centrelines, which are Dubins paths of three arcs or straight segments each.
 
-A lane is one path or several, end to end. A path is stated by its first pose, one radius, the shape (``LSR``:
-left arc, straight, right arc) and the length of each of the three segments. Within a segment the heading grows by
-the curvature (1/radius to the left, -1/radius to the right, 0) times the way travelled.
+A lane is a sequence of paths. A path is defined by its start pose, a radius, a shape (``LSR``: left arc, straight,
+right arc) and the length of each of the three segments. The heading changes by the curvature (1/radius to the left,
+-1/radius to the right, or 0) times the distance travelled.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from scenarionet_data.arrays.ragged import Ragged
 Path = Mapping[str, Any]
 
 SPACING = 1.0
-"""Largest distance [m] between points of a centreline; on the tightest turns (4 m) the chord is 3 cm off."""
+"""Maximum distance between points of a centreline [m]; on the tightest turns (4 m) chords deviate by 3 cm."""
 
 _TURNS = {"L": 1.0, "S": 0.0, "R": -1.0}
 
 
 def centerlines(lanes: Sequence[Sequence[Path]], spacing: float = SPACING) -> Ragged:
-    """Points along the lanes, with each lane's first and last.
+    """Sample points along lanes, including the first and last point.
 
     Args:
-        lanes: K lists of paths, as in ``arcline_path_3``; an empty one gives no points.
-        spacing: Largest distance between points of a path [m].
+        lanes: K lists of paths, as in ``arcline_path_3``; an empty list gives no points.
+        spacing: Maximum distance between points of a path [m].
 
     Returns:
         K lines of (n, 2) float64 [m].
 
     Raises:
-        KeyError, TypeError, ValueError: A path is not laid out like one.
+        KeyError, TypeError, ValueError: Invalid path.
     """
     paths = [path for lane in lanes for path in lane]
     if not paths:
@@ -54,7 +54,7 @@ def centerlines(lanes: Sequence[Sequence[Path]], spacing: float = SPACING) -> Ra
 
 
 def _segments(paths: Sequence[Path]) -> tuple[Float64, Float64, Float64]:
-    """First pose (P, 3, 3), length (P, 3) [m] and curvature (P, 3) [1/m] of the three segments of each path."""
+    """Start pose (P, 3, 3), length (P, 3) [m] and curvature (P, 3) [1/m] of the three segments of each path."""
     lengths = np.array([path["segment_length"] for path in paths], np.float64).reshape(-1, 3)
     radius = np.array([path["radius"] for path in paths], np.float64)
     turns = np.array([[_TURNS[letter] for letter in path["shape"]] for path in paths]).reshape(-1, 3)
@@ -63,7 +63,7 @@ def _segments(paths: Sequence[Path]) -> tuple[Float64, Float64, Float64]:
     if not (np.isfinite(poses).all() and (radius > 0).all() and ((lengths >= 0) & (lengths < np.inf)).all()):
         raise ValueError("a path that is not finite, or has a negative length or radius")
     curvature = turns / radius[:, None]
-    for number in (0, 1):  # each segment begins where the one before ends
+    for number in (0, 1):  # each segment starts at the end of the previous one
         poses[:, number + 1] = advance(poses[:, number], curvature[:, number], lengths[:, number])
     return poses, lengths, curvature
 
@@ -71,8 +71,8 @@ def _segments(paths: Sequence[Path]) -> tuple[Float64, Float64, Float64]:
 def advance(poses: Float64, curvature: Float64, length: Float64) -> Float64:
     """Poses (n, 3) x, y [m], heading [rad] after ``length`` (n,) [m] at constant ``curvature`` (n,) [1/m].
 
-    The chord of an arc that turns by ``t`` is ``length sin(t/2) / (t/2)`` long and points along the middle of the
-    turn; written with sinc, the straight line needs no case of its own.
+    The chord of an arc with turning angle ``t`` has length ``length sin(t/2) / (t/2)`` and the mean heading; with sinc,
+    straight lines need no special case.
     """
     half = curvature * length / 2.0
     chord = length * np.sinc(half / np.pi)
@@ -84,7 +84,7 @@ def advance(poses: Float64, curvature: Float64, length: Float64) -> Float64:
 
 
 def _is_joint(points: Float64, index: Int64, lane: Int64) -> Bool:
-    """True for the first point of a path that repeats the last one of the lane's path before (within 1 cm)."""
+    """Whether the first point of a path repeats the last one of the lane's previous path (within 1 cm)."""
     step = np.hypot(*np.diff(points, axis=0, prepend=np.inf).T)
     same_lane = np.concatenate([[False], lane[1:] == lane[:-1]])
     joint: Bool = (index == 0) & same_lane & (step < 0.01)

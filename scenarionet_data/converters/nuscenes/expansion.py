@@ -1,8 +1,8 @@
-"""nuScenes' map expansion, version 1.3 (``maps/expansion/<location>.json``): its layers and their geometry.
+"""Read nuScenes' map expansion, version 1.3 (``maps/expansion/<location>.json``): layers and their geometry.
 
-A layer is a list of records; records name polygons and lines, these name nodes, and only nodes have coordinates:
-metres in the location's own plane frame. The first polygon of the owner's files has no token and belongs to
-nothing, and a few lines have no nodes. Heights are not recorded.
+A layer is a list of records, which refer to polygons and lines, which refer to nodes with coordinates in the
+location's plane frame [m]. The first polygon of a file has no token and is unused, and a few lines have no nodes.
+There are no heights.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ _VERSION = "1.3"
 
 
 class Expansion:
-    """A map expansion; unknown layers and tokens are KeyErrors.
+    """A map expansion; unknown layers and tokens raise KeyError.
 
     Args:
         content: The parsed file.
 
     Raises:
-        KeyError, TypeError, ValueError: It is not laid out like one, or is of another version.
+        KeyError, TypeError, ValueError: Not a map expansion, or of another version.
     """
 
     def __init__(self, content: Record) -> None:
         if content.get("version") != _VERSION:
-            raise ValueError(f"version {content.get('version', '1.0')!r}, wanted {_VERSION!r}")
+            raise ValueError(f"version {content.get('version', '1.0')!r}, expected {_VERSION!r}")
         self._content = content
         self._nodes = {node["token"]: (float(node["x"]), float(node["y"])) for node in content["node"]}
         self._lines = {line["token"]: line["node_tokens"] for line in content["line"]}
@@ -42,16 +42,16 @@ class Expansion:
             raise ValueError("a node whose coordinates are not finite")
 
     def layer(self, name: str) -> list[Record]:
-        """The records of a layer that have a token."""
+        """Records of a layer that have a token."""
         return [record for record in self._content[name] if record["token"]]
 
     def paths(self, lane: str) -> Sequence[Record]:
-        """The Dubins paths of a lane's centreline; some lanes have none."""
+        """Dubins paths of a lane's centreline; some lanes have none."""
         paths: Sequence[Record] = self._content["arcline_path_3"].get(lane, ())
         return paths
 
     def links(self, lane: str) -> tuple[list[str], list[str]]:
-        """Lanes that lead into a lane, and lanes it leads to."""
+        """Predecessors and successors of a lane."""
         links = self._content["connectivity"].get(lane, {"incoming": [], "outgoing": []})
         return list(links["incoming"]), list(links["outgoing"])
 
@@ -60,7 +60,7 @@ class Expansion:
         return list(self._lines[line])
 
     def points(self, nodes: Sequence[str]) -> Float64:
-        """(n, 2) [m] where nodes lie."""
+        """(n, 2) coordinates of nodes [m]."""
         return np.array([self._nodes[node] for node in nodes], np.float64).reshape(-1, 2)
 
     def polygon(self, token: str) -> tuple[Float64, list[Float64]]:
@@ -81,7 +81,7 @@ def read_expansion(path: Path) -> Expansion:
     """Read one location's map expansion.
 
     Raises:
-        OSError, KeyError, TypeError, ValueError: There is none, or it is damaged.
+        OSError, KeyError, TypeError, ValueError: Missing or damaged.
     """
     content = json.loads(path.read_bytes())
     if not isinstance(content, dict):

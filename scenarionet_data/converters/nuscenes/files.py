@@ -1,4 +1,4 @@
-"""Where nuScenes' files are: a release's tables, the locations' maps, and what is by the million and not read."""
+"""Find nuScenes' files: a release's tables, the maps of locations, and folders to skip."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from scenarionet_data.errors import SourceNotFound
 CHALLENGE = Path("maps", "prediction", "prediction_scenes.json")
 EXPANSION = Path("maps", "expansion")
 SENSORS = frozenset({"samples", "sweeps", "lidarseg", "panoptic", "images", "lidar", "train_images", "train_lidar"})
-"""Folders of images and point clouds, by the million, here and in Lyft's dataset."""
+"""Folders with millions of images and point clouds, in nuScenes and Lyft's dataset."""
 
 
 def dataroot(raw: Path) -> Path:
-    """The dataroot: ``raw``, or the folder that it lies in when it is a release's."""
+    """Return the dataroot: ``raw``, or its parent if ``raw`` is the folder of a release."""
     return raw.resolve().parent if (raw / "scene.json").is_file() else raw
 
 
 def find_release(raw: Path, split: str) -> Path:
-    """The folder of tables that has a split.
+    """Find the folder of tables with a split.
 
     Raises:
-        SourceNotFound: There is none, or several.
+        SourceNotFound: No such folder, or several.
     """
     is_release = (raw / "scene.json").is_file()
     folders = [raw.resolve()] if is_release else sorted(path.parent for path in raw.glob("*/scene.json"))
     if not folders:
-        raise SourceNotFound(f"{raw}: no folder with scene.json; give the folder that holds v1.0-trainval and maps")
+        raise SourceNotFound(f"{raw}: no folder with scene.json; give the folder that contains v1.0-trainval and maps")
     fitting = [folder for folder in folders if split in RELEASES.get(folder.name, (split,))]
     if len(fitting) == 1:
         return fitting[0]
@@ -36,14 +36,14 @@ def find_release(raw: Path, split: str) -> Path:
     if fitting:
         raise SourceNotFound(f"{raw}: {found} may all have a split {split!r}; give the folder of one of them")
     has = ", ".join(name for folder in folders for name in RELEASES[folder.name])
-    raise SourceNotFound(f"{raw}: {found} has no split {split!r}; add --split with one of {has}")
+    raise SourceNotFound(f"{raw}: {found} has no split {split!r}; give as split one of {has}")
 
 
 def map_file(root: Path, place: str) -> Path:
-    """The map of a location, which may be missing."""
+    """Path of the map of a location, which may be missing."""
     return root / EXPANSION / f"{place}.json"
 
 
 def map_id(place: str) -> str:
-    """The id of a location's map."""
+    """Id of a location's map."""
     return re.sub(r"[^A-Za-z0-9._-]", "-", place)

@@ -1,9 +1,9 @@
-"""Timesteps between nuScenes' keyframes (2 Hz; Lyft's 5 Hz), and what is seen at keyframes at those steps.
+"""Interpolate annotations between nuScenes' keyframes (2 Hz; 5 Hz in Lyft's dataset).
 
-The time from one keyframe to the next is cut into equal steps, so that every keyframe is a timestep and what was
-annotated there is kept as it is; keyframes come up to 50 ms early or late, so that steps last 0.09 to 0.11 s. In
-between, positions and sizes go in a straight line, headings the shorter way round. Where an object is not
-annotated at both keyframes around a step, or a keyframe is missing there, it is not valid.
+The time between two keyframes is divided into equal steps, so that every keyframe is a timestep with its annotations
+unchanged; keyframes have a jitter of 50 ms, so that steps last 0.09 to 0.11 s. In between, positions and sizes are
+interpolated linearly and headings along the shorter arc. An object is invalid at a step unless it is annotated at both
+adjacent keyframes and none is missing.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from scenarionet_data.arrays.dtypes import Bool, Float64, Int64
 from scenarionet_data.arrays.geometry import wrap_angle
 
 HEADING = 3
-"""Column of boxes and poses that is an angle."""
+"""Column of boxes and poses with an angle."""
 _GAP = 1e6
-"""Time [us] between poses over which the ego is not interpolated; they come every 0.05 s."""
+"""Gap between poses from which the ego is not interpolated [us]; they are 0.05 s apart."""
 _PERIOD = 0.5
-"""Time [s] between keyframes that a scene of a single one is taken to have."""
+"""Time between keyframes assumed for a scene with a single one [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,9 +29,9 @@ class Steps:
 
     Attributes:
         dt: Nominal step [s].
-        times: (T,) [us], as the keyframes' are given.
+        times: (T,) [us], in the clock of the keyframes.
         keyframe: (T,) last keyframe at or before each step.
-        share: (T,) way from there to the next keyframe, 0 at a keyframe.
+        share: (T,) fraction of the time to the next keyframe, 0 at a keyframe.
         is_gap: (T,) whether a keyframe is missing between the two.
     """
 
@@ -53,7 +53,7 @@ def nominal_period(times: Float64) -> float:
 
 
 def make_steps(times: Float64, period: float, rate: int) -> Steps:
-    """Steps over keyframes at ``times`` (K,) [us], about ``rate`` a second, but a keyframe is never left out."""
+    """Return steps over keyframes at ``times`` (K,) [us], about ``rate`` per second, including every keyframe."""
     spans = np.diff(times)
     num_parts = max(1, round(rate * period))
     num_periods = np.maximum(1, np.round(spans * 1e-6 / period).astype(np.int64))
@@ -70,14 +70,14 @@ def make_steps(times: Float64, period: float, rate: int) -> Steps:
 
 
 def boxes_at(steps: Steps, boxes: Float64, seen: Bool) -> tuple[Float64, Bool]:
-    """Boxes (N, T, 7) and validity (N, T) at the steps, from those at keyframes, (N, K, 7) and (N, K)."""
+    """Interpolate boxes (N, K, 7) and validity (N, K) of keyframes to (N, T, 7) and (N, T) at the steps."""
     before, after = steps.keyframe, np.minimum(steps.keyframe + 1, boxes.shape[1] - 1)
     valid = seen[:, before] & (seen[:, after] | (steps.share == 0)) & ~steps.is_gap
     return _blend(boxes[:, before], boxes[:, after], steps.share), valid
 
 
 def poses_at(times: Float64, pose_times: Float64, poses: Float64) -> tuple[Float64, Bool]:
-    """Poses (T, 4) and validity (T,) at ``times`` (T,) [us], from recorded ones (P, 4) at ``pose_times`` (P,)."""
+    """Interpolate poses (P, 4) at ``pose_times`` (P,) to (T, 4) and validity (T,) at ``times`` (T,) [us]."""
     after = np.searchsorted(pose_times, times).clip(0, len(pose_times) - 1)
     before = np.where(pose_times[after] > times, np.maximum(after - 1, 0), after)
     span = pose_times[after] - pose_times[before]

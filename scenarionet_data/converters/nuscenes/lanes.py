@@ -1,4 +1,4 @@
-"""nuScenes' lanes and the connectors between them: centrelines, links, and which dividers bound them."""
+"""nuScenes' lanes and lane connectors: centrelines, links and dividers on their sides."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ class Lane:
 
     Attributes:
         id: Its token.
-        kind: ``CAR``, ``BIKE``; None for a connector, which leads from lane to lane.
-        center: (n, 2) [m] in driving direction; empty where the map has no centreline.
+        kind: ``CAR``, ``BIKE``; None for a connector between lanes.
+        center: (n, 2) [m] in driving direction; empty without centreline.
         outline: (k, 2) [m]; empty without a polygon.
         entries, exits: Ids of predecessors and successors.
         left, right: Ids of the dividers on its sides.
@@ -39,7 +39,7 @@ class Lane:
 
 
 def read_lanes(expansion: Expansion, dividers: list[Divider]) -> list[Lane]:
-    """All lanes and connectors of a map; what one calls its successor has it as predecessor."""
+    """Return all lanes and connectors of a map, with mutual links."""
     records = [*expansion.layer("lane"), *expansion.layer("lane_connector")]
     centers = centerlines([expansion.paths(record["token"]) for record in records])
     lanes = []
@@ -54,7 +54,7 @@ def read_lanes(expansion: Expansion, dividers: list[Divider]) -> list[Lane]:
 
 
 def _complete_links(lanes: list[Lane]) -> None:
-    """Make links between lanes of the map mutual, where one of the two only states it."""
+    """Make links between lanes of the map mutual."""
     by_id = {lane.id: lane for lane in lanes}
     for lane in lanes:
         for other in [by_id[token] for token in lane.exits if token in by_id]:
@@ -66,7 +66,7 @@ def _complete_links(lanes: list[Lane]) -> None:
 
 
 def _find_sides(lanes: list[Lane], dividers: list[Divider]) -> None:
-    """Tell lanes the dividers that bound them: those that share two nodes or more with the lane's outline."""
+    """Assign dividers to lanes: those that share at least two nodes with the lane's outline."""
     at: dict[Place, set[int]] = defaultdict(set)
     for row, divider in enumerate(dividers):
         for place in places(divider.points):
@@ -83,7 +83,7 @@ def _find_sides(lanes: list[Lane], dividers: list[Divider]) -> None:
 
 
 def _is_left(center: Float64, point: Float64) -> bool:
-    """Whether a point lies left of a line, seen from the line's nearest segment."""
+    """Whether a point is left of the nearest segment of a line."""
     middles, ahead = (center[1:] + center[:-1]) / 2.0, np.diff(center, axis=0)
     nearest = int(np.hypot(*(middles - point).T).argmin())
     across = point - middles[nearest]
@@ -91,7 +91,7 @@ def _is_left(center: Float64, point: Float64) -> bool:
 
 
 def neighbors(lanes: list[Lane], dividers: list[Divider]) -> dict[str, tuple[list[str], list[str]]]:
-    """Lanes beside each lane, left and right: they run the same way with one lane divider between them."""
+    """Left and right neighbours of each lane: of the same direction, separated by one lane divider."""
     between = {divider.id for divider in dividers if divider.is_lane_divider}
     left_of, right_of = defaultdict(list), defaultdict(list)
     for lane in lanes:
@@ -109,13 +109,13 @@ def neighbors(lanes: list[Lane], dividers: list[Divider]) -> dict[str, tuple[lis
 
 
 def lanes_inside(lanes: list[Lane], areas: list[shapely.Polygon]) -> list[list[str]]:
-    """For each area, the lanes whose middle lies in it."""
+    """Lanes whose midpoint is in each area."""
     drawn = [lane for lane in lanes if len(lane.center) > 1]
     return _matches(drawn, [shapely.Point(lane.center[len(lane.center) // 2]) for lane in drawn], areas)
 
 
 def lanes_across(lanes: list[Lane], areas: list[shapely.Polygon]) -> list[list[str]]:
-    """For each area, the lanes whose centreline passes through it."""
+    """Lanes whose centreline crosses each area."""
     drawn = [lane for lane in lanes if len(lane.center) > 1]
     return _matches(drawn, [shapely.LineString(lane.center) for lane in drawn], areas)
 

@@ -1,7 +1,7 @@
-"""A nuScenes location's map expansion as map features: lanes, lines, edges, areas, stop lines, traffic lights.
+"""Convert a nuScenes map expansion to map features: lanes, lines, edges, areas, stop lines, traffic lights.
 
-Lanes carry no speed limits or widths, and lights no states. Heights are not recorded: everything lies at z = 0,
-where the ego poses stand too (only the traffic lights hang above it, as the map says).
+Lanes have no speed limits or widths, and lights no states. There are no heights: everything is at z = 0, like the ego
+poses, except traffic lights, whose height is in the map.
 """
 
 from __future__ import annotations
@@ -29,25 +29,25 @@ _AREAS = {
     "carpark_area": MapFeatureType.CARPARK_AREA,
     "road_block": MapFeatureType.ROADBLOCK,
 }
-"""Layers of one polygon a record. Road segments that are no intersections only repeat their blocks."""
+"""Layers with one polygon per record. Road segments that are not intersections repeat their blocks and are skipped."""
 _BROAD = (MapFeatureType.DRIVABLE_AREA, MapFeatureType.ROAD_EDGE_SIDEWALK)
-"""Areas that go on for a whole district: they are cut into parts of ``CELL``."""
+"""Layers of large areas, which are cut into parts of ``CELL``."""
 _WORDS = ("orientation", "stop_line_type", "ped_crossing_tokens", "traffic_light_tokens")
-"""Fields of records that features keep: of car parks, how cars stand in them [rad]; of stop lines, why to stop."""
+"""Fields stored in extras: orientation of parked cars [rad] for car parks, reason for stop lines."""
 
 
 def read_map(path: Path) -> MapBuilder:
     """Read one map expansion, in the location's frame.
 
     Raises:
-        CorruptSource: The file is missing, no JSON, of another version, or has tokens that point nowhere.
+        CorruptSource: The file is missing, not JSON, of another version, or has dangling tokens.
     """
     try:
         return _features(read_expansion(path))
     except FileNotFoundError as error:
         raise CorruptSource(f"{path}: no such map; download nuScenes' map expansion v1.3") from error
     except (OSError, KeyError, TypeError, ValueError, AttributeError, ShapelyError) as error:
-        wanted = "wanted a nuScenes map expansion v1.3"
+        wanted = "expected a nuScenes map expansion v1.3"
         raise CorruptSource(f"{path}: {wanted}, found {error!r}; download it again") from error
 
 
@@ -112,7 +112,7 @@ def _add_area(
     extras: Mapping[str, Any] | None = None,
     is_intersection: bool | None = None,
 ) -> None:
-    """Add a polygon; one with holes, or a broad one, becomes features ``<token>-0``, ``-1`` ...; an empty one none."""
+    """Add a polygon; one with holes or of large extent is split into ``<token>-0``, ``-1``, ...; skip an empty one."""
     parts = outlines(*area, cell=CELL if kind in _BROAD else np.inf) if len(area[0]) else []
     for number, outline in enumerate(parts):
         name = token if len(parts) == 1 else f"{token}-{number}"
@@ -120,14 +120,14 @@ def _add_area(
 
 
 def _extras(record: Record) -> dict[str, Any]:
-    """What a record says beyond its place."""
+    """Extras of a record."""
     return {key: record[key] for key in _WORDS if record.get(key)}
 
 
 def _add_stop_lines(
     builder: MapBuilder, expansion: Expansion, lanes: list[Lane], lanes_of: dict[str, list[str]]
 ) -> None:
-    """A stop line is an area across lanes; where it names a road block, only that block's lanes obey it."""
+    """Add stop lines, areas across lanes; one with a road block controls the lanes of that block only."""
     records = expansion.layer("stop_line")
     exteriors = [expansion.polygon(record["polygon_token"])[0] for record in records]
     across = lanes_across(lanes, [shapely.Polygon(exterior) for exterior in exteriors])

@@ -1,7 +1,7 @@
-"""A window of a nuScenes scene as a scenario: steps between keyframes, tracks, the ego, the crop of the map.
+"""Convert a window of a nuScenes scene to a scenario: interpolated tracks, the ego, the crop of the map.
 
-Heights are above the plane that the ego drives in (its poses have z = 0 throughout); the flat map lies in it.
-Velocities are not recorded: they are estimated from the positions.
+Heights are relative to the plane of the ego poses, which have z = 0 like the map. Velocities are not recorded, but
+estimated from positions.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ class City(NamedTuple):
     """A location's map, in the location's frame.
 
     Attributes:
-        id: Its name as a shared map.
+        id: Its id as a shared map.
         builder: Its features.
-        bounds: (M, 4) min_x, min_y, max_x, max_y [m] of each.
+        bounds: (M, 4) min_x, min_y, max_x, max_y [m] of each feature.
     """
 
     id: str
@@ -58,22 +58,22 @@ def describe(
     shard: Shard,
     window: Window,
     city: City | None,
-    said: Mapping[str, Messages],
+    can_bus: Mapping[str, Messages],
     *,
     rate: int,
     radius: float,
     licence: str,
 ) -> ScenarioDescription:
-    """The scenario of one window.
+    """Convert one window to a scenario.
 
     Args:
-        shard: Where it belongs.
-        window: Which keyframes of which scene.
-        city: The location's map; None where there is none.
-        said: What the ego's CAN bus said.
+        shard: Its shard.
+        window: Keyframes of a scene.
+        city: The location's map, or None.
+        can_bus: CAN bus messages of the ego.
         rate: Timesteps per second.
-        radius: How far around the ego's path the map is kept [m].
-        licence: Of the recordings.
+        radius: Margin of the map around the ego's path [m].
+        licence: Licence of the recordings.
     """
     recording, part = window.recording, slice(window.first, window.last + 1)
     name, place = recording.name, recording.log["location"]
@@ -104,7 +104,7 @@ def describe(
             date=recording.log["date_captured"],
             crs=f"nuscenes {place}",
         ),
-        tracks=_tracks(window, steps, ego, has_pose, origin, signals_at(said, start + steps.times)),
+        tracks=_tracks(window, steps, ego, has_pose, origin, signals_at(can_bus, start + steps.times)),
         lights=Lights.empty(len(steps.times)),
         map=_crop(city, crop, origin),
         map_id=city.id if city else None,
@@ -122,7 +122,7 @@ def describe(
 
 
 def _ego(window: Window, steps: Steps, place: str) -> tuple[Float64, Bool]:
-    """The ego's box (T, 7) and where a pose is known (T,)."""
+    """The ego's box (T, 7), and whether its pose is known (T,)."""
     vehicle = RENAULT_ZOE if place in PLACES else FORD_FUSION
     recording = window.recording
     pose_times = recording.pose_times - recording.times[window.first]
@@ -136,7 +136,7 @@ def _ego(window: Window, steps: Steps, place: str) -> tuple[Float64, Bool]:
 def _tracks(
     window: Window, steps: Steps, ego: Float64, has_pose: Bool, origin: Float64, signals: Mapping[str, list[Any]]
 ) -> Tracks:
-    """The objects annotated in the window, and the ego after them."""
+    """Build the objects annotated in the window, followed by the ego."""
     part, objects = slice(window.first, window.last + 1), window.recording.objects
     rows = np.flatnonzero(objects.seen[:, part].any(axis=1))
     boxes, valid = boxes_at(steps, objects.boxes[rows, part], objects.seen[rows, part])
@@ -165,7 +165,7 @@ def _tracks(
 
 
 def _around(path: Float64, radius: float) -> Box:
-    """The rectangle around a path, with ``radius`` more on each side [m], source frame."""
+    """Bounding box of a path plus ``radius`` on each side [m], source frame."""
     low, high = path[:, :2].min(axis=0) - radius, path[:, :2].max(axis=0) + radius
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 

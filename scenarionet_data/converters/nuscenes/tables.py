@@ -1,8 +1,7 @@
-"""nuScenes' relational tables of one release, read once: keyframes, objects, annotated boxes, the ego's poses.
+"""Read nuScenes' relational tables of one release: keyframes, objects, annotated boxes, ego poses.
 
-Of the 13 tables ``map`` and ``visibility`` are not needed. Tokens become row numbers as soon as they are read, so
-that a whole release with its 1.2 million boxes takes 0.2 GB. A token that points nowhere becomes -1: which scenes
-that spoils is told in ``recording``.
+Of the 13 tables ``map`` and ``visibility`` are not needed. Tokens are replaced by row numbers on reading, so that a
+release with 1.2 million boxes takes 0.2 GB. A dangling token becomes -1; ``recording`` reports the scenes concerned.
 """
 
 from __future__ import annotations
@@ -49,10 +48,10 @@ TABLES = (
     "scene",
     "sensor",
 )
-"""The tables that are read."""
+"""Tables that are read."""
 
 LIDAR = "LIDAR_TOP"
-"""The sensor whose sweeps are annotated; the ego's poses at them, 20 a second, are the ego's path."""
+"""The annotated sensor; ego poses at its sweeps, 20 per second, are the ego's path."""
 
 _BOX = pa.schema({"sample_token": TEXT, "instance_token": TEXT, "attribute_tokens": TEXTS, "size": NUMBERS} | POSE)
 _INSTANCE = pa.schema({"token": TEXT, "category_token": TEXT, "nbr_annotations": pa.int64()})
@@ -63,16 +62,16 @@ _SWEEP = pa.schema({"sample_token": TEXT, "ego_pose_token": TEXT})
 
 @dataclass(frozen=True, eq=False)
 class Release:
-    """The tables of one release; a number that is missing or makes no sense is NaN.
+    """The tables of one release; missing or invalid numbers are NaN.
 
     Attributes:
         scenes, logs: Records by token.
         samples: Keyframes: ``token``, ``time`` [us].
-        instances: Objects: ``token``, ``category`` (None where unknown), ``count`` of annotations.
-        boxes: ``sample`` and ``instance`` (rows of those; -1 where unknown), ``attributes`` (bits), ``box``:
+        instances: Objects: ``token``, ``category`` (None if unknown), ``count`` of annotations.
+        boxes: ``sample`` and ``instance`` (their rows; -1 if unknown), ``attributes`` (bits), ``box``:
             x, y, z [m], heading [rad], length, width, height [m].
         poses: ``time`` [us], ``pose``: x, y, z [m], heading [rad].
-        attributes: What each bit stands for.
+        attributes: Attribute of each bit.
     """
 
     scenes: Records
@@ -85,7 +84,7 @@ class Release:
 
 
 def read_scenes(folder: Path) -> tuple[Records, Records]:
-    """The records of ``scene`` and ``log`` by token: small, and all it takes to list what there is.
+    """Read the records of ``scene`` and ``log`` by token, which suffice to list the scenes.
 
     Raises:
         CorruptSource: A table is missing or damaged.
@@ -95,12 +94,12 @@ def read_scenes(folder: Path) -> tuple[Records, Records]:
 
 
 def log_name(log: dict[str, Any]) -> str:
-    """What a log's record calls it: its file; its token where, as in Lyft's dataset, there is none."""
+    """Name of a log: its file, or its token if missing, as in Lyft's dataset."""
     return str(log["logfile"] or log["token"])
 
 
 def read_release(folder: Path) -> Release:
-    """All tables; the last release is kept, so that a worker reads it once.
+    """Read all tables; the last release is cached, so that a worker reads it once.
 
     Raises:
         CorruptSource: A table is missing or damaged.
@@ -110,10 +109,10 @@ def read_release(folder: Path) -> Release:
 
 
 def table_files(folder: Path) -> list[Path]:
-    """The files that are read.
+    """Paths of the files to read.
 
     Raises:
-        CorruptSource: One is missing.
+        CorruptSource: A file is missing.
     """
     files = [folder / f"{table}.json" for table in TABLES]
     missing = [path for path in files if not path.is_file()]
@@ -127,7 +126,7 @@ def _read_release(folder: Path, _signature: tuple[tuple[int, int], ...]) -> Rele
     scenes, logs = read_scenes(folder)
     attributes = _records(folder, "attribute", "name")
     if len(attributes) > UNKNOWN_BIT:
-        raise CorruptSource(f"{folder / 'attribute.json'}: wanted {UNKNOWN_BIT} at most, found {len(attributes)}")
+        raise CorruptSource(f"{folder / 'attribute.json'}: expected {UNKNOWN_BIT} at most, found {len(attributes)}")
     samples = _read_samples(folder, list(scenes))
     instances = _read_instances(folder)
     boxes = _read_boxes(folder, samples, instances["token"], list(attributes))
@@ -140,7 +139,7 @@ def _records(folder: Path, table: str, *fields: str) -> Records:
     records = read_list(path)
     for name in ("token", *fields):
         if not all(name in record for record in records):
-            raise CorruptSource(f"{path}: wanted {name!r} in every record; is this a nuScenes table?")
+            raise CorruptSource(f"{path}: expected {name!r} in every record; is this a nuScenes table?")
     return {record["token"]: record for record in records}
 
 
@@ -169,7 +168,7 @@ def _read_boxes(folder: Path, samples: Rows, instances: Array, attributes: list[
 
     def columns(rows: pa.Table) -> dict[str, Array]:
         sample = index(rows["sample_token"], samples.columns["token"])
-        length_width_height = vectors(rows["size"], 3)[:, [1, 0, 2]]  # the table has the width first
+        length_width_height = vectors(rows["size"], 3)[:, [1, 0, 2]]  # the table has width before length
         return {
             "scene": scene_of[sample],
             "sample": sample,
@@ -183,7 +182,7 @@ def _read_boxes(folder: Path, samples: Rows, instances: Array, attributes: list[
 
 
 def _read_poses(folder: Path, samples: Rows) -> Rows:
-    """The ego's poses at the lidar's sweeps; NaN where a sweep's pose is missing."""
+    """Ego poses at the lidar sweeps; NaN if missing."""
     sample, tokens = _read_sweeps(folder, samples)
 
     def columns(rows: pa.Table) -> dict[str, Array]:
@@ -201,12 +200,12 @@ def _read_poses(folder: Path, samples: Rows) -> Rows:
 
 
 def _read_sweeps(folder: Path, samples: Rows) -> tuple[Array, Array]:
-    """Keyframe (-1 where unknown) and pose token of each sweep of the lidar."""
+    """Keyframe (-1 if unknown) and pose token of each lidar sweep."""
     sensors = [token for token, r in _records(folder, "sensor", "channel").items() if r["channel"] == LIDAR]
     mounted = _records(folder, "calibrated_sensor", "sensor_token").items()
     lidars = {token.encode() for token, record in mounted if record["sensor_token"] in sensors}
     if not lidars:
-        raise CorruptSource(f"{folder / 'calibrated_sensor.json'}: wanted a sensor {LIDAR}, found none")
+        raise CorruptSource(f"{folder / 'calibrated_sensor.json'}: expected a sensor {LIDAR}, found none")
 
     def columns(rows: pa.Table) -> dict[str, Array]:
         sample = index(rows["sample_token"], samples.columns["token"])

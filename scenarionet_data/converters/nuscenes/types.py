@@ -1,7 +1,7 @@
-"""What nuScenes calls things and what they are here: categories, painted lines, places, vehicles, splits.
+"""Vocabulary of nuScenes mapped to the lake's: categories, painted lines, locations, vehicles, splits.
 
-Words from the owner's documentation and code (``docs/schema_nuscenes.md``, ``docs/instructions_nuscenes.md``,
-``nuscenes/utils/splits.py``); those of Lyft's perception dataset, which has the same format, beside them.
+Names from nuScenes' documentation and code (``docs/schema_nuscenes.md``, ``docs/instructions_nuscenes.md``,
+``nuscenes/utils/splits.py``); and from Lyft's perception dataset, which has the same format.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ _GROUPS = {
         static_object.bicycle_rack""",
 }
 CATEGORIES = {word: kind for kind, words in _GROUPS.items() for word in words.split()}
-"""The 23 categories of nuScenes (their words have dots, but for ``animal``) and Lyft's 9."""
+"""The 23 categories of nuScenes (with dots, except ``animal``) and Lyft's 9."""
 
 EGO = "ego"
 EGO_CATEGORY = "vehicle.ego"
-"""The owner's word for the recording vehicle, in the categories of nuScenes-lidarseg."""
+"""Category of the recording vehicle in nuScenes-lidarseg."""
 
 
 class Vehicle(NamedTuple):
@@ -37,7 +37,7 @@ class Vehicle(NamedTuple):
 
     Attributes:
         size: Length, width, height [m].
-        ahead: From the rear axle, where ``ego_pose`` stands, to the middle of the box [m].
+        ahead: Distance from the rear axle, the reference point of ``ego_pose``, to the centre of the box [m].
     """
 
     size: tuple[float, float, float]
@@ -45,12 +45,12 @@ class Vehicle(NamedTuple):
 
 
 RENAULT_ZOE = Vehicle((4.084, 1.730, 1.562), 1.385)
-"""nuScenes' car by its maker's data: half its length, less the 0.657 m behind the rear axle."""
+"""nuScenes' vehicle by the manufacturer's data: half its length less the 0.657 m behind the rear axle."""
 FORD_FUSION = Vehicle((4.87, 1.85, 1.8), 1.34)
-"""Lyft's car: size as Lyft's later dataset states it; the same model as Argoverse's, with the same overhangs."""
+"""Lyft's vehicle: size from Lyft's later dataset; the same model as Argoverse's, with the same overhangs."""
 
 PLACES = ("boston-seaport", "singapore-hollandvillage", "singapore-onenorth", "singapore-queenstown")
-"""Where nuScenes was recorded: each has a map expansion. Lyft's only place, Palo Alto, has none."""
+"""Locations of nuScenes, with a map expansion each; Lyft's only location, Palo Alto, has none."""
 
 LINES = {
     "SINGLE_SOLID_WHITE": MapFeatureType.ROAD_LINE_SOLID_SINGLE_WHITE,
@@ -61,11 +61,11 @@ LINES = {
     "SINGLE_ZIGZAG_WHITE": MapFeatureType.ROAD_LINE_SOLID_SINGLE_WHITE,
     "NIL": MapFeatureType.UNKNOWN_LINE,
 }
-"""Types of divider segments. ``NIL``: lanes meet there without a painted line that the map would know."""
+"""Types of divider segments. ``NIL``: no painted line between the lanes, as far as the map knows."""
 INEXACT_LINES = frozenset({"DOUBLE_DASHED_WHITE", "SINGLE_ZIGZAG_WHITE", "NIL"})
-"""Types whose feature type says something else: their line keeps the word in extras ``segment_type``."""
+"""Types with a different feature type: their line keeps the name in extras ``segment_type``."""
 UNTYPED_DIVIDER = MapFeatureType.ROAD_LINE_SOLID_SINGLE_YELLOW
-"""Stands for a road divider (between opposite directions) whose segments no lane gives a type; flagged."""
+"""Assumed type of a road divider (between opposite directions) without types from lanes; flagged."""
 
 _SCENE = re.compile(r"scene-(\d{4})")
 _VAL = (
@@ -73,26 +73,26 @@ _VAL = (
     *range(519, 525), *range(552, 566), *range(625, 639), *range(770, 786), *range(793, 803), *range(904, 932),
     *range(962, 975), *range(1059, 1074), 3, 221,
 )  # fmt: skip
-"""Numbers of the validation scenes, with numbers between them that no scene has."""
+"""Numbers of the validation scenes; some are unused."""
 _MINI_VAL = (103, 916)
 _LAST_OF_TRAIN_VAL = 300
-"""The prediction challenge sets the first 200 training scenes, up to this number, aside as ``train_val``."""
+"""The prediction challenge reserves the first 200 training scenes, up to this number, as ``train_val``."""
 
 RELEASES = {
     "v1.0-trainval": ("train", "val", "train_val"),
     "v1.0-test": ("test",),
     "v1.0-mini": ("mini", "mini_train", "mini_val"),
 }
-"""Splits that each release of nuScenes has."""
+"""Splits of each release of nuScenes."""
 
 
 def is_in_split(scene: str, split: str, is_challenge: bool = False) -> bool:
-    """Whether a scene belongs to one of the owner's splits; other datasets' scenes belong to any.
+    """Whether a scene is in one of nuScenes' splits; scenes of other datasets are in any.
 
     Args:
         scene: Its name.
         split: One of ``RELEASES``.
-        is_challenge: Whether ``train`` is the prediction challenge's, which leaves out ``train_val``.
+        is_challenge: Whether ``train`` is the prediction challenge's, which excludes ``train_val``.
 
     Example:
         >>> is_in_split("scene-0003", "train"), is_in_split("scene-0003", "val")

@@ -1,8 +1,8 @@
-"""Which stretches of nuScenes' scenes become scenarios: whole scenes, or windows of the prediction challenge.
+"""Cut nuScenes' scenes into scenarios: whole scenes, or windows of the prediction challenge.
 
-The challenge asks for the next 6 s of some vehicles at some keyframes, given 2 s of history; which, says the
-owner's ``maps/prediction/prediction_scenes.json`` (https://www.nuscenes.org/prediction). Without that file a window
-is cut around every keyframe that has its whole past and future in the scene, for the vehicles that move.
+The challenge is to predict 6 s of some vehicles at some keyframes, given 2 s of history; they are listed in
+``maps/prediction/prediction_scenes.json`` (https://www.nuscenes.org/prediction). Without that file, windows are cut
+around every keyframe with its complete past and future in the scene, for moving vehicles.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ from scenarionet_data.errors import CorruptSource, InvalidScenario
 from scenarionet_data.scenario.vocabulary import ObjectType
 
 _MOVES = 1.0
-"""Metres that a vehicle has to travel in the future to count as moving."""
+"""Minimum distance travelled in the future by a moving vehicle [m]."""
 
 Challenge = Mapping[str, Sequence[str]]
-"""``<instance token>_<sample token>`` of each prediction that is asked for, by the scene's name."""
+"""``<instance token>_<sample token>`` of each requested prediction, by scene name."""
 
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """Keyframes ``first`` ... ``last`` of a scene: one scenario.
+    """Keyframes ``first`` to ``last`` of a scene: one scenario.
 
     Attributes:
         recording: The scene.
         first, current, last: Keyframes; the history ends with ``current``.
-        targets: Instance tokens whose future is asked for.
-        is_whole: Whether it is the scene as it is, not a window cut from it.
+        targets: Instance tokens of objects to predict.
+        is_whole: Whether it is the whole scene.
     """
 
     recording: Recording
@@ -47,13 +47,13 @@ class Window:
 
 
 def whole(recording: Recording, past: int) -> Window:
-    """The scene as one window, whose history lasts ``past`` keyframes."""
+    """Return the scene as one window with a history of ``past`` keyframes."""
     last = len(recording.times) - 1
     return Window(recording, 0, min(past, last), last, is_whole=True)
 
 
 def read_challenge(path: Path) -> Challenge:
-    """The predictions that the challenge asks for.
+    """Read the predictions requested by the challenge.
 
     Raises:
         CorruptSource: The file is damaged.
@@ -62,17 +62,17 @@ def read_challenge(path: Path) -> Challenge:
         content = json.loads(path.read_bytes())
         return {str(scene): [str(entry) for entry in entries] for scene, entries in content.items()}
     except (OSError, ValueError, TypeError, AttributeError) as error:
-        wanted = "wanted lists of <instance>_<sample> by scene"
+        wanted = "expected lists of <instance>_<sample> by scene"
         raise CorruptSource(f"{path}: {wanted}, found {error!r}; download the map expansion again") from error
 
 
 def challenge_windows(
     recording: Recording, past: int, future: int, entries: Sequence[str], scenario_id: str
 ) -> Iterator[Window]:
-    """A window around each keyframe that ``entries`` name, with all of its targets; shorter at the scene's ends.
+    """Return a window around each keyframe in ``entries``, with all of its targets; shorter at the scene's ends.
 
     Raises:
-        InvalidScenario: An entry names a keyframe that is not in the scene; names ``scenario_id``.
+        InvalidScenario: An entry has a keyframe that is not in the scene.
     """
     targets: dict[str, list[str]] = defaultdict(list)
     for entry in entries:
@@ -81,7 +81,9 @@ def challenge_windows(
     keyframes = {sample: number for number, sample in enumerate(recording.samples)}
     unknown = [sample for sample in targets if sample not in keyframes]
     if unknown:
-        raise InvalidScenario(scenario_id, "prediction_scenes", f"wanted keyframes of the scene, found {unknown[0]!r}")
+        raise InvalidScenario(
+            scenario_id, "prediction_scenes", f"expected keyframes of the scene, found {unknown[0]!r}"
+        )
     for current in sorted(keyframes[sample] for sample in targets):
         last = min(current + future, len(recording.times) - 1)
         asked = tuple(dict.fromkeys(targets[recording.samples[current]]))
@@ -89,7 +91,7 @@ def challenge_windows(
 
 
 def moving_windows(recording: Recording, past: int, future: int) -> Iterator[Window]:
-    """A window around each keyframe with its whole past and future, for vehicles seen all along that move."""
+    """Return a window around each keyframe with complete past and future, for moving vehicles annotated throughout."""
     objects = recording.objects
     is_vehicle = np.array([CATEGORIES.get(word) is ObjectType.VEHICLE for word in objects.categories], np.bool_)
     for current in range(past, len(recording.times) - future):

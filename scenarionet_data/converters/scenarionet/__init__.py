@@ -1,15 +1,15 @@
-"""ScenarioNet's and MetaDrive's pickles of every vintage, one scenario a file.
+"""ScenarioNet's and MetaDrive's pickles of every version, one scenario per file.
 
-RAW is a database (a folder with ``dataset_mapping.pkl``, whose scenarios may lie elsewhere), a folder of pickles
-with or without summary, or a folder of such folders. Format: ``metadrive/scenario/scenario_description.py`` of
-MetaDrive 0.4.3 and the converters of ScenarioNet (2025-03), read for what they really write:
+RAW is a database (a folder with ``dataset_mapping.pkl``, which may refer to other folders), a folder of pickles with or
+without summary, or a folder of such folders. Format: ``metadrive/scenario/scenario_description.py`` of
+MetaDrive 0.4.3 and the converters of ScenarioNet (2025-03), whose output deviates from it:
 
-* nuScenes: sizes (T, 1), ``valid`` float, the ego's length and width exchanged, lanes whose third coordinate is a
-  heading, 100 km/h on connectors that the source does not state, velocities by difference;
-* Waymo: links as int while ids are str, states kept where not valid, headings of several turns;
+* nuScenes: sizes (T, 1), ``valid`` float, the ego's length and width exchanged, headings as the third coordinate
+  of lanes, 100 km/h on connectors without a limit in the source, velocities by finite differences;
+* Waymo: links as int while ids are str, values at invalid states, headings that are not wrapped;
 * Argoverse 2: one assumed size per type, 85 mph everywhere, widths of 0;
 * MetaDrive's own: cones without size, extra states (steering, ...), 1000 km/h for no limit;
-* nuPlan: coordinates from the ego's first position, which is not kept; stop points in the plane.
+* nuPlan: coordinates relative to the ego's first position, which is lost; 2D stop points.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ _LICENCES = {
     "lyft": "CC BY-NC-SA 4.0",
     "metadrive": "Apache-2.0",
 }
-# What the arrays of a scenario hold already, or what its source says.
+# Stored in the scenario's arrays or its source already.
 _STORED = {
     "id", "dataset", "scenario_id", "sdc_id", "sdc_track_index", "ts", "sample_rate", "track_length",
     "current_time_index", "objects_of_interest", "tracks_to_predict", "origin", "has_z", "split", "scenario_uid",
@@ -59,25 +59,25 @@ _STORED = {
 
 
 class ScenarioNetPickles(Converter[RawItem]):
-    """Databases of ScenarioNet, MetaDrive, or of our own export."""
+    """Databases of ScenarioNet, of MetaDrive, or of this project's export."""
 
     name = "scenarionet"
     version = "1"
     release = "v1"
-    licence = "the licence of the dataset that was pickled"
+    licence = "licence of the original dataset"
     raw = "folder of ScenarioNet pickles (sd_*.pkl), or of such folders"
     listed = (_MAPPING,)
     properties = tuple(SUMMARISED)
 
     def shards(self, raw: str, split: str, version: str, options: Options) -> Iterator[Shard]:
-        """Buckets of pickles, by a hash of their names."""
+        """List buckets of pickles, by a hash of their names."""
         root = Path(raw) if Path(raw).is_dir() else Path(raw).parent
         items = [RawItem(name, fingerprint([root / name]), properties_of(root / name)) for name in _list_pickles(raw)]
         for name, members in bucket(items).items():
             yield Shard(self.name, version, split, name, str(root), members, options)
 
     def records(self, shard: Shard) -> Iterator[RawItem]:
-        """The shard's files; each is read when it becomes a scenario, so that one bad file costs one scenario."""
+        """Yield the shard's files, which ``scenario`` reads, so that a damaged file affects one scenario only."""
         yield from shard.items
 
     def scenario(self, shard: Shard, record: RawItem) -> ScenarioDescription:
@@ -89,8 +89,8 @@ class ScenarioNetPickles(Converter[RawItem]):
         try:
             return _make_scenario(shard, record.name, description)
         except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
-            # A field is missing or of the wrong kind, somewhere deep in a stranger's data.
-            raise InvalidScenario(record.name, "pickle", f"wanted ScenarioNet's form, found {error!r}") from error
+            # A field is missing or of the wrong type, anywhere in third-party data.
+            raise InvalidScenario(record.name, "pickle", f"expected ScenarioNet's form, found {error!r}") from error
 
 
 def _make_scenario(shard: Shard, where: str, description: dict[str, Any]) -> ScenarioDescription:
@@ -133,14 +133,14 @@ def _has_heights(states: States, description: Mapping[str, Any]) -> bool:
 
 
 def _time_step(metadata: Mapping[str, Any], times: Float64) -> float:
-    """The nominal timestep [s]: what the pickle says, else the median to a millisecond."""
+    """Return the nominal timestep [s]: of the pickle, else the median rounded to a millisecond."""
     if metadata.get("sample_rate"):
         return float(metadata["sample_rate"])
     return round(float(np.median(np.diff(times))), 3) if len(times) > 1 else _DT
 
 
 def _tracks_to_predict(predicted: Any) -> tuple[tuple[str, int], ...]:
-    """Pairs of track and difficulty, from Waymo's records by track id, or from a list of ids."""
+    """Return pairs of track and difficulty, from Waymo's records by track id or from a list of ids."""
     if isinstance(predicted, Mapping):
         return tuple((str(i), int(record.get("difficulty") or 0)) for i, record in predicted.items())
     return tuple((str(track_id), 0) for track_id in predicted)
@@ -164,7 +164,7 @@ def _make_source(metadata: Mapping[str, Any], where: str, dataset: str, name: st
 def _make_extras(
     description: Mapping[str, Any], frame: Frame, name: str, unknown_features: dict[str, int]
 ) -> dict[str, Any]:
-    """The pickle's own name, what its metadata says beyond the contract, and what was not stored."""
+    """Return extras: the pickle's name, metadata without a field in the schema, and what was dropped."""
     metadata = description["metadata"]
     rest = {str(key): value for key, value in metadata.items() if key not in _STORED and _is_simple(value)}
     unstored = {
@@ -187,7 +187,7 @@ def _is_simple(value: Any) -> bool:
 
 
 def _list_pickles(raw: str) -> list[str]:
-    """Names of the scenarios' files, relative to the raw folder: those of its mapping, else all below it."""
+    """List the scenarios' files, relative to the raw folder: those of its mapping, else all below it."""
     mapping = Path(raw) / _MAPPING
     if not mapping.is_file():
         root = Path(raw)
@@ -205,7 +205,7 @@ def _list_pickles(raw: str) -> list[str]:
         raise CorruptSource(f"{mapping}: {error.reason}; copy it again, or remove it to take every pickle") from error
     missing = [name for name in names if not (Path(raw) / name).is_file()]
     if missing:
-        raise SourceNotFound(f"{raw}: its mapping names {missing[0]}, which is not there ({len(missing)} such files)")
+        raise SourceNotFound(f"{raw}: its mapping lists {missing[0]}, which is missing ({len(missing)} such files)")
     return names
 
 

@@ -1,4 +1,4 @@
-"""Where a pickle's coordinates lie, and who wrote it."""
+"""Coordinate frame and origin of a pickle."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from scenarionet_data.building import make_origin
 
 @dataclass(frozen=True)
 class Frame:
-    """Three frames: the source's, the pickle's and the scenario's, all with the same axes.
+    """Translations between the frames of the source, the pickle and the scenario, with the same axes.
 
     Attributes:
-        dataset: What was pickled, for example ``"nuscenes"``.
-        is_ours: Written by this project's export, which says more than ScenarioNet's pickles do.
-        has_z: Whether the pickle records heights.
+        dataset: The original dataset, for example ``"nuscenes"``.
+        is_ours: Written by this project's export, with additional fields.
+        has_z: Whether the pickle has heights.
         shift: (3,) from the pickle's frame to the source's [m].
         origin: (3,) from the scenario's frame to the source's [m].
-        moved: (3,) how far MetaDrive moved tracks, lines, areas and lights, but not stop signs [m].
+        moved: (3,) translation that MetaDrive applied to tracks, lines, areas and lights, but not to stop signs [m].
     """
 
     dataset: str
@@ -34,7 +34,7 @@ class Frame:
 
     @property
     def quirks(self) -> str:
-        """The dataset whose ScenarioNet converter left its marks on the map; none on our own export."""
+        """Dataset whose ScenarioNet converter shaped the map; none for this project's export."""
         return "" if self.is_ours else self.dataset
 
     @property
@@ -44,21 +44,21 @@ class Frame:
 
     @property
     def ground(self) -> float:
-        """Height of the source's zero in the pickle's frame [m], for points that have no z."""
+        """Height of the source's z = 0 in the pickle's frame [m], for points without z."""
         return float(-self.shift[2])
 
 
 def find_frame(description: Mapping[str, Any], ego_position: Array, ego_valid: Bool, has_z: bool) -> Frame:
-    """The frame of a pickle.
+    """Determine the frame of a pickle.
 
-    Our own export names the scenario's ``origin``. MetaDrive moves a scenario to the ego's first position when it
-    loads it; pickled again after that, it names the ``old_origin_in_current_coordinate``.
+    This project's export stores the scenario's ``origin``. MetaDrive moves a scenario to the ego's first position on
+    loading; pickled after that, it has ``old_origin_in_current_coordinate``.
 
     Args:
         description: The pickle.
         ego_position: (T, 3) in the pickle's frame [m].
         ego_valid: (T,).
-        has_z: Whether the pickle records heights, unless it says so itself.
+        has_z: Whether the pickle has heights, if it does not say so itself.
     """
     metadata = description["metadata"]
     has_z = bool(metadata.get("has_z", has_z))

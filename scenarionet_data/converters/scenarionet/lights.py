@@ -1,4 +1,4 @@
-"""Traffic lights out of ScenarioNet pickles of every vintage."""
+"""Read traffic lights from ScenarioNet pickles of every version."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ _LIGHT_STATES: dict[str | None, int] = {None: LightState.ABSENT, **{s.name: s fo
 
 
 def make_lights(description: Mapping[str, Any], frame: Frame, where: str) -> Lights:
-    """Traffic lights in canonical form.
+    """Build canonical traffic lights.
 
     Args:
-        description: The pickle; its lights have the ids of their lanes.
+        description: The pickle; lights have the ids of their lanes.
         frame: Its frame.
-        where: Names the pickle in errors.
+        where: Name of the pickle in errors.
 
     Raises:
-        InvalidScenario: A light has not T states, or states that ScenarioNet does not know.
+        InvalidScenario: A light does not have T states, or has states unknown to ScenarioNet.
     """
     length, states = description["length"], description["dynamic_map_states"]
     if not states:
@@ -52,25 +52,25 @@ def _codes(light: Mapping[str, Any], lane: str, length: int, where: str) -> list
     words = list(light["state"]["object_state"])
     path = f"dynamic_map_states[{lane!r}].state.object_state"
     if len(words) != length:
-        raise InvalidScenario(where, path, f"wanted {length} states, found {len(words)}")
+        raise InvalidScenario(where, path, f"expected {length} states, found {len(words)}")
     unknown = set(words) - set(_LIGHT_STATES)
     if unknown:
-        raise InvalidScenario(where, path, f"wanted names of LightState or None, found {sorted(unknown)[0]!r}")
+        raise InvalidScenario(where, path, f"expected names of LightState or None, found {sorted(unknown)[0]!r}")
     return [_LIGHT_STATES[word] for word in words]
 
 
 def _stop_point(light: Mapping[str, Any], ground: float) -> Float64:
-    """(3,) where traffic stops; NaN where the pickle does not say."""
+    """(3,) stop point; NaN if missing."""
     if light.get("metadata", {}).get("is_stop_point_assumed"):
         return np.full(3, np.nan)
-    if "stop_point" in light["state"]:  # oldest form: one row per timestep, set where the lane is
+    if "stop_point" in light["state"]:  # oldest form: one row per timestep, zero where unknown
         used = np.flatnonzero(np.asarray(light["state"]["lane"]).astype(bool))
         return _point(light["state"]["stop_point"][used[0]] if len(used) else None, ground)
     return _point(light.get("stop_point"), ground)
 
 
 def _point(point: npt.ArrayLike | None, ground: float) -> Float64:
-    """(3,) of a point in the plane or in space; NaN without one."""
+    """(3,) of a 2D or 3D point; NaN if missing."""
     if point is None or not np.size(point):
         return np.full(3, np.nan)
     return np.append(np.asarray(point, dtype=np.float64).reshape(-1)[:3], ground)[:3]

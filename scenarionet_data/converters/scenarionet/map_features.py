@@ -1,4 +1,4 @@
-"""Map features out of ScenarioNet pickles of every vintage, one column of all features after the other."""
+"""Read map features from ScenarioNet pickles of every version, column by column."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from scenarionet_data.scenario.canonical_json import to_json
 from scenarionet_data.scenario.description import MapFeatures, strings
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 
-# Limits that ScenarioNet and MetaDrive write where the source has none [km/h].
+# Speed limits that ScenarioNet and MetaDrive write for unknown ones [km/h].
 _INVENTED_LIMITS = {"nuscenes": (100.0,), "av2": (85.0 * 1.609344,), "metadrive": (1000.0, 100.0)}
 _FEATURE_TYPES = dict(MapFeatureType.__members__)
-# Their lists of ids, and ours; neighbours and boundaries are records in Waymo's pickles.
+# ScenarioNet's lists of ids and the lake's; neighbours and boundaries are records in Waymo's pickles.
 _ID_LISTS = {
     "entry_lanes": "entry_lanes",
     "exit_lanes": "exit_lanes",
@@ -38,15 +38,14 @@ Feature = Mapping[str, Any]
 
 
 def make_map(features: Mapping[Any, Feature], frame: Frame) -> tuple[MapFeatures | None, dict[str, int]]:
-    """Map features in canonical form.
+    """Build canonical map features.
 
     Args:
         features: ``description["map_features"]``.
-        frame: Theirs.
+        frame: Their frame.
 
     Returns:
-        The map, None when there is none; and the types that this project does not know, with how often they
-        were dropped.
+        The map, or None; and the number of dropped features by unknown type.
     """
     words = [str(feature["type"]) for feature in features.values()]
     unknown = Counter(word for word in words if word not in _FEATURE_TYPES)
@@ -54,7 +53,7 @@ def make_map(features: Mapping[Any, Feature], frame: Frame) -> tuple[MapFeatures
     if not ids:
         return None, dict(sorted(unknown.items()))
     known = [features[feature_id] for feature_id in ids]
-    keys: set[str] = set().union(*known)  # most datasets have few of the keys, and each costs a walk over the map
+    keys: set[str] = set().union(*known)  # most datasets have few of the keys, and each takes a pass over the map
     links = {key: [_listed(feature.get(key)) for feature in known] for key in _ID_LISTS if key in keys}
     made = make_features(
         ids,
@@ -73,7 +72,7 @@ def make_map(features: Mapping[Any, Feature], frame: Frame) -> tuple[MapFeatures
 
 
 def _lines(features: Sequence[Feature], frame: Frame) -> Ragged:
-    """Polylines, or the one point of a stop sign, in the frame of the pickle's tracks."""
+    """Polylines, or the point of a stop sign, in the frame of the pickle's tracks."""
     lines = _points([feature.get("position", feature.get("polyline")) for feature in features], frame)
     if frame.moved.any():
         is_sign = np.array(["position" in feature for feature in features])
@@ -82,7 +81,7 @@ def _lines(features: Sequence[Feature], frame: Frame) -> Ragged:
 
 
 def _polygons(features: Sequence[Feature], frame: Frame) -> Ragged:
-    """Outlines; our own export keeps a lane's heights beside it."""
+    """Polygons; this project's export stores the heights of a lane's polygon separately."""
     outlines = _points([feature.get("polygon") for feature in features], frame)
     for row, feature in enumerate(features):
         if "polygon_z" in feature:
@@ -91,7 +90,7 @@ def _polygons(features: Sequence[Feature], frame: Frame) -> Ragged:
 
 
 def _points(lines: Sequence[Any], frame: Frame) -> Ragged:
-    """M lists of points (P, 3) float64 [m] from lists or arrays of them, or from single points."""
+    """M lists of points (P, 3) float64 [m] from lists, arrays or single points."""
     points = flat_points([np.reshape(line, (1, -1)) if _is_point(line) else line for line in lines], frame.ground)
     if frame.quirks == "nuscenes":  # its lanes are (x, y, heading); its map has no heights
         points.values[:, 2] = frame.ground
@@ -105,7 +104,7 @@ def _is_point(line: Any) -> bool:
 
 
 def _widths(features: Sequence[Feature]) -> Ragged:
-    """Widths as they are; none where all are 0 as in Argoverse 2 pickles, for no lane is that wide."""
+    """Widths; dropped if all are 0, as in Argoverse 2 pickles."""
     widths = [_pairs(feature.get("width")) for feature in features]
     pairs = Ragged.from_flat(list(map(len, widths)), np.concatenate(widths, dtype=np.float64))
     wide = np.zeros(len(features), np.bool_)
@@ -115,21 +114,21 @@ def _widths(features: Sequence[Feature]) -> Ragged:
 
 
 def _pairs(width: Any) -> Array:
-    """(k, 2) of a list or array of them, or of one; (0, 2) of None and of a bare 0."""
+    """(k, 2) from a list, an array or a single pair; (0, 2) from None or 0."""
     if np.ndim(width) == 2:
         return np.asarray(width)
     return np.zeros((0, 2)) if width is None or (np.ndim(width) == 0 and not width) else np.reshape(width, (-1, 2))
 
 
 def _listed(items: Any) -> Sequence[Any]:
-    """A list of ids (int or str) or of Waymo's records, or a single id, as a list."""
+    """A list from a list of ids (int or str), a list of Waymo's records, or a single id."""
     if type(items) is list:
         return items
     return () if items is None else list(items) if isinstance(items, _LISTS) else [items]
 
 
 def _ids(lists: Sequence[Sequence[Any]]) -> Ragged:
-    """The ids in all features' lists."""
+    """Ids in the lists of all features."""
     flat = [_id(item) if isinstance(item, dict) else item for item in chain.from_iterable(lists)]
     return Ragged.from_flat(list(map(len, lists)), strings(flat))
 
@@ -144,9 +143,9 @@ def _id(record: Mapping[str, Any]) -> Any:
 def _extras(
     features: Sequence[Feature], links: Mapping[str, Sequence[Sequence[Any]]], is_ours: bool
 ) -> list[dict[str, Any]]:
-    """What our own export says besides; of other pickles, what Waymo's records say beyond ids.
+    """Return the extras of this project's export, or the segments in Waymo's records.
 
-    Those tell from which point to which a neighbour or boundary lies.
+    Segments are the first and last point of a neighbour or boundary along the lane.
     """
     if is_ours:
         return [feature.get("extras") or {} for feature in features]
@@ -155,13 +154,13 @@ def _extras(
     ]
     for key, lists in links.items():
         for found, items in zip(extras, lists, strict=True):
-            if items and isinstance(items[0], dict):  # the items of a list are of one kind
+            if items and isinstance(items[0], dict):  # all items of a list have the same form
                 found[key] = items
     return extras
 
 
 def _speed_limits(features: Sequence[Feature], dataset: str) -> Float64:
-    """(M,) limits of lanes [m/s]; NaN when the source has none."""
+    """(M,) speed limits of lanes [m/s]; NaN if unknown."""
     is_lane = np.array([str(feature["type"]).startswith("LANE_") for feature in features])
     exact = np.array([feature.get("speed_limit_mps") or np.nan for feature in features], np.float64)
     kmh = np.array([_kmh(feature) or np.nan for feature in features], np.float64)

@@ -1,4 +1,4 @@
-"""What a database's ``dataset_summary.pkl`` says of its scenarios, to choose them by before they are read."""
+"""Input properties from a database's ``dataset_summary.pkl``."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.ingest.input_properties import InputProperties, LazyProperties
 
 SUMMARISED = {"dataset": "dataset", "location": "map", "log": "log_name", "date": "date"}
-"""InputProperties, and what the summary's metadata call them."""
+"""Input properties by name, and their keys in the summary."""
 
 
 def properties_of(pickle: Path) -> InputProperties:
-    """What the summary beside a scenario's pickle says of it; looked up when it is asked for."""
+    """Return the properties of a scenario from the summary in its folder; read lazily."""
     return LazyProperties({}, tuple(SUMMARISED), _fact, pickle)
 
 
@@ -27,9 +27,9 @@ def _fact(pickle: Path, key: str) -> str | tuple[str, ...]:
 
 @lru_cache(maxsize=2)
 def _summary(folder: Path) -> dict[str, Any]:
-    """Metadata by file name; none where there is no summary, or one that cannot be read."""
+    """Metadata by file name; empty if the summary is missing or unreadable."""
     path = folder / "dataset_summary.pkl"
     try:
         return load(path, path.name)
-    except InvalidScenario:  # the scenarios themselves need no summary
+    except InvalidScenario:  # the scenarios can be converted without a summary
         return {}

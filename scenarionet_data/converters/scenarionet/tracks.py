@@ -1,4 +1,4 @@
-"""Tracks out of ScenarioNet pickles of every vintage: many small arrays of many shapes become a few large ones."""
+"""Read tracks from ScenarioNet pickles of every version: stack many small arrays into a few large ones."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from scenarionet_data.scenario.description import Tracks
 from scenarionet_data.scenario.vocabulary import ObjectType
 
 _STORED = {"position", "heading", "velocity", "valid", "length", "width", "height"}
-# Length, width, height [m] of objects that MetaDrive pickles without size: a common cone, and its own barrier.
+# Length, width, height [m] of objects that MetaDrive pickles without size: a typical cone, and MetaDrive's barrier.
 _ASSUMED_SIZES: dict[int, tuple[float, float, float]] = {
     ObjectType.VEHICLE: (4.5, 1.9, 1.6),
     ObjectType.PEDESTRIAN: (0.6, 0.6, 1.75),
@@ -31,7 +31,7 @@ TrackDicts = Mapping[Any, Mapping[str, Any]]
 
 @dataclass(frozen=True)
 class States:
-    """The tracks' states, stacked, in the pickle's own frame and precision.
+    """Stacked states of the tracks, in the pickle's frame and precision.
 
     Attributes:
         object_type: (N,) codes of ``ObjectType``.
@@ -40,7 +40,7 @@ class States:
         velocity: (N, T, 2) [m/s].
         size: (N, T, 3) [m].
         valid: (N, T).
-        is_size_assumed: (N,) the pickle has no size for the track.
+        is_size_assumed: (N,) whether the pickle has no size for the track.
     """
 
     object_type: UInt8
@@ -58,18 +58,18 @@ def read_states(tracks: TrackDicts, length: int, where: str) -> States:
     Args:
         tracks: ``description["tracks"]``.
         length: T.
-        where: Names the pickle in errors.
+        where: Name of the pickle in errors.
 
     Raises:
-        InvalidScenario: There is no track, or a state is missing or has another length.
+        InvalidScenario: No tracks, or a state is missing or has another length.
     """
     if not tracks:
-        raise InvalidScenario(where, "tracks", "wanted at least the ego, found none")
+        raise InvalidScenario(where, "tracks", "expected at least the ego, found none")
     stack = _Stack(tracks, length, where)
     valid: Bool = stack.scalars("valid") > 0.5
     types = np.array([_object_type(track) for track in tracks.values()], dtype=np.uint8)
     size = np.stack([stack.scalars(name, is_optional=True) for name in ("length", "width", "height")], axis=-1)
-    # 0 at a valid step: the simulator that was recorded knew no size for the object.
+    # 0 at a valid step: the recorded simulator had no size for the object.
     unknown = np.asarray((valid & ~(size > 0).all(axis=-1)).any(axis=1), dtype=np.bool_)
     for row in np.flatnonzero(unknown):
         size[row] = _ASSUMED_SIZES.get(int(types[row]), _ASSUMED_SIZE)
@@ -85,7 +85,7 @@ def read_states(tracks: TrackDicts, length: int, where: str) -> States:
 
 
 def _object_type(track: Mapping[str, Any]) -> int:
-    # Our own export keeps the lake's type under "object_type" where MetaDrive knows only OTHER.
+    # This project's export stores the lake's type under "object_type" where MetaDrive only has OTHER.
     word = track["metadata"].get("object_type", track["type"])
     return ObjectType.__members__.get(word, ObjectType.OTHER)
 
@@ -99,13 +99,13 @@ class _Stack:
     where: str
 
     def scalars(self, name: str, is_optional: bool = False) -> Array:
-        """(N, T) from (T,) or (T, 1); 0 where an optional one is missing."""
+        """(N, T) from (T,) or (T, 1); 0 if an optional one is missing."""
         rows = self._rows(name, (1,), is_optional)
         stacked = np.asarray(np.concatenate(rows, axis=None))
         return stacked.reshape(len(rows), self.length)
 
     def points(self, name: str, width: int) -> Array:
-        """(N, T, width) from (T, 2) or (T, 3): a missing third coordinate is 0, one too many is dropped."""
+        """(N, T, width) from (T, 2) or (T, 3): a missing third coordinate is 0, an additional one is dropped."""
         rows = self._rows(name, (2, 3))
         if {row.shape for row in rows} == {(self.length, width)}:
             return np.asarray(np.concatenate(rows)).reshape(len(rows), self.length, width)
@@ -116,7 +116,7 @@ class _Stack:
         return points
 
     def _rows(self, name: str, widths: tuple[int, ...], is_optional: bool = False) -> list[Array]:
-        """One state of each track; each has T timesteps, of one of these widths."""
+        """One state of each track, with T timesteps and one of the given widths."""
         rows, sizes = [], {self.length * width for width in widths}
         for track_id, track in self.tracks.items():
             state = track["state"]
@@ -127,7 +127,7 @@ class _Stack:
                 raise self._wrong(track_id, name, "is missing")
             values = state[name] if isinstance(state[name], np.ndarray) else np.asarray(state[name])
             if len(values) != self.length or values.size not in sizes:
-                raise self._wrong(track_id, name, f"wanted {self.length} timesteps, found an array {values.shape}")
+                raise self._wrong(track_id, name, f"expected {self.length} timesteps, found an array {values.shape}")
             rows.append(values)
         return rows
 
@@ -136,20 +136,20 @@ class _Stack:
 
 
 def restore_ego_size(states: States, ego: int) -> None:
-    """Exchange the ego's length and width, in place, where ScenarioNet's nuScenes converter mixed them up."""
+    """Swap the ego's length and width in place, which ScenarioNet's nuScenes converter exchanges."""
     length, width = states.size[ego, :, 0], states.size[ego, :, 1]
     wider = width > length
     length[wider], width[wider] = width[wider], length[wider]
 
 
 def make_pickled_tracks(tracks: TrackDicts, states: States, origin: Float64, dataset: str) -> Tracks:
-    """Tracks in canonical form.
+    """Build canonical tracks.
 
     Args:
         tracks: ``description["tracks"]``.
-        states: Theirs.
+        states: Their stacked states.
         origin: (3,) the scenario's origin in the pickle's frame [m].
-        dataset: What was pickled; decides what is known to be assumed or estimated.
+        dataset: The original dataset, which determines what is assumed or estimated.
     """
     metadata = [track["metadata"] for track in tracks.values()]
     return make_tracks(
@@ -182,7 +182,7 @@ def _flags(metadata: list[Mapping[str, Any]], name: str, default: bool) -> Bool:
 
 
 def count_unstored_states(tracks: TrackDicts) -> dict[str, int]:
-    """Names of the states a scenario of ours does not hold (steering, action, ...), with the number of tracks."""
+    """Names of the states that are not stored (steering, action, ...), with the number of tracks."""
     found: Counter[str] = Counter()
     for track in tracks.values():
         found.update(name for name in track["state"] if name not in _STORED)

@@ -1,8 +1,8 @@
-"""Reads a pickle that may come from anyone: arrays and builtins are rebuilt, every other name is refused.
+"""Read untrusted pickles: rebuild arrays and builtins, refuse every other name.
 
-A pickle is a program; what it may call is the table below and nothing else, and nothing is ever imported. Of
-numpy's own constructors only the one for empty arrays is among it: the others trust what they are given, down to
-arrays of Python objects over bytes of the pickle's choice. Covers protocols 0 to 5 and the names of numpy 1 and 2.
+A pickle is a program; it may call the functions in the table below only, and nothing is imported. Of NumPy's
+constructors the table has only the one for empty arrays: the others trust their input, up to arrays of Python objects
+over arbitrary bytes. Covers protocols 0 to 5 and the names of NumPy 1 and 2.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ _CODES = re.compile(r"[?biufcSUO]\d*")
 
 
 class _DType:
-    """``numpy.dtype`` for numbers, text and objects; fields and flags of a pickle's own are refused."""
+    """``numpy.dtype`` for numbers, text and objects; custom fields and flags are refused."""
 
     def __init__(self, code: str, *_: Any) -> None:
         if not _CODES.fullmatch(code):
-            raise pickle.UnpicklingError(f"wanted an array of numbers, text or objects, found {code!r}")
+            raise pickle.UnpicklingError(f"expected an array of numbers, text or objects, found {code!r}")
         self.numpy = np.dtype(code)
 
     def __setstate__(self, state: tuple[Any, ...]) -> None:
-        """Numpy's own state: version, byte order, sub-array, names, fields, ..."""
+        """Take NumPy's state: version, byte order, sub-array, names, fields, ..."""
         if any(part is not None for part in state[2:5]):
-            raise pickle.UnpicklingError("wanted an array of numbers, text or objects, found fields")
+            raise pickle.UnpicklingError("expected an array of numbers, text or objects, found fields")
         self.numpy = self.numpy.newbyteorder(state[1])
 
 
@@ -39,13 +39,13 @@ _fill = np.ndarray.__setstate__
 
 
 class _Array(np.ndarray[Any, Any]):
-    """``numpy.ndarray`` that only its state fills."""
+    """``numpy.ndarray`` filled from its state only."""
 
     def __new__(cls, *_: Any) -> _Array:
         return super().__new__(cls, (0,), np.int8)
 
     def __setstate__(self, state: tuple[Any, ...]) -> None:
-        """Numpy's own state: version, shape, dtype, order, data; numpy checks that data fit the shape."""
+        """Take NumPy's state: version, shape, dtype, order, data; NumPy checks that data match the shape."""
         version, shape, dtype, is_fortran, data = state
         _fill(self, (version, shape, dtype.numpy, is_fortran, data))
 
@@ -59,13 +59,13 @@ def _frombuffer(data: bytes, dtype: _DType, shape: tuple[int, ...], order: str) 
 
 
 def _encode(text: str, encoding: str) -> bytes:
-    """``_codecs.encode`` as protocols 0 to 2 need it, to write bytes as text."""
+    """``_codecs.encode`` as used by protocols 0 to 2 for bytes."""
     if encoding != "latin1":
-        raise pickle.UnpicklingError(f"wanted the encoding latin1, found {encoding}")
+        raise pickle.UnpicklingError(f"expected the encoding latin1, found {encoding}")
     return text.encode("latin1")
 
 
-# Numpy's own: makes an empty array of the one kind a pickle can name here.
+# NumPy's constructor of an empty array.
 _reconstruct: Any = np.zeros(0).__reduce__()[0]
 _KINDS = (int, float, bool, str, bytes, bytearray, list, tuple, dict, set, frozenset)
 _ALLOWED: dict[tuple[str, str], Any] = {
@@ -75,40 +75,40 @@ _ALLOWED: dict[tuple[str, str], Any] = {
     **{(f"numpy.{core}.multiarray", "scalar"): _scalar for core in ("core", "_core")},
     **{(f"numpy.{core}.numeric", "_frombuffer"): _frombuffer for core in ("core", "_core")},
     **{("builtins", kind.__name__): kind for kind in _KINDS},
-    ("builtins", "long"): int,  # protocols 0 to 2 call builtins as Python 2 did
+    ("builtins", "long"): int,  # protocols 0 to 2 use the names of Python 2
     ("collections", "defaultdict"): collections.defaultdict,
     ("collections", "OrderedDict"): collections.OrderedDict,
     ("_codecs", "encode"): _encode,
-    # MetaDrive's dict with methods, in databases that were pickled without converting it first.
+    # MetaDrive's dict subclass, in databases pickled without converting it first.
     ("metadrive.scenario.scenario_description", "ScenarioDescription"): dict,
 }
 
 
 class _Unpickler(pickle.Unpickler):
     def find_class(self, module: str, name: str) -> Any:
-        """Look a name up in the table."""
+        """Look up a name in the table."""
         module = "builtins" if module == "__builtin__" else module
         if (module, name) not in _ALLOWED:
-            raise pickle.UnpicklingError(f"wanted arrays and builtins, found {module}.{name}")
+            raise pickle.UnpicklingError(f"expected arrays and builtins, found {module}.{name}")
         return _ALLOWED[module, name]
 
 
 def load(path: Path, name: str) -> dict[str, Any]:
-    """The dictionary in a pickle.
+    """Read the dictionary in a pickle.
 
     Args:
         path: The file.
-        name: What to call it in an error.
+        name: Its name in errors.
 
     Raises:
-        InvalidScenario: It is damaged, holds something else, or wants to run code.
+        InvalidScenario: Damaged, not a dictionary, or attempts to run code.
     """
     try:
         with path.open("rb") as file:
             content = _Unpickler(file).load()
-    # Damaged bytes are instructions too: they can raise anything.
+    # Damaged bytes are executed as instructions and can raise anything.
     except Exception as error:
-        raise InvalidScenario(name, "pickle", f"wanted a readable pickle, found {error or type(error)}") from error
+        raise InvalidScenario(name, "pickle", f"expected a readable pickle, found {error or type(error)}") from error
     if not isinstance(content, dict):
-        raise InvalidScenario(name, "pickle", f"wanted a dictionary, found {type(content).__name__}")
+        raise InvalidScenario(name, "pickle", f"expected a dictionary, found {type(content).__name__}")
     return content

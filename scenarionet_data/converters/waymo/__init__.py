@@ -1,7 +1,7 @@
 """Waymo Open Motion Dataset: TFRecord files of ``waymo.open_dataset.Scenario`` messages, 91 steps or 20 s each.
 
-Neither TensorFlow nor a protobuf runtime is needed. The frame is Waymo's own, with an arbitrary origin in every
-scenario. Where each part of a message stands is known to ``wire``, what it means stands here.
+Neither TensorFlow nor a protobuf runtime is needed. The frame is Waymo's, with an arbitrary origin in every scenario.
+``wire`` decodes messages to arrays; this module maps them to the lake's vocabulary.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _EXAMPLE = "training.tfrecord-00000-of-01000"
 _OBJECT_TYPES = np.array(
     [ObjectType.UNSET, ObjectType.VEHICLE, ObjectType.PEDESTRIAN, ObjectType.CYCLIST, ObjectType.OTHER], np.uint8
 )
-"""Code of Track.ObjectType 0 ... 4."""
+"""``ObjectType`` by Track.ObjectType 0 to 4."""
 
 _LIGHT_STATES = np.array(
     [
@@ -55,11 +55,11 @@ _LIGHT_STATES = np.array(
     ],
     np.uint8,
 )
-"""Code of TrafficSignalLaneState.State 0 ... 8."""
+"""``LightState`` by TrafficSignalLaneState.State 0 to 8."""
 
 
 class Waymo(Converter[Record]):
-    """One shard per file; a record is one scenario, in the order of the file."""
+    """One shard per file; a record is one scenario, in file order."""
 
     name = "waymo"
     version = "1"
@@ -68,7 +68,7 @@ class Waymo(Converter[Record]):
     raw = f"a folder with files like {_EXAMPLE} (the dataset's `scenario` format), or one of them"
 
     def shards(self, raw: str, split: str, version: str, options: Options) -> Iterator[Shard]:
-        """One shard per TFRecord file; see the base class."""
+        """List one shard per TFRecord file."""
         root = Path(raw)
         folder = root.parent if root.is_file() else root
         for path in find_files(raw, "*.tfrecord*", f"files like {_EXAMPLE} (the dataset's `scenario` format)", split):
@@ -84,18 +84,18 @@ class Waymo(Converter[Record]):
             )
 
     def records(self, shard: Shard) -> Iterator[Record]:
-        """The file's records; see the base class."""
+        """Yield the file's records."""
         for path in shard.paths:
             yield from read_records(path)
 
     def scenario(self, shard: Shard, record: Record) -> ScenarioDescription:
-        """Make one message a scenario; see the base class."""
+        """Convert one message to a scenario."""
         file = shard.items[0].name
         where = f"{file}@{record.offset}"
         if not record.is_intact:
             raise InvalidScenario(where, "record", "wrong checksum: the record is damaged; download the file again")
         message = decode(record.payload, where, partial(make_scenario_id, self.name, shard.version))
-        # Numbers beyond float32 become infinite and are named by the validation.
+        # Overflow of float32 becomes infinity, which validation reports.
         with np.errstate(over="ignore", invalid="ignore"):
             return self._describe(shard, file, message)
 
@@ -104,7 +104,7 @@ class Waymo(Converter[Record]):
         ego = message.sdc_track_index
         tracks = message.tracks
         if not 0 <= ego < len(tracks.ids):
-            wanted = f"wanted a track, 0 ... {len(tracks.ids) - 1}"
+            wanted = f"expected a track, 0 to {len(tracks.ids) - 1}"
             raise InvalidScenario(scenario_id, "sdc_track_index", f"{wanted}, found {ego if ego >= 0 else 'none'}")
         origin = make_origin(tracks.center[ego], tracks.valid[ego], has_z=True)
         features = map_features(message.map, origin)
@@ -130,7 +130,7 @@ class Waymo(Converter[Record]):
 
 
 def _shard_name(item: str) -> str:
-    """``item`` itself where it can name files, else made so and told apart by a hash.
+    """Return ``item`` if it is a valid file name, else a cleaned name with a hash.
 
     Example:
         >>> _shard_name("training.tfrecord-00000-of-01000"), _shard_name("a b/c.tfrecord")
@@ -156,7 +156,7 @@ def _tracks(tracks: WireTracks, origin: Float64) -> Tracks:
 
 
 def _lights(lights: WireLights, num_timesteps: int, features: MapFeatures | None, origin: Float64) -> Lights:
-    """One light per lane, in the order in which they appear, at the stop point that stands there first."""
+    """Build one light per lane, in order of appearance, at its first stop point."""
     lanes, first, row = np.unique(lights.lane, return_index=True, return_inverse=True)
     order = np.argsort(first)
     rank = np.argsort(order)
@@ -179,6 +179,6 @@ def _tracks_to_predict(message: WireScenario, scenario_id: str) -> tuple[tuple[s
     chosen = []
     for index, difficulty in message.tracks_to_predict.tolist():
         if not 0 <= index < len(ids):
-            raise InvalidScenario(scenario_id, "tracks_to_predict", f"wanted 0 ... {len(ids) - 1}, found {index}")
+            raise InvalidScenario(scenario_id, "tracks_to_predict", f"expected 0 ... {len(ids) - 1}, found {index}")
         chosen.append((str(ids[index]), difficulty))
     return tuple(chosen)

@@ -1,7 +1,7 @@
-"""A map feature's extras as JSON text, written by compiled code.
+"""Write the extras of map features as JSON text in compiled code.
 
-It is what ``jsontext.to_json`` makes of ``stretches``' rows; a dictionary per boundary would take longer than
-everything else in a record.
+The text equals ``canonical_json.to_json`` of the rows of ``boundary_segments``; building a dictionary per boundary
+would take longer than the rest of a record.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array, Int64, Object
 from scenarionet_data.converters.waymo.wire import WireMap
 
-_LONGEST_ROW = 6 * 21 + 20  # six numbers of 20 characters and a comma, and what stands around them
+_LONGEST_ROW = 6 * 21 + 20  # six numbers of 20 characters and a comma, and the brackets and keys around them
 _NAMES = tuple(
     np.frombuffer(name, np.uint8)
     for name in (
@@ -28,11 +28,11 @@ _NAMES = tuple(
 
 
 def write_extras(features: WireMap, boundary_codes: Int64) -> Object:
-    """(M,) JSON text per feature, None where there is nothing to say.
+    """(M,) JSON text per feature, None if it has no extras.
 
     Args:
         features: A record's map.
-        boundary_codes: Code of ``MapFeatureType`` by the source's boundary type.
+        boundary_codes: ``MapFeatureType`` by the source's boundary type.
     """
     tables = (
         features.left_boundaries,
@@ -65,12 +65,12 @@ def _write(
     text: Array,
     ends: Array,
 ) -> None:
-    """Every feature's text, one after the other; feature ``i`` ends at ``ends[i + 1]``.
+    """Write the texts of all features; the text of feature ``i`` ends at ``ends[i + 1]``.
 
-    The tables' first column is the feature (of the inner ones: the row of the neighbour), ascending.
+    The first column of the tables is the feature (for inner tables: the row of the neighbour), ascending.
     """
     at = 0
-    done = np.zeros(6, np.int64)  # rows of each table that are written
+    done = np.zeros(6, np.int64)  # next row of each table
     for row in range(len(flags)):
         start = at
         if flags[row]:
@@ -92,7 +92,7 @@ def _write(
 def _list(
     text: Array, at: int, start: int, name: Array, table: Array, row: int, first: int, codes: Array
 ) -> tuple[int, int]:
-    """A member with a feature's boundaries, if it has any; where the text and the table go on."""
+    """Write the member with a feature's boundaries, if any; return the next positions in text and table."""
     if first >= len(table) or table[first, 0] != row:
         return at, first
     at = _copy(text, _between(text, at, start), name)
@@ -102,7 +102,7 @@ def _list(
 
 @device_function
 def _boundaries(text: Array, at: int, table: Array, row: int, first: int, codes: Array) -> tuple[int, int]:
-    """Rows [first point, last point, "feature", type code] with commas between."""
+    """Write rows [first point, last point, "feature", type code], separated by commas."""
     begin = first
     while first < len(table) and table[first, 0] == row:
         if first > begin:
@@ -129,7 +129,7 @@ def _neighbors(
     inner_first: int,
     codes: Array,
 ) -> tuple[int, int, int]:
-    """A member with a feature's neighbours, each with its own boundaries, if it has any."""
+    """Write the member with a feature's neighbours and their boundaries, if any."""
     if first >= len(table) or table[first, 0] != row:
         return at, first, inner_first
     at = _copy(text, _between(text, at, start), name)
@@ -149,7 +149,7 @@ def _neighbors(
 
 @device_function
 def _between(text: Array, at: int, start: int) -> int:
-    """The brace before a feature's first member, the comma before the others."""
+    """Write the brace before a feature's first member, or the comma before another."""
     return _put(text, at, 123 if at == start else 44)
 
 
@@ -173,7 +173,7 @@ def _quoted(text: Array, at: int, number: int) -> int:
 
 @device_function
 def _number(text: Array, at: int, number: int) -> int:
-    """Decimal digits of an int64."""
+    """Write the decimal digits of an int64."""
     rest = np.uint64(number)
     if number < 0:
         at = _put(text, at, 45)  # -

@@ -1,7 +1,7 @@
-"""Makes the map of a Waymo scenario canonical: types, metres per second, ids as text, polylines and polygons.
+"""Convert the map of a Waymo scenario: types, units, ids as str, polylines and polygons.
 
-Whole columns at once instead of ``building.MapBuilder``: a record has hundreds of features and a thousand links
-between them, and is to take three milliseconds.
+Works on whole columns instead of ``building.MapBuilder``: a record has hundreds of features and a thousand links, and
+a budget of three milliseconds.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from scenarionet_data.scenario.description import MapFeatures, strings
 from scenarionet_data.scenario.vocabulary import MapFeatureType as Type
 
 MPH = 0.44704
-"""One mile per hour in m/s."""
+"""One mile per hour [m/s]."""
 
 _TYPES = {
     LANE: (Type.LANE_UNKNOWN, Type.LANE_FREEWAY, Type.LANE_SURFACE_STREET, Type.LANE_BIKE_LANE),
@@ -47,17 +47,17 @@ _TYPES = {
     SPEED_BUMP: (Type.SPEED_BUMP,),
     DRIVEWAY: (Type.DRIVEWAY,),
 }
-"""By kind, the code of each value of the kind's own enum."""
+"""``MapFeatureType`` by kind of feature and value of the kind's enum."""
 
-# A boundary of type unknown is a road edge (map.proto), which is MetaDrive's UNKNOWN.
+# A boundary of unknown type is a road edge (map.proto), which MetaDrive calls UNKNOWN.
 _BOUNDARY_CODES = np.array([int(Type.UNKNOWN), *map(int, _TYPES[ROAD_LINE][1:])])
 
 
 def map_features(features: WireMap, origin: Float64) -> MapFeatures | None:
-    """The features in the scenario frame; None when there are none.
+    """Build the features in the scenario frame; None if there are none.
 
-    A speed limit of 0, which stands on bike lanes, is an unknown one. Along which stretch of a lane a boundary or
-    neighbour lies goes to ``extras``, as MetaDrive's dictionaries of str.
+    A speed limit of 0, as on bike lanes, means unknown. The segments of boundaries and neighbours go to ``extras``, see
+    ``boundary_segments``.
 
     Args:
         features: As decoded, in the source frame.
@@ -101,7 +101,7 @@ def _codes(kinds: Int64, types: Int64) -> UInt8:
 
 
 def _geometry(points: Float32, num_points: Int64, mask: Bool) -> Ragged:
-    """The points of the features where ``mask`` (M,) holds; the others get empty lists."""
+    """Points of the features where ``mask`` (M,) is True; empty lists for the others."""
     return Ragged(_offsets(np.where(mask, num_points, 0)), points.compress(np.repeat(mask, num_points), axis=0))
 
 

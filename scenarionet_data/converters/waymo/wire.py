@@ -1,7 +1,7 @@
-"""Decodes a ``waymo.open_dataset.Scenario`` message into arrays, in the source's own frame, units and codes.
+"""Decode a ``waymo.open_dataset.Scenario`` message into arrays, in the source's frame, units and codes.
 
-Field numbers are those of ``scenario.proto`` and ``map.proto`` in waymo-research/waymo-open-dataset. What the
-numbers mean for the lake stands in the package and ``map_features``, how bytes become numbers in ``protowire``.
+Field numbers are those of ``scenario.proto`` and ``map.proto`` in waymo-research/waymo-open-dataset. The package and
+``map_features`` map values to the lake's vocabulary; ``protowire`` decodes bytes.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from scenarionet_data.converters.formats.protowire import (
 from scenarionet_data.errors import InvalidScenario
 
 LANE, ROAD_LINE, ROAD_EDGE, STOP_SIGN, CROSSWALK, SPEED_BUMP, DRIVEWAY = 3, 4, 5, 7, 8, 9, 10
-"""Kinds of map features: their field numbers in MapFeature."""
+"""Kinds of map features, by field number in MapFeature."""
 
 _KINDS = (LANE, ROAD_LINE, ROAD_EDGE, STOP_SIGN, CROSSWALK, SPEED_BUMP, DRIVEWAY)
 _POINTS_FIELD = np.zeros(DRIVEWAY + 1, np.int32)
@@ -44,7 +44,7 @@ class WireTracks:
         size: (N, T, 3) float32 [m] length, width, height.
         heading: (N, T) float32 [rad].
         velocity: (N, T, 2) float32 [m/s].
-        valid: (N, T) bool; the others hold anything where it is False.
+        valid: (N, T) bool; other arrays are undefined where it is False.
     """
 
     ids: Int64
@@ -58,11 +58,11 @@ class WireTracks:
 
 @dataclass(frozen=True, eq=False)
 class WireLights:
-    """K observations of the light of a lane, in order of time.
+    """K observations of lanes' lights, in order of time.
 
     Attributes:
         step, lane, state: (K,) int64.
-        stop_point: (K, 3) float64 [m], NaN where there is none.
+        stop_point: (K, 3) float64 [m], NaN if missing.
     """
 
     step: Int64
@@ -73,11 +73,11 @@ class WireLights:
 
 @dataclass(frozen=True, eq=False)
 class WireMap:
-    """M map features and how they refer to one another.
+    """M map features and the links between them.
 
     Attributes:
         ids, kinds, types: (M,) int64; ``kinds`` are ``LANE`` ... ``DRIVEWAY``, ``types`` the kind's own enum or 0.
-        speed_limit: (M,) float64 [mph], 0 where there is none.
+        speed_limit: (M,) float64 [mph], 0 if missing.
         is_interpolating: (M,) bool.
         points: (P, 3) float64 [m] of polyline or polygon, feature after feature.
         num_points: (M,) int64.
@@ -87,7 +87,7 @@ class WireMap:
         left_neighbors, right_neighbors: (K, 6) int64 feature's row, then LaneNeighbor:
             feature_id, self_start_index, self_end_index, neighbor_start_index, neighbor_end_index.
         left_neighbor_boundaries, right_neighbor_boundaries: (K, 5) int64 neighbour's row, then BoundarySegment.
-        num_unknown: How many features are of a kind that is not known here; they are left out.
+        num_unknown: Number of features of unknown kind, which are skipped.
     """
 
     ids: Int64
@@ -115,8 +115,8 @@ class WireScenario:
 
     Attributes:
         timestamps: (T,) float64 [s].
-        current_time_index: 0, protobuf's default, where the message has none.
-        sdc_track_index: -1 where the message has none.
+        current_time_index: 0, protobuf's default, if missing.
+        sdc_track_index: -1 if missing.
         objects_of_interest: (K,) int64 track ids.
         tracks_to_predict: (K, 2) int64 track_index, difficulty.
     """
@@ -137,11 +137,11 @@ def decode(payload: bytes, where: str, identify: Callable[[str], str] = str) -> 
 
     Args:
         payload: The message.
-        where: Names the record in errors as long as its scenario_id is unknown.
-        identify: Makes the name under which errors speak of it of its scenario_id.
+        where: Name of the record in errors until its scenario_id is known.
+        identify: Returns the name used in errors for a scenario_id.
 
     Raises:
-        InvalidScenario: Not a Scenario message, damaged, or its parts differ in length.
+        InvalidScenario: Not a Scenario message, damaged, or with parts of different lengths.
     """
     try:
         root = Messages.of(payload)
@@ -150,7 +150,7 @@ def decode(payload: bytes, where: str, identify: Callable[[str], str] = str) -> 
         where = identify(scenario_id)
         return _scenario(root, fields, scenario_id, where)
     except DamagedMessage as error:
-        raise InvalidScenario(where, "record", f"wanted a protobuf message, found {error} of the record") from None
+        raise InvalidScenario(where, "record", f"expected a protobuf message, found {error} of the record") from None
 
 
 def _scenario_id(fields: Fields, where: str) -> str:
@@ -160,7 +160,7 @@ def _scenario_id(fields: Fields, where: str) -> str:
     except UnicodeDecodeError:
         scenario_id = ""
     if not scenario_id:
-        wanted = "wanted a waymo.open_dataset.Scenario (of the `scenario` files, not of the `tf_example` files)"
+        wanted = "expected a waymo.open_dataset.Scenario (of the `scenario` files, not of the `tf_example` files)"
         raise InvalidScenario(where, "scenario_id", f"{wanted}, found a record without scenario_id")
     return scenario_id
 
@@ -168,7 +168,7 @@ def _scenario_id(fields: Fields, where: str) -> str:
 def _scenario(root: Messages, fields: Fields, scenario_id: str, where: str) -> WireScenario:
     timestamps = doubles(fields.lists(1, "d")[1])
     if not len(timestamps):
-        raise InvalidScenario(where, "timestamps_seconds", "wanted one per step, found none")
+        raise InvalidScenario(where, "timestamps_seconds", "expected one per step, found none")
     predictions = fields.parts(11).scalars("vv")
     return WireScenario(
         scenario_id=scenario_id,
@@ -189,7 +189,7 @@ def _tracks(tracks: Messages, num_steps: int, where: str) -> WireTracks:
     counts = np.bincount(states.owner, minlength=len(tracks))
     if (counts != num_steps).any():
         row = int(np.argmax(counts != num_steps))
-        raise InvalidScenario(where, "tracks.states", f"wanted {num_steps}, found {counts[row]} in track {row}")
+        raise InvalidScenario(where, "tracks.states", f"expected {num_steps}, found {counts[row]} in track {row}")
     bits = states.scalars("-dddffffffv").reshape(len(tracks), num_steps, 11)
     rest = floats(bits[..., 4:10])
     return WireTracks(
@@ -205,7 +205,7 @@ def _tracks(tracks: Messages, num_steps: int, where: str) -> WireTracks:
 
 def _lights(steps: Messages, num_steps: int, where: str) -> WireLights:
     if len(steps) not in (0, num_steps):
-        raise InvalidScenario(where, "dynamic_map_states", f"wanted {num_steps} or none, found {len(steps)}")
+        raise InvalidScenario(where, "dynamic_map_states", f"expected {num_steps} or none, found {len(steps)}")
     lights = steps.fields().parts(1)
     bits = lights.scalars("vv")
     points = lights.fields().parts(3)
@@ -250,7 +250,7 @@ def _map(features: Messages) -> WireMap:
 
 
 def _bodies(features: Messages) -> tuple[Int64, Int64, Messages]:
-    """Rows of the features of a known kind, their kinds, what stands in them; of a one-of the last one counts."""
+    """Rows of features of known kinds, their kinds and contents; the last member of a one-of counts."""
     fields = features.fields()
     (known,) = np.nonzero(np.isin(fields.number, _KINDS) & fields.is_part)
     last = np.full(len(features), -1)
@@ -262,7 +262,7 @@ def _bodies(features: Messages) -> tuple[Int64, Int64, Messages]:
 
 
 def _points(points: Messages, kinds: Int64) -> Messages:
-    """All but a stop sign's earlier positions: it has a single one, the last."""
+    """Drop all positions of a stop sign except the last, which is its position."""
     superseded = (kinds[points.owner[:-1]] == STOP_SIGN) & (points.owner[:-1] == points.owner[1:])
     return points[np.flatnonzero(~np.append(superseded, False))] if superseded.any() else points
 

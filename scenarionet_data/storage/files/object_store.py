@@ -18,7 +18,6 @@ from typing import Any
 
 from scenarionet_data.errors import FileGone, LakeError, MissingDependency
 from scenarionet_data.storage.files.errors import writing
-from scenarionet_data.version import PACKAGE
 
 SCHEMES = ("s3", "gs")
 _ENDPOINTS = ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT")
@@ -62,7 +61,7 @@ class ObjectStore:
         try:
             import obstore
         except ImportError as error:
-            raise MissingDependency(f"{url} needs obstore; pip install '{PACKAGE}[remote]'") from error
+            raise MissingDependency(f"{url} needs obstore", "remote") from error
         scheme, _, place = url.partition("://")
         if scheme not in SCHEMES or not place.strip("/"):
             raise LakeError(f"{url}: wanted a folder, s3://BUCKET/PREFIX, gs://BUCKET/PREFIX or file:///FOLDER")

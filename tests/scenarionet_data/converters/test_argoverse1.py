@@ -89,7 +89,7 @@ def test_maps_are_found_below_raw_or_where_they_are_said_to_be(tmp_path: Path) -
     raw = write_dataset(tmp_path / "raw")
     moved = tmp_path / "elsewhere"
     (raw / "map_files").rename(moved)
-    with pytest.raises(SourceNotFound, match=r"pruned_argoverse_\*_vector_map.xml.*-O maps=FOLDER.*has_map=false"):
+    with pytest.raises(SourceNotFound, match=r"pruned_argoverse_\*_vector_map.xml.*option maps.*has_map to false"):
         shards(CONVERTER, raw)
     (shard,) = shards(CONVERTER, raw, maps=str(moved))
     moved.rename(raw / "map_files")
@@ -119,7 +119,7 @@ def test_other_folders_are_refused(tmp_path: Path) -> None:
     with pytest.raises(SourceNotFound, match=r"nothing named \*\.csv"):
         shards(CONVERTER, tmp_path)
     (tmp_path / "table.csv").write_text("iteration,loss\n1,2\n")
-    with pytest.raises(SourceNotFound, match="no Argoverse 1 recordings"):
+    with pytest.raises(SourceNotFound, match="not Argoverse 1 recordings"):
         shards(CONVERTER, tmp_path)
     with pytest.raises(SourceNotFound):
         shards(CONVERTER, tmp_path / "nowhere")
@@ -181,16 +181,16 @@ def only_header(lines: list[str]) -> list[str]:
 @pytest.mark.parametrize(
     ("damage", "message"),
     [
-        (drop_tail, "wanted 20 or 50 times"),
+        (drop_tail, "expected 20 or 50 times"),
         (corrupt_row, "cannot be read"),
         (empty_cell, "column X"),
         (not_a_number, "column X"),
-        (repeat_row, "two rows of one time"),
-        (second_city, "wanted one CITY_NAME"),
-        (second_agent, "wanted one AGENT"),
+        (repeat_row, "two rows with the same time"),
+        (second_city, "expected one CITY_NAME"),
+        (second_agent, "expected one AGENT"),
         (changing_type, "changes its OBJECT_TYPE"),
-        (no_ego, "wanted one AV"),
-        (only_header, "wanted rows"),
+        (no_ego, "expected one AV"),
+        (only_header, "expected rows"),
     ],
 )
 def test_damaged_recordings_are_refused_one_by_one(raw: Path, damage: Damage, message: str) -> None:
@@ -214,14 +214,14 @@ def test_a_city_without_a_map_is_quarantined_and_the_rest_goes_on(raw: Path, tmp
     assert (report.converted, report.quarantined, report.failed) == (3, 1, [])
     (row,) = Lake(tmp_path / "lake").sql("SELECT * FROM quarantine").to_dicts()
     assert "pruned_argoverse_MIA_*_vector_map.xml" in row["message"]
-    assert "has_map=false" in row["message"]
+    assert "has_map to false" in row["message"]
 
 
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
         ('<nd ref="7" />', '<nd ref="123456" />', "node 123456, which the file lacks"),
-        ('v="False"', 'v="Perhaps"', "wanted True or False"),
+        ('v="False"', 'v="Perhaps"', "expected True or False"),
         ('lane_id="9600010"', 'lane_id="9600000"', "ids"),
         ('k="l_neighbor_id"', 'k="neighbor"', "l_neighbor_id"),
         ('<node id="3" x="', '<node id="3" x="a', "could not convert"),

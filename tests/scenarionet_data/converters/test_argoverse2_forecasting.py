@@ -101,15 +101,15 @@ def without_ego(table: pa.Table) -> pa.Table:
 BAD_ROWS: dict[str, tuple[Callable[[pa.Table], pa.Table], str]] = {
     "NaN": (lambda t: with_value(t, "position_x", 7, float("nan")), "position_x.*finite"),
     "infinite": (lambda t: with_value(t, "velocity_y", 7, float("inf")), "finite"),
-    "null": (lambda t: with_value(t, "heading", 7, None), "heading: wanted no nulls"),
-    "null id": (lambda t: with_value(t, "track_id", 7, None), "track_id: wanted no nulls"),
-    "no ego": (without_ego, "ego_id: wanted a track 'AV'"),
+    "null": (lambda t: with_value(t, "heading", 7, None), "heading: expected no nulls"),
+    "null id": (lambda t: with_value(t, "track_id", 7, None), "track_id: expected no nulls"),
+    "no ego": (without_ego, "ego_id: expected a track 'AV'"),
     "duplicate": (lambda t: pa.concat_tables([t, t.slice(3, 1)]), "found 2 of track 138902 at timestep 3"),
-    "late": (lambda t: with_value(t, "timestep", 7, 110), r"wanted timesteps 0 \.\.\. 109, found 110"),
-    "early": (lambda t: with_value(t, "timestep", 7, -1), r"wanted timesteps 0 \.\.\. 109, found -1"),
-    "column": (lambda t: t.drop_columns(["heading"]), "wanted a column heading"),
-    "no rows": (lambda t: t.slice(0, 0), "wanted rows, found none"),
-    "words for numbers": (lambda t: t.set_column(8, "velocity_x", t["track_id"]), "wanted finite numbers"),
+    "late": (lambda t: with_value(t, "timestep", 7, 110), r"expected timesteps 0 to 109, found 110"),
+    "early": (lambda t: with_value(t, "timestep", 7, -1), r"expected timesteps 0 to 109, found -1"),
+    "column": (lambda t: t.drop_columns(["heading"]), "expected a column heading"),
+    "no rows": (lambda t: t.slice(0, 0), "expected rows, found none"),
+    "words for numbers": (lambda t: t.set_column(8, "velocity_x", t["track_id"]), "expected finite numbers"),
 }
 
 
@@ -138,7 +138,7 @@ def test_the_ego_must_be_there_now(forecasting: Path) -> None:
 def test_a_copied_file_is_refused(forecasting: Path) -> None:
     (path,) = forecasting.glob("*.parquet")
     path.rename(path.with_name("scenario_other.parquet"))
-    with pytest.raises(InvalidScenario, match="give it its own name back"):
+    with pytest.raises(InvalidScenario, match="restore its original name"):
         scenarios(CONVERTER, forecasting.parent)
 
 

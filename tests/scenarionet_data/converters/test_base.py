@@ -25,7 +25,7 @@ def test_split_is_told_by_the_path_or_by_the_only_split_inside(raw):
 
 def test_several_splits_inside_ask_for_one(raw):
     (raw / "training").mkdir()
-    with pytest.raises(BadParameter, match=r"holds the splits train, val; choose one with --split"):
+    with pytest.raises(BadParameter, match=r"contains the splits train, val; choose one, for example split='train'"):
         guess_split(str(raw))
     assert guess_split(str(raw / "training")) == "train"
 

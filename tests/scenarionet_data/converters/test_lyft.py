@@ -257,7 +257,7 @@ def test_conversion_stores_the_map_once(dataset: Path, tmp_path: Path) -> None:
 
 def test_without_a_map_the_remedy_is_named(dataset: Path) -> None:
     (dataset / "semantic_map" / "semantic_map.pb").unlink()
-    with pytest.raises(SourceNotFound, match=r"one semantic_map\.pb .* -O has_map=false"):
+    with pytest.raises(SourceNotFound, match=r"one semantic_map\.pb .* option has_map to false"):
         shards(CONVERTER, dataset)
     with pytest.raises(SourceNotFound, match="semantic_map"):
         list(CONVERTER.maps(str(dataset), "v1.0", LyftOptions()))

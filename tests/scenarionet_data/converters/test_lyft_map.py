@@ -219,7 +219,7 @@ def test_map_without_ids_or_lanes(tmp_path: Path) -> None:
     nameless.elements[3].ClearField("id")
     twice.elements[3].id.id = twice.elements[4].id.id
     del empty.elements[:]
-    for message, reason in ((nameless, "id of their own"), (twice, "id of their own"), (empty, "no lanes")):
+    for message, reason in ((nameless, "without an id"), (twice, "without an id"), (empty, "no lanes")):
         _refused(tmp_path, message, reason)
 
 
@@ -227,7 +227,7 @@ def test_line_with_missing_coordinates(tmp_path: Path) -> None:
     message = world.semantic_map()
     lane = next(element.element.lane for element in message.elements if element.element.HasField("lane"))
     del lane.left_boundary.vertex_deltas_y_cm[3:]
-    _refused(tmp_path, message, "more coordinates of one axis")
+    _refused(tmp_path, message, "different numbers of x, y and z")
 
 
 def _refused(folder: Path, message: MapFragment, reason: str) -> None:

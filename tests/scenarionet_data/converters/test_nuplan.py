@@ -134,7 +134,7 @@ def test_a_log_that_is_there_twice_is_refused(written: Path, tmp_path: Path) -> 
     log = next((copy / "splits" / "mini").iterdir())
     (copy / "again").mkdir()
     shutil.copy(log, copy / "again")
-    with pytest.raises(SourceNotFound, match="are one log"):
+    with pytest.raises(SourceNotFound, match="are the same log"):
         shards(CONVERTER, copy, "mini")
 
 

@@ -78,9 +78,9 @@ ONE_BOX = "WHERE token = (SELECT token FROM lidar_box WHERE lidar_pc_token = :sw
 NOWHERE = "x'0011223344556677'"
 
 BAD_ROWS = {
-    "a number is missing": (f"UPDATE lidar_box SET x = NULL {ONE_BOX}", "lidar_box", "numbers for the place"),
-    "a word for a number": (f"UPDATE lidar_box SET yaw = 'north' {ONE_BOX}", "lidar_box", "numbers for the place"),
-    "a blob for a number": (f"UPDATE lidar_box SET width = x'00' {ONE_BOX}", "lidar_box", "numbers for the place"),
+    "a number is missing": (f"UPDATE lidar_box SET x = NULL {ONE_BOX}", "lidar_box", "numbers for the position"),
+    "a word for a number": (f"UPDATE lidar_box SET yaw = 'north' {ONE_BOX}", "lidar_box", "numbers for the position"),
+    "a blob for a number": (f"UPDATE lidar_box SET width = x'00' {ONE_BOX}", "lidar_box", "numbers for the position"),
     "a box without size": (f"UPDATE lidar_box SET height = 0.0 {ONE_BOX}", "tracks.size", "sizes above 0"),
     "a track nowhere": (f"UPDATE lidar_box SET track_token = {NOWHERE} {ONE_BOX}", "lidar_box", "row of track"),
     "a box twice": (
@@ -262,14 +262,14 @@ BAD_MAPS: dict[str, tuple[Callable[[Path], None], str]] = {
     "no projection": (empty("meta"), "projectedCoordSystem"),
     "no such projection": (lambda p: change(p, "UPDATE meta SET value = 'epsg:123456'"), "no projection from"),
     "no layer": (empty("gpkg_geometry_columns"), "no layer"),
-    "no geometry": (lambda p: geopackage.set_geometry(p, "crosswalks", None), "crosswalks [0-9]+: wanted a POLYGON"),
+    "no geometry": (lambda p: geopackage.set_geometry(p, "crosswalks", None), "crosswalks [0-9]+: expected a POLYGON"),
     "no polygon": (
         lambda p: geopackage.set_geometry(p, "walkways", shapely.Point(-115.0, 36.0)),
-        "walkways [0-9]+: wanted a POLYGON",
+        "walkways [0-9]+: expected a POLYGON",
     ),
     "damaged geometry": (
         lambda p: geopackage.set_geometry(p, "boundaries", b"GP\0\3" + bytes(50)),
-        "boundaries [0-9]+: wanted a LINESTRING",
+        "boundaries [0-9]+: expected a LINESTRING",
     ),
     "beyond the pole": (
         lambda p: geopackage.set_geometry(p, "walkways", shapely.box(-115.0, 95.0, -114.0, 96.0)),
@@ -277,7 +277,10 @@ BAD_MAPS: dict[str, tuple[Callable[[Path], None], str]] = {
     ),
     "no centreline": (lambda p: change(p, "DELETE FROM baseline_paths WHERE fid = 7"), "has no baseline path"),
     "two of one id": (lambda p: change(p, "UPDATE lanes_polygons SET lane_fid = 50001"), "have one id"),
-    "a road block twice": (lambda p: change(p, "UPDATE lane_group_connectors SET fid = 47000"), "is there twice"),
+    "a road block twice": (
+        lambda p: change(p, "UPDATE lane_group_connectors SET fid = 47000"),
+        "occurs twice in a nuPlan map",
+    ),
 }
 
 
@@ -293,7 +296,7 @@ def test_a_bad_map_is_named(raw: Path, name: str) -> None:
 @pytest.mark.parametrize("text", ["", "{", "[1]", '{"us-nv-las-vegas-strip": 9}', '{"us-nv-las-vegas-strip": {}}'])
 def test_a_bad_list_of_versions_is_named(raw: Path, text: str) -> None:
     (raw / "maps" / "nuplan-maps-v1.0.json").write_text(text)
-    with pytest.raises(CorruptSource, match=r"nuplan-maps-v1\.0\.json: wanted map versions"):
+    with pytest.raises(CorruptSource, match=r"nuplan-maps-v1\.0\.json: expected map versions"):
         shards(CONVERTER, raw, "mini")
 
 

@@ -93,7 +93,7 @@ def test_splits_are_the_owners(written: Path) -> None:
     names = {split: [s.source.scenario_id for s in scenarios(CONVERTER, written, split)] for split in
              ("mini_train", "mini_val")}  # fmt: skip
     assert names == {"mini_train": ["scene-0061"], "mini_val": ["scene-0103"]}
-    with pytest.raises(SourceNotFound, match=r"v1\.0-mini has no split 'train'; add --split with one of mini,"):
+    with pytest.raises(SourceNotFound, match=r"v1\.0-mini has no split 'train'; give as split one of mini,"):
         shards(CONVERTER, written, "train")
 
 
@@ -123,7 +123,7 @@ def test_the_split_is_guessed_where_a_release_tells_it(written: Path, tmp_path: 
     assert guess_split(str(written)) == guess_split(str(written / "v1.0-mini")) == "mini"
     for release in ("v1.0-trainval", "v1.0-mini"):
         (tmp_path / release).mkdir()
-    with pytest.raises(BadParameter, match="holds the splits mini, train"):
+    with pytest.raises(BadParameter, match="contains the splits mini, train"):
         guess_split(str(tmp_path))
 
 
@@ -243,13 +243,13 @@ BROKEN_ROWS: dict[str, tuple[str, Change, str]] = {
     "no rotation": ("sample_annotation", lambda rows: rows[7].update(rotation=[0.0] * 4), "length 1"),
     "unknown category": ("instance", lambda rows: rows[0].update(category_token="f"), "category_token"),
     "missing instance": ("instance", lambda rows: rows.pop(0), "instance_token"),
-    "missing sample": ("sample", lambda rows: rows.pop(3), "wanted 25"),
-    "unknown scene": ("sample", lambda rows: rows[3].update(scene_token="f"), "wanted 25"),
+    "missing sample": ("sample", lambda rows: rows.pop(3), "expected 25"),
+    "unknown scene": ("sample", lambda rows: rows[3].update(scene_token="f"), "expected 25"),
     "samples at one time": ("sample", lambda rows: rows[3].update(timestamp=rows[2]["timestamp"]), "increasing"),
-    "unknown log": ("scene", lambda rows: rows[0].update(log_token="f"), "wanted a log"),
-    "missing pose": ("ego_pose", lambda rows: rows.pop(7), "wanted a pose"),
-    "unknown pose": ("sample_data", lambda rows: rows[7].update(ego_pose_token="f"), "wanted a pose"),
-    "no sweeps": ("sample_data", lambda rows: rows.__delitem__(slice(0, 400)), "sweeps of the lidar"),
+    "unknown log": ("scene", lambda rows: rows[0].update(log_token="f"), "expected a log"),
+    "missing pose": ("ego_pose", lambda rows: rows.pop(7), "expected a finite pose"),
+    "unknown pose": ("sample_data", lambda rows: rows[7].update(ego_pose_token="f"), "expected a finite pose"),
+    "no sweeps": ("sample_data", lambda rows: rows.__delitem__(slice(0, 400)), "lidar sweeps"),
 }
 
 
@@ -276,7 +276,7 @@ def test_a_damaged_list_of_predictions_is_named(raw: Path, content: str) -> None
     path = raw / "maps" / "prediction" / "prediction_scenes.json"
     path.parent.mkdir()
     path.write_text(content)
-    with pytest.raises(CorruptSource, match=r"prediction_scenes\.json: wanted lists of"):
+    with pytest.raises(CorruptSource, match=r"prediction_scenes\.json: expected lists of"):
         scenarios(CONVERTER, raw, "mini", by="window")
 
 
@@ -287,7 +287,7 @@ def test_nothing_half_written(raw: Path, tmp_path: Path) -> None:
     report = convert("nuscenes", str(raw), lake, split="mini")
     assert (report.converted, report.quarantined, report.failed) == (1, 1, [])
     assert [s.source.scenario_id for s in ScenarioLoader(lake)[:]] == ["scene-0061"]
-    with pytest.raises(InvalidScenario, match=r"wanted boston-seaport.json in maps/expansion, found none; download"):
+    with pytest.raises(InvalidScenario, match=r"expected boston-seaport.json in maps/expansion, found none; download"):
         scenarios(CONVERTER, raw, "mini")
     shutil.rmtree(raw / "maps")
     with pytest.raises(SourceNotFound, match="no maps; download"):
@@ -320,4 +320,4 @@ def test_a_damaged_map_fails_its_location_alone(raw: Path, tmp_path: Path, chang
     report = convert("nuscenes", str(raw), tmp_path / "lake", split="mini")
     assert report.converted == 1
     assert len(report.failed) == 2  # the map, and the location's scenes
-    assert all("boston-seaport.json: wanted a nuScenes map expansion v1.3" in reason for _, reason in report.failed)
+    assert all("boston-seaport.json: expected a nuScenes map expansion v1.3" in reason for _, reason in report.failed)

@@ -245,7 +245,7 @@ def test_a_prediction_of_an_unknown_keyframe_is_quarantined(recorded: Recorded, 
     path = tmp_path / "dataroot" / "maps" / "prediction" / "prediction_scenes.json"
     path.parent.mkdir()
     path.write_text(json.dumps({"scene-0061": ["x_y"]}))
-    with pytest.raises(InvalidScenario, match="wanted keyframes of the scene, found 'y'"):
+    with pytest.raises(InvalidScenario, match="expected keyframes of the scene, found 'y'"):
         scenarios(CONVERTER, tmp_path / "dataroot", "mini", by="window")
 
 

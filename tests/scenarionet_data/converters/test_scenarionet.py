@@ -258,16 +258,16 @@ def test_a_damaged_description_is_named(field: str, tmp_path: Path) -> None:
 
 
 def test_no_tracks_and_no_dictionary(tmp_path: Path) -> None:
-    with pytest.raises(InvalidScenario, match="wanted at least the ego"):
+    with pytest.raises(InvalidScenario, match="expected at least the ego"):
         convert(made.waymo("x") | {"tracks": {}}, tmp_path / "empty")
-    with pytest.raises(InvalidScenario, match="wanted a dictionary, found list"):
+    with pytest.raises(InvalidScenario, match="expected a dictionary, found list"):
         convert([1, 2], tmp_path / "list")
 
 
 def test_lights_of_wrong_length_are_refused(tmp_path: Path) -> None:
     description = made.waymo("x")
     description["dynamic_map_states"]["3"]["state"]["object_state"].pop()
-    with pytest.raises(InvalidScenario, match="wanted 41 states, found 40"):
+    with pytest.raises(InvalidScenario, match="expected 41 states, found 40"):
         convert(description, tmp_path)
 
 

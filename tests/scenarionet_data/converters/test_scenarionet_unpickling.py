@@ -30,7 +30,7 @@ def test_a_pickle_that_runs_code_is_refused(protocol: int, tmp_path: Path) -> No
     description = made.waymo("x")
     description["metadata"]["source_file"] = Malicious(marker)
     path = made.write_pickle(description, tmp_path / "sd_evil.pkl", protocol)
-    with pytest.raises(InvalidScenario, match=r"wanted arrays and builtins, found posix\.system"):
+    with pytest.raises(InvalidScenario, match=r"expected arrays and builtins, found posix\.system"):
         load(path, "sd_evil.pkl")
     assert not marker.exists()
 

@@ -44,7 +44,7 @@ def test_a_record_of_another_message_leaves_the_others(tmp_path: Path):
     (shard,) = shards(CONVERTER, tmp_path)
     first, sound, last = CONVERTER.records(shard)
     CONVERTER.scenario(shard, sound).validate()
-    for record, reason in ((first, "no protobuf message"), (last, "tf_example")):
+    for record, reason in ((first, "a protobuf message, found invalid data"), (last, "tf_example")):
         with pytest.raises(InvalidScenario, match=reason):
             CONVERTER.scenario(shard, record)
 
@@ -83,12 +83,12 @@ def test_coordinate_beyond_float32(tmp_path: Path):
 def test_ego_out_of_range(tmp_path: Path, index: int):
     error = refused(tmp_path, PAYLOAD + field(6, index))
     assert (error.scenario_id, error.field) == ("waymo/v1.2/0000000000000005", "sdc_track_index")
-    assert "wanted a track, 0 ... 13" in error.reason
+    assert "expected a track, 0 to 13" in error.reason
 
 
 def test_ego_missing(tmp_path: Path):
     error = refused(tmp_path, field(1, 0.0) + field(2, field(1, 8) + state(1.0)) + field(5, "x"))
-    assert (error.field, error.reason) == ("sdc_track_index", "wanted a track, 0 ... 0, found none")
+    assert (error.field, error.reason) == ("sdc_track_index", "expected a track, 0 to 0, found none")
 
 
 def test_ego_not_seen_now(tmp_path: Path):

@@ -189,12 +189,12 @@ def test_no_timestamps():
 
 
 def test_unequal_states():
-    with pytest.raises(InvalidScenario, match=r"tracks\.states: wanted 2, found 1 in track 3"):
+    with pytest.raises(InvalidScenario, match=r"tracks\.states: expected 2, found 1 in track 3"):
         decode(SMALL + field(2, field(1, 4) + field(3, field(11, True))), "here")
 
 
 def test_unequal_light_states():
-    with pytest.raises(InvalidScenario, match="dynamic_map_states: wanted 2 or none, found 3"):
+    with pytest.raises(InvalidScenario, match="dynamic_map_states: expected 2 or none, found 3"):
         decode(SMALL + field(7, b""), "here")
 
 

@@ -119,7 +119,7 @@ def test_what_cannot_be_written_is_reported(tmp_path: Path) -> None:
     nameless = replace(make_scenario(1), dataset="scenarionet", extras={})
     with pytest.raises(InvalidScenario, match=r"extras\.dataset"):
         export([nameless], tmp_path / "none")
-    with pytest.raises(BadParameter, match="no scenario to export"):
+    with pytest.raises(BadParameter, match="no scenarios to export"):
         export([], tmp_path / "none")
     assert not (tmp_path / "none").exists()
 

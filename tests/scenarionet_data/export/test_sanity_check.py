@@ -148,5 +148,5 @@ def test_other_dictionaries_are_refused(healthy: dict[str, Any]) -> None:
     class Dictionary(dict[str, Any]):
         pass
 
-    with pytest.raises(InvalidScenario, match="wanted a plain dict"):
+    with pytest.raises(InvalidScenario, match="expected a plain dict"):
         sanity_check(Dictionary(healthy))

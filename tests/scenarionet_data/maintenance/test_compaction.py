@@ -44,7 +44,7 @@ def test_nothing_changes_but_where_scenarios_lie(root):
     assert {r.key for r in records(root).values()} == keys
     assert after.resolve("all")[1].column("scenario_id").to_pylist() == database.scenario_ids
     assert [scenario.id for scenario in ScenarioLoader(after, "all")] == database.scenario_ids
-    assert [result for result in run_checks(after) if result.is_hard and not result.is_met] == []
+    assert [result for result in run_checks(after).results if result.is_hard and not result.is_met] == []
     check_whole(root)
     assert content(Lake(root, snapshot=1)) == before
 
@@ -96,7 +96,7 @@ def test_where_chooses_partitions(raw, root):
     assert {r.split for each in plan_compaction(root, where={"split": "v*"}) for r in each.records} == {"val"}
     assert compact(root, where={"split": "val", "dataset": "made"}).shards == 2
     assert compact(root, where={"version": "v9"}).shards == 0
-    with pytest.raises(BadParameter, match="--where city: choose by dataset, version, split"):
+    with pytest.raises(BadParameter, match="where: unknown key 'city'; select by dataset, version, split"):
         compact(root, where={"city": "x"})
     with pytest.raises(BadParameter, match="no profile 'speed'; choose one of training, analytics"):
         compact(root, "speed")

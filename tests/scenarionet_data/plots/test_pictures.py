@@ -163,7 +163,7 @@ def test_missing_packages_are_named(scene, tmp_path, monkeypatch):
 def test_without_matplotlib_the_extra_is_named():
     code = "import sys; sys.modules['matplotlib'] = None; from scenarionet_data.plots import draw_scenario"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
-    assert "install scenarionet-lake[plots]" in done.stderr
+    assert "pip install 'scenarionet-lake[plots]', or in a checkout pip install -e '.[plots]'" in done.stderr
 
 
 def test_a_video_that_fails_leaves_nothing(tmp_path):

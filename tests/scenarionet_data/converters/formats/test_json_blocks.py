@@ -50,13 +50,13 @@ ROW = {"token": "a", "x": 1.0, "v": [1.0], "flag": True}
         ("", "starts with"),
         ("  ", "starts with"),
         (json.dumps(ROW), "starts with"),
-        (json.dumps([ROW, ROW])[:-1], "cut off"),
-        (json.dumps([ROW, ROW])[:-20], "cut off"),
+        (json.dumps([ROW, ROW])[:-1], "truncated"),
+        (json.dumps([ROW, ROW])[:-20], "truncated"),
         (json.dumps([ROW, {"token": 5}]), "changed from string to number"),
         (json.dumps([ROW, ROW | {"v": "text"}]), "changed from array to string"),
         (json.dumps([{"name": "x"}]), "no 'token'"),
         (json.dumps([ROW]).replace(":", ";"), "colon"),
-        (json.dumps([ROW]) + "garbage", "cut off"),
+        (json.dumps([ROW]) + "garbage", "truncated"),
     ],
 )
 def test_damage_is_named(tmp_path: Path, content: str, reason: str) -> None:

@@ -56,7 +56,7 @@ def test_only_wanted_chunks_are_needed(folder: Path, rows: np.ndarray) -> None:
     assert [path.name for path in table.chunk_files(5, 20)] == ["1", "2", "3"]
     with pytest.raises(CorruptSource, match="this chunk is missing"):
         table.rows(4, 6)
-    with pytest.raises(CorruptSource, match="whole Blosc chunk"):
+    with pytest.raises(CorruptSource, match="complete Blosc chunk"):
         table.rows(19, 21)
 
 
@@ -64,7 +64,7 @@ def test_only_wanted_chunks_are_needed(folder: Path, rows: np.ndarray) -> None:
 def test_truncated_chunks_are_named(folder: Path, size: int) -> None:
     chunk = folder / "2"
     chunk.write_bytes(chunk.read_bytes()[:size])
-    with pytest.raises(CorruptSource, match="2: wanted a whole Blosc chunk"):
+    with pytest.raises(CorruptSource, match="2: expected a complete Blosc chunk"):
         ChunkedTable(folder).rows(10, 11)
 
 
