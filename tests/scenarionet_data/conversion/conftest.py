@@ -1,4 +1,4 @@
-"""Where recordings and the lake made of them lie."""
+"""Folders for the recordings and for the lake converted from them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every dataset knows of its recordings before they are converted: choosing by it, and dry runs."""
+"""Properties of recordings known before conversion, for every dataset: selection and dry runs."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ SPLIT = {"nuscenes": "mini", "nuplan": "mini"}
 
 @pytest.fixture(scope="module")
 def raws(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], str]:
-    """The raw folder of a dataset, written once."""
+    """The raw folder of each dataset, written once."""
     written: dict[str, str] = {}
 
     def raw(dataset: str) -> str:
@@ -73,12 +73,12 @@ def raws(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], str]:
     return raw
 
 
-def test_every_dataset_is_tried() -> None:
+def test_every_dataset_is_covered() -> None:
     assert set(WRITE) == set(converters.names())
 
 
 @pytest.mark.parametrize("dataset", WRITE)
-def test_properties_are_the_declared_ones_and_travel(dataset: str, raws: Callable[[str], str]) -> None:
+def test_properties_match_declaration_and_are_picklable(dataset: str, raws: Callable[[str], str]) -> None:
     converter = converters.get(dataset)
     options = converter.Options()
     shards = list(converter.shards(raws(dataset), SPLIT.get(dataset, "train"), converter.release, options))
@@ -105,7 +105,7 @@ def test_properties_are_the_declared_ones_and_travel(dataset: str, raws: Callabl
         ("waymo", {"file": "*-00001-of-*"}, 1),
     ],
 )
-def test_where_chooses(
+def test_where_selects_recordings(
     dataset: str, where: dict[str, str], inputs: int, raws: Callable[[str], str], tmp_path: Path
 ) -> None:
     def planned(**selection: Any) -> int:
@@ -119,7 +119,7 @@ def test_where_chooses(
 
 
 @pytest.mark.parametrize("dataset", WRITE)
-def test_a_dry_run_says_how_long(dataset: str, raws: Callable[[str], str], tmp_path: Path) -> None:
+def test_dry_run_estimates_duration(dataset: str, raws: Callable[[str], str], tmp_path: Path) -> None:
     plan = plan_conversion(dataset, raws(dataset), tmp_path / "lake", split=SPLIT.get(dataset, "train"))
     pace = measure_pace(dataset, plan.shards, budget=0.0)
     assert pace is not None

@@ -1,6 +1,6 @@
-"""Conversions that are disturbed: killed, two at once, files that vanish, odd names.
+"""Disturbed conversions: killed jobs, concurrent jobs, vanishing files, unusual names.
 
-Whatever happens, the lake stays as it was or becomes what an undisturbed run would have made.
+The lake either stays as it was or becomes what an undisturbed run would have produced.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def start(raw, root):
     return subprocess.Popen([sys.executable, "-c", CONVERT, str(raw), str(root)], stdout=subprocess.PIPE, text=True)
 
 
-def test_a_killed_job_loses_the_shard_in_work_at_most(tmp_path):
+def test_killed_job_loses_at_most_the_current_shard(tmp_path):
     raw = held_raw(tmp_path / "raw", shards=5, lines=4)
     gate.close(raw, admitted=2)
     job = start(raw, tmp_path / "lake")
@@ -55,7 +55,7 @@ def test_a_killed_job_loses_the_shard_in_work_at_most(tmp_path):
 
 
 @pytest.mark.long
-def test_what_a_killed_worker_had_is_done_again(tmp_path):
+def test_shard_of_a_killed_worker_is_converted_again(tmp_path):
     raw = raw_of(tmp_path / "raw", 0, 12)
 
     def kill(done, *_):
@@ -69,7 +69,7 @@ def test_what_a_killed_worker_had_is_done_again(tmp_path):
 
 
 @pytest.mark.long
-def test_a_shard_that_kills_its_workers_is_named_and_the_others_go_on(tmp_path):
+def test_shard_that_kills_its_workers_is_reported_and_others_continue(tmp_path):
     raw = write_raw(raw_of(tmp_path / "raw", 0, 6), {"s099": ["99 deadly"]})
     report = run(raw, tmp_path / "lake", workers=2)
     ((shard, reason),) = report.failed
@@ -81,20 +81,20 @@ def test_a_shard_that_kills_its_workers_is_named_and_the_others_go_on(tmp_path):
 
 
 @pytest.mark.long
-def test_workers_that_are_always_killed_end_the_run(tmp_path):
+def test_repeatedly_killed_workers_end_the_run(tmp_path):
     raw = write_raw(tmp_path / "raw", {f"s{k:03d}": [f"{k} deadly"] for k in range(20)})
     with pytest.raises(WorkerLost, match="finished work is kept: run the same command again with fewer workers"):
         run(raw, tmp_path / "lake", workers=2)
 
 
 @pytest.mark.parametrize("kind", ["the same recordings", pytest.param("different recordings", marks=pytest.mark.long)])
-def test_two_jobs_at_once_make_one_lake(tmp_path, kind):
+def test_two_concurrent_jobs_produce_one_lake(tmp_path, kind):
     first = raw_of(tmp_path / "first", 0, 8)
     second = first if kind == "the same recordings" else raw_of(tmp_path / "second", 50, 8)
     jobs = [start(raw, tmp_path / "lake") for raw in (first, second)]
     outputs = [job.communicate(timeout=HANGS_AFTER)[0] for job in jobs]
     assert [job.returncode for job in jobs] == [0, 0]
-    # Of the same recordings, the job that comes late converts what is left, or nothing.
+    # Both jobs convert the same recordings; the later one converts what is left, or nothing.
     assert all(re.fullmatch(r"\d+ \[\]\n", output) for output in outputs)
     assert sum(int(output.split()[0]) for output in outputs) >= 16
     run(first, tmp_path / "undisturbed")
@@ -104,7 +104,7 @@ def test_two_jobs_at_once_make_one_lake(tmp_path, kind):
     assert ids.n_unique() == len(ids) == len({*first.iterdir(), *second.iterdir()}) * 2
 
 
-def test_recordings_that_vanish_fail_alone(tmp_path, monkeypatch):
+def test_vanished_recordings_fail_without_affecting_others(tmp_path, monkeypatch):
     raw = raw_of(tmp_path / "raw", 0, 2)
 
     def vanish(done, *_):
@@ -118,8 +118,8 @@ def test_recordings_that_vanish_fail_alone(tmp_path, monkeypatch):
     assert "No such file or directory" in reason
 
 
-def test_links_in_the_path_of_a_lake(tmp_path):
-    """A lake reached through a link is the same lake."""
+def test_symlink_in_lake_path(tmp_path):
+    """A lake reached through a symlink is the same lake."""
     (tmp_path / "real").mkdir()
     (tmp_path / "link").symlink_to(tmp_path / "real")
     raw = raw_of(tmp_path / "raw", 0, 1)
@@ -130,7 +130,7 @@ def test_links_in_the_path_of_a_lake(tmp_path):
 
 
 @pytest.mark.parametrize("name", ['it\'s a "lake"', "ü 100% a=b", "[x]*?"])
-def test_odd_names_of_folders(tmp_path, name):
+def test_unusual_folder_names(tmp_path, name):
     raw = raw_of(tmp_path / "raw", 0, 1)
     run(raw, tmp_path / name)
     lake = Lake(tmp_path / name)

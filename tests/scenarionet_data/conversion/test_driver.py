@@ -1,4 +1,4 @@
-"""Conversion: what one run gives; and that who runs it, or how often, changes nothing."""
+"""Results of one conversion run, independent of the number of workers and of interruptions."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.fixtures.made import FEW, NAME, Made, ids, run, wanted, write_raw
 from tests.fixtures.scenarios import make_scenario
 
 
-def test_a_lake_holds_what_the_converter_gave(raw, root):
+def test_lake_holds_converted_scenarios(raw, root):
     write_raw(raw, {"a": [1, 2], "b": [3]})
     seen = []
     report = run(raw, root, on_progress=lambda *counts: seen.append(counts))
@@ -31,7 +31,7 @@ def test_a_lake_holds_what_the_converter_gave(raw, root):
         assert differences(scenario, make_scenario(seed, num_objects=2)) == []
 
 
-def test_bad_records_go_to_quarantine_and_the_shard_goes_on(raw, root):
+def test_bad_records_are_quarantined_and_the_shard_continues(raw, root):
     write_raw(raw, {"a": [1, "2 invalid", "3 bug", 4, 1]})
     report = run(raw, root)
     assert (report.converted, report.quarantined, report.failed) == (2, 3, [])
@@ -45,7 +45,7 @@ def test_bad_records_go_to_quarantine_and_the_shard_goes_on(raw, root):
     ]
 
 
-def test_a_corrupt_shard_fails_alone_and_is_tried_again(raw, root):
+def test_corrupt_shard_fails_alone_and_is_retried(raw, root):
     write_raw(raw, {"a": [1, "2 corrupt"], "b": [3]})
     report = run(raw, root)
     assert report.converted == 1
@@ -59,7 +59,7 @@ def test_a_corrupt_shard_fails_alone_and_is_tried_again(raw, root):
     assert ids(root) == wanted(1, 2, 3)
 
 
-def test_a_fault_of_the_converter_names_the_shard(raw, root, monkeypatch):
+def test_converter_bug_names_the_shard(raw, root, monkeypatch):
     write_raw(raw, {"a": [1], "b": [2]})
 
     def records(self, shard):
@@ -73,7 +73,7 @@ def test_a_fault_of_the_converter_names_the_shard(raw, root, monkeypatch):
     assert report.failed == [("a", f"ZeroDivisionError: oops (while reading {raw})")]
 
 
-def test_when_every_shard_fails_there_is_no_lake(raw, root):
+def test_no_lake_is_created_when_every_shard_fails(raw, root):
     write_raw(raw, {"a": ["1 corrupt"]})
     report = run(raw, root)
     assert (report.converted, report.snapshot, len(report.failed)) == (0, 0, 1)
@@ -89,13 +89,13 @@ def test_split_and_version_name_the_partition(tmp_path, root):
 
 
 @pytest.mark.parametrize("wrong", [{"split": "a/b"}, {"version": "v 1"}, {"split": "ü"}])
-def test_partitions_are_plain_words(raw, root, wrong):
+def test_invalid_partition_names_are_refused(raw, root, wrong):
     write_raw(raw, {"a": [1]})
     with pytest.raises(BadParameter, match="use letters, digits"):
         run(raw, root, **wrong)
 
 
-def test_nothing_to_convert_is_said_at_once(raw, root):
+def test_error_when_nothing_to_convert(raw, root):
     with pytest.raises(SourceNotFound, match="no such folder; give the folder with made recordings"):
         run(raw, root)
     with pytest.raises(SourceNotFound, match="did you mean"):
@@ -103,12 +103,12 @@ def test_nothing_to_convert_is_said_at_once(raw, root):
     assert not root.exists()
 
 
-# --- who runs it --------------------------------------------------------------------------------------
+# --- execution ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.long
-def test_workers_and_interruptions_change_nothing(raw, tmp_path):
-    """One process, two, a run that ends half-way and goes on: the same files."""
+def test_workers_and_interruptions_do_not_change_files(raw, tmp_path):
+    """One process, two processes, and an interrupted and resumed run write the same files."""
     lines = {f"s{k}": [k * 10 + i for i in range(3)] for k in range(5)}
     write_raw(raw, {**lines, "bad": ["98 invalid", 99]})
     whole = run(raw, tmp_path / "one")
@@ -129,8 +129,8 @@ def test_workers_and_interruptions_change_nothing(raw, tmp_path):
     assert content(tmp_path / "one") == content(tmp_path / "two") == content(tmp_path / "three")
 
 
-def test_finished_shards_are_adopted(raw, root):
-    """A job that was killed between finishing a shard and committing it."""
+def test_finished_shards_are_reused(raw, root):
+    """The job was killed between finishing a shard and committing it."""
     write_raw(raw, {"a": [1], "b": [2]})
     plan = plan_conversion(NAME, str(raw), root, options=FEW)
     finished = convert_shard(ShardJob(NAME, plan.shards[0], str(root)))
@@ -140,7 +140,7 @@ def test_finished_shards_are_adopted(raw, root):
     assert ids(root) == wanted(1, 2)
 
 
-def test_many_shards_give_few_metadata_files_whatever_the_order(raw, tmp_path, monkeypatch):
+def test_many_shards_give_few_metadata_files_in_any_order(raw, tmp_path, monkeypatch):
     monkeypatch.setattr("scenarionet_data.storage.snapshots.metadata_files.MAX_METADATA_FILES", 4)
     monkeypatch.setattr("scenarionet_data.storage.snapshots.metadata_files.MERGED_FILES", 2)
     write_raw(raw, {f"s{k}": [k] for k in range(4, 9)})
@@ -153,7 +153,7 @@ def test_many_shards_give_few_metadata_files_whatever_the_order(raw, tmp_path, m
     assert ids(tmp_path / "parts") == wanted(*range(9))
 
 
-def test_long_jobs_commit_now_and_then(raw, root, monkeypatch):
+def test_long_jobs_commit_periodically(raw, root, monkeypatch):
     monkeypatch.setattr("scenarionet_data.conversion.committer._COMMIT_EVERY", 0.0)
     write_raw(raw, {"a": [1], "b": [2], "c": [3]})
     seen = []
@@ -161,7 +161,7 @@ def test_long_jobs_commit_now_and_then(raw, root, monkeypatch):
     assert seen == [1, 2, 3]
 
 
-def test_jobs_travel_to_workers(raw, root):
+def test_jobs_are_picklable(raw, root):
     write_raw(raw, {"a": [1]})
     (shard,) = plan_conversion(NAME, str(raw), root, options=FEW).shards
     job = ShardJob(NAME, shard, str(root), 3)

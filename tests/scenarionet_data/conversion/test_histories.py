@@ -1,7 +1,6 @@
-"""Random histories of one lake: files come, change, break and go, converters and options move on, runs stop early.
+"""Random histories of one lake: files come and go, converters and options change, runs stop early.
 
-Whatever happens, ids stay unique, nothing is lost that is still among the recordings, a refusal changes nothing,
-and every snapshot stays what it was.
+Ids stay unique, no scenario still among the recordings is lost, a refusal changes nothing, and snapshots are immutable.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from tests.fixtures.scenarios import make_scenario
 
 
 class History:
-    """A folder of recordings, the lake made of it, and what must be in there."""
+    """A folder of recordings, the lake converted from it, and the expected content."""
 
     def __init__(self, folder, seed):
         self.random = random.Random(seed)
@@ -37,7 +36,7 @@ class History:
         return list(range(self.next_seed - count, self.next_seed))
 
     def move_on(self):
-        """Something happens to the recordings."""
+        """Apply a random change to the recordings."""
         act = self.random.choice(["add", "add", "change", "break", "mend", "remove"])
         name = self.random.choice(sorted(self.files) or [""])
         if act == "add" or not name:
@@ -102,7 +101,7 @@ class History:
 @pytest.mark.long
 @given(seed=st.integers(0, 10**6), steps=st.integers(2, 8))
 @settings(max_examples=40)
-def test_no_history_loses_or_doubles_a_scenario(seed, steps, tmp_path_factory):
+def test_no_history_loses_or_duplicates_a_scenario(seed, steps, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(metadata_files, "MAX_METADATA_FILES", 3)
         patch.setattr(metadata_files, "MERGED_FILES", 2)

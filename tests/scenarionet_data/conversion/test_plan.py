@@ -1,4 +1,4 @@
-"""Converting again: what is planned, skipped, replaced or refused, file by file, in buckets and with a limit."""
+"""Repeated conversion: which files are planned, skipped, replaced or refused, with buckets and with a limit."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.fixtures.made import BUCKETED, FEW, NAME, NEWER, Made, MadeOptions, i
 from tests.fixtures.schema_versions import raise_version
 
 
-def test_a_second_run_skips_and_a_new_file_is_added(raw, root):
+def test_second_run_skips_and_adds_new_files(raw, root):
     write_raw(raw, {"a": [1], "b": [2]})
     run(raw, root)
     before = content(root)
@@ -28,7 +28,7 @@ def test_a_second_run_skips_and_a_new_file_is_added(raw, root):
     assert ids(root) == wanted(1, 2, 3)
 
 
-def test_a_changed_file_is_refused_or_replaced(raw, root):
+def test_changed_file_is_refused_or_replaced(raw, root):
     write_raw(raw, {"a": [1, 2], "b": [3]})
     run(raw, root)
     write_raw(raw, {"a": [1, 5]})
@@ -52,13 +52,13 @@ def test_other_options_are_refused_replaced_or_kept_apart(raw, root):
     assert found == [("v1", 4), ("v2", 4)]
 
 
-def test_replacing_with_the_same_skips(raw, root):
+def test_replacing_with_equal_content_skips(raw, root):
     write_raw(raw, {"a": [1]})
     run(raw, root)
     assert run(raw, root, replace=True).skipped == 1
 
 
-def test_a_newer_converter_replaces_only_when_told(raw, root):
+def test_newer_converter_replaces_only_on_request(raw, root):
     write_raw(raw, {"a": [1], "b": [2]})
     run(raw, root)
     report = run(raw, root, NEWER)
@@ -71,7 +71,7 @@ def test_a_newer_converter_replaces_only_when_told(raw, root):
     assert run(raw, root, NEWER, replace=True).skipped == 2
 
 
-def test_another_contract_is_refused_until_replaced(raw, root, monkeypatch):
+def test_another_schema_version_is_refused_until_replaced(raw, root, monkeypatch):
     write_raw(raw, {"a": [1]})
     run(raw, root)
     raise_version(monkeypatch, "tracks", is_compatible=False)
@@ -85,7 +85,7 @@ def test_another_contract_is_refused_until_replaced(raw, root, monkeypatch):
     assert ids(root) == wanted(1)
 
 
-def test_the_same_recordings_under_another_split_are_duplicates(raw, root):
+def test_same_recordings_under_another_split_are_duplicates(raw, root):
     write_raw(raw, {"a": [1], "b": [2]})
     run(raw, root)
     write_raw(raw, {"c": [3]})
@@ -96,7 +96,7 @@ def test_the_same_recordings_under_another_split_are_duplicates(raw, root):
     assert ids(root) == wanted(1, 2, 3)
 
 
-def test_an_older_readable_schema_is_kept_until_stale_shards_are_replaced(raw, root, monkeypatch):
+def test_older_readable_schema_is_kept_until_stale_shards_are_replaced(raw, root, monkeypatch):
     write_raw(raw, {"a": [1]})
     run(raw, root)
     raise_version(monkeypatch, "tracks")
@@ -121,7 +121,7 @@ def files_of(*seeds):
     return {f"f{seed}": [seed] for seed in seeds}
 
 
-def test_buckets_that_grow_keep_what_is_there(raw, root):
+def test_growing_buckets_keep_existing_shards(raw, root):
     write_raw(raw, files_of(*range(3)))
     run(raw, root, BUCKETED)
     before = set(content(root))
@@ -133,7 +133,7 @@ def test_buckets_that_grow_keep_what_is_there(raw, root):
     assert run(raw, root, BUCKETED).converted == 0
 
 
-def test_a_bucket_with_a_changed_file_is_replaced_whole(raw, root):
+def test_bucket_with_a_changed_file_is_replaced_whole(raw, root):
     write_raw(raw, files_of(*range(8)))
     run(raw, root, BUCKETED)
     write_raw(raw, {"f3": [30]})
@@ -157,14 +157,14 @@ def test_replacing_a_bucket_must_not_drop_its_other_files(raw, root):
     assert ids(root) == wanted(*range(4))
 
 
-def test_stale_buckets_that_have_grown_apart_go_together(raw, root, monkeypatch):
-    """Old buckets and new ones share files: the old go only when all of theirs are converted anew."""
+def test_overlapping_stale_buckets_are_replaced_together(raw, root, monkeypatch):
+    """Old and new buckets share files: an old bucket is removed only once all of its files are converted again."""
     write_raw(raw, files_of(*range(4)))
     run(raw, root, BUCKETED)
     old = {record.key for record in manifests.shards(LocalLakeFiles(root), snapshots.read(LocalLakeFiles(root)))}
     write_raw(raw, files_of(*range(9)))
     monkeypatch.setattr(Made, "version", "2")
-    (raw / "f3.made").write_text("3 corrupt")  # its old bucket holds 0 and 1 too, its new one itself alone
+    (raw / "f3.made").write_text("3 corrupt")  # its old bucket also holds 0 and 1; its new one only itself
     report = run(raw, root, BUCKETED, replace=True)
     assert sorted(reason.split(";")[-1] for _, reason in report.failed) == [
         " copy it again",
@@ -183,7 +183,7 @@ def test_stale_buckets_that_have_grown_apart_go_together(raw, root, monkeypatch)
     assert {record.converter_version for record in now} == {"2"}
 
 
-def test_what_is_refused_replaces_nothing(raw, root):
+def test_refused_plan_replaces_nothing(raw, root):
     write_raw(raw, {"a": [1], "b": [2]})
     run(raw, root)
     write_raw(raw, {"a": [1, 2]})
@@ -196,7 +196,7 @@ def test_what_is_refused_replaces_nothing(raw, root):
 # --- limit --------------------------------------------------------------------------------------------
 
 
-def test_a_limit_stops_early_and_the_whole_replaces_it(raw, root):
+def test_limit_stops_early_and_full_run_replaces_it(raw, root):
     write_raw(raw, {"a": [1, 2, 3], "b": [4, 5, 6], "c": [7]})
     assert run(raw, root, limit=4).converted == 4
     assert ids(root) == wanted(1, 2, 3, 4)
@@ -211,7 +211,7 @@ def test_a_limit_stops_early_and_the_whole_replaces_it(raw, root):
     assert ids(root) == wanted(*range(1, 8))
 
 
-def test_a_limited_lake_completed_equals_a_whole_one(raw, tmp_path):
+def test_completed_limited_lake_equals_a_full_one(raw, tmp_path):
     write_raw(raw, {"a": [1, 2, 3], "b": [4]})
     run(raw, tmp_path / "first", limit=2)
     run(raw, tmp_path / "first")

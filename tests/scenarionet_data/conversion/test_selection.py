@@ -1,4 +1,4 @@
-"""Choosing recordings before they are read, and how long they will take."""
+"""Selecting recordings before conversion, and estimating its duration."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def names(selection: InputSelection) -> list[str]:
     return [item.name for chosen in selection.select(SHARDS) for item in chosen.items]
 
 
-def test_everything_is_wanted_unless_told_otherwise() -> None:
+def test_everything_is_selected_by_default() -> None:
     assert InputSelection().select(iter(SHARDS)) == SHARDS
     assert InputSelection({"location": "pit"}).select([]) == []
 
@@ -45,7 +45,7 @@ def test_everything_is_wanted_unless_told_otherwise() -> None:
         ({"name": "[bc]", "file": "*0.raw"}, ["b/0.raw", "c/0.raw"]),
     ],
 )
-def test_where_chooses_shards_and_inputs(where: dict[str, str], wanted: list[str]) -> None:
+def test_where_selects_shards_and_inputs(where: dict[str, str], wanted: list[str]) -> None:
     assert names(InputSelection(where)) == wanted
 
 
@@ -59,16 +59,16 @@ def test_where_chooses_shards_and_inputs(where: dict[str, str], wanted: list[str
         ("6:100", ["c/1.raw"]),
     ],
 )
-def test_files_counts_inputs_over_all_shards(text: str, wanted: list[str]) -> None:
+def test_files_slice_counts_inputs_over_all_shards(text: str, wanted: list[str]) -> None:
     assert names(InputSelection(files=parse_slice(text))) == wanted
 
 
-def test_files_counts_what_where_leaves() -> None:
+def test_files_slice_applies_after_where() -> None:
     assert names(InputSelection({"location": "*"}, slice(2, 4))) == ["a/2.raw", "b/0.raw"]
     assert names(InputSelection({"location": "miami"}, slice(1, None))) == ["b/1.raw"]
 
 
-def test_what_cannot_be_chosen_is_said() -> None:
+def test_invalid_selections_are_refused() -> None:
     with pytest.raises(
         BadParameter, match="unknown property 'city': inputs can be selected by date, file, location, name"
     ):
@@ -80,12 +80,12 @@ def test_what_cannot_be_chosen_is_said() -> None:
 
 
 @pytest.mark.parametrize("text", ["", "3", "a:b", "-1:", "1:2:3"])
-def test_slices_that_are_none_are_refused(text: str) -> None:
+def test_invalid_slices_are_refused(text: str) -> None:
     with pytest.raises(BadParameter, match="START:END"):
         parse_slice(text)
 
 
-def test_properties_travel_but_are_no_part_of_the_key() -> None:
+def test_properties_are_pickled_but_not_part_of_the_key() -> None:
     first, same = SHARDS[0], shard("a", 3)
     assert first.key("1") == same.key("1")
     assert pickle.loads(pickle.dumps(first)) == first
@@ -93,7 +93,7 @@ def test_properties_travel_but_are_no_part_of_the_key() -> None:
 
 
 @pytest.mark.parametrize("dataset", [NAME, BUCKETED])
-def test_the_rest_is_converted_later(dataset: str, tmp_path) -> None:
+def test_remaining_inputs_are_converted_later(dataset: str, tmp_path) -> None:
     raw, root = tmp_path / "raw", tmp_path / "lake"
     write_raw(raw, {name: [number] for number, name in enumerate("abcde")})
     some = convert(dataset, str(raw), root, options=FEW, selection=InputSelection({"file": "[ab]*"}))
@@ -105,7 +105,7 @@ def test_the_rest_is_converted_later(dataset: str, tmp_path) -> None:
     assert len(found) == len(set(found)) == 5
 
 
-def test_the_pace_is_measured_and_leaves_nothing(tmp_path, monkeypatch) -> None:
+def test_pace_is_measured_without_leaving_files(tmp_path, monkeypatch) -> None:
     ticks = itertools.count()  # a clock that advances by a second whenever it is read
     monkeypatch.setattr("scenarionet_data.conversion.pace.time", SimpleNamespace(monotonic=lambda: float(next(ticks))))
     raw = write_raw(tmp_path / "raw", {f"f{number}": [number] for number in range(12)})
@@ -121,7 +121,7 @@ def test_the_pace_is_measured_and_leaves_nothing(tmp_path, monkeypatch) -> None:
     assert measure_pace(BUCKETED, plan.shards) is None
 
 
-def test_the_pace_scales_with_inputs_and_workers() -> None:
+def test_pace_scales_with_inputs_and_workers() -> None:
     pace = Pace(seconds=2.0, inputs=4, scenarios=40)
     assert pace.duration(100, 4) == 50.0
     assert pace.duration(2, 16) == 2.0

@@ -1,4 +1,4 @@
-"""A raw folder that grows: what arrives is converted once nobody writes to it any more."""
+"""Watching a growing raw folder: new files are converted once they are no longer being written."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from scenarionet_data.errors import BadParameter, DuplicateScenario
 from tests.fixtures.made import BUCKETED, NAME, MadeOptions, write_raw
 
 
-class End(Exception):
-    """The test has seen enough."""
+class EndOfWatch(Exception):
+    """Raised by the test to end the watch."""
 
 
-def looks(raw, lake, *between, name=NAME, **how):
-    """Reports of a watch whose waiting is what happens in between."""
+def watch_reports(raw, lake, *between, name=NAME, **how):
+    """Reports of a watch; ``between`` runs while it waits."""
     events = iter(between)
     waited = []
 
@@ -25,11 +25,11 @@ def looks(raw, lake, *between, name=NAME, **how):
         waited.append(seconds)
         event = next(events, None)
         if event is None:
-            raise End
+            raise EndOfWatch
         event()
 
     found = []
-    with pytest.raises(End):
+    with pytest.raises(EndOfWatch):
         for report in watch(name, str(raw), lake, wait=wait, options=MadeOptions(num_objects=2), **how):
             found.append((len(waited), report.converted, [shard for shard, _ in report.failed]))
     assert set(waited) == {how.get("every", 30.0)}
@@ -40,9 +40,9 @@ def nothing():
     pass
 
 
-def test_what_arrives_is_converted_when_it_has_stood_still(tmp_path):
+def test_new_files_are_converted_once_unchanged(tmp_path):
     raw = tmp_path / "raw"
-    found = looks(
+    found = watch_reports(
         raw, tmp_path / "lake", lambda: write_raw(raw, {"a": [1, 2]}), nothing, lambda: write_raw(raw, {"b": [3]}),
         nothing, nothing, every=5.0,
     )  # fmt: skip
@@ -50,45 +50,51 @@ def test_what_arrives_is_converted_when_it_has_stood_still(tmp_path):
     assert len(Lake(tmp_path / "lake")) == 3
 
 
-def test_what_is_being_written_waits(tmp_path):
+def test_files_being_written_wait(tmp_path):
     raw = write_raw(tmp_path / "raw", {"a": [1]})
-    found = looks(
+    found = watch_reports(
         raw, tmp_path / "lake", lambda: write_raw(raw, {"a": [1, 2]}), lambda: write_raw(raw, {"a": [1, 2, 3]}), nothing
     )
     assert found == [(3, 3, [])]
 
 
-def test_what_is_written_in_the_middle_of_a_file_waits(tmp_path):
-    """A fingerprint samples the two ends of a large file; its time of change tells the rest."""
+def test_files_written_in_the_middle_wait(tmp_path):
+    """A fingerprint samples only the two ends of a large file; its modification time reveals other changes."""
     raw = write_raw(tmp_path / "raw", {"a": [1]})
-    found = looks(raw, tmp_path / "lake", lambda: os.utime(raw / "a.made", (1, 1)), nothing)
+    found = watch_reports(raw, tmp_path / "lake", lambda: os.utime(raw / "a.made", (1, 1)), nothing)
     assert found == [(2, 1, [])]
 
 
-def test_a_shard_that_fails_is_tried_again_when_it_has_changed(tmp_path):
+def test_failed_shard_is_retried_after_a_change(tmp_path):
     raw = write_raw(tmp_path / "raw", {"a": ["1 corrupt"], "b": [2]})
-    found = looks(raw, tmp_path / "lake", nothing, nothing, nothing, lambda: write_raw(raw, {"a": [1]}), nothing)
+    found = watch_reports(
+        raw, tmp_path / "lake", nothing, nothing, nothing, lambda: write_raw(raw, {"a": [1]}), nothing
+    )
     assert found == [(1, 1, ["a"]), (5, 1, [])]
 
 
-def test_a_bucket_that_grows_gets_another_shard(tmp_path):
+def test_growing_bucket_gets_another_shard(tmp_path):
     raw = write_raw(tmp_path / "raw", {f"s{k}": [k] for k in range(3)})
     more = {f"s{k}": [k] for k in range(3, 8)}
-    found = looks(raw, tmp_path / "lake", nothing, lambda: write_raw(raw, more), nothing, nothing, name=BUCKETED)
+    found = watch_reports(
+        raw, tmp_path / "lake", nothing, lambda: write_raw(raw, more), nothing, nothing, name=BUCKETED
+    )
     assert found == [(1, 3, []), (3, 5, [])]
 
 
-def test_what_is_in_the_lake_must_not_change(tmp_path):
+def test_converted_files_must_not_change(tmp_path):
     raw = write_raw(tmp_path / "raw", {"a": [1]})
     changes = iter([nothing, lambda: write_raw(raw, {"a": [2]}), nothing])
     with pytest.raises(DuplicateScenario, match="pass replace=True"):
         list(watch(NAME, str(raw), tmp_path / "lake", wait=lambda _: next(changes)()))
 
 
-def test_a_selection_holds_for_what_arrives(tmp_path):
+def test_selection_applies_to_new_files(tmp_path):
     raw = write_raw(tmp_path / "raw", {"a1": [1], "b1": [2]})
     wanted = InputSelection({"name": "a*"})
-    found = looks(raw, tmp_path / "lake", nothing, lambda: write_raw(raw, {"a2": [3]}), nothing, selection=wanted)
+    found = watch_reports(
+        raw, tmp_path / "lake", nothing, lambda: write_raw(raw, {"a2": [3]}), nothing, selection=wanted
+    )
     assert found == [(1, 1, []), (3, 1, [])]
     with pytest.raises(BadParameter, match="unknown property 'town'"):
         next(watch(NAME, str(raw), tmp_path / "lake", selection=InputSelection({"town": "x"})))

@@ -1,4 +1,4 @@
-"""Databases have names and versions; those of a lake that moved on are found stale."""
+"""Named, versioned databases; databases of an older snapshot are detected as stale."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tests.fixtures.made import NAME, MadeOptions, write_raw
 from tests.fixtures.scenarios import NUM_VARIED
 
 
-def test_databases_have_versions_and_are_not_overwritten_by_accident(own):
+def test_databases_are_versioned_and_not_overwritten_by_default(own):
     first = own.filter("num_objects > 3", name="busy")
     with pytest.raises(DatabaseExists, match="replace=True"):
         own.filter("num_objects > 4", name="busy")
@@ -33,12 +33,12 @@ def test_databases_have_versions_and_are_not_overwritten_by_accident(own):
 
 
 @pytest.mark.parametrize("name", ["", "a b", "../x", "a/b", ".x", "-x", "ü", "a@1"])
-def test_names_are_plain_words(own, name):
+def test_invalid_database_names_are_refused(own, name):
     with pytest.raises(BadParameter, match="is no database name"):
         own.filter("true", name=name)
 
 
-def test_databases_that_are_not_there_are_named_with_those_that_are(own):
+def test_missing_database_error_lists_existing_ones(own):
     with pytest.raises(DatabaseNotFound, match="no database 'x'; databases: none yet"):
         own.database("x")
     own.filter("true", name="all")
@@ -50,7 +50,7 @@ def test_databases_that_are_not_there_are_named_with_those_that_are(own):
         own.database("all@new")
 
 
-def test_an_empty_database_is_one_when_it_is_asked_for(own):
+def test_empty_database_is_saved_only_on_request(own):
     with pytest.raises(EmptyResult, match=rf"none: no scenario is left of {NUM_VARIED}; loosen the conditions, or al"):
         own.filter("false", name="none")
     assert own.databases == []
@@ -64,7 +64,7 @@ def test_an_empty_database_is_one_when_it_is_asked_for(own):
     assert [len(part) for part in parts.values()] == [0, 0]
 
 
-def test_scenarios_are_located_in_the_order_asked_for(own):
+def test_scenarios_are_located_in_requested_order(own):
     ids = own.sql("SELECT scenario_id FROM metadata ORDER BY 1 DESC")["scenario_id"].to_list()
     assert own.resolve([*ids, ids[0]])[1]["scenario_id"].to_pylist() == [*ids, ids[0]]
     with pytest.raises(ScenarioNotFound, match="no scenario made/v1/x in snapshot 1; 1 of 2 are missing"):
@@ -73,7 +73,7 @@ def test_scenarios_are_located_in_the_order_asked_for(own):
 
 @pytest.fixture
 def changed(tmp_path):
-    """A lake whose scenarios 1 and 2 were replaced after database ``old`` was made, and the database of 3 was."""
+    """Database ``old`` has members that were replaced since it was saved; the member of ``same`` is unchanged."""
     raw = write_raw(tmp_path / "raw", {"a": [1, 2], "b": [3]})
     root = tmp_path / "lake"
     convert(NAME, str(raw), root, options=MadeOptions(num_objects=2))
@@ -84,14 +84,14 @@ def changed(tmp_path):
     return Lake(root)
 
 
-def test_a_stale_database_is_read_from_its_own_snapshot_with_a_warning(changed):
+def test_stale_database_is_read_from_its_snapshot_with_a_warning(changed):
     assert changed.snapshot.number > 1
     with pytest.warns(StaleDatabaseWarning, match=r"1 of 3 members of old@1 changed after snapshot 1"):
         loader = ScenarioLoader(changed, "old")
     assert [scenario.id[-1] for scenario in loader] == ["1", "2", "3"]
 
 
-def test_what_is_made_from_a_stale_database_can_be_read(changed):
+def test_databases_derived_from_a_stale_one_are_readable(changed):
     with pytest.warns(StaleDatabaseWarning):
         child = changed.filter("true", name="child", database="old")
     with pytest.warns(StaleDatabaseWarning):
@@ -102,13 +102,13 @@ def test_what_is_made_from_a_stale_database_can_be_read(changed):
         assert len(list(ScenarioLoader(changed, "child"))) == 3
 
 
-def test_a_database_of_unchanged_members_moves_with_the_lake(changed):
+def test_database_of_unchanged_members_follows_the_lake(changed):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert [scenario.id[-1] for scenario in ScenarioLoader(changed, "same")] == ["3"]
 
 
-def test_a_database_whose_snapshot_is_gone_names_what_is_missing(changed):
+def test_database_with_missing_snapshot_names_missing_members(changed):
     changed.files.path("snapshots/00000001.json").unlink()
     remedy = (
         r"old@1 was made on snapshot 1, which has expired, and some of its members have changed since; lake.rebase\("

@@ -1,4 +1,4 @@
-"""Columns of users: added from Python, SQL, events and files, asked like any other, pinned by lineage."""
+"""User columns: added from Python, SQL, events and files, queried like built-in columns, pinned by lineage."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def column(lake, name):
     return dict(lake.refresh().sql(f"SELECT scenario_id, {name} FROM metadata").rows())
 
 
-def test_a_tag_is_a_column_and_nothing_is_rewritten(lake):
+def test_tag_is_a_column_and_rewrites_nothing(lake):
     before = files(lake)
     made = lake.tag("score", dict(zip(IDS[:4], [1.5, 2.5, 3.5, None], strict=True)))
     assert (made.reference, made.type, made.count, made.source) == ("score@1", "double", 3, "python")
@@ -68,7 +68,7 @@ def test_a_tag_is_a_column_and_nothing_is_rewritten(lake):
     assert lake.refresh().describe(IDS[0])["score"] == 1.5
 
 
-def test_a_tag_is_filtered_split_and_sampled_by(lake):
+def test_tag_is_usable_in_filter_split_and_sample(lake):
     lake.tag("score", {name: float(k) for k, name in enumerate(IDS)})
     lake.refresh().tag("kind", {name: "ab"[k % 2] for k, name in enumerate(IDS)})
     lake = lake.refresh()
@@ -81,7 +81,7 @@ def test_a_tag_is_filtered_split_and_sampled_by(lake):
     assert kinds[0].isdisjoint(kinds[1])
 
 
-def test_an_embedding_is_searched(lake):
+def test_embedding_is_searchable(lake):
     vectors = [[1.0, 0.0], [0.0, 1.0], [0.8, 0.6], [-1.0, 0.0], [0.6, 0.8], [0.0, -1.0]]
     table = pa.table({"scenario_id": IDS, "vector": pa.array(vectors, pa.list_(pa.float32()))})
     assert lake.tag("embedding", table).type == "list<item: float>"
@@ -121,7 +121,7 @@ def test_tags_from_files(lake, suffix, tmp_path):
         lake.tag_from_file("other", path)
 
 
-def test_files_that_are_no_table_are_refused(lake, tmp_path):
+def test_invalid_tag_files_are_refused(lake, tmp_path):
     (tmp_path / "x.parquet").write_bytes(b"PAR1")
     (tmp_path / "x.csv").write_bytes(b'a,"\n')
     (tmp_path / "x.txt").write_text("a")
@@ -143,12 +143,12 @@ def test_files_that_are_no_table_are_refused(lake, tmp_path):
         ("select", "a word of SQL"),
     ],
 )
-def test_names_that_cannot_be_columns_are_refused(lake, name, reason):
+def test_invalid_column_names_are_refused(lake, name, reason):
     with pytest.raises(BadParameter, match=reason):
         lake.tag(name, {IDS[0]: 1})
 
 
-def test_rows_that_do_not_fit_are_refused(lake):
+def test_mismatched_rows_are_refused(lake):
     with pytest.raises(ScenarioNotFound, match=r"1 of 2 ids .* made/v1/s00000x; ids look like made/v1/s00000"):
         lake.tag("score", {IDS[0]: 1, "made/v1/s00000x": 2})
     with pytest.raises(BadParameter, match="each scenario_id once"):
@@ -166,7 +166,7 @@ def test_rows_that_do_not_fit_are_refused(lake):
     assert user_columns.current(lake.files, {}) == {}
 
 
-def test_versions_stay_and_lineage_pins_the_one_it_asked(lake):
+def test_old_versions_are_kept_and_lineage_pins_the_version_used(lake):
     lake.tag("score", {name: float(k) for k, name in enumerate(IDS)})
     lake = lake.refresh()
     lake.filter("score >= 4", name="best")
@@ -201,17 +201,19 @@ def test_versions_stay_and_lineage_pins_the_one_it_asked(lake):
         ("SELECT x FROM tracks", set()),
     ],
 )
-def test_only_layers_that_a_query_asks_are_joined(_with_columns, query, joined):
+def test_only_queried_user_columns_are_joined(_with_columns, query, joined):
     lake = Lake(_with_columns)
     lake.sql("SELECT kind, score FROM metadata")
     lake.arrow(query)
     views = lake.arrow("SELECT sql FROM duckdb_views() WHERE view_name LIKE 'meta%a'")["sql"].to_pylist()
     assert {name for name in ("score", "kind") if f"/{name}/" in "".join(views)} == joined | (
-        set() if "metadata" in query else {"score", "kind"}  # who does not ask metadata leaves it as it was
+        set()
+        if "metadata" in query
+        else {"score", "kind"}  # queries that do not read metadata leave the view unchanged
     )
 
 
-def test_a_database_asks_only_layers_that_it_names(lake):
+def test_database_query_joins_only_named_columns(lake):
     lake.tag("score", {name: float(k) for k, name in enumerate(IDS)})
     lake.tag("kind", dict.fromkeys(IDS, "a"))
     lake = lake.refresh()
@@ -225,7 +227,7 @@ def test_a_database_asks_only_layers_that_it_names(lake):
     ]  # fmt: skip
 
 
-def test_layers_are_dropped_but_those_that_lineages_need(lake):
+def test_user_columns_are_dropped_unless_a_lineage_needs_them(lake):
     lake.tag("score", {name: float(k) for k, name in enumerate(IDS)})
     lake.tag("score", {IDS[0]: 9.0}, replace=True)
     lake.tag("kind", dict.fromkeys(IDS, "a"))
@@ -250,18 +252,18 @@ def test_layers_are_dropped_but_those_that_lineages_need(lake):
     assert lake.database("best").scenario_ids == IDS[4:]
     with pytest.raises(UserColumnNotFound, match=r"best@1 cannot be made again as it was: .*no user column 'score@1'"):
         lake.rebuild("best")
-    assert lake.tag("score", {IDS[0]: 1.0}).reference == "score@2"  # not what best asked
+    assert lake.tag("score", {IDS[0]: 1.0}).reference == "score@2"  # not the column that ``best`` queried
     with pytest.raises(UserColumnNotFound, match="score@1"):
         lake.refresh().rebuild("best")
 
 
-def test_a_layer_that_is_nearly_meant_is_named(lake):
+def test_misspelled_column_suggests_a_close_match(lake):
     lake.tag("loneliness", {IDS[0]: 1.0})
     with pytest.raises(QueryError, match=r"no column lonelines at character 1 .* similar: loneliness"):
         lake.refresh().filter("lonelines > 0", name="x")
 
 
-def test_folders_that_are_no_layers_are_left_alone(lake):
+def test_unrelated_folders_are_ignored(lake):
     lake.tag("score", {IDS[0]: 1})
     shutil.copytree(lake.root / "layers" / "score", lake.root / "layers" / "a JOIN b")
     (lake.root / "layers" / "empty").mkdir()
@@ -269,7 +271,7 @@ def test_folders_that_are_no_layers_are_left_alone(lake):
     assert column(lake, "score")[IDS[0]] == 1
 
 
-def test_layers_survive_what_rewrites_the_metadata(lake):
+def test_user_columns_survive_metadata_rewrites(lake):
     lake.tag("score", {name: k for k, name in enumerate(IDS)})
     before = column(lake, "score")
     commits.consolidate(lake.files)

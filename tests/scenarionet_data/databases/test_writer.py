@@ -1,4 +1,4 @@
-"""Databases while they are written: what a query gives, row group by row group, or nothing at all."""
+"""Writing databases: query results are written row group by row group, atomically."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def left_over(lake):
     return list((lake.root / ".tmp").iterdir())
 
 
-def test_members_come_in_any_portions_and_lie_in_full_row_groups(lake):
+def test_members_arrive_in_any_batches_and_fill_row_groups(lake):
     lineage = lake.filter(name="all").lineage
     count = 150_000
     rows = pa.table(
@@ -54,28 +54,28 @@ def test_members_come_in_any_portions_and_lie_in_full_row_groups(lake):
     assert found.members.select(["scenario_id", "weight", "content_hash"]).cast(rows.schema).equals(rows)
 
 
-def test_a_query_that_fails_half_way_leaves_nothing(lake):
+def test_query_failing_half_way_leaves_no_files(lake):
     with pytest.raises(QueryError, match="Could not convert string"):
         lake.filter("num_objects = 1 OR dataset::INTEGER > 0", name="never")
     assert lake.databases == []
     assert left_over(lake) == []
 
 
-def test_what_goes_wrong_between_two_batches_is_told_like_any_mistake(lake):
+def test_error_between_batches_is_a_query_error(lake):
     late = "SELECT range AS n FROM range(300000) WHERE range < 250000 OR concat(range, 'x')::INTEGER > 0"
     with pytest.raises(QueryError, match="Could not convert string '250000x'"):
         list(lake.engine.batches(late))
     assert len(lake) == 3
 
 
-def test_a_question_waits_no_longer_than_the_rows_of_another_are_read(lake):
+def test_query_does_not_wait_for_another_to_be_read(lake):
     rows = lake.engine.batches("SELECT range AS n FROM range(300000)")
     assert next(rows).num_rows > 0
     rows.close()
     assert len(lake) == 3
 
 
-def test_a_draft_that_cannot_be_written_is_an_error_and_the_lake_goes_on(lake, monkeypatch):
+def test_failed_write_raises_error_and_lake_stays_usable(lake, monkeypatch):
     def full(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
@@ -83,13 +83,13 @@ def test_a_draft_that_cannot_be_written_is_an_error_and_the_lake_goes_on(lake, m
         patch.setattr(pq.ParquetWriter, "write_table", full)
         with pytest.raises(LakeError, match="No space left on device; free some space") as failed:
             lake.filter(name="never")
-    assert failed.traceback  # while the error is looked at, the connection answers
+    assert failed.traceback  # the connection still answers while the error is handled
     assert lake.databases == []
     assert left_over(lake) == []
     assert len(lake.filter(name="all")) == 3
 
 
-def test_to_open_and_to_filter_a_lake_compiles_nothing(lake):
+def test_opening_and_filtering_a_lake_compiles_nothing(lake):
     code = (
         "import sys\nfrom scenarionet_data import Lake\nLake(sys.argv[1]).filter(name='all')\n"
         "print([name for name in ('numba', 'polars', 'shapely') if name in sys.modules])"

@@ -1,4 +1,4 @@
-"""Databases of pickles are written whole, and come back as they were."""
+"""Databases of pickles are written completely and import back unchanged."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def import_all(directory: Path) -> list[ScenarioDescription]:
     return [CONVERTER.scenario(shard, record) for shard in shards for record in CONVERTER.records(shard)]
 
 
-def test_a_database(tmp_path: Path) -> None:
+def test_export_writes_a_database(tmp_path: Path) -> None:
     scenarios = [make_scenario(seed) for seed in (3, 1, 2)]
     done: list[tuple[int, int]] = []
     report = export(
@@ -52,8 +52,8 @@ def test_a_database(tmp_path: Path) -> None:
     assert summary[names[0]]["object_summary"]["t0"]["moving_distance"] == pytest.approx(30, rel=0.02)
 
 
-def test_pickles_load_in_both_numpys(tmp_path: Path) -> None:
-    """Names that numpy 1.26 and 2 share; protocol 4, whose arrays come back writable."""
+def test_pickles_load_in_numpy_1_and_2(tmp_path: Path) -> None:
+    """Names that numpy 1.26 and 2 share; protocol 4, whose arrays are writable after loading."""
     directory = export([make_scenario(1)], tmp_path / "db").directory
     for path in directory.iterdir():
         data = path.read_bytes()
@@ -74,7 +74,7 @@ def test_file_names_are_scenario_files(tmp_path: Path) -> None:
     assert (report.directory / "sd_metadrive_MetaDrive%20v0.4.3_PGMap-3.pkl").is_file()
 
 
-def test_an_existing_directory_is_refused(tmp_path: Path) -> None:
+def test_existing_directory_is_refused(tmp_path: Path) -> None:
     db = tmp_path / "db"
     export([make_scenario(1)], db)
     with pytest.raises(DatabaseExists, match="is not empty"):
@@ -87,7 +87,7 @@ def test_an_existing_directory_is_refused(tmp_path: Path) -> None:
     assert (tmp_path / "empty" / "dataset_summary.pkl").is_file()
 
 
-def test_overwriting_spares_what_is_no_database(tmp_path: Path) -> None:
+def test_overwriting_keeps_files_that_are_not_part_of_a_database(tmp_path: Path) -> None:
     (tmp_path / "home").mkdir()
     (tmp_path / "home" / "thesis.tex").write_text("x")
     with pytest.raises(DatabaseExists, match=r"thesis\.tex"):
@@ -97,7 +97,7 @@ def test_overwriting_spares_what_is_no_database(tmp_path: Path) -> None:
     assert (tmp_path / "home" / "thesis.tex").read_text() == "x"
 
 
-def test_a_broken_run_leaves_everything_as_it_was(tmp_path: Path) -> None:
+def test_failed_run_leaves_everything_unchanged(tmp_path: Path) -> None:
     def broken() -> Iterator[ScenarioDescription]:
         yield make_scenario(2)
         raise RuntimeError("the disk is on fire")
@@ -110,7 +110,7 @@ def test_a_broken_run_leaves_everything_as_it_was(tmp_path: Path) -> None:
     assert [s.source.scenario_id for s in import_all(tmp_path / "db")] == ["s000001"]
 
 
-def test_what_cannot_be_written_is_reported(tmp_path: Path) -> None:
+def test_scenarios_that_cannot_be_exported_are_reported(tmp_path: Path) -> None:
     same = renamed(make_scenario(2), "s000001")
     report = export([make_scenario(1), same, make_scenario(3)], tmp_path / "db")
     assert report.num_scenarios == 2
@@ -125,7 +125,7 @@ def test_what_cannot_be_written_is_reported(tmp_path: Path) -> None:
 
 
 def assert_same(first: ScenarioDescription, second: ScenarioDescription) -> None:
-    """Everything but the name, and a lane's width, which the format holds per point."""
+    """Compare everything but the name and lane widths, which the format stores per point."""
     names = ("id", "dataset", "version", "source", "extras", "map", "split")
     for name in set(first.__dataclass_fields__) - set(names):
         assert differences(getattr(first, name), getattr(second, name), name) == []
@@ -149,7 +149,7 @@ def assert_same(first: ScenarioDescription, second: ScenarioDescription) -> None
     has_z=st.booleans(),
     has_map=st.booleans(),
 )
-def test_export_and_import_give_the_same_arrays(
+def test_export_and_import_give_equal_arrays(
     tmp_path_factory, seed, num_objects, num_steps, num_lights, has_z, has_map
 ):
     scenario = make_scenario(
@@ -162,14 +162,16 @@ def test_export_and_import_give_the_same_arrays(
     assert again.extras == {**scenario.extras, "dataset": "made", "version": "v1", "id": f"s{seed:06d}"}
 
 
-def test_nuscenes_comes_back_with_its_true_ego(tmp_path: Path) -> None:
+def test_nuscenes_ego_is_restored_exactly(tmp_path: Path) -> None:
     scenario = make_scenario(2, dataset="nuscenes", version="v1.0-mini")
     (again,) = import_all(export([scenario], tmp_path / "db").directory)
     assert_same(scenario, again)
 
 
 @pytest.mark.parametrize("source", ["made", "recorded"])
-def test_imported_pickles_survive_another_round(source: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
+def test_imported_pickles_export_and_import_unchanged(
+    source: str, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
     if source == "made":
         raw = made.write_vintages(tmp_path / "raw")
     else:

@@ -1,4 +1,4 @@
-"""What is exported has ScenarioNet's form."""
+"""Exported scenarios have ScenarioNet's format."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.fixtures.scenarios import make_scenario, with_lights
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_only_builtins_and_arrays_of_its_own(seed: int) -> None:
+def test_only_builtins_and_owned_arrays(seed: int) -> None:
     scenario = make_scenario(seed, has_z=seed != 3)
     description = to_pickle_dict(scenario)
     allowed = (int, float, str, bool, type(None), dict, list, tuple, set, np.ndarray)
@@ -30,7 +30,7 @@ def test_only_builtins_and_arrays_of_its_own(seed: int) -> None:
             assert not any(np.shares_memory(value, source) for source in sources), path
 
 
-def test_tracks_have_one_form() -> None:
+def test_tracks_have_one_format() -> None:
     scenario = make_scenario(2)
     description = to_pickle_dict(scenario)
     assert list(description["tracks"]) == scenario.tracks.ids.tolist()
@@ -61,7 +61,7 @@ def test_metadata() -> None:
     assert (metadata["source_file"], metadata["log_name"], metadata["map"]) == ("file0", "log0", "nowhere")
 
 
-def test_types_metadrive_lacks_become_other() -> None:
+def test_types_unknown_to_metadrive_become_other() -> None:
     scenario = make_scenario(1)
     types = scenario.tracks.object_type.copy()
     types[1:3] = ObjectType.UNSET, ObjectType.TRAFFIC_OBJECT
@@ -96,7 +96,7 @@ def test_map_features() -> None:
 
 
 def test_maps_without_heights_are_planar() -> None:
-    """As ScenarioNet's own: their height difference is -inf, so its no_overpass drops them (ours does not)."""
+    """As ScenarioNet writes them: the height difference is -inf, so no_overpass drops them (ours does not)."""
     planar = to_pickle_dict(make_scenario(1, has_z=False))
     assert planar["map_features"]["lane1"]["polyline"].shape[1] == 2
     assert planar["metadata"]["number_summary"]["map_height_diff"] == -np.inf
@@ -104,13 +104,13 @@ def test_maps_without_heights_are_planar() -> None:
     assert spatial["metadata"]["number_summary"]["map_height_diff"] > 0
 
 
-def test_a_scenario_without_a_map() -> None:
+def test_scenario_without_a_map() -> None:
     description = to_pickle_dict(make_scenario(1, has_map=False))
     sanity_check(description)
     assert description["map_features"] == {}
 
 
-def test_what_metadrive_cannot_read_is_left_out_and_named() -> None:
+def test_features_metadrive_cannot_read_are_omitted_and_named() -> None:
     scenario = make_scenario(1, num_lanes=4, num_lights=0)
     features = scenario.map
     lists = [points.tolist() for points in features.polyline]
@@ -131,7 +131,7 @@ def test_what_metadrive_cannot_read_is_left_out_and_named() -> None:
     assert "omitted_polygons" not in to_pickle_dict(scenario)["metadata"]
 
 
-def test_states_are_names_or_none() -> None:
+def test_light_states_are_names_or_none() -> None:
     states = [LightState.ABSENT, LightState.LANE_STATE_GO, LightState.TRAFFIC_LIGHT_RED]
     description = to_pickle_dict(with_lights([states], ["lane1"], [[1, 2, 3]]))
     light = description["dynamic_map_states"]["lane1"]
@@ -140,7 +140,7 @@ def test_states_are_names_or_none() -> None:
     assert light["lane"] == light["metadata"]["object_id"] == "lane1"
 
 
-def test_lights_of_one_lane_become_the_most_restrictive() -> None:
+def test_lights_of_one_lane_merge_to_the_most_restrictive() -> None:
     green, red, unknown, absent = (
         LightState.LANE_STATE_GO,
         LightState.LANE_STATE_ARROW_STOP,
@@ -163,7 +163,7 @@ def test_lights_of_one_lane_become_the_most_restrictive() -> None:
     assert light["stop_point"].tolist() == [4, 5, 6]
 
 
-def test_a_light_without_stop_point_stands_at_its_lanes_start() -> None:
+def test_light_without_stop_point_is_placed_at_its_lane_start() -> None:
     nowhere = [[np.nan] * 3] * 2
     states = [[LightState.LANE_STATE_GO]] * 2
     scenario = with_lights(states, ["lane1", "elsewhere"], nowhere)
@@ -174,7 +174,7 @@ def test_a_light_without_stop_point_stands_at_its_lanes_start() -> None:
 
 
 @pytest.mark.parametrize(("dataset", "version"), [("nuscenes", "v1.0-mini"), ("other", "nuscenesv1.0-mini")])
-def test_metadrive_gets_the_nuscenes_ego_as_it_expects_it(dataset: str, version: str) -> None:
+def test_nuscenes_ego_is_written_as_metadrive_expects(dataset: str, version: str) -> None:
     scenario = make_scenario(2, dataset=dataset, version=version)
     tracks = to_pickle_dict(scenario)["tracks"]
     true = scenario.tracks.size

@@ -1,4 +1,4 @@
-"""Damaged descriptions are refused, and what is wrong is named."""
+"""Invalid scenario descriptions are refused with an error that names the defect."""
 
 from __future__ import annotations
 
@@ -123,12 +123,12 @@ def _vehicles(scenario: ScenarioDescription) -> Any:
     return replace(scenario.tracks, object_type=np.ones(12, np.uint8))
 
 
-def test_the_healthy_description_passes(healthy: dict[str, Any]) -> None:
+def test_valid_description_passes(healthy: dict[str, Any]) -> None:
     sanity_check(healthy)
 
 
 @pytest.mark.parametrize("path", REMOVED, ids=".".join)
-def test_a_missing_field_is_named(path: tuple[str, ...], healthy: dict[str, Any]) -> None:
+def test_missing_field_is_named(path: tuple[str, ...], healthy: dict[str, Any]) -> None:
     damaged = copy.deepcopy(healthy)
     remove(*path)(damaged)
     with pytest.raises(InvalidScenario) as error:
@@ -137,14 +137,14 @@ def test_a_missing_field_is_named(path: tuple[str, ...], healthy: dict[str, Any]
 
 
 @pytest.mark.parametrize("how", WRONG)
-def test_a_wrong_field_is_refused(how: str, healthy: dict[str, Any]) -> None:
+def test_invalid_field_is_refused(how: str, healthy: dict[str, Any]) -> None:
     damaged = copy.deepcopy(healthy)
     WRONG[how](damaged)
     with pytest.raises(InvalidScenario):
         sanity_check(damaged)
 
 
-def test_other_dictionaries_are_refused(healthy: dict[str, Any]) -> None:
+def test_other_mappings_are_refused(healthy: dict[str, Any]) -> None:
     class Dictionary(dict[str, Any]):
         pass
 

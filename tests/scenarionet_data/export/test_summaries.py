@@ -1,4 +1,4 @@
-"""Summaries of pickles are ScenarioNet's."""
+"""Summaries of pickles match ScenarioNet's."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_number_summary() -> None:
     assert summary["num_map_features"] == len(description["map_features"])
 
 
-def test_map_height_diff_stops_above_ten_metres() -> None:
+def test_map_height_diff_stops_once_above_ten_metres() -> None:
     def line(*heights: float) -> dict[str, Any]:
         return {"type": "ROAD_LINE_SOLID_SINGLE_WHITE", "polyline": np.array([[0, 0, z] for z in heights])}
 
@@ -65,7 +65,7 @@ def test_map_height_diff_stops_above_ten_metres() -> None:
     assert map_height_diff({"a": {"type": "ROAD_EDGE_BOUNDARY", "polyline": line(0, 5)["polyline"]}}) == -np.inf
 
 
-def test_summaries_agree_with_scenarionets_own(recordings: Path) -> None:
+def test_summaries_match_scenarionets_own(recordings: Path) -> None:
     for path in sorted((recordings / "scenarionet").rglob("sd_*waymo*.pkl")):
         (scenario,) = [s for s in import_all(path.parent) if s.source.file == path.name]
         theirs = load(path, path.name)["metadata"]

@@ -1,4 +1,4 @@
-"""A lake of many small shards, and what must stay true of it whatever is done."""
+"""A lake of many small shards, and the invariants that every maintenance operation must keep."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SMALL = {"num_steps": 3, "num_lanes": 2, "num_lights": 1}
 
 @pytest.fixture(autouse=True)
 def small(monkeypatch):
-    """Small scenarios; an analytics profile that a few of them fill."""
+    """Use small scenarios and an analytics profile whose bins hold only a few of them."""
     monkeypatch.setattr(made, "make_scenario", make_small)
     monkeypatch.setitem(layouts.LAYOUTS, "analytics", Layout("analytics", 3, 8))
 
@@ -45,7 +45,7 @@ def raw(_converted, tmp_path) -> Path:
 
 @pytest.fixture
 def root(raw, _converted, tmp_path) -> Path:
-    """A lake of them: each is a shard."""
+    """A lake converted from them, one shard per recording."""
     return Path(shutil.copytree(_converted / "lake", tmp_path / "lake"))
 
 
@@ -59,12 +59,12 @@ def convert_to(raw: Path, root: Path, **how) -> Path:
 
 
 def content(lake) -> dict[str, int]:
-    """Content hash of every scenario, computed from what the loader gives."""
+    """Content hash of every scenario, computed from the loaded arrays."""
     return {scenario.id: content_hash(scenario) for scenario in ScenarioLoader(lake)}
 
 
 def rows(root: Path) -> dict[str, int]:
-    """Rows of each table that SQL sees: rows of nobody would be too many."""
+    """Number of rows visible to SQL in each table; orphaned rows would raise the count."""
     lake = Lake(root)
     return {
         table: lake.sql(f"SELECT count(*) FROM {table}").item() for table in ("metadata", "tracks", "lights", "maps")
@@ -72,7 +72,7 @@ def rows(root: Path) -> dict[str, int]:
 
 
 def check_whole(root: Path) -> None:
-    """Nothing is wrong with any file, every scenario is what its metadata say, and SQL sees the rows of no other."""
+    """Check that every file is intact, every scenario matches its metadata, and SQL sees no orphaned rows."""
     assert fsck(root, is_deep=True, workers=2).problems == ()
     lake = Lake(root)
     assert content(lake) == dict(lake.sql("SELECT scenario_id, content_hash FROM metadata").rows())

@@ -1,4 +1,4 @@
-"""Real processes at once: one reads, one converts and replaces, one compacts and vacuums; nothing is lost."""
+"""Concurrent processes: one reads, one converts and replaces, one compacts and vacuums; nothing is lost."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ print(rounds)
 
 
 @pytest.mark.long
-def test_reading_converting_and_maintaining_at_once(tmp_path):
+def test_concurrent_reading_converting_and_maintenance(tmp_path):
     raw = write_raw(tmp_path / "raw", {f"s{k}": [10 * k, 10 * k + 1] for k in range(5)})
     root = convert_to(raw, tmp_path / "lake")
     code = [(name, SETUP + each) for name, each in (("read", READ), ("convert", CONVERT), ("maintain", MAINTAIN))]

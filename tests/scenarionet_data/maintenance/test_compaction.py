@@ -1,4 +1,4 @@
-"""compact: the same scenarios in other files, whoever reads, converts or replaces meanwhile."""
+"""compact: the same scenarios in other files, also while others read, convert or replace."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def records(root):
     return {record.name: record for record in manifests.shards(files, snapshots.read(files))}
 
 
-def test_nothing_changes_but_where_scenarios_lie(root):
+def test_compaction_changes_only_file_addresses(root):
     lake = Lake(root)
     database = lake.filter(name="all")
     before, counted, keys = content(lake), rows(root), {r.key for r in records(root).values()}
@@ -50,7 +50,7 @@ def test_nothing_changes_but_where_scenarios_lie(root):
 
 
 @pytest.mark.long
-def test_training_is_how_scenarios_are_converted_but_in_fewer_files(root):
+def test_training_profile_keeps_row_groups_of_conversion_in_fewer_files(root):
     before = content(Lake(root))
     compact(root, "training")
     assert groups(root) == [[2] * 8]
@@ -62,7 +62,7 @@ def test_training_is_how_scenarios_are_converted_but_in_fewer_files(root):
 
 
 @pytest.mark.parametrize("profile", ["training", "analytics"])
-def test_again_there_is_nothing_to_do(root, profile):
+def test_second_compaction_does_nothing(root, profile):
     compact(root, profile)
     again = compact(root, profile)
     assert (again.shards, again.snapshot) == (0, 2)
@@ -70,7 +70,7 @@ def test_again_there_is_nothing_to_do(root, profile):
 
 
 @pytest.mark.long
-def test_new_shards_join_files_that_are_not_full(raw, root):
+def test_new_shards_are_added_to_partly_filled_files(raw, root):
     compact(root, "analytics")  # 8 of 8
     convert_to(write_raw(raw, {"t0": [70, 71]}), root)
     assert compact(root, "analytics").shards == 1
@@ -80,7 +80,7 @@ def test_new_shards_join_files_that_are_not_full(raw, root):
     check_whole(root)
 
 
-def test_bins_are_no_larger_than_told_and_large_shards_are_cut_evenly(raw, root, monkeypatch):
+def test_bins_respect_the_limit_and_large_shards_are_split_evenly(raw, root, monkeypatch):
     monkeypatch.setattr(bin_packing, "_SCENARIOS_PER_BIN", 5)
     assert [each.num_scenarios for each in plan_compaction(root, "analytics")] == [4, 4]
     convert_to(write_raw(raw, {"large": list(range(100, 118))}), root)
@@ -91,7 +91,7 @@ def test_bins_are_no_larger_than_told_and_large_shards_are_cut_evenly(raw, root,
     check_whole(root)
 
 
-def test_where_chooses_partitions(raw, root):
+def test_where_selects_partitions(raw, root):
     convert_to(write_raw(raw.parent / "val", {"v0": [60], "v1": [61]}), root)
     assert {r.split for each in plan_compaction(root, where={"split": "v*"}) for r in each.records} == {"val"}
     assert compact(root, where={"split": "val", "dataset": "made"}).shards == 2
@@ -104,11 +104,11 @@ def test_where_chooses_partitions(raw, root):
         compact(raw)
 
 
-# --- converting afterwards ------------------------------------------------------------------------------
+# --- conversion after compaction ------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("profile", [pytest.param("training", marks=pytest.mark.long), "analytics"])
-def test_converting_again_skips_and_replacing_one_shard_leaves_the_others(raw, root, profile):
+def test_second_conversion_skips_and_replacing_one_shard_keeps_the_others(raw, root, profile):
     compact(root, profile)
     before = content(Lake(root))
     report = convert(NAME, str(raw), root, options=OPTIONS, check=False)
@@ -124,7 +124,7 @@ def test_converting_again_skips_and_replacing_one_shard_leaves_the_others(raw, r
     assert content(Lake(root, snapshot=2)) == before
 
 
-def test_replacing_all_that_shares_a_file_rewrites_nothing(raw, root, monkeypatch):
+def test_replacing_all_shards_of_a_file_rewrites_nothing(raw, root, monkeypatch):
     compact(root, "analytics")
     monkeypatch.setattr("scenarionet_data.storage.write.rewriting.rewrite", None)
     write_raw(raw, {f"s{k}": [500 + k] for k in range(4)})
@@ -132,7 +132,7 @@ def test_replacing_all_that_shares_a_file_rewrites_nothing(raw, root, monkeypatc
     check_whole(root)
 
 
-def test_quarantine_stays(raw, root):
+def test_quarantine_is_kept(raw, root):
     convert_to(write_raw(raw, {"bad": ["90 invalid", 91]}), root)
     compact(root, "analytics")
     assert len(Lake(root).sql("FROM quarantine")) == 1
@@ -150,11 +150,11 @@ def test_large_partitions_keep_few_metadata_files(raw, root, monkeypatch):
     check_whole(root)
 
 
-# --- beside others --------------------------------------------------------------------------------------
+# --- concurrent changes ---------------------------------------------------------------------------------
 
 
-def beside(happens):
-    """Runs bins here; something happens after the first is rewritten."""
+def with_concurrent_change(happens):
+    """Run bins serially; trigger a concurrent change after the first is rewritten."""
 
     def run(jobs, do, lost=None):
         for number, job in enumerate(jobs):
@@ -165,32 +165,32 @@ def beside(happens):
     return run
 
 
-def test_a_conversion_that_commits_meanwhile_loses_nothing(raw, root):
+def test_concurrent_conversion_loses_nothing(raw, root):
     def converts():
         convert_to(write_raw(raw, {"new": [77]}), root)
 
-    done = compact(root, "analytics", executor=beside(converts))
+    done = compact(root, "analytics", executor=with_concurrent_change(converts))
     assert (done.shards, done.left) == (4, 0)
     assert len(content(Lake(root))) == 9
     check_whole(root)
 
 
-def test_what_is_replaced_meanwhile_is_planned_anew(raw, root):
+def test_concurrently_replaced_shards_are_planned_again(raw, root):
     happened = []
 
     def replaces():
         if not happened:
             happened.append(convert_to(write_raw(raw, {"s2": [20, 98]}), root, replace=True))
 
-    done = compact(root, "analytics", executor=beside(replaces))
+    done = compact(root, "analytics", executor=with_concurrent_change(replaces))
     assert (done.shards, done.left) == (4, 0)
     assert "made/v1/s000098" in content(Lake(root))
     assert "made/v1/s000021" not in content(Lake(root))
     check_whole(root)
 
 
-def test_files_that_are_vacuumed_meanwhile_are_no_damage(raw, root, monkeypatch):
-    """The second bin's files are gone when its turn comes: what they held has been replaced."""
+def test_concurrently_vacuumed_files_are_not_reported_as_damage(raw, root, monkeypatch):
+    """The second bin's files are gone before it is rewritten, because their shards have been replaced."""
     monkeypatch.setattr(bin_packing, "_SCENARIOS_PER_BIN", 4)
     happened = []
 
@@ -199,30 +199,30 @@ def test_files_that_are_vacuumed_meanwhile_are_no_damage(raw, root, monkeypatch)
             happened.append(convert_to(write_raw(raw, {"s2": [20], "s3": [30]}), root, replace=True))
             vacuum(root, keep_last=1)
 
-    done = compact(root, "analytics", executor=beside(replaces))
+    done = compact(root, "analytics", executor=with_concurrent_change(replaces))
     assert (done.shards, done.left, done.failed) == (4, 0, [])
     check_whole(root)
 
 
-def test_two_compactions_at_once_are_one(root):
-    done = compact(root, "analytics", executor=beside(lambda: compact(root, "analytics")))
+def test_two_concurrent_compactions_equal_one(root):
+    done = compact(root, "analytics", executor=with_concurrent_change(lambda: compact(root, "analytics")))
     assert (done.shards, done.left, done.snapshot) == (0, 0, 2)
     check_whole(root)
 
 
 @pytest.mark.long
-def test_rivals_that_never_end_are_reported(raw, root):
+def test_endless_conflicts_raise_error(raw, root):
     seeds = iter(range(200, 300))
 
     def replaces():
         convert_to(write_raw(raw, {"s2": [next(seeds)]}), root, replace=True)
 
-    done = compact(root, "analytics", executor=beside(replaces))
+    done = compact(root, "analytics", executor=with_concurrent_change(replaces))
     assert done.left == 4
     check_whole(root)
 
 
-def test_what_a_killed_run_has_finished_is_taken(root, monkeypatch):
+def test_finished_bins_of_a_killed_run_are_reused(root, monkeypatch):
     monkeypatch.setattr(bin_packing, "_SCENARIOS_PER_BIN", 4)
 
     def killed(jobs, do, lost=None):
@@ -239,7 +239,7 @@ def test_what_a_killed_run_has_finished_is_taken(root, monkeypatch):
     check_whole(root)
 
 
-def test_a_damaged_file_keeps_only_its_own_bin(root, monkeypatch):
+def test_damaged_file_fails_only_its_own_bin(root, monkeypatch):
     monkeypatch.setattr(bin_packing, "_SCENARIOS_PER_BIN", 4)
     record = records(root)["s3"]
     (root / record.files[0]).write_bytes(b"PAR1")
@@ -251,7 +251,7 @@ def test_a_damaged_file_keeps_only_its_own_bin(root, monkeypatch):
     assert len(Lake(root)) == 8
 
 
-def test_the_same_shards_give_the_same_files(raw, tmp_path):
+def test_same_shards_give_identical_files(raw, tmp_path):
     made: list = []
     for name in ("one", "two"):
         root = convert_to(raw, tmp_path / name)
@@ -260,7 +260,7 @@ def test_the_same_shards_give_the_same_files(raw, tmp_path):
     assert made[0] == made[1]
 
 
-def test_packs_of_compacted_lakes_hold_their_members_alone(root, tmp_path):
+def test_packs_of_compacted_lakes_hold_only_their_members(root, tmp_path):
     lake = Lake(root)
     before = content(lake)
     lake.filter("scenario_id LIKE '%1'", name="odd")
@@ -272,7 +272,7 @@ def test_packs_of_compacted_lakes_hold_their_members_alone(root, tmp_path):
     assert packed.sql("SELECT count(*) FROM tracks").item() == 8
 
 
-def test_a_file_that_reads_back_otherwise_is_refused(root, monkeypatch):
+def test_file_that_fails_verification_is_refused(root, monkeypatch):
     from scenarionet_data.storage.read.scenario_rows import ScenarioRows
 
     read = ScenarioRows.read

@@ -1,4 +1,4 @@
-"""fsck: every kind of damage is found, named, and explained; a whole lake is whole."""
+"""fsck: every kind of damage is found, located and explained; an intact lake has no problems."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def change_a_byte(path, position=60):
 # --- files ----------------------------------------------------------------------------------------------
 
 
-def test_a_whole_lake_is_whole_and_progress_is_told(root):
+def test_intact_lake_has_no_problems_and_reports_progress(root):
     Lake(root).filter(name="all")
     compact(root, "analytics")
     told = []
@@ -48,7 +48,7 @@ def test_a_whole_lake_is_whole_and_progress_is_told(root):
 
 
 @pytest.mark.parametrize("table", ["tracks", "maps"])
-def test_a_changed_byte_is_found_by_reading_deep(root, table):
+def test_changed_byte_is_found_by_deep_check(root, table):
     path, name = file_of(root, f"{table}/**/*.parquet")
     change_a_byte(path)
     assert found(root, is_deep=False) == {}
@@ -57,7 +57,7 @@ def test_a_changed_byte_is_found_by_reading_deep(root, table):
 
 @pytest.mark.parametrize("pattern", ["tracks/**/*.parquet", "metadata/**/*.parquet", "snapshots/manifest-*"])
 @pytest.mark.parametrize("damage", ["gone", "cut", "garbage"])
-def test_files_that_are_gone_or_cut_are_found(root, pattern, damage):
+def test_missing_and_truncated_files_are_found(root, pattern, damage):
     path, name = file_of(root, pattern)
     if damage == "gone":
         path.unlink()
@@ -68,8 +68,8 @@ def test_files_that_are_gone_or_cut_are_found(root, pattern, damage):
     assert "restore it from a copy" in problem.remedy
 
 
-def test_metadata_that_is_not_live_is_looked_at_too(root, monkeypatch):
-    """Merged metadata stands for it; replacing a shard falls back to it."""
+def test_superseded_metadata_is_checked_too(root, monkeypatch):
+    """Merged metadata supersedes it, but replacing a shard falls back to it."""
     monkeypatch.setattr(metadata_files, "MAX_METADATA_FILES", 2)
     monkeypatch.setattr(metadata_files, "MERGED_FILES", 1)
     commits.consolidate(LocalLakeFiles(root))
@@ -79,7 +79,7 @@ def test_metadata_that_is_not_live_is_looked_at_too(root, monkeypatch):
     assert list(found(root)) == [name]
 
 
-def test_a_snapshot_that_is_no_snapshot(raw, root):
+def test_invalid_snapshot_file_is_found(raw, root):
     convert_to(write_raw(raw, {"n": [77]}), root)
     (root / snapshots.file_name(1)).write_bytes(b"{")
     (problem,) = fsck(root).problems
@@ -88,12 +88,12 @@ def test_a_snapshot_that_is_no_snapshot(raw, root):
     assert "or remove it" in problem.remedy
 
 
-def test_a_folder_that_is_no_lake(raw):
+def test_folder_without_lake_raises_error(raw):
     with pytest.raises(NoSuchSnapshot, match="no lake there"):
         fsck(raw)
 
 
-def test_an_empty_lake_is_whole(tmp_path):
+def test_empty_lake_has_no_problems(tmp_path):
     (tmp_path / "snapshots").mkdir()
     assert fsck(tmp_path).is_whole
 
@@ -102,7 +102,7 @@ def test_an_empty_lake_is_whole(tmp_path):
 
 
 def rewritten(root, change):
-    """The lake, its first metadata file changed without anybody noticing."""
+    """The lake with its first metadata file rewritten, and its size and checksum updated to match."""
     path, _ = file_of(root, "metadata/**/*.parquet")
     table = pq.ParquetFile(path).read()
     changed = pa.Table.from_pylist(change(table.to_pylist()), schema=table.schema)
@@ -122,21 +122,21 @@ def rewritten(root, change):
         ({"tracks_file": "tracks/x.parquet"}, "holds made/v1/s000000, but no shard of the snapshot lists it"),
     ],
 )
-def test_addresses_that_are_wrong(root, change, reason):
+def test_wrong_addresses_are_found(root, change, reason):
     assert reason in rewritten(root, lambda rows: [rows[0] | change, *rows[1:]]).values()
 
 
-def test_a_file_of_nobody_is_found(root):
-    """A shard without the scenarios of one of its files."""
+def test_orphaned_file_is_found(root):
+    """A shard with the scenarios of one of its files removed."""
     reasons = rewritten(root, lambda rows: [])
     assert "no scenario has its rows here" in reasons.values()
     assert "6 scenarios, its shards have 8" in reasons.values()
 
 
-# --- what belongs to no snapshot ------------------------------------------------------------------------
+# --- files outside snapshots ----------------------------------------------------------------------------
 
 
-def test_databases_users_columns_and_runs(root):
+def test_damaged_databases_user_columns_and_runs_are_found(root):
     lake = Lake(root)
     lake.tag_where("odd", "scenario_id LIKE '%1'")
     Lake(root).filter("odd", name="odds")
@@ -157,7 +157,7 @@ def test_databases_users_columns_and_runs(root):
     assert "simulate again" in problems["results/mine/run.json"].remedy
 
 
-def test_a_database_whose_members_have_changed_needs_its_snapshot(raw, root):
+def test_database_with_changed_members_needs_its_snapshot(raw, root):
     Lake(root).filter(name="old")
     convert_to(write_raw(raw, {"s0": [0, 55]}), root, replace=True)
     assert found(root) == {}
@@ -167,7 +167,7 @@ def test_a_database_whose_members_have_changed_needs_its_snapshot(raw, root):
     }
 
 
-def test_leftovers_are_notes_and_no_problems(root):
+def test_leftover_files_are_notes_not_problems(root):
     write_shard(root, [make_scenario(500, num_objects=1)], name="uncommitted")
     (root / ".tmp").mkdir(exist_ok=True)
     (root / ".tmp" / "1-x").write_bytes(b"half")
@@ -181,7 +181,7 @@ def test_leftovers_are_notes_and_no_problems(root):
 
 
 @pytest.mark.parametrize("profile", [None, pytest.param("training", marks=pytest.mark.long), "analytics"])
-def test_repairing_and_converting_again_brings_everything_back(raw, root, profile):
+def test_repair_and_conversion_restore_everything(raw, root, profile):
     before = content(Lake(root))
     if profile:
         compact(root, profile)
@@ -200,7 +200,7 @@ def test_repairing_and_converting_again_brings_everything_back(raw, root, profil
     check_whole(root)
 
 
-def test_merged_metadata_is_merged_again(root, monkeypatch):
+def test_repair_merges_metadata_again(root, monkeypatch):
     monkeypatch.setattr(metadata_files, "MAX_METADATA_FILES", 2)
     monkeypatch.setattr(metadata_files, "MERGED_FILES", 1)
     commits.consolidate(LocalLakeFiles(root))
@@ -217,7 +217,7 @@ def test_merged_metadata_is_merged_again(root, monkeypatch):
     check_whole(root)
 
 
-def test_what_only_older_snapshots_need_is_said_to_be_so(root):
+def test_remedy_says_when_only_older_snapshots_need_the_file(root):
     compact(root, "analytics")
     path, _ = file_of(root, "tracks/**/s0-*")
     path.unlink()

@@ -1,4 +1,4 @@
-"""Random histories of one lake against a model: whatever is done in whatever order, every scenario is what it was."""
+"""Random histories of one lake against a model: no sequence of operations changes any scenario."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ OBJECTS = st.sampled_from([1, 2])
 
 
 class Maintained(RuleBasedStateMachine):
-    """The model: which seed every recording holds and with how many objects it was converted; members of databases."""
+    """The model: seed and number of objects of every recording, and the members of every database."""
 
     databases = Bundle("databases")
 
@@ -58,7 +58,7 @@ class Maintained(RuleBasedStateMachine):
 
     @rule(seeds=SEEDS, num_objects=OBJECTS)
     def convert(self, seeds, num_objects):
-        """Each seed is a recording of its own; those in the lake are replaced if converted otherwise."""
+        """Each seed is one recording; recordings already in the lake are replaced if the options differ."""
         write_raw(self.raw, {f"s{seed}": [seed] for seed in seeds})
         for path in self.raw.iterdir():
             if path.stem not in {f"s{seed}" for seed in seeds}:
@@ -93,7 +93,7 @@ class Maintained(RuleBasedStateMachine):
 
     @rule(name=databases)
     def load(self, name):
-        """As it was made, whatever has happened since."""
+        """Each scenario loads exactly as it was converted."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", StaleDatabaseWarning)
             found = {scenario.id: content_hash(scenario) for scenario in ScenarioLoader(self.root, name)}
@@ -119,16 +119,16 @@ def run_histories(examples, steps):
 
 @pytest.fixture
 def few(monkeypatch):
-    """Merged metadata files after a few shards."""
+    """Merge metadata files after only a few shards."""
     monkeypatch.setattr(metadata_files, "MAX_METADATA_FILES", 4)
     monkeypatch.setattr(metadata_files, "MERGED_FILES", 2)
 
 
 @pytest.mark.long
-def test_a_few_histories(few):
+def test_short_random_histories(few):
     run_histories(2, 8)
 
 
 @pytest.mark.long
-def test_many_histories(few):
+def test_long_random_histories(few):
     run_histories(25, 20)

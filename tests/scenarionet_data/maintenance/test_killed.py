@@ -1,4 +1,4 @@
-"""compact and vacuum killed at every step: the lake is whole, and the same command finishes what was begun."""
+"""compact and vacuum killed at every step: the lake stays intact, and the same command finishes the work."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ STEPS = ("publish", "publish_new", "remove", "remove_unchanged", "renew")
 
 
 class Killed(BaseException):
-    """Nobody catches it."""
+    """Raised in place of a kill; derived from BaseException, so that no handler catches it."""
 
 
 @pytest.fixture
 def lake(tmp_path):
-    """Two shards, to be compacted; or compacted already, to be vacuumed."""
+    """Two shards ready to be compacted, or already compacted and ready to be vacuumed."""
     root = convert_to(write_raw(tmp_path / "raw", {"a": [1], "b": [2]}), tmp_path / "lake")
     Lake(root).filter(name="all")
     return root
 
 
 def stop_at(monkeypatch, number):
-    """Dies after the step of that number."""
+    """Raise after the step with the given number."""
     count = [0]
 
     def stopping(step):
@@ -57,9 +57,9 @@ def holds_the_same(root, before):
 
 
 def run_until_it_ends(work, root, check=holds_the_same):
-    """Works on copies of a lake, stopped one step later each time, until nothing stops it; returns how many times.
+    """Run on copies of a lake, each stopped one step later, until a run completes; return the number of runs.
 
-    Each copy is whole then, and satisfies ``check`` once the work has been done again.
+    Each copy must be intact when stopped, and satisfy ``check`` once the work has been repeated.
     """
     before = content(Lake(root))
     for number in range(1, 100):
@@ -84,7 +84,7 @@ def run_until_it_ends(work, root, check=holds_the_same):
 
 
 @pytest.mark.long
-def test_compact_stopped_at_every_step(lake):
+def test_compact_killed_at_every_step(lake):
     def work(root):
         compact(root, "analytics")
         assert len(Lake(root).paths("tracks")) == 1
@@ -92,7 +92,7 @@ def test_compact_stopped_at_every_step(lake):
     assert run_until_it_ends(work, lake) >= 7
 
 
-def test_vacuum_stopped_at_every_step(lake):
+def test_vacuum_killed_at_every_step(lake):
     Lake(lake).drop("all")
     compact(lake, "analytics")
 
@@ -103,7 +103,7 @@ def test_vacuum_stopped_at_every_step(lake):
     assert run_until_it_ends(work, lake) >= 10
 
 
-def test_what_a_stopped_vacuum_leaves_goes_after_a_day(lake, monkeypatch):
+def test_leftovers_of_killed_vacuum_are_removed_after_a_day(lake, monkeypatch):
     Lake(lake).drop("all")
     compact(lake, "analytics")
     with pytest.MonkeyPatch.context() as patch:
@@ -119,7 +119,7 @@ def test_what_a_stopped_vacuum_leaves_goes_after_a_day(lake, monkeypatch):
 
 
 @pytest.mark.long
-def test_replacing_in_a_compacted_lake_stopped_at_every_step(lake):
+def test_replacing_in_compacted_lake_killed_at_every_step(lake):
     compact(lake, "analytics")
     raw = lake.parent / "raw"
     write_raw(raw, {"b": [2, 22]})
@@ -136,7 +136,7 @@ def test_replacing_in_a_compacted_lake_stopped_at_every_step(lake):
     assert run_until_it_ends(work, lake, check) >= 8
 
 
-# --- the real thing -------------------------------------------------------------------------------------
+# --- real processes -------------------------------------------------------------------------------------
 
 KILL = """
 import os, signal, sys
@@ -162,7 +162,7 @@ compact(root, "analytics") if what == "compact" else vacuum(root, keep_last=1)
 
 @pytest.mark.long
 @pytest.mark.parametrize("what", ["compact", "vacuum"])
-def test_killed_with_signal_9_at_every_step(lake, what):
+def test_sigkill_at_every_step(lake, what):
     if what == "vacuum":
         Lake(lake).drop("all")
         compact(lake, "analytics")

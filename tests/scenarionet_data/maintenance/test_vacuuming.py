@@ -1,4 +1,4 @@
-"""vacuum: what nobody needs goes, and nothing else, whoever reads and writes meanwhile."""
+"""vacuum: unreferenced files are removed, and nothing else, also while others read and write."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ def stored(root):
     return {path.relative_to(root).as_posix() for path in root.rglob("*") if path.is_file()}
 
 
-# --- what goes ------------------------------------------------------------------------------------------
+# --- removed files --------------------------------------------------------------------------------------
 
 
-def test_a_plan_changes_nothing_and_says_what_goes(compacted):
+def test_plan_lists_files_and_changes_nothing(compacted):
     before = stored(compacted)
     plan = plan_vacuum(compacted, keep_last=1)
     assert stored(compacted) == before
@@ -47,7 +47,7 @@ def test_a_plan_changes_nothing_and_says_what_goes(compacted):
     assert plan.size == sum((compacted / listed.name).stat().st_size for listed in plan.files)
 
 
-def test_what_only_older_snapshots_name_goes_at_once(compacted):
+def test_files_referenced_only_by_expired_snapshots_are_removed(compacted):
     before, planned = content(Lake(compacted)), plan_vacuum(compacted, keep_last=1)
     done = vacuum(compacted, keep_last=1)
     assert (done.expired, done.files, done.is_done) == (planned.expired, planned.files, True)
@@ -59,14 +59,14 @@ def test_what_only_older_snapshots_name_goes_at_once(compacted):
     assert (again.expired, again.files) == ((), ())
 
 
-def test_files_that_a_kept_snapshot_shares_stay(raw, root):
+def test_files_shared_with_a_kept_snapshot_are_kept(raw, root):
     convert_to(write_raw(raw, {"new": [77]}), root)
     done = vacuum(root, keep_last=1)
     assert (done.expired, {listed.name.split("/")[0] for listed in done.files}) == ((1,), set())
     check_whole(root)
 
 
-def test_merged_metadata_and_what_it_was_merged_from(raw, root, monkeypatch):
+def test_sources_of_merged_metadata_are_kept(raw, root, monkeypatch):
     monkeypatch.setattr(metadata_files, "MAX_METADATA_FILES", 2)
     monkeypatch.setattr(metadata_files, "MERGED_FILES", 2)
     convert_to(write_raw(raw, {"new": [77]}), root)
@@ -77,7 +77,7 @@ def test_merged_metadata_and_what_it_was_merged_from(raw, root, monkeypatch):
     check_whole(root)
 
 
-def test_ages_and_numbers_count_together(raw, root):
+def test_keep_last_and_older_than_combine(raw, root):
     for seed in range(3):
         convert_to(write_raw(raw, {f"n{seed}": [70 + seed]}), root)
     for number, days in ((1, 40), (2, 20)):
@@ -91,7 +91,7 @@ def test_ages_and_numbers_count_together(raw, root):
     assert plan_vacuum(root, keep_last=100).expired == ()
 
 
-def test_it_must_be_told_what_to_keep(root, raw):
+def test_missing_limits_are_refused(root, raw):
     with pytest.raises(BadParameter, match="give keep_last or older_than"):
         plan_vacuum(root)
     with pytest.raises(BadParameter, match="keep at least the newest snapshot"):
@@ -100,7 +100,7 @@ def test_it_must_be_told_what_to_keep(root, raw):
         vacuum(raw, keep_last=1)
 
 
-def test_what_else_lies_in_the_lake_is_not_touched(compacted):
+def test_other_files_in_the_lake_are_not_touched(compacted):
     lake = Lake(compacted, snapshot=2)
     lake.filter(name="kept")
     lake.tag_where("odd", "scenario_id LIKE '%1'")
@@ -114,7 +114,7 @@ def test_what_else_lies_in_the_lake_is_not_touched(compacted):
     assert len(Lake(compacted).database("kept")) == 8
 
 
-def test_a_damaged_list_stops_it(compacted):
+def test_damaged_manifest_stops_vacuum(compacted):
     next(compacted.glob("snapshots/manifest-*")).write_bytes(b"PAR1")
     before = stored(compacted)
     with pytest.raises(LakeError, match="manifest-"):
@@ -125,7 +125,7 @@ def test_a_damaged_list_stops_it(compacted):
 # --- databases ------------------------------------------------------------------------------------------
 
 
-def test_a_snapshot_that_a_database_was_made_on_stays(raw, root):
+def test_snapshot_of_a_database_is_kept(raw, root):
     Lake(root).filter(name="old")
     write_raw(raw, {"s0": [0, 55]})
     convert_to(raw, root, replace=True)
@@ -142,7 +142,7 @@ def test_a_snapshot_that_a_database_was_made_on_stays(raw, root):
     check_whole(root)
 
 
-def test_a_database_made_meanwhile_gets_its_snapshot_back(compacted, monkeypatch):
+def test_snapshot_of_a_concurrently_saved_database_is_restored(compacted, monkeypatch):
     old, expire = Lake(compacted, snapshot=1), snapshots.expire
 
     def saves(files, number):
@@ -159,7 +159,7 @@ def test_a_database_made_meanwhile_gets_its_snapshot_back(compacted, monkeypatch
 # --- readers --------------------------------------------------------------------------------------------
 
 
-def test_readers_of_an_expired_snapshot_are_told(compacted):
+def test_reading_an_expired_snapshot_raises_error(compacted):
     old = Lake(compacted, snapshot=1)
     loader, travelled = ScenarioLoader(old), pickle.loads(pickle.dumps(ScenarioLoader(old)))
     vacuum(compacted, keep_last=1)
@@ -176,7 +176,7 @@ def test_readers_of_an_expired_snapshot_are_told(compacted):
     assert len(old.refresh()) == 8
 
 
-def test_a_file_that_is_gone_for_another_reason_is_no_expired_snapshot(root):
+def test_file_missing_for_another_reason_is_not_reported_as_expired(root):
     loader = ScenarioLoader(root)
     next(root.glob("tracks/*/*/*/*")).unlink()
     with pytest.raises(LakeError, match="No such file") as caught:
@@ -184,7 +184,7 @@ def test_a_file_that_is_gone_for_another_reason_is_no_expired_snapshot(root):
     assert not isinstance(caught.value, NoSuchSnapshot)
 
 
-def test_who_opens_the_newest_while_it_expires_gets_the_next(raw, root, monkeypatch):
+def test_opening_the_newest_snapshot_while_it_expires_returns_the_next(raw, root, monkeypatch):
     numbers, seen = snapshots.numbers, []
 
     def late(files):
@@ -203,12 +203,12 @@ def test_who_opens_the_newest_while_it_expires_gets_the_next(raw, root, monkeypa
 
 
 def finished(raw, root):
-    """Shards that a job has finished and not committed."""
+    """Shards that a job has finished but not committed."""
     plan = plan_conversion(NAME, str(raw), root, options=OPTIONS)
     return [convert_shard(ShardJob(NAME, shard, str(root), check=False)) for shard in plan.shards]
 
 
-def test_what_is_not_committed_stays_for_a_day(raw, root):
+def test_uncommitted_files_are_kept_for_a_day(raw, root):
     write_raw(raw, {"new": [77]})
     (outcome,) = finished(raw, root)
     assert len(vacuum(root, keep_last=1).young) == 4
@@ -217,7 +217,7 @@ def test_what_is_not_committed_stays_for_a_day(raw, root):
     check_whole(root)
 
 
-def test_after_a_day_it_goes_and_the_commit_says_so(raw, root):
+def test_uncommitted_files_are_removed_after_a_day_and_commit_reports_it(raw, root):
     write_raw(raw, {"new": [77]})
     (outcome,) = finished(raw, root)
     age(root, 1.1)
@@ -228,7 +228,7 @@ def test_after_a_day_it_goes_and_the_commit_says_so(raw, root):
     check_whole(root)
 
 
-def test_what_is_adopted_is_young_again(raw, root):
+def test_reused_files_get_a_new_timestamp(raw, root):
     write_raw(raw, {"new": [77]})
     finished(raw, root)
     age(root, 1.1)
@@ -239,8 +239,8 @@ def test_what_is_adopted_is_young_again(raw, root):
     check_whole(root)
 
 
-def test_what_an_expired_snapshot_named_is_safe_once_it_is_adopted_again(raw, root):
-    """Replaced by other options, and about to come back."""
+def test_files_of_an_expired_snapshot_are_kept_once_reused(raw, root):
+    """The files were replaced by a conversion with other options and are about to be committed again."""
     more = {"options": type(OPTIONS)(num_objects=3)}
     convert_to(raw, root, replace=True, **more)
     plan = plan_conversion(NAME, str(raw), root, options=OPTIONS, replace=True)
@@ -253,7 +253,7 @@ def test_what_an_expired_snapshot_named_is_safe_once_it_is_adopted_again(raw, ro
     check_whole(root)
 
 
-def test_a_file_renewed_after_it_was_listed_stays(root):
+def test_file_touched_after_listing_is_kept(root):
     files = LocalLakeFiles(root)
     first, second = files.listing("tracks")[:2]
     os.utime(root / first.name, (first.modified - 5, first.modified - 5))
@@ -266,8 +266,8 @@ def test_a_file_renewed_after_it_was_listed_stays(root):
     assert not list((root / ".tmp").iterdir())
 
 
-def test_the_number_of_an_expired_snapshot_stays_taken(compacted):
-    """A job that read the lake before others committed and a vacuum ran must not believe that it has committed."""
+def test_number_of_an_expired_snapshot_is_not_reused(compacted):
+    """A slow job must not take an expired snapshot's number as free and believe that its own commit succeeded."""
     files = LocalLakeFiles(compacted)
     convert_to(write_raw(compacted.parent / "raw", {"n": [66]}), compacted)
     vacuum(compacted, keep_last=1)
@@ -279,7 +279,7 @@ def test_the_number_of_an_expired_snapshot_stays_taken(compacted):
     assert not list(compacted.glob("snapshots/*.expired"))
 
 
-def test_a_commit_whose_base_goes_meanwhile_reads_again(raw, compacted, monkeypatch):
+def test_commit_retries_when_its_base_is_vacuumed(raw, compacted, monkeypatch):
     write_raw(raw, {"new": [77]})
     (outcome,) = finished(raw, compacted)
     files, column, happened = LocalLakeFiles(compacted), manifests.column, []

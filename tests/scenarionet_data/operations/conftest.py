@@ -1,4 +1,4 @@
-"""Two lakes to make databases in: recordings of many logs, and one whose scenarios have changed."""
+"""Two lakes for database operations: recordings of many logs, and a lake whose scenarios have changed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ COUNT = 120
 
 
 def recording(template, number):
-    """Scenario ``number`` of logs of four: 3 s windows, 2 s apart; the last ten scenarios name no log."""
+    """Scenario ``number``; four scenarios per log, windows of 3 s that start every 2 s; the last ten have no log."""
     log = f"log{number // 4:02d}" if number < COUNT - 10 else None
     city = ("austin", "boston", "boston", "las vegas")[number // 4 % 4]
     named = renamed(template, f"s{number:03d}")
@@ -36,7 +36,7 @@ def _logs(tmp_path_factory):
 
 @pytest.fixture
 def logs(_logs, tmp_path):
-    """A lake of one's own: 120 scenarios of 28 logs, 4 cities (one with a space), 12 days."""
+    """A private copy of the lake: 120 scenarios of 28 logs, 4 cities (one with a space), 12 days."""
     return Lake(shutil.copytree(_logs, tmp_path / "lake"))
 
 
@@ -56,5 +56,5 @@ def _changed(tmp_path_factory):
 
 @pytest.fixture
 def changed(_changed, tmp_path):
-    """A lake whose scenario 1 was changed, 2 is gone and 4 is new since the databases old, child and same."""
+    """A lake where scenario 1 changed, 2 was removed and 4 was added after databases old, child and same were saved."""
     return Lake(shutil.copytree(_changed, tmp_path / "lake"))

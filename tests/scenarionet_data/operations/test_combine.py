@@ -1,4 +1,4 @@
-"""Sets of databases against Python's sets, names that move, and versions that come back."""
+"""Set operations agree with Python sets; databases are renamed, copied, dropped and checked out."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ NUMBERS = st.sets(st.integers(0, 20), max_size=8)
 
 @settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(a=NUMBERS, b=NUMBERS, c=NUMBERS)
-def test_sets_are_sets(logs, a, b, c):
+def test_set_operations_match_python_sets(logs, a, b, c):
     for name, numbers in (("a", a), ("b", b), ("c", c)):
         make(logs, name, sorted(numbers))
     saving = {"replace": True, "allow_empty": True}
@@ -49,7 +49,7 @@ def test_sets_are_sets(logs, a, b, c):
         logs.drop(name, force=True)
 
 
-def test_one_database_is_no_set_of_them(logs):
+def test_set_operation_needs_two_databases(logs):
     make(logs, "a", [1])
     for operation in (logs.merge, logs.intersect, logs.subtract):
         with pytest.raises(BadParameter, match="wanted two databases or more, found 1"):
@@ -62,7 +62,7 @@ def test_one_database_is_no_set_of_them(logs):
         logs.merge("a", "a", name="a")
 
 
-def test_databases_of_several_snapshots_are_merged_where_one_snapshot_holds_them(changed):
+def test_databases_of_different_snapshots_are_merged_on_a_snapshot_with_all_members(changed):
     changed.filter(name="new", ids=["made/v1/s000004"])
     assert len(changed.merge("same", "new", name="both")) == 2
     with pytest.warns(StaleDatabaseWarning, match="2 of 3 members of old@1 changed after snapshot 1 and are read fr"):
@@ -72,7 +72,7 @@ def test_databases_of_several_snapshots_are_merged_where_one_snapshot_holds_them
     assert changed.subtract("new", "old", name="unseen").scenario_ids == ["made/v1/s000004"]
 
 
-def test_members_that_the_lake_never_had_are_named(logs):
+def test_members_missing_from_the_lake_are_named(logs):
     made = make(logs, "a", [1, 2])
     foreign = made.members.set_column(0, "scenario_id", [["made/v1/s001", "made/v1/elsewhere"]])
     writer.save(logs.files, "foreign", foreign, made.lineage, replace=False)
@@ -87,10 +87,10 @@ def test_members_that_the_lake_never_had_are_named(logs):
             use()
 
 
-# --- names ---------------------------------------------------------------------------------------------------
+# --- names, copies and versions ------------------------------------------------------------------------------
 
 
-def test_a_copy_stays_as_it_was(logs):
+def test_copy_does_not_change_with_the_original(logs):
     first = make(logs, "a", [1, 2])
     copy = logs.copy("a", name="b")
     make(logs, "a", [3])
@@ -105,7 +105,7 @@ def test_a_copy_stays_as_it_was(logs):
     assert len(logs.copy("none", name="none_too")) == 0
 
 
-def test_a_database_moves_with_all_its_versions(logs):
+def test_renaming_moves_all_versions(logs):
     make(logs, "a", [1])
     make(logs, "a", [2])
     make(logs, "c", [3])
@@ -124,7 +124,7 @@ def test_a_database_moves_with_all_its_versions(logs):
         logs.rename("b", name="d")
 
 
-def test_what_others_were_made_from_is_not_dropped_by_accident(logs):
+def test_dropping_a_database_with_dependants_is_refused(logs):
     make(logs, "a", [1])
     make(logs, "a", [2])
     logs.filter("true", name="child", database="a@1")
@@ -132,7 +132,7 @@ def test_what_others_were_made_from_is_not_dropped_by_accident(logs):
         logs.drop("a")
     with pytest.raises(DatabaseInUse):
         logs.drop("a@1")
-    logs.drop("a@2")  # nobody was made from this one
+    logs.drop("a@2")  # no database depends on this one
     assert logs.database("a").reference == "a@1"
     logs.drop("a", force=True)
     assert logs.databases == ["child"]
@@ -142,13 +142,13 @@ def test_what_others_were_made_from_is_not_dropped_by_accident(logs):
     assert list((logs.root / ".tmp").iterdir()) == []
 
 
-def test_the_last_version_takes_the_name_with_it(logs):
+def test_dropping_the_last_version_frees_the_name(logs):
     make(logs, "a", [1])
     logs.drop("a@1")
     assert logs.databases == []
 
 
-def test_an_old_version_comes_back_with_its_lineage(logs):
+def test_old_version_is_checked_out_with_its_lineage(logs):
     first, second = make(logs, "a", [1]), make(logs, "a", [2])
     back = logs.checkout("a@1")
     assert back.reference == "a@3"
@@ -162,7 +162,7 @@ def test_an_old_version_comes_back_with_its_lineage(logs):
         logs.checkout("a@7")
 
 
-def test_of_two_that_save_the_same_name_one_is_told_and_with_replace_both_are_kept(logs):
+def test_concurrent_saves_of_one_name_conflict_unless_replacing(logs):
     made = make(logs, "a", [1, 2])
 
     def save(name, replace):

@@ -1,4 +1,4 @@
-"""Statistics of databases, counted by hand, and their picture."""
+"""Statistics of databases, checked against hand-computed values, and their plot."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def lake(tmp_path_factory) -> Lake:
     return lake
 
 
-def test_statistics_are_mean_and_deviation_over_the_members(lake):
+def test_statistics_are_mean_and_standard_deviation_over_members(lake):
     rows = lake.sql("SELECT * FROM metadata WHERE num_objects >= 5")
     small, large = lake.compare("small", "large")
     assert (small.name, large.name) == ("small@1", "large@1")
@@ -42,7 +42,7 @@ def test_statistics_are_mean_and_deviation_over_the_members(lake):
     assert [m.measure for m in small.measures] == [m.measure for m in large.measures]
 
 
-def test_the_whole_lake_and_a_database_without_members(lake):
+def test_statistics_of_the_whole_lake_and_of_an_empty_database(lake):
     (whole,) = lake.compare()
     assert (whole.name, whole.count) == ("lake", 6)
     (none,) = lake.compare("none")
@@ -52,18 +52,18 @@ def test_the_whole_lake_and_a_database_without_members(lake):
 
 
 @pytest.mark.parametrize(("suffix", "begins"), [("png", b"\x89PNG"), ("svg", b"<?xml")])
-def test_the_picture_is_drawn(lake, suffix, begins, tmp_path):
+def test_plot_is_drawn(lake, suffix, begins, tmp_path):
     pytest.importorskip("matplotlib", reason="the extra `plots` is not installed")
     path = tmp_path / f"stats.{suffix}"
     write_comparison(lake.compare("small", "none", "large"), path)
     content = path.read_bytes()
     assert content.startswith(begins)
-    if suffix == "svg":  # texts are drawn as glyphs, with the words as comments
+    if suffix == "svg":  # texts are drawn as glyphs; the words are kept as comments
         assert b"large@1 (" in content
         assert b"none@1" not in content
 
 
-def test_what_cannot_be_drawn_is_refused(lake, tmp_path):
+def test_invalid_plot_arguments_are_refused(lake, tmp_path):
     with pytest.raises(BadParameter, match=r"\.png, \.pdf, \.svg"):
         write_comparison(lake.compare(), tmp_path / "stats.docx")
     with pytest.raises(BadParameter, match="no scenarios to draw"):

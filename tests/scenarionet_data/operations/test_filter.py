@@ -1,4 +1,4 @@
-"""Filters by list and by name, and what is said about conditions that are wrong."""
+"""Filters by id list and by name, and errors for invalid conditions."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ def ids(*numbers):
     return [f"made/v1/s{number:03d}" for number in numbers]
 
 
-def test_a_list_of_ids_keeps_exactly_these(logs):
+def test_id_list_selects_exactly_these_scenarios(logs):
     found = logs.filter(name="some", ids=["made/v1/s010", "r011", "made/v1/s002"])  # r011: the id in the source
     assert found.scenario_ids == ids(2, 10, 11)
     assert found.lineage.parameters["f0_ids"] == ["made/v1/s010", "r011", "made/v1/s002"]
@@ -20,19 +20,19 @@ def test_a_list_of_ids_keeps_exactly_these(logs):
 
 
 @pytest.mark.parametrize("part", ["r01", "made/v1/s01", "010", "made/v1/s0100", ""])
-def test_a_part_of_an_id_is_no_id(logs, part):
+def test_partial_ids_do_not_match(logs, part):
     with pytest.raises(ScenarioNotFound, match="1 of 2 ids are not in snapshot 1, for example"):
         logs.filter(name="some", ids=[part, "r010"])
     assert logs.databases == []
 
 
-def test_ids_are_looked_for_in_the_parent(logs):
+def test_ids_are_resolved_in_the_parent(logs):
     logs.filter(name="low", ids=ids(1, 2, 3))
     with pytest.raises(ScenarioNotFound, match=r"1 of 2 ids are not in low@1, for example made/v1/s004; wanted whole"):
         logs.filter(name="some", ids=ids(3, 4), database="low")
 
 
-def test_no_ids_are_no_scenarios(logs):
+def test_empty_id_list_selects_no_scenarios(logs):
     with pytest.raises(EmptyResult):
         logs.filter(name="none", ids=[])
     assert len(logs.filter(name="none", ids=[], allow_empty=True)) == 0
@@ -56,13 +56,13 @@ def test_no_ids_are_no_scenarios(logs):
         ("no_traffic_light", "true"),
     ],
 )
-def test_named_filters_say_what_the_sql_says(logs, named, where):
+def test_named_filters_match_their_sql(logs, named, where):
     wanted = logs.sql(f"SELECT scenario_id FROM metadata WHERE {where} ORDER BY 1")["scenario_id"].to_list()
     assert wanted
     assert logs.filter(name="kept", filters=[named]).scenario_ids == wanted
 
 
-def test_an_unknown_type_of_object_is_named(logs):
+def test_unknown_object_type_is_named(logs):
     with pytest.raises(QueryError, match=r"object_type: wanted vehicle, pedestrian, .* found train"):
         logs.filter(name="x", filters=["object_type:type=train"])
 
@@ -76,7 +76,7 @@ def test_an_unknown_type_of_object_is_named(logs):
         ("'open", r"unterminated .* \(character 1\)"),
     ],
 )
-def test_a_syntax_error_says_where(logs, where, says):
+def test_syntax_error_has_a_position(logs, where, says):
     with pytest.raises(UnsafeSql, match=says):
         logs.filter(where, name="x")
 
@@ -89,12 +89,12 @@ def test_a_syntax_error_says_where(logs, where, says):
         ("xyzzy = 1", "no column xyzzy at character 1 of 'xyzzy = 1'; `scenarionet filters --columns` explains"),
     ],
 )
-def test_an_unknown_column_says_where_and_what_comes_near(logs, where, says):
+def test_unknown_column_has_a_position_and_a_suggestion(logs, where, says):
     with pytest.raises(QueryError, match=says):
         logs.filter(where, name="x")
 
 
-def test_a_condition_cannot_write_into_the_lake(logs):
+def test_condition_cannot_write_to_the_lake(logs):
     before = sorted(logs.root.rglob("*"))
     for where in (f"(COPY (SELECT 1) TO '{logs.root}/x')", f"EXISTS (COPY (SELECT 1) TO '{logs.root}/x')"):
         with pytest.raises(QueryError):
@@ -106,7 +106,7 @@ def test_a_condition_cannot_write_into_the_lake(logs):
     assert sorted(logs.root.rglob("*")) == before
 
 
-def test_a_missing_parameter_is_named(logs):
+def test_missing_parameter_is_named(logs):
     with pytest.raises(QueryError, match="far"):
         logs.filter("ego_distance > $far", name="x")
     with pytest.raises(BadParameter, match="a parameter is a number, a text"):

@@ -1,4 +1,4 @@
-"""What two databases share, each rule against a lake where the answer is known."""
+"""Overlap between two databases: each criterion on a lake with a known answer."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def ids(*numbers):
     return [f"made/v1/s{number:03d}" for number in numbers]
 
 
-def test_logs_and_seconds_of_logs_are_shared(logs):
+def test_shared_logs_and_overlapping_seconds(logs):
     logs.filter(name="a", ids=ids(0, 1, 8))
     logs.filter(name="b", ids=ids(1, 2, 3, 40))  # 0 to 3 are of log00, windows of 3 s, 2 s apart
     shared = found(logs, "a", "b")
@@ -36,7 +36,7 @@ def test_logs_and_seconds_of_logs_are_shared(logs):
     assert shared["same_log"].doc
 
 
-def test_windows_that_only_touch_do_not_overlap(logs):
+def test_adjacent_windows_do_not_overlap(logs):
     logs.filter(name="a", ids=ids(0))
     logs.filter(name="b", ids=ids(2))
     assert found(logs, "a", "b")["overlapping_window"].examples == ()
@@ -50,7 +50,7 @@ def test_scenarios_without_a_log_share_none(logs):
 
 @pytest.fixture
 def twins(tmp_path):
-    """Scenario 1, the same under another id, moved elsewhere, a little off, and too far off; 9 is another."""
+    """Scenario 1, with another id, translated, slightly shifted, and shifted too far; 9 is unrelated."""
     one = make_scenario(1, num_objects=4)
 
     def shifted(name, by, noise=0.0):
@@ -64,7 +64,7 @@ def twins(tmp_path):
     return write_lake(tmp_path, [one, *others, make_scenario(9, num_objects=4, num_steps=40), *parked])
 
 
-def test_the_same_content_and_the_same_drive_are_recognised(twins):
+def test_equal_content_and_equal_drives_are_found(twins):
     one = make_scenario(1).id
     twins.filter(name="one", ids=[one])
     twins.filter(name="rest", database=None, where=f"scenario_id <> '{one}'")
@@ -79,13 +79,13 @@ def test_the_same_content_and_the_same_drive_are_recognised(twins):
     assert [each.kind for each in twins.overlap("one", "clean") if each.examples] == ["same_log"]
 
 
-def test_parked_egos_are_not_all_the_same(twins):
+def test_parked_egos_are_not_all_equal(twins):
     twins.filter(name="a", ids=[make_scenario(20).id])
     twins.filter(name="b", ids=[make_scenario(21).id])
     assert found(twins, "a", "b")["near_duplicate"].examples == ()
 
 
-def test_several_databases_are_compared_two_by_two(logs):
+def test_several_databases_are_compared_pairwise(logs):
     for name in "abc":
         logs.filter(name=name, ids=ids(1, ord(name)))
     pairs = [(each.first, each.second) for each in logs.overlap("a", "b", "c", kinds=["same_scenario"])]
@@ -93,7 +93,7 @@ def test_several_databases_are_compared_two_by_two(logs):
     assert all(each.num_first == 1 for each in logs.overlap("a", "b", "c", kinds=["same_scenario"]))
 
 
-def test_wrong_questions_are_refused(logs):
+def test_invalid_arguments_are_refused(logs):
     logs.filter(name="a", ids=ids(1))
     with pytest.raises(BadParameter, match="wanted two databases or more, found 1"):
         logs.overlap("a")
@@ -102,7 +102,7 @@ def test_wrong_questions_are_refused(logs):
     assert OVERLAPS.names() == ["near_duplicate", "overlapping_window", "same_content", "same_log", "same_scenario"]
 
 
-def test_members_that_are_gone_are_told(changed):
+def test_missing_members_are_reported(changed):
     with pytest.warns(StaleDatabaseWarning, match="1 of 3 members of old@1 are not in snapshot"):
         shared = found(changed, "old", "same")
     assert shared["same_scenario"].num_first == 1

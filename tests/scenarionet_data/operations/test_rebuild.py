@@ -1,4 +1,4 @@
-"""Lineage that runs again, databases that move on, and what is different."""
+"""Rebuild from lineage, rebase to a newer snapshot, and diff."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ONE, TWO, THREE, FOUR = (f"made/v1/s00000{k}" for k in (1, 2, 3, 4))
 
 
 @pytest.mark.filterwarnings("ignore:this split leaks")
-def test_whatever_was_made_can_be_made_again(logs):
+def test_every_operation_can_be_rebuilt(logs):
     logs.filter("num_objects >= $n", name="a", filters=["speed:min=1", "no_overpass"], parameters={"n": 2}, ids=None)
     logs.filter(name="b", database="a", ids=logs.database("a").scenario_ids[::2])
     logs.split("a", {"x": 0.5, "y": 0.5}, seed=9)
@@ -34,12 +34,12 @@ def test_whatever_was_made_can_be_made_again(logs):
         assert rebuilt.diff.is_same
 
 
-def test_old_databases_are_made_again_on_their_own_snapshot(changed):
+def test_old_databases_are_rebuilt_on_their_own_snapshot(changed):
     assert changed.rebuild("old").is_same
     assert changed.rebuild("child@1").is_same
 
 
-def test_a_lineage_that_is_not_true_is_found(logs):
+def test_rebuild_detects_altered_lineage(logs):
     made = logs.filter("num_objects > 1", name="a")
     for number, wrong in enumerate(("num_objects > 2", "num_objects > 0")):
         lineage = replace(made.lineage, sql=made.lineage.sql.replace("num_objects > 1", wrong))
@@ -54,7 +54,7 @@ def test_a_lineage_that_is_not_true_is_found(logs):
     assert not rebuilt.is_same
 
 
-def test_what_cannot_be_made_again_says_why(changed):
+def test_rebuild_error_names_the_reason(changed):
     changed.files.path("snapshots/00000001.json").unlink()
     remedy = r"old@1 cannot be made again as it was: .*no snapshot 1.*lake.rebase.*keep_members=True"
     with pytest.raises(NoSuchSnapshot, match=remedy):
@@ -69,7 +69,7 @@ def test_what_cannot_be_made_again_says_why(changed):
 # --- rebase --------------------------------------------------------------------------------------------------
 
 
-def test_a_database_asks_its_question_again(changed):
+def test_rebase_runs_the_query_again(changed):
     (diff,) = changed.rebase("old")
     assert (diff.before, diff.after, diff.counts) == ("old@1", "old@2", (3, 3))
     assert (diff.ids("came"), diff.ids("went"), diff.ids("changed")) == ([FOUR], [TWO], [ONE])
@@ -79,14 +79,14 @@ def test_a_database_asks_its_question_again(changed):
     assert changed.rebuild("old").is_same
 
 
-def test_parents_move_first(changed):
+def test_rebase_moves_parents_first(changed):
     diffs = changed.rebase("child")
     assert [diff.after for diff in diffs] == ["old@2", "child@2"]
     assert changed.database("child").lineage.parents == ["old@2"]
     assert changed.database("child").scenario_ids == [ONE, THREE, FOUR]
 
 
-def test_members_can_be_kept_without_asking_again(changed):
+def test_rebase_can_keep_the_members(changed):
     (diff,) = changed.rebase("old", keep_members=True)
     assert (diff.ids("came"), diff.ids("went"), diff.ids("changed")) == ([], [TWO], [ONE])
     kept = changed.database("old")
@@ -94,10 +94,10 @@ def test_members_can_be_kept_without_asking_again(changed):
     assert kept.lineage.parents == ["old@1"]
     assert kept.scenario_ids == [ONE, THREE]
     assert changed.rebuild("old").is_same
-    changed.rebase("child", keep_members=True)  # although its parent is another now
+    changed.rebase("child", keep_members=True)  # although its parent is now another version
 
 
-def test_a_database_moves_on_when_its_snapshot_is_gone(changed):
+def test_rebase_works_after_the_snapshot_is_removed(changed):
     changed.files.path("snapshots/00000001.json").unlink()
     with pytest.warns(StaleDatabaseWarning, match="columns cannot be compared, only members: .* no snapshot 1"):
         (diff,) = changed.rebase("old")
@@ -138,7 +138,7 @@ def test_snapshots_differ_in_scenarios_and_columns(changed):
         changed.diff("@99", "old")
 
 
-def test_an_empty_lake_differs_in_everything(changed):
+def test_empty_lake_differs_in_everything(changed):
     (changed.root / "snapshots" / "00000000.json").write_text(
         json.dumps({"format": 1, "number": 0, "created_at": "", "operation": "", "metadata": [], "manifests": []})
     )
@@ -150,7 +150,7 @@ def test_an_empty_lake_differs_in_everything(changed):
 # --- lineage -------------------------------------------------------------------------------------------------
 
 
-def test_the_tree_of_a_database_names_every_parent(logs):
+def test_lineage_tree_names_every_parent(logs):
     logs.filter("num_objects > 1", name="a")
     logs.filter("num_objects > 2", name="a", replace=True)
     logs.filter("true", name="b")

@@ -1,4 +1,4 @@
-"""Samples: as many as asked for, the same for the same seed, in the proportions asked for."""
+"""Samples have the requested size and proportions and are reproducible by seed."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ def column(lake, name, database):
 
 
 @pytest.mark.parametrize(("how", "wanted"), [({"n": 25}, 25), ({"fraction": 0.1}, 12), ({"fraction": 1.0}, COUNT)])
-def test_a_sample_has_the_size_asked_for(logs, how, wanted):
+def test_sample_has_the_requested_size(logs, how, wanted):
     found = logs.sample(None, name="few", **how)
     assert len(set(found.scenario_ids)) == len(found) == wanted
     assert found.scenario_ids == sorted(found.scenario_ids)
     assert logs.rebuild("few").is_same
 
 
-def test_a_sample_keeps_order_and_weights_of_its_parent(logs):
+def test_sample_keeps_order_and_weights_of_its_parent(logs):
     logs.filter("num_objects > 1", name="some")
     found = logs.sample("some", name="few", n=10)
     some = logs.database("some").scenario_ids
@@ -34,7 +34,7 @@ def test_a_sample_keeps_order_and_weights_of_its_parent(logs):
     assert found.lineage.parameters == {"seed": 0, "n": 10, "fraction": None}
 
 
-def test_a_seed_always_draws_the_same(logs):
+def test_equal_seeds_draw_equal_samples(logs):
     one, two, other = (logs.sample(None, name=f"s{k}", n=30, seed=seed) for k, seed in enumerate((5, 5, 6)))
     assert one.scenario_ids == two.scenario_ids != other.scenario_ids
     larger = logs.sample(None, name="larger", n=40, seed=5)
@@ -51,7 +51,7 @@ def test_strata_keep_their_proportions(logs):
     assert all(abs(cities[city] - everybody[city] / 4) < 1 for city in everybody)
 
 
-def test_balanced_values_come_equally_often_while_there_are_any(logs):
+def test_balanced_values_are_equally_frequent_while_available(logs):
     found = logs.sample(None, name="few", n=30, balance="city")
     assert Counter(column(logs, "city", found)) == {"austin": 10, "boston": 10, "las vegas": 10}
     most = logs.sample(None, name="most", n=110, balance="city")
@@ -59,7 +59,7 @@ def test_balanced_values_come_equally_often_while_there_are_any(logs):
     assert (counts["austin"], counts["las vegas"], counts["boston"]) == (32, 28, 50)
 
 
-def test_who_weighs_more_is_drawn_more_often(logs):
+def test_larger_weights_are_drawn_more_often(logs):
     weights = "CASE WHEN city = 'boston' THEN 9 WHEN city = 'austin' THEN 1 ELSE 0 END"
     known = dict(logs.sql("SELECT scenario_id, city FROM metadata").rows())
     drawn = [logs.sample(None, name=f"s{k}", n=10, seed=k, weights=weights).scenario_ids for k in range(20)]
@@ -85,13 +85,13 @@ def test_who_weighs_more_is_drawn_more_often(logs):
     ],
     ids=str,
 )
-def test_samples_that_cannot_be_are_refused(logs, how, says):
+def test_impossible_samples_are_refused(logs, how, says):
     with pytest.raises(BadParameter, match=says):
         logs.sample(None, name="few", **how)
     assert logs.databases == []
 
 
-def test_levels_of_difficulty_come_equally_often_from_easy_to_difficult(logs):
+def test_difficulty_levels_are_equally_frequent_and_ordered(logs):
     logs.filter("num_objects > 1", name="some")
     some = logs.database("some")
     found = logs.sample("some", name="curriculum", n=12, levels=4, seed=2)
@@ -107,7 +107,7 @@ def test_levels_of_difficulty_come_equally_often_from_easy_to_difficult(logs):
     assert logs.rebuild("curriculum").is_same
 
 
-def test_weights_are_one_expression(logs):
+def test_weight_is_one_expression(logs):
     with pytest.raises(UnsafeSql, match="wanted one condition"):
         logs.sample(None, name="few", n=1, weights="1; DROP VIEW metadata")
     with pytest.raises(QueryError, match="no column dificulty at character 1 of 'dificulty'; similar: difficulty"):

@@ -1,4 +1,4 @@
-"""Splits: disjoint, exhaustive, exact where they promise it, the same for the same seed, and leaks are reported."""
+"""Splits: disjoint, exhaustive, exact where documented, reproducible by seed; leaks are reported."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def facts(lake):
 
 
 def check_whole(parts, count=COUNT):
-    """Nobody twice, nobody left out; and each lineage makes its part again."""
+    """Check that the parts are disjoint and exhaustive, and that each lineage rebuilds its part."""
     everybody = [i for part in parts.values() for i in part.scenario_ids]
     assert len(everybody) == len(set(everybody)) == count
     for part in parts.values():
@@ -47,7 +47,7 @@ def check_rebuilds(lake, parts):
     ],
     ids=str,
 )
-def test_every_split_is_whole_and_can_be_made_again(logs, how):
+def test_every_split_is_complete_and_can_be_rebuilt(logs, how):
     parts = logs.split(None, **how)
     check_whole(parts)
     check_rebuilds(logs, parts)
@@ -69,13 +69,13 @@ def test_strata_keep_their_proportions_exactly(logs):
     assert again["a"].scenario_ids == parts["a"].scenario_ids != other["a"].scenario_ids
 
 
-def test_small_strata_do_not_all_fall_into_the_same_part(logs):
+def test_small_strata_are_distributed_over_all_parts(logs):
     """Each scenario is a stratum of its own."""
     parts = logs.split(None, {"a": 0.5, "b": 0.5}, stratify="scenario_id")
     assert 40 < len(parts["a"]) < 80
 
 
-def test_strata_of_logs_keep_logs_together(logs):
+def test_log_strata_keep_logs_together(logs):
     parts = logs.split(None, {"a": 0.5, "b": 0.5}, stratify="city", by="source_log", strict=True)
     known = facts(logs)
     sides = [{known[i]["source_log"] for i in part.scenario_ids} - {None} for part in parts.values()]
@@ -84,15 +84,15 @@ def test_strata_of_logs_keep_logs_together(logs):
         assert Counter(known[i]["city"] for i in part.scenario_ids)["boston"] == pytest.approx(30, abs=4)
 
 
-def test_along_a_date_the_past_comes_first(logs):
+def test_date_order_puts_earlier_scenarios_first(logs):
     parts = logs.split(None, {"past": 0.7, "recent": 0.3}, along="date")
     known = facts(logs)
     days = [{known[i]["date"] for i in parts[part].scenario_ids} for part in ("past", "recent")]
     assert max(days[0]) < min(days[1])
-    assert abs(len(parts["past"]) - 0.7 * COUNT) <= 10  # a day is not torn apart
+    assert abs(len(parts["past"]) - 0.7 * COUNT) <= 10  # a day is not divided
 
 
-def test_levels_rise_in_difficulty_and_are_equal(logs):
+def test_levels_have_rising_difficulty_and_equal_size(logs):
     parts = logs.split(None, levels=7)
     assert list(parts) == [f"level{k}" for k in range(1, 8)]
     known = facts(logs)
@@ -117,7 +117,7 @@ def test_each_value_becomes_a_part(logs):
 
 
 @given(counts=st.lists(st.integers(1, 30), min_size=1, max_size=6))
-def test_bounds_rise_to_one(counts):
+def test_upper_bounds_rise_to_one(counts):
     whole = sum(counts)
     bounds = split.upper_bounds({str(k): count / whole for k, count in enumerate(counts)})
     assert bounds == sorted(bounds)
@@ -127,7 +127,7 @@ def test_bounds_rise_to_one(counts):
 
 @settings(max_examples=10, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(seed=st.integers(0, 10**6), first=st.sampled_from([0.1, 0.25, 0.5, 0.8]))
-def test_any_seed_and_fraction_part_the_lake(logs, seed, first):
+def test_any_seed_and_fraction_partitions_the_lake(logs, seed, first):
     parts = logs.split(None, {"a": first, "b": 1 - first}, seed=seed, by="source_log", replace=True, allow_empty=True)
     check_whole(parts)
 
@@ -135,7 +135,7 @@ def test_any_seed_and_fraction_part_the_lake(logs, seed, first):
 # --- leaks --------------------------------------------------------------------------------------------------
 
 
-def test_a_split_that_leaks_is_reported_before_it_is_saved(logs):
+def test_leak_is_reported_before_saving(logs):
     with pytest.warns(LeakWarning, match=r"2\d source logs with \d+ scenarios .*by=.source_log"):
         logs.split(None, {"a": 0.5, "b": 0.5})
     assert logs.databases == ["all_a", "all_b"]
@@ -146,11 +146,11 @@ def test_a_split_that_leaks_is_reported_before_it_is_saved(logs):
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("how", [{"by": "source_log"}, {"by": "city", "allow_empty": True}])
-def test_a_split_that_keeps_logs_together_is_not_reported(logs, how):
+def test_split_that_keeps_logs_together_is_not_reported(logs, how):
     logs.split(None, {"a": 0.5, "b": 0.5}, strict=True, **how)
 
 
-# --- what is refused -----------------------------------------------------------------------------------------
+# --- invalid arguments ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -171,13 +171,13 @@ def test_a_split_that_keeps_logs_together_is_not_reported(logs, how):
     ],
     ids=str,
 )
-def test_ways_that_make_no_sense_are_refused(logs, how, says):
+def test_invalid_split_arguments_are_refused(logs, how, says):
     with pytest.raises(BadParameter, match=says):
         logs.split(None, **how)
     assert logs.databases == []
 
 
-def test_an_empty_part_or_a_taken_name_saves_nothing(logs):
+def test_empty_part_or_existing_name_saves_nothing(logs):
     logs.filter(name="one", ids=["r001"])
     with pytest.raises(EmptyResult, match=r"no scenario of 1 falls into (a|b); other fractions"):
         logs.split("one", {"a": 0.5, "b": 0.5})

@@ -1,4 +1,4 @@
-"""Other engines read the files of a snapshot as they are, and find what our SQL finds."""
+"""Other engines read the files of a snapshot directly and get the same results as SQL on the lake."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.fixtures.scenarios import make_scenario
 
 @pytest.fixture(scope="module")
 def lake(tmp_path_factory):
-    """Three shards, of which one has been replaced: its old files are still in the folder."""
+    """Three shards, one of which has been replaced: its old files are still in the folder."""
     root = tmp_path_factory.mktemp("engines")
     old = [write_shard(root, [make_scenario(k) for k in (3 * n, 3 * n + 1)], name=f"shard{n}") for n in range(3)]
     commits.commit(LocalLakeFiles(root), old, "test")
@@ -24,7 +24,7 @@ def lake(tmp_path_factory):
 
 
 def wanted(lake):
-    """Objects and the highest speed along x of each type."""
+    """Number of objects and the highest speed along x, by type."""
     return lake.sql("""
         SELECT object_type, count(*) AS n, max(list_max(vx)) AS vx FROM tracks GROUP BY ALL ORDER BY object_type
     """)
@@ -42,8 +42,8 @@ def test_polars(lake):
     assert sorted(ids) == lake.sql("SELECT scenario_id FROM metadata ORDER BY ALL")["scenario_id"].to_list()
 
 
-def test_a_folder_holds_more_than_the_snapshot(lake):
-    """Why the list has to be read, and not the folder."""
+def test_folder_holds_files_outside_the_snapshot(lake):
+    """Read the file list of the snapshot, not the folder."""
     folder = pl.scan_parquet(f"{lake.root}/tracks/**/*.parquet").select(pl.len()).collect().item()
     assert folder > wanted(lake)["n"].sum()
 

@@ -1,4 +1,4 @@
-"""Every event of sql/events on scenarios made by hand: each hit with its objects, timesteps and value, and no other."""
+"""Every event of sql/events on hand-made scenarios: the exact hits, with objects, timesteps and values."""
 
 from __future__ import annotations
 
@@ -32,25 +32,25 @@ def braking(rate, start=4.0, seconds=2.0, pace=20.0):
 
 
 def turning(x, y, angle, rate=0.5, pace=5.0):
-    """Straight on until 2 s, then round by an angle [rad]."""
+    """Drive straight on until 2 s, then turn by an angle [rad]."""
     side = np.sign(angle)
     return going(x, y, pace, lambda t: np.where((t >= 2) & (t < 2 + abs(angle) / rate), side * rate, 0.0))
 
 
 def red(name, car, *spans, ego=STANDING, stop=(0.0, 0.0)):
-    """A car, a road, and a light for what lies beyond x = 0."""
+    """A car, a road, and a red light for lanes beyond x = 0."""
     return moment(name, ego, ROAD, [("out", stop, shown(*spans))], car=car)
 
 
 FAR = along(0, 50)
-# 20 m further on the same circle of 50 m as an ego at 10 m/s.
+# 20 m further on the same circle of 50 m as an ego at 10 m/s
 BEND = Mover(
     *(50 * np.sin(0.4 + 0.2 * T), 50 - 50 * np.cos(0.4 + 0.2 * T)),
     *(10 * np.cos(0.4 + 0.2 * T), 10 * np.sin(0.4 + 0.2 * T)),
     0.4 + 0.2 * T,
 )
 
-# Each event's scenarios: what is selected of each is (track, other, first timestep, last timestep, value).
+# Scenarios of each event; every expected hit is (track, other, first timestep, last timestep, value).
 MOMENTS = {
     "closest_approach": [
         (moment("closest-hit", STANDING, who=walking(-10, 5, 2)), [("who", "ego", 50, 50, 5.0)]),
@@ -89,7 +89,7 @@ MOMENTS = {
         (moment("cut-behind", EGO, car=shifting(-20, 3.5, 10, 0, 2.02, 3.5)), []),
         (moment("cut-beyond", EGO, car=shifting(60, 3.5, 10, 0, 2.02, 3.5)), []),
         (moment("cut-out", EGO, car=shifting(20, 0, 10, 3.5, 2.02, 3.5)), []),
-        (moment("cut-back", EGO, car=shifting(20, 3.5, 10, 2.0, 2.02, 3.5)), []),  # over the marking, no further
+        (moment("cut-back", EGO, car=shifting(20, 3.5, 10, 2.0, 2.02, 3.5)), []),  # over the marking, not beyond it
         (moment("cut-beside", EGO, car=along(20, 3.5, 10)), []),
         (moment("cut-crossing", EGO, car=along(60, -30, 0, 6)), []),
         (moment("cut-bend", going(0, 0, 10, 0.2), car=BEND), []),
@@ -229,7 +229,7 @@ def found(lake) -> dict[str, pl.DataFrame]:
 
 
 @pytest.mark.parametrize("name", EVENTS.names())
-def test_hits_are_found_and_nothing_else(name, found):
+def test_exact_hits_are_found(name, found):
     assert found[name].columns == ["scenario_id", "track_id", "other_id", "first_timestep", "last_timestep", "value"]
     for scenario, wanted in MOMENTS[name]:
         rows = [row[1:] for row in found[name].rows() if row[0] == scenario.id]
@@ -246,7 +246,7 @@ def test_every_event_has_hits_and_near_misses():
 
 
 @pytest.mark.parametrize("name", EVENTS.names())
-def test_every_event_names_its_source_and_uses_its_parameters(name):
+def test_every_event_cites_its_source_and_uses_its_parameters(name):
     event = EVENTS.load(name)
     assert "Source: " in event.doc
     assert "value" in event.doc.lower()
@@ -258,11 +258,11 @@ def test_columns_have_the_same_types_in_every_event(found):
     assert set(kinds.values()) == {(pl.String, pl.String, pl.String, pl.Int32, pl.Int32, pl.Float64)}, kinds
 
 
-# --- asking -------------------------------------------------------------------------------------------------
+# --- queries ------------------------------------------------------------------------------------------------
 
 
 def ids_of(name: str) -> list[str]:
-    """Scenarios among the event's own in which it happens."""
+    """Ids among the event's own scenarios in which it happens."""
     return sorted(scenario.id for scenario, wanted in MOMENTS[name] if wanted)
 
 
@@ -280,7 +280,7 @@ def test_mine_lists_hits_in_order_and_takes_parameters(lake):
         lake.mine("cut_in", {"gap": 15})
 
 
-def test_mine_looks_only_at_a_databases_members(tmp_path):
+def test_mine_searches_only_members_of_a_database(tmp_path):
     lake = write_lake(tmp_path, [scenario for scenario, _ in MOMENTS["cut_in"]])
     hits = lake.mine("cut_in")
     one = lake.filter("scenario_id = $id", name="one", parameters={"id": hits["scenario_id"][0]})
@@ -290,7 +290,7 @@ def test_mine_looks_only_at_a_databases_members(tmp_path):
     assert lake.mine("cut_in", database="none").is_empty()
 
 
-def test_a_condition_that_compares_with_the_whole_lake_keeps_its_meaning_beside_an_event(tmp_path):
+def test_condition_with_lake_wide_aggregate_combines_with_an_event(tmp_path):
     lake = write_lake(tmp_path, [scenario for name in ("cut_in", "following") for scenario, _ in MOMENTS[name]])
     below = "ego_distance <= (SELECT median(ego_distance) FROM metadata) AND difficulty_level(2) = 1"
     below_in_turn = set(lake.filter(below, name="below").scenario_ids)
@@ -303,7 +303,7 @@ def test_filter_keeps_scenarios_in_which_an_event_happens(tmp_path):
     lake = write_lake(tmp_path, [scenario for name in ("cut_in", "following") for scenario, _ in MOMENTS[name]])
     found = lake.filter("ego_distance > 10", name="cut", events=["cut_in"])
     assert found.scenario_ids == ids_of("cut_in")
-    assert "cut-in" not in found.lineage.sql  # comments stay in their file
+    assert "cut-in" not in found.lineage.sql  # comments of the SQL file are not copied
     assert found.lineage.parameters == {"f0_max_gap": 30.0, "f0_min_speed": 2.0, "f0_within": 4.0}
     assert lake.rebuild("cut").is_same
     both = lake.filter(
@@ -323,8 +323,8 @@ def test_an_empty_lake_has_no_hits(name, empty_lake):
     assert empty_lake.mine(name).is_empty()
 
 
-def test_generated_scenarios_are_mined(tmp_path):
-    """Every event runs over another source, with what that lacks or adds, and some happen."""
+def test_events_run_on_generated_scenarios(tmp_path):
+    """Every event runs on generated scenarios, and some find hits."""
     convert("pg", "0:6", tmp_path)
     lake = Lake(tmp_path)
     counts = {name: len(lake.mine(name)) for name in EVENTS.names()}
@@ -335,7 +335,7 @@ def test_generated_scenarios_are_mined(tmp_path):
 
 
 @pytest.mark.long
-def test_recorded_scenarios_are_mined(recordings, tmp_path):
+def test_events_run_on_recorded_scenarios(recordings, tmp_path):
     sources = {
         "waymo": "waymo/training",
         "argoverse2": "argoverse2/motion-forecasting/val",

@@ -1,4 +1,4 @@
-"""What a filter keeps, what a condition may be, and the lineage it leaves."""
+"""Members of filtered databases, valid conditions, and the recorded lineage."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import NUM_VARIED, make_scenario, varied
 
 
-def test_a_filter_keeps_what_satisfies_it_in_order_of_id(own):
+def test_filter_keeps_matches_in_order_of_id(own):
     found = own.filter("num_objects > 3 AND ego_distance > $far", name="busy", parameters={"far": 1.0})
     wanted = own.sql("SELECT scenario_id FROM metadata WHERE num_objects > 3 AND ego_distance > 1.0 ORDER BY 1")
     assert 0 < len(found) < NUM_VARIED
@@ -33,7 +33,7 @@ def test_a_filter_keeps_what_satisfies_it_in_order_of_id(own):
     assert own.database("busy").members.equals(found.members)
 
 
-def test_lineage_says_how_a_database_was_made(own):
+def test_lineage_records_how_a_database_was_made(own):
     own.filter("num_objects > 2", name="some")
     made = own.filter("ego_distance > $far", name="few", database="some", parameters={"far": 0.5})
     lineage = own.database("few").lineage
@@ -46,7 +46,7 @@ def test_lineage_says_how_a_database_was_made(own):
     assert own.database("few").lineage == lineage
 
 
-def test_lineage_takes_parameters_that_can_be_run_again(own):
+def test_lineage_with_parameters_can_be_run_again(own):
     made = own.filter("date IS NULL OR date::DATE > $day::DATE", name="recent", parameters={"day": "2024-05-17"})
     assert own.database("recent").lineage.parameters == {"day": "2024-05-17"} == made.lineage.parameters
     with pytest.raises(BadParameter, match=r"pass a date as text and compare with \$name::DATE"):
@@ -54,7 +54,7 @@ def test_lineage_takes_parameters_that_can_be_run_again(own):
 
 
 @pytest.mark.filterwarnings("ignore:this split leaks")
-def test_a_filter_of_a_database_keeps_its_order_and_weights(own):
+def test_filter_of_a_database_keeps_its_order_and_weights(own):
     ids = [scenario.id for scenario in varied()][::-1]
     hashes = {row["scenario_id"]: row["content_hash"] for row in own.sql("SELECT * FROM metadata").to_dicts()}
     members = pa.table(
@@ -107,7 +107,7 @@ def test_a_filter_of_a_database_keeps_its_order_and_weights(own):
         "EXISTS (WITH t AS (COPY (SELECT 1) TO 'x') SELECT * FROM t)",
     ],
 )
-def test_a_condition_is_one_expression_over_the_lake(lake, where):
+def test_condition_is_one_expression_over_the_lake(lake, where):
     with pytest.raises(QueryError):
         lake.filter(where, name="never")
     assert "never" not in lake.databases
@@ -130,7 +130,7 @@ def test_more_than_one_expression_is_unsafe(lake):
         "extras IS NULL OR json_extract(extras, '$.weather') IS NOT NULL",
     ],
 )
-def test_a_condition_may_ask_other_tables(own, where):
+def test_condition_may_query_other_tables(own, where):
     assert 0 < len(own.filter(where, name="some")) <= NUM_VARIED
 
 
@@ -145,7 +145,7 @@ def test_named_filters_add_conditions(own):
 
 
 @pytest.mark.parametrize("name", FILTERS.names())
-def test_every_named_filter_runs_and_says_what_it_keeps(lake, name, tmp_path):
+def test_every_named_filter_runs_and_is_documented(lake, name, tmp_path):
     found, values = FILTERS.parse(name)
     assert found.doc.endswith(".")
     assert values == found.defaults
@@ -163,7 +163,7 @@ def test_unknown_filters_and_parameters_are_named(lake):
         lake.filter(name="x", filters=["ego_distance:min=three"])
 
 
-def test_filters_mean_what_they_say(tmp_path):
+def test_filters_select_the_documented_scenarios(tmp_path):
     flat = make_scenario(1, has_z=False)
     hilly = make_scenario(2)
     dark = make_scenario(3, num_lights=0)

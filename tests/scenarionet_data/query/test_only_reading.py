@@ -1,4 +1,4 @@
-"""A query only reads the lake, whatever its form; its results are data frames."""
+"""Queries are read-only, whatever their form; results are data frames."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.fixtures.scenarios import make_scenario, varied
 
 
 def unsafe(root):
-    """Statements that change something, here or elsewhere, or read what is not the lake's."""
+    """Statements that modify something or read outside the lake."""
     return [
         "INSERT INTO metadata VALUES (1)",
         "UPDATE metadata SET city = 'x'",
@@ -84,7 +84,7 @@ def files_below(folder):
     return sorted(str(path) for path in folder.rglob("*"))
 
 
-def test_a_query_only_reads_the_lake(tmp_path, monkeypatch):
+def test_unsafe_statement_is_refused(tmp_path, monkeypatch):
     root = tmp_path / "lake"
     lake = write_lake(root, [make_scenario(1, num_objects=2)])
     (tmp_path / "secret.csv").write_text("a\n1\n")
@@ -96,7 +96,7 @@ def test_a_query_only_reads_the_lake(tmp_path, monkeypatch):
     for query in unsafe(root):
         try:
             lake.sql(query)
-        except (QueryError, LakeError) as error:  # DuckDB 1 looks for the files of IMPORT while it parses
+        except (QueryError, LakeError) as error:  # DuckDB 1 looks up the files of IMPORT while parsing
             assert str(error), query
         else:
             pytest.fail(f"was not refused: {query}")
@@ -119,23 +119,23 @@ def test_a_query_only_reads_the_lake(tmp_path, monkeypatch):
         "SELECT ';' AS a",
     ],
 )
-def test_a_reading_statement_may_have_any_form(lake, query):
+def test_reading_statements_of_any_form_are_allowed(lake, query):
     assert len(lake.sql(query, {"a": 1} if "$a" in query else None)) == 1
 
 
-def test_descriptions_are_reading_too(lake):
+def test_describe_statements_are_allowed(lake):
     assert "ego_distance" in lake.sql("DESCRIBE metadata")["column_name"].to_list()
     assert len(lake.sql("SUMMARIZE metadata")) > 50
 
 
-def test_order_and_limit_are_the_queries(lake):
+def test_order_and_limit_are_kept(lake):
     ids = sorted(scenario.id for scenario in varied())
     query = "SELECT scenario_id FROM metadata ORDER BY scenario_id DESC LIMIT 3 OFFSET 1"
     assert lake.sql(query)["scenario_id"].to_list() == ids[::-1][1:4]
 
 
-def test_threads_may_ask_at_once(tmp_path):
-    """A server asks from many threads; answers must not be mixed up."""
+def test_concurrent_queries_from_threads(tmp_path):
+    """A server queries from many threads; results must not be mixed up."""
     lake = write_lake(tmp_path, [make_scenario(k, num_objects=2, num_steps=4) for k in range(8)])
     ids = lake.sql("SELECT scenario_id FROM metadata ORDER BY 1")["scenario_id"].to_list()
     lake = lake.refresh()
@@ -148,14 +148,14 @@ def test_threads_may_ask_at_once(tmp_path):
         assert list(pool.map(ask, range(40))) == [(k, ids[k % 8 :]) for k in range(40)]
 
 
-def test_large_queries_spill_apart_from_each_other_and_from_the_working_directory(lake):
+def test_large_queries_spill_into_separate_temporary_folders(lake):
     query = "SELECT current_setting('temp_directory') AS folder"
     folders = [Path(opened.sql(query).item()) for opened in (lake, lake.refresh())]
     assert folders[0] != folders[1]
     assert {folder.parent for folder in folders} == {Path(tempfile.gettempdir())}
 
 
-def test_tables_of_one_query_are_unknown_to_the_next(own):
+def test_tables_of_one_query_are_invisible_to_the_next(own):
     own.filter("true", name="all")
     own.filter("true", name="again", database="all")
     for table in ("members", "wanted"):
@@ -163,6 +163,6 @@ def test_tables_of_one_query_are_unknown_to_the_next(own):
             own.sql(f"SELECT * FROM {table}")
 
 
-def test_odd_results_are_query_errors(lake):
+def test_unsupported_results_are_query_errors(lake):
     with pytest.raises(QueryError, match="cast unsupported types to VARCHAR"):
         lake.sql("SELECT INTERVAL 1 MONTH AS i")

@@ -1,6 +1,6 @@
-"""Our databases have the members that ScenarioNet's rules select, but where those are known to be wrong.
+"""Filters select the same scenarios as ScenarioNet's on the same pickles, except where its rules are known to be wrong.
 
-Asked of recorded pickles where there are some, and of pickles that our own exporter writes.
+Runs on recorded pickles where available, and on pickles written by our exporter.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def named(scenario, name):
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
-    """Three databases as our exporter writes them: short, crowded, without heights."""
+    """Three databases written by our exporter: short, crowded, and without heights."""
     root = tmp_path_factory.mktemp("written")
     kinds = {
         "short": {"num_steps": 11, "num_lights": 0},
@@ -44,7 +44,7 @@ def written(tmp_path_factory):
 
 @pytest.fixture(scope="module", params=["written", "recorded"])
 def folder(request):
-    """A folder of databases of pickles."""
+    """A folder with databases of pickles."""
     if request.param == "written":
         return request.getfixturevalue("written")
     return request.getfixturevalue("recordings") / "scenarionet"
@@ -68,7 +68,7 @@ def _ours(folder, tmp_path_factory):
 
 @pytest.fixture
 def names(_ours, request):
-    """Saves a database under the test's name with a number, and says by which files its members were made."""
+    """Save databases under numbered names and return the file names of their members."""
     made = []
 
     def ask(operation, *words, **more):
@@ -112,8 +112,8 @@ def test_filter_no_overpass(theirs, names):
 
 
 @pytest.mark.parametrize("metres", [1.0, 2.0, 8.0, 100.0])
-def test_filter_no_overpass_sees_road_edges_too(metres, theirs, names):
-    """Theirs looks at the height of road lines alone, so at other limits ours may keep fewer."""
+def test_filter_no_overpass_includes_road_edges(metres, theirs, names):
+    """ScenarioNet's rule considers only road lines, so with other limits ours may keep fewer."""
     wanted = rules.merge(theirs.values(), [rules.has_no_overpass(metres)])
     assert set(names("filter", filters=[f"no_overpass:max={metres}"])) <= set(wanted)
 
@@ -142,7 +142,7 @@ def test_merge(theirs, names):
     assert set(names("merge", first, second, *rest)) == set(rules.merge(theirs.values()))
 
 
-def test_merge_of_databases_that_overlap(theirs, names):
+def test_merge_of_overlapping_databases(theirs, names):
     first, second, *_ = theirs
     wanted = rules.merge([theirs[second], theirs[first], theirs[second]])
     assert names("merge", second, first, second) == list(wanted)
@@ -170,7 +170,7 @@ def test_split_random(theirs, names):
     assert found == names("sample", name, n=2, seed=3)
 
 
-def test_split_of_more_than_there_are_is_refused(theirs, _ours):
+def test_split_larger_than_the_database_is_refused(theirs, _ours):
     name, database = next(iter(theirs.items()))
     with pytest.raises(ValueError, match="wanted 99"):
         rules.split(database, 0, 99)
@@ -186,12 +186,12 @@ def test_num_and_cp(theirs, _ours):
         _ours.drop(copied.name)
 
 
-# --- where the rules are wrong: what they do, and what we do ---------------------------------------------------------
+# --- defects of the original rules: its behaviour and ours -----------------------------------------------------------
 
 
 def test_defect_maps_without_heights_are_dropped_as_overpasses(written, tmp_path):
     flat = rules.read(written / "flat")
-    for _, path in flat.values():  # as converters of datasets in the plane leave them
+    for _, path in flat.values():  # as converters of planar datasets write them
         content = rules.unpickle(path)
         for feature in content["map_features"].values():
             if "polyline" in feature:
@@ -203,7 +203,7 @@ def test_defect_maps_without_heights_are_dropped_as_overpasses(written, tmp_path
     assert len(Lake(tmp_path / "lake").filter(filters=["no_overpass"], name="level")) == len(flat)
 
 
-def test_defect_an_id_that_is_part_of_an_excluded_one_is_dropped(tmp_path):
+def test_defect_ids_containing_an_excluded_id_are_dropped(tmp_path):
     write_database(tmp_path / "raw", {f"sd_{name}.pkl": nuscenes(name) for name in ("scene-1", "scene-11", "scene-2")})
     database, unwanted = rules.read(tmp_path / "raw"), ["scene-11"]
     assert list(rules.merge([database], [rules.is_none_of_as_it_is(unwanted)])) == ["sd_scene-2.pkl"]
@@ -214,7 +214,7 @@ def test_defect_an_id_that_is_part_of_an_excluded_one_is_dropped(tmp_path):
 
 
 def test_defect_overwrite_is_always_true_in_split(written, tmp_path):
-    """Their split wraps the flag in a tuple, which is true whatever it holds: an old database is gone unasked."""
+    """Their split wraps the flag in a tuple, which is always true: an old database is overwritten without a warning."""
     convert("scenarionet", str(written / "short"), tmp_path / "lake")
     lake = Lake(tmp_path / "lake")
     first = lake.sample(None, name="part", n=2)
@@ -225,8 +225,8 @@ def test_defect_overwrite_is_always_true_in_split(written, tmp_path):
     assert (len(lake.database("part@1")), len(lake.database("part@2"))) == (2, 3)
 
 
-def test_defect_files_of_one_name_take_each_others_place(tmp_path):
-    """Folders of 0.pkl, 1.pkl, ... merge into one 0.pkl; we go by what the scenario is."""
+def test_defect_files_of_equal_name_overwrite_each_other(tmp_path):
+    """Folders of 0.pkl, 1.pkl, ... merge into one 0.pkl; ours are identified by scenario id."""
     for name in ("scene-1", "scene-2"):
         write_database(tmp_path / "raw" / name, {"0.pkl": nuscenes(name)})
     merged = rules.merge(rules.read(tmp_path / "raw" / name) for name in ("scene-1", "scene-2"))
@@ -235,7 +235,7 @@ def test_defect_files_of_one_name_take_each_others_place(tmp_path):
     assert len(Lake(tmp_path / "lake").filter(name="both")) == 2
 
 
-def test_defect_tracks_that_nobody_sees_are_objects(written):
+def test_defect_tracks_without_valid_steps_count_as_objects(written):
     counts = [
         (rules.num_objects(summary), rules.num_objects_as_it_is(summary))
         for summary, _ in rules.read(written / "crowded").values()
@@ -244,17 +244,17 @@ def test_defect_tracks_that_nobody_sees_are_objects(written):
     assert any(seen < listed for seen, listed in counts)
 
 
-def test_defect_summaries_of_2023_are_not_understood(recordings):
-    """Their filters ask an old summary for a name that it does not have; the oracle and we know both."""
+def test_defect_summaries_of_2023_are_not_supported(recordings):
+    """Their filters look up a key that old summaries lack; the oracle and our code know both forms."""
     for summary, _ in rules.read(recordings / "scenarionet" / "waymo_0").values():
         assert "num_objects" not in summary["number_summary"]
         assert rules.num_objects(summary) == rules.num_objects_as_it_is(summary) > 100
 
 
-# --- there and back ------------------------------------------------------------------------------------------------
+# --- round trip ----------------------------------------------------------------------------------------------------
 
 
-def test_a_database_exported_and_converted_again_has_the_same_members_and_arrays(folder, _ours, tmp_path):
+def test_exported_database_converts_back_to_the_same_members_and_arrays(folder, _ours, tmp_path):
     members = list(ScenarioLoader(_ours, min(path.name for path in folder.iterdir())))
     export(members, tmp_path / "pickles")
     assert convert("scenarionet", str(tmp_path / "pickles"), tmp_path / "lake").is_clean

@@ -1,4 +1,4 @@
-"""A split is disjoint, exhaustive and never changes."""
+"""Splits are disjoint, exhaustive and reproducible."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tests.fixtures.scenarios import make_scenario, renamed
 
 @pytest.fixture(scope="module")
 def log_lake(tmp_path_factory):
-    """200 scenarios of 50 logs, four each; the last 10 have none."""
+    """200 scenarios of 50 logs, four each; the last 10 have no log."""
     template = make_scenario(1, num_objects=1, num_steps=2, num_lanes=0, num_lights=0, has_map=False)
     made = [renamed(template, f"s{k:03d}") for k in range(200)]
     logs = [f"log{k // 4}" if k < 190 else None for k in range(200)]
@@ -32,18 +32,18 @@ def log_lake(tmp_path_factory):
 
 @pytest.fixture
 def many(log_lake, tmp_path):
-    """A copy to save databases in."""
+    """A writable copy of the lake."""
     shutil.copytree(log_lake.root, tmp_path / "lake")
     return Lake(tmp_path / "lake")
 
 
 def fraction(seed, group):
-    """The split's number by hand."""
+    """The split's hash fraction, computed independently."""
     return int(hashlib.md5(f"{seed}:{group}".encode()).hexdigest()[:13], 16) / 2**52
 
 
 @pytest.mark.filterwarnings("ignore:this split leaks")
-def test_a_split_is_disjoint_exhaustive_and_by_md5(many):
+def test_split_is_disjoint_exhaustive_and_md5_based(many):
     parts = many.split(None, {"train": 0.7, "val": 0.2, "test": 0.1}, seed=3)
     everything = [scenario_id for part in parts.values() for scenario_id in part.scenario_ids]
     assert sorted(everything) == [f"made/v1/s{k:03d}" for k in range(200)]
@@ -57,15 +57,15 @@ def test_a_split_is_disjoint_exhaustive_and_by_md5(many):
 
 
 @pytest.mark.filterwarnings("ignore:this split leaks")
-def test_a_split_never_changes(many):
-    """Frozen: on another machine, with another DuckDB, in ten years."""
+def test_split_is_stable_across_versions(many):
+    """Frozen reference values, valid on any machine and with any DuckDB version."""
     parts = many.split(None, {"train": 0.9, "val": 0.1}, seed=0)
     val = "002 018 037 039 040 045 047 055 064 066 084 091 094 114 117 119 146 151 161 185 186 188 194"
     assert [i[-3:] for i in parts["val"].scenario_ids] == val.split()
 
 
 @pytest.mark.filterwarnings("ignore:this split leaks")
-def test_a_scenario_keeps_its_part_as_the_lake_grows(many):
+def test_scenario_keeps_its_part_as_the_lake_grows(many):
     before = many.split(None, {"a": 0.5, "b": 0.5}, name="x")
     template = make_scenario(1, num_objects=1, num_steps=2, num_lanes=0, num_lights=0, has_map=False)
     grown = write_lake(many.root, [renamed(template, f"new{k}") for k in range(50)], name="more")
@@ -75,7 +75,7 @@ def test_a_scenario_keeps_its_part_as_the_lake_grows(many):
 
 
 @pytest.mark.filterwarnings("ignore:this split leaks")
-def test_another_seed_is_another_split(many):
+def test_different_seed_gives_different_split(many):
     zero, one = (many.split(None, {"a": 0.5, "b": 0.5}, seed=s, name=f"s{s}")["a"].scenario_ids for s in (0, 1))
     assert zero != one
 
@@ -93,14 +93,14 @@ def test_scenarios_of_one_log_stay_together(many):
 
 @pytest.mark.long
 @pytest.mark.filterwarnings("ignore:this split leaks")
-def test_every_column_can_be_split_by(many):
+def test_every_column_can_be_a_split_key(many):
     columns = many.sql("SELECT * FROM metadata LIMIT 0").columns
     for number, column in enumerate(columns):
         parts = many.split(None, {"a": 0.5, "b": 0.5}, by=column, name=f"p{number}", allow_empty=True)
         assert sum(len(part) for part in parts.values()) == 200, column
 
 
-def test_wrong_splits_are_refused(many):
+def test_invalid_splits_are_refused(many):
     with pytest.raises(BadParameter, match=r"add up to 1, found 0\.9"):
         many.split(None, {"a": 0.5, "b": 0.4})
     for wrong in ({}, {"a": 1.0, "b": 0.0}, {"a": 1.5, "b": -0.5}):
@@ -116,7 +116,7 @@ def test_wrong_splits_are_refused(many):
     assert many.databases == ["all_a"]
 
 
-def test_there_is_one_thing_a_file():
-    """Every SQL file says what it is in its first lines."""
+def test_every_sql_file_has_a_header_comment():
+    """Every SQL file states its purpose in its first lines."""
     for path in SQL.rglob("*.sql"):
         assert path.read_text().startswith("-- "), path

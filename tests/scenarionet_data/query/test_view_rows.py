@@ -1,4 +1,4 @@
-"""Views of a lake against NumPy on its scenarios."""
+"""Views of a lake agree with NumPy on its scenarios."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.fixtures.scenarios import NUM_VARIED, make_scenario
 
 
 def test_states_are_the_valid_steps(lake):
-    """Row for row what the arrays hold."""
+    """Row for row, the values of the arrays."""
     found = lake.sql("SELECT * FROM states ORDER BY scenario_id, track_id, timestep")
     rows = []
     for scenario in ScenarioLoader(lake):
@@ -47,7 +47,7 @@ def test_states_are_the_valid_steps(lake):
             assert found[name].to_list() == wanted, name
 
 
-def test_objects_are_facts_of_whole_tracks(lake):
+def test_objects_view_describes_whole_tracks(lake):
     found = {(row["scenario_id"], row["track_id"]): row for row in lake.sql("SELECT * FROM objects").to_dicts()}
     for scenario in ScenarioLoader(lake):
         tracks = scenario.tracks
@@ -69,7 +69,7 @@ def test_objects_are_facts_of_whole_tracks(lake):
     assert not found
 
 
-def test_steps_are_pairs_of_successive_valid_timesteps(lake):
+def test_steps_view_pairs_successive_valid_timesteps(lake):
     found = lake.sql("SELECT * FROM steps ORDER BY scenario_id, track_id, timestep").to_dicts()
     wanted = []
     for scenario in ScenarioLoader(lake):
@@ -89,7 +89,7 @@ def test_steps_are_pairs_of_successive_valid_timesteps(lake):
         assert row["is_inner"] == inner
 
 
-def test_metadata_is_the_oracles(lake):
+def test_metadata_matches_reference(lake):
     rows = {row["scenario_id"]: row for row in lake.sql("SELECT * FROM metadata").to_dicts()}
     for scenario in ScenarioLoader(lake):
         row = rows[scenario.id]
@@ -99,7 +99,7 @@ def test_metadata_is_the_oracles(lake):
         assert row["duration"] == pytest.approx((scenario.num_timesteps - 1) * 0.1)
 
 
-def test_lights_and_maps_are_the_arrays(lake):
+def test_light_and_map_views_match_the_arrays(lake):
     lights = lake.sql("SELECT scenario_id, light_id, lane_id, state, stop_x FROM lights ORDER BY ALL").rows()
     wanted = [
         (s.id, s.lights.ids[k], s.lights.lane_ids[k], [LightState(c).name for c in s.lights.state[k]],
@@ -132,12 +132,12 @@ def test_every_view_has_its_columns_in_an_empty_lake(lake, empty_lake, name):
     assert len(found) == len(full) == 0
 
 
-def test_an_empty_lake_has_an_empty_summary(empty_lake):
+def test_summary_of_an_empty_lake_is_empty(empty_lake):
     assert len(empty_lake) == 0
     assert empty_lake.summary().is_empty()
 
 
-def test_a_lake_without_lights_and_maps(tmp_path):
+def test_lake_without_lights_and_maps(tmp_path):
     bare = write_lake(tmp_path, [make_scenario(1, num_lights=0, has_map=False)])
     assert bare.sql("SELECT count(*) FROM lights").item() == 0
     assert bare.sql("SELECT count(*) FROM maps").item() == 0
@@ -145,7 +145,7 @@ def test_a_lake_without_lights_and_maps(tmp_path):
     assert len(bare.filter(name="no", filters=["no_traffic_light"])) == 1
 
 
-def test_views_carry_the_contracts_words(lake):
+def test_columns_have_the_schema_descriptions(lake):
     lake.sql("SELECT 1 FROM metadata, tracks LIMIT 0")
     query = "SELECT comment FROM duckdb_columns() WHERE table_name = $table AND column_name = $column"
     for table, column in (("metadata", "ego_distance"), ("tracks", "vx"), ("metadata", "duration")):
@@ -153,7 +153,7 @@ def test_views_carry_the_contracts_words(lake):
         assert comment.startswith(tables.load(table).column(column).doc)
 
 
-def test_paths_are_what_any_engine_may_read(lake):
+def test_files_view_lists_readable_paths(lake):
     for table in FILE_TABLES:
         paths = lake.paths(table)
         assert paths == sorted(paths)
@@ -165,7 +165,7 @@ def test_paths_are_what_any_engine_may_read(lake):
         lake.paths("nothing")
 
 
-def test_summary_adds_up(lake):
+def test_summary_counts_add_up(lake):
     (row,) = lake.summary().to_dicts()
     loaded = list(ScenarioLoader(lake))
     assert (row["dataset"], row["version"], row["split"], row["scenarios"]) == ("made", "v1", "train", NUM_VARIED)

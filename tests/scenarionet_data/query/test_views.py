@@ -1,4 +1,4 @@
-"""The views of what happens inside scenarios, and the macros they are built on, against NumPy on the arrays."""
+"""Views of events inside scenarios, and their geometry macros, agree with NumPy on the arrays."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def boxes(count: int) -> pl.DataFrame:
 
 
 def gap_after(rows: pl.DataFrame, seconds) -> np.ndarray:
-    """Distance of the boxes, by shapely, when the second has moved on for a time."""
+    """Distance between the boxes by shapely, after the second has moved for a time."""
     zero = np.zeros(len(rows))
     x, y = (rows[p].to_numpy() + rows[f"v_{p}"].to_numpy() * seconds for p in ("ahead", "side"))
     first = polygons(zero, zero, zero, rows["l1"].to_numpy(), rows["w1"].to_numpy())
@@ -60,7 +60,7 @@ def polygons(x, y, heading, length, width) -> np.ndarray:
     return shapely.polygons(np.stack([placed.real, placed.imag], axis=2))
 
 
-def test_box_gap_is_the_distance_of_boxes(lake):
+def test_box_gap_matches_shapely_distance(lake):
     rows = boxes(800)
     query = "SELECT box_gap(ahead, side, turn, l1, w1, l2, w2) AS gap FROM boxes"
     gap = lake.arrow(query, tables={"boxes": rows.to_arrow()})["gap"].to_numpy()
@@ -68,7 +68,7 @@ def test_box_gap_is_the_distance_of_boxes(lake):
     assert 0.1 < (gap == 0).mean() < 0.5
 
 
-def test_box_ttc_is_when_boxes_first_touch(lake):
+def test_box_ttc_is_the_time_of_first_contact(lake):
     rows = boxes(800)
     query = "SELECT box_ttc(ahead, side, turn, v_ahead, v_side, l1, w1, l2, w2) AS ttc FROM boxes"
     ttc = lake.arrow(query, tables={"boxes": rows.to_arrow()})["ttc"].to_numpy(zero_copy_only=False)
@@ -94,17 +94,17 @@ def test_segment_gap_and_wrap_angle(lake):
     np.testing.assert_allclose(wrapped, wrap_angle(angles), atol=1e-12)
 
 
-def test_ego_states_are_the_egos_states(lake, scenarios):
+def test_ego_states_match_the_ego_track(lake, scenarios):
     mine = lake.sql("SELECT * EXCLUDE (seconds) FROM ego_states ORDER BY scenario_id, timestep")
     states = "SELECT * EXCLUDE (object_type) FROM states WHERE track_id = 't0' ORDER BY scenario_id, timestep"
     assert mine.equals(lake.sql(states).select(mine.columns))
     seconds = lake.sql("SELECT scenario_id, seconds FROM ego_states ORDER BY scenario_id, timestep")
-    for scenario in scenarios:  # every second one has timestamps of its own
+    for scenario in scenarios:  # every other one has explicit timestamps
         rows = seconds.filter(pl.col("scenario_id") == scenario.id)["seconds"]
         np.testing.assert_allclose(rows, scenario.timestamps, atol=1e-12)
 
 
-def test_ego_pairs_are_the_others_in_the_egos_frame(lake, scenarios):
+def test_ego_pairs_are_in_the_ego_frame(lake, scenarios):
     found = lake.sql("SELECT * FROM ego_pairs")
     for scenario in scenarios:
         tracks = scenario.tracks
@@ -123,8 +123,8 @@ def test_ego_pairs_are_the_others_in_the_egos_frame(lake, scenarios):
         np.testing.assert_allclose(rows["distance"], np.hypot(*offset.T), atol=1e-4)
 
 
-def test_the_corridor_follows_the_egos_path_round_a_bend(tmp_path):
-    """On a circle of 50 m: who is 2 m inside of it, 0.4 rad on, is 20 m ahead and 2 m to the left."""
+def test_corridor_follows_a_curved_ego_path(tmp_path):
+    """On a circle of 50 m, an object 2 m inside and 0.4 rad ahead is 20 m ahead and 2 m to the left."""
     inside = Mover(48 * np.sin(0.4 + 0.2 * T), 50 - 48 * np.cos(0.4 + 0.2 * T), 0 * T, 0 * T, 0.4 + 0.2 * T)
     lake = write_lake(tmp_path, [moment("bend", going(0, 0, 10, 0.2), car=inside, away=along(0, 50))])
     found = lake.sql("SELECT * FROM ego_corridor WHERE seconds <= 7 ORDER BY timestep")
@@ -136,7 +136,7 @@ def test_the_corridor_follows_the_egos_path_round_a_bend(tmp_path):
     np.testing.assert_allclose(found["ego_passes"] - found["seconds"], 2.0, atol=0.02)
 
 
-def test_the_path_goes_straight_on_where_the_recording_ends(tmp_path):
+def test_path_is_extrapolated_straight_beyond_the_recording(tmp_path):
     lake = write_lake(tmp_path, [moment("straight", along(0, 0, 1), near=along(55, 1), far=along(65, 1))])
     rows = lake.sql('SELECT track_id, ahead, "left", ego_passes FROM ego_corridor WHERE timestep = 0')
     assert rows["track_id"].to_list() == ["near"]
@@ -145,7 +145,7 @@ def test_the_path_goes_straight_on_where_the_recording_ends(tmp_path):
     assert path == (0.0, pytest.approx(60.0, abs=1e-3), pytest.approx(10.0))
 
 
-def test_leads_are_the_nearest_vehicle_ahead(tmp_path):
+def test_leads_are_the_nearest_vehicles_ahead(tmp_path):
     ego = along(0, 0, 10)
     others = {"near": along(15, 0, 10), "next": along(30, 0, 10), "who": walking(8, 0, 10), "side": along(8, 3.5, 10)}
     lake = write_lake(tmp_path, [moment("lead", ego, **others)])
@@ -184,7 +184,7 @@ def test_lane_graph_has_every_link(lake, scenarios):
     assert {row[4] for row in wanted} == {True, False}
 
 
-def test_ego_lanes_in_a_shared_map_are_those_of_its_own_frame(tmp_path):
+def test_ego_lanes_in_a_shared_map_use_the_scenario_frame(tmp_path):
     """Lanes run along x every 3 m of the source's frame, and so does the ego."""
     convert(made_city.LANES, str(write_raw(tmp_path / "raw", {"a": list(range(6))})), tmp_path / "lake")
     found = Lake(tmp_path / "lake").sql("""
@@ -197,7 +197,7 @@ def test_ego_lanes_in_a_shared_map_are_those_of_its_own_frame(tmp_path):
     assert found["lane_id"].n_unique() > 2
 
 
-def test_stop_lines_lie_on_their_lane(tmp_path):
+def test_stop_lines_are_on_their_lane(tmp_path):
     road = [lane("up", (0, 10), (0, 40)), lane("across", (-20, 0), (20, 0))]
     red = shown((LightState.LANE_STATE_STOP, 1))
     lights = [("up", None, red), ("across", (5.0, 0.5), red), ("gone", (1.0, 1.0), red)]
@@ -206,7 +206,7 @@ def test_stop_lines_lie_on_their_lane(tmp_path):
     assert rows == [("up", 0.0, 10.0, pytest.approx(np.pi / 2)), ("across", 5.0, 0.5, pytest.approx(0.0))]
 
 
-def test_a_lake_shows_only_what_was_chosen(tmp_path, scenarios):
+def test_restricted_lake_shows_only_selected_scenarios(tmp_path, scenarios):
     lake = write_lake(tmp_path, scenarios)
     ids = [scenarios[k].id for k in (1, 4)]
     few = lake.restrict_to(ids)

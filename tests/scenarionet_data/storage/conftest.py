@@ -1,4 +1,4 @@
-"""A lake to be, and a small scenario to fill it with."""
+"""A lake folder and a small conversion template to fill it."""
 
 from __future__ import annotations
 

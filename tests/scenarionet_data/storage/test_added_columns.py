@@ -1,4 +1,4 @@
-"""Lakes written before a nullable column existed: they open, with nulls in that column."""
+"""Lakes written before a nullable column was added: they open, with nulls in that column."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def written(tmp_path_factory):
 
 
 def drop(lake, table, column):
-    """Write a table's files again without a column, row group by row group."""
+    """Rewrite the files of a table without one column, row group by row group."""
     for name in lake.paths(table):
         old = pq.ParquetFile(name)
         footer = {key: value for key, value in old.metadata.metadata.items() if key != b"ARROW:schema"}
@@ -64,7 +64,7 @@ def rows(root, table, without):
 
 @settings(max_examples=6, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(chosen=st.sampled_from(DROPPABLE))
-def test_any_nullable_column_may_be_missing(written, tmp_path, chosen):
+def test_nullable_column_missing_in_files_reads_as_null(written, tmp_path, chosen):
     table, column = chosen
     root = tmp_path / f"{table}-{column}"
     if root.exists():
@@ -75,14 +75,14 @@ def test_any_nullable_column_may_be_missing(written, tmp_path, chosen):
     with pytest.MonkeyPatch.context() as patch:
         raise_version(patch, table, as_added(column))
         assert rows(root, table, column) == before
-        if (table, column) != ("metadata", "timestamps"):  # filled in by the view
+        if (table, column) != ("metadata", "timestamps"):  # filled with null by the view
             assert Lake(root).sql(f"SELECT count({column}) AS n FROM {table}")["n"][0] == 0
         loaded = ScenarioLoader(root)
         assert [scenario.id for scenario in loaded] == [scenario.id for scenario in loaded.batch(range(5))]
         assert len(Lake(root).filter("num_objects > 0", name="all")) == 5
 
 
-def test_a_lake_grows_after_a_column_was_added(written, tmp_path, monkeypatch):
+def test_lake_accepts_commits_after_column_was_added(written, tmp_path, monkeypatch):
     root = shutil.copytree(written, tmp_path / "lake")
     raise_version(monkeypatch, "metadata", appending(SCORE))
     wanted = [made(seed) for seed in range(7)]

@@ -1,4 +1,4 @@
-"""Files of a lake that are gone, cut, garbage or of another contract are named where they are read."""
+"""Missing, truncated, corrupt or incompatible files are named in the error when they are read."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def one(lake, table):
 
 @pytest.mark.parametrize("table", ["tracks", "lights", "maps"])
 @pytest.mark.parametrize("damage", ["gone", "empty", "cut", "garbage"])
-def test_damaged_content_is_named_when_it_is_loaded(lake, table, damage):
+def test_loading_damaged_content_names_the_file(lake, table, damage):
     path = one(lake, table)
     data = path.read_bytes()
     path.unlink()
@@ -36,7 +36,7 @@ def test_damaged_content_is_named_when_it_is_loaded(lake, table, damage):
         ScenarioLoader(lake)[0]
 
 
-def test_damaged_pages_are_named_when_they_are_loaded(lake):
+def test_loading_damaged_pages_names_the_file(lake):
     path = one(lake, "tracks")
     data = bytearray(path.read_bytes())
     data[4:2000] = bytes(1996)
@@ -46,7 +46,7 @@ def test_damaged_pages_are_named_when_they_are_loaded(lake):
 
 
 @pytest.mark.parametrize("table", ["tracks", "lights", "maps"])
-def test_a_file_of_another_contract_is_refused(lake, table):
+def test_file_of_another_schema_is_refused(lake, table):
     path = one(lake, table)
     rows = pq.read_table(path, partitioning=None)
     tag = {**rows.schema.metadata, b"scenarionet.schema": f"{table}/99".encode()}
@@ -57,14 +57,14 @@ def test_a_file_of_another_contract_is_refused(lake, table):
         ScenarioLoader(lake)[0]
 
 
-def test_lost_metadata_is_named(lake):
+def test_missing_metadata_is_named(lake):
     one(lake, "metadata").unlink()
     with pytest.raises(LakeError, match="metadata"):
         ScenarioLoader(lake.root)
 
 
 @pytest.mark.parametrize("data", [None, b"", b"PAR1" * 9])
-def test_a_damaged_manifest_is_named(lake, data):
+def test_damaged_manifest_is_named(lake, data):
     path = next(lake.root.glob("snapshots/manifest-*.parquet"))
     path.unlink()
     if data is not None:

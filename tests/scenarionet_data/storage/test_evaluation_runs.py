@@ -1,4 +1,4 @@
-"""Runs of simulations in a lake: claimed once, part by part, joined in SQL."""
+"""Evaluation runs in a lake: claimed once, published in parts, joined in SQL."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def publish(run: evaluation_runs.EvaluationRun, part: int, scenario_id: str, cos
     run.publish(part, {"rollouts": [rollout(scenario_id)], "results": results})
 
 
-def test_results_are_one_join_from_what_is_known(lake):
+def test_results_join_with_metadata_and_rollouts(lake):
     run = evaluation_runs.claim(lake.files, "mine", ("rollouts", "results"), {"policy": "idm"})
     assert run.done() == set()
     for part, scenario in enumerate(SCENARIOS[:2]):
@@ -44,13 +44,13 @@ def test_results_are_one_join_from_what_is_known(lake):
     assert rows.rows() == [("mine", 11, 0, 2), ("mine", 11, 1, 2)]
 
 
-def test_without_runs_the_views_are_empty(lake):
+def test_views_are_empty_without_runs(lake):
     for table in evaluation_runs.RUN_TABLES:
         assert lake.sql(f"SELECT * FROM {table}").is_empty()
     assert evaluation_runs.names(lake.files) == []
 
 
-def test_only_the_same_work_goes_on_with_a_run(lake):
+def test_run_resumes_only_with_equal_parameters(lake):
     first = evaluation_runs.claim(lake.files, "mine", ("results",), {"policy": "idm", "backend": "Kinematic()"})
     assert evaluation_runs.claim(lake.files, "mine", ("results",), {"backend": "Kinematic()", "policy": "idm"}) == first
     with pytest.raises(BadParameter, match="'mine' exists with policy 'idm', not 'replay'; choose another name"):
@@ -59,7 +59,7 @@ def test_only_the_same_work_goes_on_with_a_run(lake):
         evaluation_runs.claim(lake.files, "../mine", ("results",), {})
 
 
-def test_a_part_is_done_when_its_last_table_is_there(lake):
+def test_part_is_done_once_its_last_table_is_published(lake):
     run = evaluation_runs.claim(lake.files, "mine", ("rollouts", "results"), {})
     run.publish(0, {"rollouts": [rollout(SCENARIOS[0].id)], "results": []})
     half = evaluation_runs.EvaluationRun(lake.files, "mine", ("rollouts",))
@@ -67,7 +67,7 @@ def test_a_part_is_done_when_its_last_table_is_there(lake):
     assert run.done() == {0}
 
 
-def test_a_run_of_another_contract_is_named(tmp_path, lake):
+def test_run_of_another_schema_is_named(tmp_path, lake):
     run = evaluation_runs.claim(lake.files, "old", ("results",), {})
     run.publish(0, {"results": []})
     description = tmp_path / "lake" / "results" / "old" / "run.json"
@@ -76,7 +76,7 @@ def test_a_run_of_another_contract_is_named(tmp_path, lake):
         Lake(tmp_path / "lake").sql("SELECT * FROM results")
 
 
-def test_runs_are_not_files_of_a_snapshot(lake):
+def test_runs_are_visible_from_every_snapshot(lake):
     run = evaluation_runs.claim(LocalLakeFiles(lake.root), "mine", ("rollouts", "results"), {})
     publish(run, 0, SCENARIOS[0].id, 0)
     older = Lake(lake.root, lake.snapshot.number)

@@ -1,4 +1,4 @@
-"""Folders for a while go with their process, however it ends."""
+"""Temporary folders are removed with their process, however it ends."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ sys.stdin.readline()
 
 @pytest.fixture(autouse=True)
 def temporary(monkeypatch, tmp_path):
-    """A folder of temporary ones that no other test uses, for this process and those it starts."""
+    """A private folder for temporary files, for this process and its children."""
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr(tempfile, "tempdir", None)
     return tmp_path
@@ -38,7 +38,7 @@ def holder():
     )
 
 
-def test_what_a_killed_process_left_goes_with_the_next(temporary):
+def test_leftovers_of_a_killed_process_are_removed_by_the_next(temporary):
     with holder() as process:
         assert process.stdout.readline().startswith(str(temporary))
         process.send_signal(signal.SIGKILL)
@@ -49,7 +49,7 @@ def test_what_a_killed_process_left_goes_with_the_next(temporary):
     assert list(temporary.iterdir()) == []
 
 
-def test_what_a_process_holds_stays_until_it_ends(temporary):
+def test_folder_of_a_running_process_is_kept(temporary):
     with holder() as process:
         held = process.stdout.readline().strip()
         with closing(ScratchFolder()) as scratch, closing(ScratchFolder()) as other:
@@ -61,7 +61,7 @@ def test_what_a_process_holds_stays_until_it_ends(temporary):
     assert list(temporary.iterdir()) == []
 
 
-def test_a_forked_process_leaves_it_alone(temporary):
+def test_forked_process_does_not_remove_it(temporary):
     with closing(ScratchFolder()) as scratch:
         child = os.fork()
         if not child:

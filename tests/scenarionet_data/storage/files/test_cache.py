@@ -1,4 +1,4 @@
-"""Copies of an object store's files: found by their mark, and fewer when there is no room."""
+"""The local cache of object-store files: keyed by etag, least recently used files evicted when space runs out."""
 
 from __future__ import annotations
 
@@ -28,38 +28,38 @@ def add(copies, name, mark="", size=10, hours=0.0):
     return path
 
 
-def test_content_is_told_apart_by_its_mark(copies):
+def test_content_is_keyed_by_etag(copies):
     path = add(copies, "databases/a/1.parquet", "one")
     assert copies.find("databases/a/1.parquet", "one") == path
     assert copies.find("databases/a/1.parquet", "other") is None
     assert path.as_posix().endswith("databases/a/1.parquet")
 
 
-def test_lakes_are_kept_apart(copies):
+def test_lakes_do_not_share_cached_files(copies):
     assert folder_of("s3://bucket/lake") != folder_of("s3://bucket/lake2")
 
 
-def test_the_least_recently_used_make_way(copies):
+def test_least_recently_used_files_are_evicted(copies):
     old = [add(copies, f"metadata/{k}", hours=10 - k) for k in range(6)]
-    assert copies.find("metadata/0", "") == old[0]  # used now
+    assert copies.find("metadata/0", "") == old[0]  # mark as recently used
     make_room(copies.folder.parent, 35)
     assert [path.exists() for path in old] == [True, False, False, False, True, True]
 
 
-def test_what_is_in_use_stays(copies):
+def test_open_files_are_not_evicted(copies):
     path = add(copies, "metadata/now", size=100)
     make_room(copies.folder.parent, 0)
     assert path.exists()
 
 
-def test_room_is_looked_at_now_and_then(copies, monkeypatch):
+def test_free_space_is_checked_periodically(copies, monkeypatch):
     monkeypatch.setenv("SCENARIONET_CACHE_GB", "0.00000005")  # 50 bytes
     monkeypatch.setattr(cache, "_CHECK_EVERY", 40)
     old = [add(copies, f"metadata/{k}", size=20, hours=10 - k) for k in range(9)]
     assert sum(path.exists() for path in old) <= 4
 
 
-def test_a_forked_process_is_told_so(monkeypatch):
+def test_object_store_in_forked_process_raises_error(monkeypatch):
     monkeypatch.setattr(object_store, "_first_used_by", os.getpid() + 1)
     with pytest.raises(LakeError, match="start workers by spawn"):
         object_store.ObjectStore("s3://bucket/lake")

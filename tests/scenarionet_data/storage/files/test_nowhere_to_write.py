@@ -1,4 +1,4 @@
-"""Full disks, folders that may not be written or read, files in the place of folders: the lake stays as it was."""
+"""Full disks, missing permissions and files in place of folders: errors leave the lake unchanged."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tests.fixtures.waiting import HANGS_AFTER
 
 @contextmanager
 def as_user():
-    """Acts as somebody without rights where the tests run as root, which ignores permissions."""
+    """Drop privileges if the tests run as root, which ignores permissions."""
     if os.geteuid():
         yield
         return
@@ -36,7 +36,7 @@ def as_user():
 
 @pytest.fixture
 def open_folder():
-    """A folder that everybody may enter: pytest's own are private."""
+    """A folder that every user may enter (pytest's temporary folders are private)."""
     folder = Path(tempfile.mkdtemp())
     folder.chmod(0o755)
     yield folder
@@ -46,11 +46,11 @@ def open_folder():
     shutil.rmtree(folder)
 
 
-def test_a_folder_that_may_not_be_written(open_folder):
-    """Converting more is refused in one line; reading goes on."""
+def test_converting_into_read_only_folder_raises_error(open_folder):
+    """Conversion fails with a one-line error; reading still works."""
     raw, root = raw_of(open_folder / "raw", 0, 1), open_folder / "lake"
     run(raw, root)
-    assert len(ScenarioLoader(root)[0].tracks) == 2  # compiled now, where compiled code may be kept
+    assert len(ScenarioLoader(root)[0].tracks) == 2  # compile now, while the kernel cache is writable
     raw_of(open_folder / "raw", 1, 1)
     for path in [root, *root.rglob("*")]:
         path.chmod(0o555 if path.is_dir() else 0o444)
@@ -65,14 +65,14 @@ def test_a_folder_that_may_not_be_written(open_folder):
     assert everything(root) == before
 
 
-def test_a_folder_in_which_no_lake_can_be_made(open_folder):
+def test_creating_lake_in_read_only_folder_raises_error(open_folder):
     raw = raw_of(open_folder / "raw", 0, 1)
     open_folder.chmod(0o555)
     with as_user(), pytest.raises(LakeError, match="Permission denied; choose a writable folder"):
         run(raw, open_folder / "lake")
 
 
-def test_a_lake_that_may_not_be_read(open_folder):
+def test_reading_lake_without_permission_raises_error(open_folder):
     root = open_folder / "lake"
     write_lake(root, [make_scenario(1, num_objects=2)])
     (root / "snapshots").chmod(0o000)
@@ -81,7 +81,7 @@ def test_a_lake_that_may_not_be_read(open_folder):
 
 
 @pytest.mark.parametrize("below", ["file", "file/lake"])
-def test_a_lake_in_the_place_of_a_file(tmp_path, below):
+def test_creating_lake_in_place_of_file_raises_error(tmp_path, below):
     (tmp_path / "file").write_text("x")
     with pytest.raises(
         LakeError, match=r"^cannot write \S+: (Not a directory|File exists); choose a folder, not a file$"
@@ -91,7 +91,7 @@ def test_a_lake_in_the_place_of_a_file(tmp_path, below):
 
 
 def fill_the_disk(disk: str, folder: str) -> dict:
-    """Leaves what a small shard needs but a large one does not find; later, room."""
+    """Fill the disk so that a small shard fits but a large one does not; free the space later."""
     root, raw = Path(disk, "lake"), Path(folder, "raw")
     run(write_raw(raw, {"a": [1, 2]}), root)
     before = everything(root)
@@ -134,7 +134,7 @@ print(json.dumps({"messages": messages, "count": len(Lake(sys.argv[1]))}))
 """
 
 
-def test_a_full_disk_leaves_the_lake_as_it_was(tmp_path):
+def test_full_disk_leaves_lake_unchanged(tmp_path):
     found = on_small_disk(tmp_path / "disk", f"{__name__}:fill_the_disk", tmp_path)
     assert found["message"].startswith("cannot write /")
     assert found["message"].endswith(
@@ -150,8 +150,8 @@ def test_a_full_disk_leaves_the_lake_as_it_was(tmp_path):
 
 
 @pytest.mark.long
-def test_a_read_only_file_system_can_be_read(tmp_path):
-    """Even root cannot write there."""
+def test_lake_on_read_only_file_system_is_readable(tmp_path):
+    """Not even root can write to a read-only file system."""
     raw = raw_of(tmp_path / "raw", 0, 1)
     run(raw, tmp_path / "lake")
     raw_of(raw, 1, 1)
@@ -177,8 +177,8 @@ except LakeError as error:
 """
 
 
-def test_files_that_may_not_grow(tmp_path):
-    """A quota on file size: what a full disk is where nothing can be mounted."""
+def test_file_size_limit_leaves_lake_unchanged(tmp_path):
+    """A file-size limit stands in for a full disk where nothing can be mounted."""
     run(raw_of(tmp_path / "raw", 0, 1), tmp_path / "lake")
     before = everything(tmp_path / "lake")
     more = raw_of(tmp_path / "more", 1, 1, lines=9)

@@ -1,4 +1,4 @@
-"""A map that many scenarios share is stored once and cropped at load."""
+"""A map shared by many scenarios is stored once and cropped at load."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ def lake(tmp_path_factory) -> Lake:
     return Lake(root / "lake")
 
 
-def test_city_is_stored_once(lake):
+def test_city_map_is_stored_once(lake):
     (path,) = lake.paths("maps")
     assert pq.ParquetFile(path).metadata.num_rows == len(city())
     assert set(lake.sql("SELECT map_id FROM metadata")["map_id"]) == {"city"}
 
 
-def test_crop_is_what_the_converter_saw(lake):
+def test_crop_matches_converted_map(lake):
     loader = ScenarioLoader(lake)
     for index, scenario in enumerate(loader):
         seed = int(scenario.source.scenario_id[1:])
@@ -46,7 +46,7 @@ def test_crop_is_what_the_converter_saw(lake):
             assert np.abs(getattr(found, name).values - getattr(expected, name).values).max() <= 1e-4
 
 
-def test_statistics_are_over_the_crop(lake):
+def test_map_statistics_cover_the_crop(lake):
     loader = ScenarioLoader(lake)
     counts = lake.sql("SELECT num_map_features FROM metadata ORDER BY scenario_id")["num_map_features"]
     assert [len(scenario.map) for scenario in loader] == counts.to_list()
@@ -73,13 +73,13 @@ def test_tiles_are_row_groups_with_small_offsets(lake):
             assert all(abs(x) < 2 * TILE for row in rows for x in row["x"])
 
 
-def test_second_run_skips_the_map_and_a_loader_pickles(lake):
+def test_second_run_skips_map_and_loader_is_picklable(lake):
     raw = str(lake.root.parent / "raw")
     assert convert(NAME, raw, lake.root).converted == 0
     copy = pickle.loads(pickle.dumps(ScenarioLoader(lake)))
     assert len(copy[3].map) == len(ScenarioLoader(lake)[3].map)
 
 
-def test_window_meets_boxes_that_touch_it():
+def test_window_intersects_touching_boxes():
     boxes = np.array([[0, 0, 1, 1], [2, 0, 3, 1], [1, 1, 2, 2], [np.nan] * 4])
     assert meets(boxes, (1.0, 0.0, 1.5, 1.0)).tolist() == [True, False, True, False]

@@ -1,4 +1,4 @@
-"""Rows one at a time are what Arrow makes of them."""
+"""RowTable returns the same rows as Arrow."""
 
 import pickle
 
@@ -24,7 +24,7 @@ COLUMNS = {
     rows=st.lists(st.fixed_dictionaries({name: st.none() | values for name, (_, values) in COLUMNS.items()})),
     is_full=st.booleans(),
 )
-def test_rows_are_those_of_arrow(rows, is_full):
+def test_rows_match_arrow(rows, is_full):
     kept = [row for row in rows if not is_full or None not in row.values()]
     schema = pa.schema({name: kind for name, (kind, _) in COLUMNS.items()})
     table = pa.concat_tables([pa.Table.from_pylist(kept[:2], schema), pa.Table.from_pylist(kept[2:], schema)])

@@ -1,4 +1,4 @@
-"""Commits add up, whoever else commits meanwhile."""
+"""Concurrent commits accumulate without losing any."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def names_of(files):
     return [record.name for record in manifests.shards(files, snapshots.read(files))]
 
 
-def test_commits_add_up_and_old_snapshots_stay(files, template):
+def test_commits_accumulate_and_old_snapshots_are_kept(files, template):
     for k in range(3):
         record = write_shard(files.root, [renamed(template, f"s{k}")], name=f"shard{k}")
         done = commits.commit(files, [record], f"step {k}")
@@ -44,7 +44,7 @@ def test_committing_again_changes_nothing(files, template):
     assert snapshots.numbers(files) == [1]
 
 
-def test_a_duplicate_is_refused_and_the_rest_committed(files, template):
+def test_duplicate_is_refused_and_the_rest_committed(files, template):
     commits.commit(files, [write_shard(files.root, [template], name="old")], "test")
     again = write_shard(files.root, [renamed(template, "x"), template], name="again")
     twice = [write_shard(files.root, [renamed(template, "y")], name=name) for name in ("one", "two")]
@@ -58,7 +58,7 @@ def test_a_duplicate_is_refused_and_the_rest_committed(files, template):
     assert stored_ids(files) == sorted([template.id, "made/v1/y", "made/v1/z"])
 
 
-def test_the_same_id_in_another_split_is_a_duplicate_and_in_another_version_is_not(files):
+def test_same_id_is_duplicate_in_other_split_but_not_in_other_version(files):
     commits.commit(files, [write_shard(files.root, [small(1)])], "test")
     other_split = write_shard(files.root, [small(1, split="val")], name="b")
     other_version = write_shard(files.root, [small(1, version="v2")], name="c")
@@ -67,7 +67,7 @@ def test_the_same_id_in_another_split_is_a_duplicate_and_in_another_version_is_n
     assert stored_ids(files) == ["made/v1/s000001", "made/v2/s000001"]
 
 
-def test_replaced_shards_vanish_from_the_newest_snapshot_only(files, template):
+def test_replaced_shards_are_removed_from_newest_snapshot_only(files, template):
     old = [write_shard(files.root, [renamed(template, f"s{k}")], name=f"shard{k}") for k in range(3)]
     commits.commit(files, old, "test")
     new = write_shard(files.root, [renamed(template, "s1"), renamed(template, "s9")], name="new")
@@ -77,7 +77,7 @@ def test_replaced_shards_vanish_from_the_newest_snapshot_only(files, template):
     assert len(Lake(files.root, snapshot=1)) == 3
 
 
-def test_nothing_is_replaced_when_what_takes_its_place_is_refused(files, template):
+def test_refused_replacement_keeps_replaced_shards(files, template):
     old = [write_shard(files.root, [renamed(template, f"s{k}")], name=f"shard{k}") for k in range(2)]
     commits.commit(files, old, "test")
     new = write_shard(files.root, [renamed(template, "s0"), renamed(template, "s1")], name="new")
@@ -87,7 +87,7 @@ def test_nothing_is_replaced_when_what_takes_its_place_is_refused(files, templat
     assert snapshots.numbers(files) == [1]
 
 
-def test_many_commits_fold_their_manifests(files, template, monkeypatch):
+def test_manifests_are_merged_after_many_commits(files, template, monkeypatch):
     monkeypatch.setattr(manifests, "_MAX_MANIFESTS", 3)
     for k in range(8):
         commits.commit(files, [write_shard(files.root, [renamed(template, f"s{k}")], name=f"shard{k}")], "test")
@@ -95,7 +95,7 @@ def test_many_commits_fold_their_manifests(files, template, monkeypatch):
         assert names_of(files) == [f"shard{j}" for j in range(k + 1)]
 
 
-def test_threads_lose_nothing(files, template):
+def test_concurrent_threads_lose_no_commit(files, template):
     records = [write_shard(files.root, [renamed(template, f"s{k}")], name=f"shard{k}") for k in range(10)]
     threads = [threading.Thread(target=commits.commit, args=(files, [record], "test")) for record in records]
     for thread in threads:
@@ -126,7 +126,7 @@ for record in records:
 
 
 @pytest.mark.long
-def test_processes_lose_nothing(files):
+def test_concurrent_processes_lose_no_commit(files):
     jobs = [
         subprocess.Popen(
             [sys.executable, "-c", COMMIT_MANY, str(files.root), who],
@@ -148,7 +148,7 @@ def test_processes_lose_nothing(files):
     assert snapshots.read(files).number == 24
 
 
-def test_endless_rivals_are_a_conflict_with_the_remedy(files, template, monkeypatch):
+def test_endless_conflicts_raise_error_with_remedy(files, template, monkeypatch):
     record = write_shard(files.root, [template])
     monkeypatch.setattr(snapshots, "publish", lambda files, snapshot: False)
     monkeypatch.setattr(time, "sleep", lambda seconds: None)

@@ -1,4 +1,4 @@
-"""Metadata is consolidated: large partitions have few files, whatever the order of the commits."""
+"""Metadata is consolidated: large partitions have few files, independent of the commit order."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from tests.fixtures.scenarios import renamed, small
 
 @pytest.fixture
 def few(monkeypatch):
-    """Limits small enough to be met by a few shards."""
+    """Lower the limits so that a few shards reach them."""
     monkeypatch.setattr(metadata_files, "MAX_METADATA_FILES", 6)
     monkeypatch.setattr(metadata_files, "MERGED_FILES", 4)
 
 
-def test_few_shards_keep_their_own_files(files, template, few):
+def test_few_shards_keep_their_own_metadata_files(files, template, few):
     records = [write_shard(files.root, [renamed(template, f"s{k}")], name=f"shard{k}") for k in range(6)]
     commits.commit(files, records, "test")
     assert commits.consolidate(files).number == 1
 
 
 def consolidated(root, template, groups):
-    """Live metadata files and their content, after committing and consolidating groups of shards one by one."""
+    """Current metadata files and their content, after committing and consolidating groups of shards one by one."""
     files = LocalLakeFiles(root)
     for group in groups:
         records = [write_shard(root, [renamed(template, f"s{k}")], name=f"shard{k:03d}") for k in group]
@@ -40,7 +40,7 @@ def consolidated(root, template, groups):
     return {name: sha256(files.path(name)) for name in live}
 
 
-def test_consolidation_depends_on_the_shards_alone(tmp_path, template, few):
+def test_consolidation_depends_only_on_the_shards(tmp_path, template, few):
     order = list(range(20))
     at_once = consolidated(tmp_path / "a", template, [order])
     random.Random(1).shuffle(order)
@@ -51,14 +51,14 @@ def test_consolidation_depends_on_the_shards_alone(tmp_path, template, few):
     assert len(Lake(tmp_path / "b")) == 20
 
 
-def test_one_more_shard_changes_one_merged_file(tmp_path, template, few):
+def test_adding_one_shard_changes_one_merged_file(tmp_path, template, few):
     before = consolidated(tmp_path, template, [range(20)])
     after = consolidated(tmp_path, template, [range(20), [20]])
     assert len(set(before) & set(after)) == len(after) - 1
     assert commits.consolidate(LocalLakeFiles(tmp_path)).number == snapshots.numbers(LocalLakeFiles(tmp_path))[-1]
 
 
-def test_partitions_are_merged_on_their_own(files, template, few):
+def test_partitions_are_merged_separately(files, template, few):
     many = [write_shard(files.root, [renamed(template, f"s{k}")], name=f"shard{k}") for k in range(9)]
     val = [write_shard(files.root, [small(k, split="val")], name=f"shard{k}") for k in range(2)]
     commits.commit(files, [*many, *val], "test")
@@ -67,7 +67,7 @@ def test_partitions_are_merged_on_their_own(files, template, few):
     assert {record.metadata_file for record in val} <= set(live)
 
 
-def test_replacing_within_a_merged_partition(files, template, few):
+def test_replacing_a_shard_within_a_merged_partition(files, template, few):
     records = [write_shard(files.root, [renamed(template, f"s{k}")], name=f"shard{k}") for k in range(9)]
     commits.commit(files, records, "test")
     commits.consolidate(files)

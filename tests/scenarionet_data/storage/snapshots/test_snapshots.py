@@ -1,4 +1,4 @@
-"""Snapshots and files: what is damaged is named, what is published stays."""
+"""Snapshots and files: errors name damaged files, published snapshots persist."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from scenarionet_data.errors import LakeError, NoSuchSnapshot
 from tests.fixtures.lakes import write_lake
 
 
-def test_a_folder_that_is_no_lake(tmp_path):
+def test_folder_without_lake_raises_error(tmp_path):
     with pytest.raises(NoSuchSnapshot, match="no lake there; make one with"):
         Lake(tmp_path)
     (tmp_path / "file").write_text("x")
@@ -22,7 +22,7 @@ def test_a_folder_that_is_no_lake(tmp_path):
         Lake(tmp_path / "file")
 
 
-def test_a_snapshot_that_is_not_there_is_named_with_those_that_are(tmp_path, template):
+def test_missing_snapshot_error_lists_existing_snapshots(tmp_path, template):
     write_lake(tmp_path, [template])
     with pytest.raises(NoSuchSnapshot, match=r"no snapshot 7; there are 1 \.\.\. 1"):
         Lake(tmp_path, snapshot=7)
@@ -31,7 +31,7 @@ def test_a_snapshot_that_is_not_there_is_named_with_those_that_are(tmp_path, tem
 @pytest.mark.parametrize(
     "garbage", [b"", b"{", b"[]", b"7", b'{"format": 1}', b'{"format": 1, "colour": 3}', bytes(range(256))]
 )
-def test_a_damaged_snapshot_is_named_with_the_remedy(tmp_path, template, garbage):
+def test_damaged_snapshot_error_names_remedy(tmp_path, template, garbage):
     lake = write_lake(tmp_path, [template])
     path = tmp_path / "snapshots" / "00000002.json"
     path.write_bytes(garbage)
@@ -42,7 +42,7 @@ def test_a_damaged_snapshot_is_named_with_the_remedy(tmp_path, template, garbage
     assert Lake(tmp_path).snapshot == lake.snapshot
 
 
-def test_a_snapshot_of_a_newer_format_asks_for_an_update(tmp_path, template):
+def test_snapshot_of_newer_format_asks_for_update(tmp_path, template):
     write_lake(tmp_path, [template])
     path = tmp_path / "snapshots" / "00000001.json"
     path.write_text(json.dumps({**json.loads(path.read_text()), "format": 2}))
@@ -50,14 +50,14 @@ def test_a_snapshot_of_a_newer_format_asks_for_an_update(tmp_path, template):
         Lake(tmp_path)
 
 
-def test_other_files_among_the_snapshots_are_ignored(tmp_path, template):
+def test_other_files_in_snapshots_folder_are_ignored(tmp_path, template):
     write_lake(tmp_path, [template])
     (tmp_path / "snapshots" / "notes.json").write_text("{}")
     (tmp_path / "snapshots" / "00000001.json~").write_text("{")
     assert Lake(tmp_path).snapshot.number == 1
 
 
-def test_only_one_publishes_a_new_name(files):
+def test_only_one_writer_publishes_a_snapshot_name(files):
     winners = []
 
     def publish(k):
@@ -74,7 +74,7 @@ def test_only_one_publishes_a_new_name(files):
     assert not list((files.root / ".tmp").iterdir())
 
 
-def test_sweeping_removes_old_temporary_files_only(files):
+def test_sweep_removes_only_old_temporary_files(files):
     old, new = files.temporary(), files.temporary()
     for path in (old, new):
         path.write_bytes(b"x")
@@ -84,7 +84,7 @@ def test_sweeping_removes_old_temporary_files_only(files):
     assert new.exists()
 
 
-def test_a_refused_write_leaves_no_temporary_file(files):
+def test_refused_write_leaves_no_temporary_file(files):
     (files.root / "tracks").mkdir(parents=True)
     (files.root / "tracks" / "taken").mkdir()
     temporary = files.temporary()

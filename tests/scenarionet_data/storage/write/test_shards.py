@@ -1,4 +1,4 @@
-"""One shard: its files, its record, its adoption by a later run."""
+"""One shard: its files, its record, and its reuse by a later run."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def shard_of(name="a", items=("x",)):
     return Shard("made", "v1", "train", name, "/raw", tuple(RawItem(i, "f") for i in items), Options())
 
 
-def test_a_shard_has_a_row_group_a_scenario_and_few_scenarios_a_file(files, template, monkeypatch):
+def test_shard_has_one_row_group_per_scenario_and_few_scenarios_per_file(files, template, monkeypatch):
     monkeypatch.setattr(shard_writer, "SCENARIOS_PER_FILE", 3)
     record = write_shard(files.root, [renamed(template, f"s{k}") for k in range(7)])
     assert record.num_scenarios == 7
@@ -39,7 +39,7 @@ def test_a_shard_has_a_row_group_a_scenario_and_few_scenarios_a_file(files, temp
     assert {row["tracks_num_rows"] for row in rows} == {2}
 
 
-def test_a_record_names_every_file_with_size_and_checksum(files, template):
+def test_record_lists_every_file_with_size_and_checksum(files, template):
     record = write_shard(files.root, [template])
     found = {str(p.relative_to(files.root)) for p in files.root.rglob("*.parquet")}
     assert found == {*record.files, record.metadata_file}
@@ -52,12 +52,12 @@ def test_a_record_names_every_file_with_size_and_checksum(files, template):
     assert not list((files.root / ".tmp").iterdir())
 
 
-def test_the_same_shard_gives_the_same_files(tmp_path):
+def test_same_shard_writes_identical_files(tmp_path):
     records = [write_shard(tmp_path / name, [small(k) for k in range(3)]) for name in ("first", "second")]
     assert records[0] == records[1]
 
 
-def test_a_shard_without_scenarios_is_finished_all_the_same(files):
+def test_shard_without_scenarios_is_finished(files):
     writer = ShardWriter(files, shard_of(), "1", "CC0")
     writer.reject(4, InvalidScenario("made/v1/x", "dt", "wanted more"))
     writer.reject(5, ValueError("odd"))
@@ -73,7 +73,7 @@ def test_a_shard_without_scenarios_is_finished_all_the_same(files):
     ]
 
 
-def test_an_id_found_twice_in_a_shard_is_refused(files, template):
+def test_duplicate_id_within_a_shard_is_refused(files, template):
     writer = ShardWriter(files, shard_of(), "1", "CC0")
     writer.add(template)
     with pytest.raises(InvalidScenario, match="found it twice"):
@@ -82,20 +82,20 @@ def test_an_id_found_twice_in_a_shard_is_refused(files, template):
 
 
 @pytest.mark.parametrize("field", ["dataset", "version", "split"])
-def test_a_scenario_of_another_partition_is_refused(files, field):
+def test_scenario_of_another_partition_is_refused(files, field):
     writer = ShardWriter(files, shard_of(), "1", "CC0")
     with pytest.raises(InvalidScenario, match=f"{field}: wanted .*, found 'other'"):
         writer.add(small(1, **{field: "other"}))
 
 
-def test_an_abandoned_shard_leaves_nothing(files, template):
+def test_aborted_shard_leaves_no_files(files, template):
     writer = ShardWriter(files, shard_of(), "1", "CC0")
     writer.add(template)
     writer.abandon()
     assert [path for path in files.root.rglob("*") if path.is_file()] == []
 
 
-def test_a_finished_shard_is_found_until_a_file_of_it_is_gone_or_cut(files, template):
+def test_finished_shard_is_found_unless_a_file_is_missing_or_truncated(files, template):
     record = write_shard(files.root, [template])
     shard = replace(shard_of("a", ["a.raw"]))
     assert find_finished(files, shard, "1") == record
@@ -111,7 +111,7 @@ def test_a_finished_shard_is_found_until_a_file_of_it_is_gone_or_cut(files, temp
     assert find_finished(files, shard, "1") == record
 
 
-def test_a_finished_shard_of_another_contract_is_not_adopted(files, template, monkeypatch):
+def test_finished_shard_of_another_schema_is_not_reused(files, template, monkeypatch):
     write_shard(files.root, [template])
     monkeypatch.setattr("scenarionet_data.schema.tables.content_tag", lambda: "tracks/2")
     assert find_finished(files, shard_of("a", ["a.raw"]), "1") is None

@@ -1,4 +1,4 @@
-"""The kernels decode what Arrow decodes, and damage is an error, never a crash."""
+"""The kernels decode the same values as Arrow; damaged files raise errors and never crash."""
 
 import mmap
 
@@ -22,7 +22,7 @@ LENGTHS = [0, 0, 1, 2, 7, 8, 9, 64, 200]
 
 
 def some(kind, count, draw):
-    """Values of a type of the contract."""
+    """Random values of a column type."""
     if kind in ("string", "json", "dictionary"):
         return [WORDS[number] for number in draw.integers(len(WORDS), size=count)]
     if kind == "bool":
@@ -31,10 +31,10 @@ def some(kind, count, draw):
 
 
 def rows_of(table, num_rows, seed, nulls=0.2):
-    """Rows of a table, every column at random."""
+    """A record batch with random values in every column of a table."""
     draw, columns = np.random.default_rng(seed), []
     for column in tables.load(table).columns:
-        same = draw.random() < 0.3  # lists of one length are written as long runs
+        same = draw.random() < 0.3  # lists of equal length are encoded as long runs
         lengths = np.full(num_rows, draw.choice(LENGTHS)) if same else draw.choice(LENGTHS, num_rows)
         if column.is_list:
             ends, listed = np.cumsum(lengths), some(column.element, int(lengths.sum()), draw)
@@ -61,7 +61,7 @@ def reader_of(table):
 
 
 def row_groups(path, table, content=None):
-    """A file's row groups, the file as it is or with other bytes."""
+    """Row groups of a file, optionally with its bytes replaced."""
     metadata = pq.read_metadata(path)
     footer = reader_of(table).footer(str(path), metadata)
     if content is None:
@@ -78,7 +78,7 @@ def read(table, groups):
 
 
 def unknown_columns(table, path):
-    """Columns that the kernels leave to Arrow."""
+    """Columns that the kernels cannot decode and Arrow reads instead."""
     pages, _ = reader_of(table)._load_pages(row_groups(path, table))
     return {column.name for column, its in zip(tables.load(table).columns, pages, strict=True) if its[0, 0] < 0}
 
@@ -111,7 +111,7 @@ def test_reads_what_arrow_reads(tmp_path_factory, table, sizes, seed):
     folder = tmp_path_factory.mktemp("files")
     first = [rows_of(table, size, seed + number) for number, size in enumerate(sizes)]
     paths = [
-        written(folder / "1.parquet", table, first),  # in zstd where the bytes are, and in lz4
+        written(folder / "1.parquet", table, first),  # once in zstd, once in lz4
         written(folder / "2.parquet", table, [rows_of(table, 3, seed)], compression="lz4", compression_level=None),
     ]
     groups = [group for path in paths for group in row_groups(path, table)]
@@ -126,7 +126,7 @@ def test_kernels_read_all_columns_that_our_writer_produces(tmp_path, table):
 
 @pytest.mark.long
 @pytest.mark.parametrize(("table", "num_rows"), [("tracks", 19_000), ("maps", 4_000)])
-def test_a_column_of_megabytes_is_one_page(tmp_path, table, num_rows):
+def test_column_of_several_megabytes_is_one_page(tmp_path, table, num_rows):
     """As in row groups shared by many scenarios."""
     path = written(tmp_path / "f.parquet", table, [rows_of(table, num_rows, 7)])
     group = pq.read_metadata(path).row_group(0)
@@ -148,7 +148,7 @@ def test_a_column_of_megabytes_is_one_page(tmp_path, table, num_rows):
     ],
     ids=["snappy", "plain", "many-pages", "version-2", "dictionaries", "zstd"],
 )
-def test_other_encodings_are_left_to_arrow(tmp_path, table, options):
+def test_other_encodings_are_read_by_arrow(tmp_path, table, options):
     paths = [
         written(tmp_path / "1.parquet", table, [rows_of(table, 30, 1), rows_of(table, 90, 2)], **options),
         written(tmp_path / "2.parquet", table, [rows_of(table, 5, 3)]),
@@ -160,7 +160,7 @@ def test_other_encodings_are_left_to_arrow(tmp_path, table, options):
 @pytest.mark.parametrize("table", READ)
 @settings(max_examples=settings.default.max_examples // 2)
 @given(data=st.data())
-def test_damage_is_an_error_and_never_a_crash(tmp_path_factory, table, data):
+def test_damaged_pages_raise_error_and_never_crash(tmp_path_factory, table, data):
     path = written(tmp_path_factory.mktemp("t") / "f.parquet", table, [rows_of(table, 20, 4), rows_of(table, 9, 5)])
     whole, content = row_groups(path, table), bytearray(path.read_bytes())
     start, end = whole[0].footer.span(0)
@@ -176,7 +176,7 @@ def test_damage_is_an_error_and_never_a_crash(tmp_path_factory, table, data):
         assert 0 <= column.offsets[-1] <= len(column.values)
 
 
-def test_the_damaged_file_of_many_is_named(tmp_path):
+def test_error_names_the_damaged_file(tmp_path):
     paths = [written(tmp_path / f"{k}.parquet", "tracks", [rows_of("tracks", 20, k)]) for k in range(3)]
     content = bytearray(paths[1].read_bytes())
     start, end = row_groups(paths[1], "tracks")[0].footer.span(0)
@@ -194,7 +194,7 @@ def test_the_damaged_file_of_many_is_named(tmp_path):
 @pytest.mark.parametrize("table", READ)
 @settings(max_examples=settings.default.max_examples // 2)
 @given(first=st.lists(st.integers(0, 20), min_size=1, max_size=4), count=st.integers(0, 9))
-def test_picks_as_arrow_slices(table, first, count):
+def test_take_matches_arrow_slices(table, first, count):
     batch = rows_of(table, 29, 6)
     columns = tables.load(table).columns
     picked = Columns.from_arrow(batch, columns).pick([(start, count) for start in first])
@@ -202,7 +202,7 @@ def test_picks_as_arrow_slices(table, first, count):
     assert_same(table, picked, Columns.from_arrow(expected, columns))
 
 
-def test_spans_beyond_the_rows_are_refused():
+def test_spans_beyond_num_rows_raise_error():
     columns = Columns.from_arrow(rows_of("lights", 5, 1), tables.load("lights").columns)
     with pytest.raises(LakeError, match="fewer rows than its metadata"):
         columns.pick([(3, 3)])

@@ -1,4 +1,4 @@
-"""Page headers: arbitrary bytes never lead compiled code out of bounds."""
+"""Parsing arbitrary bytes as page headers never reads out of bounds."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ def read_header(data, at):
 
 
 def varint(value):
-    """A number of at least 0 in Thrift's compact protocol, zigzag."""
+    """Encode a non-negative number as a zigzag varint of Thrift's compact protocol."""
     value, parts = value << 1, []
     while value > 127:
         parts.append(value & 127 | 128)
@@ -25,14 +25,14 @@ def varint(value):
 
 
 def header_of(kind, numbers):
-    """The header of a page: type, sizes, and a struct of number of values and encoding."""
+    """Encode a page header: type, sizes, and a struct with the number of values and the encoding."""
     size, stored_size, values, encoding = (b"\x15" + varint(number) for number in numbers)
-    struct = b"\x4c" if kind == kernels.DICTIONARY_PAGE else b"\x2c"  # field 7 or 5, after field 3
+    struct = b"\x4c" if kind == kernels.DICTIONARY_PAGE else b"\x2c"  # field 7 (or 5) follows field 3
     return b"\x15" + varint(kind) + size + stored_size + struct + values + encoding + b"\x15\x06\x00\x00"
 
 
 @given(header=st.binary(max_size=60))
-def test_arbitrary_bytes_are_not_taken_for_a_page(header):
+def test_arbitrary_bytes_are_rejected(header):
     kind, *others = read_header(np.frombuffer(header, np.uint8), 0)
     assert kind in (kernels.UNKNOWN, kernels.DATA_PAGE, kernels.DICTIONARY_PAGE)
     assert [value == kernels.UNKNOWN for value in others] == [kind == kernels.UNKNOWN] * 4
@@ -40,16 +40,16 @@ def test_arbitrary_bytes_are_not_taken_for_a_page(header):
 
 
 @given(numbers=st.lists(st.integers(0, 2**31 - 1), min_size=4, max_size=4), is_dictionary=st.booleans())
-def test_reads_the_first_fields_of_a_header(numbers, is_dictionary):
+def test_required_header_fields_are_read(numbers, is_dictionary):
     kind = kernels.DICTIONARY_PAGE if is_dictionary else kernels.DATA_PAGE
     header = header_of(kind, numbers)
     assert read_header(np.frombuffer(header, np.uint8), 0) == (kind, *numbers)
-    cut = np.frombuffer(header[: len(header) - 5], np.uint8)  # before the end of the encoding
+    cut = np.frombuffer(header[: len(header) - 5], np.uint8)  # truncated before the encoding
     assert read_header(cut, 0)[0] == kernels.UNKNOWN
 
 
 @pytest.mark.parametrize("first", [b"\x15", b"\x06", b"\x18", b"\x1c\x08", b"\x19\xfc"])
 @pytest.mark.parametrize("rest", [b"\xff" * 9 + b"\x01", b"\xff" * 20, b"\x80" * 9 + b"\x01\x15\x02"])
-def test_numbers_of_64_bits_stay_within_the_file(first, rest):
+def test_sizes_of_64_bits_are_bounded_by_file_size(first, rest):
     data = np.frombuffer(first + rest + b"\x00", np.uint8)
     assert read_header(data, 0)[0] == kernels.UNKNOWN
