@@ -74,6 +74,10 @@ class Evaluation:
         return name.replace("@", ".").replace(":", ".")
 
 
+_SHOWN = 10
+"""Broken scenarios listed in a notebook."""
+
+
 @dataclass
 class EvaluationReport:
     """Result of an evaluation.
@@ -95,6 +99,17 @@ class EvaluationReport:
     def __repr__(self) -> str:
         done = f"{self.scenarios} scenarios, {self.skipped} already done, {len(self.broken)} broken"
         return f"EvaluationReport({self.run!r}: {done}, {self.seconds:.1f} s)"
+
+    def _repr_html_(self) -> str:
+        from scenarionet_data.display import properties_card  # notebooks only
+
+        properties = {
+            "run": self.run,
+            "scenarios": f"{self.scenarios:,}, {self.skipped:,} of them simulated earlier",
+            "broken": f"{len(self.broken):,}",
+            "time": f"{self.seconds:.1f} s",
+        }
+        return properties_card(properties, self.broken[:_SHOWN], ("scenario_id", "error"))
 
 
 @dataclass(frozen=True)
