@@ -80,7 +80,7 @@ def test_a_killed_run_is_continued(lake):
     one, two = (lake.sql("SELECT * EXCLUDE run FROM results WHERE run = $run ORDER BY scenario_id", {"run": run})
                 for run in ("whole", "killed"))  # fmt: skip
     assert one.equals(two)
-    with pytest.raises(BadParameter, match="there with policy 'replay', not 'idm'"):
+    with pytest.raises(BadParameter, match="exists with policy 'replay', not 'idm'"):
         evaluate(lake, policy="idm", name="killed")
 
 
