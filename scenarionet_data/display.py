@@ -6,7 +6,7 @@ Text from recordings and names is escaped; pictures are embedded.
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import Any
 
@@ -80,6 +80,14 @@ def lake_card(lake: Lake) -> str:
     return _card(_table_of(properties) + table, _pictures(lake, examples))
 
 
+def properties_card(
+    properties: Mapping[str, str], rows: Iterable[Sequence[Any]] = (), columns: Sequence[str] = ()
+) -> str:
+    """Return a card without pictures: properties, and a table of rows if there are any."""
+    rows = list(rows)
+    return _card(_table_of(properties) + (_table(columns, rows) if rows else ""), [])
+
+
 def _pictures(view: LakeView, ids: Sequence[str]) -> list[str]:
     try:
         return [_picture(scenario) for scenario in ScenarioLoader(view, ids)]
@@ -98,7 +106,7 @@ def _picture(scenario: ScenarioDescription) -> str:
     return f'<img src="data:image/png;base64,{data}" width="220" height="165" alt="{words}" title="{words}">'
 
 
-def _table_of(properties: dict[str, str]) -> str:
+def _table_of(properties: Mapping[str, str]) -> str:
     rows = "".join(
         f'<tr><th style="{_CELL}">{escape(name)}</th>'
         f'<td style="{_CELL};word-break:break-word">{escape(words)}</td></tr>'

@@ -163,6 +163,30 @@ def test_modules_are_named_for_what_they_are(package):
     assert names.isdisjoint(FORBIDDEN_WORDS)
 
 
+def type_names(path: Path) -> list[str]:
+    """Classes and type aliases that a module defines at its top level."""
+    found = []
+    for node in ast.parse(path.read_text("utf-8")).body:
+        if isinstance(node, ast.ClassDef):
+            found.append(node.name)
+        elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+            if "TypeAlias" in ast.unparse(node.annotation):
+                found.append(node.target.id)
+        elif isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+            name = node.targets[0].id
+            found += [name] if name[0].isupper() and not name.isupper() else []
+    return found
+
+
+def test_no_two_types_share_a_name():
+    places: dict[str, list[str]] = {}
+    for package in PACKAGES:
+        for path in modules(package):
+            for name in type_names(path):
+                places.setdefault(name, []).append(str(path.relative_to(ROOT)))
+    assert {name: found for name, found in places.items() if len(found) > 1} == {}
+
+
 def test_the_page_names_every_room():
     page = (ROOT / "docs" / "explanation" / "architecture.md").read_text("utf-8")
     rooms = {path.relative_to(ROOT / "scenarionet_data").parts[0] for path in modules("scenarionet_data")}

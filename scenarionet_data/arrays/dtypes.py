@@ -20,7 +20,7 @@ UInt8: TypeAlias = npt.NDArray[np.uint8]
 UInt64: TypeAlias = npt.NDArray[np.uint64]
 Complex128: TypeAlias = npt.NDArray[np.complex128]
 Object: TypeAlias = npt.NDArray[np.object_]
-Record: TypeAlias = Any
+ArrayRecord: TypeAlias = Any
 """One element of a record array: ``np.record``, whose fields NumPy does not type."""
-Records: TypeAlias = Any
+RecordArray: TypeAlias = Any
 """``np.recarray``: fields are attributes, each an array."""

@@ -19,7 +19,7 @@ _STEPS = np.array([METRES, RADIANS], np.float32)
 _PI = np.float32(np.pi)
 _BELOW_PI = np.nextafter(_PI, np.float32(0.0))
 
-Number = TypeVar("Number", np.float32, np.float64)
+Float = TypeVar("Float", np.float32, np.float64)
 
 
 def make_tracks(
@@ -167,7 +167,7 @@ def _sizes(size: Array, valid: Bool) -> Float32:
     return sizes
 
 
-def _source(values: npt.ArrayLike, shape: tuple[int, ...], kind: type[Number]) -> npt.NDArray[Number]:
+def _source(values: npt.ArrayLike, shape: tuple[int, ...], kind: type[Float]) -> npt.NDArray[Float]:
     """Input of a kernel: contiguous and read-only, so that one compiled signature serves all converters."""
     source = np.ascontiguousarray(np.broadcast_to(values, shape), kind)
     source.flags.writeable = False

@@ -29,7 +29,7 @@ from scenarionet_data.execution.executors import Executor, executor_for
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.ingest.options import Options
 from scenarionet_data.storage.files.lake_files import LakeFiles
-from scenarionet_data.storage.files.opening import LakeLike, is_url, open_files
+from scenarionet_data.storage.files.opening import LakeFilesLike, is_url, open_files
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
@@ -40,7 +40,7 @@ _WORD = re.compile(r"[A-Za-z0-9._-]+")
 def convert(
     dataset: str,
     raw: str | Path,
-    lake: LakeLike,
+    lake: LakeFilesLike,
     *,
     split: str | None = None,
     version: str | None = None,
@@ -119,7 +119,7 @@ def convert(
 def plan_conversion(
     dataset: str,
     raw: str | Path,
-    lake: LakeLike,
+    lake: LakeFilesLike,
     *,
     split: str | None = None,
     version: str | None = None,
@@ -142,7 +142,7 @@ def plan_conversion(
 def _plan(
     dataset: str,
     raw: str,
-    lake: LakeLike,
+    lake: LakeFilesLike,
     split: str | None,
     version: str | None,
     options: Options | Mapping[str, Any] | None,

@@ -15,7 +15,7 @@ from scenarionet_data.errors import SourceNotFound
 from scenarionet_data.execution.executors import Executor
 from scenarionet_data.ingest.options import Options
 from scenarionet_data.ingest.shard import Shard
-from scenarionet_data.storage.files.opening import LakeLike
+from scenarionet_data.storage.files.opening import LakeFilesLike
 
 FileState = tuple[str, int, int]
 """Fingerprint, size [bytes] and modification time [ns] of a raw input."""
@@ -68,7 +68,7 @@ class SettledInputs:
 def watch(
     dataset: str,
     raw: str | Path,
-    lake: LakeLike,
+    lake: LakeFilesLike,
     *,
     every: float = 30.0,
     split: str | None = None,

@@ -17,18 +17,18 @@ from typing import Any, cast
 
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.execution.executors import Executor
-from scenarionet_data.export.pickling import Written, write_scenarios
+from scenarionet_data.export.pickling import WrittenPickle, write_scenarios
 from scenarionet_data.scenario.description import ScenarioDescription
 
 PART = 64
 
 _SOURCE = ".scenarios"
 
-Entries = list[Written | InvalidScenario]
+Entries = list[WrittenPickle | InvalidScenario]
 
 
 @dataclass(frozen=True)
-class _Part:
+class _ExportPart:
     """Scenarios ``first`` to ``end - 1``, to be written below ``draft``."""
 
     draft: Path
@@ -38,7 +38,7 @@ class _Part:
 
 def write_parts(
     scenarios: Iterable[ScenarioDescription], draft: Path, executor: Executor
-) -> Iterator[Written | InvalidScenario]:
+) -> Iterator[WrittenPickle | InvalidScenario]:
     """Pickle scenarios in parts; yield the result of each, in order.
 
     Args:
@@ -49,7 +49,7 @@ def write_parts(
     sequence = cast(Sequence[ScenarioDescription], scenarios)
     (draft / _SOURCE).write_bytes(pickle.dumps(sequence))
     total = len(sequence)
-    parts = [_Part(draft, first, min(first + PART, total)) for first in range(0, total, PART)]
+    parts = [_ExportPart(draft, first, min(first + PART, total)) for first in range(0, total, PART)]
     waiting: dict[int, Entries] = {}
     following = 0
     for first, entries in executor(parts, _write_part, _lost_part):
@@ -61,7 +61,7 @@ def write_parts(
         shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
-def _write_part(part: _Part) -> tuple[int, Entries]:
+def _write_part(part: _ExportPart) -> tuple[int, Entries]:
     """Write a part, on a worker; return its number and the result of each scenario."""
     scenarios = _source(part.draft / _SOURCE)
     folder = Path(tempfile.mkdtemp(prefix=f".{part.first}-", dir=part.draft))
@@ -69,7 +69,7 @@ def _write_part(part: _Part) -> tuple[int, Entries]:
     return part.first, [*write_scenarios(chosen, folder)]
 
 
-def _lost_part(part: _Part, reason: str) -> tuple[int, Entries]:
+def _lost_part(part: _ExportPart, reason: str) -> tuple[int, Entries]:
     return part.first, [
         InvalidScenario(f"scenario {k} of the database", "-", reason) for k in range(part.first, part.end)
     ]

@@ -18,7 +18,7 @@ from scenarionet_data.scenario.description import ScenarioDescription
 
 
 @dataclass(frozen=True)
-class Written:
+class WrittenPickle:
     """A pickled scenario.
 
     Attributes:
@@ -34,7 +34,9 @@ class Written:
     metadata: dict[str, Any]
 
 
-def write_scenarios(scenarios: Iterable[ScenarioDescription], folder: Path) -> Iterator[Written | InvalidScenario]:
+def write_scenarios(
+    scenarios: Iterable[ScenarioDescription], folder: Path
+) -> Iterator[WrittenPickle | InvalidScenario]:
     """Pickle scenarios one by one; yield the reason for each that the format cannot represent."""
     names: set[str] = set()
     for scenario in scenarios:
@@ -47,14 +49,14 @@ def write_scenarios(scenarios: Iterable[ScenarioDescription], folder: Path) -> I
         yield written
 
 
-def _write_scenario(scenario: ScenarioDescription, folder: Path, taken: set[str]) -> Written:
+def _write_scenario(scenario: ScenarioDescription, folder: Path, taken: set[str]) -> WrittenPickle:
     path = folder / identify(scenario).file_name
     if path.name in taken:
         raise twice(scenario.id, path.name)
     description = to_pickle_dict(scenario)
     sanity_check(description)
     dump(description, path)
-    return Written(scenario.id, path, path.stat().st_size, description["metadata"])
+    return WrittenPickle(scenario.id, path, path.stat().st_size, description["metadata"])
 
 
 def twice(scenario_id: str, name: str) -> InvalidScenario:

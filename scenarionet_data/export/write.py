@@ -21,7 +21,7 @@ from scenarionet_data.errors import BadParameter, DatabaseExists, InvalidScenari
 from scenarionet_data.execution.executors import Executor
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.export.parts import write_parts
-from scenarionet_data.export.pickling import Written, dump, twice, write_scenarios
+from scenarionet_data.export.pickling import WrittenPickle, dump, twice, write_scenarios
 from scenarionet_data.loader import ScenarioLoader
 from scenarionet_data.query.lake_view import LakeLike
 from scenarionet_data.scenario.description import ScenarioDescription
@@ -110,7 +110,7 @@ def export_database(
     return export(loader, Path(directory), replace=replace, executor=executor, on_progress=on_progress)
 
 
-def _take(entry: Written | InvalidScenario, draft: Path, summary: dict[str, Any]) -> int:
+def _take(entry: WrittenPickle | InvalidScenario, draft: Path, summary: dict[str, Any]) -> int:
     """Move a pickled scenario into the database; return its size."""
     if isinstance(entry, InvalidScenario):
         raise entry

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.storage.files.opening import LakeLike, open_files
+from scenarionet_data.storage.files.opening import LakeFilesLike, open_files
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord
@@ -41,7 +41,9 @@ class Bin:
         return sum(record.num_scenarios for record in self.records)
 
 
-def plan_compaction(lake: LakeLike, profile: str = "training", *, where: Mapping[str, str] | None = None) -> list[Bin]:
+def plan_compaction(
+    lake: LakeFilesLike, profile: str = "training", *, where: Mapping[str, str] | None = None
+) -> list[Bin]:
     """Return the bins that :func:`.compact` would rewrite: up to 1,024 scenarios each, or a single larger shard.
 
     Raises:

@@ -17,7 +17,7 @@ from scenarionet_data.maintenance import database_checks
 from scenarionet_data.maintenance.repair_advice import Inputs, remedy
 from scenarionet_data.maintenance.vacuuming import list_files
 from scenarionet_data.storage.files.lake_files import LakeFiles
-from scenarionet_data.storage.files.opening import LakeLike, open_files
+from scenarionet_data.storage.files.opening import LakeFilesLike, open_files
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests, metadata_files
 from scenarionet_data.storage.snapshots import snapshot as snapshots
@@ -78,7 +78,7 @@ class Fsck:
 
 
 def fsck(
-    lake: LakeLike, *, is_deep: bool = False, workers: int | None = None, on_progress: Progress | None = None
+    lake: LakeFilesLike, *, is_deep: bool = False, workers: int | None = None, on_progress: Progress | None = None
 ) -> Fsck:
     """Check the files of a lake without changing anything.
 
@@ -116,7 +116,7 @@ def fsck(
     return Fsck(tuple(readable), len(written), tuple(problems), _notes(files, readable))
 
 
-def repair(lake: LakeLike, found: Fsck) -> list[str]:
+def repair(lake: LakeFilesLike, found: Fsck) -> list[str]:
     """Remove shards with damaged files from the lake, so that they can be converted again.
 
     Merged metadata is merged again. Damaged files of shards are deleted.

@@ -16,7 +16,7 @@ from scenarionet_data.databases import record as databases
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.storage.files.lake_files import LakeFiles, Listed
-from scenarionet_data.storage.files.opening import LakeLike, open_files
+from scenarionet_data.storage.files.opening import LakeFilesLike, open_files
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 
@@ -62,7 +62,7 @@ class Vacuum:
         return found
 
 
-def plan_vacuum(lake: LakeLike, *, keep_last: int | None = None, older_than: float | None = None) -> Vacuum:
+def plan_vacuum(lake: LakeFilesLike, *, keep_last: int | None = None, older_than: float | None = None) -> Vacuum:
     """Return what :func:`vacuum` would do, without changing anything.
 
     Args:
@@ -96,7 +96,7 @@ def plan_vacuum(lake: LakeLike, *, keep_last: int | None = None, older_than: flo
 
 
 def vacuum(
-    lake: LakeLike,
+    lake: LakeFilesLike,
     *,
     keep_last: int | None = None,
     older_than: float | None = None,

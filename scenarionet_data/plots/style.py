@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from scenarionet_data.plots.palette import INK, SERIES
 
-Layout = Literal["constrained", "compressed", "tight"]
+FigureLayout = Literal["constrained", "compressed", "tight"]
 
 _STYLE: dict[str, Any] = {
     "axes.axisbelow": True,
@@ -56,7 +56,7 @@ class NotebookFigure(Figure):
 
 
 def new_figure(
-    width: float, height: float, *, dpi: float = 100.0, facecolor: str | None = None, layout: Layout | None = None
+    width: float, height: float, *, dpi: float = 100.0, facecolor: str | None = None, layout: FigureLayout | None = None
 ) -> Figure:
     """Create a figure that belongs to no window and that notebooks display.
 

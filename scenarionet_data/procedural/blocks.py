@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from scenarionet_data.procedural.path import Path, Pose, bend
+from scenarionet_data.procedural.path import Pose, RoadPath, bend
 from scenarionet_data.procedural.roadmap import Block, Lane, Socket
 from scenarionet_data.procedural.sections import EDGE, add_narrowing, add_road, add_widening, strip
 
@@ -46,7 +46,7 @@ def on_ramp(block: Block, socket: Socket, rng: np.random.Generator) -> None:
     before = add_road(block, "a", socket, ((rng.uniform(15.0, 30.0), 0.0),))
     joint = _ramp_joint(block, before)
     turn, radius = rng.uniform(0.35, 0.6), rng.uniform(45.0, 70.0)
-    away = Path(joint.moved(0.0, 0.0, math.pi), (bend(turn, radius), (rng.uniform(25.0, 40.0), 0.0)))
+    away = RoadPath(joint.moved(0.0, 0.0, math.pi), (bend(turn, radius), (rng.uniform(25.0, 40.0), 0.0)))
     ramp = _add_ramp(block, away.reversed())
     wide = Socket(before.pose, (*before.forward, (ramp.id,)), before.backward)
     beside = add_road(block, "b", wide, ((rng.uniform(*RAMP_LANE), 0.0),))
@@ -61,7 +61,7 @@ def off_ramp(block: Block, socket: Socket, rng: np.random.Generator) -> None:
     beside = add_road(block, "c", wide, ((rng.uniform(*RAMP_LANE), 0.0),))
     main = Socket(beside.pose, beside.forward[:-1], beside.backward)
     turn, radius = rng.uniform(0.35, 0.6), rng.uniform(45.0, 70.0)
-    away = Path(_ramp_joint(block, main), (bend(-turn, radius), (rng.uniform(25.0, 40.0), 0.0)))
+    away = RoadPath(_ramp_joint(block, main), (bend(-turn, radius), (rng.uniform(25.0, 40.0), 0.0)))
     ramp = _add_ramp(block, away)
     block.link(beside.forward[-1], (ramp.id,))
     block.exit = add_road(block, "d", main, ((rng.uniform(20.0, 35.0), 0.0),))
@@ -72,7 +72,7 @@ def _ramp_joint(block: Block, main: Socket) -> Pose:
     return main.pose.moved(0.0, -(len(main.forward) + 0.5) * block.road.lane_width)
 
 
-def _add_ramp(block: Block, path: Path) -> Lane:
+def _add_ramp(block: Block, path: RoadPath) -> Lane:
     half = block.road.lane_width / 2.0
     sides = {side: block.add_line(f"ramp{side}", EDGE, path.offset(d)) for side, d in (("l", half), ("r", -half))}
     block.footprint.append(strip(path, half, half))

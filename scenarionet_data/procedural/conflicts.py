@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from scenarionet_data.arrays.compiled import kernel
-from scenarionet_data.arrays.dtypes import Bool, Float64, Int64, Records
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int64, RecordArray
 
 CROSS, SPLIT, MERGE = 0, 1, 2
 _SAME_POINT = 0.5  # [m]
@@ -24,8 +24,8 @@ CONFLICT = np.dtype(
 
 
 def find_conflicts(
-    lanes: Records, points: Records, links: Bool, junction: Int64, clearance: float
-) -> tuple[Records, Bool]:
+    lanes: RecordArray, points: RecordArray, links: Bool, junction: Int64, clearance: float
+) -> tuple[RecordArray, Bool]:
     """Find lanes of one junction, or with one start, whose centrelines come within ``clearance``.
 
     Args:
@@ -48,7 +48,7 @@ def find_conflicts(
     _find_zones(xy, lanes.points_begin, lanes.points_end, pairs, clearance * clearance, zones)
     pairs, zones = pairs[zones[:, 0] >= 0], zones[zones[:, 0] >= 0]
     own, other = pairs.T
-    conflicts: Records = np.recarray(len(pairs), CONFLICT)
+    conflicts: RecordArray = np.recarray(len(pairs), CONFLICT)
     conflicts.lane = other
     conflicts.kind = np.where(has_one_start[own, other], SPLIT, np.where(has_one_end[own, other], MERGE, CROSS))
     margins = np.array([-_MARGIN, _MARGIN, -_MARGIN, _MARGIN])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function, kernel
-from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, Record, Records
+from scenarionet_data.arrays.dtypes import ArrayRecord, Bool, Float64, Int32, RecordArray
 from scenarionet_data.procedural.following import acceleration, room_needed
 from scenarionet_data.procedural.graph import NONE, LaneGraph
 from scenarionet_data.procedural.lane_change import consider
@@ -18,7 +18,7 @@ _CONSIDER_EVERY = 5  # timesteps between considerations of a lane change
 _GENTLE = 2.0  # [m/s2] hardest braking in the first timestep
 
 
-def drive(graph: LaneGraph, vehicles: Records, lights: Int32, dt: float) -> tuple[Float64, Bool]:
+def drive(graph: LaneGraph, vehicles: RecordArray, lights: Int32, dt: float) -> tuple[Float64, Bool]:
     """Drive until the ego arrives or the lights' time is over.
 
     Args:
@@ -31,7 +31,7 @@ def drive(graph: LaneGraph, vehicles: Records, lights: Int32, dt: float) -> tupl
         (N, t, 4) x, y [m], heading [rad] and speed [m/s], and (N, t) whether a vehicle is on the map.
     """
     count, steps = len(vehicles), lights.shape[1]
-    places: Records = np.recarray((count, PLACES), PLACE)
+    places: RecordArray = np.recarray((count, PLACES), PLACE)
     places.lane, places.s = NONE, 0.0
     motion, valid = np.zeros((count, steps, 4)), np.zeros((count, steps), np.bool_)
     driven = _drive(graph, vehicles, places, lights, dt, np.zeros(count), motion, valid)
@@ -41,8 +41,8 @@ def drive(graph: LaneGraph, vehicles: Records, lights: Int32, dt: float) -> tupl
 @kernel
 def _drive(
     graph: LaneGraph,
-    vehicles: Records,
-    places: Records,
+    vehicles: RecordArray,
+    places: RecordArray,
     lights: Int32,
     dt: float,
     wanted: Float64,
@@ -90,7 +90,7 @@ def _drive(
 
 
 @device_function
-def _reroute(graph: LaneGraph, vehicles: Records, i: int) -> None:
+def _reroute(graph: LaneGraph, vehicles: RecordArray, i: int) -> None:
     """Give a vehicle that is too late to change lanes a destination that its lane leads to, except the ego."""
     vehicle, lane = vehicles[i], vehicles[i].lane
     if i == EGO or graph.lanes[lane].is_last or graph.routes[vehicle.destination, lane].next_lane != NONE:
@@ -103,7 +103,7 @@ def _reroute(graph: LaneGraph, vehicles: Records, i: int) -> None:
 
 
 @device_function
-def _move(graph: LaneGraph, vehicle: Record, acceleration_now: float, dt: float) -> None:
+def _move(graph: LaneGraph, vehicle: ArrayRecord, acceleration_now: float, dt: float) -> None:
     """Move one vehicle by a step of constant acceleration, along its curve and over lane ends."""
     speed = max(0.0, vehicle.speed + acceleration_now * dt)
     left, slope = lateral_offset(vehicle)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function
-from scenarionet_data.arrays.dtypes import Record, Records
+from scenarionet_data.arrays.dtypes import ArrayRecord, RecordArray
 from scenarionet_data.arrays.idm import free_acceleration, interaction
 from scenarionet_data.procedural.conflicts import CROSS, SPLIT
 from scenarionet_data.procedural.graph import NONE, LaneGraph
@@ -18,7 +18,7 @@ _MANY_HOPS = 30
 
 
 @device_function
-def acceleration(graph: LaneGraph, vehicles: Records, places: Records, i: int) -> float:
+def acceleration(graph: LaneGraph, vehicles: RecordArray, places: RecordArray, i: int) -> float:
     """Acceleration of vehicle ``i`` in this timestep [m/s2]."""
     vehicle, leaving = vehicles[i], places[i, 1]
     braking = braking_along(graph, vehicles, places, i, vehicle.lane, vehicle.s, True)
@@ -32,7 +32,7 @@ def acceleration(graph: LaneGraph, vehicles: Records, places: Records, i: int) -
 
 @device_function
 def braking_along(
-    graph: LaneGraph, vehicles: Records, places: Records, i: int, lane: int, s: float, stops: bool
+    graph: LaneGraph, vehicles: RecordArray, places: RecordArray, i: int, lane: int, s: float, stops: bool
 ) -> float:
     """The strongest braking [m/s2, >= 0] that anything ahead requires of vehicle ``i`` at ``s`` on ``lane``.
 
@@ -72,7 +72,7 @@ def braking_along(
 
 @device_function
 def nearest_on(
-    graph: LaneGraph, vehicles: Records, places: Records, i: int, lane: int, before: float
+    graph: LaneGraph, vehicles: RecordArray, places: RecordArray, i: int, lane: int, before: float
 ) -> tuple[float, float]:
     """Gap to, and speed of, the nearest vehicle ahead of ``i`` on a lane that starts ``before`` ahead of it.
 
@@ -110,7 +110,7 @@ def nearest_on(
 
 
 @device_function
-def room_needed(graph: LaneGraph, vehicle: Record, lane: int) -> float:
+def room_needed(graph: LaneGraph, vehicle: ArrayRecord, lane: int) -> float:
     """Distance before the end of ``lane`` at which a vehicle has to leave it [m]: room for each lane change needed."""
     if graph.lanes[lane].is_last:
         return -np.inf
@@ -126,7 +126,7 @@ def room_needed(graph: LaneGraph, vehicle: Record, lane: int) -> float:
 
 
 @device_function
-def _braking(vehicle: Record, gap: float, speed: float) -> float:
+def _braking(vehicle: ArrayRecord, gap: float, speed: float) -> float:
     """Braking for a leader at ``speed`` after a ``gap``."""
     if gap == np.inf:
         return 0.0

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Bool, Int64, Records
+from scenarionet_data.arrays.dtypes import Bool, Int64, RecordArray
 from scenarionet_data.procedural.conflicts import find_conflicts
 from scenarionet_data.procedural.roadmap import Lane, RoadMap
 from scenarionet_data.procedural.routes import find_routes
@@ -57,11 +57,11 @@ class LaneGraph(NamedTuple):
         lane_width: [m].
     """
 
-    lanes: Records
-    points: Records
+    lanes: RecordArray
+    points: RecordArray
     successors: Int64
-    conflicts: Records
-    routes: Records
+    conflicts: RecordArray
+    routes: RecordArray
     lane_width: float
 
 
@@ -79,11 +79,11 @@ def make_graph(road_map: RoadMap) -> LaneGraph:
         links[number[before], number[after]] = True
     samples = [lane.samples for lane in own]
 
-    points: Records = np.recarray(sum(len(headings) for _, headings in samples), POINT)
+    points: RecordArray = np.recarray(sum(len(headings) for _, headings in samples), POINT)
     points.x, points.y = np.concatenate([xy for xy, _ in samples]).T
     points.heading = np.concatenate([headings for _, headings in samples])
 
-    lanes: Records = np.recarray(len(own), LANE)
+    lanes: RecordArray = np.recarray(len(own), LANE)
     lanes.points_begin, lanes.points_end = _ranges([len(headings) for _, headings in samples])
     lanes.successors_begin, lanes.successors_end = _ranges([len(row) for row in following])
     lanes.is_last = lanes.successors_begin == lanes.successors_end

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function
-from scenarionet_data.arrays.dtypes import Record, Records
+from scenarionet_data.arrays.dtypes import ArrayRecord, RecordArray
 from scenarionet_data.arrays.idm import free_acceleration, interaction, is_worth_changing
 from scenarionet_data.procedural.following import braking_along, nearest_on, room_needed
 from scenarionet_data.procedural.graph import NONE, LaneGraph
@@ -25,7 +25,7 @@ _HOPS = 3
 
 
 @device_function
-def consider(graph: LaneGraph, vehicles: Records, places: Records, i: int) -> None:
+def consider(graph: LaneGraph, vehicles: RecordArray, places: RecordArray, i: int) -> None:
     """Start a lane change of vehicle ``i`` if it must or should, and can."""
     vehicle = vehicles[i]
     if vehicle.lateral != 0.0:
@@ -60,7 +60,7 @@ def consider(graph: LaneGraph, vehicles: Records, places: Records, i: int) -> No
 
 
 @device_function
-def _span(graph: LaneGraph, vehicle: Record, target: int, s: float, side: float) -> float:
+def _span(graph: LaneGraph, vehicle: ArrayRecord, target: int, s: float, side: float) -> float:
     """Distance over which a vehicle would change lanes [m]; 0 when there is not enough."""
     span = max(SHORTEST, DURATION * vehicle.speed)
     shortest = max(SHORTEST, 0.55 * span)
@@ -78,7 +78,7 @@ def _span(graph: LaneGraph, vehicle: Record, target: int, s: float, side: float)
 
 @device_function
 def _is_way_clear(
-    graph: LaneGraph, vehicles: Records, places: Records, i: int, target: int, s: float, span: float
+    graph: LaneGraph, vehicles: RecordArray, places: RecordArray, i: int, target: int, s: float, span: float
 ) -> bool:
     """Whether both lanes are free far enough ahead to complete the change within ``span``."""
     gap, speed = nearest_on(graph, vehicles, places, i, target, -s)
@@ -90,7 +90,7 @@ def _is_way_clear(
 
 @device_function
 def _is_accepted(
-    graph: LaneGraph, vehicles: Records, places: Records, i: int, target: int, s: float, must: bool
+    graph: LaneGraph, vehicles: RecordArray, places: RecordArray, i: int, target: int, s: float, must: bool
 ) -> bool:
     """Whether the gap in ``target`` is safe and, for an optional change, worth it."""
     vehicle = vehicles[i]
@@ -119,7 +119,9 @@ def _is_accepted(
 
 
 @device_function
-def _gap_behind(graph: LaneGraph, vehicles: Records, places: Records, i: int, j: int, target: int, s: float) -> float:
+def _gap_behind(
+    graph: LaneGraph, vehicles: RecordArray, places: RecordArray, i: int, j: int, target: int, s: float
+) -> float:
     """Gap from vehicle ``j`` to ``i`` at ``s`` on ``target`` if ``j`` is behind or beside, else infinite."""
     halves = (vehicles[i].length + vehicles[j].length) / 2.0
     for place in range(PLACES):

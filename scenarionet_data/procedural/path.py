@@ -15,7 +15,7 @@ import numpy as np
 from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Float64
 
-Pieces = tuple[tuple[float, float], ...]
+PathPieces = tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True)
@@ -33,11 +33,11 @@ class Pose:
 
 
 @dataclass(frozen=True)
-class Path:
+class RoadPath:
     """A start pose and pieces (length [m], curvature [1/m], positive to the left)."""
 
     start: Pose
-    pieces: Pieces
+    pieces: PathPieces
 
     @cached_property
     def length(self) -> float:
@@ -62,19 +62,19 @@ class Path:
         """Largest absolute curvature [1/m]."""
         return max(abs(curvature) for _, curvature in self.pieces)
 
-    def offset(self, left: float) -> Path:
+    def offset(self, left: float) -> RoadPath:
         """Return the parallel path ``left`` metres to the left (negative: right)."""
         pieces = tuple((length * (1.0 - k * left), k / (1.0 - k * left)) for length, k in self.pieces)
-        return Path(self.start.moved(0.0, left), pieces)
+        return RoadPath(self.start.moved(0.0, left), pieces)
 
-    def reversed(self) -> Path:
+    def reversed(self) -> RoadPath:
         """Return the same curve in the opposite direction."""
         pieces = tuple((length, -curvature) for length, curvature in reversed(self.pieces))
-        return Path(self.end.moved(0.0, 0.0, math.pi), pieces)
+        return RoadPath(self.end.moved(0.0, 0.0, math.pi), pieces)
 
-    def then(self, *pieces: tuple[float, float]) -> Path:
+    def then(self, *pieces: tuple[float, float]) -> RoadPath:
         """Return this path, extended by pieces."""
-        return Path(self.start, self.pieces + pieces)
+        return RoadPath(self.start, self.pieces + pieces)
 
     def sample(self, spacing: float) -> tuple[Float64, Float64]:
         """Return points (n, 2) [m] and headings (n,) [rad], spaced equally by at most ``spacing``, ends included."""
@@ -90,7 +90,7 @@ def bend(turn: float, radius: float) -> tuple[float, float]:
     return radius * abs(turn), math.copysign(1.0 / radius, turn)
 
 
-def shift(ahead: float, left: float) -> Pieces:
+def shift(ahead: float, left: float) -> PathPieces:
     """Return two opposite arcs that shift a path ``left`` metres over ``ahead`` metres and keep its heading."""
     turn = 2.0 * math.atan2(abs(left), ahead)
     radius = ahead / (2.0 * math.sin(turn))
@@ -98,7 +98,7 @@ def shift(ahead: float, left: float) -> Pieces:
     return first, (first[0], -first[1])
 
 
-def connect(start: Pose, end: Pose, lead: float) -> Path:
+def connect(start: Pose, end: Pose, lead: float) -> RoadPath:
     """Connect two poses by a straight, an arc and a straight; the straights are at least ``lead`` long.
 
     The poses' lines must meet ahead of ``start`` and behind ``end``, or both be the same line.
@@ -106,14 +106,14 @@ def connect(start: Pose, end: Pose, lead: float) -> Path:
     dx, dy = end.x - start.x, end.y - start.y
     turn = math.remainder(end.heading - start.heading, 2.0 * math.pi)
     if abs(turn) < 1e-9:
-        return Path(start, ((math.hypot(dx, dy), 0.0),))
+        return RoadPath(start, ((math.hypot(dx, dy), 0.0),))
     sin = math.sin(turn)
     before = (dx * math.sin(end.heading) - dy * math.cos(end.heading)) / sin
     after = (dy * math.cos(start.heading) - dx * math.sin(start.heading)) / sin
     tangent = min(before, after) - lead
     arc = bend(turn, tangent / math.tan(abs(turn) / 2.0))
     pieces = ((before - tangent, 0.0), arc, (after - tangent, 0.0))
-    return Path(start, tuple(piece for piece in pieces if piece[0] > 1e-9))
+    return RoadPath(start, tuple(piece for piece in pieces if piece[0] > 1e-9))
 
 
 def _advance(x: float, y: float, heading: float, length: float, curvature: float) -> tuple[float, float, float]:

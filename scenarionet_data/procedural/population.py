@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Float64, Int64, Records
+from scenarionet_data.arrays.dtypes import Float64, Int64, RecordArray
 from scenarionet_data.procedural.graph import NONE, LaneGraph
 from scenarionet_data.procedural.options import GeneratorOptions
 from scenarionet_data.procedural.roadmap import NO_JUNCTION, RoadMap
@@ -14,7 +14,7 @@ from scenarionet_data.procedural.vehicles import VEHICLE
 
 
 @dataclass(frozen=True)
-class Kind:
+class VehicleKind:
     """A kind of vehicle: share of traffic; ranges of length, width and height [m] and of acceleration [m/s2]."""
 
     name: str
@@ -26,10 +26,10 @@ class Kind:
 
 
 KINDS = (
-    Kind("car", 0.74, (4.1, 5.0), (1.75, 1.95), (1.4, 1.65), (1.4, 2.2)),
-    Kind("van", 0.14, (4.9, 5.8), (1.95, 2.05), (1.9, 2.4), (1.1, 1.6)),
-    Kind("truck", 0.08, (6.5, 8.5), (2.2, 2.4), (2.7, 3.4), (0.8, 1.1)),
-    Kind("bus", 0.04, (9.0, 10.5), (2.4, 2.5), (3.0, 3.2), (0.9, 1.2)),
+    VehicleKind("car", 0.74, (4.1, 5.0), (1.75, 1.95), (1.4, 1.65), (1.4, 2.2)),
+    VehicleKind("van", 0.14, (4.9, 5.8), (1.95, 2.05), (1.9, 2.4), (1.1, 1.6)),
+    VehicleKind("truck", 0.08, (6.5, 8.5), (2.2, 2.4), (2.7, 3.4), (0.8, 1.1)),
+    VehicleKind("bus", 0.04, (9.0, 10.5), (2.4, 2.5), (3.0, 3.2), (0.9, 1.2)),
 )
 ROOM = 3.0  # [m] bumper to bumper between vehicles at the start, at least
 END_ROOM = 6.0  # [m] free of vehicles' centres at both ends of a lane, at the start
@@ -48,7 +48,7 @@ class Population:
 
     kinds: list[str]
     size: Float64
-    vehicles: Records
+    vehicles: RecordArray
 
 
 def populate(road_map: RoadMap, graph: LaneGraph, options: GeneratorOptions, rng: np.random.Generator) -> Population:
@@ -60,7 +60,7 @@ def populate(road_map: RoadMap, graph: LaneGraph, options: GeneratorOptions, rng
     kept = [row for row, place in enumerate(places) if place is not None]
     lane = np.array([place[0] for place in places if place is not None], dtype=np.int64)
     s = np.array([place[1] for place in places if place is not None])
-    vehicles: Records = np.recarray(len(kept), VEHICLE)
+    vehicles: RecordArray = np.recarray(len(kept), VEHICLE)
     _draw_drivers(vehicles, [kinds[row] for row in kept], size[kept], rng)
     _draw_start(vehicles, graph, lane, s, rng)
     return Population([kinds[row].name for row in kept], size[kept], vehicles)
@@ -77,7 +77,7 @@ def _lane_shares(road_map: RoadMap, graph: LaneGraph, options: GeneratorOptions)
     return shares
 
 
-def _draw_vehicles(count: int, rng: np.random.Generator) -> tuple[list[Kind], Float64]:
+def _draw_vehicles(count: int, rng: np.random.Generator) -> tuple[list[VehicleKind], Float64]:
     shares = np.array([kind.share for kind in KINDS])
     drawn = rng.choice(len(KINDS), size=count, p=shares / shares.sum())
     drawn[0] = 0  # the ego is a car
@@ -116,7 +116,7 @@ def _has_room(graph: LaneGraph, taken: list[tuple[float, float]], lane: int, s: 
     return all(abs(s - other) > ROOM + (length + other_length) / 2.0 for other, other_length in taken)
 
 
-def _draw_drivers(vehicles: Records, kinds: list[Kind], size: Float64, rng: np.random.Generator) -> None:
+def _draw_drivers(vehicles: RecordArray, kinds: list[VehicleKind], size: Float64, rng: np.random.Generator) -> None:
     """Set the constant parameters of vehicles and drivers."""
     count = len(kinds)
     vehicles.length, vehicles.width = size[:, 0], size[:, 1]
@@ -128,7 +128,7 @@ def _draw_drivers(vehicles: Records, kinds: list[Kind], size: Float64, rng: np.r
     vehicles.politeness = rng.uniform(0.1, 0.5, count)
 
 
-def _draw_start(vehicles: Records, graph: LaneGraph, lane: Int64, s: Float64, rng: np.random.Generator) -> None:
+def _draw_start(vehicles: RecordArray, graph: LaneGraph, lane: Int64, s: Float64, rng: np.random.Generator) -> None:
     """Set the state at time 0, with reachable destinations; ``drive`` lowers speeds where it must."""
     count = len(lane)
     vehicles.active, vehicles.lane, vehicles.s = True, lane, s

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function
-from scenarionet_data.arrays.dtypes import Int32, Record, Records
+from scenarionet_data.arrays.dtypes import ArrayRecord, Int32, RecordArray
 from scenarionet_data.procedural.conflicts import SPLIT
 from scenarionet_data.procedural.graph import NONE, LaneGraph
 from scenarionet_data.procedural.vehicles import PLACES
@@ -25,7 +25,7 @@ _HOPS = 4
 
 
 @device_function
-def update_grant(graph: LaneGraph, vehicles: Records, places: Records, lights: Int32, t: int, i: int) -> None:
+def update_grant(graph: LaneGraph, vehicles: RecordArray, places: RecordArray, lights: Int32, t: int, i: int) -> None:
     """Grant vehicle ``i`` the next lane that needs it; revoke the grant when its light turns and it can stop.
 
     Args:
@@ -62,7 +62,7 @@ def update_grant(graph: LaneGraph, vehicles: Records, places: Records, lights: I
 
 @device_function
 def _is_free(
-    graph: LaneGraph, vehicles: Records, places: Records, lights: Int32, t: int, i: int, lane: int, ahead: float
+    graph: LaneGraph, vehicles: RecordArray, places: RecordArray, lights: Int32, t: int, i: int, lane: int, ahead: float
 ) -> bool:
     """Whether vehicle ``i``, ``ahead`` metres before ``lane``, can pass all its conflicts."""
     own, vehicle = graph.lanes[lane], vehicles[i]
@@ -86,7 +86,7 @@ def _is_free(
 
 
 @device_function
-def _is_in(vehicles: Records, places: Records, j: int, lane: int, zone_end: float) -> bool:
+def _is_in(vehicles: RecordArray, places: RecordArray, j: int, lane: int, zone_end: float) -> bool:
     """Whether vehicle ``j`` has a grant for ``lane`` or is on it, its rear not yet past ``zone_end``."""
     if vehicles[j].granted == lane:
         return True
@@ -97,7 +97,7 @@ def _is_in(vehicles: Records, places: Records, j: int, lane: int, zone_end: floa
 
 
 @device_function
-def _arrival(graph: LaneGraph, vehicle: Record, lane: int, zone_begin: float) -> float:
+def _arrival(graph: LaneGraph, vehicle: ArrayRecord, lane: int, zone_begin: float) -> float:
     """Time until a vehicle is at ``zone_begin`` of ``lane`` [s]; infinite when its route avoids it.
 
     A vehicle that stands without a light to wait for may itself be waiting: it has no priority until it moves.

@@ -14,7 +14,7 @@ import numpy as np
 from shapely import Polygon
 
 from scenarionet_data.arrays.dtypes import Float64
-from scenarionet_data.procedural.path import Path, Pose
+from scenarionet_data.procedural.path import Pose, RoadPath
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 
 NO_JUNCTION = -1
@@ -45,7 +45,7 @@ class Lane:
     """
 
     id: str
-    path: Path
+    path: RoadPath
     junction: int = NO_JUNCTION
     rank: int = 0
     axis: int = -1
@@ -125,15 +125,15 @@ class Block:
     footprint: list[Polygon] = field(default_factory=list)
     exit: Socket | None = None
 
-    def add_lane(self, tag: str, path: Path, **attributes: object) -> Lane:
+    def add_lane(self, tag: str, path: RoadPath, **attributes: object) -> Lane:
         """Add a lane; its id consists of the block's index and ``tag``."""
         lane = Lane(f"{self.index}.{tag}", path, **attributes)  # type: ignore[arg-type]
         self.lanes.append(lane)
         return lane
 
-    def add_line(self, tag: str, kind: MapFeatureType, path: Path | Float64, lanes: tuple[str, ...] = ()) -> str:
+    def add_line(self, tag: str, kind: MapFeatureType, path: RoadPath | Float64, lanes: tuple[str, ...] = ()) -> str:
         """Add a line along a path or through points; returns its id."""
-        points = path.sample(LINE_SPACING)[0] if isinstance(path, Path) else path
+        points = path.sample(LINE_SPACING)[0] if isinstance(path, RoadPath) else path
         self.lines.append(Line(f"{self.index}.{tag}", kind, points, lanes))
         return self.lines[-1].id
 

@@ -13,7 +13,7 @@ import numpy as np
 from shapely import Polygon
 
 from scenarionet_data.arrays.dtypes import Float64
-from scenarionet_data.procedural.path import Path, Pose, bend
+from scenarionet_data.procedural.path import Pose, RoadPath, bend
 from scenarionet_data.procedural.roadmap import LINE_SPACING, Block, Lane, Socket
 from scenarionet_data.procedural.sections import EDGE, SEPARATOR, add_road
 from scenarionet_data.scenario.vocabulary import MapFeatureType
@@ -92,14 +92,14 @@ def _add_connections(
     return entries, exits
 
 
-def _entry(ring: Ring, arm: Pose, i: int, distance: float) -> Path:
+def _entry(ring: Ring, arm: Pose, i: int, distance: float) -> RoadPath:
     start = arm.moved(distance, (i + 0.5) * ring.lane_width, math.pi)
-    return Path(start, ((distance - ring.reach(i), 0.0), bend(ring.angle(i) - math.pi / 2.0, ENTRY_RADIUS)))
+    return RoadPath(start, ((distance - ring.reach(i), 0.0), bend(ring.angle(i) - math.pi / 2.0, ENTRY_RADIUS)))
 
 
-def _exit(ring: Ring, arm: Pose, i: int, distance: float) -> Path:
+def _exit(ring: Ring, arm: Pose, i: int, distance: float) -> RoadPath:
     start = ring.pose(i, arm.heading - ring.angle(i))
-    return Path(start, (bend(ring.angle(i) - math.pi / 2.0, ENTRY_RADIUS), (distance - ring.reach(i), 0.0)))
+    return RoadPath(start, (bend(ring.angle(i) - math.pi / 2.0, ENTRY_RADIUS), (distance - ring.reach(i), 0.0)))
 
 
 def _add_ring(block: Block, ring: Ring, arms: list[Pose]) -> None:
@@ -109,8 +109,8 @@ def _add_ring(block: Block, ring: Ring, arms: list[Pose]) -> None:
         angle = ring.angle(k)
         for number, arm in enumerate(arms):
             following = (number + 1) % 4
-            past = Path(ring.pose(k, arm.heading - angle), (bend(2.0 * angle, radius),))
-            on = Path(past.end, (bend(math.pi / 2.0 - 2.0 * angle, radius),))
+            past = RoadPath(ring.pose(k, arm.heading - angle), (bend(2.0 * angle, radius),))
+            on = RoadPath(past.end, (bend(math.pi / 2.0 - 2.0 * angle, radius),))
             for tag, path in (("past", past), ("on", on)):
                 block.add_lane(f"{tag}{number}{k}", path, junction=block.index, rank=2, is_intersection=True)
             onward = (f"{prefix}.on{number}{k}",)
@@ -122,7 +122,7 @@ def _add_edges(block: Block, ring: Ring, arms: list[Pose], distance: float) -> N
     """The island, the circles between ring lanes, the outer edges, and the surface between them."""
     half, outermost = ring.lane_width / 2.0, len(ring.radii) - 1
     start = ring.pose(0, 0.0)
-    circle = Path(start, (bend(2.0 * math.pi, ring.radii[0]),))
+    circle = RoadPath(start, (bend(2.0 * math.pi, ring.radii[0]),))
     circles = [
         block.add_line(f"circle{k}", SEPARATOR if k else EDGE, circle.offset(half - k * ring.lane_width))
         for k in range(len(ring.radii))
@@ -148,7 +148,9 @@ def _add_surface(block: Block, ring: Ring, arms: list[Pose], distance: float, ou
     splitters = [_splitter(ring, arm, distance) for arm in arms]
     for number, arm in enumerate(arms):
         entry_side, following = splitters[number][0], (number + 1) % 4
-        island = Path(ring.pose(0, arm.heading), (bend(math.pi / 2.0, ring.radii[0]),)).offset(ring.lane_width / 2.0)
+        island = RoadPath(ring.pose(0, arm.heading), (bend(math.pi / 2.0, ring.radii[0]),)).offset(
+            ring.lane_width / 2.0
+        )
         inner, before, after = island.sample(1.0)[0], _mouth(ring, arm), _mouth(ring, arms[following])
         exit_side = splitters[following][1]
         shape = np.concatenate([outline[number], exit_side[::-1], after, inner[::-1], before, entry_side[::-1]])

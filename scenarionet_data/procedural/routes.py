@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from scenarionet_data.arrays.compiled import kernel
-from scenarionet_data.arrays.dtypes import Int64, Records
+from scenarionet_data.arrays.dtypes import Int64, RecordArray
 
 LANE_CHANGE_COST = 80.0  # [m] of detour a driver accepts rather than change lanes
 
@@ -13,7 +13,7 @@ ROUTE = np.dtype([("cost", "f8"), ("next_lane", "i8")])
 """Cost from a lane to a destination [m], infinite where unreachable, and the successor to take, -1 for none."""
 
 
-def find_routes(lanes: Records, successors: Int64) -> Records:
+def find_routes(lanes: RecordArray, successors: Int64) -> RecordArray:
     """Find the cheapest routes to all destinations.
 
     Args:
@@ -23,14 +23,14 @@ def find_routes(lanes: Records, successors: Int64) -> Records:
     Returns:
         (D, L) ``ROUTE`` records.
     """
-    routes: Records = np.recarray((int(lanes.destination.max()) + 1, len(lanes)), ROUTE)
+    routes: RecordArray = np.recarray((int(lanes.destination.max()) + 1, len(lanes)), ROUTE)
     routes.cost, routes.next_lane = np.inf, -1
     _relax(lanes, successors, routes)
     return routes
 
 
 @kernel
-def _relax(lanes: Records, successors: Int64, routes: Records) -> None:
+def _relax(lanes: RecordArray, successors: Int64, routes: RecordArray) -> None:
     """Bellman-Ford from every destination backwards."""
     for goal in range(len(routes)):
         changed = True

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from shapely import Polygon
 
-from scenarionet_data.procedural.path import Path, Pieces, shift
+from scenarionet_data.procedural.path import PathPieces, RoadPath, shift
 from scenarionet_data.procedural.roadmap import LINE_SPACING, Block, Lane, Socket
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 
@@ -14,7 +14,7 @@ DIVIDER = MapFeatureType.ROAD_LINE_SOLID_DOUBLE_YELLOW
 SEPARATOR = MapFeatureType.ROAD_LINE_BROKEN_SINGLE_WHITE
 
 
-def add_road(block: Block, tag: str, socket: Socket, pieces: Pieces, *, edge: Path | None = None) -> Socket:
+def add_road(block: Block, tag: str, socket: Socket, pieces: PathPieces, *, edge: RoadPath | None = None) -> Socket:
     """Continue every lane of ``socket`` along ``pieces``.
 
     Args:
@@ -27,7 +27,7 @@ def add_road(block: Block, tag: str, socket: Socket, pieces: Pieces, *, edge: Pa
     Returns:
         The open end.
     """
-    line = Path(socket.pose, pieces)
+    line = RoadPath(socket.pose, pieces)
     width = block.road.lane_width
     divider = block.add_line(f"{tag}divider", DIVIDER, line)
     forward = _add_side(block, f"{tag}f", line, len(socket.forward), divider, edge)
@@ -40,7 +40,7 @@ def add_road(block: Block, tag: str, socket: Socket, pieces: Pieces, *, edge: Pa
     return Socket(line.end, tuple((lane.id,) for lane in forward), tuple((lane.id,) for lane in backward))
 
 
-def _add_side(block: Block, tag: str, line: Path, count: int, divider: str, edge: Path | None) -> list[Lane]:
+def _add_side(block: Block, tag: str, line: RoadPath, count: int, divider: str, edge: RoadPath | None) -> list[Lane]:
     """Add ``count`` lanes on the right of ``line``, in its direction."""
     width = block.road.lane_width
     lanes = [block.add_lane(f"{tag}{i}", line.offset(-(i + 0.5) * width)) for i in range(count)]
@@ -57,7 +57,7 @@ def add_widening(block: Block, tag: str, socket: Socket, length: float) -> Socke
     """Add a taper in which the rightmost lane splits in two."""
     width = block.road.lane_width
     count = len(socket.forward)
-    edge = Path(socket.pose.moved(0.0, -count * width), shift(length, -width))
+    edge = RoadPath(socket.pose.moved(0.0, -count * width), shift(length, -width))
     end = add_road(block, tag, socket, ((length, 0.0),), edge=edge)
     branch = block.add_lane(f"{tag}branch", edge.offset(width / 2.0), right_boundaries=(f"{block.index}.{tag}fedge",))
     block.link(socket.forward[-1], (branch.id,))
@@ -69,7 +69,7 @@ def add_narrowing(block: Block, tag: str, socket: Socket, length: float, junctio
     """Add a taper in which the rightmost lane gives way and joins the lane on its left."""
     width = block.road.lane_width
     count = len(socket.forward)
-    edge = Path(socket.pose.moved(0.0, -count * width), shift(length, width))
+    edge = RoadPath(socket.pose.moved(0.0, -count * width), shift(length, width))
     main = Socket(socket.pose, socket.forward[:-1], socket.backward)
     end = add_road(block, tag, main, ((length, 0.0),), edge=edge)
     through = next(lane for lane in block.lanes if lane.id == end.forward[-1][0])
@@ -81,7 +81,7 @@ def add_narrowing(block: Block, tag: str, socket: Socket, length: float, junctio
     return Socket(end.pose, (*end.forward[:-1], (*end.forward[-1], joining.id)), end.backward)
 
 
-def strip(line: Path, left: float, right: float) -> Polygon:
+def strip(line: RoadPath, left: float, right: float) -> Polygon:
     """Return the surface from ``left`` to ``right`` metres beside a line."""
     spacing = 2.0 * LINE_SPACING
     sides = line.offset(left).sample(spacing)[0], line.offset(-right).sample(spacing)[0][::-1]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function
-from scenarionet_data.arrays.dtypes import Float64, Record, Records
+from scenarionet_data.arrays.dtypes import ArrayRecord, Float64, RecordArray
 from scenarionet_data.procedural.graph import NONE, LaneGraph
 
 STRADDLE = 0.3  # [m] from the new lane's centre until which a vehicle still blocks the lane it leaves
@@ -43,7 +43,7 @@ PLACE = np.dtype([("lane", "i8"), ("s", "f8")])
 
 
 @device_function
-def lateral_offset(vehicle: Record) -> tuple[float, float]:
+def lateral_offset(vehicle: ArrayRecord) -> tuple[float, float]:
     """Offset from the lane's centre [m] and its slope along the lane, of a smooth (quintic) lane change."""
     if vehicle.lateral == 0.0:
         return 0.0, 0.0
@@ -54,7 +54,7 @@ def lateral_offset(vehicle: Record) -> tuple[float, float]:
 
 
 @device_function
-def occupy(graph: LaneGraph, vehicles: Records, places: Records, i: int) -> None:
+def occupy(graph: LaneGraph, vehicles: RecordArray, places: RecordArray, i: int) -> None:
     """Write the places (3,) of vehicle ``i``."""
     vehicle = vehicles[i]
     for place in range(PLACES):
@@ -79,7 +79,7 @@ def curvature_at(graph: LaneGraph, lane: int, s: float) -> float:
 
 
 @device_function
-def record(graph: LaneGraph, vehicle: Record, motion: Float64) -> None:
+def record(graph: LaneGraph, vehicle: ArrayRecord, motion: Float64) -> None:
     """Write x, y, heading, speed of a vehicle into ``motion`` (4,).
 
     The centreline is a cubic Hermite spline between its points, which deviates from arcs by less than 0.1 mm.

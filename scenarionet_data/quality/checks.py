@@ -58,7 +58,7 @@ def run_checks(
     session = CheckSession(view, record)
     answers: Iterator[tuple[str, pa.Table]] = ((check.name, session.violations(check)) for check in checks)
     if executor is not None:
-        answers = executor([_Job(str(view.root), view.snapshot.number, record, check) for check in checks], _run)
+        answers = executor([_CheckJob(str(view.root), view.snapshot.number, record, check) for check in checks], _run)
     found: dict[str, pa.Table] = {}
     for number in range(len(checks) + 1):
         if on_progress:
@@ -107,7 +107,7 @@ class CheckSession:
 
 
 @dataclass(frozen=True)
-class _Job:
+class _CheckJob:
     """A check to run on a worker: the lake, its snapshot, the database, and the check."""
 
     root: str
@@ -116,7 +116,7 @@ class _Job:
     check: Check
 
 
-def _run(job: _Job) -> tuple[str, pa.Table]:
+def _run(job: _CheckJob) -> tuple[str, pa.Table]:
     """Return the name of a check and its violations; runs on a worker."""
     reference = job.database.reference if job.database and job.database.is_saved else None
     if job.database is not None and reference is None:

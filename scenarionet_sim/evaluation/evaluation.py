@@ -74,6 +74,10 @@ class Evaluation:
         return name.replace("@", ".").replace(":", ".")
 
 
+_SHOWN = 10
+"""Broken scenarios listed in a notebook."""
+
+
 @dataclass
 class EvaluationReport:
     """Result of an evaluation.
@@ -96,9 +100,20 @@ class EvaluationReport:
         done = f"{self.scenarios} scenarios, {self.skipped} already done, {len(self.broken)} broken"
         return f"EvaluationReport({self.run!r}: {done}, {self.seconds:.1f} s)"
 
+    def _repr_html_(self) -> str:
+        from scenarionet_data.display import properties_card  # notebooks only
+
+        properties = {
+            "run": self.run,
+            "scenarios": f"{self.scenarios:,}, {self.skipped:,} of them simulated earlier",
+            "broken": f"{len(self.broken):,}",
+            "time": f"{self.seconds:.1f} s",
+        }
+        return properties_card(properties, self.broken[:_SHOWN], ("scenario_id", "error"))
+
 
 @dataclass(frozen=True)
-class _Job:
+class _EvaluationJob:
     evaluation: Evaluation
     part: Part
     run: evaluation_runs.EvaluationRun | None
@@ -183,7 +198,7 @@ def run_evaluation(
     tables = ("rollouts", "results") if rollouts else ("results",)
     run = evaluation_runs.claim(open_files(evaluation.lake), name, tables, evaluation.description)
     total, done = len(_loader(evaluation)), run.done()
-    jobs = [_Job(evaluation, part, run) for part in parts_of(total, PART_SIZE) if part.number not in done]
+    jobs = [_EvaluationJob(evaluation, part, run) for part in parts_of(total, PART_SIZE) if part.number not in done]
     report = EvaluationReport(name, total, total - sum(len(job.part) for job in jobs))
     for ends in run_parts(jobs, simulate_part, workers, on_progress, executor, _ends_of_lost_part):
         report.broken += [(scenario_id, error) for scenario_id, _, error in ends if error]
@@ -201,7 +216,7 @@ def find_broken(
 ) -> list[tuple[str, str]]:
     """Return the scenarios whose replay does not reach the destination, with the reason; writes nothing."""
     evaluation = plan_evaluation(lake, database, "replay")
-    jobs = [_Job(evaluation, part, None) for part in parts_of(len(_loader(evaluation)), PART_SIZE)]
+    jobs = [_EvaluationJob(evaluation, part, None) for part in parts_of(len(_loader(evaluation)), PART_SIZE)]
     broken = []
     for ends in run_parts(jobs, simulate_part, workers, on_progress, executor, _ends_of_lost_part):
         for scenario_id, end, error in ends:
@@ -218,7 +233,7 @@ def describe_database(database: str | tuple[str, ...] | None) -> str | None:
     return f"{len(database)}-scenarios-{digest}"
 
 
-def _ends_of_lost_part(job: _Job, reason: str) -> list[ScenarioEnd]:
+def _ends_of_lost_part(job: _EvaluationJob, reason: str) -> list[ScenarioEnd]:
     """Ends of a part that killed its worker; it has no rows, so the next run tries it again."""
     ids = _loader(job.evaluation).scenario_ids[job.part.first : job.part.end]
     return [(scenario_id, None, reason) for scenario_id in ids]
@@ -233,7 +248,7 @@ def _loader(evaluation: Evaluation) -> ScenarioLoader:
 # --- on a worker --------------------------------------------------------------------------------------
 
 
-def simulate_part(job: _Job) -> list[ScenarioEnd]:
+def simulate_part(job: _EvaluationJob) -> list[ScenarioEnd]:
     """Simulate the scenarios of a part, and publish the rows if it belongs to a run."""
     evaluation, loader = job.evaluation, _loader(job.evaluation)
     drivers = resolve_drivers(evaluation.policy, evaluation.traffic)

@@ -9,8 +9,8 @@ from typing import TypeVar
 from scenarionet_data.execution.executors import Executor, OnLost, executor_for
 from scenarionet_data.execution.progress import Progress
 
-Work = TypeVar("Work")
-Done = TypeVar("Done", bound=Sequence[object])
+PartJob = TypeVar("PartJob")
+PartResult = TypeVar("PartResult", bound=Sequence[object])
 
 
 @dataclass(frozen=True)
@@ -36,13 +36,13 @@ def parts_of(total: int, size: int) -> list[Part]:
 
 
 def run_parts(
-    jobs: Sequence[Work],
-    run_job: Callable[[Work], Done],
+    jobs: Sequence[PartJob],
+    run_job: Callable[[PartJob], PartResult],
     workers: int,
     on_progress: Progress | None,
     executor: Executor | None = None,
-    on_lost: OnLost[Work, Done] | None = None,
-) -> Iterator[Done]:
+    on_lost: OnLost[PartJob, PartResult] | None = None,
+) -> Iterator[PartResult]:
     """Yield the result of each job, in completion order.
 
     Args:

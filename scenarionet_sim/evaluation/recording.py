@@ -69,7 +69,7 @@ class ObservationPlan:
 
 
 @dataclass(frozen=True)
-class _Job:
+class _RecordingJob:
     plan: ObservationPlan
     part: Part
     run: evaluation_runs.EvaluationRun
@@ -118,7 +118,7 @@ def record(
     plan = ObservationPlan(str(lake.root), reference, lake.snapshot.number, agents, seed)
     run = evaluation_runs.claim(open_files(plan.lake), name, ("observations",), plan.description)
     parts, done = parts_of(len(_loader(plan)), PART_SIZE), run.done()
-    jobs = [_Job(plan, part, run) for part in parts if part.number not in done]
+    jobs = [_RecordingJob(plan, part, run) for part in parts if part.number not in done]
     for _ in run_parts(jobs, record_part, workers, on_progress, executor):
         pass
     return sum(len(part) for part in parts if part.number in done)
@@ -133,7 +133,7 @@ def _loader(plan: ObservationPlan) -> ScenarioLoader:
 # --- on a worker --------------------------------------------------------------------------------------
 
 
-def record_part(job: _Job) -> list[str]:
+def record_part(job: _RecordingJob) -> list[str]:
     """Observe in the scenarios of a part and publish the rows; return their ids."""
     plan, loader = job.plan, _loader(job.plan)
     observation = Observation(PAPER_OBSERVATION, "flat")

@@ -17,8 +17,8 @@ from scenarionet_sim.kernels.log import ARC, HEADING, VALID, VX, VY, YAW_RATE, X
 from scenarionet_sim.kernels.minmax import larger, smaller
 from scenarionet_sim.kernels.motion import place_as_recorded
 from scenarionet_sim.kernels.overlap import is_overlapping
-from scenarionet_sim.kernels.paths import Path, direction, nearest, pose_at, segment_at, wrapped
-from scenarionet_sim.kernels.structures import Moment, Recorded
+from scenarionet_sim.kernels.paths import PathRows, direction, nearest, pose_at, segment_at, wrapped
+from scenarionet_sim.kernels.structures import Recorded, StateArrays
 
 
 class Law(NamedTuple):
@@ -49,8 +49,8 @@ def drive_along_paths(
     law: Law,
     colors: UInt8,
     recorded: Recorded,
-    now: Moment,
-    then: Moment,
+    now: StateArrays,
+    then: StateArrays,
 ) -> None:
     """Advance every object of a policy by one step.
 
@@ -83,7 +83,7 @@ def drive_along_paths(
                 if t + 1 < num_steps[w] and _is_free(log[w, t + 1, n], size, boxes):
                     place_as_recorded(log[w, t + 1, n], w, n, then.motion, then.present)
                 continue
-            path = Path(recorded.path[w], recorded.path_offsets[w, n], recorded.path_offsets[w, n + 1])
+            path = PathRows(recorded.path[w], recorded.path_offsets[w, n], recorded.path_offsets[w, n + 1])
             row = now.motion[w, n]
             if np.isnan(s):
                 s = larger(nearest(path, row[X], row[Y], -np.inf, np.inf)[0], 0.0)
@@ -112,7 +112,7 @@ def drive_along_paths(
 
 
 @device_function(allocates=True)
-def _boxes(w: int, now: Moment) -> Float64:
+def _boxes(w: int, now: StateArrays) -> Float64:
     """Return the present boxes of a world (11, B), in the order of their rows."""
     count = 0
     for n in range(now.present.shape[1]):
@@ -154,7 +154,7 @@ def _horizon(speed: float, law: Law) -> float:
 
 
 @device_function
-def _look_ahead(path: Path, s: float, horizon: float, stations: Float64) -> int:
+def _look_ahead(path: PathRows, s: float, horizon: float, stations: Float64) -> int:
     """Write stations (x, y, arc, heading) from ``s`` to the horizon or the end of the path; return their number."""
     spacing = larger(_SPACING, horizon / (_STATIONS - 2))
     stations[0, _SX], stations[0, _SY], _, stations[0, _HEADING] = pose_at(path, s)

@@ -19,7 +19,7 @@ _LANE_HALF = 1.75  # [m] from a lane's centreline, a path is on that lane
 _BEYOND = 10.0  # [m] after a stop point, lanes that start at the same point have split
 
 
-class Path(NamedTuple):
+class PathRows(NamedTuple):
     """One of the paths of a world: rows ``first`` to ``end`` (exclusive) of its points.
 
     Attributes:
@@ -39,7 +39,7 @@ def wrapped(angle: float) -> float:
 
 
 @device_function
-def segment_at(path: Path, s: float) -> int:
+def segment_at(path: PathRows, s: float) -> int:
     """Return the first point of the segment at arc length ``s``, clamped to the first and last segment."""
     low, high = path.first, path.end - 1
     while high - low > 1:
@@ -52,7 +52,7 @@ def segment_at(path: Path, s: float) -> int:
 
 
 @device_function
-def direction(path: Path, k: int) -> tuple[float, float, float]:
+def direction(path: PathRows, k: int) -> tuple[float, float, float]:
     """Return the unit vector along segment ``k`` and its length [m]."""
     dx = np.float64(path.points[k + 1, 0]) - path.points[k, 0]
     dy = np.float64(path.points[k + 1, 1]) - path.points[k, 1]
@@ -61,7 +61,7 @@ def direction(path: Path, k: int) -> tuple[float, float, float]:
 
 
 @device_function
-def pose_at(path: Path, s: float) -> tuple[float, float, float, float]:
+def pose_at(path: PathRows, s: float) -> tuple[float, float, float, float]:
     """Return x, y, z [m] and heading [rad] at an arc length; the path has at least two points."""
     k = segment_at(path, s)
     share = (s - path.points[k, ARC]) / (np.float64(path.points[k + 1, ARC]) - path.points[k, ARC])
@@ -73,7 +73,7 @@ def pose_at(path: Path, s: float) -> tuple[float, float, float, float]:
 
 
 @device_function
-def nearest(path: Path, x: float, y: float, low: float, high: float) -> tuple[float, float]:
+def nearest(path: PathRows, x: float, y: float, low: float, high: float) -> tuple[float, float]:
     """Return the arc length of the point of a path nearest to (x, y), and the offset of (x, y) to its left [m].
 
     Args:
@@ -127,7 +127,7 @@ def follow_paths(
     """
     for a in range(len(agents)):
         w, n = agents[a, 0], agents[a, 1]
-        own = Path(path[w], path_offsets[w, n], path_offsets[w, n + 1])
+        own = PathRows(path[w], path_offsets[w, n], path_offsets[w, n + 1])
         if own.end == own.first:
             continue
         last = route[w, n, 0]
@@ -162,7 +162,7 @@ def find_stops(
     """
     lanes = _with_arcs(lane_points, lane_offsets)
     for n in range(len(path_offsets) - 1):
-        own = Path(path, path_offsets[n], path_offsets[n + 1])
+        own = PathRows(path, path_offsets[n], path_offsets[n + 1])
         if own.end - own.first < 2:
             continue
         low_x, high_x, low_y, high_y = _bounds(own)
@@ -170,7 +170,7 @@ def find_stops(
             x, y, row = np.float64(stop[light, 0]), np.float64(stop[light, 1]), lane[light]
             if row < 0 or not (low_x <= x <= high_x and low_y <= y <= high_y):
                 continue
-            way = Path(lanes, lane_offsets[row], lane_offsets[row + 1])
+            way = PathRows(lanes, lane_offsets[row], lane_offsets[row + 1])
             if way.end - way.first > 1:
                 stops[n, light] = _stop_on(own, way, x, y)
 
@@ -189,7 +189,7 @@ def _with_arcs(points: Float32, offsets: Int32) -> Float32:
 
 
 @device_function
-def _bounds(path: Path) -> tuple[float, float, float, float]:
+def _bounds(path: PathRows) -> tuple[float, float, float, float]:
     """Return min x, max x, min y, max y of a path [m], widened by half a lane."""
     low_x, high_x, low_y, high_y = np.inf, -np.inf, np.inf, -np.inf
     for k in range(path.first, path.end):
@@ -199,7 +199,7 @@ def _bounds(path: Path) -> tuple[float, float, float, float]:
 
 
 @device_function
-def _stop_on(path: Path, way: Path, x: float, y: float) -> float:
+def _stop_on(path: PathRows, way: PathRows, x: float, y: float) -> float:
     """Return the arc length of the stop point (x, y) on a path; NaN if the path takes another lane than ``way``."""
     s, lateral = nearest(path, x, y, -np.inf, np.inf)
     beyond = smaller(_BEYOND, path.points[path.end - 1, ARC] - s)

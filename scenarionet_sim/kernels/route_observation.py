@@ -8,7 +8,7 @@ from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, UInt8
 from scenarionet_sim.kernels.log import ARC, HEADING, VX, VY, YAW_RATE, X, Y
 from scenarionet_sim.kernels.minmax import larger, smaller
-from scenarionet_sim.kernels.paths import Path, direction, pose_at, segment_at
+from scenarionet_sim.kernels.paths import PathRows, direction, pose_at, segment_at
 from scenarionet_sim.kernels.structures import Recorded
 
 _STANDING = 0.1
@@ -44,7 +44,7 @@ def points_ahead(
             lost = a
         me = motion[w, own]
         cos, sin = np.cos(me[HEADING]), np.sin(me[HEADING])
-        way = Path(path[w], path_offsets[w, own], path_offsets[w, own + 1])
+        way = PathRows(path[w], path_offsets[w, own], path_offsets[w, own + 1])
         for k in range(out.shape[1]):
             out[a, k, 0], out[a, k, 1] = 0.0, 0.0
             if way.end == way.first:
@@ -97,7 +97,7 @@ def observe_self(
         if abs(forward) >= _STANDING:
             out[a, 3] = np.arctan(wheelbase * size[w, own, 0] * me[YAW_RATE] / forward)
         out[a, 4], out[a, 5], out[a, 6] = 0.0, route[w, own, 1], 1.0
-        way = Path(path[w], path_offsets[w, own], path_offsets[w, own + 1])
+        way = PathRows(path[w], path_offsets[w, own], path_offsets[w, own + 1])
         if way.end - way.first > 1:
             tx, ty, _ = direction(way, segment_at(way, route[w, own, 0]))
             out[a, 4] = np.arctan2(sin * tx - cos * ty, cos * tx + sin * ty)

@@ -12,7 +12,7 @@ from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.kernels.log import ARC, VALID, VX, VY, X, Y
 from scenarionet_sim.kernels.minmax import larger, smaller
-from scenarionet_sim.kernels.structures import Moment, Recorded
+from scenarionet_sim.kernels.structures import Recorded, StateArrays
 from scenarionet_sim.task.task import ARRIVED, DRIVING, OFF_ROUTE, TIMED_OUT
 
 ROAD_USERS = np.uint32(sum(1 << kind for kind in (ObjectType.VEHICLE, ObjectType.PEDESTRIAN, ObjectType.CYCLIST)))
@@ -77,7 +77,7 @@ def score_step(
     agents: Int32,
     steering: Float64,
     contacts: Contacts,
-    now: Moment,
+    now: StateArrays,
     route: Float64,
     route_before: Float64,
     recorded: Recorded,

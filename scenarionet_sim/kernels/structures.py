@@ -10,7 +10,7 @@ from typing import NamedTuple
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, UInt8
 
 
-class Moment(NamedTuple):
+class StateArrays(NamedTuple):
     """Arrays of a ``State``: everything that moves in W worlds of N objects, at one moment.
 
     Attributes:

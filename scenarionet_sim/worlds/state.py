@@ -8,7 +8,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8
 from scenarionet_sim.kernels.log import HEADING, VX, YAW_RATE, Z
-from scenarionet_sim.kernels.structures import Moment
+from scenarionet_sim.kernels.structures import StateArrays
 from scenarionet_sim.worlds.world import World
 
 
@@ -75,10 +75,10 @@ class State:
     object_type: UInt8
     timestep: Int32
     history: History | None = None
-    moment: Moment = field(init=False, repr=False)
+    moment: StateArrays = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        self.moment = Moment(self.motion, self.route, self.present, self.size, self.object_type, self.timestep)
+        self.moment = StateArrays(self.motion, self.route, self.present, self.size, self.object_type, self.timestep)
 
     @property
     def position(self) -> Float64:

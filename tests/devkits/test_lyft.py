@@ -11,7 +11,7 @@ import pytest
 
 from scenarionet_data.converters.formats.zarr2 import ChunkedTable
 from scenarionet_data.converters.lyft import Lyft
-from scenarionet_data.converters.lyft.recording import Recording
+from scenarionet_data.converters.lyft.recording import LyftRecording
 from tests.devkits.environments import read_with
 from tests.fixtures import lyft as fixture
 from tests.fixtures.reading import scenarios
@@ -38,7 +38,7 @@ def test_tables_are_the_same_to_the_byte(read: Read) -> None:
         table = ChunkedTable(path / name)
         assert len(table) == length
         assert hashlib.sha256(table.rows(0, length).tobytes()).hexdigest() == digest
-    assert outside["labels"] is None or Recording(path).labels == tuple(outside["labels"])
+    assert outside["labels"] is None or LyftRecording(path).labels == tuple(outside["labels"])
 
 
 def test_every_row_of_every_frame_is_a_state(read: Read) -> None:

@@ -39,7 +39,7 @@ def test_a_run_is_drawn(tmp_path, ok, as_json):
     assert frames == steps
     missing = run("render", lake, "drive", "-o", tmp_path / "s.png", "--run", "other")
     assert missing.exit_code == 2
-    assert "runs of this lake: straight_on" in missing.stderr
+    assert "runs in this lake: straight_on" in missing.stderr
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from scenarionet_data.building import MapBuilder
-from scenarionet_data.converters.argoverse1.map_features import City, find_maps, map_id, maps_by_city, read_city
+from scenarionet_data.converters.argoverse1.map_features import (
+    Argoverse1City,
+    find_maps,
+    map_id,
+    maps_by_city,
+    read_city,
+)
 from scenarionet_data.converters.argoverse1.scenario import describe
 from scenarionet_data.converters.argoverse1.table import city_of, is_recording, read_recording
 from scenarionet_data.converters.base import Budgets, Converter, find_files
@@ -157,7 +163,7 @@ def _maps_for(raw: str, options: Argoverse1Options) -> list[Path]:
     return found
 
 
-def _city(name: str, path: Path, options: Argoverse1Options) -> City:
+def _city(name: str, path: Path, options: Argoverse1Options) -> Argoverse1City:
     maps = maps_by_city(options.maps)
     if name not in maps:
         raise CorruptSource(

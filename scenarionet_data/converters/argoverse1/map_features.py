@@ -21,7 +21,7 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import METRES, MapBuilder, meets, rounded
-from scenarionet_data.converters.argoverse1.neighbors import Sides, sort_sides
+from scenarionet_data.converters.argoverse1.neighbors import LaneNeighbors, sort_sides
 from scenarionet_data.errors import CorruptSource
 from scenarionet_data.scenario.description import MapFeatures
 from scenarionet_data.scenario.vocabulary import MapFeatureType
@@ -35,7 +35,7 @@ _KEPT_CITIES = 2
 
 
 @dataclass(frozen=True, eq=False)
-class City:
+class Argoverse1City:
     """A city's map, in the city's frame.
 
     Attributes:
@@ -71,7 +71,7 @@ class City:
 
 
 @dataclass
-class Lane:
+class Argoverse1Lane:
     """A way of the file with its tags."""
 
     id: str
@@ -118,7 +118,7 @@ def map_id(path: Path) -> str:
     return f"{match[1]}-{match[2]}" if match else path.stem
 
 
-def read_city(path: Path) -> City:
+def read_city(path: Path) -> Argoverse1City:
     """Read a city's map; a process caches a few.
 
     Raises:
@@ -131,7 +131,7 @@ def read_city(path: Path) -> City:
 
 
 @lru_cache(maxsize=_KEPT_CITIES)
-def _read_city(path: Path, state: tuple[int, int]) -> City:  # noqa: ARG001  # a changed file is read again
+def _read_city(path: Path, state: tuple[int, int]) -> Argoverse1City:  # noqa: ARG001  # a changed file is read again
     try:
         root = ElementTree.fromstring(path.read_bytes())  # noqa: S314  # expat refuses entities that explode
         lanes, centers = _read_lanes(root)
@@ -139,10 +139,10 @@ def _read_city(path: Path, state: tuple[int, int]) -> City:  # noqa: ARG001  # a
     except (OSError, ElementTree.ParseError, ValueError, KeyError) as error:
         reason = f"no {error}" if isinstance(error, KeyError) else str(error)
         raise CorruptSource(f"{path}: expected an Argoverse 1 vector map ({reason}); download it again") from error
-    return City(map_id(path), features, centers)
+    return Argoverse1City(map_id(path), features, centers)
 
 
-def _read_lanes(root: ElementTree.Element) -> tuple[list[Lane], Ragged]:
+def _read_lanes(root: ElementTree.Element) -> tuple[list[Argoverse1Lane], Ragged]:
     """Return ways as lanes, and their centrelines as points (P, 2) float64."""
     node_ids = {node.attrib["id"]: row for row, node in enumerate(root.iter("node"))}
     flat = [float(node.attrib[axis]) for node in root.iter("node") for axis in "xy"]
@@ -164,8 +164,8 @@ def _read_lanes(root: ElementTree.Element) -> tuple[list[Lane], Ragged]:
     return lanes, Ragged.from_flat(lengths, points[rows])
 
 
-def _lane(way: ElementTree.Element) -> Lane:
-    lane = Lane(str(int(way.attrib["lane_id"])), {}, [], [])
+def _lane(way: ElementTree.Element) -> Argoverse1Lane:
+    lane = Argoverse1Lane(str(int(way.attrib["lane_id"])), {}, [], [])
     lists = {"predecessor": lane.entries, "successor": lane.exits}
     for tag in way.iter("tag"):
         key, value = tag.attrib["k"], tag.attrib["v"]
@@ -176,7 +176,7 @@ def _lane(way: ElementTree.Element) -> Lane:
     return lane
 
 
-def _features(lanes: list[Lane], centers: Ragged) -> MapBuilder:
+def _features(lanes: list[Argoverse1Lane], centers: Ragged) -> MapBuilder:
     _complete_links(lanes)
     known = {lane.id: row for row, lane in enumerate(lanes)}
     neighbors = [(lane.neighbor("l_neighbor_id"), lane.neighbor("r_neighbor_id")) for lane in lanes]
@@ -197,7 +197,7 @@ def _features(lanes: list[Lane], centers: Ragged) -> MapBuilder:
     return builder
 
 
-def _extras(lane: Lane, sides: Sides, known: dict[str, int]) -> Iterator[tuple[str, object]]:
+def _extras(lane: Argoverse1Lane, sides: LaneNeighbors, known: dict[str, int]) -> Iterator[tuple[str, object]]:
     yield "is_width_assumed", True
     yield "has_traffic_control", lane.is_true("has_traffic_control")
     yield "turn_direction", lane.tags["turn_direction"]
@@ -210,7 +210,7 @@ def _extras(lane: Lane, sides: Sides, known: dict[str, int]) -> Iterator[tuple[s
         yield "lanes_outside_map", pruned
 
 
-def _complete_links(lanes: list[Lane]) -> None:
+def _complete_links(lanes: list[Argoverse1Lane]) -> None:
     """Make successors and predecessors mutual between lanes of the map."""
     by_id = {lane.id: lane for lane in lanes}
     for lane in lanes:

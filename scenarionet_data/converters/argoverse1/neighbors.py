@@ -19,7 +19,7 @@ _ASIDE = 0.5
 
 
 @dataclass
-class Sides:
+class LaneNeighbors:
     """Neighbours of a lane, left and right in its driving direction.
 
     Attributes:
@@ -36,7 +36,7 @@ class Sides:
 
 def sort_sides(
     neighbors: Sequence[tuple[str | None, str | None]], known: Mapping[str, int], centers: Ragged
-) -> list[Sides]:
+) -> list[LaneNeighbors]:
     """Sort neighbours by geometry; keep the side of those outside the map.
 
     Args:
@@ -44,7 +44,7 @@ def sort_sides(
         known: Row of each lane of the map.
         centers: Centrelines, points (P, 2) [m].
     """
-    sorted_sides = [Sides() for _ in neighbors]
+    sorted_sides = [LaneNeighbors() for _ in neighbors]
     told = [(row, name, side) for row, pair in enumerate(neighbors) for side, name in enumerate(pair) if name]
     inside = [(row, name, side) for row, name, side in told if name in known]
     lanes, others = np.array([(row, known[name]) for row, name, _ in inside], np.int64).reshape(-1, 2).T
@@ -63,7 +63,7 @@ def sort_sides(
     return sorted_sides
 
 
-def _put(sides: Sides, name: str, side: int) -> None:
+def _put(sides: LaneNeighbors, name: str, side: int) -> None:
     chosen = sides.right if side else sides.left
     if name not in chosen:
         chosen.append(name)

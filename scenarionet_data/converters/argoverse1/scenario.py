@@ -9,9 +9,9 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Bool, Float64
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import make_origin, make_tracks
-from scenarionet_data.converters.argoverse1.map_features import City
+from scenarionet_data.converters.argoverse1.map_features import Argoverse1City
 from scenarionet_data.converters.argoverse1.motion import DT, Motion, resample, step_of
-from scenarionet_data.converters.argoverse1.table import EGO, FOCAL, NUM_OBSERVED, Recording
+from scenarionet_data.converters.argoverse1.table import EGO, FOCAL, NUM_OBSERVED, Argoverse1Recording
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.description import Lights, MapFeatures, ScenarioDescription, Source, Tracks
 from scenarionet_data.scenario.vocabulary import ObjectType
@@ -24,7 +24,13 @@ _NEAR_LANE = 8.0
 
 
 def describe(
-    shard: Shard, scenario_id: str, file: str, recording: Recording, city: City | None, radius: float, licence: str
+    shard: Shard,
+    scenario_id: str,
+    file: str,
+    recording: Argoverse1Recording,
+    city: Argoverse1City | None,
+    radius: float,
+    licence: str,
 ) -> ScenarioDescription:
     """Convert a recording to a scenario.
 
@@ -83,13 +89,13 @@ def _window(motion: Motion, ego: int, origin: Float64, radius: float) -> tuple[f
     return float(min_x), float(min_y), float(max_x), float(max_y)
 
 
-def _roads(city: City, crop: tuple[float, float, float, float], origin: Float64) -> MapFeatures:
+def _roads(city: Argoverse1City, crop: tuple[float, float, float, float], origin: Float64) -> MapFeatures:
     min_x, min_y, max_x, max_y = np.asarray(crop) + np.tile(origin[:2], 2)
     return city.crop((min_x, min_y, max_x, max_y), origin)
 
 
 def _tracks(
-    recording: Recording, motion: Motion, position: Float64, origin: Float64, roads: MapFeatures | None
+    recording: Argoverse1Recording, motion: Motion, position: Float64, origin: Float64, roads: MapFeatures | None
 ) -> Tracks:
     is_ego = np.array([word == EGO for word in recording.types])
     lane_heading, is_near = _lane_headings(motion, origin, roads)

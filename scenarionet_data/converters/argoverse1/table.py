@@ -39,7 +39,7 @@ _TWO_LINES = 512
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class Argoverse1Recording:
     """One file: N tracks, S recorded times, R rows sorted by track and time.
 
     Attributes:
@@ -79,7 +79,7 @@ def city_of(path: Path) -> str:
     return row.rpartition(b",")[2].decode("ascii", "replace")
 
 
-def read_recording(path: Path) -> Recording:
+def read_recording(path: Path) -> Argoverse1Recording:
     """Read one file.
 
     Raises:
@@ -95,7 +95,7 @@ def read_recording(path: Path) -> Recording:
     twice = np.flatnonzero((track[1:] == track[:-1]) & (frame[1:] == frame[:-1]))
     if len(twice):
         raise CorruptSource(f"{path}: track {ids[track[twice[0]]]} has two rows with the same time; download it again")
-    return Recording(
+    return Argoverse1Recording(
         city=_city(rows, path),
         ids=ids,
         types=types,

@@ -17,7 +17,7 @@ from pathlib import Path
 from scenarionet_data.converters.argoverse2.forecasting import read_scenario
 from scenarionet_data.converters.argoverse2.sensor import (
     DT,
-    Window,
+    Argoverse2Window,
     city_of,
     describe,
     log_files,
@@ -61,7 +61,7 @@ class Argoverse2Options(Options):
             raise BadParameter(f"window, stride: expected {DT} s or more (or a stride of 0), {found}")
 
 
-class Argoverse2(Converter[RawItem | Window]):
+class Argoverse2(Converter[RawItem | Argoverse2Window]):
     """The motion forecasting dataset in buckets of scenarios, the sensor dataset with one log per shard."""
 
     name = "argoverse2"
@@ -94,7 +94,7 @@ class Argoverse2(Converter[RawItem | Window]):
         read = [log_patterns(path) if _is_log(path) else _scenario_pair(path) for path in paths]
         yield [file.as_posix() for files in read for file in files]
 
-    def records(self, shard: Shard) -> Iterator[RawItem | Window]:
+    def records(self, shard: Shard) -> Iterator[RawItem | Argoverse2Window]:
         """Yield scenario folders, or the windows of a sensor log."""
         options = shard.options
         if not isinstance(options, Argoverse2Options):
@@ -105,9 +105,9 @@ class Argoverse2(Converter[RawItem | Window]):
             else:
                 yield item
 
-    def scenario(self, shard: Shard, record: RawItem | Window) -> ScenarioDescription:
+    def scenario(self, shard: Shard, record: RawItem | Argoverse2Window) -> ScenarioDescription:
         """Convert a scenario's folder, or a window of a log."""
-        if isinstance(record, Window):
+        if isinstance(record, Argoverse2Window):
             return describe(shard, record, self.licence)
         return read_scenario(shard, record, self.licence)
 

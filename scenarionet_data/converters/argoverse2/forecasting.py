@@ -14,16 +14,16 @@ import pyarrow as pa
 
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.building import make_origin, make_tracks
-from scenarionet_data.converters.argoverse2.map_features import RoadMap, read_map
+from scenarionet_data.converters.argoverse2.map_features import Argoverse2Map, read_map
 from scenarionet_data.converters.argoverse2.polylines import ground_height
-from scenarionet_data.converters.argoverse2.table import Grid, column, numbers, read_parquet, text
+from scenarionet_data.converters.argoverse2.table import TrackGrid, column, numbers, read_parquet, text
 from scenarionet_data.converters.argoverse2.types import (
     EGO,
     EGO_SIZE,
     OBJECTS,
     TRACK_CATEGORIES,
     UNKNOWN_OBJECT,
-    Kind,
+    TypeMapping,
 )
 from scenarionet_data.errors import CorruptSource, InvalidScenario
 from scenarionet_data.ingest.shard import RawItem, Shard
@@ -93,7 +93,7 @@ class _Table:
         timestep = numbers(rows, path, "timestep")
         observed = numbers(rows, path, "observed").astype(bool)
         self.current_timestep = int(timestep[observed].max(initial=0))
-        self.grid = Grid(text(rows, path, "track_id"), timestep, count, path)
+        self.grid = TrackGrid(text(rows, path, "track_id"), timestep, count, path)
         self.motion = numbers(rows, path, "position_x", "position_y", "heading", "velocity_x", "velocity_y")
         types: list[str] = text(rows, path, "object_type").take(self.grid.first).to_pylist()
         self.types = types
@@ -120,7 +120,9 @@ class _Shared:
         return self._rows.column(name)[0].as_py() if name in self._rows.column_names else None
 
 
-def _describe(shard: Shard, scenario_id: str, source: Source, table: _Table, roads: RoadMap) -> ScenarioDescription:
+def _describe(
+    shard: Shard, scenario_id: str, source: Source, table: _Table, roads: Argoverse2Map
+) -> ScenarioDescription:
     kinds = [_kind(track, word) for track, word in zip(table.grid.ids, table.types, strict=True)]
     position = _positions(table, kinds, roads)
     ego = table.grid.ids.index(EGO)
@@ -153,12 +155,12 @@ def _describe(shard: Shard, scenario_id: str, source: Source, table: _Table, roa
     )
 
 
-def _kind(track: str, word: str) -> Kind:
+def _kind(track: str, word: str) -> TypeMapping:
     kind = OBJECTS.get(word, UNKNOWN_OBJECT)
     return kind._replace(size=EGO_SIZE) if track == EGO else kind
 
 
-def _positions(table: _Table, kinds: list[Kind], roads: RoadMap) -> Float64:
+def _positions(table: _Table, kinds: list[TypeMapping], roads: Argoverse2Map) -> Float64:
     """(N, T, 3) box centres in the city frame, half a height above the map's ground."""
     places = table.motion[:, :2]
     height = table.grid.place(ground_height(roads.ground, places))
@@ -166,7 +168,7 @@ def _positions(table: _Table, kinds: list[Kind], roads: RoadMap) -> Float64:
     return np.concatenate([table.grid.place(places), height[..., None]], axis=-1)
 
 
-def _tracks(table: _Table, kinds: list[Kind], position: Float64, origin: Float64) -> Tracks:
+def _tracks(table: _Table, kinds: list[TypeMapping], position: Float64, origin: Float64) -> Tracks:
     motion = table.grid.place(table.motion)
     return make_tracks(
         table.grid.ids,

@@ -31,7 +31,7 @@ Points = Sequence[Mapping[str, float]]
 _XYZ = itemgetter("x", "y", "z")
 
 
-class Lane(NamedTuple):
+class Argoverse2Lane(NamedTuple):
     """A lane without its geometry; ``marks`` and ``neighbors`` are left, right."""
 
     id: str
@@ -44,7 +44,7 @@ class Lane(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class RoadMap:
+class Argoverse2Map:
     """A map archive in the city frame.
 
     Attributes:
@@ -56,7 +56,7 @@ class RoadMap:
         num_completed_links: Number of links listed by one of the two lanes only.
     """
 
-    lanes: list[Lane]
+    lanes: list[Argoverse2Lane]
     left: Ragged
     right: Ragged
     centers: Ragged
@@ -122,7 +122,7 @@ class _Boundaries:
         return (feature_id,)
 
 
-def read_map(path: Path) -> RoadMap:
+def read_map(path: Path) -> Argoverse2Map:
     """Read one map archive.
 
     Raises:
@@ -137,7 +137,7 @@ def read_map(path: Path) -> RoadMap:
         raise CorruptSource(f"{path}: {wanted}, found {error!r}; download it again") from error
 
 
-def _parse(archive: dict[str, Any]) -> RoadMap:
+def _parse(archive: dict[str, Any]) -> Argoverse2Map:
     segments = list(archive["lane_segments"].values())
     if not segments:
         raise ValueError("no lanes")
@@ -151,7 +151,7 @@ def _parse(archive: dict[str, Any]) -> RoadMap:
     crossings = archive["pedestrian_crossings"].values()
     edges = _lines(crossing[edge] for crossing in crossings for edge in ("edge1", "edge2"))
     lanes = [_lane(segment) for segment in segments]
-    return RoadMap(
+    return Argoverse2Map(
         lanes=lanes,
         left=left,
         right=right,
@@ -167,9 +167,9 @@ def _parse(archive: dict[str, Any]) -> RoadMap:
     )
 
 
-def _lane(segment: Mapping[str, Any]) -> Lane:
+def _lane(segment: Mapping[str, Any]) -> Argoverse2Lane:
     left, right = segment["left_neighbor_id"], segment["right_neighbor_id"]
-    return Lane(
+    return Argoverse2Lane(
         id=str(segment["id"]),
         kind=segment["lane_type"],
         is_intersection=bool(segment["is_intersection"]),
@@ -192,7 +192,7 @@ def _lines(lists: Iterable[Points]) -> Ragged:
     return Ragged(np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32), values)
 
 
-def _complete_links(lanes: list[Lane]) -> int:
+def _complete_links(lanes: list[Argoverse2Lane]) -> int:
     """Make links between lanes of the map mutual; return how many were listed by one lane only.
 
     A log's map lists all successors but only about half of the predecessors (in one real log, 107 of 199 links lack

@@ -18,7 +18,7 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Float64, Int64
 from scenarionet_data.arrays.geometry import estimate_velocity
 from scenarionet_data.building import make_origin, make_tracks
-from scenarionet_data.converters.argoverse2.map_features import RoadMap, read_map
+from scenarionet_data.converters.argoverse2.map_features import Argoverse2Map, read_map
 from scenarionet_data.converters.argoverse2.poses import (
     QUATERNION,
     TRANSLATION,
@@ -28,7 +28,7 @@ from scenarionet_data.converters.argoverse2.poses import (
     read_poses,
     rotated,
 )
-from scenarionet_data.converters.argoverse2.table import Grid, numbers, read_feather, text
+from scenarionet_data.converters.argoverse2.table import TrackGrid, numbers, read_feather, text
 from scenarionet_data.converters.argoverse2.types import EGO, EGO_CENTER, EGO_SIZE, SENSOR_CATEGORIES
 from scenarionet_data.errors import CorruptSource
 from scenarionet_data.ingest.shard import Shard
@@ -52,7 +52,7 @@ HISTORY = 10
 
 
 @dataclass(frozen=True, eq=False)
-class Log:
+class Argoverse2Log:
     """One sensor log in the city frame: S sweeps, R annotated boxes.
 
     Attributes:
@@ -75,15 +75,15 @@ class Log:
     tracks: Any
     categories: Any
     boxes: Float64
-    roads: RoadMap
+    roads: Argoverse2Map
     city: str | None
 
 
 @dataclass(frozen=True, eq=False)
-class Window:
+class Argoverse2Window:
     """Sweeps ``first`` to ``last - 1`` of a log: one scenario."""
 
-    log: Log
+    log: Argoverse2Log
     first: int
     last: int
 
@@ -109,7 +109,7 @@ def city_of(annotations: Path) -> str | None:
     return next(map(_city, _maps(annotations.parent)), None)
 
 
-def read_log(annotations: Path) -> Log:
+def read_log(annotations: Path) -> Argoverse2Log:
     """Read one log's boxes, poses and map.
 
     Raises:
@@ -128,7 +128,7 @@ def read_log(annotations: Path) -> Log:
     maps = _maps(folder)
     if not maps:
         raise CorruptSource(f"{folder / 'map'}: no log_map_archive_*.json; download the log's map folder too")
-    return Log(
+    return Argoverse2Log(
         name=folder.resolve().name,
         sweeps=sweeps,
         num_interpolated=poses.num_interpolated,
@@ -148,7 +148,7 @@ def _city(path: Path) -> str | None:
     return found.group(1) if found else None
 
 
-def windows(log: Log, window: float, stride: float) -> Iterator[Window]:
+def windows(log: Argoverse2Log, window: float, stride: float) -> Iterator[Argoverse2Window]:
     """Cut a log every ``stride`` seconds into ``window`` seconds; a sweep counts as 0.1 s.
 
     The last window ends with the log and may be shorter; it is dropped if it would end within its history.
@@ -157,12 +157,12 @@ def windows(log: Log, window: float, stride: float) -> Iterator[Window]:
     for first in range(0, count, step):
         last = min(first + size, count)
         if first == 0 or last - first > HISTORY + 1:
-            yield Window(log, first, last)
+            yield Argoverse2Window(log, first, last)
         if last == count:
             return
 
 
-def describe(shard: Shard, window: Window, licence: str) -> ScenarioDescription:
+def describe(shard: Shard, window: Argoverse2Window, licence: str) -> ScenarioDescription:
     """Convert one window to a scenario."""
     log, part = window.log, slice(window.first, window.last)
     times = log.sweeps[part]
@@ -200,11 +200,11 @@ def describe(shard: Shard, window: Window, licence: str) -> ScenarioDescription:
     )
 
 
-def _tracks(window: Window, ego: Float64, timestamps: Float64, origin: Float64) -> Tracks:
+def _tracks(window: Argoverse2Window, ego: Float64, timestamps: Float64, origin: Float64) -> Tracks:
     """Build the annotated objects of the window, followed by the ego."""
     log = window.log
     (rows,) = np.nonzero((log.sweep >= window.first) & (log.sweep < window.last))
-    grid = Grid(log.tracks.take(rows), log.sweep[rows] - window.first, len(timestamps), Path(log.name))
+    grid = TrackGrid(log.tracks.take(rows), log.sweep[rows] - window.first, len(timestamps), Path(log.name))
     words = log.categories.take(rows[grid.first]).to_pylist()
     boxes = np.concatenate([grid.place(log.boxes[rows]), np.column_stack([ego, _ego_sizes(ego)])[None]])
     valid = np.concatenate([grid.valid, np.ones((1, len(timestamps)), np.bool_)])

@@ -91,7 +91,7 @@ def text(table: pa.Table, path: Path, name: str) -> pa.DictionaryArray:
     return column(table, path, name).combine_chunks().dictionary_encode()
 
 
-class Grid:
+class TrackGrid:
     """Grid of N tracks and T timesteps, with the cell of each row.
 
     Attributes:

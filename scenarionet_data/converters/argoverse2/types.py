@@ -19,7 +19,7 @@ EGO_CENTER = (1.34, 0.0, 0.40)
 the height less 0.333 m, the height of the axle above the map's ground (median over a sensor log)."""
 
 
-class Kind(NamedTuple):
+class TypeMapping(NamedTuple):
     """Mapping of an object type of the motion forecasting dataset.
 
     Attributes:
@@ -36,18 +36,18 @@ class Kind(NamedTuple):
 # Construction objects are cones, barrels, barriers and signs; most are cones. Static, background and unknown
 # objects and riderless bicycles have no type among road users and barriers.
 OBJECTS = {
-    "vehicle": Kind(ObjectType.VEHICLE, (4.0, 2.0, 1.6)),
-    "bus": Kind(ObjectType.VEHICLE, (12.0, 2.5, 3.2)),
-    "pedestrian": Kind(ObjectType.PEDESTRIAN, (0.5, 0.5, 1.75)),
-    "cyclist": Kind(ObjectType.CYCLIST, (2.0, 0.7, 1.75)),
-    "motorcyclist": Kind(ObjectType.CYCLIST, (2.0, 0.7, 1.6)),
-    "riderless_bicycle": Kind(ObjectType.OTHER, (2.0, 0.7, 1.1)),
-    "construction": Kind(ObjectType.TRAFFIC_CONE, (0.5, 0.5, 0.8), is_assumed=True),
-    "static": Kind(ObjectType.OTHER, (0.5, 0.5, 1.0)),
-    "background": Kind(ObjectType.OTHER, (0.5, 0.5, 1.0)),
-    "unknown": Kind(ObjectType.OTHER, (0.5, 0.5, 1.0)),
+    "vehicle": TypeMapping(ObjectType.VEHICLE, (4.0, 2.0, 1.6)),
+    "bus": TypeMapping(ObjectType.VEHICLE, (12.0, 2.5, 3.2)),
+    "pedestrian": TypeMapping(ObjectType.PEDESTRIAN, (0.5, 0.5, 1.75)),
+    "cyclist": TypeMapping(ObjectType.CYCLIST, (2.0, 0.7, 1.75)),
+    "motorcyclist": TypeMapping(ObjectType.CYCLIST, (2.0, 0.7, 1.6)),
+    "riderless_bicycle": TypeMapping(ObjectType.OTHER, (2.0, 0.7, 1.1)),
+    "construction": TypeMapping(ObjectType.TRAFFIC_CONE, (0.5, 0.5, 0.8), is_assumed=True),
+    "static": TypeMapping(ObjectType.OTHER, (0.5, 0.5, 1.0)),
+    "background": TypeMapping(ObjectType.OTHER, (0.5, 0.5, 1.0)),
+    "unknown": TypeMapping(ObjectType.OTHER, (0.5, 0.5, 1.0)),
 }
-UNKNOWN_OBJECT = Kind(ObjectType.OTHER, (0.5, 0.5, 1.0), is_assumed=True)
+UNKNOWN_OBJECT = TypeMapping(ObjectType.OTHER, (0.5, 0.5, 1.0), is_assumed=True)
 """Mapping of unknown types."""
 
 TRACK_CATEGORIES = dict(enumerate(("FRAGMENT", "UNSCORED", "SCORED", "FOCAL")))

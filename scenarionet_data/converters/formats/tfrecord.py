@@ -21,7 +21,7 @@ _REMEDY = "download it again, or remove it and convert the rest"
 
 
 @dataclass(frozen=True)
-class Record:
+class TfRecord:
     """One payload of a TFRecord file.
 
     Attributes:
@@ -35,7 +35,7 @@ class Record:
     is_intact: bool
 
 
-def read_records(path: Path) -> Iterator[Record]:
+def read_records(path: Path) -> Iterator[TfRecord]:
     """Yield the records of a file, with one payload in memory at a time.
 
     A payload with a wrong checksum is yielded and marked: its length is intact, so the next record can be read.
@@ -58,7 +58,7 @@ def read_records(path: Path) -> Iterator[Record]:
                 )
             payload = file.read(length)
             (checksum,) = _FOOTER.unpack(file.read(_FOOTER.size))
-            yield Record(offset, payload, masked_crc(payload) == checksum)
+            yield TfRecord(offset, payload, masked_crc(payload) == checksum)
             offset = end
 
 

@@ -30,10 +30,10 @@ from scenarionet_data.converters.lyft.files import (
     scene_items,
     scene_of,
 )
-from scenarionet_data.converters.lyft.map_features import City, read_city
+from scenarionet_data.converters.lyft.map_features import LyftCity, read_city
 from scenarionet_data.converters.lyft.options import LyftOptions
-from scenarionet_data.converters.lyft.recording import Recording, Scene
-from scenarionet_data.converters.lyft.scenario import CITY, MAP_ID, Window, describe, windows
+from scenarionet_data.converters.lyft.recording import LyftRecording, LyftScene
+from scenarionet_data.converters.lyft.scenario import CITY, MAP_ID, LyftWindow, describe, windows
 from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario
 from scenarionet_data.ingest.options import Options
 from scenarionet_data.ingest.shard import RawItem, Shard, fingerprint
@@ -45,7 +45,7 @@ _BLOCK = 32
 """Number of consecutive scenes per shard, which share chunks; about 700,000 rows of agents."""
 
 
-class Lyft(Converter[Window]):
+class Lyft(Converter[LyftWindow]):
     """One shard per block of scenes of a recording; the semantic map is shared by all."""
 
     name = "lyft"
@@ -69,7 +69,7 @@ class Lyft(Converter[Window]):
             name = path.relative_to(root).as_posix()
             stem = re.sub(r"[^A-Za-z0-9._-]", "-", name.removesuffix(".zarr"))
             try:
-                items = scene_items(Recording(path), name, map_mark)
+                items = scene_items(LyftRecording(path), name, map_mark)
             except CorruptSource:  # reported when the shard is read, which fails alone
                 items = [damaged_item(path, name)]
             for first in range(0, len(items), _BLOCK):
@@ -94,14 +94,14 @@ class Lyft(Converter[Window]):
                 root, [file for recording, scene in scenes for file in _content_files(shard, recording, scene)]
             )
 
-    def records(self, shard: Shard) -> Iterator[Window]:
+    def records(self, shard: Shard) -> Iterator[LyftWindow]:
         """Yield the windows of the shard's scenes."""
         options = _options(shard)
         city = _read_city(find_map(options.maps or shard.root)) if options.has_map else None
         for recording, scene in _scenes(shard):
             yield from windows(recording, scene, options, city)
 
-    def scenario(self, shard: Shard, record: Window) -> ScenarioDescription:
+    def scenario(self, shard: Shard, record: LyftWindow) -> ScenarioDescription:
         """Convert a window."""
         return describe(shard, record, self.licence)
 
@@ -126,17 +126,17 @@ def _options(shard: Shard) -> LyftOptions:
     return shard.options
 
 
-def _scenes(shard: Shard) -> Iterator[tuple[Recording, Scene]]:
+def _scenes(shard: Shard) -> Iterator[tuple[LyftRecording, LyftScene]]:
     """Yield a shard's scenes with their recordings."""
     recording = None
     for name, row in map(scene_of, shard.items):
         if recording is None or recording.path != Path(shard.root, name):
-            recording = Recording(Path(shard.root, name))
+            recording = LyftRecording(Path(shard.root, name))
         for scene in recording.scenes if row is None else [recording.scenes[row]]:
             yield recording, scene
 
 
-def _content_files(shard: Shard, recording: Recording, scene: Scene) -> Iterator[Path]:
+def _content_files(shard: Shard, recording: LyftRecording, scene: LyftScene) -> Iterator[Path]:
     """Files with the agents and lights of a scene's windows; none for a scene that will be refused."""
     for window in windows(recording, scene, _options(shard), None):
         with suppress(InvalidScenario, CorruptSource):
@@ -148,6 +148,6 @@ def _below(root: Path, paths: list[Path]) -> list[str]:
     return [path.relative_to(root).as_posix() for path in paths if path.is_relative_to(root)]
 
 
-def _read_city(files: list[Path]) -> City:
+def _read_city(files: list[Path]) -> LyftCity:
     map_file, meta_file = files
     return read_city(map_file, meta_file, fingerprint(files))

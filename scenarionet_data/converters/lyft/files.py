@@ -6,7 +6,7 @@ import hashlib
 import os
 from pathlib import Path
 
-from scenarionet_data.converters.lyft.recording import Recording
+from scenarionet_data.converters.lyft.recording import LyftRecording
 from scenarionet_data.errors import SourceNotFound
 from scenarionet_data.ingest.shard import RawItem, fingerprint
 
@@ -81,7 +81,7 @@ def description_files(recording: str) -> list[str]:
     return [f"{recording}/.zattrs", f"{recording}/scenes/*", *(f"{recording}/{table}/.zarray" for table in tables)]
 
 
-def scene_items(recording: Recording, name: str, map_mark: str) -> list[RawItem]:
+def scene_items(recording: LyftRecording, name: str, map_mark: str) -> list[RawItem]:
     """Scenes of a recording as items, identified by row, with fingerprints of their frames and the map."""
     marks: dict[Path, str] = {}
     items = []

@@ -12,7 +12,7 @@ from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.arrays.geometry import path_length
 
 
-class Side(NamedTuple):
+class LaneSide(NamedTuple):
     """One side of a lane.
 
     Attributes:
@@ -25,10 +25,10 @@ class Side(NamedTuple):
     dividers: Sequence[int]
     changes: Sequence[float]
 
-    def reversed(self) -> Side:
+    def reversed(self) -> LaneSide:
         """The side in reverse order."""
         length = path_length(self.points)
-        return Side(self.points[::-1], self.dividers[::-1], [length - place for place in reversed(self.changes)])
+        return LaneSide(self.points[::-1], self.dividers[::-1], [length - place for place in reversed(self.changes)])
 
     def paint(self) -> list[tuple[int, Float64]]:
         """Each kind of paint with its part of the side; kinds without extent are skipped."""
@@ -41,11 +41,11 @@ class Side(NamedTuple):
         return [(kind, _part(self.points, along, *place)) for kind, place in parts if place[0] < place[1] <= along[-1]]
 
 
-class Sides(NamedTuple):
+class LaneSides(NamedTuple):
     """Left and right side of a lane, with points in driving direction."""
 
-    left: Side
-    right: Side
+    left: LaneSide
+    right: LaneSide
 
     @property
     def ends(self) -> Float64:
@@ -53,16 +53,16 @@ class Sides(NamedTuple):
         ends: Float64 = (self.left.points[[0, -1]] + self.right.points[[0, -1]]) / 2.0
         return ends
 
-    def turned_around(self) -> Sides:
+    def turned_around(self) -> LaneSides:
         """The lane in the opposite direction, with left and right swapped if needed."""
         left, right = self.left.reversed(), self.right.reversed()
         outline = np.concatenate([left.points, right.points[::-1]])
-        return Sides(left, right) if _is_clockwise(outline) else Sides(right, left)
+        return LaneSides(left, right) if _is_clockwise(outline) else LaneSides(right, left)
 
 
 def in_driving_direction(
-    lanes: Mapping[str, Sides], is_backward: Mapping[str, bool], ahead: Mapping[str, Sequence[str]]
-) -> dict[str, Sides]:
+    lanes: Mapping[str, LaneSides], is_backward: Mapping[str, bool], ahead: Mapping[str, Sequence[str]]
+) -> dict[str, LaneSides]:
     """Orient lanes in driving direction.
 
     According to the map's description the points of a side follow the road segment, so those of lanes against the
@@ -80,7 +80,7 @@ def in_driving_direction(
     return turned if _gaps(turned, ahead) < _gaps(lanes, ahead) else dict(lanes)
 
 
-def _gaps(lanes: Mapping[str, Sides], ahead: Mapping[str, Sequence[str]]) -> float:
+def _gaps(lanes: Mapping[str, LaneSides], ahead: Mapping[str, Sequence[str]]) -> float:
     """Sum of the distances from the ends of lanes to the starts of their successors [m]."""
     links = [(lane, other) for lane in lanes for other in ahead[lane] if other in lanes]
     ends = {lane: sides.ends for lane, sides in lanes.items()}

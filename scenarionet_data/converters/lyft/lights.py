@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64, UInt8
-from scenarionet_data.converters.lyft.map_features import City
-from scenarionet_data.converters.lyft.recording import Content
+from scenarionet_data.converters.lyft.map_features import LyftCity
+from scenarionet_data.converters.lyft.recording import LyftContent
 from scenarionet_data.scenario.description import Lights, strings
 from scenarionet_data.scenario.vocabulary import LIGHT_COLORS, LightState, Provenance
 
@@ -15,7 +15,7 @@ _CODES = 16
 """Greater than the number of light states."""
 
 
-def lights(content: Content, city: City | None, origin: Float64) -> Lights:
+def lights(content: LyftContent, city: LyftCity | None, origin: Float64) -> Lights:
     """Build one row per traffic light and controlled lane.
 
     The state of a lane is that of the lit (ACTIVE) face, of the most restrictive one if several are lit, unknown if
@@ -49,19 +49,19 @@ def _ranked(state: LightState) -> int:
     return int(LIGHT_COLORS[state]) * _CODES + int(state)
 
 
-def _state(city: City | None, kind: str) -> LightState:
+def _state(city: LyftCity | None, kind: str) -> LightState:
     _, face = kind.split("\n")
     return city.faces[face][0] if city and face in city.faces else _UNKNOWN
 
 
-def _targets(city: City | None, kind: str) -> list[tuple[str, str]]:
+def _targets(city: LyftCity | None, kind: str) -> list[tuple[str, str]]:
     """Light and lane of the rows of a face."""
     light, face = kind.split("\n")
     lanes = city.faces[face][1] if city and face in city.faces else []
     return [(light, lane) for lane in lanes or [light]]
 
 
-def _made(keys: list[tuple[str, str]], state: UInt8, city: City | None, origin: Float64) -> Lights:
+def _made(keys: list[tuple[str, str]], state: UInt8, city: LyftCity | None, origin: Float64) -> Lights:
     lanes = [lane for _, lane in keys]
     exits = city.exits if city else {}
     unknown = np.full(2, np.nan)

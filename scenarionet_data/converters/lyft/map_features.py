@@ -19,9 +19,9 @@ from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.argoverse2.polylines import between, midlines
-from scenarionet_data.converters.lyft.lanes import Side, Sides, in_driving_direction
-from scenarionet_data.converters.lyft.wire import Side as WireSide
-from scenarionet_data.converters.lyft.wire import WireControls, WireLanes, WireMap, read_map
+from scenarionet_data.converters.lyft.lanes import LaneSide, LaneSides, in_driving_direction
+from scenarionet_data.converters.lyft.wire import LyftWireMap, WireControls, WireLanes, read_map
+from scenarionet_data.converters.lyft.wire import WireSide as WireSide
 from scenarionet_data.errors import CorruptSource
 from scenarionet_data.scenario.vocabulary import LightState
 from scenarionet_data.scenario.vocabulary import MapFeatureType as Type
@@ -67,7 +67,7 @@ FACES = {
 
 
 @dataclass(frozen=True, eq=False)
-class City:
+class LyftCity:
     """A semantic map.
 
     Attributes:
@@ -84,7 +84,7 @@ class City:
 
 
 @lru_cache(maxsize=2)
-def read_city(map_file: Path, meta_file: Path, fingerprint: str) -> City:  # noqa: ARG001
+def read_city(map_file: Path, meta_file: Path, fingerprint: str) -> LyftCity:  # noqa: ARG001
     """Read a semantic map; cached, as every scenario is cropped from it.
 
     Args:
@@ -104,7 +104,7 @@ def read_city(map_file: Path, meta_file: Path, fingerprint: str) -> City:  # noq
     _add_controls(builder, wire.controls, ecef_to_world, controlled)
     kinds = zip(wire.controls.ids, wire.controls.kinds.tolist(), strict=True)
     faces = {name: (FACES[kind], controlled.get(name, [])) for name, kind in kinds if kind in FACES}
-    return City(builder, builder.bounds, exits, faces)
+    return LyftCity(builder, builder.bounds, exits, faces)
 
 
 def _read_world_to_ecef(path: Path) -> Float64:
@@ -128,21 +128,21 @@ def _in_world(points: Float64, ecef_to_world: Float64) -> Float64:
 # --- lanes ----------------------------------------------------------------------------------------------
 
 
-def _lanes(wire: WireLanes, ecef_to_world: Float64) -> dict[str, Sides]:
+def _lanes(wire: WireLanes, ecef_to_world: Float64) -> dict[str, LaneSides]:
     """Lanes with geometry, by id, in driving direction."""
     left, right = (_sides(side, ecef_to_world) for side in (wire.left, wire.right))
     pairs = zip(wire.ids, left, right, strict=True)
-    found = {name: Sides(*pair) for name, *pair in pairs if min(len(side.points) for side in pair) > 1}
+    found = {name: LaneSides(*pair) for name, *pair in pairs if min(len(side.points) for side in pair) > 1}
     is_backward = dict(zip(wire.ids, (wire.orientations == _BACKWARD).tolist(), strict=True))
     return in_driving_direction(found, is_backward, dict(zip(wire.ids, wire.ahead, strict=True)))
 
 
-def _sides(wire: WireSide, ecef_to_world: Float64) -> list[Side]:
+def _sides(wire: WireSide, ecef_to_world: Float64) -> list[LaneSide]:
     lines = Ragged(wire.lines.offsets, _in_world(wire.lines.values, ecef_to_world))
-    return [Side(*side) for side in zip(lines, wire.dividers, wire.changes, strict=True)]
+    return [LaneSide(*side) for side in zip(lines, wire.dividers, wire.changes, strict=True)]
 
 
-def _add_lanes(builder: MapBuilder, wire: WireMap, lanes: Mapping[str, Sides]) -> dict[str, Float64]:
+def _add_lanes(builder: MapBuilder, wire: LyftWireMap, lanes: Mapping[str, LaneSides]) -> dict[str, Float64]:
     """Add lanes and the paint along them; return the end of each lane."""
     left, right = (_flat_lines([sides[side].points for sides in lanes.values()]) for side in (0, 1))
     centers, widths = between(midlines(left, right), left, right)
@@ -187,21 +187,21 @@ def _some(name: str) -> tuple[str, ...]:
     return (name,) if name else ()
 
 
-def _lane_type(wire: WireMap, row: int) -> Type:
+def _lane_type(wire: LyftWireMap, row: int) -> Type:
     if _ACCESS[wire.lanes.access[row]] == "ONLY_BIKE":
         return Type.LANE_BIKE_LANE
     _, _, road_class = wire.segments.get(wire.lanes.parents[row], (0.0, 0.0, 0))
     return Type.LANE_FREEWAY if road_class in _MOTORWAYS else Type.LANE_SURFACE_STREET
 
 
-def _speed_limit(wire: WireMap, row: int) -> float:
+def _speed_limit(wire: LyftWireMap, row: int) -> float:
     """Speed limit of the lane's segment in its direction [m/s]; NaN if unknown and in junctions."""
     forward, backward, _ = wire.segments.get(wire.lanes.parents[row], (0.0, 0.0, 0))
     limit = backward if wire.lanes.orientations[row] == _BACKWARD and backward > 0.0 else forward
     return limit if 0.0 < limit < np.inf else np.nan
 
 
-def _is_intersection(wire: WireMap, row: int) -> bool | None:
+def _is_intersection(wire: LyftWireMap, row: int) -> bool | None:
     parent = wire.lanes.parents[row]
     return False if parent in wire.segments else wire.junctions.get(parent)
 
@@ -217,7 +217,7 @@ def _lane_extras(lanes: WireLanes, row: int) -> dict[str, Any] | None:
     return {key: value for key, value in extras.items() if value} or None
 
 
-def _add_paint(builder: MapBuilder, name: str, side: Side) -> list[str]:
+def _add_paint(builder: MapBuilder, name: str, side: LaneSide) -> list[str]:
     """Add the lines along one side of a lane; return their ids."""
     added = []
     for number, (kind, points) in enumerate(side.paint()):
@@ -232,7 +232,7 @@ def _add_paint(builder: MapBuilder, name: str, side: Side) -> list[str]:
 # --- traffic controls -----------------------------------------------------------------------------------
 
 
-def _controlled_lanes(wire: WireMap) -> dict[str, list[str]]:
+def _controlled_lanes(wire: LyftWireMap) -> dict[str, list[str]]:
     """Lanes by the traffic control at their exit; the faces of a traffic light have its lanes."""
     lights = {name: faces for name, faces in zip(wire.controls.ids, wire.controls.faces, strict=True) if faces}
     controlled: dict[str, dict[str, None]] = {}

@@ -46,7 +46,7 @@ LABELS = tuple(
 
 
 @dataclass(frozen=True)
-class Scene:
+class LyftScene:
     """One row of the scenes.
 
     Attributes:
@@ -71,7 +71,7 @@ class Scene:
 
 
 @dataclass(frozen=True, eq=False)
-class Content:
+class LyftContent:
     """Rows of consecutive frames: T frames, R agents, K faces.
 
     Attributes:
@@ -89,7 +89,7 @@ class Content:
     faces: Array
 
 
-class Recording:
+class LyftRecording:
     """An open zarr folder.
 
     Attributes:
@@ -123,12 +123,12 @@ class Recording:
         """Number of frames in all scenes."""
         return len(self._tables["frames"])
 
-    def frame_files(self, scene: Scene) -> list[Path]:
+    def frame_files(self, scene: LyftScene) -> list[Path]:
         """Files with the frames of a scene; none if its frames do not exist."""
         is_sound = 0 <= scene.first <= scene.last <= self.num_frames
         return self._tables["frames"].chunk_files(scene.first, scene.last) if is_sound else []
 
-    def read(self, first: int, last: int, where: str) -> Content:
+    def read(self, first: int, last: int, where: str) -> LyftContent:
         """Read frames ``first`` to ``last - 1``.
 
         Args:
@@ -146,7 +146,7 @@ class Recording:
             faces_frame, faces = self._parts("traffic_light_faces", frames, where)
         turn = frames["ego_rotation"].astype(np.float64)
         yaw = np.arctan2(turn[:, 1, 0], turn[:, 0, 0])
-        return Content(
+        return LyftContent(
             times=frames["timestamp"].astype(np.int64),
             ego=np.column_stack([frames["ego_translation"][:, :2], yaw]),
             frame=frame,
@@ -196,7 +196,7 @@ def _table(path: Path, name: str) -> ChunkedTable:
     return table
 
 
-def _scene(index: int, row: Any) -> Scene:
+def _scene(index: int, row: Any) -> LyftScene:
     first, last = row["frame_index_interval"].tolist()
     start, host = int(row["start_time"]), str(row["host"])
-    return Scene(index, f"{host}-{start}", first, last, start, host)
+    return LyftScene(index, f"{host}-{start}", first, last, start, host)

@@ -10,14 +10,14 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.building import make_origin
 from scenarionet_data.converters.lyft.lights import lights
-from scenarionet_data.converters.lyft.map_features import City
+from scenarionet_data.converters.lyft.map_features import LyftCity
 from scenarionet_data.converters.lyft.options import DT, LyftOptions
-from scenarionet_data.converters.lyft.recording import Content, Recording, Scene
+from scenarionet_data.converters.lyft.recording import LyftContent, LyftRecording, LyftScene
 from scenarionet_data.converters.lyft.tracks import EGO, tracks
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.description import ScenarioDescription, Source, make_scenario_id
 
-Box = tuple[float, float, float, float]
+LyftBox = tuple[float, float, float, float]
 """min_x, min_y, max_x, max_y [m]."""
 
 HISTORY = 10
@@ -27,18 +27,20 @@ CITY = "Palo Alto"
 
 
 @dataclass(frozen=True, eq=False)
-class Window:
+class LyftWindow:
     """Frames ``first`` to ``last - 1`` of one scene of a recording, with the map or None: one scenario."""
 
-    recording: Recording
-    scene: Scene
+    recording: LyftRecording
+    scene: LyftScene
     first: int
     last: int
-    city: City | None
+    city: LyftCity | None
     options: LyftOptions
 
 
-def windows(recording: Recording, scene: Scene, options: LyftOptions, city: City | None) -> Iterator[Window]:
+def windows(
+    recording: LyftRecording, scene: LyftScene, options: LyftOptions, city: LyftCity | None
+) -> Iterator[LyftWindow]:
     """Cut a scene every ``stride`` seconds into ``window`` seconds; a frame counts as 0.1 s.
 
     The last window ends with the scene and may be shorter; it is dropped if it would end within its history. A scene
@@ -46,17 +48,17 @@ def windows(recording: Recording, scene: Scene, options: LyftOptions, city: City
     """
     size, step = round(options.window / DT), round((options.stride or options.window) / DT)
     if not 0 <= scene.first < scene.last <= recording.num_frames:
-        yield Window(recording, scene, scene.first, scene.last, city, options)
+        yield LyftWindow(recording, scene, scene.first, scene.last, city, options)
         return
     for first in range(scene.first, scene.last, step):
         last = min(first + size, scene.last)
         if first == scene.first or last - first > HISTORY + 1:
-            yield Window(recording, scene, first, last, city, options)
+            yield LyftWindow(recording, scene, first, last, city, options)
         if last == scene.last:
             return
 
 
-def describe(shard: Shard, window: Window, licence: str) -> ScenarioDescription:
+def describe(shard: Shard, window: LyftWindow, licence: str) -> ScenarioDescription:
     """Convert one window to a scenario.
 
     It has no heights: agents are recorded without, and the datum of the map's heights is unknown.
@@ -101,12 +103,12 @@ def describe(shard: Shard, window: Window, licence: str) -> ScenarioDescription:
     )
 
 
-def _map_window(content: Content, radius: float) -> Box:
+def _map_window(content: LyftContent, radius: float) -> LyftBox:
     """Bounding box of the ego's path plus ``radius`` [m] on every side, in the world frame."""
     (min_x, min_y), (max_x, max_y) = content.ego[:, :2].min(axis=0), content.ego[:, :2].max(axis=0)
     return float(min_x - radius), float(min_y - radius), float(max_x + radius), float(max_y + radius)
 
 
-def _moved(box: Box, shift: Float64) -> Box:
+def _moved(box: LyftBox, shift: Float64) -> LyftBox:
     x, y, _ = shift.tolist()
     return box[0] + x, box[1] + y, box[2] + x, box[3] + y

@@ -10,7 +10,7 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64
 from scenarionet_data.arrays.geometry import estimate_velocity
 from scenarionet_data.building import make_tracks_of_rows
-from scenarionet_data.converters.lyft.recording import Content
+from scenarionet_data.converters.lyft.recording import LyftContent
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.scenario.description import Tracks
 from scenarionet_data.scenario.vocabulary import ObjectType
@@ -39,7 +39,7 @@ _UNTOLD = frozenset(
 
 
 def tracks(
-    content: Content, labels: Sequence[str], origin: Float64, where: str, keep_unknown: bool
+    content: LyftContent, labels: Sequence[str], origin: Float64, where: str, keep_unknown: bool
 ) -> tuple[Tracks, int]:
     """Build the agents followed by the ego; return the number of repaired velocities as well.
 
@@ -94,7 +94,7 @@ class _Rows:
         is_word_varied: (N,) whether the label varies over a track's frames.
     """
 
-    def __init__(self, content: Content, labels: Sequence[str], where: str) -> None:
+    def __init__(self, content: LyftContent, labels: Sequence[str], where: str) -> None:
         order = np.lexsort((content.frame, content.agents["track_id"]))
         self.agents, self.frame = content.agents[order], content.frame[order]
         self.ids, first, self.track = np.unique(self.agents["track_id"], return_index=True, return_inverse=True)

@@ -28,7 +28,7 @@ _CONTROL_DATA = (2, 3, 4, 5, 6, 48)
 
 
 @dataclass(frozen=True, eq=False)
-class Side:
+class WireSide:
     """One side of each of L lanes.
 
     Attributes:
@@ -59,8 +59,8 @@ class WireLanes:
 
     ids: list[str]
     parents: list[str]
-    left: Side
-    right: Side
+    left: WireSide
+    right: WireSide
     ahead: list[list[str]]
     left_neighbors: list[str]
     right_neighbors: list[str]
@@ -89,7 +89,7 @@ class WireControls:
 
 
 @dataclass(frozen=True, eq=False)
-class WireMap:
+class LyftWireMap:
     """The relevant parts of a MapFragment.
 
     Attributes:
@@ -104,7 +104,7 @@ class WireMap:
     junctions: dict[str, bool]
 
 
-def read_map(path: Path) -> WireMap:
+def read_map(path: Path) -> LyftWireMap:
     """Read a semantic map.
 
     Raises:
@@ -120,7 +120,7 @@ def read_map(path: Path) -> WireMap:
     return found
 
 
-def _decode(payload: bytes) -> WireMap:
+def _decode(payload: bytes) -> LyftWireMap:
     elements = Messages.of(payload).fields().parts(2)
     fields = elements.fields()
     ids = _single_ids(fields, 1, len(elements))
@@ -133,7 +133,7 @@ def _decode(payload: bytes) -> WireMap:
         messages = inside.parts(number)
         return messages, [ids[row] for row in bodies.owner[messages.owner]]
 
-    return WireMap(
+    return LyftWireMap(
         lanes=_lanes(*part(_LANE)),
         controls=_controls(*part(_CONTROL)),
         segments=_segments(*part(_SEGMENT)),
@@ -163,7 +163,7 @@ def _lanes(messages: Messages, ids: list[str]) -> WireLanes:
     )
 
 
-def _side(fields: Fields, number: int, origins: Float64) -> Side:
+def _side(fields: Fields, number: int, origins: Float64) -> WireSide:
     """Sides of the lanes of ``fields``, in frames with ``origins`` (L, 2)."""
     count = len(origins)
     boundaries = fields.parts(number)
@@ -171,7 +171,7 @@ def _side(fields: Fields, number: int, origins: Float64) -> Side:
     kind_owner, kinds = inside.lists(4, "v")
     change_owner, changes = inside.lists(5, "v")
     metres = changes.astype(np.int64) / 100.0
-    return Side(
+    return WireSide(
         lines=_points(inside, (1, 2, 3), boundaries.owner, origins),
         dividers=_grouped(boundaries.owner[kind_owner], enums(kinds, 13).tolist(), count),
         changes=_grouped(boundaries.owner[change_owner], metres.tolist(), count),

@@ -30,10 +30,10 @@ from scenarionet_data.converters.nuplan.files import (
     place_of,
     properties_of,
 )
-from scenarionet_data.converters.nuplan.log import Log, opened, read_log
+from scenarionet_data.converters.nuplan.log import NuPlanLog, opened, read_log
 from scenarionet_data.converters.nuplan.map_features import read_city
 from scenarionet_data.converters.nuplan.scenario import Cut, describe
-from scenarionet_data.converters.nuplan.windows import Window, scenes, tag_windows
+from scenarionet_data.converters.nuplan.windows import NuPlanWindow, scenes, tag_windows
 from scenarionet_data.errors import BadParameter, CorruptSource
 from scenarionet_data.ingest.options import Options
 from scenarionet_data.ingest.shard import RawItem, Shard, fingerprint
@@ -158,7 +158,7 @@ def _options(shard: Shard) -> NuPlanOptions:
     return shard.options
 
 
-def _windows(log: Log, options: NuPlanOptions) -> list[Window]:
+def _windows(log: NuPlanLog, options: NuPlanOptions) -> list[NuPlanWindow]:
     stride = 20 // options.rate
     if options.by == "scene":
         return list(scenes(log, stride, options.past))

@@ -19,7 +19,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Int64
-from scenarionet_data.converters.nuplan.log import Log, unreadable, uri
+from scenarionet_data.converters.nuplan.log import NuPlanLog, unreadable, uri
 from scenarionet_data.converters.nuplan.types import LIGHTS
 from scenarionet_data.errors import MissingDependency
 
@@ -57,7 +57,7 @@ _TRACKS = "SELECT t.token, c.name FROM track t LEFT JOIN category c ON c.token =
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class SqliteRows:
     """Rows sorted by sweep.
 
     Attributes:
@@ -81,7 +81,7 @@ class Rows:
 
 
 @dataclass(frozen=True, eq=False)
-class Content:
+class NuPlanContent:
     """Boxes and light states of the requested sweeps of a log.
 
     Attributes:
@@ -91,13 +91,13 @@ class Content:
         categories: The tracks' categories; None if missing.
     """
 
-    boxes: Rows
-    lights: Rows
+    boxes: SqliteRows
+    lights: SqliteRows
     tracks: list[str]
     categories: list[str | None]
 
 
-def read_content(path: Path, log: Log, is_wanted: Bool) -> Content:
+def read_content(path: Path, log: NuPlanLog, is_wanted: Bool) -> NuPlanContent:
     """Read boxes and light states of a log.
 
     Args:
@@ -116,7 +116,7 @@ def read_content(path: Path, log: Log, is_wanted: Bool) -> Content:
         cursor.execute(_UNWANTED)
         unwanted = sweeps.filter(pa.array(~is_wanted))
         cursor.executemany("INSERT INTO temp.unwanted VALUES (?)", pa.record_batch({"token": unwanted}))
-        return Content(
+        return NuPlanContent(
             boxes=_in_order(_read_boxes(cursor, sweeps, tracks), len(is_wanted)),
             lights=_in_order(_read(cursor, _LIGHTS, LIGHT, sweeps), len(is_wanted)),
             tracks=[token.hex() for token in tracks.to_pylist()],
@@ -173,11 +173,11 @@ def _filled(batch: pa.RecordBatch, kind: np.dtype[Any], known: Sequence[pa.Array
     return rows
 
 
-def _in_order(rows: Array, num_sweeps: int) -> Rows:
+def _in_order(rows: Array, num_sweeps: int) -> SqliteRows:
     known = rows[rows["sweep"] >= 0]
     sweep = np.ascontiguousarray(known["sweep"])
     if (np.diff(sweep) < 0).any():
         order = np.argsort(sweep, kind="stable")
         known, sweep = known[order], sweep[order]
     starts = np.searchsorted(sweep, np.arange(num_sweeps + 1))
-    return Rows(known, starts, len(rows) - len(known))
+    return SqliteRows(known, starts, len(rows) - len(known))

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from scenarionet_data.converters.nuplan.log import Place, opened, read_place, read_tag_types
+from scenarionet_data.converters.nuplan.log import LogLocation, opened, read_place, read_tag_types
 from scenarionet_data.errors import CorruptSource, SourceNotFound
 from scenarionet_data.ingest.input_properties import InputProperties, LazyProperties, is_local
 
@@ -52,18 +52,18 @@ def logs_of(split: str, root: Path) -> list[Path]:
     return kept
 
 
-def place_of(log: Path) -> Place:
+def place_of(log: Path) -> LogLocation:
     """Place of a log; unknown if it is not local or cannot be read, which its shard reports."""
     if not is_local(log):
-        return Place("", "", None)
+        return LogLocation("", "", None)
     try:
         with opened(log) as database:
             return read_place(database, log)
     except CorruptSource:
-        return Place("", "", None)
+        return LogLocation("", "", None)
 
 
-def properties_of(log: Path, place: Place) -> InputProperties:
+def properties_of(log: Path, place: LogLocation) -> InputProperties:
     """Input properties of a log; tags are read lazily, as they fill megabytes."""
     told = {"location": place.map_name, "log": log.stem, "date": place.date}
     return LazyProperties({key: value for key, value in told.items() if value}, ("tag",), _tags_of, log)
@@ -95,12 +95,12 @@ class Atlas:
         """The folder."""
         return self.manifest.parent
 
-    def candidates(self, place: Place) -> dict[str, Path]:
+    def candidates(self, place: LogLocation) -> dict[str, Path]:
         """Paths of the maps of a place by map id, in order of preference."""
         names = [name for name in (place.map_name, place.city) if name in self.versions]
         return {f"{name}-{self.versions[name]}": self.root / name / self.versions[name] / "map.gpkg" for name in names}
 
-    def find(self, place: Place) -> tuple[str, Path] | None:
+    def find(self, place: LogLocation) -> tuple[str, Path] | None:
         """Id and path of the map of a place, or None."""
         found = self.candidates(place).items()
         return next(((map_id, path) for map_id, path in found if path.is_file()), None)
@@ -109,10 +109,10 @@ class Atlas:
         """Paths of the maps of some logs by id; of all maps if a log is not local."""
         places = {place_of(log) if is_local(log) else None for log in logs}
         if None in places:
-            places = {Place(name, name, None) for name in self.versions}
+            places = {LogLocation(name, name, None) for name in self.versions}
         return dict(sorted(found for place in places if place and (found := self.find(place))))
 
-    def map_of(self, place: Place, log: Path) -> tuple[str, Path]:
+    def map_of(self, place: LogLocation, log: Path) -> tuple[str, Path]:
         """Id and path of the map of a log's place.
 
         Raises:

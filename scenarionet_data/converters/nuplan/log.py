@@ -37,7 +37,7 @@ _TAG_TYPES = "SELECT DISTINCT CAST(type AS TEXT) AS word FROM scenario_tag WHERE
 
 
 @dataclass(frozen=True)
-class Place:
+class LogLocation:
     """Place and date of a log.
 
     Attributes:
@@ -52,7 +52,7 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Scene:
+class NuPlanScene:
     """A scene of a log.
 
     Attributes:
@@ -78,7 +78,7 @@ class Tag:
 
 
 @dataclass(frozen=True, eq=False)
-class Log:
+class NuPlanLog:
     """One log: S sweeps sorted by time, in the city's UTM zone.
 
     Attributes:
@@ -95,13 +95,13 @@ class Log:
     """
 
     name: str
-    place: Place
+    place: LogLocation
     tokens: list[str]
     times: Int64
     scene: Int64
     ego: Float64
     epsg: int | None
-    scenes: list[Scene]
+    scenes: list[NuPlanScene]
     tags: list[Tag]
 
 
@@ -129,7 +129,7 @@ def opened(path: Path) -> Iterator[sqlite3.Connection]:
         raise unreadable(path, error) from error
 
 
-def read_place(database: sqlite3.Connection, path: Path) -> Place:
+def read_place(database: sqlite3.Connection, path: Path) -> LogLocation:
     """Read the place and date of a log.
 
     Raises:
@@ -139,7 +139,7 @@ def read_place(database: sqlite3.Connection, path: Path) -> Place:
     if row is None:
         raise CorruptSource(f"{path}: table log has no row; download it again")
     city, map_version, date = row
-    return Place(city or "", (map_version or city or "").removesuffix(".gpkg"), date)
+    return LogLocation(city or "", (map_version or city or "").removesuffix(".gpkg"), date)
 
 
 def read_tag_types(database: sqlite3.Connection) -> tuple[str, ...]:
@@ -147,7 +147,7 @@ def read_tag_types(database: sqlite3.Connection) -> tuple[str, ...]:
     return tuple(row[0] for row in database.execute(_TAG_TYPES))
 
 
-def read_log(database: sqlite3.Connection, path: Path) -> Log:
+def read_log(database: sqlite3.Connection, path: Path) -> NuPlanLog:
     """Read everything except boxes and light states.
 
     Raises:
@@ -162,7 +162,7 @@ def read_log(database: sqlite3.Connection, path: Path) -> Log:
         raise CorruptSource(f"{path}: lidar_pc {timeless[0]} has no timestamp; download it again")
     known = {scene.token: scene for scene in _read_scenes(database)}
     used = {token: row for row, token in enumerate(dict.fromkeys(filter(None, scene_tokens)))}
-    return Log(
+    return NuPlanLog(
         name=path.stem,
         place=read_place(database, path),
         tokens=list(tokens),
@@ -170,16 +170,16 @@ def read_log(database: sqlite3.Connection, path: Path) -> Log:
         scene=np.array([used.get(token, -1) for token in scene_tokens], np.int64),
         ego=_ego(_floats([row[4:] for row in rows])),
         epsg=next((code for code in epsg if code), None),
-        scenes=[known.get(token, Scene(token)) for token in used],
+        scenes=[known.get(token, NuPlanScene(token)) for token in used],
         tags=[Tag(*row) for row in database.execute(_TAGS)],
     )
 
 
-def _read_scenes(database: sqlite3.Connection) -> Iterator[Scene]:
+def _read_scenes(database: sqlite3.Connection) -> Iterator[NuPlanScene]:
     for token, name, roadblock_ids, *goal in database.execute(_SCENES).fetchall():
         (place,) = _box_of(_floats([goal])).tolist()
         is_known = bool(np.isfinite(place).all())
-        yield Scene(token, name or "", tuple((roadblock_ids or "").split()), tuple(place) if is_known else None)
+        yield NuPlanScene(token, name or "", tuple((roadblock_ids or "").split()), tuple(place) if is_known else None)
 
 
 def _floats(rows: Sequence[Sequence[Any]]) -> Float64:

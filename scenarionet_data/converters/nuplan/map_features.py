@@ -34,7 +34,7 @@ _KEPT_CITIES = 2
 
 
 @dataclass(frozen=True, eq=False)
-class City:
+class NuPlanCity:
     """A city's map in its UTM zone.
 
     Attributes:
@@ -50,7 +50,7 @@ class City:
     projection: str
 
 
-def read_city(path: Path) -> City:
+def read_city(path: Path) -> NuPlanCity:
     """Read a city's map; a process caches a few.
 
     Raises:
@@ -64,7 +64,7 @@ def read_city(path: Path) -> City:
 
 
 @lru_cache(maxsize=_KEPT_CITIES)
-def _read_city(path: Path, state: tuple[int, int]) -> City:  # noqa: ARG001  # a changed file is read again
+def _read_city(path: Path, state: tuple[int, int]) -> NuPlanCity:  # noqa: ARG001  # a changed file is read again
     builder = MapBuilder()
     with opened(path) as package:
         boundaries = package.lines("boundaries", "boundary_type_fid")
@@ -74,7 +74,7 @@ def _read_city(path: Path, state: tuple[int, int]) -> City:  # noqa: ARG001  # a
         _add_stops(builder, package)
         _add_areas(builder, package)
         projection = package.projection
-    return City(builder, builder.bounds, starts, projection)
+    return NuPlanCity(builder, builder.bounds, starts, projection)
 
 
 def _add_lines(builder: MapBuilder, boundaries: Layer) -> None:

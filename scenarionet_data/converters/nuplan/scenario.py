@@ -12,11 +12,11 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64, Int64
 from scenarionet_data.arrays.geometry import estimate_velocity
 from scenarionet_data.building import make_origin, make_tracks_of_rows
-from scenarionet_data.converters.nuplan.content import Content
-from scenarionet_data.converters.nuplan.log import Log, Scene
-from scenarionet_data.converters.nuplan.map_features import City
+from scenarionet_data.converters.nuplan.content import NuPlanContent
+from scenarionet_data.converters.nuplan.log import NuPlanLog, NuPlanScene
+from scenarionet_data.converters.nuplan.map_features import NuPlanCity
 from scenarionet_data.converters.nuplan.types import EGO, EGO_SIZE, OBJECTS, STATIC
-from scenarionet_data.converters.nuplan.windows import SWEEP, Window
+from scenarionet_data.converters.nuplan.windows import SWEEP, NuPlanWindow
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.description import (
@@ -43,10 +43,10 @@ class Cut:
         stride: Number of sweeps per timestep.
     """
 
-    log: Log
-    content: Content
-    window: Window
-    city: City
+    log: NuPlanLog
+    content: NuPlanContent
+    window: NuPlanWindow
+    city: NuPlanCity
     map_id: str
     radius: float
     stride: int
@@ -103,7 +103,7 @@ def describe(shard: Shard, cut: Cut, licence: str) -> ScenarioDescription:
     )
 
 
-def _checked(scenario_id: str, cut: Cut) -> tuple[Float64, Scene | None]:
+def _checked(scenario_id: str, cut: Cut) -> tuple[Float64, NuPlanScene | None]:
     """(T, 5) poses of the ego, and the scene of the current timestep; InvalidScenario if missing."""
     log, sweeps = cut.log, cut.window.sweeps
     if not len(sweeps):
@@ -121,13 +121,13 @@ def _checked(scenario_id: str, cut: Cut) -> tuple[Float64, Scene | None]:
     return ego, scene
 
 
-def _date(log: Log) -> str:
+def _date(log: NuPlanLog) -> str:
     """Date of the recording: of the log if in ISO 8601, else of the first sweep in UTC."""
     written = re.match(r"\d{4}-\d{2}-\d{2}", log.place.date or "")
     return written[0] if written else str(log.times[0].astype("datetime64[us]").astype("datetime64[D]"))
 
 
-def _extras(cut: Cut, scene: Scene | None, origin: Float64) -> Mapping[str, Any]:
+def _extras(cut: Cut, scene: NuPlanScene | None, origin: Float64) -> Mapping[str, Any]:
     log, window = cut.log, cut.window
     extras: dict[str, Any] = {
         "lidar_pc_token": log.tokens[window.sweeps[window.current]],
@@ -175,7 +175,7 @@ def _tracks(scenario_id: str, cut: Cut, ego: Float64, timestamps: Float64, origi
     )
 
 
-def _categories(scenario_id: str, content: Content, used: Int64) -> list[str]:
+def _categories(scenario_id: str, content: NuPlanContent, used: Int64) -> list[str]:
     """Category of each track; InvalidScenario if a box or its track refers to a missing row."""
     if len(used) and used[0] < 0:
         raise InvalidScenario(scenario_id, "lidar_box", "expected a row of track for every box, found none for one")

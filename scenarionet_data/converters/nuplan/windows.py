@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Int64
-from scenarionet_data.converters.nuplan.log import Log
+from scenarionet_data.converters.nuplan.log import NuPlanLog
 
 SWEEP = 50_000
 """Nominal time between sweeps [us]."""
 
 
 @dataclass(frozen=True, eq=False)
-class Window:
+class NuPlanWindow:
     """The sweeps of one scenario.
 
     Attributes:
@@ -33,7 +33,7 @@ class Window:
     tracks: tuple[str, ...] = ()
 
 
-def scenes(log: Log, stride: int, past: float) -> Iterator[Window]:
+def scenes(log: NuPlanLog, stride: int, past: float) -> Iterator[NuPlanWindow]:
     """Yield the scenes sorted by time, with every ``stride``-th sweep and ``past`` seconds of history."""
     sweep_of = {token: row for row, token in enumerate(log.tokens)}
     tagged = [(sweep_of[tag.sweep], tag.type) for tag in log.tags if tag.sweep in sweep_of]
@@ -43,16 +43,18 @@ def scenes(log: Log, stride: int, past: float) -> Iterator[Window]:
     for row, scene in enumerate(log.scenes):
         sweeps = np.flatnonzero(log.scene == row)[::stride]
         current = _last_before(log, sweeps, past)
-        yield Window(sweeps, current, scene.token, tuple(sorted(types.get(row, ()))))
+        yield NuPlanWindow(sweeps, current, scene.token, tuple(sorted(types.get(row, ()))))
 
 
-def _last_before(log: Log, sweeps: Int64, past: float) -> int:
+def _last_before(log: NuPlanLog, sweeps: Int64, past: float) -> int:
     """Position of the last sweep not later than ``past`` seconds after the first."""
     times = log.times[sweeps]
     return int(np.searchsorted(times, times[0] + past * 1e6 + SWEEP / 2, side="right")) - 1
 
 
-def tag_windows(log: Log, stride: int, past: float, future: float, wanted: Collection[str]) -> Iterator[Window]:
+def tag_windows(
+    log: NuPlanLog, stride: int, past: float, future: float, wanted: Collection[str]
+) -> Iterator[NuPlanWindow]:
     """Yield a window around every tagged sweep, sorted by time, from ``past`` to ``future`` seconds.
 
     The tags of one sweep share a window. Windows are shorter at the ends of the log.
@@ -73,10 +75,10 @@ def tag_windows(log: Log, stride: int, past: float, future: float, wanted: Colle
         tracks = tuple(dict.fromkeys(track for _, track in tags if track))
         here = sweep_of.get(token)
         if here is None:
-            yield Window(np.zeros(0, np.int64), 0, token, types, tracks)
+            yield NuPlanWindow(np.zeros(0, np.int64), 0, token, types, tracks)
             continue
         bounds = [log.times[here] - past * 1e6 - SWEEP / 2, log.times[here] + future * 1e6 + SWEEP / 2]
         first, last = np.searchsorted(log.times, bounds)
         before = np.arange(here, first - 1, -stride)[::-1]
         sweeps = np.concatenate([before, np.arange(here + stride, last, stride)])
-        yield Window(sweeps, len(before) - 1, token, types, tracks)
+        yield NuPlanWindow(sweeps, len(before) - 1, token, types, tracks)

@@ -23,7 +23,7 @@ from typing import Any
 
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.base import Budgets, Converter
-from scenarionet_data.converters.nuscenes.can_bus import Messages, can_bus_files, can_bus_mark, read_can_bus
+from scenarionet_data.converters.nuscenes.can_bus import CanBusMessages, can_bus_files, can_bus_mark, read_can_bus
 from scenarionet_data.converters.nuscenes.files import (
     CHALLENGE,
     EXPANSION,
@@ -35,12 +35,12 @@ from scenarionet_data.converters.nuscenes.files import (
 )
 from scenarionet_data.converters.nuscenes.keyframes import nominal_period
 from scenarionet_data.converters.nuscenes.map_features import read_map
-from scenarionet_data.converters.nuscenes.recording import Recording, read_recording
-from scenarionet_data.converters.nuscenes.scenario import City, describe
+from scenarionet_data.converters.nuscenes.recording import NuScenesRecording, read_recording
+from scenarionet_data.converters.nuscenes.scenario import NuScenesCity, describe
 from scenarionet_data.converters.nuscenes.tables import TABLES, log_name, read_release, read_scenes, table_files
 from scenarionet_data.converters.nuscenes.types import PLACES, is_in_split
 from scenarionet_data.converters.nuscenes.windows import (
-    Window,
+    NuScenesWindow,
     challenge_windows,
     moving_windows,
     read_challenge,
@@ -93,7 +93,7 @@ class NuScenesOptions(Options):
             raise BadParameter(f"radius: expected metres, found {self.radius}")
 
 
-class NuScenes(Converter[Window | InvalidScenario]):
+class NuScenes(Converter[NuScenesWindow | InvalidScenario]):
     """Scenes in shards of one location; the maps of locations are shared."""
 
     name = "nuscenes"
@@ -156,7 +156,7 @@ class NuScenes(Converter[Window | InvalidScenario]):
             names += [name for item in shard.items for name in can_bus_files(_scene_of(item, options))]
         yield names
 
-    def records(self, shard: Shard) -> Iterator[Window | InvalidScenario]:
+    def records(self, shard: Shard) -> Iterator[NuScenesWindow | InvalidScenario]:
         """Yield the windows of each scene, or the reason why it has none."""
         options, root = _options(shard), Path(shard.root)
         folder = root / shard.items[0].name.split("/")[0]
@@ -174,7 +174,7 @@ class NuScenes(Converter[Window | InvalidScenario]):
             except InvalidScenario as error:  # continue with the other scenes of the shard
                 yield error
 
-    def scenario(self, shard: Shard, record: Window | InvalidScenario) -> ScenarioDescription:
+    def scenario(self, shard: Shard, record: NuScenesWindow | InvalidScenario) -> ScenarioDescription:
         """Convert one window."""
         if isinstance(record, InvalidScenario):
             raise record
@@ -183,7 +183,7 @@ class NuScenes(Converter[Window | InvalidScenario]):
         messages = _can_bus_messages(shard, record) if options.has_can_bus else {}
         return describe(shard, record, city, messages, rate=options.rate, radius=options.radius, licence=self.licence)
 
-    def _city(self, shard: Shard, window: Window) -> City | None:
+    def _city(self, shard: Shard, window: NuScenesWindow) -> NuScenesCity | None:
         """The map of a window's location; None for a location outside nuScenes without a map."""
         place = window.recording.log["location"]
         path = map_file(Path(shard.root), place)
@@ -197,7 +197,7 @@ class NuScenes(Converter[Window | InvalidScenario]):
         return None
 
 
-def _can_bus_messages(shard: Shard, window: Window) -> Mapping[str, Messages]:
+def _can_bus_messages(shard: Shard, window: NuScenesWindow) -> Mapping[str, CanBusMessages]:
     """CAN bus messages of the ego during the window's scene."""
     name = window.recording.name
     try:
@@ -219,15 +219,15 @@ def _scene_of(item: RawItem, options: NuScenesOptions) -> str:
 
 
 @lru_cache(maxsize=2)
-def _read_city(path: Path, _size: int, _changed: int) -> City:
+def _read_city(path: Path, _size: int, _changed: int) -> NuScenesCity:
     """Read a location's map; the last two are cached, as a worker's scenes are sorted by location."""
     builder = read_map(path)
-    return City(map_id(path.stem), builder, builder.bounds)
+    return NuScenesCity(map_id(path.stem), builder, builder.bounds)
 
 
 def _windows(
-    recording: Recording, options: NuScenesOptions, entries: Sequence[str] | None, scenario_id: str
-) -> Iterator[Window]:
+    recording: NuScenesRecording, options: NuScenesOptions, entries: Sequence[str] | None, scenario_id: str
+) -> Iterator[NuScenesWindow]:
     period = nominal_period(recording.times)
     past, future = round(options.past / period), round(options.future / period)
     if options.by == "scene":

@@ -36,7 +36,7 @@ _DIGITS = 4
 
 
 @dataclass(frozen=True, eq=False)
-class Messages:
+class CanBusMessages:
     """Messages of one kind of a scene.
 
     Attributes:
@@ -63,7 +63,7 @@ def can_bus_files(scene: str) -> list[str]:
     return [f"{FOLDER}/{scene}_{kind}.json" for kind in MEASURED]
 
 
-def read_can_bus(root: Path, scene: str) -> Mapping[str, Messages]:
+def read_can_bus(root: Path, scene: str) -> Mapping[str, CanBusMessages]:
     """Read a scene's messages by kind; empty if it has none. Cached for the scene's windows.
 
     Raises:
@@ -76,7 +76,7 @@ def read_can_bus(root: Path, scene: str) -> Mapping[str, Messages]:
     return found
 
 
-def signals_at(messages: Mapping[str, Messages], times: Float64) -> dict[str, list[Any]]:
+def signals_at(messages: Mapping[str, CanBusMessages], times: Float64) -> dict[str, list[Any]]:
     """Sample messages at ``times`` (T,) [us]: T numbers, vectors or None, by ``<kind>.<field>``."""
     found = {}
     for kind, kind_messages in messages.items():
@@ -100,7 +100,7 @@ def _listed(values: Float64, is_known: Bool) -> list[Any]:
 
 
 @lru_cache(maxsize=len(MEASURED))
-def _read(path: Path, kind: str, _size: int, _changed: int) -> Messages:
+def _read(path: Path, kind: str, _size: int, _changed: int) -> CanBusMessages:
     try:
         messages = json.loads(path.read_bytes())
         times, first = np.unique(np.array([message["utime"] for message in messages], np.float64), return_index=True)
@@ -113,4 +113,4 @@ def _read(path: Path, kind: str, _size: int, _changed: int) -> Messages:
         raise CorruptSource(f"{path} cannot be read ({error!r}); download the CAN bus expansion again") from error
     if not is_whole:
         raise CorruptSource(f"{path}: expected two messages or more, of finite numbers; download the expansion again")
-    return Messages(times, fields)
+    return CanBusMessages(times, fields)

@@ -22,7 +22,7 @@ UNKNOWN_BIT = 63
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class TableRows:
     """Rows of a table by scene: those of scene ``i`` are ``start[i]`` to ``start[i + 1]``.
 
     Attributes:
@@ -52,13 +52,13 @@ def gather(
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
-def by_scene(columns: dict[str, Array], num_scenes: int) -> Rows:
+def by_scene(columns: dict[str, Array], num_scenes: int) -> TableRows:
     """Sort rows by ``scene`` and, if present, ``time``; drop rows without scene (-1)."""
     scene = columns["scene"]
     order = np.lexsort((columns["time"], scene) if "time" in columns else (scene,))
     order = order[scene[order] >= 0]
     start = np.searchsorted(scene[order], np.arange(num_scenes + 1))
-    return Rows(start, {name: column[order] for name, column in columns.items() if name != "scene"})
+    return TableRows(start, {name: column[order] for name, column in columns.items() if name != "scene"})
 
 
 def index(tokens: pa.Array | pa.ChunkedArray, known: Sequence[str] | Array) -> Int64:

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64
-from scenarionet_data.converters.nuscenes.expansion import Expansion, Record
+from scenarionet_data.converters.nuscenes.expansion import Expansion, LayerRecord
 from scenarionet_data.converters.nuscenes.types import INEXACT_LINES, LINES, UNTYPED_DIVIDER
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 
-Place = tuple[int, int]
-Edge = frozenset[Place]
+Point = tuple[int, int]
+Edge = frozenset[Point]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class Divider:
     extras: dict[str, Any]
 
 
-def places(points: Float64) -> list[Place]:
+def places(points: Float64) -> list[Point]:
     """Points rounded to millimetres: touching lanes and dividers may have different nodes at the same point."""
     return [(x, y) for x, y in np.round(points * 1000.0).astype(np.int64).tolist()]
 
@@ -63,7 +63,7 @@ def read_dividers(expansion: Expansion) -> list[Divider]:
     return found
 
 
-def _typed(expansion: Expansion, segments: list[Record]) -> Iterator[tuple[Edge, str]]:
+def _typed(expansion: Expansion, segments: list[LayerRecord]) -> Iterator[tuple[Edge, str]]:
     """Edges and their types; a lane lists both ends of every edge, a lane divider each node once."""
     spots = places(expansion.points([segment["node_token"] for segment in segments]))
     for (start, end), segment in zip(pairwise(spots), segments, strict=False):
@@ -71,7 +71,9 @@ def _typed(expansion: Expansion, segments: list[Record]) -> Iterator[tuple[Edge,
             yield frozenset((start, end)), segment["segment_type"]
 
 
-def _lines(expansion: Expansion, record: Record, types: dict[Edge, str], is_lane_divider: bool) -> Iterable[Divider]:
+def _lines(
+    expansion: Expansion, record: LayerRecord, types: dict[Edge, str], is_lane_divider: bool
+) -> Iterable[Divider]:
     """Split a divider into lines of one type; none if it has no nodes."""
     points = expansion.points(expansion.nodes(record["line_token"]))
     unstated = "NIL" if is_lane_divider else None

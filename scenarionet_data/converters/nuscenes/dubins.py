@@ -15,7 +15,7 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int64
 from scenarionet_data.arrays.ragged import Ragged
 
-Path = Mapping[str, Any]
+DubinsPath = Mapping[str, Any]
 
 SPACING = 1.0
 """Maximum distance between points of a centreline [m]; on the tightest turns (4 m) chords deviate by 3 cm."""
@@ -23,7 +23,7 @@ SPACING = 1.0
 _TURNS = {"L": 1.0, "S": 0.0, "R": -1.0}
 
 
-def centerlines(lanes: Sequence[Sequence[Path]], spacing: float = SPACING) -> Ragged:
+def centerlines(lanes: Sequence[Sequence[DubinsPath]], spacing: float = SPACING) -> Ragged:
     """Sample points along lanes, including the first and last point.
 
     Args:
@@ -53,7 +53,7 @@ def centerlines(lanes: Sequence[Sequence[Path]], spacing: float = SPACING) -> Ra
     return Ragged.from_flat(np.bincount(lane[path][kept], minlength=len(lanes)).tolist(), points[kept])
 
 
-def _segments(paths: Sequence[Path]) -> tuple[Float64, Float64, Float64]:
+def _segments(paths: Sequence[DubinsPath]) -> tuple[Float64, Float64, Float64]:
     """Start pose (P, 3, 3), length (P, 3) [m] and curvature (P, 3) [1/m] of the three segments of each path."""
     lengths = np.array([path["segment_length"] for path in paths], np.float64).reshape(-1, 3)
     radius = np.array([path["radius"] for path in paths], np.float64)

@@ -16,7 +16,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64
 
-Record = dict[str, Any]
+LayerRecord = dict[str, Any]
 
 _VERSION = "1.3"
 
@@ -31,7 +31,7 @@ class Expansion:
         KeyError, TypeError, ValueError: Not a map expansion, or of another version.
     """
 
-    def __init__(self, content: Record) -> None:
+    def __init__(self, content: LayerRecord) -> None:
         if content.get("version") != _VERSION:
             raise ValueError(f"version {content.get('version', '1.0')!r}, expected {_VERSION!r}")
         self._content = content
@@ -41,13 +41,13 @@ class Expansion:
         if not np.isfinite(np.array(list(self._nodes.values()))).all():
             raise ValueError("a node whose coordinates are not finite")
 
-    def layer(self, name: str) -> list[Record]:
+    def layer(self, name: str) -> list[LayerRecord]:
         """Records of a layer that have a token."""
         return [record for record in self._content[name] if record["token"]]
 
-    def paths(self, lane: str) -> Sequence[Record]:
+    def paths(self, lane: str) -> Sequence[LayerRecord]:
         """Dubins paths of a lane's centreline; some lanes have none."""
-        paths: Sequence[Record] = self._content["arcline_path_3"].get(lane, ())
+        paths: Sequence[LayerRecord] = self._content["arcline_path_3"].get(lane, ())
         return paths
 
     def links(self, lane: str) -> tuple[list[str], list[str]]:

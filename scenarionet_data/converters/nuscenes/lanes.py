@@ -10,13 +10,13 @@ import numpy as np
 import shapely
 
 from scenarionet_data.arrays.dtypes import Float64
-from scenarionet_data.converters.nuscenes.dividers import Divider, Place, places
+from scenarionet_data.converters.nuscenes.dividers import Divider, Point, places
 from scenarionet_data.converters.nuscenes.dubins import centerlines
 from scenarionet_data.converters.nuscenes.expansion import Expansion
 
 
 @dataclass(frozen=True, eq=False)
-class Lane:
+class NuScenesLane:
     """A lane or a lane connector.
 
     Attributes:
@@ -38,7 +38,7 @@ class Lane:
     right: list[str] = field(default_factory=list)
 
 
-def read_lanes(expansion: Expansion, dividers: list[Divider]) -> list[Lane]:
+def read_lanes(expansion: Expansion, dividers: list[Divider]) -> list[NuScenesLane]:
     """Return all lanes and connectors of a map, with mutual links."""
     records = [*expansion.layer("lane"), *expansion.layer("lane_connector")]
     centers = centerlines([expansion.paths(record["token"]) for record in records])
@@ -47,13 +47,13 @@ def read_lanes(expansion: Expansion, dividers: list[Divider]) -> list[Lane]:
         polygon = record.get("polygon_token")
         outline = expansion.polygon(polygon)[0] if polygon else np.zeros((0, 2))
         entries, exits = expansion.links(record["token"])
-        lanes.append(Lane(record["token"], record.get("lane_type"), centers[row], outline, entries, exits))
+        lanes.append(NuScenesLane(record["token"], record.get("lane_type"), centers[row], outline, entries, exits))
     _complete_links(lanes)
     _find_sides(lanes, dividers)
     return lanes
 
 
-def _complete_links(lanes: list[Lane]) -> None:
+def _complete_links(lanes: list[NuScenesLane]) -> None:
     """Make links between lanes of the map mutual."""
     by_id = {lane.id: lane for lane in lanes}
     for lane in lanes:
@@ -65,9 +65,9 @@ def _complete_links(lanes: list[Lane]) -> None:
                 other.exits.append(lane.id)
 
 
-def _find_sides(lanes: list[Lane], dividers: list[Divider]) -> None:
+def _find_sides(lanes: list[NuScenesLane], dividers: list[Divider]) -> None:
     """Assign dividers to lanes: those that share at least two nodes with the lane's outline."""
-    at: dict[Place, set[int]] = defaultdict(set)
+    at: dict[Point, set[int]] = defaultdict(set)
     for row, divider in enumerate(dividers):
         for place in places(divider.points):
             at[place].add(row)
@@ -90,7 +90,7 @@ def _is_left(center: Float64, point: Float64) -> bool:
     return bool(ahead[nearest, 0] * across[1] - ahead[nearest, 1] * across[0] > 0)
 
 
-def neighbors(lanes: list[Lane], dividers: list[Divider]) -> dict[str, tuple[list[str], list[str]]]:
+def neighbors(lanes: list[NuScenesLane], dividers: list[Divider]) -> dict[str, tuple[list[str], list[str]]]:
     """Left and right neighbours of each lane: of the same direction, separated by one lane divider."""
     between = {divider.id for divider in dividers if divider.is_lane_divider}
     left_of, right_of = defaultdict(list), defaultdict(list)
@@ -108,19 +108,21 @@ def neighbors(lanes: list[Lane], dividers: list[Divider]) -> dict[str, tuple[lis
     }
 
 
-def lanes_inside(lanes: list[Lane], areas: list[shapely.Polygon]) -> list[list[str]]:
+def lanes_inside(lanes: list[NuScenesLane], areas: list[shapely.Polygon]) -> list[list[str]]:
     """Lanes whose midpoint is in each area."""
     drawn = [lane for lane in lanes if len(lane.center) > 1]
     return _matches(drawn, [shapely.Point(lane.center[len(lane.center) // 2]) for lane in drawn], areas)
 
 
-def lanes_across(lanes: list[Lane], areas: list[shapely.Polygon]) -> list[list[str]]:
+def lanes_across(lanes: list[NuScenesLane], areas: list[shapely.Polygon]) -> list[list[str]]:
     """Lanes whose centreline crosses each area."""
     drawn = [lane for lane in lanes if len(lane.center) > 1]
     return _matches(drawn, [shapely.LineString(lane.center) for lane in drawn], areas)
 
 
-def _matches(lanes: list[Lane], shapes: Sequence[shapely.Geometry], areas: list[shapely.Polygon]) -> list[list[str]]:
+def _matches(
+    lanes: list[NuScenesLane], shapes: Sequence[shapely.Geometry], areas: list[shapely.Polygon]
+) -> list[list[str]]:
     found: list[list[str]] = [[] for _ in areas]
     if areas:
         pairs = shapely.STRtree(shapes).query(areas, predicate="intersects")

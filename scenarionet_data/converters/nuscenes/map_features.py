@@ -18,8 +18,8 @@ from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.nuscenes.areas import CELL, outlines, road_edges
 from scenarionet_data.converters.nuscenes.dividers import Divider, read_dividers
-from scenarionet_data.converters.nuscenes.expansion import Expansion, Record, read_expansion
-from scenarionet_data.converters.nuscenes.lanes import Lane, lanes_across, lanes_inside, neighbors, read_lanes
+from scenarionet_data.converters.nuscenes.expansion import Expansion, LayerRecord, read_expansion
+from scenarionet_data.converters.nuscenes.lanes import NuScenesLane, lanes_across, lanes_inside, neighbors, read_lanes
 from scenarionet_data.errors import CorruptSource
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 
@@ -70,7 +70,7 @@ def _features(expansion: Expansion) -> MapBuilder:
     return builder
 
 
-def _add_lanes(builder: MapBuilder, expansion: Expansion, lanes: list[Lane], dividers: list[Divider]) -> None:
+def _add_lanes(builder: MapBuilder, expansion: Expansion, lanes: list[NuScenesLane], dividers: list[Divider]) -> None:
     crossings = [record for record in expansion.layer("road_segment") if record["is_intersection"]]
     areas = [expansion.polygon(record["polygon_token"]) for record in crossings]
     inside = lanes_inside(lanes, [shapely.Polygon(exterior) for exterior, _ in areas])
@@ -119,13 +119,13 @@ def _add_area(
         builder.add(name, kind, polygon=outline, is_intersection=is_intersection, extras=extras)
 
 
-def _extras(record: Record) -> dict[str, Any]:
+def _extras(record: LayerRecord) -> dict[str, Any]:
     """Extras of a record."""
     return {key: record[key] for key in _WORDS if record.get(key)}
 
 
 def _add_stop_lines(
-    builder: MapBuilder, expansion: Expansion, lanes: list[Lane], lanes_of: dict[str, list[str]]
+    builder: MapBuilder, expansion: Expansion, lanes: list[NuScenesLane], lanes_of: dict[str, list[str]]
 ) -> None:
     """Add stop lines, areas across lanes; one with a road block controls the lanes of that block only."""
     records = expansion.layer("stop_line")

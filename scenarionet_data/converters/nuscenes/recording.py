@@ -13,13 +13,13 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64
 from scenarionet_data.converters.nuscenes.columns import UNKNOWN_BIT
-from scenarionet_data.converters.nuscenes.tables import Release
+from scenarionet_data.converters.nuscenes.tables import NuScenesRelease
 from scenarionet_data.errors import InvalidScenario
 
 _REACH = 1e5
 """Tolerated time from the first keyframe to the first ego pose, and from the last pose to the last keyframe [us]."""
 
-Check = Callable[[bool | np.bool_, str, str], None]
+TableCheck = Callable[[bool | np.bool_, str, str], None]
 """Called with whether a rule is met, its table, and the expectation."""
 
 
@@ -43,7 +43,7 @@ class Objects:
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class NuScenesRecording:
     """One scene of K keyframes.
 
     Attributes:
@@ -69,7 +69,7 @@ class Recording:
         return str(self.scene["name"])
 
 
-def read_recording(release: Release, token: str, scenario_id: str) -> Recording:
+def read_recording(release: NuScenesRelease, token: str, scenario_id: str) -> NuScenesRecording:
     """Read the scene of a token.
 
     Raises:
@@ -87,7 +87,7 @@ def read_recording(release: Release, token: str, scenario_id: str) -> Recording:
     check(len(times) == wanted > 0, "sample", f"expected {wanted} of the scene, found {len(times)}")
     check(np.isfinite(times).all() and (np.diff(times) > 0).all(), "sample", "expected strictly increasing times")
     pose_times, poses = _path(release.poses.of(number), times, check)
-    return Recording(
+    return NuScenesRecording(
         scene=scene,
         log=release.logs[scene["log_token"]],
         samples=samples["token"],
@@ -98,7 +98,7 @@ def read_recording(release: Release, token: str, scenario_id: str) -> Recording:
     )
 
 
-def _path(rows: dict[str, Array], times: Float64, check: Check) -> tuple[Float64, Float64]:
+def _path(rows: dict[str, Array], times: Float64, check: TableCheck) -> tuple[Float64, Float64]:
     """Times and poses of the ego."""
     is_known = np.isfinite(rows["time"]) & np.isfinite(rows["pose"]).all(axis=1)
     check(is_known.all(), "ego_pose", "expected a finite pose for every lidar sweep")
@@ -108,7 +108,7 @@ def _path(rows: dict[str, Array], times: Float64, check: Check) -> tuple[Float64
     return moments, rows["pose"][first]
 
 
-def _objects(release: Release, number: int, num_keyframes: int, check: Check) -> Objects:
+def _objects(release: NuScenesRelease, number: int, num_keyframes: int, check: TableCheck) -> Objects:
     rows = release.boxes.of(number)
     table = "sample_annotation"
     check((rows["instance"] >= 0).all(), table, "expected a known instance_token in every row")

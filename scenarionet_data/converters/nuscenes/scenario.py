@@ -14,7 +14,7 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Bool, Float64
 from scenarionet_data.arrays.geometry import estimate_velocity
 from scenarionet_data.building import MapBuilder, make_origin, make_tracks
-from scenarionet_data.converters.nuscenes.can_bus import Messages, signals_at
+from scenarionet_data.converters.nuscenes.can_bus import CanBusMessages, signals_at
 from scenarionet_data.converters.nuscenes.keyframes import Steps, boxes_at, make_steps, nominal_period, poses_at
 from scenarionet_data.converters.nuscenes.tables import log_name
 from scenarionet_data.converters.nuscenes.types import (
@@ -25,7 +25,7 @@ from scenarionet_data.converters.nuscenes.types import (
     PLACES,
     RENAULT_ZOE,
 )
-from scenarionet_data.converters.nuscenes.windows import Window
+from scenarionet_data.converters.nuscenes.windows import NuScenesWindow
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.description import (
     Lights,
@@ -37,10 +37,10 @@ from scenarionet_data.scenario.description import (
 )
 from scenarionet_data.scenario.vocabulary import ObjectType
 
-Box = tuple[float, float, float, float]
+NuScenesBox = tuple[float, float, float, float]
 
 
-class City(NamedTuple):
+class NuScenesCity(NamedTuple):
     """A location's map, in the location's frame.
 
     Attributes:
@@ -56,9 +56,9 @@ class City(NamedTuple):
 
 def describe(
     shard: Shard,
-    window: Window,
-    city: City | None,
-    can_bus: Mapping[str, Messages],
+    window: NuScenesWindow,
+    city: NuScenesCity | None,
+    can_bus: Mapping[str, CanBusMessages],
     *,
     rate: int,
     radius: float,
@@ -121,7 +121,7 @@ def describe(
     )
 
 
-def _ego(window: Window, steps: Steps, place: str) -> tuple[Float64, Bool]:
+def _ego(window: NuScenesWindow, steps: Steps, place: str) -> tuple[Float64, Bool]:
     """The ego's box (T, 7), and whether its pose is known (T,)."""
     vehicle = RENAULT_ZOE if place in PLACES else FORD_FUSION
     recording = window.recording
@@ -134,7 +134,12 @@ def _ego(window: Window, steps: Steps, place: str) -> tuple[Float64, Bool]:
 
 
 def _tracks(
-    window: Window, steps: Steps, ego: Float64, has_pose: Bool, origin: Float64, signals: Mapping[str, list[Any]]
+    window: NuScenesWindow,
+    steps: Steps,
+    ego: Float64,
+    has_pose: Bool,
+    origin: Float64,
+    signals: Mapping[str, list[Any]],
 ) -> Tracks:
     """Build the objects annotated in the window, followed by the ego."""
     part, objects = slice(window.first, window.last + 1), window.recording.objects
@@ -164,18 +169,18 @@ def _tracks(
     )
 
 
-def _around(path: Float64, radius: float) -> Box:
+def _around(path: Float64, radius: float) -> NuScenesBox:
     """Bounding box of a path plus ``radius`` on each side [m], source frame."""
     low, high = path[:, :2].min(axis=0) - radius, path[:, :2].max(axis=0) + radius
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
 
-def _shifted(box: Box, origin: Float64) -> Box:
+def _shifted(box: NuScenesBox, origin: Float64) -> NuScenesBox:
     x, y = float(origin[0]), float(origin[1])
     return box[0] - x, box[1] - y, box[2] - x, box[3] - y
 
 
-def _crop(city: City | None, crop: Box, origin: Float64) -> MapFeatures | None:
+def _crop(city: NuScenesCity | None, crop: NuScenesBox, origin: Float64) -> MapFeatures | None:
     if city is None:
         return None
     return city.builder.crop(crop, city.bounds).build(origin, has_z=True)

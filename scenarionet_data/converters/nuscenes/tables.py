@@ -23,7 +23,7 @@ from scenarionet_data.converters.nuscenes.columns import (
     TEXT,
     TEXTS,
     UNKNOWN_BIT,
-    Rows,
+    TableRows,
     bits,
     by_scene,
     gather,
@@ -33,7 +33,7 @@ from scenarionet_data.converters.nuscenes.columns import (
 )
 from scenarionet_data.errors import CorruptSource
 
-Records = dict[str, dict[str, Any]]
+TableRecords = dict[str, dict[str, Any]]
 
 TABLES = (
     "attribute",
@@ -61,7 +61,7 @@ _SWEEP = pa.schema({"sample_token": TEXT, "ego_pose_token": TEXT})
 
 
 @dataclass(frozen=True, eq=False)
-class Release:
+class NuScenesRelease:
     """The tables of one release; missing or invalid numbers are NaN.
 
     Attributes:
@@ -74,16 +74,16 @@ class Release:
         attributes: Attribute of each bit.
     """
 
-    scenes: Records
-    logs: Records
-    samples: Rows
+    scenes: TableRecords
+    logs: TableRecords
+    samples: TableRows
     instances: dict[str, Array]
-    boxes: Rows
-    poses: Rows
+    boxes: TableRows
+    poses: TableRows
     attributes: list[str]
 
 
-def read_scenes(folder: Path) -> tuple[Records, Records]:
+def read_scenes(folder: Path) -> tuple[TableRecords, TableRecords]:
     """Read the records of ``scene`` and ``log`` by token, which suffice to list the scenes.
 
     Raises:
@@ -98,7 +98,7 @@ def log_name(log: dict[str, Any]) -> str:
     return str(log["logfile"] or log["token"])
 
 
-def read_release(folder: Path) -> Release:
+def read_release(folder: Path) -> NuScenesRelease:
     """Read all tables; the last release is cached, so that a worker reads it once.
 
     Raises:
@@ -122,7 +122,7 @@ def table_files(folder: Path) -> list[Path]:
 
 
 @lru_cache(maxsize=1)
-def _read_release(folder: Path, _signature: tuple[tuple[int, int], ...]) -> Release:
+def _read_release(folder: Path, _signature: tuple[tuple[int, int], ...]) -> NuScenesRelease:
     scenes, logs = read_scenes(folder)
     attributes = _records(folder, "attribute", "name")
     if len(attributes) > UNKNOWN_BIT:
@@ -131,10 +131,10 @@ def _read_release(folder: Path, _signature: tuple[tuple[int, int], ...]) -> Rele
     instances = _read_instances(folder)
     boxes = _read_boxes(folder, samples, instances["token"], list(attributes))
     words = [record["name"] for record in attributes.values()]
-    return Release(scenes, logs, samples, instances, boxes, _read_poses(folder, samples), words)
+    return NuScenesRelease(scenes, logs, samples, instances, boxes, _read_poses(folder, samples), words)
 
 
-def _records(folder: Path, table: str, *fields: str) -> Records:
+def _records(folder: Path, table: str, *fields: str) -> TableRecords:
     path = folder / f"{table}.json"
     records = read_list(path)
     for name in ("token", *fields):
@@ -143,7 +143,7 @@ def _records(folder: Path, table: str, *fields: str) -> Records:
     return {record["token"]: record for record in records}
 
 
-def _read_samples(folder: Path, scenes: list[str]) -> Rows:
+def _read_samples(folder: Path, scenes: list[str]) -> TableRows:
     def columns(rows: pa.Table) -> dict[str, Array]:
         token, time = rows["token"].to_numpy(), rows["timestamp"].to_numpy()
         return {"scene": index(rows["scene_token"], scenes), "token": token, "time": time}
@@ -163,7 +163,7 @@ def _read_instances(folder: Path) -> dict[str, Array]:
     return gather(read_rows(folder / "instance.json", _INSTANCE), columns, _INSTANCE)
 
 
-def _read_boxes(folder: Path, samples: Rows, instances: Array, attributes: list[str]) -> Rows:
+def _read_boxes(folder: Path, samples: TableRows, instances: Array, attributes: list[str]) -> TableRows:
     scene_of = np.append(samples.scene, -1)
 
     def columns(rows: pa.Table) -> dict[str, Array]:
@@ -181,7 +181,7 @@ def _read_boxes(folder: Path, samples: Rows, instances: Array, attributes: list[
     return by_scene(found, len(samples.start) - 1)
 
 
-def _read_poses(folder: Path, samples: Rows) -> Rows:
+def _read_poses(folder: Path, samples: TableRows) -> TableRows:
     """Ego poses at the lidar sweeps; NaN if missing."""
     sample, tokens = _read_sweeps(folder, samples)
 
@@ -199,7 +199,7 @@ def _read_poses(folder: Path, samples: Rows) -> Rows:
     return by_scene(placed, len(samples.start) - 1)
 
 
-def _read_sweeps(folder: Path, samples: Rows) -> tuple[Array, Array]:
+def _read_sweeps(folder: Path, samples: TableRows) -> tuple[Array, Array]:
     """Keyframe (-1 if unknown) and pose token of each lidar sweep."""
     sensors = [token for token, r in _records(folder, "sensor", "channel").items() if r["channel"] == LIDAR]
     mounted = _records(folder, "calibrated_sensor", "sensor_token").items()

@@ -32,7 +32,7 @@ EGO_CATEGORY = "vehicle.ego"
 """Category of the recording vehicle in nuScenes-lidarseg."""
 
 
-class Vehicle(NamedTuple):
+class EgoVehicle(NamedTuple):
     """A recording vehicle.
 
     Attributes:
@@ -44,9 +44,9 @@ class Vehicle(NamedTuple):
     ahead: float
 
 
-RENAULT_ZOE = Vehicle((4.084, 1.730, 1.562), 1.385)
+RENAULT_ZOE = EgoVehicle((4.084, 1.730, 1.562), 1.385)
 """nuScenes' vehicle by the manufacturer's data: half its length less the 0.657 m behind the rear axle."""
-FORD_FUSION = Vehicle((4.87, 1.85, 1.8), 1.34)
+FORD_FUSION = EgoVehicle((4.87, 1.85, 1.8), 1.34)
 """Lyft's vehicle: size from Lyft's later dataset; the same model as Argoverse's, with the same overhangs."""
 
 PLACES = ("boston-seaport", "singapore-hollandvillage", "singapore-onenorth", "singapore-queenstown")

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scenarionet_data.converters.nuscenes.recording import Recording
+from scenarionet_data.converters.nuscenes.recording import NuScenesRecording
 from scenarionet_data.converters.nuscenes.types import CATEGORIES
 from scenarionet_data.errors import CorruptSource, InvalidScenario
 from scenarionet_data.scenario.vocabulary import ObjectType
@@ -28,7 +28,7 @@ Challenge = Mapping[str, Sequence[str]]
 
 
 @dataclass(frozen=True, eq=False)
-class Window:
+class NuScenesWindow:
     """Keyframes ``first`` to ``last`` of a scene: one scenario.
 
     Attributes:
@@ -38,7 +38,7 @@ class Window:
         is_whole: Whether it is the whole scene.
     """
 
-    recording: Recording
+    recording: NuScenesRecording
     first: int
     current: int
     last: int
@@ -46,10 +46,10 @@ class Window:
     is_whole: bool = False
 
 
-def whole(recording: Recording, past: int) -> Window:
+def whole(recording: NuScenesRecording, past: int) -> NuScenesWindow:
     """Return the scene as one window with a history of ``past`` keyframes."""
     last = len(recording.times) - 1
-    return Window(recording, 0, min(past, last), last, is_whole=True)
+    return NuScenesWindow(recording, 0, min(past, last), last, is_whole=True)
 
 
 def read_challenge(path: Path) -> Challenge:
@@ -67,8 +67,8 @@ def read_challenge(path: Path) -> Challenge:
 
 
 def challenge_windows(
-    recording: Recording, past: int, future: int, entries: Sequence[str], scenario_id: str
-) -> Iterator[Window]:
+    recording: NuScenesRecording, past: int, future: int, entries: Sequence[str], scenario_id: str
+) -> Iterator[NuScenesWindow]:
     """Return a window around each keyframe in ``entries``, with all of its targets; shorter at the scene's ends.
 
     Raises:
@@ -87,10 +87,10 @@ def challenge_windows(
     for current in sorted(keyframes[sample] for sample in targets):
         last = min(current + future, len(recording.times) - 1)
         asked = tuple(dict.fromkeys(targets[recording.samples[current]]))
-        yield Window(recording, max(current - past, 0), current, last, asked)
+        yield NuScenesWindow(recording, max(current - past, 0), current, last, asked)
 
 
-def moving_windows(recording: Recording, past: int, future: int) -> Iterator[Window]:
+def moving_windows(recording: NuScenesRecording, past: int, future: int) -> Iterator[NuScenesWindow]:
     """Return a window around each keyframe with complete past and future, for moving vehicles annotated throughout."""
     objects = recording.objects
     is_vehicle = np.array([CATEGORIES.get(word) is ObjectType.VEHICLE for word in objects.categories], np.bool_)
@@ -100,4 +100,4 @@ def moving_windows(recording: Recording, past: int, future: int) -> Iterator[Win
         is_moving = np.hypot(step[..., 0], step[..., 1]).sum(axis=1) > _MOVES
         chosen = is_vehicle & is_moving & objects.seen[:, window].all(axis=1)
         if chosen.any():
-            yield Window(recording, window.start, current, window.stop - 1, tuple(objects.tokens[chosen]))
+            yield NuScenesWindow(recording, window.start, current, window.stop - 1, tuple(objects.tokens[chosen]))

@@ -17,7 +17,7 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.building import make_origin, make_tracks
 from scenarionet_data.converters.base import Converter, find_files
-from scenarionet_data.converters.formats.tfrecord import Record, read_records
+from scenarionet_data.converters.formats.tfrecord import TfRecord, read_records
 from scenarionet_data.converters.waymo.map_features import map_features
 from scenarionet_data.converters.waymo.wire import WireLights, WireScenario, WireTracks, decode
 from scenarionet_data.errors import InvalidScenario
@@ -58,7 +58,7 @@ _LIGHT_STATES = np.array(
 """``LightState`` by TrafficSignalLaneState.State 0 to 8."""
 
 
-class Waymo(Converter[Record]):
+class Waymo(Converter[TfRecord]):
     """One shard per file; a record is one scenario, in file order."""
 
     name = "waymo"
@@ -83,12 +83,12 @@ class Waymo(Converter[Record]):
                 options=options,
             )
 
-    def records(self, shard: Shard) -> Iterator[Record]:
+    def records(self, shard: Shard) -> Iterator[TfRecord]:
         """Yield the file's records."""
         for path in shard.paths:
             yield from read_records(path)
 
-    def scenario(self, shard: Shard, record: Record) -> ScenarioDescription:
+    def scenario(self, shard: Shard, record: TfRecord) -> ScenarioDescription:
         """Convert one message to a scenario."""
         file = shard.items[0].name
         where = f"{file}@{record.offset}"

@@ -12,7 +12,7 @@ import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array, Int64, Object
-from scenarionet_data.converters.waymo.wire import WireMap
+from scenarionet_data.converters.waymo.wire import WaymoWireMap
 
 _LONGEST_ROW = 6 * 21 + 20  # six numbers of 20 characters and a comma, and the brackets and keys around them
 _NAMES = tuple(
@@ -27,7 +27,7 @@ _NAMES = tuple(
 )
 
 
-def write_extras(features: WireMap, boundary_codes: Int64) -> Object:
+def write_extras(features: WaymoWireMap, boundary_codes: Int64) -> Object:
     """(M,) JSON text per feature, None if it has no extras.
 
     Args:

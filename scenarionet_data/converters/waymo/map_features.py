@@ -20,7 +20,7 @@ from scenarionet_data.converters.waymo.wire import (
     ROAD_LINE,
     SPEED_BUMP,
     STOP_SIGN,
-    WireMap,
+    WaymoWireMap,
 )
 from scenarionet_data.scenario.description import MapFeatures, strings
 from scenarionet_data.scenario.vocabulary import MapFeatureType as Type
@@ -53,7 +53,7 @@ _TYPES = {
 _BOUNDARY_CODES = np.array([int(Type.UNKNOWN), *map(int, _TYPES[ROAD_LINE][1:])])
 
 
-def map_features(features: WireMap, origin: Float64) -> MapFeatures | None:
+def map_features(features: WaymoWireMap, origin: Float64) -> MapFeatures | None:
     """Build the features in the scenario frame; None if there are none.
 
     A speed limit of 0, as on bike lanes, means unknown. The segments of boundaries and neighbours go to ``extras``, see

@@ -72,7 +72,7 @@ class WireLights:
 
 
 @dataclass(frozen=True, eq=False)
-class WireMap:
+class WaymoWireMap:
     """M map features and the links between them.
 
     Attributes:
@@ -129,7 +129,7 @@ class WireScenario:
     tracks_to_predict: Int64
     tracks: WireTracks
     lights: WireLights
-    map: WireMap
+    map: WaymoWireMap
 
 
 def decode(payload: bytes, where: str, identify: Callable[[str], str] = str) -> WireScenario:
@@ -214,7 +214,7 @@ def _lights(steps: Messages, num_steps: int, where: str) -> WireLights:
     return WireLights(lights.owner.astype(np.int64), int64s(bits[:, 0]), enums(bits[:, 1], 9), stop_point)
 
 
-def _map(features: Messages) -> WireMap:
+def _map(features: Messages) -> WaymoWireMap:
     ids = int64s(features.scalars("v")[:, 0])
     rows, kinds, bodies = _bodies(features)
     fields = bodies.fields()
@@ -228,7 +228,7 @@ def _map(features: Messages) -> WireMap:
         enums(part.column(number, "v", count), size)
         for part, number, size in ((lane, 2, 4), (line, 1, 9), (edge, 1, 3))
     ]
-    return WireMap(
+    return WaymoWireMap(
         ids=ids[rows],
         kinds=kinds,
         types=np.sum(types, axis=0),

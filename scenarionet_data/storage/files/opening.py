@@ -19,11 +19,11 @@ class HasFiles(Protocol):
         ...
 
 
-LakeLike: TypeAlias = HasFiles | str | Path
+LakeFilesLike: TypeAlias = HasFiles | str | Path
 """An open lake, or a lake's folder or URL."""
 
 
-def open_files(lake: LakeLike) -> LakeFiles:
+def open_files(lake: LakeFilesLike) -> LakeFiles:
     """Files of a lake: an open one, or by its folder or URL (``lake``, ``file:///data/lake``, ``s3://bucket/lake``).
 
     Raises:

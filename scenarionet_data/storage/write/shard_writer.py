@@ -65,7 +65,7 @@ class ShardWriter:
         }
         self._waiting: list[tuple[int, Encoded]] = []
         self._num_bytes = 0
-        self._parts: dict[str, _Part] = {}
+        self._parts: dict[str, _OpenPart] = {}
         self._pending: list[dict[str, Any]] = []
         self._rows: list[dict[str, Any]] = []
         self._rejected: list[dict[str, Any]] = []
@@ -190,7 +190,7 @@ class ShardWriter:
         if not rows:
             return address
         if table not in self._parts:
-            self._parts[table] = _Part(self._files.temporary(), table, self._footer, batch)
+            self._parts[table] = _OpenPart(self._files.temporary(), table, self._footer, batch)
         address[f"{table}_row_group"] = self._parts[table].write(batch)
         address[f"{table}_first_row"] = 0
         return address
@@ -225,7 +225,7 @@ def _batches(encoded: Encoded) -> dict[str, pa.RecordBatch]:
     return {name: getattr(encoded, name) for name in _SHARD_TABLES if getattr(encoded, name) is not None}
 
 
-class _Part:
+class _OpenPart:
     """An open file of one table."""
 
     def __init__(self, path: Path, table: str, footer: Mapping[str, str], first: pa.RecordBatch) -> None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from scenarionet_data.converters.lyft import Lyft
 from scenarionet_data.converters.lyft.geodesy import local_to_earth, on_ellipsoid
-from scenarionet_data.converters.lyft.map_features import FACES, City, read_city
+from scenarionet_data.converters.lyft.map_features import FACES, LyftCity, read_city
 from scenarionet_data.errors import CorruptSource
 from scenarionet_data.scenario.description import MapFeatures
 from scenarionet_data.scenario.vocabulary import (
@@ -28,19 +28,19 @@ from tests.fixtures.lyft_messages import MapFragment
 from tests.fixtures.reading import scenarios
 
 
-def write(folder: Path, is_backward_stored_along: bool = False) -> City:
+def write(folder: Path, is_backward_stored_along: bool = False) -> LyftCity:
     world.write_map(folder / "semantic_map.pb", is_backward_stored_along)
     world.write_meta(folder / "meta.json")
     return read_city(folder / "semantic_map.pb", folder / "meta.json", str(folder))
 
 
 @pytest.fixture
-def city(tmp_path: Path) -> City:
+def city(tmp_path: Path) -> LyftCity:
     return write(tmp_path)
 
 
 @pytest.fixture
-def features(city: City) -> MapFeatures:
+def features(city: LyftCity) -> MapFeatures:
     return city.features.build(np.zeros(3), has_z=False)
 
 
@@ -175,7 +175,7 @@ def test_every_face_shows_its_color() -> None:
         assert ("ARROW" in state.name) == ("arrow" in name or "u_turn" in name)
 
 
-def test_faces_belong_to_lanes(city: City) -> None:
+def test_faces_belong_to_lanes(city: LyftCity) -> None:
     assert city.faces["RED0"] == (LightState.LANE_STATE_STOP, ["in0"])
     assert city.faces["GRN1"] == (LightState.LANE_STATE_ARROW_GO, ["in1"])  # by the light it is part of
 

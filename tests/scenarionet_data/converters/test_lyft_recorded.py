@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from scenarionet_data.converters.lyft import Lyft
-from scenarionet_data.converters.lyft.recording import Content, Recording
+from scenarionet_data.converters.lyft.recording import LyftContent, LyftRecording
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.vocabulary import LightState, ObjectType
 from tests.fixtures.reading import scenarios
 
 
 @pytest.fixture(scope="module")
-def content(recordings: Path) -> Content:
+def content(recordings: Path) -> LyftContent:
     """All frames."""
-    return Recording(recordings / "lyft" / "scenes" / "sample.zarr").read(0, 248, "sample")
+    return LyftRecording(recordings / "lyft" / "scenes" / "sample.zarr").read(0, 248, "sample")
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,7 @@ def whole(recordings: Path) -> ScenarioDescription:
     return scenario
 
 
-def test_recorded_rows(content: Content) -> None:
+def test_recorded_rows(content: LyftContent) -> None:
     assert len(content.times) == 248
     assert len(content.agents) == 20_802
     assert len(np.unique(content.agents["track_id"])) == 1_653
@@ -47,7 +47,7 @@ def test_recorded_scene(whole: ScenarioDescription) -> None:
     np.testing.assert_allclose(np.diff(whole.timestamps), 0.1, atol=1e-3)
 
 
-def test_recorded_values_are_the_files(whole: ScenarioDescription, content: Content) -> None:
+def test_recorded_values_are_the_files(whole: ScenarioDescription, content: LyftContent) -> None:
     tracks = whole.tracks
     row = {track: number for number, track in enumerate(tracks.ids)}
     rows = [row[str(track)] for track in content.agents["track_id"]]
@@ -61,7 +61,7 @@ def test_recorded_values_are_the_files(whole: ScenarioDescription, content: Cont
     np.testing.assert_allclose(tracks.size[rows, content.frame], content.agents["extent"], atol=1e-4)
 
 
-def test_recorded_zero_velocities(whole: ScenarioDescription, content: Content) -> None:
+def test_recorded_zero_velocities(whole: ScenarioDescription, content: LyftContent) -> None:
     """Three quarters of the rows have none; a few of them belong to road users that move."""
     assert (~content.agents["velocity"].any(axis=1)).mean() == pytest.approx(0.73, abs=0.01)
     tracks, count = whole.tracks, whole.extras["num_repaired_velocities"]
@@ -78,7 +78,7 @@ def test_recorded_ego_moves_where_it_points(whole: ScenarioDescription) -> None:
     assert whole.tracks.source_type[whole.ego_index] == "EGO"
 
 
-def test_recorded_lights(whole: ScenarioDescription, content: Content) -> None:
+def test_recorded_lights(whole: ScenarioDescription, content: LyftContent) -> None:
     lights = whole.lights
     assert list(lights.ids) == sorted(set(content.faces["traffic_light_id"].tolist()))
     assert len(lights) == 6

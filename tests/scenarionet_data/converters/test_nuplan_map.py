@@ -12,7 +12,7 @@ import pytest
 import shapely
 
 from scenarionet_data.converters.nuplan import NuPlan, NuPlanOptions
-from scenarionet_data.converters.nuplan.map_features import City, read_city
+from scenarionet_data.converters.nuplan.map_features import NuPlanCity, read_city
 from scenarionet_data.scenario.description import MapFeatures
 from scenarionet_data.scenario.vocabulary import MapFeatureType, is_lane
 from tests.fixtures import geopackage
@@ -35,12 +35,12 @@ def path(built: world.City, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def city(path: Path) -> City:
+def city(path: Path) -> NuPlanCity:
     return read_city(path)
 
 
 @pytest.fixture(scope="module")
-def features(city: City) -> MapFeatures:
+def features(city: NuPlanCity) -> MapFeatures:
     return city.features.build(ORIGIN, has_z=False)
 
 
@@ -219,7 +219,7 @@ def utm(degrees: np.ndarray, zone: int) -> np.ndarray:
     return np.stack([500_000.0 + scale * x, scale * y], axis=-1)
 
 
-def test_the_projection_is_utm(path: Path, city: City, features: MapFeatures, built: world.City) -> None:
+def test_the_projection_is_utm(path: Path, city: NuPlanCity, features: MapFeatures, built: world.City) -> None:
     """The file's degrees, projected by the textbook series, are where the lake's features lie: to 0.1 mm."""
     assert city.projection == "epsg:32611"
     for row in built.rows["baseline_paths"]:
@@ -248,7 +248,7 @@ def test_the_ego_drives_on_its_lane(path: Path, tmp_path: Path) -> None:
 # --- the outside reader ---------------------------------------------------------------------------------
 
 
-def test_gdal_reads_the_same(path: Path, city: City, features: MapFeatures) -> None:
+def test_gdal_reads_the_same(path: Path, city: NuPlanCity, features: MapFeatures) -> None:
     """GDAL finds every layer of the written GeoPackage valid, and the same coordinates in it."""
     pyogrio = pytest.importorskip("pyogrio", reason="the cross-check with GDAL needs pyogrio")
     kinds = {

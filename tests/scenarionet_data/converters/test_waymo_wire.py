@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenarionet_data.converters.formats.tfrecord import read_records
-from scenarionet_data.converters.waymo.wire import WireMap, WireScenario, decode
+from scenarionet_data.converters.waymo.wire import WaymoWireMap, WireScenario, decode
 from scenarionet_data.errors import InvalidScenario
 from tests.fixtures.waymo import OTHER_RELEASES, field, points, scenario_bytes
 from tests.fixtures.waymo_messages import Scenario
@@ -63,7 +63,7 @@ def xyz(point: Any) -> list[float]:
     return [point.x, point.y, point.z]
 
 
-def assert_same_map(found: WireMap, message: Any) -> None:
+def assert_same_map(found: WaymoWireMap, message: Any) -> None:
     features = [f for f in message.map_features if f.WhichOneof("feature_data")]
     assert found.num_unknown == len(message.map_features) - len(features)
     bodies = [getattr(f, f.WhichOneof("feature_data")) for f in features]
@@ -98,7 +98,7 @@ def points_of(body: Any) -> list[Any]:
     return [body.position] if body.HasField("position") else []
 
 
-def assert_same_links(found: WireMap, bodies: list[Any], side: str) -> None:
+def assert_same_links(found: WaymoWireMap, bodies: list[Any], side: str) -> None:
     boundaries = [(row, b) for row, body in enumerate(bodies) for b in getattr(body, f"{side}_boundaries", ())]
     assert getattr(found, f"{side}_boundaries").tolist() == [boundary(row, b) for row, b in boundaries]
     neighbors = [(row, n) for row, body in enumerate(bodies) for n in getattr(body, f"{side}_neighbors", ())]

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarionet_data.procedural.path import Path, Pose, bend, connect, shift
+from scenarionet_data.procedural.path import Pose, RoadPath, bend, connect, shift
 
 pieces = st.lists(st.tuples(st.floats(1.0, 60.0), st.floats(-0.05, 0.05)), min_size=1, max_size=4).map(tuple)
 poses = st.builds(Pose, st.floats(-100, 100), st.floats(-100, 100), st.floats(-3, 3))
@@ -17,7 +17,7 @@ poses = st.builds(Pose, st.floats(-100, 100), st.floats(-100, 100), st.floats(-3
 
 @given(poses, pieces)
 def test_samples_are_equally_spaced_and_end_at_the_end(start, parts):
-    path = Path(start, parts)
+    path = RoadPath(start, parts)
     points, headings = path.sample(2.0)
     chords = np.hypot(*np.diff(points, axis=0).T)
     assert chords.max() <= 2.0 + 1e-9
@@ -30,7 +30,7 @@ def test_samples_are_equally_spaced_and_end_at_the_end(start, parts):
 
 @given(poses, pieces, st.floats(-10.0, 10.0))
 def test_offset_keeps_its_distance(start, parts, left):
-    path = Path(start, parts)
+    path = RoadPath(start, parts)
     middle, beside = path.pose_at(path.length / 2), path.offset(left)
     expected = middle.moved(0.0, left)
     found = beside.sample(0.1)[0]
@@ -39,14 +39,14 @@ def test_offset_keeps_its_distance(start, parts, left):
 
 @given(poses, pieces)
 def test_reversed_twice_is_the_same(start, parts):
-    path = Path(start, parts)
+    path = RoadPath(start, parts)
     back = path.reversed().reversed()
     np.testing.assert_allclose(back.sample(2.0)[0], path.sample(2.0)[0], atol=1e-6)
 
 
 @given(poses, st.floats(10.0, 50.0), st.floats(-4.0, 4.0).filter(lambda d: abs(d) > 0.1))
 def test_shift_moves_sideways(start, ahead, left):
-    end = Path(start, shift(ahead, left)).end
+    end = RoadPath(start, shift(ahead, left)).end
     wanted = start.moved(ahead, left)
     assert math.hypot(end.x - wanted.x, end.y - wanted.y) < 1e-9
     assert end.heading == pytest.approx(start.heading)

@@ -10,7 +10,7 @@ from scenarionet_data import Lake, converters
 from scenarionet_data.conversion import convert
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.evaluation import evaluation as evaluations
-from scenarionet_sim.evaluation.evaluation import evaluate, find_broken, plan_evaluation
+from scenarionet_sim.evaluation.evaluation import EvaluationReport, evaluate, find_broken, plan_evaluation
 from scenarionet_sim.policies import ConstantVelocity
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import write_lake
@@ -80,7 +80,7 @@ def test_a_killed_run_is_continued(lake):
     one, two = (lake.sql("SELECT * EXCLUDE run FROM results WHERE run = $run ORDER BY scenario_id", {"run": run})
                 for run in ("whole", "killed"))  # fmt: skip
     assert one.equals(two)
-    with pytest.raises(BadParameter, match="there with policy 'replay', not 'idm'"):
+    with pytest.raises(BadParameter, match="exists with policy 'replay', not 'idm'"):
         evaluate(lake, policy="idm", name="killed")
 
 
@@ -193,3 +193,10 @@ def test_real_recordings_replay(recordings, tmp_path):
     assert rows["success"].all()
     assert rows["average_displacement"].max() < 1e-5
     assert rows.select(pl.col("red_light_violations").sum(), pl.col("wrong_way_distance").max()).row(0) < (1, 2.0)
+
+
+def test_report_is_shown_as_html():
+    broken = [(f"d{k}", "<b>no lanes</b>") for k in range(12)]
+    html = EvaluationReport("idm", scenarios=20, skipped=3, broken=broken, seconds=1.5)._repr_html_()
+    assert "20, 3 of them simulated earlier" in html
+    assert html.count("&lt;b&gt;no lanes&lt;/b&gt;") == 10 and "<b>" not in html

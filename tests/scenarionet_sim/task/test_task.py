@@ -11,7 +11,7 @@ import pytest
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.kernels.log import ARC, VX, VY
 from scenarionet_sim.kernels.scoring import NUM_TOTALS, NUMBERS, TERMS, Contacts, StepResult, score_step
-from scenarionet_sim.kernels.structures import Moment, Recorded
+from scenarionet_sim.kernels.structures import Recorded, StateArrays
 from scenarionet_sim.task.task import MULTI_AGENT, SINGLE_AGENT, Status, is_terminated, task_parameters
 
 VEHICLE, PERSON, CYCLIST, CONE, BARRIER = (
@@ -43,7 +43,7 @@ def scored(task=SINGLE_AGENT, **changes):
         np.tile(np.array([0, 2], np.int32), (count, 1)), no_stops, none, none, np.zeros((count, 0, 0), np.uint8),
     )  # fmt: skip
     present, timestep = np.ones((count, 1), np.bool_), np.array(step["timestep"], np.int32)
-    now = Moment(motion, route, present, np.ones((count, 1, 3)), np.ones((count, 1), np.uint8), timestep)
+    now = StateArrays(motion, route, present, np.ones((count, 1, 3)), np.ones((count, 1), np.uint8), timestep)
     nothing = np.zeros((count, 1), np.bool_)
     result = StepResult(np.zeros((count, len(NUMBERS))), np.zeros(count, np.uint8), np.zeros((count, 1, NUM_TOTALS)))
     score_step(

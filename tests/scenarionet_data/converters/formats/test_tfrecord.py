@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarionet_data.converters.formats.tfrecord import Record, masked_crc, read_records
+from scenarionet_data.converters.formats.tfrecord import TfRecord, masked_crc, read_records
 from scenarionet_data.errors import CorruptSource
 from tests.fixtures.waymo import frame, write_tfrecord
 
@@ -35,7 +35,7 @@ def test_checksum_is_the_division_turned_by_15_bits(data):
 def test_records_of_a_file(tmp_path):
     path = write_tfrecord(tmp_path / "a.tfrecord", PAYLOADS)
     offsets = [0, 16 + len(PAYLOADS[0]), 32 + len(PAYLOADS[0])]
-    assert list(read_records(path)) == [Record(o, p, True) for o, p in zip(offsets, PAYLOADS, strict=True)]
+    assert list(read_records(path)) == [TfRecord(o, p, True) for o, p in zip(offsets, PAYLOADS, strict=True)]
 
 
 def test_real_checksums(recordings):
