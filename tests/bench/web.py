@@ -86,7 +86,9 @@ def _busy_filtering(lake: Lake) -> Iterator[float]:
     known = {column.name: column for column in rows.columns(lake)}
     for condition in _CONDITIONS:
         started = time.process_time()
-        rows.page(lake, rows.Question(condition, "scenario_id", False, 0, 50, ("ego_distance", "num_objects")), known)
+        rows.read_page(
+            lake, rows.PageQuery(condition, "scenario_id", False, 0, 50, ("ego_distance", "num_objects")), known
+        )
         yield time.process_time() - started
 
 
