@@ -54,7 +54,7 @@ def test_simulation_stores_its_results_in_the_bucket(lake):
 
 
 def test_dry_run_prints_the_plan(lake):
-    assert "1 shard that the lake has already" in run("convert", "pg", "0:8", lake, "--split", "train", "--dry-run")
+    assert "1 shard already in the lake" in run("convert", "pg", "0:8", lake, "--split", "train", "--dry-run")
 
 
 def test_messages_name_the_url(url):

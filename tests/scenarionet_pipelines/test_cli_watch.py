@@ -49,9 +49,9 @@ def test_watching_ends_cleanly(number, tmp_path):
 def test_reconvert_stale_lists_the_shards_first(raw, lake):
     refused = run("convert", NEWER, raw, lake, "--reconvert-stale")
     assert refused.exit_code == 2
-    assert "would convert again 2 shards that another version of the converter wrote:" in refused.stderr
+    assert "would convert again 2 shards written by another version of the converter:" in refused.stderr
     assert "  made/v1/train/a\n  made/v1/train/b\n" in refused.stderr
-    assert "add --yes to convert them again" in refused.stderr
+    assert "cannot ask for confirmation: add --yes, or leave out --reconvert-stale" in refused.stderr
     assert "2 shards written by another version of the converter" in run("convert", NEWER, raw, lake).stdout
     report = json.loads(run("convert", NEWER, raw, lake, "--reconvert-stale", "--yes", "--json", "--quiet").stdout)
     assert (report["replaced"], report["stale"]) == (2, 0)

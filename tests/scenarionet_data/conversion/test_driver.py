@@ -122,7 +122,7 @@ def test_workers_and_interruptions_do_not_change_files(raw, tmp_path):
             yield do(job)
 
     with pytest.raises(KeyboardInterrupt):
-        run(raw, tmp_path / "three", run=lambda jobs, do, lost: until(jobs, do, 3))
+        run(raw, tmp_path / "three", executor=lambda jobs, do, lost: until(jobs, do, 3))
     assert len(ids(tmp_path / "three")) >= 7
     report = run(raw, tmp_path / "three")
     assert report.skipped == 3

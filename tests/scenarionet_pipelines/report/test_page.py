@@ -140,4 +140,4 @@ def test_page_in_a_browser(browser, lake, tmp_path, kind):
                 assert page.evaluate("[...document.images].every((image) => image.naturalWidth > 0)")
                 shown = page.inner_text("main")
                 assert "nan" not in shown.lower().split()
-                assert ("There are no scenarios in this lake yet" in shown) == (kind == "empty")
+                assert ("This lake has no scenarios yet" in shown) == (kind == "empty")
