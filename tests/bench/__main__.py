@@ -1,4 +1,4 @@
-"""Runs the benchmarks, prints a table and writes ``bench.json``: ``python -m tests.bench [--only load]``."""
+"""Run the benchmarks, print a table and write ``bench.json``: ``python -m tests.bench [--only load]``."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from tests.bench.measure import Figure
 
 
 def main() -> None:
-    """Run every group, or one."""
+    """Run all groups, or one."""
     recordings = converting.recordings_folder()
     groups: dict[str, Callable[[], Iterator[Figure]]] = {
         "cluster": lambda: cluster.figures(recordings),

@@ -1,4 +1,4 @@
-"""A Dask cluster against plain processes, memory over a long run, and how many shards a scheduler can follow.
+"""A Dask cluster against plain processes, memory over a long run, and the scheduler's limit on shards.
 
 Everything runs on this machine. Workers are warm when the clock starts: each has converted a shard, so that what is
 compared is converting and not importing.
@@ -52,7 +52,7 @@ print(time.perf_counter() - started)
 
 
 def figures(_: Path | None) -> Iterator[Figure]:
-    """Figures of converting on a cluster; on written recordings, which may be as many as one wants."""
+    """Benchmarks of converting on a cluster, on written recordings of any number."""
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
         raw = _waymo(root / "raw/training", _SHARDS + _WARM, _SCENARIOS)
@@ -77,7 +77,7 @@ def _waymo(folder: Path, shards: int, scenarios: int) -> Path:
 
 
 def _speed(root: Path, raw: Path, executor: Executor) -> Iterator[Figure]:
-    """The three ways by turns, so that whatever else the machine does meets them all."""
+    """The three executors in alternation, so that other load on the machine affects all of them equally."""
     alone, pool, dask = [], [], []
     for turn in range(3):
         alone.append(_independent(root, raw, turn))
@@ -96,7 +96,7 @@ def _speed(root: Path, raw: Path, executor: Executor) -> Iterator[Figure]:
 
 @dataclass(frozen=True)
 class _Clocked:
-    """Does a job; with what it returned, whose CPU time is how much by now."""
+    """Run a job; return its result with the CPU time used so far."""
 
     do: Callable[[Any], Any]
 
@@ -105,7 +105,7 @@ class _Clocked:
 
 
 def _steady(lake: Path, raw: Path, executor: Executor) -> tuple[float, float]:
-    """Scenarios per second from the first few shards to the last; CPU seconds a scenario, the client's too."""
+    """Scenarios per second from the first few shards to the last; CPU seconds per scenario, including the client's."""
     clock: list[float] = []
     cpu: dict[int, list[float]] = defaultdict(list)
 
@@ -126,7 +126,7 @@ def _steady(lake: Path, raw: Path, executor: Executor) -> tuple[float, float]:
 
 
 def _independent(root: Path, raw: Path, turn: int) -> float:
-    """Scenarios per second of processes that know nothing of each other, each with its part of the files."""
+    """Scenarios per second of independent processes, each with its part of the files."""
     files = sorted(raw.iterdir())
     warm, go = _linked(root / f"alone-{turn}/warm/training", files[:1]), root / f"alone-{turn}/go"
     running = []
@@ -152,7 +152,7 @@ def _linked(folder: Path, files: Iterable[Path]) -> Path:
 
 
 def _memory(root: Path, executor: Executor) -> Iterator[Figure]:
-    """Each worker's peak after a fifth of a long run, and at its end."""
+    """Peak memory of each worker after a fifth of a long run, and at its end."""
     shards, scenarios = _LONG
     raw = _waymo(root / "long/training", shards, scenarios)
     peaks: list[dict[str, int]] = [{}]
@@ -179,7 +179,7 @@ def _nothing(job: ShardJob) -> ShardResult:
 
 
 def _many(root: Path, executor: Executor) -> Iterator[Figure]:
-    """Shards that take no time: what is left is planning, handing out and tracking."""
+    """Shards without work: the remaining time is planning, scheduling and tracking."""
     raw = write_raw(root / "tiny", {f"s{k:05d}": [k] for k in range(_TINY)})
     started = time.perf_counter()
     plan = plan_conversion(NAME, str(raw), root / "tiny-lake")

@@ -51,7 +51,7 @@ _GOALS = {
 
 
 def figures(recordings: Path | None) -> Iterator[Figure]:
-    """Figures of the converters of one file a scenario; on real recordings where they are at hand."""
+    """Benchmarks of the converters with one file per scenario; on real recordings if available."""
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
         sources = {

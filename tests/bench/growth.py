@@ -1,4 +1,4 @@
-"""What a lake's own books cost as it grows: records of shards that nobody converted, as many as are asked for.
+"""Cost of a lake's metadata as it grows, measured on synthetic shard records.
 
 From these figures ``docs/guides/cluster.md`` reckons where today's design ends.
 """
@@ -32,14 +32,14 @@ _COMMITTED = 400
 
 
 def figures(_: Path | None) -> Iterator[Figure]:
-    """Bytes and seconds a shard, by what grows with them."""
+    """Bytes and seconds per shard, by metadata file."""
     with tempfile.TemporaryDirectory() as folder:
         yield from _books(Path(folder))
         yield from _commits(Path(folder) / "lake")
 
 
 def _books(root: Path) -> Iterator[Figure]:
-    """Of planning against a lake of many shards, and of the lists in it."""
+    """Planning against a lake of many shards, and the size of its manifests."""
     tracemalloc.start()
     wanted = [_shard(number) for number in range(_SHARDS)]
     size = tracemalloc.get_traced_memory()[0]
@@ -63,7 +63,7 @@ def _books(root: Path) -> Iterator[Figure]:
 
 
 def _commits(root: Path) -> Iterator[Figure]:
-    """Of a commit, which reads the ids of what is new once, and of the next, which looks for them among all."""
+    """A commit, which reads the new ids once, and the next one, which compares with all of them."""
     files = LocalLakeFiles(root)
     records = [write_shard(root, [make_scenario(k, num_objects=1)], f"s{k:04d}", f"f{k}") for k in range(_COMMITTED)]
     started = time.process_time()

@@ -1,4 +1,4 @@
-"""Loading: one scenario's tracks, a whole scenario, a batch, and a question that reads every track."""
+"""Loading: one scenario's tracks, a whole scenario, a batch, and a query that reads all tracks."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _COUNT = 400
 
 
 def figures(recordings: Path | None) -> Iterator[Figure]:
-    """Figures over 400 Waymo scenarios (the recorded one under new ids, where it is at hand)."""
+    """Benchmarks over 400 Waymo scenarios (the recorded one under new ids, if available)."""
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
         raw = waymo_raw(root / "raw", recordings, _COUNT)
@@ -46,7 +46,7 @@ def figures(recordings: Path | None) -> Iterator[Figure]:
 
 
 def _pickle(loader: ScenarioLoader, root: Path) -> float:
-    """What a whole scenario takes from a pickle on this machine, now: the figure that speeds compare with."""
+    """Time to load a whole scenario from a pickle on this machine, the reference for other figures."""
     export((loader[index] for index in range(8)), root / "pickles")
     paths = sorted((root / "pickles").glob("sd_*.pkl"))
     return median_ms(lambda k: pickle.loads(paths[k % len(paths)].read_bytes()), 100)

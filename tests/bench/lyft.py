@@ -40,7 +40,7 @@ _TOWNS = 28  # in each direction, 450 m apart: a map of 7,840 lanes, about as ma
 
 
 def figures(recordings: Path | None) -> Iterator[Figure]:
-    """Figures of the converter, on the recorded scene repeated where it is at hand."""
+    """Benchmarks of the converter, on the recorded scene repeated if available."""
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
         if recordings:
@@ -60,7 +60,7 @@ def figures(recordings: Path | None) -> Iterator[Figure]:
 
 
 def repeated(path: Path, count: int) -> dict[str, np.ndarray]:
-    """The tables of a recording with its scenes again and again, at later times."""
+    """The tables of a recording with its scenes repeated at later times."""
     tables = {name: ChunkedTable(path / name) for name in fixture.CHUNKS}
     rows = {name: table.rows(0, len(table)) for name, table in tables.items()}
     made = {name: np.concatenate([part] * count) for name, part in rows.items()}

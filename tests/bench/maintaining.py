@@ -1,4 +1,4 @@
-"""Maintenance: what compacting 1,000 scenarios of real size takes and gives in each profile, and what looking takes."""
+"""Maintenance: cost and benefit of compacting 1,000 scenarios of real size in each profile, and of checking."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _OBJECTS = "SELECT object_type, avg(length[1]), max(start) FROM tracks GROUP BY 
 
 
 def figures(recordings: Path | None) -> Iterator[Figure]:
-    """Figures over the recorded scenarios under new ids in shards of 10 (written ones where there are none)."""
+    """Benchmarks over the recorded scenarios under new ids in shards of 10 (written ones if there are none)."""
     with tempfile.TemporaryDirectory() as folder:
         root = recorded_lake(Path(folder), recordings, _PER_SHARD).root
         yield from _state(root, "as converted")
@@ -39,7 +39,7 @@ def figures(recordings: Path | None) -> Iterator[Figure]:
 
 
 def _state(root: Path, name: str) -> Iterator[Figure]:
-    """What reading a lake takes as its files are now."""
+    """Time to read a lake in its current state."""
     lake = Lake(root)
     paths = [path for table in _TABLES for path in lake.paths(table)]
     yield Figure(f"{name}: files", len(paths), "")
@@ -59,7 +59,7 @@ def _state(root: Path, name: str) -> Iterator[Figure]:
 
 
 def _mean(load: Callable[[int], object], repeats: int) -> float:
-    """CPU time of a load [s], the mean: of scenarios that share a row group, one pays for all."""
+    """Mean CPU time of a load [s]: of scenarios that share a row group, one pays for all."""
     for k in range(3):
         load(k)
     started = time.process_time()

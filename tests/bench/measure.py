@@ -1,4 +1,4 @@
-"""Timing and memory: medians of repeated runs, each printed beside what it should reach."""
+"""Timing and memory: medians of repeated runs, each printed next to its goal."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def median_ms(action: Callable[[int], Any], repeats: int, warmup: int = 3) -> fl
 
 
 def crop_loads(name: str, lake: Path) -> Iterator[Figure]:
-    """Loading scenarios that see a part of a shared map, warm."""
+    """Load scenarios that use a part of a shared map, with warm caches."""
     loader = ScenarioLoader(lake)
     times = [median_ms(lambda _, index=index: loader[index], 9) for index in range(min(len(loader), 40))]  # type: ignore[misc]
     yield Figure(f"{name}: one whole scenario with its part of the map, warm", statistics.median(times), "ms", "<= 5")
@@ -71,7 +71,7 @@ def peak_mb() -> float:
 
 
 def in_fresh_process(code: str, *arguments: str) -> str:
-    """Standard output of Python code in a process of its own, where memory starts from nothing."""
+    """Standard output of Python code in a new process, for memory measurements."""
     done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False)
     if done.returncode:
         raise RuntimeError(done.stderr)

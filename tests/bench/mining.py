@@ -1,4 +1,4 @@
-"""Asking what happens inside 1,000 scenarios of real size: states, pedestrians near the ego, every event."""
+"""Queries on events inside 1,000 scenarios of real size: states, pedestrians near the ego, every event."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _WANTED = {"cut_in": "<= 5"}
 
 
 def figures(recordings: Path | None) -> Iterator[Figure]:
-    """Figures over the recorded scenarios under new ids (written ones where there are none)."""
+    """Benchmarks over the recorded scenarios under new ids (written ones if there are none)."""
     with tempfile.TemporaryDirectory() as folder:
         lake = recorded_lake(Path(folder), recordings)
         states = float(lake.sql("SELECT sum(num_states) FROM metadata").item())

@@ -37,7 +37,7 @@ _WAYS = {
 
 
 def figures(recordings: Path | None) -> Iterator[Figure]:
-    """Figures of the converter, on the recorded scenario repeated where it is at hand."""
+    """Benchmarks of the converter, on the recorded scenario repeated if available."""
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
         drive = _drive(recordings)

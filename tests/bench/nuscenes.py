@@ -1,4 +1,4 @@
-"""nuScenes: scenarios per second and core memory, bytes against ScenarioNet's pickles, loading with a city's part."""
+"""nuScenes: scenarios per second and core, memory, bytes against ScenarioNet's pickles, loading with a map crop."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ print(json.dumps({"scenarios": report.converted, "cpu": cpu, "peak_mb": peak}))
 
 
 def figures(recordings: Path | None) -> Iterator[Figure]:
-    """Figures of the converter, on the ten recorded scenes repeated where they are at hand."""
+    """Benchmarks of the converter, on the ten recorded scenes repeated if available."""
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
         fixture.write_invented(root / "warm", num_scenes=1)
@@ -58,7 +58,7 @@ def _invented(raw: Path) -> list[fixture.Scene]:
 
 
 def _repeated(scenes: list[fixture.Scene], count: int) -> Iterator[fixture.Scene]:
-    """``count`` scenes: the given ones under new names and tokens."""
+    """``count`` scenes: the given ones with new names and tokens."""
     for number in range(count):
         scene = scenes[number % len(scenes)]
         things = [replace(thing, token=fixture.token(number, thing.token)) for thing in scene.things]
@@ -79,7 +79,7 @@ def _rate(by: str, warm: Path, raw: Path, lake: Path) -> Iterator[Figure]:
 
 
 def _bytes(root: Path, recordings: Path) -> Iterator[Figure]:
-    """Stored bytes of the ten scenes against the pickles they come from."""
+    """Stored bytes of the ten scenes against their source pickles."""
     raw, lake = root / "ten", root / "lake-ten"
     pickles = read_pickles(recordings)
     write_recorded(raw, pickles)

@@ -1,4 +1,4 @@
-"""Packing 1 % of 1,000 scenarios of real size: how many bytes it writes, and what it takes."""
+"""Packing 1 % of 1,000 scenarios of real size: written bytes, and time."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _REPEATS = 3
 
 
 def figures(recordings: Path | None) -> Iterator[Figure]:
-    """Figures over the recorded scenarios under new ids (written ones where there are none)."""
+    """Benchmarks over the recorded scenarios under new ids (written ones if there are none)."""
     with tempfile.TemporaryDirectory() as folder:
         lake = recorded_lake(Path(folder), recordings)
         whole = sum(path.stat().st_size for path in lake.root.rglob("*") if path.is_file())

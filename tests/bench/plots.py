@@ -1,4 +1,4 @@
-"""Pictures: one scenario drawn, thumbnails a second, and the overview notebook over a million rows."""
+"""Pictures: one scenario drawn, thumbnails per second, and the overview notebook over a million rows."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ print(json.dumps({"seconds": time.perf_counter() - started, "shown": shown}))
 
 
 def figures(recordings: Path | None) -> Iterator[Figure]:
-    """All of them; recorded scenarios where there are some."""
+    """All plot benchmarks; on recorded scenarios if available."""
     for name, scenario in _scenarios(recordings):
         yield Figure(f"{name}: drawn, as PNG", median_ms(partial(_draw, scenario), 7) / 1e3, "s", "<= 0.3")
         seconds = median_ms(partial(_thumbnail, scenario), 15) / 1e3

@@ -1,4 +1,4 @@
-"""Loading from an S3 server on loopback: requests of a scenario, and what fetching a batch together gains."""
+"""Loading from an S3 server on loopback: requests per scenario, and the gain of fetching a batch together."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _LATENCIES = (0.0, 0.01, 0.02, 0.05)
 
 
 def figures(recordings: Path | None) -> Iterator[Figure]:
-    """Figures over Waymo scenarios (the recorded one under new ids, where it is at hand)."""
+    """Benchmarks over Waymo scenarios (the recorded one under new ids, if available)."""
     with tempfile.TemporaryDirectory() as folder, object_store.serve() as store:
         os.environ.update(store.environment | {"SCENARIONET_CACHE": f"{folder}/cache"})
         for count in _COUNTS:
@@ -43,7 +43,7 @@ def figures(recordings: Path | None) -> Iterator[Figure]:
 
 
 def _requests(url: str, count: int, store: ObjectStore) -> Iterator[Figure]:
-    """How often the server is asked."""
+    """Number of requests to the server."""
     loader = ScenarioLoader(Lake(url))
     loader.batch(range(count))  # footers known, code compiled
     order = np.random.default_rng(0).permutation(count).tolist()
@@ -58,7 +58,7 @@ def _requests(url: str, count: int, store: ObjectStore) -> Iterator[Figure]:
 
 
 def _ratio(url: str, count: int, latency: float) -> Iterator[Figure]:
-    """64 random scenarios one by one and as a batch, in turns."""
+    """64 random scenarios individually and as a batch, in alternation."""
     loader = ScenarioLoader(Lake(url))  # sees how far away the store is
     loader.batch(range(count))
     rounds = [np.random.default_rng(k).permutation(count)[:_BATCH].tolist() for k in range(5)]

@@ -1,4 +1,4 @@
-"""A million scenarios: opening, filtering and saving over a metadata table as 2,000 converted shards leave it."""
+"""A million scenarios: opening, filtering and saving over a metadata table like that of 2,000 converted shards."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ print(json.dumps({"wall": wall, "cpu": cpu, "peak_mb": int(status.split("VmHWM:"
 
 
 def figures() -> Iterator[Figure]:
-    """Figures for 100,000, 1,000,000 and 10,000,000 rows, the last in shards of ten times as many."""
+    """Benchmarks for 100,000, 1,000,000 and 10,000,000 rows, the last in shards ten times as large."""
     for rows, shard_rows, wanted in (
         (100_000, _SHARD_ROWS, ("", "", "")),
         (1_000_000, _SHARD_ROWS, ("<= 0.3", "<= 0.5", "<= 300")),
@@ -128,7 +128,7 @@ def filter_figures(folder: str, name: str, wanted: tuple[str, str, str]) -> Iter
 
 
 def operation_figures(folder: str) -> Iterator[Figure]:
-    """What the other operations take on a million rows; memory is that of the first run in a process."""
+    """Time of the other operations on a million rows; memory is that of the first run in a process."""
     in_fresh_process(_PREPARE, folder)
     for name, (code, seconds) in _OPERATIONS.items():
         found = json.loads(in_fresh_process(_OPERATE, folder, code))
@@ -139,7 +139,7 @@ def operation_figures(folder: str) -> Iterator[Figure]:
 
 
 def write_metadata_lake(root: Path, rows: int, shard_rows: int = _SHARD_ROWS) -> None:
-    """A lake of metadata alone: real rows, random statistics, in files as conversion leaves them."""
+    """Write a lake with metadata only: real rows, random statistics, in files as conversion writes them."""
     files, rng = LocalLakeFiles(root), np.random.default_rng(0)
     row = dict(codec.encode(make_scenario(1), "1").metadata)
     row |= {f"{table}_num_rows": 1 for table in ("tracks", "lights", "maps")}

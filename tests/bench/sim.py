@@ -1,4 +1,4 @@
-"""The simulator: steps per second of CPU of every environment, resets, the bird's view, memory, compile time.
+"""The simulator: steps per second of CPU of every environment, resets, the bird's-eye view, memory, compile time.
 
 On nuScenes 0061 and 1100 and a Waymo scenario where recordings are at hand, else on generated ones.
 """
@@ -85,7 +85,7 @@ print(json.dumps(20 * float(np.polyfit(np.arange(len(sizes)), sizes, 1)[0])))
 
 
 def figures(recordings: Path | None) -> Iterator[Figure]:
-    """Figures of the simulator, in CPU time; medians."""
+    """Benchmarks of the simulator in CPU time; medians."""
     with tempfile.TemporaryDirectory() as folder:
         lake = Path(folder) / "lake"
         names = _recorded(lake, recordings) if recordings else _generated(lake)
@@ -112,7 +112,7 @@ def _generated(lake: Path) -> dict[str, str]:
 
 
 def _first_use(lake: Path, cache: Path) -> Iterator[Figure]:
-    """From nothing compiled to the first step, in a process of its own."""
+    """Time from an empty kernel cache to the first step, in a separate process."""
     before = os.environ.get("NUMBA_CACHE_DIR")
     os.environ["NUMBA_CACHE_DIR"] = str(cache)
     try:
@@ -159,7 +159,7 @@ def _rate(lake: Path, scenario_id: str, backend: Backend) -> float:
 
 
 def _seconds_a_step(step: Callable[[], Any], reset: Callable[[], Any], steps: int, episodes: int = 15) -> float:
-    """Median over episodes of the CPU time of a step; resets are not counted."""
+    """Median over episodes of the CPU time of a step, without resets."""
     found = []
     for _ in range(episodes + 2):
         reset()
@@ -198,7 +198,7 @@ def _vector(lake: Path) -> Iterator[Figure]:
 
 
 def _vector_rate(lake: Path, policies: tuple[Policy, ...]) -> tuple[float, float]:
-    """World-steps per second, and objects a world."""
+    """World-steps per second, and objects per world."""
     envs = ScenarioNetVectorEnv(
         _WORLDS, scenarios=Scenarios(lake), policies=policies, sensors=PAPER_OBSERVATION, termination=_ENDLESS
     )
@@ -211,7 +211,7 @@ def _vector_rate(lake: Path, policies: tuple[Policy, ...]) -> tuple[float, float
 
 
 def _several_agents(lake: Path, is_recorded: bool) -> Iterator[Figure]:
-    """The scenario with about 40 vehicles that drive, each an agent."""
+    """The scenario with about 40 moving vehicles, each an agent."""
     env = ScenarioNetParallelEnv(scenarios=Scenarios(lake), prefetch=0)
     found = []
     for _ in range(14):

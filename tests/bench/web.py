@@ -1,4 +1,4 @@
-"""The report of 1,000 scenarios; in a real browser: first paint, filters over a million rows, frames a second."""
+"""The report of 1,000 scenarios; in a real browser: first paint, filters over a million rows, frames per second."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ _CONDITIONS = [f"ego_distance > {limit} AND num_objects > {3 * limit}" for limit
 
 
 def figures(recordings: Path | None) -> Iterator[Figure]:
-    """Figures of the report and of the browser's page; recorded scenarios where there are some."""
+    """Benchmarks of the report and of the browser's page; on recorded scenarios if available."""
     with tempfile.TemporaryDirectory() as folder:
         lake = recorded_lake(Path(folder), recordings)
         took = json.loads(in_fresh_process(_REPORT, str(lake.root), f"{folder}/report.html"))
@@ -82,7 +82,7 @@ def _table(browser: Any) -> Iterator[Figure]:
 
 
 def _busy_filtering(lake: Lake) -> Iterator[float]:
-    """What the server does for a page, without the browser."""
+    """The server's work for a page, without the browser."""
     known = {column.name: column for column in rows.columns(lake)}
     for condition in _CONDITIONS:
         started = time.process_time()
