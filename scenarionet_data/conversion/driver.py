@@ -23,7 +23,7 @@ from scenarionet_data.conversion.remote_raw.downloads import remove_downloads
 from scenarionet_data.conversion.remote_raw.mirror import mirrored
 from scenarionet_data.conversion.report import ConversionReport
 from scenarionet_data.conversion.selection import InputSelection, ShardFilter
-from scenarionet_data.converters.splits import guess_split
+from scenarionet_data.converters.splits import guess_split, lake_spelling
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.executors import Executor, executor_for
 from scenarionet_data.execution.progress import Progress
@@ -60,7 +60,8 @@ def convert(
         dataset: Name of a converter, or ``module:Class``.
         raw: The raw recordings: a folder, its URL in an object store, or another form that the converter documents.
         lake: The lake, its folder or its URL; created if missing.
-        split: The dataset's split; guessed from the folder's name by default.
+        split: The dataset's split, as in the lake (``val``) or as in the dataset's folders (``validation``); guessed
+            from the folder's name by default.
         version: The dataset's release; by default the converter's.
         options: The converter's options: an ``Options`` object or a mapping, for example ``{"density": 15}``.
         workers: Number of processes.
@@ -166,7 +167,11 @@ def _plan(
     raw = urlsplit(raw).path if urlsplit(raw).scheme == "file" else raw
     with mirrored(converter, raw) if is_url(raw) else nullcontext() as mirror:
         folder, top = (mirror.folder, mirror.top) if mirror else (raw, "")
-        split, version = split or guess_split(folder, top), version or converter.release
+        version = version or converter.release
+        if not split:
+            split = guess_split(folder, top)
+        elif (converter.name, version, split) not in {(each.dataset, each.version, each.split) for each in existing}:
+            split = lake_spelling(split)  # a lake that has a partition of the given name keeps it
         for name, value in (("split", split), ("version", version)):
             if not _WORD.fullmatch(value):
                 raise BadParameter(f"{name}={value!r}: use letters, digits, '.', '_' and '-'")

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from scenarionet_data.errors import DuplicateScenario
-from scenarionet_data.ingest.shard import RawItem, Shard
+from scenarionet_data.ingest.shard import ABSENT, RawItem, Shard
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord
 
@@ -63,6 +63,8 @@ def make_plan(
 ) -> ConversionPlan:
     """Decide input by input: convert new ones, skip known ones, refuse or replace changed ones.
 
+    An input that was absent when the lake's shard was converted is new once it is present.
+
     Args:
         wanted: Shards of the raw recordings.
         existing: Shards in the lake.
@@ -74,9 +76,19 @@ def make_plan(
         DuplicateScenario: An input is in the lake with other options or other content and ``may_replace`` is False;
             or a replaced shard has inputs that are not among the wanted ones.
     """
-    owners = {
-        (record.dataset, record.version, record.split, item): record for record in existing for item in record.items
-    }
+    owners: dict[tuple[str, str, str, str], ShardRecord] = {}
+    absent: set[tuple[str, str, str, str]] = set()
+    for record in existing:
+        for name, mark in zip(record.items, record.fingerprints, strict=True):
+            address = (record.dataset, record.version, record.split, name)
+            if mark != ABSENT or address not in owners:  # a shard that contains the input precedes one that lacked it
+                owners[address] = record
+                (absent.add if mark == ABSENT else absent.discard)(address)
+
+    def owner_of(shard: Shard, item: RawItem) -> ShardRecord | None:
+        address = (shard.dataset, shard.version, shard.split, item.name)
+        return None if address in absent and item.fingerprint != ABSENT else owners.get(address)
+
     shards: list[Shard] = []
     num_skipped = 0
     replaced: dict[str, ShardRecord] = {}
@@ -84,7 +96,7 @@ def make_plan(
     listed = list(wanted)
     for shard in listed:
         for item in shard.items:
-            owner = owners.get((shard.dataset, shard.version, shard.split, item.name))
+            owner = owner_of(shard, item)
             if owner and _is_outdated(owner, shard, item, converter_version, may_replace, reconvert_stale):
                 replaced[owner.key] = owner
             elif owner and (owner.converter_version, owner.schemas) != (converter_version, tables.content_tag()):
@@ -92,23 +104,28 @@ def make_plan(
     for shard in listed:  # after the loop above: a replaced shard may share its inputs with several new ones
         missing = []
         for item in shard.items:
-            owner = owners.get((shard.dataset, shard.version, shard.split, item.name))
+            owner = owner_of(shard, item)
             if owner is None or owner.key in replaced:
                 missing.append(item)
         if missing:
             shards.append(replace(shard, items=tuple(missing)))
         else:
             num_skipped += 1
-    converted = {item.name for shard in shards for item in shard.items}
+    converted = {item.name for shard in shards for item in shard.items if item.fingerprint != ABSENT}
     for record in replaced.values():
-        lost = [name for name in record.items if name not in converted]
+        lost = [name for name in _present(record) if name not in converted]
         if lost and record.max_scenarios is None:
             raise DuplicateScenario(
                 f"replacing shard {record.name} would drop {lost[0]}, which is not among the given recordings; "
                 "give the whole raw folder"
             )
-    needed = {key: frozenset(record.items) for key, record in replaced.items()}
+    needed = {key: frozenset(_present(record)) for key, record in replaced.items()}
     return ConversionPlan(tuple(shards), num_skipped, needed, len(stale - set(replaced)))
+
+
+def _present(record: ShardRecord) -> list[str]:
+    """Inputs of a shard that were present when it was converted."""
+    return [name for name, mark in zip(record.items, record.fingerprints, strict=True) if mark != ABSENT]
 
 
 def _is_outdated(
@@ -119,7 +136,7 @@ def _is_outdated(
         reason = f"with other options ({owner.options})"
     elif not tables.reads_content(owner.schemas):
         reason = f"under another version of the contract ({owner.schemas})"
-    elif owner.fingerprints[owner.items.index(item.name)] != item.fingerprint:
+    elif item.fingerprint not in (ABSENT, owner.fingerprints[owner.items.index(item.name)]):
         reason = "and has changed since"
     elif owner.max_scenarios is not None:
         return True

@@ -131,7 +131,9 @@ class Converter(ABC, Generic[Record]):
         raise NotImplementedError(f"{self.name} has no shared map {shard.name}")
 
 
-def find_files(raw: str, pattern: str, what: str, split: str | None = None) -> list[Path]:
+def find_files(
+    raw: str, pattern: str, what: str, split: str | None = None, sidecars: tuple[str, ...] = ()
+) -> list[Path]:
     """Return the files below ``raw`` that match a glob pattern, sorted; ``raw`` may be such a file itself.
 
     Args:
@@ -139,16 +141,21 @@ def find_files(raw: str, pattern: str, what: str, split: str | None = None) -> l
         pattern: Glob, for example ``"*.tfrecord*"``.
         what: Description of these files, for error messages.
         split: Skip folders named after another split.
+        sidecars: Skip files with these endings, for example checksums.
 
     Raises:
         SourceNotFound: No such folder, or no matching file.
     """
     root = Path(raw)
-    if root.is_file() and root.match(pattern):
+    if root.is_file() and root.match(pattern) and not root.name.endswith(sidecars):
         return [root]
     if not root.is_dir():
         raise SourceNotFound(f"{raw}: no such folder; give the folder with {what}")
-    found = [path for path in root.rglob(pattern) if path.is_file() and (not split or is_of_split(path, root, split))]
+    found = [
+        path
+        for path in root.rglob(pattern)
+        if not path.name.endswith(sidecars) and path.is_file() and (not split or is_of_split(path, root, split))
+    ]
     if not found:
         of_split = f" of split {split}" if split else ""
         raise SourceNotFound(f"{raw}: nothing named {pattern}{of_split} in it; give the folder with {what}")

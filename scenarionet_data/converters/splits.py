@@ -1,4 +1,4 @@
-"""Guess the split of raw recordings from folder names."""
+"""Names of splits: the spelling of the lake, and the split of raw recordings guessed from folder names."""
 
 from __future__ import annotations
 
@@ -22,7 +22,23 @@ _SPLITS = {
     "v1.0-trainval": "train",
     "v1.0-test": "test",
 }
+_ALIASES = {
+    **{name: split for name, split in _SPLITS.items() if name != "v1.0-trainval"},  # a release with two splits
+    "train_full": "train",
+    "validate": "val",
+    "validate_full": "val",
+}
 _MANY = 64
+
+
+def lake_spelling(split: str) -> str:
+    """Return the lake's name of a split that may be spelled as in the dataset's folders; other names are unchanged.
+
+    Example:
+        >>> lake_spelling("validation"), lake_spelling("test_obs"), lake_spelling("mini_val")
+        ('val', 'test', 'mini_val')
+    """
+    return _ALIASES.get(split.lower(), split)
 
 
 def guess_split(raw: str, top: str = "") -> str:
@@ -67,4 +83,4 @@ def _split_folders(folder: Path, depth: int = 3) -> Iterator[str]:
 def is_of_split(path: Path, root: Path, split: str) -> bool:
     """Whether no folder between ``root`` and ``path`` is named after another split."""
     named = {_SPLITS[part.lower()] for part in path.relative_to(root).parts[:-1] if part.lower() in _SPLITS}
-    return named <= {split}
+    return named <= {lake_spelling(split)}

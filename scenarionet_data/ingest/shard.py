@@ -11,6 +11,9 @@ from pathlib import Path
 from scenarionet_data.ingest.input_properties import InputProperties
 from scenarionet_data.ingest.options import Options
 
+ABSENT = "absent"
+"""Fingerprint of a listed input without a file; it is quarantined, and converted once it has one."""
+
 
 @dataclass(frozen=True)
 class RawItem:
@@ -18,7 +21,7 @@ class RawItem:
 
     Attributes:
         name: Relative to the raw folder; the same on every machine.
-        fingerprint: Changes with the content, see :func:`fingerprint`.
+        fingerprint: Changes with the content, see :func:`fingerprint`; ``ABSENT`` without a file.
         properties: Its properties, in addition to the shard's.
     """
 

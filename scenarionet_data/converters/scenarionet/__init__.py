@@ -36,7 +36,7 @@ from scenarionet_data.converters.scenarionet.tracks import (
 from scenarionet_data.converters.scenarionet.unpickling import load
 from scenarionet_data.errors import CorruptSource, InvalidScenario, SourceNotFound
 from scenarionet_data.ingest.options import Options
-from scenarionet_data.ingest.shard import RawItem, Shard, bucket, fingerprint
+from scenarionet_data.ingest.shard import ABSENT, RawItem, Shard, bucket, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription, Source, make_scenario_id
 
 _DT = 0.1
@@ -72,7 +72,10 @@ class ScenarioNetPickles(Converter[RawItem]):
     def shards(self, raw: str, split: str, version: str, options: Options) -> Iterator[Shard]:
         """List buckets of pickles, by a hash of their names."""
         root = Path(raw) if Path(raw).is_dir() else Path(raw).parent
-        items = [RawItem(name, fingerprint([root / name]), properties_of(root / name)) for name in _list_pickles(raw)]
+        items = []
+        for name in _list_pickles(raw):
+            path = root / name
+            items.append(RawItem(name, fingerprint([path]) if path.is_file() else ABSENT, properties_of(path)))
         for name, members in bucket(items).items():
             yield Shard(self.name, version, split, name, str(root), members, options)
 
@@ -82,7 +85,11 @@ class ScenarioNetPickles(Converter[RawItem]):
 
     def scenario(self, shard: Shard, record: RawItem) -> ScenarioDescription:
         """Read one pickle."""
-        description = load(Path(shard.root) / record.name, record.name)
+        path = Path(shard.root) / record.name
+        if not path.is_file():
+            advice = f"is missing, although {_MAPPING} lists it; restore it and run the same command again"
+            raise InvalidScenario(record.name, "pickle", advice)
+        description = load(path, record.name)
         for key in ("version", "length", "tracks", "dynamic_map_states", "map_features", "metadata"):
             if key not in description:
                 raise InvalidScenario(record.name, key, "is missing")
@@ -187,7 +194,12 @@ def _is_simple(value: Any) -> bool:
 
 
 def _list_pickles(raw: str) -> list[str]:
-    """List the scenarios' files relative to the raw folder: the files in its mapping, or all files without one."""
+    """List the scenarios' files relative to the raw folder: the files in its mapping, or all files without one.
+
+    Raises:
+        SourceNotFound: No scenarios, or none of those in the mapping is present.
+        CorruptSource: The mapping cannot be read.
+    """
     mapping = Path(raw) / _MAPPING
     if not mapping.is_file():
         root = Path(raw)
@@ -203,9 +215,8 @@ def _list_pickles(raw: str) -> list[str]:
         names = [(Path(str(folder)) / str(file)).as_posix() for file, folder in folders.items()]
     except InvalidScenario as error:
         raise CorruptSource(f"{mapping}: {error.reason}; copy it again, or remove it to take every pickle") from error
-    missing = [name for name in names if not (Path(raw) / name).is_file()]
-    if missing:
-        raise SourceNotFound(f"{raw}: its mapping lists {missing[0]}, which is missing ({len(missing)} such files)")
+    if names and not any((Path(raw) / name).is_file() for name in names):
+        raise SourceNotFound(f"{raw}: all {len(names)} files that its mapping lists are missing, such as {names[0]}")
     return names
 
 

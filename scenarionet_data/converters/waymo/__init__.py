@@ -36,6 +36,9 @@ from scenarionet_data.scenario.vocabulary import LightState, ObjectType, Provena
 
 _EXAMPLE = "training.tfrecord-00000-of-01000"
 
+_SIDECARS = (".gstmp", ".crc", ".crc32c", ".md5", ".sha256", ".json", ".idx", ".index")
+"""Endings of files beside recordings: unfinished downloads of gsutil, checksums, descriptions and indices."""
+
 _OBJECT_TYPES = np.array(
     [ObjectType.UNSET, ObjectType.VEHICLE, ObjectType.PEDESTRIAN, ObjectType.CYCLIST, ObjectType.OTHER], np.uint8
 )
@@ -71,7 +74,8 @@ class Waymo(Converter[TfRecord]):
         """List one shard per TFRecord file."""
         root = Path(raw)
         folder = root.parent if root.is_file() else root
-        for path in find_files(raw, "*.tfrecord*", f"files like {_EXAMPLE} (the dataset's `scenario` format)", split):
+        what = f"files like {_EXAMPLE} (the dataset's `scenario` format)"
+        for path in find_files(raw, "*.tfrecord*", what, split, _SIDECARS):
             item = path.relative_to(folder).as_posix()
             yield Shard(
                 dataset=self.name,

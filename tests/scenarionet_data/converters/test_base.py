@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from scenarionet_data.converters.base import find_files
-from scenarionet_data.converters.splits import guess_split
+from scenarionet_data.converters.splits import guess_split, lake_spelling
 from scenarionet_data.errors import BadParameter, SourceNotFound
 
 
@@ -37,3 +37,22 @@ def test_files_of_another_split_are_excluded(raw):
     assert names == ["other/x.made"]
     with pytest.raises(SourceNotFound, match=r"nothing named \*\.made of split train"):
         find_files(str(raw / "motion"), "*.made", "made files", "train")
+
+
+def test_splits_are_found_by_the_names_of_the_datasets_folders(raw):
+    (raw / "motion/training").mkdir()
+    (raw / "motion/training/y.made").touch()
+    for split in ("val", "validation", "VALIDATION"):
+        found = find_files(str(raw / "motion"), "*.made", "made files", split)
+        assert [path.parent.parent.name for path in found] == ["validation", "validation"]
+    assert [path.name for path in find_files(str(raw / "motion"), "*.made", "made files", "training")] == ["y.made"]
+
+
+@pytest.mark.parametrize("name", ["train", "val", "test", "mini"])
+def test_the_lakes_names_of_splits_are_unchanged(name):
+    assert lake_spelling(name) == name
+
+
+def test_other_names_of_splits_are_unchanged():
+    assert lake_spelling("validation_interactive") == "validation_interactive"
+    assert lake_spelling("v1.0-trainval") == "v1.0-trainval"

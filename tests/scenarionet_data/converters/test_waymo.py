@@ -85,6 +85,18 @@ def test_shards_of_a_folder_tree(tmp_path: Path):
     assert all(set(name) <= set("abcdefghijklmnopqrstuvwxyz_-.0123456789") for name in names)
 
 
+def test_sidecars_are_not_listed_as_shards(tmp_path: Path):
+    path = write_tfrecord(tmp_path / NAME, [PAYLOAD])
+    for ending in ("_.gstmp", ".crc", ".md5", ".json"):
+        (tmp_path / f"{NAME}{ending}").write_bytes(b"x")
+    assert [shard.name for shard in shards(CONVERTER, tmp_path)] == [NAME]
+    path.unlink()
+    with pytest.raises(SourceNotFound, match=r"nothing named \*\.tfrecord\*"):
+        shards(CONVERTER, tmp_path)
+    with pytest.raises(SourceNotFound, match="give the folder with files like"):
+        shards(CONVERTER, tmp_path / f"{NAME}.md5")
+
+
 def test_single_file_as_raw_path(tmp_path: Path):
     path = write_tfrecord(tmp_path / NAME, [PAYLOAD])
     (shard,) = shards(CONVERTER, path)
