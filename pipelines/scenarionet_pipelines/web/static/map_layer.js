@@ -107,7 +107,7 @@ function build(scene, style) {
     const points = list(scene.linePoints, scene.lineOffsets, row);
     const outline = list(scene.areaPoints, scene.areaOffsets, row);
     if (feature.kind === "lane") {
-      if (outline.length > 4) trace(paths.surfaces, outline, true);
+      if (outline.length > 4) trace(paths.surfaces, counterClockwise(outline), true);
       else trace(paths.bareLanes, points);
       arrows(paths.arrows, points, style.arrowEvery);
     } else if (feature.kind === "line") {
@@ -119,7 +119,7 @@ function build(scene, style) {
     } else if (feature.kind === "edge") trace(paths.edges, points);
     else if (feature.kind === "stop") trace(paths.stops, points);
     else if (feature.kind === "crosswalk") paths.crosswalks.push(outline.length > 4 ? outline : points);
-    else if (outline.length > 4) trace(paths.surfaces, outline, true);
+    else if (outline.length > 4) trace(paths.surfaces, counterClockwise(outline), true);
   });
   paths.lines = Object.values(painted);
   return paths;
@@ -134,6 +134,18 @@ function trace(path, points, isClosed = false) {
   path.moveTo(points[0], points[1]);
   for (let k = 2; k < points.length; k += 2) path.lineTo(points[k], points[k + 1]);
   if (isClosed) path.closePath();
+}
+
+// Orient an outline counter-clockwise: in one path, overlaps of opposite orientation would cancel.
+function counterClockwise(outline) {
+  let doubled = 0;
+  for (let k = 0, before = outline.length - 2; k < outline.length; before = k, k += 2) {
+    doubled += outline[before] * outline[k + 1] - outline[k] * outline[before + 1];
+  }
+  if (doubled >= 0) return outline;
+  const turned = new Float32Array(outline.length);
+  for (let k = 0; k < outline.length; k += 2) turned.set(outline.subarray(outline.length - 2 - k, outline.length - k), k);
+  return turned;
 }
 
 // Strokes of a lane line: lateral offset to the left [m] and whether it is broken.
