@@ -1,7 +1,6 @@
 // The map: surfaces, crosswalks, lane lines in their real colours and dashes, edges, lane directions.
 // Drawn into an off-screen canvas larger than the view, which is reused until the view leaves it.
 
-const laneWidth = 3.5; // width of a lane without an outline [m]
 const margin = 0.35; // of the off-screen canvas beyond each side of the view
 const slow = 30; // [ms] a map that takes longer is not redrawn during a zoom
 
@@ -62,7 +61,6 @@ export class MapLayer {
       context.fillStyle = context.strokeStyle = style.road;
       context.fill(paths.surfaces);
       stroke(context, paths.surfaces, thin(0.1));
-      stroke(context, paths.bareLanes, laneWidth);
     }
     if (layers.crosswalks) for (const crosswalk of paths.crosswalks) zebra(context, crosswalk, style);
     if (layers.direction && scale > 1.5) {
@@ -101,14 +99,13 @@ function stroke(context, path, width) {
 
 // Build one path per style.
 function build(scene, style) {
-  const paths = { surfaces: new Path2D(), bareLanes: new Path2D(), arrows: new Path2D(), edges: new Path2D(), stops: new Path2D(), crosswalks: [] };
+  const paths = { surfaces: new Path2D(), arrows: new Path2D(), edges: new Path2D(), stops: new Path2D(), crosswalks: [] };
   const painted = {};
   scene.features.forEach((feature, row) => {
     const points = list(scene.linePoints, scene.lineOffsets, row);
     const outline = list(scene.areaPoints, scene.areaOffsets, row);
     if (feature.kind === "lane") {
       if (outline.length > 4) trace(paths.surfaces, counterClockwise(outline), true);
-      else trace(paths.bareLanes, points);
       arrows(paths.arrows, points, style.arrowEvery);
     } else if (feature.kind === "line") {
       const color = feature.type.includes("YELLOW") ? "yellow" : "white";
