@@ -1,4 +1,4 @@
-"""Every error this project raises, grouped by what the caller can do about it.
+"""All errors raised by this project, grouped by remedy.
 
     ScenarioNetError
       SourceError        the raw data: SourceNotFound, CorruptSource, MissingDependency

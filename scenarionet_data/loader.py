@@ -31,7 +31,7 @@ _DECODED_TOGETHER = 16
 """Scenarios that are decoded in one call, which divides the fixed costs by 16."""
 
 _PREFETCHED = 64
-"""Scenarios whose row groups are requested from an object store at once."""
+"""Number of scenarios whose row groups are requested from an object store together."""
 
 
 class ScenarioLoader(Sequence[ScenarioDescription]):

@@ -26,7 +26,7 @@ LOOK_BACK, LOOK_AHEAD = 10.0, 20.0
 
 
 class Simulation:
-    """Worlds advanced in lockstep, each in a slot with an episode of its own.
+    """Worlds advanced in lockstep, each in a slot with its own episode.
 
     In a step every policy writes the next state of its objects, the backend moves the agents by their actions, then
     contacts and locations on paths are updated. Results are deterministic.
@@ -162,7 +162,7 @@ class Simulation:
         self._session.reset(slot, self.state)
 
     def _find_agents(self) -> None:
-        """List the present agents and what they touch."""
+        """List the present agents and their contacts."""
         is_external = np.array([isinstance(policy, External) for policy in self.policies] + [False])
         is_agent: Bool = is_external[np.minimum(self.driver, len(self.policies))]
         # C order, although argwhere may return columns: kernels are compiled per memory layout.

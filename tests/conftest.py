@@ -1,4 +1,4 @@
-"""Where real recordings are found, and an S3 server for the tests that ask for one."""
+"""Location of real recordings, and an S3 server for tests that request one."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hypothesis import settings
 from tests.fixtures import object_store
 from tests.fixtures.object_store import BUCKET, ObjectStore
 
-# No deadlines: how long an example takes depends on the machine.
+# No deadlines: the duration of an example depends on the machine.
 settings.register_profile("quick", deadline=None, max_examples=30)
 settings.register_profile("thorough", deadline=None, max_examples=100)
 settings.load_profile(os.environ.get("SCENARIONET_HYPOTHESIS", "quick"))
@@ -25,7 +25,7 @@ gc.disable()  # until everything is collected: modules and test items stay until
 
 
 def pytest_collection_finish() -> None:
-    """Exempt what exists now from garbage collection, which would otherwise take 5 % of the run's processor time."""
+    """Exempt existing objects from garbage collection, which would otherwise take 5 % of the run's processor time."""
     gc.freeze()
     gc.enable()
 
@@ -35,7 +35,7 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
     Runs after the workers have ended: the operating system counts only children that have been waited for.
     """
-    gc.unfreeze()  # what is left at the end of the process would be reported as a leak
+    gc.unfreeze()  # temporary objects remaining at exit would be reported as a leak
     if hasattr(config, "workerinput") or config.option.collectonly:
         return
     used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
@@ -45,7 +45,7 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 @pytest.fixture(scope="session")
 def recordings() -> Path:
-    """Folder of real recordings; skips the test when there is none."""
+    """Folder of real recordings; skip the test if there is none."""
     folder = os.environ.get("SCENARIONET_TEST_DATA")
     if not folder:
         pytest.skip("real recordings: set SCENARIONET_TEST_DATA to their folder")
@@ -60,7 +60,7 @@ def object_store_server() -> Iterator[ObjectStore]:
 
 @pytest.fixture
 def store(object_store_server: ObjectStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ObjectStore:
-    """The server, well again, and this process as its client."""
+    """The server without injected faults, and this process as its client."""
     object_store_server.set()
     for name, value in (object_store_server.environment | {"SCENARIONET_CACHE": str(tmp_path / "cache")}).items():
         monkeypatch.setenv(name, value)
@@ -70,5 +70,5 @@ def store(object_store_server: ObjectStore, tmp_path: Path, monkeypatch: pytest.
 
 @pytest.fixture
 def url(store: ObjectStore) -> str:
-    """Where there is no lake yet."""
+    """URL of a lake that does not exist yet."""
     return f"s3://{BUCKET}/{uuid.uuid4().hex}/lake"

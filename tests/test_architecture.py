@@ -1,4 +1,4 @@
-"""The import direction, the folder layout, and that the page that draws them is true."""
+"""Import direction and folder layout, and the architecture page that documents them."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def modules(package: str) -> list[Path]:
 
 
 def imported(path: Path) -> set[str]:
-    """Every module a file imports, anywhere in it, with the names taken from it."""
+    """Every module imported anywhere in a file, with the names imported from it."""
     found = set()
     for node in ast.walk(ast.parse(path.read_text("utf-8"))):
         if isinstance(node, ast.Import):
@@ -47,7 +47,7 @@ def reaches(path: Path, *forbidden: str) -> list[str]:
 
 @cache
 def import_graph() -> dict[str, set[str]]:
-    """Own modules that each own module imports: at the top, inside functions and for type checking only."""
+    """The project's own modules that each module imports: at the top, inside functions and for type checking only."""
     roots = {"scenarionet_data": ROOT, "scenarionet_sim": ROOT, "scenarionet_pipelines": ROOT / "pipelines"}
     files = {}
     for package, root in roots.items():
@@ -73,7 +73,7 @@ def import_graph() -> dict[str, set[str]]:
 
 
 def circles(graph: dict[str, set[str]]) -> list[set[str]]:
-    """Sets of modules that import each other: what is left after removing modules without remaining imports."""
+    """Sets of modules that import each other: those remaining after repeatedly removing modules without imports."""
     reachable: dict[str, set[str]] = {}
     for module in graph:
         seen: set[str] = set()
@@ -87,16 +87,16 @@ def circles(graph: dict[str, set[str]]) -> list[set[str]]:
     return [circle for number, circle in enumerate(found) if circle not in found[:number]]
 
 
-def test_circles_are_found():
+def test_import_cycles_are_detected():
     graph = {"a": {"b"}, "b": {"c"}, "c": {"b", "d"}, "d": {"d"}, "e": {"a"}}
     assert circles(graph) == [{"b", "c"}, {"d"}]
 
 
-def test_modules_import_each_other_in_no_circle():
+def test_no_import_cycles():
     assert circles(import_graph()) == []
 
 
-def test_parts_import_only_parts_below():
+def test_packages_import_only_lower_layers():
     wrong = []
     for module, imports in import_graph().items():
         for other in imports:
@@ -107,13 +107,13 @@ def test_parts_import_only_parts_below():
     assert wrong == []
 
 
-def test_the_package_itself_is_imported_by_users_only():
-    """``scenarionet_data`` imports its public names from all parts, so that a part must not import from it."""
+def test_top_level_package_is_imported_by_users_only():
+    """``scenarionet_data`` imports its public names from all packages, so they must not import from it."""
     parts = {module: imports for module, imports in import_graph().items() if module.startswith("scenarionet_data.")}
     assert [module for module, imports in parts.items() if "scenarionet_data" in imports] == []
 
 
-def test_the_simulator_does_not_know_the_generator():
+def test_simulator_does_not_import_the_generator():
     assert [line for path in modules("scenarionet_sim") for line in reaches(path, "scenarionet_data.procedural")] == []
 
 
@@ -130,7 +130,7 @@ def test_imports_go_one_way():
     assert wrong == []
 
 
-def test_converters_know_nothing_of_the_lake():
+def test_converters_do_not_import_the_lake():
     above = (
         "schema", "codec", "storage", "databases", "query", "operations", "loader", "quality", "packs", "export",
         "maintenance", "execution", "conversion", "lake", "plots", "display",
@@ -140,17 +140,17 @@ def test_converters_know_nothing_of_the_lake():
     assert [line for path in sources for line in reaches(path, *lake)] == []
 
 
-def test_no_converter_needs_a_devkit():
+def test_no_converter_imports_a_devkit():
     devkits = ("tensorflow", "waymo_open_dataset", "av2", "nuscenes", "nuplan", "l5kit", "metadrive", "argoverse")
     assert [line for path in modules("scenarionet_data") for line in reaches(path, *devkits)] == []
 
 
-def test_duckdb_stays_behind_the_engine():
+def test_duckdb_is_imported_only_by_the_engine():
     users = {str(path.relative_to(ROOT)) for path in modules("scenarionet_data") if reaches(path, "duckdb")}
     assert users == {f"scenarionet_data/query/{name}.py" for name in ("engine", "statements", "views")}
 
 
-def test_top_level_is_as_described():
+def test_top_level_matches_the_page():
     tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=False)
     if tracked.returncode:
         pytest.skip("not a git checkout: the top level cannot be told from what was built in it")
@@ -158,7 +158,7 @@ def test_top_level_is_as_described():
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_modules_are_named_for_what_they_are(package):
+def test_module_names_are_specific(package):
     names = {part for path in modules(package) for part in path.relative_to(ROOT).with_suffix("").parts}
     assert names.isdisjoint(FORBIDDEN_WORDS)
 
@@ -187,7 +187,7 @@ def test_no_two_types_share_a_name():
     assert {name: found for name, found in places.items() if len(found) > 1} == {}
 
 
-def test_the_page_names_every_room():
+def test_architecture_page_names_every_package():
     page = (ROOT / "docs" / "explanation" / "architecture.md").read_text("utf-8")
     rooms = {path.relative_to(ROOT / "scenarionet_data").parts[0] for path in modules("scenarionet_data")}
     missing = [room for room in sorted(rooms) if not room.startswith("__") and room not in page]
@@ -198,8 +198,8 @@ def test_the_page_names_every_room():
     assert [name for name in questions if f"{name}/" not in page] == []
 
 
-def test_nothing_speaks_of_where_it_was_made():
-    """No path of a particular machine, and no folder beside the checkout but in the CI script."""
+def test_no_machine_specific_paths():
+    """No path of a particular machine, and no folder beside the checkout except in the CI script."""
     words = ("/" + "work/", "../" + "shared", "/" + "root/")
     files = [path for folder in (*PACKAGES, "tests", "docs", "schemas", "sql") for path in (ROOT / folder).rglob("*")]
     files += [ROOT / "README.md", ROOT / "Makefile", ROOT / "pyproject.toml"]

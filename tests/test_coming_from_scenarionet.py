@@ -1,4 +1,4 @@
-"""The table of ScenarioNet's scripts: it has every script, and the commands beside them parse."""
+"""The table of ScenarioNet's scripts is complete, and the commands in it parse."""
 
 from __future__ import annotations
 

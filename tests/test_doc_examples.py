@@ -1,4 +1,4 @@
-"""The examples of the documentation run: its commands, its code, and its extensions."""
+"""The commands, code and extensions of the documentation run."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_loading_examples_run(monkeypatch, tmp_path):
 
 @pytest.mark.long
 def test_conversion_examples_run(monkeypatch, tmp_path):
-    """With recordings beside the lake."""
+    """With recordings next to the lake."""
     write_tfrecord(tmp_path / "recordings/waymo/training/training.tfrecord-00000-of-01000", [scenario_bytes(1)])
     write_forecasting(tmp_path / "recordings/argoverse2/val", num_scenarios=2, seed=0)
     write_vintages(tmp_path / "recordings/pickles")

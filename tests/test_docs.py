@@ -1,4 +1,4 @@
-"""The documentation is true: its tables are up to date and complete, its links and names exist."""
+"""The documentation is accurate: tables are complete and up to date, links and names exist."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def test_data_dictionary_is_up_to_date():
     assert written == dictionary.markdown(), "run `make docs`"
 
 
-def test_cluster_page_is_true():
+def test_cluster_page_is_accurate():
     """It names every profile, its example is a valid profile, and its commands parse."""
     page = (ROOT / "docs" / "guides" / "cluster.md").read_text("utf-8")
     assert [name for name in profiles.names() if f"| `{name}` |" not in page] == []
@@ -128,8 +128,8 @@ def test_evaluation_page_explains_every_metric():
     assert [name for name in sorted(explained) if f"`{name}`" not in page] == []
 
 
-def test_checks_page_is_true():
-    """It lists every rule with the words of its file, and the budgets of every dataset."""
+def test_checks_page_is_accurate():
+    """It lists every rule with its file's description, and the budgets of every dataset."""
     page = (ROOT / "docs" / "guides" / "checks.md").read_text("utf-8")
     for check in map(rules.load, rules.names()):
         assert f"| `{check.name}` | {check.kind} | {check.doc} |" in page

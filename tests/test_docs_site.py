@@ -1,4 +1,4 @@
-"""The documentation site: it builds strictly, opens without a network, and its reference lists the public names."""
+"""The documentation site builds strictly, opens without a network, and its reference lists the public names."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LOADING = {"script": "src", "img": "src", "link": "href", "iframe": "src", "sour
 
 
 @pytest.mark.parametrize("package", ["scenarionet_data", "scenarionet_sim"])
-def test_reference_documents_the_public_names_and_no_others(package):
+def test_reference_documents_exactly_the_public_names(package):
     page = (ROOT / "docs" / "reference" / f"{package}.md").read_text("utf-8")
     documented = re.findall(rf"^::: {package}\.(\w+)$", page, re.MULTILINE)
     assert sorted(documented) == sorted(set(importlib.import_module(package).__all__) - {"__version__"})
@@ -38,7 +38,7 @@ class _Resources(HTMLParser):
 
 
 @pytest.mark.long
-def test_the_site_builds_strictly_and_loads_nothing_from_elsewhere(tmp_path):
+def test_site_builds_strictly_and_is_self_contained(tmp_path):
     pytest.importorskip("mkdocs", reason="the extra `docs` is not installed")
     done = subprocess.run(
         [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path)],

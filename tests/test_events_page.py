@@ -1,4 +1,4 @@
-"""The page about events, views, user columns and statistics: its examples run, and it names every event and view."""
+"""The page about events, views, user columns and statistics: its examples run, and it lists every event and view."""
 
 from __future__ import annotations
 

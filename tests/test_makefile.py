@@ -1,4 +1,4 @@
-"""``make``: lists its targets, and says what to set."""
+"""``make`` lists its targets and names missing settings."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def make(*words: str, **environment: str) -> subprocess.CompletedProcess[str]:
     )  # fmt: skip
 
 
-def test_make_alone_lists_every_target():
+def test_make_without_target_lists_every_target():
     listed = make().stdout.splitlines()
     targets = re.findall(r"^([a-z0-9-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
     assert [line.split()[1] for line in listed] == targets
@@ -35,7 +35,7 @@ def test_make_alone_lists_every_target():
         (["DATASET=nuplan"], "NUPLAN_DATA_ROOT"),
     ],
 )
-def test_convert_says_in_one_line_what_to_set(words, says):
+def test_convert_names_missing_settings_in_one_line(words, says):
     done = make("-n", "convert", *words)
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
@@ -52,13 +52,13 @@ def test_convert_says_in_one_line_what_to_set(words, says):
          "convert 'pg' '0:9' 'other' --split 'val' --workers '3' --reconvert-stale"),
     ],
 )  # fmt: skip
-def test_convert_is_the_command_line(words, environment, command):
+def test_convert_calls_the_command_line(words, environment, command):
     done = make("-n", "convert", *words.split(), **environment)
     assert done.returncode == 0, done.stderr
     assert command in " ".join(done.stdout.replace("\\\n", " ").split())
 
 
-def test_an_old_python_is_refused_in_a_sentence(tmp_path):
+def test_old_python_is_refused_with_a_message(tmp_path):
     old = tmp_path / "old-python"
     old.write_text('#!/bin/sh\nexec python3 -c "import sys; sys.version_info = (3, 9, 2); exec(sys.argv[2])" "$@"\n')
     old.chmod(0o755)

@@ -1,4 +1,4 @@
-"""The public names, and that a misspelt keyword is an error in every public function and method."""
+"""The public names; a misspelt keyword is an error in every public function and method."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def public_functions():
                     yield f"{module.__name__}.{qualified}", function
 
 
-def test_no_public_function_swallows_keywords():
+def test_no_public_function_accepts_arbitrary_keywords():
     swallowing = {
         name
         for name, function in public_functions()
@@ -77,7 +77,7 @@ def lake_of_three(tmp_path):
 
 
 @pytest.mark.parametrize("kind", [Lake, Database, ScenarioLoader])
-def test_methods_are_written_out(kind):
+def test_methods_are_defined_in_place_with_docstrings(kind):
     classes = [each for each in kind.__mro__ if each.__module__.startswith("scenarionet_data")]
     methods = {name: value for each in classes for name, value in vars(each).items() if inspect.isfunction(value)}
     wrong = [name for name, value in methods.items() if not value.__qualname__.endswith(f".{name}")]
@@ -98,7 +98,7 @@ def test_methods_are_written_out(kind):
         lambda lake: lake.select().filter(name="x", where_="true"),
     ],
 )
-def test_a_misspelt_keyword_is_a_type_error(call, lake_of_three):
+def test_misspelt_keyword_is_a_type_error(call, lake_of_three):
     with pytest.raises(TypeError, match="unexpected keyword argument"):
         call(lake_of_three)
     assert lake_of_three.databases == []

@@ -25,7 +25,7 @@ PARTS = ("pipelines", "scenarionet_data", "scenarionet_sim", "schemas", "sql")
 
 
 def call(*words: str | Path, cwd: Path, code: int = 0) -> str:
-    """Run a program with nothing of this process's environment; returns its standard output."""
+    """Run a program with an empty environment; return its standard output."""
     done = subprocess.run(
         [str(word) for word in words], cwd=cwd, env={"PATH": "/usr/bin:/bin", "HOME": str(cwd), "LC_ALL": "C.UTF-8"},
         capture_output=True, text=True, check=False,
@@ -45,7 +45,7 @@ def environment(folder: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the source distribution and, built from that, the wheel."""
+    """A folder with the source distribution and the wheel built from it."""
     folder = tmp_path_factory.mktemp("built")
     copy = folder / "checkout"
     names = (*PARTS, "tests", "docs", "Makefile", "README.md", "LICENSE", "pyproject.toml")
@@ -62,7 +62,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def installed(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """An environment with the wheel in it; returns its folder of programs."""
+    """An environment with the wheel installed; return its folder of programs."""
     folder = tmp_path_factory.mktemp("installed")
     python = environment(folder)
     (wheel,) = built.glob("*.whl")
@@ -71,7 +71,7 @@ def installed(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return python.parent
 
 
-def test_the_wheel_contains_three_packages_with_schemas_and_queries(built):
+def test_wheel_contains_three_packages_with_schemas_and_queries(built):
     (wheel,) = built.glob("*.whl")
     names = set(zipfile.ZipFile(wheel).namelist())
     files = (path for part in PARTS[:3] for path in (ROOT / part).rglob("*") if path.is_file())
@@ -87,7 +87,7 @@ def test_the_wheel_contains_three_packages_with_schemas_and_queries(built):
     assert {name.partition("/")[0] for name in own} == {"scenarionet_data", "scenarionet_sim", "scenarionet_pipelines"}
 
 
-def test_the_metadata_has_version_author_and_urls(built):
+def test_metadata_has_version_author_and_urls(built):
     (wheel,) = built.glob("*.whl")
     archive = zipfile.ZipFile(wheel)
     (name,) = [name for name in archive.namelist() if name.endswith(".dist-info/METADATA")]
@@ -98,7 +98,7 @@ def test_the_metadata_has_version_author_and_urls(built):
     assert labels == {"Homepage", "Documentation", "Repository", "Changelog", "Issues"}
 
 
-def test_the_source_distribution_contains_the_project(built):
+def test_source_distribution_contains_the_project(built):
     (archive,) = built.glob("*.tar.gz")
     with tarfile.open(archive) as file:
         names = {name.partition("/")[2] for name in file.getnames()}
@@ -110,14 +110,14 @@ def test_the_source_distribution_contains_the_project(built):
     } <= names
 
 
-def test_the_installed_command_works_anywhere(installed, tmp_path):
+def test_installed_command_works_anywhere(installed, tmp_path):
     scenarionet = installed / "scenarionet"
     where = call(installed / "python", "-c", "import scenarionet_data as s; print(s.__file__)", cwd=tmp_path)
     assert where.startswith(str(installed.parent))
     check_command(scenarionet, cwd=tmp_path)
 
 
-def test_a_checkout_works_uninstalled(tmp_path):
+def test_uninstalled_checkout_works(tmp_path):
     python = environment(tmp_path / "python")
     # Includes the compile cache, because compiling takes seconds, but no temporary files.
     for part in PARTS:
@@ -129,7 +129,7 @@ def test_a_checkout_works_uninstalled(tmp_path):
 
 
 def check_command(*scenarionet: str | Path, cwd: Path) -> None:
-    """Converters, a conversion, a question, a filter."""
+    """Run converters, a conversion, a query and a filter."""
     names = {each["name"] for each in json.loads(call(*scenarionet, "converters", "--json", cwd=cwd))["converters"]}
     assert {"pg", "scenarionet", "waymo"} <= names
     (cwd / "tests" / "fixtures").mkdir(parents=True)

@@ -1,9 +1,9 @@
 """Compilation of array loops with Numba: kernels, which Python calls, and device functions, which only kernels call.
 
 All compiled functions of both packages use these two decorators. The machine code of kernels is cached on disk:
-in ``NUMBA_CACHE_DIR`` where set, else in ``__pycache__`` beside the source, else (read-only installations) in the
+in ``NUMBA_CACHE_DIR`` where set, else in ``__pycache__`` next to the source, else (read-only installations) in the
 user's cache folder. A cached kernel is valid as long as its code, that of every device function it calls, and the
-constants they read are unchanged, so editing any of these compiles it anew. Processes that need the same kernel at
+constants they read are unchanged, so editing any of these recompiles it. Processes that need the same kernel at
 once wait for the first one to compile it.
 """
 
@@ -91,7 +91,7 @@ def device_function(
         allocates: Count references, which functions that create or return arrays need.
         nogil: As the kernel that calls it.
         inline: Copy the body into the caller before types are inferred.
-        forceinline: Inline the machine code, whatever its size.
+        forceinline: Inline the machine code regardless of its size.
     """
     options: dict[str, Any] = {"_nrt": allocates, "nogil": nogil, "inline": "always" if inline else "never"}
     if forceinline:
@@ -124,7 +124,7 @@ class CompiledFunction(_CPUDispatcher):  # type: ignore[misc]
     """A function that Numba compiles once for each combination of argument types."""
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
-        """Resolve a call from a kernel; a constant argument is not a type of its own."""
+        """Resolve a call from a kernel; constant arguments do not create separate specialisations."""
         plain = {name: _numba_types.unliteral(kind) for name, kind in dict(kws).items()}
         return super().get_call_template(tuple(map(_numba_types.unliteral, args)), plain)
 
@@ -198,11 +198,11 @@ class _KernelCache(_FunctionCache):  # type: ignore[misc]
             return found
         _announce(self._module)
         self._lock = _locked(self.cache_path)
-        return self._load(sig, target_context)  # another process may have compiled it meanwhile
+        return self._load(sig, target_context)  # another process may have compiled it in the meantime
 
     def _load(self, sig: Any, target_context: Any) -> Any:
         found = super().load_overload(sig, target_context)
-        # Two processes that add signatures of one kernel at once can swap their files.
+        # Two processes that add signatures of one kernel concurrently can swap their files.
         return found if found is not None and found.signature.args == tuple(sig) else None
 
     def unlock(self) -> None:
@@ -243,7 +243,7 @@ def _ingredients(dispatcher: CompiledFunction, seen: set[int]) -> Iterator[objec
 
 
 def _code_objects(code: CodeType) -> Iterator[CodeType]:
-    """A code object and those of the comprehensions and functions inside it."""
+    """A code object and the code objects of comprehensions and functions inside it."""
     yield code
     for value in code.co_consts:
         if isinstance(value, CodeType):
@@ -274,7 +274,7 @@ _is_silent = False
 
 @contextmanager
 def silent() -> Iterator[None]:
-    """Compile without the line that announces it, where a caller shows progress of its own."""
+    """Compile without announcing it, for callers that report their own progress."""
     global _is_silent
     before, _is_silent = _is_silent, True
     try:
@@ -284,7 +284,7 @@ def silent() -> Iterator[None]:
 
 
 def _announce(module: str) -> None:
-    """Say once per process and group that compiling takes a while: in a terminal or notebook, on standard error.
+    """Announce once per process and group that compilation takes a while, on standard error of a terminal or notebook.
 
     Of several worker processes, only the first does.
     """

@@ -1,4 +1,4 @@
-"""Collect map features one by one."""
+"""Build a map incrementally from single features."""
 
 from __future__ import annotations
 

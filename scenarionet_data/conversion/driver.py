@@ -58,7 +58,7 @@ def convert(
 
     Args:
         dataset: Name of a converter, or ``module:Class``.
-        raw: The raw recordings: a folder, its URL in an object store, or whatever the converter documents.
+        raw: The raw recordings: a folder, its URL in an object store, or another form that the converter documents.
         lake: The lake, its folder or its URL; created if missing.
         split: The dataset's split; guessed from the folder's name by default.
         version: The dataset's release; by default the converter's.
@@ -176,7 +176,7 @@ def _plan(
             plan = make_plan(
                 wanted, existing, converter.version, may_replace=may_replace, reconvert_stale=reconvert_stale
             )
-            # Sorted here: file sizes of recordings in an object store are those of the mirror.
+            # Sorted here, because the mirror holds the file sizes of recordings in an object store.
             ordered = largest_first(plan.shards) if sort else plan.shards
             plans.append(replaced(plan, shards=tuple(map(mirror.original, ordered) if mirror else ordered)))
     return files, plans[0], plans[1]

@@ -1,4 +1,4 @@
-"""Convert growing raw recordings: each input as soon as it is no longer written to."""
+"""Watch a folder of raw recordings and convert each input once it is no longer being written."""
 
 from __future__ import annotations
 

@@ -81,7 +81,7 @@ class Converter(ABC, Generic[Record]):
         """List the shards under ``raw`` without reading their content.
 
         Raises:
-            SourceNotFound: No recordings of this dataset; the message says what was searched for.
+            SourceNotFound: No recordings of this dataset; the message states the expected files.
         """
 
     @abstractmethod

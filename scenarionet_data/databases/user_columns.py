@@ -26,7 +26,7 @@ from scenarionet_data.storage.files.lake_files import LakeFiles
 _FOLDER = "layers"
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _RESERVED = {"weight", "position", "place", "parent"}
-"""Columns of database members, besides those of ``metadata``."""
+"""Columns of database members that ``metadata`` does not have."""
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ def check_name(name: str) -> None:
         raise BadParameter(f"{name!r} is a column of every lake; choose another name")
     if not _NAME.fullmatch(name):
         raise BadParameter(
-            f"{name!r} is no name of a user column; use lower-case letters, digits and '_', a letter first"
+            f"{name!r} is not a valid name of a user column; use lower-case letters, digits and '_', a letter first"
         )
 
 

@@ -63,7 +63,7 @@ class DatabaseWriter:
                 yield batch["scenario_id"]
 
     def publish(self, name: str, *, replace: bool) -> DatabaseRecord:
-        """Give the finished file its name; of two writers that publish the same version at once, one takes the next.
+        """Publish the finished file; of two writers that publish the same version concurrently, one takes the next.
 
         Args:
             name: Name of the database.
@@ -92,7 +92,7 @@ class DatabaseWriter:
         waiting = pa.Table.from_batches(self._waiting)
         rows, first = waiting.slice(0, count), self.count - self._num_waiting
         numbers = np.arange(first, first + count, dtype=np.int32)
-        # pa.array would import pandas where it is installed, which takes 50 MB.
+        # pa.array would import pandas if installed, which takes 50 MB.
         positions = pa.Array.from_buffers(pa.int32(), count, [None, pa.py_buffer(numbers)])
         schema = tables.load("members").schema
         content = rows.append_column("position", positions).select(schema.names).cast(schema)

@@ -87,7 +87,7 @@ class ProcessExecutor:
         """Run every job; see :class:`Executor`.
 
         A killed worker breaks the whole pool without a hint at the job that caused it: all jobs in flight become
-        suspects, and suspects run again at the end, each in a pool of its own.
+        suspects, and suspects run again at the end, each in its own pool.
         """
         queue, suspects, idle_restarts = iter(jobs), list[Work](), 0
         while True:

@@ -1,6 +1,6 @@
 """Export databases as ScenarioNet pickles, which MetaDrive and ScenarioNet read without changes.
 
-The format is that of MetaDrive 0.4.3 and ScenarioNet (2025-03). Pickles of every version are read by a converter,
+The format matches MetaDrive 0.4.3 and ScenarioNet (2025-03). Pickles of every version are read by a converter,
 ``scenarionet_data.converters.scenarionet``.
 
     describe   one scenario as a dictionary            summary    the statistics that ScenarioNet's filters read

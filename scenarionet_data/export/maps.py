@@ -51,7 +51,7 @@ def describe_map(features: MapFeatures | None, *, flat: bool) -> tuple[dict[str,
         flat: Write 2D points, as in ScenarioNet's maps of datasets without heights.
 
     Returns:
-        The features, and metadata that lists what was dropped (empty if nothing was).
+        The features, and metadata that lists dropped features (empty if there are none).
     """
     if features is None:
         return {}, {}

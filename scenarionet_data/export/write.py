@@ -152,7 +152,7 @@ def _is_ours(path: Path) -> bool:
 
 @contextmanager
 def _new_directory(directory: Path) -> Iterator[Path]:
-    """Yield a temporary sibling that replaces ``directory`` when the block ends, or is deleted if it fails.
+    """Yield a temporary sibling folder that replaces ``directory`` when the block ends, or is deleted if it fails.
 
     Raises:
         LakeError: The disk is full or not writable, also on workers.

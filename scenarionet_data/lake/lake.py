@@ -299,7 +299,7 @@ class Lake(TaggableLake, ComparableLake):
         """Run the lineage of a database again on its snapshot and parents, and compare; nothing is saved.
 
         Raises:
-            NoSuchSnapshot, DatabaseNotFound, UserColumnNotFound: The snapshot, a parent or a user column is gone.
+            NoSuchSnapshot, DatabaseNotFound, UserColumnNotFound: The snapshot, a parent or a user column is missing.
             LakeError: The database was packed, without the other scenarios that its query ran on.
         """
         return rebuild(self, database)
@@ -317,7 +317,7 @@ class Lake(TaggableLake, ComparableLake):
             Changes of each database, parents first; empty if all were made on the newest snapshot.
 
         Raises:
-            DatabaseNotFound: A parent is gone.
+            DatabaseNotFound: A parent is missing.
         """
         return rebase(self, database, keep_members=keep_members)
 
@@ -337,7 +337,7 @@ class Lake(TaggableLake, ComparableLake):
         tar: bool = False,
         on_progress: Progress | None = None,
     ) -> PackReport:
-        """Write a saved database and all data of its members as a small lake of its own.
+        """Write a saved database and all data of its members as a small, self-contained lake.
 
         Every scenario is read back and compared with its content hash, so that no damage is packed.
 

@@ -68,7 +68,7 @@ def rebase(lake: LakeLike, database: DatabaseRecord | str, *, keep_members: bool
 
 
 def _rebase(view: LakeView, name: str, waiting: tuple[str, ...]) -> list[Diff]:
-    """Move parents first; an older version of a database that is being moved stays a parent as it is."""
+    """Move parents first; older versions of a database that is being moved remain parents unchanged."""
     database = view.record(name)
     if _is_packed(view, database):
         return []

@@ -75,7 +75,7 @@ def split(
     if stratify is not None and (along is not None or fractions is None):
         raise BadParameter("stratify goes with fractions alone: not with along, levels or each")
     if each is not None and along is not None:
-        raise BadParameter("each makes a part for every value, in no order: leave along out")
+        raise BadParameter("each makes a part for every value, without order: leave along out")
     query = DatabaseQuery.over(lake, database)
     stem = name or (query.parents[0].name if query.parents else "all")
     if stem is None:
@@ -147,7 +147,7 @@ def _by_share(
 
 
 def _by_value(query: DatabaseQuery, column: str, stem: str) -> _Parts:
-    """Split into one part for every value of a column; other characters than those of names become ``_``."""
+    """Split into one part for every value of a column; characters that are not allowed in names become ``_``."""
     check_column(query.view, column, "to split by")
     sql = query.query("splits/each", {"each": column})
     found = query.run(f"SELECT part FROM ({sql}) GROUP BY part ORDER BY part LIMIT {_MAX_PARTS + 1}", {})
@@ -171,7 +171,7 @@ def upper_bounds(fractions: Mapping[str, float]) -> list[float]:
     exact = [Fraction(repr(float(fraction))) for fraction in fractions.values()]  # 0.2 + 0.2 + 0.2 is 0.6
     total = sum(exact, Fraction())
     if abs(float(total) - 1) > 1e-6:
-        raise BadParameter(f"wanted fractions that add up to 1, found {float(total):g}")
+        raise BadParameter(f"expected fractions that add up to 1, found {float(total):g}")
     return [float(upper / total) for upper in accumulate(exact)]
 
 

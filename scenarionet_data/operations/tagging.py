@@ -40,7 +40,7 @@ def tag(
     try:
         check_expression(name)
     except ValueError as error:
-        raise BadParameter(f"{name!r} is a word of SQL; choose another name") from error
+        raise BadParameter(f"{name!r} is an SQL keyword; choose another name") from error
     values = _as_column(name, rows)
     _check_ids(view, values)
     while True:

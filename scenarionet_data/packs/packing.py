@@ -1,4 +1,4 @@
-"""Packs: a database with all data of its members, as a small lake of its own.
+"""Packs: a database with all data of its members, as a small, self-contained lake.
 
 A pack has the members' rows of all tables, the tiles of shared maps in their windows, their rows of user columns, and
 the database under the same ``name@version``. It is a lake with one snapshot, so it can be read like any lake.
@@ -90,7 +90,7 @@ def _verify_contents(draft: Path, database: DatabaseRecord, on_progress: Progres
 
 @contextmanager
 def _draft(out: Path) -> Iterator[Path]:
-    """Create a temporary folder beside ``out``; it is removed at the end unless it was renamed."""
+    """Create a temporary folder next to ``out``; it is removed at the end unless it was renamed."""
     draft = out.with_name(f".{out.name}-{uuid.uuid4().hex[:8]}")
     try:
         with writing(out):

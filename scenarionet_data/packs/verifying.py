@@ -69,7 +69,7 @@ def verify_pack(path: str | Path, on_progress: Progress | None = None) -> PackVe
             return PackVerification(path, 0, (), (Damage(path.name, f"cannot be unpacked: {error}"),))
         inner = sorted(Path(folder).iterdir())
         if len(inner) != 1:
-            raise BadParameter(f"{path}: no pack; wanted a tar with one folder in it, found {len(inner)}")
+            raise BadParameter(f"{path}: not a pack; expected a tar with one folder, found {len(inner)}")
         return _verify_folder(inner[0], path, on_progress)
 
 

@@ -33,7 +33,7 @@ class Strokes(PathPatch):
         lines: K x (n, 2) [m].
         color: Colour.
         metres: Line width [m].
-        least: Minimum line width [1/72 inch]; thinner lines would fade.
+        least: Minimum line width [1/72 inch], because thinner lines would fade.
     """
 
     def __init__(self, lines: Ragged, color: str, metres: float, least: float = 0.5, **style: Any) -> None:

@@ -108,7 +108,7 @@ def scenario_figure(
     moments: Sequence[Moment] | None = None,
     has_legend: bool = True,
 ) -> Figure:
-    """Draw a scenario as a figure of its own, which notebooks display and ``savefig`` writes.
+    """Draw a scenario into a new figure, which notebooks display and ``savefig`` writes.
 
     Args:
         scenario: The scenario.

@@ -78,7 +78,7 @@ class Scene:
 
     @classmethod
     def of(cls, scenario: ScenarioDescription | Scene) -> Scene:
-        """Return the scene of a scenario; a scene is returned as it is."""
+        """Return the scene of a scenario; a scene is returned unchanged."""
         if isinstance(scenario, Scene):
             return scenario
         tracks, shapes = scenario.tracks, MapShapes.from_map(scenario.map)

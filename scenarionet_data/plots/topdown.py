@@ -31,7 +31,7 @@ class TopDown:
     """Draws frames of one scene, scenario's +y up.
 
     Args:
-        scene: What is drawn.
+        scene: The scene to draw.
         window: The visible part of the world; its centre follows the ego if ``follows`` is set.
         size: Length of the longer side of a frame [pixel].
         follows: Follow the ego.

@@ -112,7 +112,7 @@ def _on_shoulder(lane: Lane, begin: float, width: float, is_breakdown: bool) -> 
 
 
 def _off_lanes(graph: LaneGraph, obstacles: list[Obstacle]) -> list[Obstacle]:
-    """Keep obstacles that are on no lane, such as a ramp beside the road."""
+    """Keep obstacles that do not block a lane, for example a ramp next to the road."""
     places = np.array([(obstacle.x, obstacle.y) for obstacle in obstacles])
     distance = np.hypot(graph.points.x[:, None] - places[:, 0], graph.points.y[:, None] - places[:, 1]).min(axis=0)
     half = graph.lane_width / 2.0

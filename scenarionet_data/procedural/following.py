@@ -1,4 +1,4 @@
-"""Longitudinal control: the acceleration that everything ahead on a vehicle's route allows."""
+"""Longitudinal control: the largest acceleration that obstacles ahead on a vehicle's route allow."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from scenarionet_data.procedural.conflicts import CROSS, SPLIT
 from scenarionet_data.procedural.graph import NONE, LaneGraph
 from scenarionet_data.procedural.vehicles import PLACES
 
-HORIZON = 30.0, 5.0  # [m], [s] look-ahead distance: the constant part, and the distance driven in so many seconds
+HORIZON = 30.0, 5.0  # [m], [s] look-ahead distance: constant part, and the time whose driving distance is added
 ROOM_TO_CHANGE = 16.0  # [m] kept free ahead by vehicles that have to change lanes before driving on
 HARDEST_BRAKING = 8.0  # [m/s2]
 _MANY_HOPS = 30
@@ -39,7 +39,7 @@ def braking_along(
     Args:
         graph, vehicles, places: See ``drive``.
         i: The vehicle.
-        lane: Where it drives, or would drive after a lane change.
+        lane: Lane it drives on, or would drive on after a lane change.
         s: Distance along that lane [m].
         stops: Whether to heed closed lanes, missing grants and bends too, not only vehicles.
     """

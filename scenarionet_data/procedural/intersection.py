@@ -128,7 +128,7 @@ def _through_axis(arms: list[Arm]) -> int:
 def _targets(start: Arm, i: int, arms: list[Arm]) -> list[tuple[Arm, int]]:
     """Permitted targets of lane ``i`` of an arm: left from the leftmost, right from the rightmost, straight from all.
 
-    A middle lane that cannot go straight on turns left, beside the leftmost.
+    A middle lane that cannot go straight on turns left, next to the leftmost.
     """
     targets = []
     for end in arms:

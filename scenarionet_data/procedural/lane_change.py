@@ -122,7 +122,7 @@ def _is_accepted(
 def _gap_behind(
     graph: LaneGraph, vehicles: RecordArray, places: RecordArray, i: int, j: int, target: int, s: float
 ) -> float:
-    """Gap from vehicle ``j`` to ``i`` at ``s`` on ``target`` if ``j`` is behind or beside, else infinite."""
+    """Gap from vehicle ``j`` to ``i`` at ``s`` on ``target`` if ``j`` is behind or alongside, else infinite."""
     halves = (vehicles[i].length + vehicles[j].length) / 2.0
     for place in range(PLACES):
         if places[j, place].lane == target and abs(places[j, place].s - s) < halves:

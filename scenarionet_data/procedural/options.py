@@ -34,7 +34,7 @@ class GeneratorOptions:
         "straight=2 curve=4 intersection=1.2 t_intersection=1.2 roundabout=1.2 on_ramp=2 off_ramp=2 fork=2 merge=2",
         "How often each kind of block is drawn, as name=weight; kinds left out are never drawn.",
     )
-    density: float = _option(1.5, "Vehicles per 100 m of lane; the paper's text says 15, its database 1.5.")
+    density: float = _option(1.5, "Vehicles per 100 m of lane; 15 in the paper's text, 1.5 in its database.")
     oncoming: float = _option(0.25, "Share of the density on lanes that do not lead to the ego's destination.")
     construction: float = _option(0.39, "Probability of road works or a breakdown with cones and barriers.")
     lights: float = _option(0.7, "Probability that an intersection has traffic lights.")

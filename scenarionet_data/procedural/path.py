@@ -1,7 +1,7 @@
 """Paths of straight pieces and circular arcs, for lanes, lines and edges of generated roads.
 
 A path starts at a pose and consists of pieces of constant curvature, so headings are continuous, offsets to
-the side are exact (an arc's offset is an arc), and samples lie on the true curve.
+the side are exact (an arc's offset is an arc), and samples are on the true curve.
 """
 
 from __future__ import annotations

@@ -129,7 +129,7 @@ def _draw_drivers(vehicles: RecordArray, kinds: list[VehicleKind], size: Float64
 
 
 def _draw_start(vehicles: RecordArray, graph: LaneGraph, lane: Int64, s: Float64, rng: np.random.Generator) -> None:
-    """Set the state at time 0, with reachable destinations; ``drive`` lowers speeds where it must."""
+    """Set the state at time 0, with reachable destinations; ``drive`` lowers speeds where necessary."""
     count = len(lane)
     vehicles.active, vehicles.lane, vehicles.s = True, lane, s
     vehicles.destination = 0

@@ -100,7 +100,7 @@ def _is_in(vehicles: RecordArray, places: RecordArray, j: int, lane: int, zone_e
 def _arrival(graph: LaneGraph, vehicle: ArrayRecord, lane: int, zone_begin: float) -> float:
     """Time until a vehicle is at ``zone_begin`` of ``lane`` [s]; infinite when its route avoids it.
 
-    A vehicle that stands without a light to wait for may itself be waiting: it has no priority until it moves.
+    A vehicle at standstill without a red light may itself be yielding: it has no priority until it moves.
     """
     if vehicle.speed < _STANDING and graph.lanes[lane].signal == NONE:
         return np.inf

@@ -40,7 +40,7 @@ class Lane:
         rank: Priority in a junction; the higher rank goes first.
         axis: Which of a junction's two light phases the lane belongs to; -1 without a light.
         is_intersection: Whether it is in an intersection or roundabout.
-        left, right: Ids of the lanes beside it in the same direction.
+        left, right: Ids of the adjacent lanes in the same direction.
         left_boundaries, right_boundaries: Ids of the lines that bound it.
     """
 

@@ -82,7 +82,7 @@ def add_narrowing(block: Block, tag: str, socket: Socket, length: float, junctio
 
 
 def strip(line: RoadPath, left: float, right: float) -> Polygon:
-    """Return the surface from ``left`` to ``right`` metres beside a line."""
+    """Return the surface between lateral offsets ``left`` and ``right`` [m] of a line."""
     spacing = 2.0 * LINE_SPACING
     sides = line.offset(left).sample(spacing)[0], line.offset(-right).sample(spacing)[0][::-1]
     return Polygon(np.concatenate(sides))

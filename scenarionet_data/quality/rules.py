@@ -1,6 +1,6 @@
 """Rules for the content of a lake, one per file in ``sql/checks``; :mod:`.checks` runs them.
 
--- hard: Every heading lies in [-pi, pi).
+-- hard: Every heading is in [-pi, pi).
 SELECT scenario_id, '...' AS detail FROM ... WHERE ...
 
 Hard rules are structural and need only the rows of one scenario; they are also checked during conversion (see

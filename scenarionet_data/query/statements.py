@@ -102,7 +102,7 @@ def _nodes(tree: Any) -> Iterator[dict[str, Any]]:
 
 
 def words(sql: str) -> set[str]:
-    """Return all words of a query that may be names, in lower case."""
+    """Return all tokens of a query that may be names, in lower case."""
     return set(re.findall(r"[a-z_][a-z0-9_]*", sql.lower()))
 
 

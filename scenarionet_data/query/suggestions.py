@@ -18,7 +18,7 @@ def explain_unknown_column(error: QueryError, where: str, user_columns: Iterable
     Args:
         error: The error from DuckDB.
         where: The condition.
-        user_columns: Columns of the lake besides those of every lake.
+        user_columns: User columns of the lake.
     """
     found = _UNKNOWN_COLUMN.search(str(error))
     word = re.search(rf"\b{re.escape(found.group(1))}\b", where, re.IGNORECASE) if found else None
@@ -30,7 +30,7 @@ def explain_unknown_column(error: QueryError, where: str, user_columns: Iterable
 
 
 def similar_columns(where: str, user_columns: Iterable[str] = ()) -> str:
-    """Suggest columns with names similar to the unknown words of a condition."""
+    """Suggest columns with names similar to the unknown names in a condition."""
     metadata = tables.load("metadata")
     columns = [column.name for column in (*metadata.columns, *metadata.derived)] + list(user_columns)
     words = {word.lower() for word in re.findall(r"[A-Za-z_]\w*", where)} - set(columns)

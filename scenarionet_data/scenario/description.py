@@ -103,7 +103,7 @@ class ScenarioDescription:
         """Check the contract of every part.
 
         Raises:
-            InvalidScenario: Naming scenario, field, what was wanted and what was found.
+            InvalidScenario: With scenario, field, expected and found value.
         """
         validator = Validator(self.id)
         validator.check(is_scenario_id(self.id), "id", "wanted <dataset>/<version>/<source id>[@start]")

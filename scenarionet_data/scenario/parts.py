@@ -151,7 +151,7 @@ class MapFeatures:
         width: M x (k, 2) float32 [m]: centreline to left and right side; k is 1, the number of points,
             or 0 when unknown.
         entry_lanes, exit_lanes: M x ids of predecessors and successors; ids outside the map are kept.
-        left_neighbors, right_neighbors: M x ids of lanes beside.
+        left_neighbors, right_neighbors: M x ids of adjacent lanes.
         left_boundaries, right_boundaries: M x ids of lines and edges that bound a lane.
         controlled_lanes: M x ids of lanes a stop sign, stop line or crosswalk applies to.
         is_intersection: (M,) int8: 1 yes, 0 no, -1 unknown.

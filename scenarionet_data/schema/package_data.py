@@ -1,4 +1,4 @@
-"""Locate the folders ``schemas`` and ``sql``: beside the packages in a checkout, inside them in a wheel."""
+"""Locate the folders ``schemas`` and ``sql``: next to the packages in a checkout, inside them in a wheel."""
 
 from __future__ import annotations
 

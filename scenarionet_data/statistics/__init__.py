@@ -1,4 +1,4 @@
-"""What a scenario's row of ``metadata`` says of it, computed from its arrays when it is encoded.
+"""Statistics in a scenario's row of ``metadata``, computed from its arrays when it is encoded.
 
 summary         every statistic, one function a column or a few
 gaps            the ego's nearest neighbour, compiled

@@ -192,7 +192,7 @@ class Verifier:
             yield from self._strangers(name, ids, start, count)
 
     def _strangers(self, name: str, ids: Object, start: Int64, count: Int64) -> Iterator[Damage]:
-        """Find a row that belongs to another scenario than its address says."""
+        """Find a row that belongs to a scenario other than its address states."""
         key = "map_id" if name.startswith("maps/") else "scenario_id"
         found = self._files.read(name, [key])[key].to_numpy()
         offsets = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)

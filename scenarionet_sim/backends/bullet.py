@@ -1,7 +1,7 @@
 """Bullet backend: driven vehicles are rigid bodies with tyre forces and collisions.
 
 Motion is planar, as in the recordings. Other objects become bodies of their own mass when they come within reach of a
-driven vehicle; they reach the pose given by their policy at the end of the step, whatever they hit. pybullet is
+driven vehicle; they reach the pose given by their policy at the end of the step regardless of collisions. pybullet is
 imported when a session opens.
 """
 

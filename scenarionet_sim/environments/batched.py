@@ -164,7 +164,7 @@ class BatchedEnvironment:
         self.simulation.close()
 
     def _resize(self) -> None:
-        """Make room for as many objects as the simulation has."""
+        """Grow to the simulation's number of objects."""
         more = self.simulation.batch.max_objects - self._totals.shape[1]
         if more > 0:
             self._totals = np.pad(self._totals, ((0, 0), (0, more), (0, 0)))

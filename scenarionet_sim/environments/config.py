@@ -17,7 +17,7 @@ from scenarionet_sim.task.task import MULTI_AGENT, SINGLE_AGENT, Reward, Termina
 from scenarionet_sim.worlds.world import World
 
 PAPER_OBSERVATION: tuple[Sensor, ...] = (Lidar(rays=120), EgoState(), Navigation(points=10, spacing=2.0))
-"""Sensors of the ScenarioNet paper: 120 lidar rays over 50 m, ego state, 10 route points 2 m apart."""
+"""Sensors of the ScenarioNet paper: 120 lidar rays over 50 m, ego state, 10 route points at 2 m spacing."""
 
 BOUNDARY: tuple[Sensor, ...] = (BoundaryDetector(rays=12, range=50.0),)
 """The paper's optional boundary detector: 12 rays over 50 m."""

@@ -226,7 +226,7 @@ def find_broken(
 
 
 def describe_database(database: str | tuple[str, ...] | None) -> str | None:
-    """Return a reference as it is, and a list of ids as its length and digest."""
+    """Return a reference unchanged, and a list of ids as its length and digest."""
     if not isinstance(database, tuple):
         return database
     digest = hashlib.sha256("\n".join(database).encode()).hexdigest()[:12]

@@ -1,4 +1,4 @@
-"""Work over many scenarios, divided into parts that run one by one in this process or in several."""
+"""Work over many scenarios, divided into parts that run sequentially in this process or in several processes."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """NamedTuples of arrays, for kernels that read many of them.
 
-Numba needs about 0.3 µs per field to unpack a NamedTuple, so kernels that need few arrays take them one by one.
+Numba needs about 0.3 µs per field to unpack a NamedTuple, so kernels that need few arrays take them individually.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class Lines(NamedTuple):
 
 
 class Lanes(NamedTuple):
-    """M lanes of a map and what follows them.
+    """M lanes of a map and their successors.
 
     Attributes:
         points, offsets: (P, 2) [m], (M + 1,) centrelines.

@@ -142,7 +142,7 @@ def _lights(rollout: Rollout, world: World) -> tuple[Float64, Float64, Bool]:
 
 
 def _direction(line: Float64, point: Float64) -> Float64:
-    """(2,) direction of a line where it is nearest to a point."""
+    """(2,) direction of a line at its point nearest to a given one."""
     along = np.diff(line, axis=0)
     square = np.maximum((along**2).sum(axis=1), 1e-12)
     share = np.clip(((point - line[:-1]) * along).sum(axis=1) / square, 0.0, 1.0)
@@ -152,7 +152,7 @@ def _direction(line: Float64, point: Float64) -> Float64:
 
 
 def _corners(rollout: Rollout, world: World) -> Float64:
-    """(T, 4, 2) of the agent's box [m]."""
+    """(T, 4, 2) corners of the agent's box [m]."""
     heading = rollout.heading[:, rollout.agent]
     cos, sin = np.cos(heading), np.sin(heading)
     x, y = (_CORNERS * world.size[rollout.agent, :2].astype(np.float64)).T

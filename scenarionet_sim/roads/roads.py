@@ -105,7 +105,7 @@ class Roads:
         return self._find(points, is_selected) >= 0
 
     def lane_at(self, points: npt.ArrayLike) -> Int32:
-        """Return the row of the first lane around each point (..., 2) [m], or -1."""
+        """Return the row of the first lane that contains each point (..., 2) [m], or -1."""
         return self._find(points, is_lane(self.polygon_type))
 
     def _find(self, points: npt.ArrayLike, is_selected: Bool) -> Int32:

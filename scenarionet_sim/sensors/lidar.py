@@ -27,7 +27,7 @@ class Lidar(Sensor):
         rays: Number of rays.
         range: Largest distance from the agent's centre [m].
         types: Visible object types, for example ``(ObjectType.PEDESTRIAN,)``; None for all. Use one lidar per type to
-            tell types apart.
+            distinguish types.
         noise: Standard deviation of the Gaussian range error [m].
         dropout: Probability that a ray has no return.
     """
@@ -46,7 +46,7 @@ class Lidar(Sensor):
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """(rays,)."""
+        """Shape of the observation: (rays,)."""
         return (self.rays,)
 
     def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002

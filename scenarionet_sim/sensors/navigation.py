@@ -16,7 +16,7 @@ from scenarionet_sim.worlds.world_batch import WorldBatch
 
 @dataclass(frozen=True)
 class Navigation(Sensor):
-    """Points of the reference path ahead of the agent, in its frame; the paper uses 10 points, 2 m apart.
+    """Points of the reference path ahead of the agent, in its frame; the paper uses 10 points at 2 m spacing.
 
     Observes (points, 2) float32 in [-1, 1]: x forward and y left as shares of ``range``, clipped. The first point is
     one spacing ahead of the agent; points beyond the end of the path are its end. 0 for an agent without a path.

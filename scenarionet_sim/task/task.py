@@ -81,6 +81,6 @@ def task_parameters(reward: Reward, termination: Termination) -> Float64:
 
 
 def is_terminated(status: Array) -> Bool:
-    """Return where an episode ended by what the agent did: it arrived or left its route."""
+    """Return whether the agent ended its episode, by arriving or leaving its route."""
     ended: Bool = (status == Status.ARRIVED) | (status == Status.OFF_ROUTE)
     return ended

@@ -20,7 +20,7 @@ SPACING = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Paths:
-    """The reference path of each object: where it drove, without times. The ego's is its route.
+    """The reference path of each object: its driven positions without times. The ego's path is its route.
 
     Object n has the points ``path_offsets[n]:path_offsets[n + 1]``: none if it is never valid, one if it never moves.
 
@@ -40,7 +40,7 @@ class Paths:
 
     @property
     def path_arc(self) -> Float32:
-        """(P,) view [m]."""
+        """(P,) arc length of each path point [m] (a view)."""
         return self.path[:, ARC]
 
     def length(self) -> Float32:

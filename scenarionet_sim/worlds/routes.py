@@ -17,7 +17,7 @@ from scenarionet_sim.worlds.world import World
 
 _BESIDE = 2.5  # [m] from its centreline, an object is on a lane
 _STEP = 2.0  # [m] between points
-_BACK_TO_THE_MIDDLE = 20.0  # [m] over which a path beside a centreline returns to it
+_BACK_TO_THE_MIDDLE = 20.0  # [m] over which a path next to a centreline returns to it
 
 
 def continued(world: World, rows: Bool, beyond: float) -> World:
@@ -40,7 +40,7 @@ def continued(world: World, rows: Bool, beyond: float) -> World:
 def _ways(roads: Roads, paths: Paths, owners: IntP, beyond: float) -> tuple[Float64, Int32]:
     """Return points every ``_STEP`` beyond the ends of the owners' paths (Q, K, 2), and their number (Q,).
 
-    A way that begins beside the centreline returns to it.
+    A path that begins next to the centreline returns to it.
     """
     ends = paths.path_offsets[1:][owners] - 1
     found = np.tile([-1.0, 0.0, _BESIDE], (len(ends), 1))

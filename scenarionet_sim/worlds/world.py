@@ -62,7 +62,7 @@ class World:
 
     @property
     def num_steps(self) -> int:
-        """T."""
+        """Number of timesteps (T)."""
         return len(self.log)
 
     @property

@@ -1,4 +1,4 @@
-"""Prints as JSON what av2 reads from a motion forecasting folder, or from the map of a sensor log."""
+"""Print as JSON what av2 reads from a motion forecasting folder, or from the map of a sensor log."""
 
 import json
 import sys

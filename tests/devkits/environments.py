@@ -1,4 +1,4 @@
-"""Runs a script in the environment of somebody else's reader, and reads the JSON that it prints."""
+"""Run a script in the environment of another reader, and parse the JSON that it prints."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ENVIRONMENTS = Path(__file__).parents[2] / ".venv-devkits"
 
 
 def read_with(environment: str, script: str, *arguments: str | Path) -> Any:
-    """What a script beside this file prints about its arguments."""
+    """Output of a script in this folder for its arguments."""
     python = ENVIRONMENTS / environment / "bin" / "python"
     if not python.exists():
         pytest.skip("no .venv-devkits: run `make test-devkits`, or tests/devkits/make_environments.sh")

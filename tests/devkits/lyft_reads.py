@@ -1,4 +1,4 @@
-"""Prints as JSON what zarr 2 reads from a recording: of each table its length and a hash of its rows' bytes."""
+"""Print as JSON what zarr 2 reads from a recording: the length of each table and a hash of its rows' bytes."""
 
 import hashlib
 import json

@@ -1,4 +1,4 @@
-"""Prints as JSON what GDAL, through pyogrio, reads from a GeoPackage: every layer's ids, fields and points."""
+"""Print as JSON what GDAL, through pyogrio, reads from a GeoPackage: ids, fields and points of every layer."""
 
 import json
 import sys

@@ -1,4 +1,4 @@
-"""Prints as JSON what nuscenes-devkit reads from a dataroot. Runs in the devkit's own environment, not in ours."""
+"""Print as JSON what nuscenes-devkit reads from a dataroot. Runs in the devkit's own environment."""
 
 import json
 import sys

@@ -1,4 +1,4 @@
-"""What av2 reads from scenarios and maps is what our converter makes of them."""
+"""The Argoverse 2 converter agrees with what av2 reads from the same scenarios and maps."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Read = tuple[ScenarioDescription, Any]
 
 @pytest.fixture(scope="module", params=["written", "recorded", "written log", "recorded log"])
 def read(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Read:
-    """The scenario of a folder, and what av2 reads from it; of a log that is its map."""
+    """The scenario of a folder with av2's reading of it, or for a log, of its map."""
     kind = "sensor" if request.param.endswith("log") else "motion-forecasting"
     if request.param.startswith("recorded"):
         (folder,) = (request.getfixturevalue("recordings") / "argoverse2" / kind / "val").iterdir()
@@ -69,7 +69,7 @@ def test_lanes_and_their_links(read: Read) -> None:
         assert set(map(str, lane["predecessors"])) <= set(features.entry_lanes[row])
         line = features.polyline[row][:, :2] + scenario.origin[:2]
         center = np.array(lane["center"])[:, :2]
-        # av2 resamples centrelines to ten points; ours is the file's, or the middle of the boundaries.
+        # av2 resamples centrelines to ten points; ours is the file's, or the midline of the boundaries.
         for own, theirs in ((line[0], center[0]), (line[-1], center[-1])):
             assert np.hypot(*(own - theirs)) < 0.5
 

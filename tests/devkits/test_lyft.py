@@ -1,4 +1,4 @@
-"""What zarr reads from a recording is what our reader and our converter make of it."""
+"""The Lyft reader and converter agree with what zarr reads from the same recording."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Read = tuple[Path, Any]
 
 @pytest.fixture(scope="module", params=["format 1", "format 2", "recorded"])
 def read(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Read:
-    """A zarr folder, and what zarr reads from it."""
+    """A zarr folder with zarr's reading of it."""
     if request.param == "recorded":
         path = request.getfixturevalue("recordings") / "lyft" / "scenes" / "sample.zarr"
     else:
@@ -31,7 +31,7 @@ def read(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     return path, read_with("readers", "lyft_reads.py", path)
 
 
-def test_tables_are_the_same_to_the_byte(read: Read) -> None:
+def test_tables_are_equal_to_the_byte(read: Read) -> None:
     path, outside = read
     assert set(outside["tables"]) >= {"scenes", "frames", "agents"}
     for name, (length, digest) in outside["tables"].items():

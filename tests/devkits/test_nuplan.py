@@ -1,4 +1,4 @@
-"""What GDAL reads from a written ``map.gpkg`` is what our converter makes of it."""
+"""The nuPlan converter agrees with what GDAL reads from the same ``map.gpkg``."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _UTM = Transformer.from_crs("epsg:4326", "epsg:32611", always_xy=True)
 
 @pytest.fixture(scope="module", params=["invented", "recorded"])
 def read(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[MapFeatures, Any]:
-    """A city's features in its UTM zone, and what GDAL reads from its file."""
+    """A city's features in its UTM zone, with GDAL's reading of its file."""
     drive = drives.invented()
     if request.param == "recorded":
         folder = request.getfixturevalue("recordings") / "nuplan" / "recorded" / "262a4b7a1f2c5ab6"

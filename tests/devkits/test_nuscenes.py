@@ -1,4 +1,4 @@
-"""What nuscenes-devkit reads from a written dataroot is what our converter makes of it."""
+"""The nuScenes converter agrees with what nuscenes-devkit reads from the same dataroot."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Read = tuple[Path, dict[str, Any]]
 
 @pytest.fixture(scope="module", params=["invented", "recorded"])
 def read(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Read:
-    """A dataroot, and what the devkit reads from it."""
+    """A dataroot with the devkit's reading of it."""
     root = tmp_path_factory.mktemp("nuscenes")
     if request.param == "invented":
         scenes = fixture.write_invented(root, num_scenes=2)
@@ -38,7 +38,7 @@ def read(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
 
 
 def _asked(scene: fixture.Scene) -> list[str]:
-    """Entries as the owner's file has them, for the first objects that are seen at the fifth keyframe."""
+    """Challenge entries in the official file's format, for the first objects visible at the fifth keyframe."""
     seen = [thing.token for thing in scene.things if thing.seen[4]][:3]
     return [f"{token}_{scene.samples[4]}" for token in seen]
 
@@ -68,7 +68,7 @@ def test_boxes_and_poses(read: Read) -> None:
                 np.testing.assert_allclose(tracks.size[k, step], [length, width, height], atol=1e-4)
                 assert tracks.source_type[k] == box["name"]
                 # The devkit's central difference over keyframes; NaN for an object that is seen once. Over a gap
-                # in a track the devkit goes on, we do not.
+                # in a track the devkit continues, ours does not.
                 if np.diff(np.flatnonzero(tracks.valid[k])).max(initial=1) == 1:
                     wanted = np.nan_to_num(box["velocity"])
                     np.testing.assert_allclose(tracks.velocity[k, step], wanted, atol=1e-3)
@@ -87,7 +87,7 @@ def test_lanes_and_their_links(read: Read) -> None:
             np.testing.assert_allclose(features.polyline[k][:, :2], points[step > 0.01], atol=1e-3)
             assert set(expansion["outgoing"][token]) <= set(features.exit_lanes[k])
             assert set(expansion["incoming"][token]) <= set(features.entry_lanes[k])
-            # What is more is stated from the other side.
+            # Additional links are stated from the other side.
             for other in set(features.exit_lanes[k]) - set(expansion["outgoing"][token]):
                 assert token in expansion["incoming"][other]
             for other in set(features.entry_lanes[k]) - set(expansion["incoming"][token]):
@@ -102,7 +102,7 @@ def test_lanes_and_their_links(read: Read) -> None:
 
 
 @pytest.mark.parametrize("split", ["mini_train", "mini_val"])
-def test_predictions_that_the_challenge_asks_for(read: Read, split: str) -> None:
+def test_predictions_of_the_challenge(read: Read, split: str) -> None:
     root, devkit = read
     found = []
     for scenario in scenarios(CONVERTER, root, split, by="window"):

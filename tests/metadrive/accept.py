@@ -1,4 +1,4 @@
-"""Run by MetaDrive's own interpreter: opens a database as MetaDrive does and prints what it found, as JSON.
+"""Run by MetaDrive's own interpreter: open a database as MetaDrive does and print the findings as JSON.
 
 usage: python accept.py check|replay|load DATABASE
 
@@ -18,7 +18,7 @@ import numpy as np
 
 
 def check(database: str) -> dict[str, Any]:
-    """Per file: MetaDrive's sanity check, its summaries, its filters' numbers."""
+    """Per file: MetaDrive's sanity check, its summaries, and the numbers of its filters."""
     from metadrive.scenario.scenario_description import ScenarioDescription as Description
     from metadrive.scenario.utils import read_dataset_summary, read_scenario_data
 
@@ -98,7 +98,7 @@ def replay(database: str) -> dict[str, Any]:
 
 
 def load(database: str) -> dict[str, Any]:
-    """With whatever numpy there is: which one, and whether every array is whole and writable."""
+    """Print the installed NumPy version, and whether every array is intact and writable."""
     totals, writable = {}, True
     for path in sorted(Path(database).glob("*.pkl")):
         with path.open("rb") as file:

@@ -1,4 +1,4 @@
-"""MetaDrive opens, checks and drives what we export, in an environment of its own (``make_environment.sh``)."""
+"""MetaDrive opens, checks and drives exported scenarios, in a separate environment (``make_environment.sh``)."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def converted(dataset: str, raw: str | Path) -> list[ScenarioDescription]:
 
 @pytest.fixture(scope="module")
 def scenarios(tmp_path_factory: pytest.TempPathFactory) -> dict[str, ScenarioDescription]:
-    """By file name: made up, generated, imported from every vintage, and recorded where recordings are given."""
+    """By file name: hand-made, generated, imported from every format generation, and recorded where available."""
     found = [make_scenario(1), make_scenario(2, has_z=False), make_scenario(5, dataset="nuscenes", version="v1.0")]
     found += [make_scenario(4, has_map=False), make_scenario(7, num_lights=0)]
     found += converted("scenarionet", made.write_vintages(tmp_path_factory.mktemp("raw")))
@@ -84,14 +84,14 @@ def test_metadrive_checks_and_lists_every_file(checked: dict[str, Any], scenario
     assert list(checked["found"]) == list(scenarios)
 
 
-def test_summaries_are_metadrives_own(checked: dict[str, Any], scenarios: dict[str, ScenarioDescription]) -> None:
+def test_summaries_match_metadrives_own(checked: dict[str, Any], scenarios: dict[str, ScenarioDescription]) -> None:
     for name, found in checked["found"].items():
         assert found["same_objects"] and found["same_numbers"] and found["same_listed"], name
         assert found["num_objects"] == len(scenarios[name].tracks)
 
 
 def test_metadrive_can_move_the_origin(checked: dict[str, Any]) -> None:
-    """It does so in place: the arrays have to be writable."""
+    """It does so in place, so the arrays must be writable."""
     for name, found in checked["found"].items():
         assert found["ego_at"] == pytest.approx([0, 0], abs=1e-3), name
 
@@ -103,13 +103,13 @@ def test_every_replay_arrives(replayed: dict[str, Any], scenarios: dict[str, Any
     } == {}
 
 
-def test_the_simulator_gets_the_true_ego(replayed: dict[str, Any], scenarios: dict[str, ScenarioDescription]) -> None:
+def test_simulator_uses_the_true_ego(replayed: dict[str, Any], scenarios: dict[str, ScenarioDescription]) -> None:
     for name, found in replayed["found"].items():
         scenario = scenarios[name]
         assert found["ego_size"] == pytest.approx(scenario.tracks.size[scenario.ego_index, 0].tolist(), abs=1e-4), name
 
 
-def test_the_simulator_gets_the_map_and_the_lights(replayed: dict[str, Any], scenarios: dict[str, Any]) -> None:
+def test_simulator_uses_the_map_and_the_lights(replayed: dict[str, Any], scenarios: dict[str, Any]) -> None:
     for name, found in replayed["found"].items():
         features, lights = scenarios[name].map, scenarios[name].lights
         if features is None:
@@ -120,7 +120,7 @@ def test_the_simulator_gets_the_map_and_the_lights(replayed: dict[str, Any], sce
         assert found["num_lights"] == len(drivable & set(lights.lane_ids)), name
 
 
-def test_both_numpys_load_the_same(database: Path) -> None:
+def test_numpy_1_and_2_load_equal_data(database: Path) -> None:
     second, first = accept("load", database), accept("load", database, numpy1=True)
     assert second["numpy"].startswith("2.") and first["numpy"].startswith("1.26")
     assert second["writable"] and first["writable"]
@@ -129,7 +129,7 @@ def test_both_numpys_load_the_same(database: Path) -> None:
 
 
 @pytest.mark.parametrize("command", ["check_existence", "check_simulation"])
-def test_scenarionets_own_commands(command: str, database: Path, tmp_path: Path) -> None:
+def test_original_scenarionet_commands_run(command: str, database: Path, tmp_path: Path) -> None:
     if "yes" not in run(["-c", "import importlib.util as u; print('yes' if u.find_spec('scenarionet') else 'no')"]):
         pytest.skip("no ScenarioNet in .venv-metadrive: it is on no package index; install a checkout of it there")
     run(["-m", f"scenarionet.{command}", "-d", database, "--error_file_path", tmp_path, "--num_workers", "2"])

@@ -20,7 +20,7 @@ SHARDS = {"a": ["1", "2", "3", "4", "5", "6"], "b": ["11", "12", "13", "7 invali
 
 
 def run(*words: str | Path) -> Result:
-    """Invoke a command in this process, with one worker by default; the result has output and errors apart."""
+    """Invoke a command in this process, with one worker by default; output and errors are separate in the result."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(machine, "default_workers", lambda: 1)
         return CliRunner().invoke(cli, [str(word) for word in words])
@@ -47,7 +47,7 @@ def lake(_converted: Path, tmp_path: Path) -> Path:
 
 @pytest.fixture
 def ok() -> Callable[..., str]:
-    """Run a command that has to succeed and return its output."""
+    """Run a command that must succeed and return its output."""
 
     def run_it(*words: str | Path) -> str:
         result = run(*words)

@@ -1,4 +1,4 @@
-"""``scenarionet compile``: afterwards, no process has to compile anything."""
+"""``scenarionet compile``: later processes do not compile anything."""
 
 from __future__ import annotations
 

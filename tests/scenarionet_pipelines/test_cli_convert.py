@@ -76,7 +76,7 @@ def test_dry_run_writes_nothing(raw, lake, tmp_path, ok, as_json):
     assert Lake(lake).snapshot.number == 1
 
 
-def test_where_and_files_choose(raw, tmp_path, ok):
+def test_where_and_files_select_recordings(raw, tmp_path, ok):
     text = ok("convert", NAME, raw, tmp_path / "new", "--dry-run", "--where", "file=a*")
     assert "would convert  1 shard with 1 raw input" in text
     text = ok("convert", NAME, raw, tmp_path / "new", "--dry-run", "--files", "1:")
@@ -146,7 +146,7 @@ def finished(lake: Path) -> int:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.long
-def test_an_interrupted_run_is_continued(number, tmp_path, ok):
+def test_interrupted_run_is_continued(number, tmp_path, ok):
     raw, lake = held_raw(tmp_path / "raw", shards=10), tmp_path / "lake"
     gate.close(raw, admitted=3)
     # A session of its own: Ctrl-C reaches the workers too.
@@ -173,7 +173,7 @@ def test_an_interrupted_run_is_continued(number, tmp_path, ok):
 
 
 @pytest.mark.long
-def test_workers_end_with_a_killed_command_and_the_next_adopts_what_they_finished(tmp_path, as_json):
+def test_workers_end_with_a_killed_command_and_their_shards_are_reused(tmp_path, as_json):
     raw, lake = held_raw(tmp_path / "raw", shards=10), tmp_path / "lake"
     gate.close(raw, admitted=3)
     running = start("convert", NAME, raw, lake, "--workers", 2)
@@ -191,7 +191,7 @@ def test_workers_end_with_a_killed_command_and_the_next_adopts_what_they_finishe
     assert len(Lake(lake)) == 30
 
 
-def test_a_bar_on_a_terminal(tmp_path):
+def test_progress_bar_on_a_terminal(tmp_path):
     raw = write_raw(tmp_path / "raw", {"a": [1, 2], "b": ["3 slow"]})
     terminal, other_end = os.openpty()
     running = start("convert", NAME, raw, tmp_path / "lake", "--workers", 1, stderr=other_end)
@@ -200,7 +200,7 @@ def test_a_bar_on_a_terminal(tmp_path):
     try:
         while part := os.read(terminal, 4096):
             shown += part
-    except OSError:  # how Linux says that the other end was closed
+    except OSError:  # Linux's error when the other end is closed
         pass
     output, _ = running.communicate(timeout=HANGS_AFTER)
     os.close(terminal)
@@ -210,7 +210,7 @@ def test_a_bar_on_a_terminal(tmp_path):
     assert b"2/2" in shown
 
 
-def test_a_broken_contract_is_quarantined_unless_no_check(tmp_path):
+def test_validation_failure_is_quarantined_unless_no_check(tmp_path):
     raw = write_raw(tmp_path / "raw", {"a": ["1", "2 oneway", "3"]})
     name = "tests.scenarionet_data.quality.test_audit:OneWay"
     result = run("convert", name, raw, tmp_path / "lake", "--quiet")

@@ -1,4 +1,4 @@
-"""The verbs that make, compare and keep databases."""
+"""The verbs that create, compare and manage databases."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_filter_by_ids(lake, tmp_path, ok, as_json):
 
 
 @pytest.mark.filterwarnings("ignore:this split leaks")
-def test_split_ways(lake, ok, as_json):
+def test_split_strategies(lake, ok, as_json):
     assert len(as_json("split", lake, "--levels", "3", "--name", "l")) == 3
     assert set(as_json("split", lake, "--each", "num_objects", "--name", "n")) == {"4", "5"}
     assert "(50.0%)" not in ok("split", lake, "--fractions", "a=0.7", "b=0.3", "--stratify", "has_z", "--name", "s")
@@ -43,7 +43,7 @@ def test_split_ways(lake, ok, as_json):
 
 
 @pytest.mark.filterwarnings("always")
-def test_a_leak_is_a_warning_in_one_line(lake):
+def test_leak_is_a_one_line_warning(lake):
     result = run("split", lake, "--fractions", "a=0.5", "b=0.5")
     assert result.exit_code == 0
     (line,) = result.stderr.splitlines()
@@ -112,11 +112,11 @@ def test_rebuild_and_rebase(two, ok, as_json):
     assert as_json("rebase", two, "low")["moved"] == []
 
 
-def test_names(two, ok, as_json):
+def test_rename_copy_and_drop(two, ok, as_json):
     assert ok("copy", two, "low@1", "everything") == "everything@1: 9 scenarios\n"
     assert run("copy", two, "low", "everything").exit_code == 1
     assert run("rename", two, "low", "high").exit_code == 1
-    assert "scenarionet copy" in run("rename", two, "low", "deep").stderr  # everything was made from it
+    assert "scenarionet copy" in run("rename", two, "low", "deep").stderr  # all others depend on it
     assert ok("rename", two, "high", "top") == "high -> top\n"
     assert as_json("drop", two, "low@2") == {"dropped": "low@2"}
     assert "--force" in run("drop", two, "low").stderr

@@ -35,7 +35,7 @@ def test_renamed_options_keep_their_values(capsys):
     ]
 
 
-def test_a_renamed_option_still_works(lake):
+def test_renamed_option_still_works(lake):
     result = run("filter", lake, "--to", "all")
     assert result.exit_code == 0
     assert result.stdout == "all@1: 9 scenarios\n"
@@ -53,5 +53,5 @@ def test_a_renamed_option_still_works(lake):
         ("dataset = 'waymo' and x=1", "dataset = 'waymo' and x=1"),
     ],
 )
-def test_python_advice_becomes_options(advice, expected):
+def test_python_advice_is_translated_to_options(advice, expected):
     assert as_options(advice) == expected

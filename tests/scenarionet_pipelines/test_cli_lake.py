@@ -1,4 +1,4 @@
-"""The verbs that ask a lake, choose from it and hand it on."""
+"""The verbs that query a lake, select from it, and export it."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_show(lake, ok, as_json):
     facts = as_json("show", lake, "made/v1/s000011")
     assert facts["scenario_id"] == "made/v1/s000011"
     assert "tracks_file" not in facts
-    text = ok("show", lake, "s000011")  # the id in the source will do
+    text = ok("show", lake, "s000011")  # the id in the source is accepted
     assert "ego_distance" in text
     assert "rad" in text
     several = run("show", lake, "s00000")
@@ -85,7 +85,7 @@ def test_sql_by_name(lake, ok, as_json):
     assert as_json("sql", lake, "quarantine_reasons", "-p", "dataset=waymo")["rows"] == []
 
 
-def test_sql_prints_no_more_than_one_can_read(lake):
+def test_sql_limits_printed_rows(lake):
     result = run("sql", lake, "SELECT * FROM range(250)")
     assert len(result.stdout.splitlines()) == 101
     assert "150 more rows" in result.stderr
@@ -131,7 +131,7 @@ def test_filters(ok, as_json):
         "--fractions=train=0.5 --fractions=val=0.5",
     ],
 )
-def test_split_in_every_spelling(words, lake, as_json):
+def test_split_with_every_spelling_of_fractions(words, lake, as_json):
     found = as_json("split", lake, "--seed", "3", *words.split(), "--by", "source_log", "--name", "p")
     assert [part["reference"] for part in found.values()] == ["p_train@1", "p_val@1"]
     assert sum(part["count"] for part in found.values()) == 9
@@ -160,7 +160,7 @@ def test_export_is_read_back(lake, tmp_path, ok, as_json):
 
 def test_check(lake, ok, as_json):
     ok("filter", lake, "--where", "source_scenario_id < 's00001'", "--name", "few")
-    text = ok("check", lake)  # the lanes of the fixture jump, which only --strict minds
+    text = ok("check", lake)  # the lanes of the fixture jump, which only --strict reports
     assert "ok        ids_are_unique" in text
     assert "successors_are_close: 9 scenarios, for example\n  made/v1/s000001" in text
     assert run("check", lake, "--strict").exit_code == 1
@@ -189,7 +189,7 @@ def test_scorecard(lake, ok, as_json, tmp_path):
     "suffix", ["parquet", pytest.param("csv", marks=pytest.mark.long), pytest.param("json", marks=pytest.mark.long)]
 )
 @pytest.mark.long
-def test_check_parts_the_good_from_the_broken(lake, suffix, ok, tmp_path):
+def test_check_separates_passing_and_failing_scenarios(lake, suffix, ok, tmp_path):
     ok("filter", lake, "--where", "source_scenario_id < 's00001'", "--name", "few")
     text = ok("check", lake, "few", "--name", "good", "--broken", tmp_path / f"broken.{suffix}")
     assert text.endswith("good@1: 6 of 6 scenarios\n")
@@ -251,7 +251,7 @@ def test_cells():
     assert shorten("abcdef", 4) == "abc…"
 
 
-def test_words_for_quantities():
+def test_quantities_are_formatted():
     assert [size(n) for n in (0, 999, 1_250_000, 3e15)] == ["0 B", "999 B", "1.25 MB", "3e+03 TB"]
     assert [duration(s) for s in (0.04, 59.6, 125, 7260)] == ["0.0 s", "59.6 s", "2 min 05 s", "2 h 01 min"]
     assert [count(n, "row") for n in (0, 1, 1000)] == ["0 rows", "1 row", "1,000 rows"]

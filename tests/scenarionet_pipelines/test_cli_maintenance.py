@@ -1,4 +1,4 @@
-"""compact, vacuum and fsck, as they are typed."""
+"""The verbs compact, vacuum and fsck."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The verbs that ask what happens in scenarios, compare databases and add columns."""
+"""The verbs that mine events, compare databases and add columns."""
 
 from __future__ import annotations
 

@@ -69,14 +69,14 @@ def test_invalid_values_are_rejected(word):
         parse(word)
 
 
-def test_options_describe_themselves():
+def test_options_are_described():
     found = {option.name: option for option in options(Every())}
     assert found["box"].doc == "From and to."
     assert found["limit"].type_text == "int | None"
     assert found["mode"].type_text == "Literal['whole', 'windows']"
 
 
-def test_a_class_in_the_current_folder_is_found(tmp_path: Path, monkeypatch):
+def test_class_in_the_current_folder_is_found(tmp_path: Path, monkeypatch):
     (tmp_path / "my_own_dataset.py").write_text("from tests.fixtures.made import Made\nclass Mine(Made):\n    pass\n")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("sys.path", __import__("sys").path.copy())

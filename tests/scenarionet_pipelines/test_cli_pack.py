@@ -1,4 +1,4 @@
-"""``scenarionet pack``: written, verified, refused."""
+"""``scenarionet pack``: writing, verifying, and refused arguments."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Verbs on a lake in an object store: what they do to one in a folder."""
+"""Verbs on a lake in an object store: the same as on one in a folder."""
 
 from __future__ import annotations
 
@@ -45,15 +45,15 @@ def test_databases_from_end_to_end(lake, tmp_path):
     run("pack", "--verify", tmp_path / "pack")
 
 
-def test_simulation_leaves_its_results_in_the_store(lake):
+def test_simulation_stores_its_results_in_the_bucket(lake):
     run("sim", lake, "busy", "--policy", "idm", "--backend", "kinematic", "--quiet")
     found = json.loads(run("sql", lake, "SELECT count(*) AS n, count(DISTINCT run) AS runs FROM results", "--json"))
     assert "8" in json.dumps(found)
     again = run("sim", lake, "busy", "--policy", "idm", "--backend", "kinematic", "--quiet")
-    assert "busy-idm" in again  # taken from what is there
+    assert "busy-idm" in again  # the existing results are reused
 
 
-def test_a_dry_run_prints_the_plan(lake):
+def test_dry_run_prints_the_plan(lake):
     assert "1 shard that the lake has already" in run("convert", "pg", "0:8", lake, "--split", "train", "--dry-run")
 
 

@@ -11,7 +11,7 @@ from tests.fixtures.lakes import write_lake
 from tests.scenarionet_pipelines.conftest import run
 
 
-def test_a_picture(lake, ok, as_json, tmp_path):
+def test_image(lake, ok, as_json, tmp_path):
     text = ok("render", lake, "s000001", "-o", tmp_path / "s.png", "--size", "200", "--at", "1.5")
     assert "made/v1/s000001, 1 frame" in text
     with Image.open(tmp_path / "s.png") as picture:
@@ -21,14 +21,14 @@ def test_a_picture(lake, ok, as_json, tmp_path):
     assert found["bytes"] == (tmp_path / "s.png").stat().st_size
 
 
-def test_a_video(lake, as_json, tmp_path):
+def test_video(lake, as_json, tmp_path):
     words = ("--size", "80", "--view", "all", "--speed", "2", "--quiet")
     assert as_json("render", lake, "s000001", "-o", tmp_path / "s.gif", *words)["frames"] == 31
     with Image.open(tmp_path / "s.gif") as video:
         assert video.info["duration"] == 50
 
 
-def test_a_run_is_drawn(tmp_path, ok, as_json):
+def test_simulation_run_is_drawn(tmp_path, ok, as_json):
     """A car that keeps its speed, drawn where it drove and not where it was recorded."""
     lake = write_lake(tmp_path / "lake", [make_drive(num_steps=12)]).root
     ok("filter", lake, "--where", "true", "--name", "all")
@@ -58,13 +58,13 @@ def test_errors_are_reported(lake, tmp_path, monkeypatch, words, code, message):
     assert message in result.stderr
 
 
-def test_ways_coloured_by_speed(lake, ok, tmp_path):
+def test_tracks_coloured_by_speed(lake, ok, tmp_path):
     ok("render", lake, "s000001", "-o", tmp_path / "plain.png", "--size", "200", "--quiet")
     ok("render", lake, "s000001", "-o", tmp_path / "speed.png", "--size", "200", "--color-by", "speed", "--quiet")
     assert (tmp_path / "plain.png").read_bytes() != (tmp_path / "speed.png").read_bytes()
 
 
-def test_show_draws_beside_the_facts(lake, as_json, tmp_path):
+def test_show_draws_an_image_next_to_the_properties(lake, as_json, tmp_path):
     facts = as_json("show", lake, "s000001", "--picture", tmp_path / "s.svg")
     assert facts["scenario_id"] == "made/v1/s000001"
     assert (tmp_path / "s.svg").read_bytes().startswith(b"<?xml")
@@ -75,7 +75,7 @@ def test_show_draws_beside_the_facts(lake, as_json, tmp_path):
 
 
 @pytest.mark.parametrize("words", ["'; DROP TABLE metadata; --", "../../etc/passwd", "<script>alert(1)</script>", "%"])
-def test_hostile_ids_are_no_scenarios(lake, tmp_path, words):
+def test_hostile_ids_are_unknown_scenarios(lake, tmp_path, words):
     for command in (("show", lake, words), ("render", lake, words, "-o", tmp_path / "s.png")):
         result = run(*command)
         assert result.exit_code == 1

@@ -70,7 +70,7 @@ def test_sim_rejects_bad_options(lake, words, message):
     assert message in result.stderr
 
 
-def test_a_run_of_another_kind_is_refused(lake, ok):
+def test_run_with_other_parameters_is_refused(lake, ok):
     ok("sim", lake, "--policy", "replay", "--name", "mine", "--workers", "1")
     result = run("sim", lake, "--policy", "constant", "--name", "mine")
     assert result.exit_code == 2
@@ -86,7 +86,7 @@ def test_record(lake, as_json, ok):
     assert "all-ego-observed: 123 observations of 3 scenarios" in ok(*words)
 
 
-def test_check_simulate_names_the_broken(lake, ok):
+def test_check_simulate_names_failing_scenarios(lake, ok):
     words = "check", lake, "--simulate", "--only", "ids_are_unique", "--workers", "1"
     assert "ok  replays         The ego of every recording reaches its destination when replayed.\n" in ok(*words)
     path = next((lake / "tracks").rglob("*.parquet"))

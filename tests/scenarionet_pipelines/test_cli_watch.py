@@ -1,4 +1,4 @@
-"""``convert --watch``, and ``--reconvert-stale``, which asks."""
+"""``convert --watch``, and the confirmation of ``--reconvert-stale``."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_reconvert_stale_lists_the_shards_first(raw, lake):
     assert "2 shards written by another version of the converter" in run("convert", NEWER, raw, lake).stdout
     report = json.loads(run("convert", NEWER, raw, lake, "--reconvert-stale", "--yes", "--json", "--quiet").stdout)
     assert (report["replaced"], report["stale"]) == (2, 0)
-    assert run("convert", NEWER, raw, lake, "--reconvert-stale").exit_code == 0  # nothing left to ask about
+    assert run("convert", NEWER, raw, lake, "--reconvert-stale").exit_code == 0  # nothing left to confirm
 
 
 @pytest.mark.parametrize(("answer", "replaced"), [("y", True), ("n", False)])

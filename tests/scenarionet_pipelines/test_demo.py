@@ -27,14 +27,14 @@ def test_demo_twice(tmp_path):
     assert "total" in result.stdout
 
 
-def test_a_failing_step_ends_the_demo(tmp_path, capsys):
+def test_failing_step_ends_the_demo(tmp_path, capsys):
     with pytest.raises(SystemExit) as ended:
         demo._command("list", str(tmp_path))()
     assert ended.value.code == 1
     assert capsys.readouterr().out == f"$ scenarionet list {tmp_path}\n"
 
 
-def test_a_foreign_folder_is_not_removed(tmp_path):
+def test_foreign_folder_is_not_removed(tmp_path):
     (tmp_path / "precious").touch()
     result = CliRunner().invoke(demo.main, [str(tmp_path)])
     assert result.exit_code == 2

@@ -1,4 +1,4 @@
-"""Cores and memory, of the machine and of a container."""
+"""Cores and memory of the machine or its container."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_requirements_of_a_checkout_match_the_package(monkeypatch):
     assert ("pybullet", ">=3.2.7,<4", " python_version == '3.11' and extra == 'sim'") in found
 
 
-def test_a_converter_that_does_not_load_is_named(monkeypatch):
+def test_converter_that_fails_to_load_is_named(monkeypatch):
     from scenarionet_data import converters
 
     def broken(name):

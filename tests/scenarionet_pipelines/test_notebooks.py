@@ -1,4 +1,4 @@
-"""Every notebook runs, on generated scenarios and on real recordings; in git they have no outputs."""
+"""Every notebook runs, on generated scenarios and on real recordings; committed notebooks have no outputs."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_all_notebooks_are_known():
 
 @pytest.mark.parametrize("name", names())
 def test_outputs_are_stripped(name):
-    """As `strip` leaves it, but for spaces; the page in the documentation shows them."""
+    """As `strip` leaves it, except for spaces; the documentation page shows the outputs."""
     content = json.loads(path(name).read_text("utf-8"))
     for cell in content["cells"]:
         assert cell.get("outputs", []) == []
@@ -47,8 +47,8 @@ def test_outputs_are_stripped(name):
 
 
 @pytest.mark.parametrize("name", names())
-def test_the_page_is_of_this_notebook(name):
-    """Every cell is on it, every picture it shows is there, and no picture is left over."""
+def test_page_matches_its_notebook(name):
+    """Every cell is on the page, every picture it shows exists, and no picture is unused."""
     page = (PAGES / f"{name}.md").read_text("utf-8")
     for cell in read(name).cells:
         assert cell.source in page, "run `make notebooks`"
@@ -59,8 +59,8 @@ def test_the_page_is_of_this_notebook(name):
         assert (PAGES / picture).stat().st_size < (400_000 if picture.endswith(".webp") else 150_000), picture
 
 
-def test_the_overview_runs(tmp_path, monkeypatch):
-    """Its cells in this process, without a kernel: the quick test of all notebooks."""
+def test_overview_notebook_runs(tmp_path, monkeypatch):
+    """Its cells in this process, without a kernel, as a quick test."""
     write_lake(tmp_path / "lake", [make_scenario(number) for number in range(3)])
     monkeypatch.chdir(tmp_path)
     known: dict[str, object] = {}
@@ -113,8 +113,8 @@ def test_notebooks_run_on_a_lake_of_one(name, tmp_path):
     execute(name, tmp_path)
 
 
-def test_the_template_of_ones_own_dataset_is_that_of_the_page():
-    """The converter in the notebook is the documentation's, which passes the conformance suite in another test."""
+def test_converter_template_matches_the_documentation():
+    """The converter in the notebook is the documentation's, whose conformance another test checks."""
     page = (PAGES.parent / "guides" / "adding_a_dataset.md").read_text("utf-8")
     (cell,) = [cell.source for cell in read("your_own_dataset").cells if cell.source.startswith("%%writefile")]
     assert cell.split("\n", 1)[1].strip() in page

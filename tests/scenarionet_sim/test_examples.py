@@ -1,4 +1,4 @@
-"""The examples run, and learning helps."""
+"""The examples run, and training improves the policy."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ def test_programs(generated, program, arguments, printed):
     assert CliRunner().invoke(program, ["--help"]).output
 
 
-def test_a_random_agent_is_reproducible(generated):
+def test_random_agent_is_reproducible(generated):
     env = gymnasium.make("ScenarioNet-v0", scenarios=Scenarios(generated))
     assert scenarionet_sim and random_agent.play(env, 2, seed=3) == random_agent.play(env, 2, seed=3)
 
 
-def test_an_idm_ego_arrives(generated):
+def test_idm_ego_arrives(generated):
     ends = idm_ego.evaluate(Scenarios(generated))
     assert ends["episodes"] == 12 and ends["out_of_road"] == 0
     assert ends["success"] >= 9
@@ -51,7 +51,7 @@ def test_an_idm_ego_arrives(generated):
 
 @pytest.mark.long
 def test_ppo_learns_to_drive(generated):
-    """From hardly moving to a multiple of the reward within some thousand steps; a process, for numpy's threads."""
+    """The reward multiplies within some thousand steps; a separate process limits NumPy's threads."""
     command = [sys.executable, "-m", "scenarionet_sim.examples.ppo", generated, "--steps", "10000"]
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(sys.path)}
     done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)

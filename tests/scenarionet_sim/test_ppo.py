@@ -1,4 +1,4 @@
-"""The example's learning: its gradients, its advantages, and that it learns."""
+"""The PPO example: its gradients, its advantages, and that it learns."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from scenarionet_sim.examples.ppo import Experience, Learner, Ppo
 
 
 class Target(gymnasium.Env):
-    """Ten steps; each is rewarded for naming the two numbers seen."""
+    """Ten steps; each is rewarded for returning the two observed numbers."""
 
     observation_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
     action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
@@ -33,7 +33,7 @@ def learner(**options):
     return Learner(envs, Ppo(**options), seed=1)
 
 
-def test_gradients_are_those_of_the_loss():
+def test_gradients_match_the_loss():
     made, rng = learner(hidden=5), np.random.default_rng(0)
     shapes = ((40, 2), (40, 2), (40,), (40,), (40,))
     batch = Experience(*(rng.normal(size=shape) for shape in shapes))
@@ -52,17 +52,17 @@ def test_gradients_are_those_of_the_loss():
             assert gradient[place] == pytest.approx((around[0] - around[1]) / 2e-6, abs=1e-6)
 
 
-def test_advantages_by_hand():
-    """Two steps of one world, gamma 0.5, lambda 0.5; then the same with an end between them."""
+def test_advantages_of_two_steps():
+    """Two steps of one world, gamma 0.5, lambda 0.5; then the same with an episode end between them."""
     made = learner(gamma=0.5, smoothing=0.5)
     rewards, values = np.array([[1.0], [2.0]]), np.array([[3.0], [4.0], [6.0]])
-    # surprises: 1 + 0.5 * 4 - 3 = 0 and 2 + 0.5 * 6 - 4 = 1
+    # TD errors: 1 + 0.5 * 4 - 3 = 0 and 2 + 0.5 * 6 - 4 = 1
     assert made._advantages(rewards, values, np.zeros((2, 1), bool)).tolist() == [[0.25], [1.0]]
-    # surprise of the first: 1 - 3 = -2, and nothing comes after it
+    # TD error of the first: 1 - 3 = -2, and nothing comes after it
     assert made._advantages(rewards, values, np.array([[True], [False]])).tolist() == [[-2.0], [1.0]]
 
 
-def test_it_learns():
+def test_ppo_learns_the_target():
     made = learner(horizon=32, rate=5e-3, reward_scale=0.2)
     curve = [reward for _, reward in made.train(8 * 32 * 25)]
     assert np.mean(curve[-3:]) > np.mean(curve[:3]) + 3.0

@@ -20,7 +20,7 @@ def test_every_public_name_can_be_imported():
         assert getattr(scenarionet_sim, name) is not None
 
 
-def test_type_checkers_see_the_names_that_are_imported_lazily():
+def test_type_checkers_see_lazily_imported_names():
     tree = ast.parse(Path(scenarionet_sim.__file__).read_text("utf-8"))
     imports = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module != "typing"]
     typed = {alias.name: node.module for node in imports for alias in node.names if "sim." in str(node.module)}
@@ -28,7 +28,7 @@ def test_type_checkers_see_the_names_that_are_imported_lazily():
     assert typed == lazy and set(lazy) == set(scenarionet_sim.__all__)
 
 
-def test_an_unknown_name_is_an_attribute_error():
+def test_unknown_name_is_an_attribute_error():
     with pytest.raises(AttributeError, match="no attribute 'Enviroment'"):
         scenarionet_sim.Enviroment  # noqa: B018
 
@@ -39,6 +39,6 @@ def test_importing_registers_the_environment_and_little_else():
     assert "ScenarioNet-v0" in gymnasium.registry
 
 
-def test_a_configuration_has_a_one_line_repr():
+def test_configuration_has_a_one_line_repr():
     config = scenarionet_sim.EnvConfig(scenarionet_sim.Scenarios("lake", "busy"))
     assert "busy" in repr(config) and "Lidar" in repr(config) and "\n" not in repr(config)

@@ -50,7 +50,7 @@ def large() -> World:
 
 
 def moments(simulation: Simulation, steps: int, seed: int = 0, slot: int = 0) -> list[np.ndarray]:
-    """A slot's moving arrays after each of some steps; the slot's agent has its own actions, the others at random."""
+    """State arrays of a slot after each of some steps; its agent has its own actions, the others random ones."""
     rng, others, kept = np.random.default_rng(seed), np.random.default_rng(99), []
     for _ in range(steps):
         actions = others.uniform(-1, 1, (len(simulation.agents), 2))
@@ -73,13 +73,13 @@ def test_runs_are_bit_identical(policies):
     np.testing.assert_array_equal(first, other)
 
 
-def test_a_world_is_independent_of_its_neighbours():
+def test_world_is_independent_of_its_neighbours():
     alone = moments(Simulation([drive()], TRAFFIC), 25)
     among = moments(Simulation([*made(), drive(), large()], TRAFFIC), 25, slot=3)
     np.testing.assert_array_equal(alone, among)
 
 
-def test_a_slot_takes_another_world_while_the_others_continue():
+def test_slot_takes_another_world_while_the_others_continue():
     simulation = Simulation([made()[0], drive()], TRAFFIC)
     wanted = moments(Simulation([drive()], TRAFFIC), 20)
     rng = np.random.default_rng(0)
@@ -102,7 +102,7 @@ def test_reset_begins_at_the_given_timestep():
     assert Simulation([hidden]).state.timestep[0] == 6
 
 
-def test_the_last_policy_that_selects_an_object_drives_it():
+def test_last_policy_that_selects_an_object_drives_it():
     policies = (
         Replay(),
         ConstantVelocity(objects=OfType((ObjectType.VEHICLE,))),
@@ -116,7 +116,7 @@ def test_the_last_policy_that_selects_an_object_drives_it():
     assert nobody.state.present[0].tolist() == [True, False, False, False]
 
 
-def test_an_ego_driven_by_idm_is_not_an_agent():
+def test_ego_driven_by_idm_is_not_an_agent():
     simulation = Simulation([drive()], (Replay(), Idm(objects=ego)))
     assert len(simulation.agents) == 0
     for _ in range(30):
@@ -149,7 +149,7 @@ def test_agents_are_located_on_their_route():
 
 
 def test_agents_are_in_row_order():
-    """Avoids a second compilation of each kernel."""
+    """Contiguous rows avoid a second compilation of each kernel."""
     for worlds in ([drive()], [drive(), drive()], [*made(), drive()]):
         assert Simulation(worlds, (Replay(), External(objects=vehicles))).agents.flags.c_contiguous
 
@@ -171,14 +171,14 @@ def test_worlds_of_one_simulation_have_one_timestep():
         Simulation([drive(), slow])
 
 
-def test_a_simulation_without_moving_objects_runs():
+def test_simulation_without_moving_objects_runs():
     lonely = World.from_scenario(make_scenario(0, num_objects=1, num_lights=0, has_map=False))
     simulation = Simulation([lonely], TRAFFIC)
     simulation.step([[0.0, 0.0]])
     assert simulation.contacts.shape == (1, 1)
 
 
-def test_specifications_pickle():
+def test_specifications_are_picklable():
     policies = (
         Replay(), Idm(headway=2.0), External(objects=vehicles), ConstantVelocity(objects=OfType((ObjectType.CYCLIST,))),
         RouteFollower(objects=other_vehicles, beyond=50.0), Idm(objects=TrackIds(("a", "b"))),

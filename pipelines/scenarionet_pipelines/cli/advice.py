@@ -27,7 +27,7 @@ def as_options(message: str, remedy: str = "") -> str:
 
     Args:
         message: The message.
-        remedy: The command that stands for a method call in the message, if known.
+        remedy: The command that replaces a method call in the message, if known.
 
     Example:
         >>> as_options("give another name, or replace=True for a new version of it")

@@ -33,7 +33,7 @@ class ConverterOption:
 
     @property
     def type_text(self) -> str:
-        """The type as it is written in source code."""
+        """The type as written in source code."""
         return self.type.__name__ if isinstance(self.type, type) else str(self.type).replace("typing.", "")
 
 
@@ -62,7 +62,7 @@ def parse_options(converter: Converter[Any], words: Iterable[str]) -> Options:
     """Parse ``key=value`` words into a converter's options.
 
     Raises:
-        BadParameter: An option is unknown or a value does not match its type; the message names what is valid.
+        BadParameter: An option is unknown or a value does not match its type; the message lists the valid ones.
     """
     known = {option.name: option for option in options(converter)}
     given = {}

@@ -23,7 +23,7 @@ from scenarionet_pipelines.cli.deprecated import current_spelling
 from scenarionet_pipelines.cli.interrupt import Interrupted
 
 _USAGE_ERRORS = (QueryError, SourceNotFound, DatabaseNotFound, UserColumnNotFound)
-"""Mistakes in what was typed (exit code 2); every other error concerns data (exit code 1)."""
+"""Usage errors (exit code 2); all other errors concern data (exit code 1)."""
 
 
 class Verb(click.Command):

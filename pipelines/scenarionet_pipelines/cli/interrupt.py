@@ -1,4 +1,4 @@
-"""Handling of Ctrl-C and SIGTERM: both end the command at once and keep finished work."""
+"""Handling of Ctrl-C and SIGTERM: both end the command immediately and keep finished work."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import click
 
 
 class Interrupted(click.ClickException):
-    """The command was interrupted; the message says what was kept."""
+    """The command was interrupted; the message states the kept work."""
 
     exit_code = 130
 

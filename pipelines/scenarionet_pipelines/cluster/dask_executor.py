@@ -68,7 +68,7 @@ class DaskExecutor:
         """Wait for the first worker.
 
         Raises:
-            ClusterLost: None started within ``patience``, or the scheduler is gone.
+            ClusterLost: None started within ``patience``, or the scheduler has stopped.
         """
         while not self.workers:
             time.sleep(0.1)
@@ -79,7 +79,7 @@ class DaskExecutor:
         """Run every job; see :class:`~scenarionet_data.execution.executors.Executor`.
 
         Raises:
-            ClusterLost: The scheduler is gone, or the cluster has had no worker for ``patience``.
+            ClusterLost: The scheduler has stopped, or the cluster has had no worker for ``patience``.
             WorkerLost: A job kills its worker and there is no ``on_lost``.
         """
         suspects = []
@@ -157,7 +157,7 @@ class DaskExecutor:
             except (OSError, TimeoutError):
                 if future.status == "error":  # raised by the job itself
                     raise
-                self._poll()  # the worker is gone together with the result: Dask runs the job again
+                self._poll()  # the worker was lost together with the result: Dask runs the job again
         raise self._gone()
 
     def _poll(self) -> None:

@@ -1,4 +1,4 @@
-"""Open the cluster that a profile describes, and close what was started for it."""
+"""Open the cluster that a profile describes, and stop processes started for it."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ class ClusterProfile:
         kind: One of KINDS.
         doc: Purpose, in one line.
         address: The scheduler's address, for the kind ``scheduler``.
-        workers: Number of workers to start; 0 for as many as this machine can hold.
+        workers: Number of workers to start; 0 for the maximum that fits on this machine.
         in_flight: Jobs submitted per worker, running or queued.
         patience: How long to wait for the first worker, or for a new one after the last has left [s].
         options: Keyword arguments of Dask's class for this kind.

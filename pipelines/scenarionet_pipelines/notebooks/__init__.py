@@ -8,7 +8,7 @@ FOLDER = Path(__file__).parent
 
 
 def names() -> list[str]:
-    """The notebooks there are, sorted."""
+    """Names of all notebooks, sorted."""
     return sorted(path.stem for path in FOLDER.glob("*.ipynb"))
 
 

@@ -31,11 +31,11 @@ def execute(name: str, folder: Path) -> Any:
     """A notebook with its outputs.
 
     Args:
-        name: Which.
-        folder: Where it runs, beside a lake called ``lake``.
+        name: Name of the notebook.
+        folder: Working directory, with a lake called ``lake`` in it.
 
     Raises:
-        CellExecutionError: nbclient's, with the cell and what went wrong in it.
+        CellExecutionError: A cell failed (nbclient's error, with the cell and its traceback).
     """
     notebook = read(name)
     from nbclient import NotebookClient

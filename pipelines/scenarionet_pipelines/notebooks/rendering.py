@@ -1,4 +1,4 @@
-"""Notebooks with their outputs as Markdown pages: words, code, tables as text, pictures beside the page."""
+"""Notebooks with their outputs as Markdown pages: text, code, tables as text, pictures in separate files."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def render(notebook: Any, name: str, folder: Path, runs_in: Path) -> Path:
     Args:
         notebook: With its outputs.
         name: The page's.
-        folder: Where it is written; what an earlier rendering left of this page is removed.
-        runs_in: Folder that the notebook ran in; its path is nobody's business and left out.
+        folder: Output folder; files of an earlier rendering of this page are removed.
+        runs_in: Folder that the notebook ran in; its path is removed from the outputs.
 
     Returns:
         The page.
@@ -70,7 +70,7 @@ def _moving(videos: list[bytes], name: str, folder: Path) -> list[str]:
 
 
 def _write(content: bytes, kind: str, name: str, folder: Path) -> str:
-    """Write a picture; returns its name, which what it shows decides."""
+    """Write a picture under a name derived from its content; return the name."""
     picture = f"{name}-{hashlib.sha256(content).hexdigest()[:8]}.{kind}"
     (folder / picture).write_bytes(content)
     return picture

@@ -58,7 +58,7 @@ class LruCache(Generic[Value]):
 class ScenarioCache:
     """Loads and caches scenarios of a lake.
 
-    Locating scenarios among a million takes a while. It is done once per page of the table, when its first picture
+    Locating scenarios among a million is slow, so it is done once per page of the table, when its first picture
     is requested, and on a separate connection, so that filters do not wait.
 
     Args:
@@ -113,7 +113,7 @@ class ScenarioCache:
         return scenario
 
     def _locate(self, scenario_id: str) -> tuple[ScenarioLoader, int]:
-        """Locate a scenario together with those of the same page."""
+        """Locate a scenario together with the others on its page."""
         page = self._pages.get(scenario_id) or (scenario_id,)
         loader = ScenarioLoader(self._lake, page)
         for index, each in enumerate(page):

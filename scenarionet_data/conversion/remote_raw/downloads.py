@@ -42,7 +42,7 @@ def local_copy(converter: Converter[Any], shard: Shard) -> Iterator[Shard]:
 
 
 def _take(bucket: str) -> _Downloads:
-    """Take idle downloads of a bucket, or new ones; delete those of other buckets."""
+    """Reuse idle downloads of a bucket, or create them; delete downloads of other buckets."""
     with suppress(IndexError):
         while True:
             downloads = _idle.pop()  # atomic: no other thread takes the same ones

@@ -16,7 +16,7 @@ _PREFIX = "scenarionet-raw-"
 class ScratchFolder:
     """An empty folder in the system's temporary folder.
 
-    The process holds a lock on it, which the system releases when the process ends for whatever reason: an unlocked
+    The process holds a lock on it, which the system releases however the process ends: an unlocked
     folder was left behind by a killed process.
 
     Attributes:

@@ -84,7 +84,7 @@ def resample(track: Int64, frame: Int64, position: Float64, times: Float64) -> M
 
 
 def _xy(points: Complex128) -> Float64:
-    """(..., 2)."""
+    """Complex points as coordinates (..., 2)."""
     return points.view(np.float64).reshape(*points.shape, 2)
 
 
@@ -112,7 +112,7 @@ def _fitted_velocity(place: Complex128, piece: Int64, times: Float64) -> tuple[C
 
     Returns:
         (N, S) slopes [m/s], 0 where no fit is possible, and (N, S) the root of the summed squared distances from the
-        frames' mean time [s]: the standard deviation of positions divided by it is that of the slope.
+        frames' mean time [s]: the standard deviation of positions divided by it is the slope's.
     """
     slope, certainty = np.zeros_like(place), np.zeros(piece.shape)
     fit_slopes(place, piece, times, _HALF_FRAMES, _HALF_WINDOW, slope, certainty)

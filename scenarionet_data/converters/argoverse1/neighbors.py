@@ -24,7 +24,7 @@ class LaneNeighbors:
 
     Attributes:
         left, right: Lanes of either direction.
-        opposite: Those of the opposite direction.
+        opposite: Neighbours in the opposite direction.
         moved: Those that the source lists on the other side.
     """
 

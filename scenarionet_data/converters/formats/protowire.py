@@ -1,4 +1,4 @@
-"""Read protobuf messages column by column, all messages of one type at once, into arrays.
+"""Decode protobuf messages into arrays column by column, for all messages of one type together.
 
 A traffic record has tens of thousands of small messages; a Python object for each would cost more than the rest of a
 conversion. The encoding is protobuf.dev/programming-guides/encoding. As in every parser, fields with another number

@@ -18,7 +18,7 @@ from scenarionet_data.arrays.geometry import wrap_angle
 HEADING = 3
 """Column of boxes and poses with an angle."""
 _GAP = 1e6
-"""Gap between poses from which the ego is not interpolated [us]; they are 0.05 s apart."""
+"""Shortest gap between poses over which the ego is not interpolated [us]; their usual spacing is 0.05 s."""
 _PERIOD = 0.5
 """Time between keyframes assumed for a scene with a single one [s]."""
 

@@ -61,7 +61,7 @@ LINES = {
     "SINGLE_ZIGZAG_WHITE": MapFeatureType.ROAD_LINE_SOLID_SINGLE_WHITE,
     "NIL": MapFeatureType.UNKNOWN_LINE,
 }
-"""Types of divider segments. ``NIL``: no painted line between the lanes, as far as the map knows."""
+"""Types of divider segments. ``NIL``: the map has no painted line between the lanes."""
 INEXACT_LINES = frozenset({"DOUBLE_DASHED_WHITE", "SINGLE_ZIGZAG_WHITE", "NIL"})
 """Types with a different feature type: their line keeps the name in extras ``segment_type``."""
 UNTYPED_DIVIDER = MapFeatureType.ROAD_LINE_SOLID_SINGLE_YELLOW

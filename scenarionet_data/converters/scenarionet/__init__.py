@@ -59,7 +59,7 @@ _STORED = {
 
 
 class ScenarioNetPickles(Converter[RawItem]):
-    """Databases of ScenarioNet, of MetaDrive, or of this project's export."""
+    """Converter of databases written by ScenarioNet, MetaDrive, or this project's export."""
 
     name = "scenarionet"
     version = "1"
@@ -164,7 +164,7 @@ def _make_source(metadata: Mapping[str, Any], where: str, dataset: str, name: st
 def _make_extras(
     description: Mapping[str, Any], frame: Frame, name: str, unknown_features: dict[str, int]
 ) -> dict[str, Any]:
-    """Return extras: the pickle's name, metadata without a field in the schema, and what was dropped."""
+    """Return extras: the pickle's name, metadata without a field in the schema, and dropped values."""
     metadata = description["metadata"]
     rest = {str(key): value for key, value in metadata.items() if key not in _STORED and _is_simple(value)}
     unstored = {
@@ -187,7 +187,7 @@ def _is_simple(value: Any) -> bool:
 
 
 def _list_pickles(raw: str) -> list[str]:
-    """List the scenarios' files, relative to the raw folder: those of its mapping, else all below it."""
+    """List the scenarios' files relative to the raw folder: the files in its mapping, or all files without one."""
     mapping = Path(raw) / _MAPPING
     if not mapping.is_file():
         root = Path(raw)

@@ -58,7 +58,7 @@ def find_frame(description: Mapping[str, Any], ego_position: Array, ego_valid: B
         description: The pickle.
         ego_position: (T, 3) in the pickle's frame [m].
         ego_valid: (T,).
-        has_z: Whether the pickle has heights, if it does not say so itself.
+        has_z: Whether the pickle has heights, unless it states so itself.
     """
     metadata = description["metadata"]
     has_z = bool(metadata.get("has_z", has_z))

@@ -44,7 +44,7 @@ class WireTracks:
         size: (N, T, 3) float32 [m] length, width, height.
         heading: (N, T) float32 [rad].
         velocity: (N, T, 2) float32 [m/s].
-        valid: (N, T) bool; other arrays are undefined where it is False.
+        valid: (N, T) bool; other arrays are undefined where False.
     """
 
     ids: Int64

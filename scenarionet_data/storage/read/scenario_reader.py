@@ -53,7 +53,7 @@ class ScenarioReader:
 
         Args:
             metadata: Their rows of the metadata table.
-            wanted: Some of TABLES.
+            wanted: A subset of TABLES.
         """
         if self._remote is None:  # the operating system reads mapped files ahead
             return
@@ -67,7 +67,7 @@ class ScenarioReader:
 
         Args:
             metadata: Their rows of the metadata table.
-            wanted: Some of TABLES.
+            wanted: A subset of TABLES.
 
         Raises:
             LakeError: A file is missing or damaged; the message names it.

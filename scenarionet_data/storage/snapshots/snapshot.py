@@ -102,7 +102,7 @@ def _parse(path: Path) -> Snapshot:
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise LakeError(
             f"{path}: damaged, it is no snapshot; restore it from a copy of the lake, or remove it to go back to the "
-            "snapshot before (what was committed since is adopted when its recordings are converted again)"
+            "snapshot before (shards committed since are adopted when their recordings are converted again)"
         ) from error
 
 

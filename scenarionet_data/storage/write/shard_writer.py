@@ -90,7 +90,7 @@ class ShardWriter:
             if found != wanted:
                 raise InvalidScenario(scenario.id, name, f"wanted {wanted!r}, its shard's, found {found!r}")
         if scenario.id in self._ids:
-            raise InvalidScenario(scenario.id, "id", "wanted an id of its own, found it twice in this shard")
+            raise InvalidScenario(scenario.id, "id", "expected a unique id, found it twice in this shard")
         encoded = codec.encode(scenario, self._version)
         position = len(self._ids) + len(self._rejected)
         self._ids.add(scenario.id)

@@ -1,4 +1,4 @@
-"""Compiled functions: one mechanism, caches that notice edits, clear errors, one line before a long compilation."""
+"""Compiled functions: one decorator module, cache invalidation, clear errors, one message before a long compilation."""
 
 from __future__ import annotations
 
@@ -64,14 +64,14 @@ def test_numba_is_used_in_one_module_only():
     assert users == {"scenarionet_data/arrays/compiled.py"}
 
 
-def test_a_device_function_called_from_python_is_an_error():
+def test_device_function_called_from_python_raises_error():
     with pytest.raises(TypeError, match=r"first\(\) is a device function.*first\.py_func"):
         first(np.zeros(3))
     assert call_first(np.ones(3)) == 1.0
     assert first.py_func(np.ones(3)) == 1.0
 
 
-def test_a_device_function_that_returns_arrays_must_say_so():
+def test_device_function_returning_arrays_must_declare_it():
     with pytest.raises(TypeError, match="allocates=True"):
         call_with_ends(np.zeros(3))
 
@@ -81,7 +81,7 @@ def test_a_device_function_that_returns_arrays_must_say_so():
     [("FACTOR = 2.0", "FACTOR = 3.0", 9.0), ("+ 0.0", "+ 1.0", 9.0), ("FACTOR = 2.0", "FACTOR = 2.0  # same", 6.0)],
     ids=["constant", "code", "comment"],
 )
-def test_a_kernel_is_compiled_anew_when_its_device_function_changes(tmp_path, monkeypatch, old, new, result):
+def test_kernel_is_recompiled_when_its_device_function_changes(tmp_path, monkeypatch, old, new, result):
     def run():
         for name in ("device_of_test", "kernel_of_test"):
             spec = importlib.util.spec_from_file_location(name, tmp_path / f"{name}.py")
@@ -102,7 +102,7 @@ def test_a_kernel_is_compiled_anew_when_its_device_function_changes(tmp_path, mo
     assert run() == (result, [result == 6.0])
 
 
-def test_a_constant_argument_is_not_compiled_separately():
+def test_constant_argument_is_not_compiled_separately():
     @device_function
     def twice(value, flag):
         return value * 2 if flag else value
@@ -115,7 +115,7 @@ def test_a_constant_argument_is_not_compiled_separately():
     assert len(twice.signatures) == 1
 
 
-def test_compiling_is_announced_once_per_group(monkeypatch):
+def test_compilation_is_announced_once_per_group(monkeypatch):
     terminal = io.StringIO()
     monkeypatch.setattr(terminal, "isatty", lambda: True)
     monkeypatch.setattr(sys, "stderr", terminal)

@@ -1,4 +1,4 @@
-"""Angles, paths, frames and boxes against obvious formulas and against shapely."""
+"""Angles, paths, frames and boxes agree with simple formulas and with shapely."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ boxes = st.tuples(
 
 
 @given(angles)
-def test_wrap_angle_turns_by_whole_turns(angle):
+def test_wrap_angle_changes_by_full_turns(angle):
     wrapped = float(geometry.wrap_angle(angle))
     assert -math.pi <= wrapped < math.pi
     turns = (angle - wrapped) / (2 * math.pi)
@@ -50,13 +50,13 @@ def test_wrap_angle_at_its_bounds():
 
 
 @given(st.lists(st.tuples(st.floats(-99, 99), st.floats(-99, 99), st.floats(-9, 9)), min_size=1, max_size=9))
-def test_path_length_is_in_the_plane(points):
+def test_path_length_is_measured_in_the_plane(points):
     wanted = sum(math.dist(a[:2], b[:2]) for a, b in itertools.pairwise(points))
     assert geometry.path_length(np.array(points)) == pytest.approx(wanted)
 
 
 @given(st.floats(-math.pi, math.pi), st.floats(0.1, 3))
-def test_yaw_of_a_turn_about_z(yaw, scale):
+def test_yaw_of_a_rotation_about_z(yaw, scale):
     quaternion = np.array([math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)])
     found = float(geometry.yaw_from_quaternion(*quaternion))
     assert math.remainder(found - yaw, 2 * math.pi) == pytest.approx(0, abs=1e-9)
@@ -64,7 +64,7 @@ def test_yaw_of_a_turn_about_z(yaw, scale):
 
 
 @given(st.floats(-50, 50), st.floats(-50, 50), st.floats(-7, 7))
-def test_rotate_is_shapelys_rotation_and_turns_back(x, y, angle):
+def test_rotate_matches_shapely_and_is_invertible(x, y, angle):
     turned = geometry.rotate(np.array([x, y]), angle)
     wanted = shapely.affinity.rotate(shapely.Point(x, y), angle, origin=(0, 0), use_radians=True)
     assert turned == pytest.approx([wanted.x, wanted.y], abs=1e-9)
@@ -85,7 +85,7 @@ def test_box_corners_run_counter_clockwise_from_the_front_left(box):
     corners = geometry.box_corners(np.array([x, y]), np.array(heading), np.array(length), np.array(width))
     outline = shapely.Polygon(corners)
     assert outline.exterior.is_ccw
-    # No overlay of the two: where edges differ by a rounding error, GEOS may return both boxes whole.
+    # No overlay of the two polygons: where edges differ by a rounding error, GEOS may return both boxes whole.
     assert outline.hausdorff_distance(polygon(box)) == pytest.approx(0, abs=1e-9)
     assert outline.area == pytest.approx(length * width)
     front_left = geometry.rotate(np.array([length / 2, width / 2]), heading) + np.array([x, y])

@@ -1,4 +1,4 @@
-"""Lists of different lengths in two flat arrays."""
+"""Ragged arrays: lists of different lengths in two flat arrays."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ words = st.lists(st.lists(st.text("abé", max_size=3), max_size=4), max_size=5)
 
 
 @given(words)
-def test_ids_come_back(lists):
+def test_ids_round_trip(lists):
     ragged = Ragged.from_ids(lists)
     assert [list(ids) for ids in ragged] == lists
     assert ragged.lengths.tolist() == [len(ids) for ids in lists]
@@ -23,7 +23,7 @@ def test_ids_come_back(lists):
 
 
 @given(st.lists(st.integers(0, 4), max_size=5))
-def test_points_come_back(lengths):
+def test_points_round_trip(lengths):
     lists = [np.arange(3 * n, dtype=np.float64).reshape(n, 3) for n in lengths]
     ragged = Ragged.from_lists(lists, width=3)
     assert len(ragged) == len(lists)
@@ -40,7 +40,7 @@ def test_index_beyond_the_end_is_refused():
             ragged[index]
 
 
-def test_equality_is_bit_for_bit():
+def test_equality_is_bitwise():
     ragged = Ragged.from_lists([[[0, 0, 0]], []], width=3)
     assert not ragged.is_equal(Ragged.from_lists([[], [[0, 0, 0]]], width=3))
     assert not ragged.is_equal(Ragged.from_lists([[[0, 0, 1]], []], width=3))

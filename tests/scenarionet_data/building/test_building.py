@@ -1,4 +1,4 @@
-"""From what a source holds to canonical arrays: offsets, zeros where not valid, wrapped headings, ids as str."""
+"""Building canonical arrays from source data: offsets, zeros where invalid, wrapped headings, ids as str."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ORIGIN = np.array([4_000_000.0, 600_000.0, 30.0])
 
 
 def tracks(**changes):
-    """Two objects over three steps, the second valid at the middle one only; rubbish where not valid."""
+    """Two objects over three steps, the second valid only at the middle step; arbitrary values where invalid."""
     valid = np.array([[1, 1, 1], [0, 1, 0]])
     rubbish = np.array([[0.0, 0, 0], [np.nan, 0, 1e300]])
     fields = {
@@ -36,7 +36,7 @@ def tracks(**changes):
     return make_tracks(**(fields | changes))
 
 
-def test_tracks_are_canonical_whatever_stands_at_invalid_steps():
+def test_tracks_are_canonical_for_any_values_at_invalid_steps():
     made = tracks()
     scenario = make_scenario(num_steps=3, has_map=False, num_lights=0)
     replace(scenario, tracks=made, ego_id="7", objects_of_interest=(), tracks_to_predict=()).validate()
@@ -51,7 +51,7 @@ def test_tracks_are_canonical_whatever_stands_at_invalid_steps():
     assert made.extras.tolist() == [None, None]
 
 
-def test_nothing_is_compiled_again_for_other_kinds_of_arrays():
+def test_other_array_types_cause_no_recompilation():
     made = tracks()
     compiled = kernels.fill_poses.signatures, kernels.fill_sizes.signatures
     velocity = np.array([[0.25, 0.5], [1.0, 2.0]])
@@ -67,7 +67,7 @@ def test_nothing_is_compiled_again_for_other_kinds_of_arrays():
 
 
 @pytest.mark.parametrize("field", ["position", "heading", "velocity", "size"])
-def test_a_number_beyond_float32_becomes_one_that_validation_names(field):
+def test_number_beyond_float32_fails_validation(field):
     shape = {"position": (2, 3, 3), "heading": (2, 3), "velocity": (2, 3, 2), "size": (2, 3, 3)}[field]
     values = np.ones(shape)
     values[0, 1] = np.inf if field == "heading" else 1e300
@@ -76,14 +76,14 @@ def test_a_number_beyond_float32_becomes_one_that_validation_names(field):
         replace(scenario, tracks=tracks(**{field: values})).validate()
 
 
-def test_no_negative_zero_is_stored():
+def test_negative_zero_is_not_stored():
     made = tracks(velocity=np.full((2, 3, 2), -0.0), position=np.broadcast_to(ORIGIN, (2, 3, 3)))
     assert not np.signbit(made.velocity).any()
     assert not np.signbit(made.position).any()
     assert not np.signbit(make_origin(np.array([[-0.2, -0.4, -0.1]]), np.array([True]), True)).any()
 
 
-def test_flags_and_words_for_one_or_all():
+def test_flags_and_labels_per_object_or_for_all():
     made = tracks(
         size=np.ones((2, 3, 3)),
         is_size_assumed=True,
@@ -116,7 +116,7 @@ def test_origin_is_the_first_valid_position_in_whole_metres():
     assert make_origin(position, valid, True).dtype == np.float64
 
 
-def test_map_builder_takes_points_of_the_plane_and_of_space():
+def test_map_builder_accepts_points_in_2d_and_3d():
     builder = MapBuilder()
     builder.add("a", MapFeatureType.LANE_FREEWAY, polyline=[[0, 0], [1, 2]], width=[1.5, 1.6], exit_lanes=[3])
     builder.add(4, MapFeatureType.CROSSWALK, polygon=[[0, 0, 5], [1, 0, 5], [1, 1, 5]], is_intersection=True)
@@ -132,7 +132,7 @@ def test_map_builder_takes_points_of_the_plane_and_of_space():
     assert np.isnan(features.speed_limit).all()
 
 
-def test_map_without_heights_lies_at_zero_and_can_be_built_twice():
+def test_map_without_heights_is_at_zero_and_can_be_built_twice():
     builder = MapBuilder()
     builder.add("a", MapFeatureType.ROAD_EDGE_BOUNDARY, polyline=[[5.0, 5.0, 3.0], [6.0, 5.0, 4.0]])
     flat = builder.build(np.array([5.0, 5.0, 0.0]), has_z=False)
@@ -145,7 +145,7 @@ def test_empty_map_is_valid():
 
 
 @given(st.floats(-1000, 1000), st.floats(-4, 4))
-def test_noise_below_the_resolution_is_dropped(metres, radians):
+def test_noise_below_the_resolution_is_removed(metres, radians):
     made = make_tracks(
         ["a"], [1], np.full((1, 1, 3), metres), np.full((1, 1), radians), np.full((1, 1, 2), metres / 10),
         np.full((1, 3), 4.6), np.ones((1, 1), bool), origin=np.zeros(3),
@@ -158,7 +158,7 @@ def test_noise_below_the_resolution_is_dropped(metres, radians):
     assert -np.float32(np.pi) <= made.heading[0, 0] < np.float32(np.pi)
 
 
-def test_sizes_that_never_change_stay_as_given():
+def test_constant_sizes_are_stored_exactly():
     size = np.broadcast_to([4.6, 1.9, 1.5], (2, 5, 3)).copy()
     size[1, :, 0] += np.linspace(0, 0.1, 5)
     made = make_tracks(
@@ -171,7 +171,7 @@ def test_sizes_that_never_change_stay_as_given():
 
 
 @given(st.integers(0, 2**32 - 1))
-def test_rows_make_the_same_tracks_as_grids(seed: int) -> None:
+def test_rows_and_grids_give_equal_tracks(seed: int) -> None:
     rng = np.random.default_rng(seed)
     count, steps = int(rng.integers(0, 5)), int(rng.integers(1, 7))
     valid = rng.random((count, steps)) < 0.5

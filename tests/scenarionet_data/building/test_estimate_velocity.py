@@ -7,7 +7,7 @@ import numpy as np
 from scenarionet_data.arrays.geometry import estimate_velocity
 
 
-def test_a_parabola_has_its_exact_derivative_inside() -> None:
+def test_parabola_has_exact_derivatives_at_inner_points() -> None:
     times = np.array([0.0, 0.1, 0.2, 0.3, 0.4])
     position = np.stack([times**2, 3.0 * times, np.zeros(5)], axis=-1)[None]
     velocity = estimate_velocity(position, np.ones((1, 5), bool), times)

@@ -1,4 +1,4 @@
-"""Map features from columns: points of many lines at once, as they would be read one by one."""
+"""Map features from columns: batched conversion of many lines equals converting them one by one."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def any_line(draw: st.DrawFn) -> object:
 
 
 @given(lines=st.lists(any_line(), max_size=6), height=coordinate)
-def test_points_of_many_lines_are_those_of_each(lines, height):
+def test_batched_points_match_single_lines(lines, height):
     found = flat_points(lines, height)
     assert found.values.dtype == np.float64
     for line, points in zip(lines, found, strict=True):
@@ -52,13 +52,13 @@ def test_points_of_many_lines_are_those_of_each(lines, height):
         [(0.0, 1.0, 2.0), (3.0, 4.0), (5.0, 6.0, 7.0, 8.0)],
     ],
 )
-def test_points_of_no_dimension_are_refused(line):
+def test_points_of_other_dimensions_are_refused(line):
     with pytest.raises(ValueError, match="expected"):
         flat_points([[(0.0, 0.0, 0.0)], line])
 
 
 @pytest.mark.parametrize("has_z", [True, False])
-def test_columns_make_what_features_one_by_one_make(has_z):
+def test_columns_match_features_built_one_by_one(has_z):
     lines = [[(1.0, 2.0, 3.0), (4.5, 5.5, 6.5)], None, [(7.0, 8.0)]]
     outlines = [None, [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)], None]
     widths = [[(1.7, 1.8)], [], [(0.12345, 2.0)]]

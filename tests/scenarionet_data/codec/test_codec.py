@@ -1,4 +1,4 @@
-"""Typed arrays to rows and back, bit for bit."""
+"""Bit-exact round trip of typed arrays through rows."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_round_trip_is_bit_exact(seed, num_objects, num_steps, num_lanes, num_li
 
 
 @pytest.mark.parametrize("has_z", [True, False])
-def test_a_map_without_features_is_not_no_map(has_z):
+def test_empty_map_differs_from_no_map(has_z):
     empty = replace(make_scenario(1, has_map=False, has_z=has_z), map=MapBuilder().build(np.zeros(3)))
     empty.validate()
     encoded = codec.encode(empty, "1")
@@ -60,7 +60,7 @@ def test_rows_satisfy_the_schemas():
             assert field.nullable or not batch.column(field.name).null_count, field.name
 
 
-def test_metadata_row_has_every_column_but_the_addresses():
+def test_metadata_row_has_every_column_except_addresses():
     columns = {column.name for column in tables.load("metadata").columns}
     row = codec.encode(make_scenario(1), "1").metadata
     addresses = {
@@ -71,7 +71,7 @@ def test_metadata_row_has_every_column_but_the_addresses():
     assert set(row) == columns - addresses
 
 
-def test_content_hash_knows_content_only():
+def test_content_hash_depends_only_on_content():
     scenario = make_scenario(4)
     same = codec.encode(renamed(scenario, "other"), "2").metadata["content_hash"]
     assert codec.encode(scenario, "1").metadata["content_hash"] == same
@@ -79,7 +79,7 @@ def test_content_hash_knows_content_only():
     assert codec.encode(scenario, "1").metadata["content_hash"] != same
 
 
-def test_sizes_that_never_change_are_stored_once():
+def test_constant_sizes_are_stored_once():
     scenario = make_scenario(2, num_objects=8)
     lengths = codec.encode(scenario, "1").tracks.column("length")
     constant = [len(value) for value in lengths.to_pylist()[:4]]
@@ -87,8 +87,8 @@ def test_sizes_that_never_change_are_stored_once():
 
 
 @pytest.mark.parametrize("row_groups", [1, 3])
-def test_decodes_a_slice_of_many(row_groups):
-    """Compacted files hold several scenarios a row group: offsets then do not start at 0."""
+def test_slice_of_many_rows_is_decoded(row_groups):
+    """Row groups of compacted files hold several scenarios: offsets then do not start at 0."""
     scenarios = [make_scenario(seed, num_objects=5) for seed in range(row_groups + 1)]
     encoded = [codec.encode(scenario, "1") for scenario in scenarios]
     together = pa.Table.from_batches([e.tracks for e in encoded]).combine_chunks()
@@ -101,7 +101,7 @@ def test_decodes_a_slice_of_many(row_groups):
 
 
 @pytest.mark.parametrize(("table", "column"), [("tracks", "object_type"), ("lights", "provenance")])
-def test_words_of_no_vocabulary_are_refused(table, column):
+def test_unknown_vocabulary_values_are_refused(table, column):
     encoded = codec.encode(make_scenario(1, num_lights=2), "1")
     rows = getattr(encoded, table)
     place = rows.schema.get_field_index(column)

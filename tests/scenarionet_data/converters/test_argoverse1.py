@@ -1,4 +1,4 @@
-"""The Argoverse 1 converter as a whole: conformance, finding recordings and maps, bad input, into a lake."""
+"""The Argoverse 1 converter as a whole: conformance, finding recordings and maps, bad input, conversion into a lake."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class TestObservedOnly(ConverterConformance):
 # --- finding --------------------------------------------------------------------------------------------
 
 
-def test_splits_are_told_apart(tmp_path: Path) -> None:
+def test_splits_are_distinguished(tmp_path: Path) -> None:
     for split, count in (("train", 3), ("val", 2), ("test_obs", 1)):
         fixture.write_recordings(tmp_path / split / "data", count)
     found = {s: shards(CONVERTER, tmp_path, s, has_map=False) for s in ("train", "val", "test")}
@@ -85,7 +85,7 @@ def test_splits_are_told_apart(tmp_path: Path) -> None:
         shards(CONVERTER, tmp_path / "train" / "nothing", "val", has_map=False)
 
 
-def test_maps_are_found_below_raw_or_where_they_are_said_to_be(tmp_path: Path) -> None:
+def test_maps_are_found_below_raw_or_in_the_given_folder(tmp_path: Path) -> None:
     raw = write_dataset(tmp_path / "raw")
     moved = tmp_path / "elsewhere"
     (raw / "map_files").rename(moved)
@@ -101,21 +101,21 @@ def test_maps_are_found_below_raw_or_where_they_are_said_to_be(tmp_path: Path) -
     assert list(CONVERTER.maps(str(raw), "v1.1", Argoverse1Options(has_map=False))) == []
 
 
-def test_one_file_is_enough(raw: Path) -> None:
+def test_single_file_as_raw_path(raw: Path) -> None:
     (whole,) = [s for s in scenarios(CONVERTER, raw) if s.source.scenario_id == "2"]
     (alone,) = scenarios(CONVERTER, raw / "train" / "data" / "2.csv", maps=str(raw))
     assert alone.source.file == "2.csv"
     assert differences(alone.tracks, whole.tracks) == []
 
 
-def test_a_map_that_arrives_later_changes_the_recordings(raw: Path) -> None:
+def test_map_added_later_changes_the_recordings(raw: Path) -> None:
     (before,) = shards(CONVERTER, raw)
     fixture.write_map(raw / "map_files", "MIA")
     (after,) = shards(CONVERTER, raw)
     assert before.key("1") != after.key("1")
 
 
-def test_other_folders_are_refused(tmp_path: Path) -> None:
+def test_folders_without_recordings_are_refused(tmp_path: Path) -> None:
     with pytest.raises(SourceNotFound, match=r"nothing named \*\.csv"):
         shards(CONVERTER, tmp_path)
     (tmp_path / "table.csv").write_text("iteration,loss\n1,2\n")
@@ -126,7 +126,7 @@ def test_other_folders_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("radius", [-1.0, float("nan"), 1e9])
-def test_options_are_checked(radius: float) -> None:
+def test_invalid_options_are_refused(radius: float) -> None:
     with pytest.raises(BadParameter):
         Argoverse1Options(radius=radius)
 
@@ -193,7 +193,7 @@ def only_header(lines: list[str]) -> list[str]:
         (only_header, "expected rows"),
     ],
 )
-def test_damaged_recordings_are_refused_one_by_one(raw: Path, damage: Damage, message: str) -> None:
+def test_damaged_recordings_are_refused_individually(raw: Path, damage: Damage, message: str) -> None:
     path = raw / "train" / "data" / "2.csv"
     path.write_text("\n".join(damage(path.read_text().splitlines())) + "\n")
     (shard,) = shards(CONVERTER, raw)
@@ -208,7 +208,7 @@ def test_damaged_recordings_are_refused_one_by_one(raw: Path, damage: Damage, me
     assert str(path) in refused["train/data/2.csv"]
 
 
-def test_a_city_without_a_map_is_quarantined_and_the_rest_goes_on(raw: Path, tmp_path: Path) -> None:
+def test_city_without_a_map_is_quarantined_and_the_rest_continues(raw: Path, tmp_path: Path) -> None:
     fixture.write_recordings(raw / "train" / "data" / "more", 1, city="MIA")
     report = convert("argoverse1", str(raw), tmp_path / "lake", split="train")
     assert (report.converted, report.quarantined, report.failed) == (3, 1, [])
@@ -240,7 +240,7 @@ def test_damaged_maps_are_named(raw: Path, old: str, new: str, message: str) -> 
     assert str(path) in str(caught.value)
 
 
-def test_entities_that_explode_are_refused(raw: Path) -> None:
+def test_entity_expansion_in_maps_is_refused(raw: Path) -> None:
     path = raw / "map_files" / fixture.map_name("PIT")
     levels = "".join(f'<!ENTITY a{k} "{f"&a{k - 1};" * 20}">' for k in range(1, 9))
     path.write_text(f'<!DOCTYPE x [<!ENTITY a0 "aaaaaaaaaaaaaaaaaaaa">{levels}]><x>&a8;</x>')
@@ -252,7 +252,7 @@ def test_entities_that_explode_are_refused(raw: Path) -> None:
 # --- into a lake ----------------------------------------------------------------------------------------
 
 
-def test_the_city_is_stored_once_and_scenarios_come_back_with_their_crop(raw: Path, tmp_path: Path) -> None:
+def test_city_map_is_stored_once_and_scenarios_load_their_crop(raw: Path, tmp_path: Path) -> None:
     report = convert("argoverse1", str(raw), tmp_path / "lake", split="train")
     assert report.is_clean
     assert report.converted == 3

@@ -1,4 +1,4 @@
-"""Argoverse 1's noisy positions at uneven times as motion at 10 Hz."""
+"""Smooth motion at 10 Hz from Argoverse 1's noisy positions at uneven times."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from scenarionet_data.converters.argoverse1.motion import DT, Motion, resample, 
 
 
 def motion_of(*tracks: tuple[np.ndarray, np.ndarray], times: np.ndarray) -> Motion:
-    """Motion of tracks given as their frames and positions there."""
+    """Motion of tracks given by frame indices and positions."""
     track = np.repeat(np.arange(len(tracks)), [len(frames) for frames, _ in tracks])
     frames, positions = (np.concatenate([part[k] for part in tracks]) for k in range(2))
     return resample(track, frames, positions, times)
@@ -26,7 +26,7 @@ def line(times: np.ndarray, speed: float, heading: float) -> np.ndarray:
     return 2000.0 + times[:, None] * speed * np.array([np.cos(heading), np.sin(heading)])
 
 
-def test_a_steady_drive_is_recovered_exactly() -> None:
+def test_steady_drive_is_recovered_exactly() -> None:
     times = uneven(np.random.default_rng(0))
     frames = np.arange(50)
     found = motion_of((frames, line(times, 12.0, 2.0)), times=times)
@@ -38,7 +38,7 @@ def test_a_steady_drive_is_recovered_exactly() -> None:
     np.testing.assert_allclose(found.course[0], 2.0, atol=1e-9)
 
 
-def test_scatter_is_smoothed_and_what_stands_has_no_course_of_its_own() -> None:
+def test_scatter_is_smoothed_and_stationary_objects_have_no_course() -> None:
     rng = np.random.default_rng(1)
     times, frames = uneven(rng), np.arange(50)
     noise = rng.normal(0.0, 0.1, (2, 50, 2))
@@ -47,12 +47,12 @@ def test_scatter_is_smoothed_and_what_stands_has_no_course_of_its_own() -> None:
     assert found.has_course.tolist() == [False, True]
     assert (found.course[0] == 0).all()
     error = found.velocity[1] - 8.0 * np.array([np.cos(-1.0), np.sin(-1.0)])
-    assert np.median(np.hypot(*error.T)) < 0.2  # differences of neighbours would be off by 1.4 m/s
+    assert np.median(np.hypot(*error.T)) < 0.2  # finite differences would be off by 1.4 m/s
     assert np.abs(found.course[1] + 1.0).max() < 0.1
     assert np.hypot(*found.velocity[0].T).max() < 1.0
 
 
-def test_what_stops_keeps_pointing_where_it_drove() -> None:
+def test_stopping_object_keeps_its_driving_direction() -> None:
     times, frames = np.arange(50) * 0.1, np.arange(50)
     position = line(np.minimum(times, 2.0), 10.0, 0.7)
     found = motion_of((frames, position), times=times)
@@ -60,7 +60,7 @@ def test_what_stops_keeps_pointing_where_it_drove() -> None:
     assert np.hypot(*found.velocity[0, -10:].T).max() < 1e-6
 
 
-def test_gaps_stay_gaps_and_single_frames_stay() -> None:
+def test_gaps_and_single_frames_are_kept() -> None:
     times = np.arange(50) * 0.1
     gappy = np.delete(np.arange(50), slice(10, 20))
     flicker = np.arange(0, 50, 2)
@@ -80,7 +80,7 @@ def test_gaps_stay_gaps_and_single_frames_stay() -> None:
 
 
 @pytest.mark.parametrize("at", [1, 2, 25, 48, 49])
-def test_a_jump_to_another_place_is_no_speed(at: int) -> None:
+def test_position_jump_gives_no_speed(at: int) -> None:
     times, frames = np.arange(50) * 0.1, np.arange(50)
     position = line(times, 6.0, 0.3)
     position[at:] += [15.0, -15.0]
@@ -89,7 +89,7 @@ def test_a_jump_to_another_place_is_no_speed(at: int) -> None:
     np.testing.assert_allclose(found.course[0], 0.3, atol=1e-6)
 
 
-def test_recordings_that_lost_frames_keep_their_time() -> None:
+def test_recordings_with_lost_frames_keep_their_time() -> None:
     times = uneven(np.random.default_rng(2), step=0.28)
     frames = np.arange(50)
     found = motion_of((frames, line(times, 9.0, 1.0)), times=times)
@@ -99,14 +99,14 @@ def test_recordings_that_lost_frames_keep_their_time() -> None:
     assert step_of(times[19]) == round(times[19] * 10)
 
 
-def test_longer_interruptions_are_not_bridged() -> None:
+def test_longer_interruptions_are_not_interpolated() -> None:
     times = np.concatenate([np.arange(25) * 0.1, 4.0 + np.arange(25) * 0.1])
     found = motion_of((np.arange(50), line(times, 9.0, 1.0)), times=times)
     assert np.flatnonzero(~found.valid[0]).tolist() == list(range(25, 40))
 
 
 @given(st.data())
-def test_every_observation_leaves_a_step_within_half_of_one(data: st.DataObject) -> None:
+def test_every_observation_maps_to_a_step_within_half_a_step(data: st.DataObject) -> None:
     steps = data.draw(st.lists(st.floats(0.07, 0.47), min_size=19, max_size=49))
     times = np.concatenate([[0.0], np.cumsum(steps)])
     frames = np.array(sorted(data.draw(st.sets(st.integers(0, len(times) - 1), min_size=1))))

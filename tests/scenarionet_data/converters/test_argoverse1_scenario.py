@@ -1,4 +1,4 @@
-"""What an Argoverse 1 scenario says, on written and recorded data."""
+"""Content of an Argoverse 1 scenario, on written and recorded data."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def scenario(tmp_path: Path) -> ScenarioDescription:
 # --- objects --------------------------------------------------------------------------------------------
 
 
-def test_what_the_source_leaves_out_is_assumed_and_marked(scenario: ScenarioDescription) -> None:
+def test_values_missing_in_the_source_are_assumed_and_flagged(scenario: ScenarioDescription) -> None:
     tracks = scenario.tracks
     assert scenario.id == "argoverse1/v1.1/train-7"
     assert (scenario.source.city, scenario.source.crs) == ("PIT", "argoverse1 city frame PIT")
@@ -71,18 +71,18 @@ def test_what_the_source_leaves_out_is_assumed_and_marked(scenario: ScenarioDesc
     assert scenario.extras["start_timestamp"] == fixture.FIRST_TIME
 
 
-def test_headings_come_from_motion_else_from_the_lane(scenario: ScenarioDescription) -> None:
+def test_headings_come_from_motion_or_from_the_lane(scenario: ScenarioDescription) -> None:
     tracks = scenario.tracks
     agent, oncoming, parked = 1, 2, 3
     for row, heading in ((agent, fixture.HEADING), (oncoming, fixture.HEADING + np.pi)):
         assert np.abs(wrap_angle(tracks.heading[row] - heading)).max() < 0.1
         assert tracks.extras[row] is None
-    # Parked on the left side of the road, beside lanes that lead the other way.
+    # parked on the left side of the road, next to oncoming lanes
     assert np.abs(wrap_angle(tracks.heading[parked] - fixture.HEADING - np.pi)).max() < 0.01
     assert from_json(tracks.extras[parked]) == {"heading_from": "lane"}
 
 
-def test_without_a_map_what_stands_points_nowhere(tmp_path: Path) -> None:
+def test_stationary_objects_without_a_map_have_no_heading(tmp_path: Path) -> None:
     fixture.write_recordings(tmp_path, 1)
     (found,) = scenarios(CONVERTER, tmp_path, has_map=False)
     assert found.map is None
@@ -101,7 +101,7 @@ def row_of(features: MapFeatures, lane: int) -> int:
     return features.ids.tolist().index(str(lane))
 
 
-def test_lanes_are_the_source_s(city: MapFeatures) -> None:
+def test_lanes_match_the_source(city: MapFeatures) -> None:
     assert len(city) == 2 * 8 * 2 + 2
     assert (city.feature_type == MapFeatureType.LANE_SURFACE_STREET).all()
     assert (city.polyline.lengths == 10).all()
@@ -116,8 +116,8 @@ def test_lanes_are_the_source_s(city: MapFeatures) -> None:
 
 @pytest.mark.parametrize("way", [1, -1])
 @pytest.mark.parametrize("segment", [0, 1, 5])
-def test_neighbors_stand_on_their_side(city: MapFeatures, way: int, segment: int) -> None:
-    """Also in segment 1, where the source has them on the wrong one."""
+def test_neighbors_are_on_the_correct_side(city: MapFeatures, way: int, segment: int) -> None:
+    """Also in segment 1, where the source lists them on the wrong side."""
     inner, outer = (lane_id(0, way, segment, lane) for lane in (0, 1))
     opposite = lane_id(0, -way, 7 - segment, 0)
     left, right = row_of(city, inner), row_of(city, outer)
@@ -132,10 +132,10 @@ def test_neighbors_stand_on_their_side(city: MapFeatures, way: int, segment: int
     )
 
 
-def test_links_are_mutual_and_lanes_outside_are_marked(city: MapFeatures) -> None:
+def test_links_are_mutual_and_external_lanes_are_flagged(city: MapFeatures) -> None:
     first, second = (row_of(city, lane_id(0, 1, segment, 0)) for segment in (1, 2))
     assert city.exit_lanes[first].tolist() == [str(lane_id(0, 1, 2, 0))]
-    assert city.entry_lanes[second].tolist() == [str(lane_id(0, 1, 1, 0))]  # the source does not say
+    assert city.entry_lanes[second].tolist() == [str(lane_id(0, 1, 1, 0))]  # not stated by the source
     fork = row_of(city, lane_id(0, 1, 3, 1))
     assert sorted(city.exit_lanes[fork]) == sorted([str(lane_id(0, 1, 4, 1)), str(branch_id(0, 1))])
     last = row_of(city, lane_id(0, 1, 7, 0))
@@ -144,7 +144,7 @@ def test_links_are_mutual_and_lanes_outside_are_marked(city: MapFeatures) -> Non
     assert from_json(city.extras[last])["lanes_outside_map"] == [outside]
 
 
-def test_the_crop_holds_what_is_near_the_ego(tmp_path: Path) -> None:
+def test_crop_holds_features_near_the_ego(tmp_path: Path) -> None:
     fixture.write_map(tmp_path, num_roads=5)
     fixture.write_recordings(tmp_path / "data", 1)
     (small,) = scenarios(CONVERTER, tmp_path, radius=10.0)
@@ -159,7 +159,7 @@ def test_the_crop_holds_what_is_near_the_ego(tmp_path: Path) -> None:
     assert ((lower[:, 0] <= max_x) & (upper[:, 0] >= min_x) & (lower[:, 1] <= max_y) & (upper[:, 1] >= min_y)).all()
 
 
-def test_a_crop_is_what_the_builder_makes(tmp_path: Path) -> None:
+def test_crop_matches_the_map_builder(tmp_path: Path) -> None:
     city = read_city(fixture.write_map(tmp_path, "MIA", num_roads=3))
     origin = np.append(np.round(fixture.CENTER["MIA"]), 0.0)
     for size in (5.0, 60.0, 1e4, -1e4):
@@ -184,8 +184,8 @@ def test_recorded_properties(recordings: Path) -> None:
         assert scenario.tracks.valid[scenario.ego_index].all()
 
 
-def test_recorded_positions_are_the_files(recordings: Path) -> None:
-    """At timesteps within 2 ms of a recorded time, as far as anything moves in that time."""
+def test_recorded_positions_match_the_file(recordings: Path) -> None:
+    """At timesteps within 2 ms of a recorded time, up to the distance that objects move in that time."""
     for scenario in scenarios(CONVERTER, recordings / "argoverse1", has_map=False)[:5]:
         rows = pyarrow.csv.read_csv(recordings / "argoverse1" / scenario.source.file)
         times = rows["TIMESTAMP"].to_numpy() - rows["TIMESTAMP"].to_numpy().min()

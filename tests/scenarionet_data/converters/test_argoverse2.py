@@ -80,7 +80,7 @@ class TestRecordings(ConverterConformance):
         return recordings / "argoverse2"
 
 
-def test_both_kinds_are_found_and_told_apart(tmp_path: Path) -> None:
+def test_forecasting_and_sensor_recordings_are_distinguished(tmp_path: Path) -> None:
     fixture.write_forecasting(tmp_path / "motion-forecasting" / "val", num_scenarios=2, num_tracks=3)
     log = fixture.write_sensor_log(tmp_path / "sensor" / "val", seconds=1.0)
     fixture.write_sensor_log(tmp_path / "sensor" / "train", seed=1, seconds=1.0)
@@ -99,7 +99,7 @@ def test_both_kinds_are_found_and_told_apart(tmp_path: Path) -> None:
         shards(CONVERTER, tmp_path, "test")
 
 
-def test_other_folders_are_refused(tmp_path: Path) -> None:
+def test_folders_without_recordings_are_refused(tmp_path: Path) -> None:
     (tmp_path / "tables.json").write_text("[]")
     with pytest.raises(SourceNotFound, match=r"no scenario_\*\.parquet and no annotations\.feather"):
         shards(CONVERTER, tmp_path)
@@ -107,7 +107,7 @@ def test_other_folders_are_refused(tmp_path: Path) -> None:
         shards(CONVERTER, tmp_path / "nowhere")
 
 
-def test_a_parquet_file_of_another_dataset_is_refused(tmp_path: Path) -> None:
+def test_parquet_file_of_another_dataset_is_refused(tmp_path: Path) -> None:
     (tmp_path / "x").mkdir()
     pa.parquet.write_table(pa.table({"iteration": [1, 2]}), tmp_path / "x" / "scenario_x.parquet")
     with pytest.raises(InvalidScenario, match="is this an Argoverse 2 file"):
@@ -115,12 +115,12 @@ def test_a_parquet_file_of_another_dataset_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("options", [{"kind": "lidar"}, {"window": 0.0}, {"stride": -1.0}, {"window": float("nan")}])
-def test_options_are_checked(options: dict[str, Any]) -> None:
+def test_invalid_options_are_refused(options: dict[str, Any]) -> None:
     with pytest.raises(BadParameter):
         Argoverse2Options(**options)
 
 
-def test_a_changed_map_changes_the_shard(tmp_path: Path) -> None:
+def test_changed_map_changes_the_shard(tmp_path: Path) -> None:
     (forecasting,) = fixture.write_forecasting(tmp_path, num_scenarios=1, num_tracks=3)
     (before,) = shards(CONVERTER, forecasting.parent)
     (path,) = forecasting.glob("*.json")

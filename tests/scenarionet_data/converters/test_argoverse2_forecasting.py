@@ -1,4 +1,4 @@
-"""Argoverse 2 motion forecasting: what a scenario says, and what is refused."""
+"""Argoverse 2 motion forecasting: content of a scenario, and refused input."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def forecasting(tmp_path: Path) -> Path:
     return folder
 
 
-def test_forecasting_keeps_what_the_source_says(forecasting: Path) -> None:
+def test_forecasting_keeps_source_values(forecasting: Path) -> None:
     (scenario,) = scenarios(CONVERTER, forecasting.parent)
     tracks = scenario.tracks
     assert scenario.ego_id == "AV"
@@ -47,8 +47,8 @@ def test_forecasting_keeps_what_the_source_says(forecasting: Path) -> None:
     assert scenario.source.licence == "CC BY-NC-SA 4.0"
 
 
-def test_forecasting_objects_stand_on_the_ground(forecasting: Path) -> None:
-    """Heights are interpolated from the map: the invented road's own height function tells how well."""
+def test_forecasting_objects_are_at_ground_height(forecasting: Path) -> None:
+    """Heights interpolated from the map are compared with the height function of the generated road."""
     (scenario,) = scenarios(CONVERTER, forecasting.parent)
     position = scenario.tracks.position.astype(np.float64) + scenario.origin
     bottom = position[..., 2] - scenario.tracks.size[..., 2] / 2.0
@@ -65,8 +65,8 @@ def test_scenarios_of_different_lengths_share_a_shard(tmp_path: Path) -> None:
     assert sorted(s.num_timesteps for s in scenarios(CONVERTER, tmp_path)) == [50, 110]
 
 
-def test_a_scenario_without_future_keeps_its_timesteps(forecasting: Path) -> None:
-    """The test split has the rows of the observed half only."""
+def test_scenario_without_future_keeps_its_timesteps(forecasting: Path) -> None:
+    """The test split has only the rows of the observed half."""
     change_rows(forecasting, lambda table: table.filter(pa.compute.field("timestep") < 50))
     (scenario,) = scenarios(CONVERTER, forecasting.parent)
     scenario.validate()
@@ -122,20 +122,20 @@ def test_bad_rows_are_refused(forecasting: Path, name: str) -> None:
     assert caught.value.scenario_id == f"argoverse2/v2/{forecasting.name}"
 
 
-def test_the_focal_track_must_be_there(forecasting: Path) -> None:
+def test_missing_focal_track_is_refused(forecasting: Path) -> None:
     change_rows(forecasting, lambda table: table.filter(pa.compute.field("track_id") != "138902"))
     with pytest.raises(InvalidScenario, match="objects_of_interest"):
         scenarios(CONVERTER, forecasting.parent)[0].validate()
 
 
-def test_the_ego_must_be_there_now(forecasting: Path) -> None:
+def test_ego_missing_at_current_timestep_is_refused(forecasting: Path) -> None:
     is_kept = (pa.compute.field("track_id") != "AV") | (pa.compute.field("timestep") < 30)
     change_rows(forecasting, lambda table: table.filter(is_kept))
     with pytest.raises(InvalidScenario, match="ego valid at current_timestep 49"):
         scenarios(CONVERTER, forecasting.parent)[0].validate()
 
 
-def test_a_copied_file_is_refused(forecasting: Path) -> None:
+def test_copied_file_is_refused(forecasting: Path) -> None:
     (path,) = forecasting.glob("*.parquet")
     path.rename(path.with_name("scenario_other.parquet"))
     with pytest.raises(InvalidScenario, match="restore its original name"):
@@ -166,7 +166,7 @@ def test_bad_maps_are_refused(forecasting: Path, name: str) -> None:
         scenarios(CONVERTER, forecasting.parent)
 
 
-def test_one_bad_folder_does_not_lose_the_others(tmp_path: Path) -> None:
+def test_bad_folder_does_not_affect_the_others(tmp_path: Path) -> None:
     folders = fixture.write_forecasting(tmp_path, num_scenarios=3, num_tracks=4)
     next(folders[1].glob("*.json")).unlink()
     (shard,) = shards(CONVERTER, tmp_path)

@@ -1,4 +1,4 @@
-"""Argoverse 2 maps: lines, lanes, edges and links, as a written archive has them."""
+"""Argoverse 2 maps: lines, lanes, edges and links of a written map archive."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_every_painted_line_has_its_type(forecasting: Path) -> None:
     assert seen == {*wanted, "NONE"}
 
 
-def test_lines_that_two_lanes_share_are_stored_once(forecasting: Path) -> None:
+def test_lines_shared_by_two_lanes_are_stored_once(forecasting: Path) -> None:
     features = scenarios(CONVERTER, forecasting.parent)[0].map
     assert features is not None
     lines = features.polyline.values[np.repeat(is_road_line(features.feature_type), features.polyline.lengths)]
@@ -71,7 +71,7 @@ def test_lines_that_two_lanes_share_are_stored_once(forecasting: Path) -> None:
     assert len(np.unique(lines, axis=0)) > len(lines) / 2
 
 
-def test_lanes_lie_between_their_sides(forecasting: Path) -> None:
+def test_centerlines_are_between_the_lane_sides(forecasting: Path) -> None:
     features = scenarios(CONVERTER, forecasting.parent)[0].map
     assert features is not None
     for row in np.flatnonzero(is_lane(features.feature_type)):
@@ -86,8 +86,8 @@ def test_lanes_lie_between_their_sides(forecasting: Path) -> None:
     assert '{"lane_type":"BUS"}' in extras
 
 
-def test_road_edges_leave_out_the_cuts(forecasting: Path) -> None:
-    """Areas are cut along tile lines: across the road there is no edge, except where the road ends."""
+def test_road_edges_exclude_tile_cuts(forecasting: Path) -> None:
+    """Areas are cut along tile boundaries; a cut across the road is not an edge, except where the road ends."""
     (scenario,) = scenarios(CONVERTER, forecasting.parent)
     features = scenario.map
     assert features is not None
@@ -102,7 +102,7 @@ def test_road_edges_leave_out_the_cuts(forecasting: Path) -> None:
         assert (ahead[:, 0] * inside[:, 1] - ahead[:, 1] * inside[:, 0] > 0).mean() > 0.9  # road on the left
 
 
-def test_links_to_outside_are_kept(forecasting: Path) -> None:
+def test_links_to_lanes_outside_the_map_are_kept(forecasting: Path) -> None:
     features = scenarios(CONVERTER, forecasting.parent)[0].map
     assert features is not None
     outside = set(features.exit_lanes.values) - set(features.ids)

@@ -1,4 +1,4 @@
-"""What the real Argoverse 2 recordings hold, number by number."""
+"""Reference values of the recorded Argoverse 2 data."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_recorded_forecasting_tracks(recorded: tuple[ScenarioDescription, Scenar
     assert scenario.source.log == "7bef7e1f-8c90-4ba5-b39e-b3f134aa5bbe"
 
 
-def test_recorded_forecasting_positions_are_the_files(
+def test_recorded_forecasting_positions_match_the_file(
     recorded: tuple[ScenarioDescription, ScenarioDescription], recordings: Path
 ) -> None:
     scenario, _ = recorded
@@ -70,7 +70,7 @@ def test_recorded_forecasting_map(recorded: tuple[ScenarioDescription, ScenarioD
     assert names["DRIVABLE_AREA"] == 2
     assert names["CROSSWALK"] == 6
     assert (features.is_intersection == 1).sum() == 32
-    # Of 142 sides 92 carry no paint; the 50 others are 37 lines, 13 of which bound two lanes.
+    # Of 142 sides, 92 carry no paint; the 50 others are 37 lines, 13 of which bound two lanes.
     assert is_road_line(features.feature_type).sum() == 37
     sides = features.left_boundaries.lengths.sum() + features.right_boundaries.lengths.sum()
     assert sides == 50
@@ -93,10 +93,10 @@ def test_recorded_sensor_log(recorded: tuple[ScenarioDescription, ScenarioDescri
     assert scenario.extras["num_completed_links"] == 107
 
 
-def test_recorded_sensor_boxes_stand_on_the_ground(
+def test_recorded_sensor_boxes_are_on_the_ground(
     recorded: tuple[ScenarioDescription, ScenarioDescription],
 ) -> None:
-    """Boxes, poses and map agree: the ego's and a bus's underside are at the height of the lanes beneath."""
+    """Boxes, poses and map agree: the undersides of the ego and of a bus are at the height of the lanes beneath."""
     _, scenario = recorded
     tracks, features = scenario.tracks, scenario.map
     assert features is not None
@@ -109,8 +109,8 @@ def test_recorded_sensor_boxes_stand_on_the_ground(
                 assert abs(bottom[row, step] - lanes[away.argmin(), 2]) < 0.25
 
 
-def test_derived_centerlines_are_the_given_ones(recordings: Path) -> None:
-    """What is derived for sensor maps agrees with what the forecasting map gives."""
+def test_derived_centerlines_match_the_given_ones(recordings: Path) -> None:
+    """Centerlines derived for sensor maps agree with those given in the forecasting map."""
 
     (path,) = (recordings / "argoverse2").rglob("motion-forecasting/*/*/log_map_archive_*.json")
     roads = read_map(path)

@@ -1,4 +1,4 @@
-"""Argoverse 2 sensor logs: frames, windows, types, and what is refused."""
+"""Argoverse 2 sensor logs: frames, windows, types, and refused input."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def log(tmp_path: Path) -> Path:
     return fixture.write_sensor_log(tmp_path / "raw", seconds=3.5)
 
 
-def test_boxes_come_to_the_city_frame(log: Path) -> None:
-    """The ego drives on the invented road, and every box lies where its own invented path has it."""
+def test_boxes_are_transformed_to_the_city_frame(log: Path) -> None:
+    """The ego drives on the generated road, and every box must follow its generated path."""
     (scenario,) = scenarios(CONVERTER, log.parent)
     tracks = scenario.tracks
     position = tracks.position.astype(np.float64) + scenario.origin
@@ -54,7 +54,7 @@ def test_boxes_come_to_the_city_frame(log: Path) -> None:
 
 
 def _along(position: np.ndarray) -> np.ndarray:
-    """The road's parameter of points beside it, by fixed-point iteration on its lateral offset."""
+    """Path parameter of points beside the road, by fixed-point iteration on their lateral offset."""
     along = position[..., 0]
     for _ in range(20):
         offset = np.hypot(*np.moveaxis(position - world.road(along, 0.0), -1, 0)[:2])
@@ -63,7 +63,7 @@ def _along(position: np.ndarray) -> np.ndarray:
     return along
 
 
-def test_poses_are_interpolated_where_a_sweep_has_none(tmp_path: Path) -> None:
+def test_missing_sweep_poses_are_interpolated(tmp_path: Path) -> None:
     exact = fixture.write_sensor_log(tmp_path / "a", seconds=2.0)
     between = fixture.write_sensor_log(tmp_path / "b", seconds=2.0, is_exact=False)
     (first,), (second,) = scenarios(CONVERTER, exact.parent), scenarios(CONVERTER, between.parent)
@@ -108,7 +108,7 @@ def test_missing_predecessors_are_completed(log: Path) -> None:
         (2.0, 0.0, [(0.0, 1.9), (2.0, 3.5)]),
         (2.0, 1.0, [(0.0, 1.9), (1.0, 2.9), (2.0, 3.5)]),
         (3.0, 1.0, [(0.0, 2.9), (1.0, 3.5)]),
-        (2.5, 0.0, [(0.0, 2.4)]),  # what is left is no more than a history
+        (2.5, 0.0, [(0.0, 2.4)]),  # what remains is no longer than a history
     ],
 )
 def test_windows_cover_the_log(log: Path, window: float, stride: float, wanted: list[tuple[float, float]]) -> None:
@@ -121,10 +121,10 @@ def test_windows_cover_the_log(log: Path, window: float, stride: float, wanted: 
         assert scenario.tracks.valid.any(axis=1).all()
         assert scenario.source.log == log.name
         assert scenario.id.endswith(f"@{scenario.extras['start_timestamp_ns']}")
-    np.testing.assert_allclose(found, wanted, atol=0.01)  # the sweeps' jitter
+    np.testing.assert_allclose(found, wanted, atol=0.01)  # jitter of the sweeps
 
 
-def test_estimated_velocity_is_the_true_one(log: Path) -> None:
+def test_estimated_velocity_matches_the_true_one(log: Path) -> None:
     (scenario,) = scenarios(CONVERTER, log.parent)
     errors, turns = motion_errors(scenario)
     assert np.median(errors) < 0.01
@@ -132,7 +132,7 @@ def test_estimated_velocity_is_the_true_one(log: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["city_SE3_egovehicle.feather", "map"])
-def test_a_log_without_poses_or_map_is_refused(log: Path, name: str) -> None:
+def test_log_without_poses_or_map_is_refused(log: Path, name: str) -> None:
     target = log / name
     shutil.rmtree(target) if target.is_dir() else target.unlink()
     with pytest.raises(CorruptSource, match="download"):
@@ -146,7 +146,7 @@ def test_sweeps_outside_the_poses_are_refused(log: Path) -> None:
         scenarios(CONVERTER, log.parent)
 
 
-def test_broken_quaternions_are_refused(log: Path) -> None:
+def test_invalid_quaternions_are_refused(log: Path) -> None:
     path = log / "city_SE3_egovehicle.feather"
     table = pa.feather.read_table(path)
     pa.feather.write_feather(with_value(table, "qw", 3, 5.0), path)
@@ -154,7 +154,7 @@ def test_broken_quaternions_are_refused(log: Path) -> None:
         scenarios(CONVERTER, log.parent)
 
 
-def test_an_unknown_category_is_kept_and_flagged(log: Path) -> None:
+def test_unknown_category_is_kept_and_flagged(log: Path) -> None:
     path = log / "annotations.feather"
     table = pa.feather.read_table(path)
     words = ["HOVERCRAFT" if word == "BUS" else word for word in table["category"].to_pylist()]

@@ -1,4 +1,4 @@
-"""Which split a raw folder stands for, and which files belong to it."""
+"""Guessing the split of a raw folder, and finding the files of a split."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ def raw(tmp_path):
     return tmp_path / "dataset"
 
 
-def test_split_is_told_by_the_path_or_by_the_only_split_inside(raw):
+def test_split_is_guessed_from_path_or_only_split_folder(raw):
     assert guess_split(str(raw / "motion/validation/a")) == "val"
     assert guess_split(str(raw)) == "val"
     assert guess_split("0:200") == "train"
 
 
-def test_several_splits_inside_ask_for_one(raw):
+def test_several_split_folders_require_a_choice(raw):
     (raw / "training").mkdir()
     with pytest.raises(BadParameter, match=r"contains the splits train, val; choose one, for example split='train'"):
         guess_split(str(raw))
     assert guess_split(str(raw / "training")) == "train"
 
 
-def test_files_of_another_split_are_left_out(raw):
+def test_files_of_another_split_are_excluded(raw):
     names = [path.relative_to(raw).as_posix() for path in find_files(str(raw), "*.made", "made files", "val")]
     assert names == ["motion/validation/a/x.made", "motion/validation/b/x.made", "other/x.made"]
     names = [path.relative_to(raw).as_posix() for path in find_files(str(raw), "*.made", "made files", "train")]

@@ -1,4 +1,4 @@
-"""Waymo's records of boundaries and neighbours as rows, and back."""
+"""Waymo's boundary and neighbour records as rows, and back."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ neighbor = st.fixed_dictionaries(
 
 
 @given(st.lists(boundary, min_size=1, max_size=3), st.lists(neighbor, min_size=1, max_size=3))
-def test_records_come_back(boundaries, neighbors):
+def test_records_round_trip(boundaries, neighbors):
     extras = {"left_boundaries": boundaries, "right_neighbor": neighbors, "interpolating": True}
     rows = to_rows(extras)
     assert all(isinstance(row, list) for name in ("left_boundaries", "right_neighbor") for row in rows[name])
@@ -37,7 +37,7 @@ def test_records_come_back(boundaries, neighbors):
     assert to_rows(rows) == rows
 
 
-def test_records_of_another_form_stay():
+def test_records_of_another_form_are_unchanged():
     extras = {"left_neighbor": [{"feature_id": "1"}], "left_boundaries": [{"boundary_type": "WALL"}], "other": 1}
     assert to_rows(extras) == extras
     assert to_records(extras) == extras

@@ -1,4 +1,4 @@
-"""Every format, damaged in the same ways, through a whole conversion: damage is named, the rest is committed."""
+"""The same damage to every format, through a whole conversion: damage is named, the rest is committed."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ DAMAGES: dict[str, Callable[[bytes], bytes]] = {
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
-    """The raw folder of a dataset, written once; to be copied."""
+    """The raw folder of a dataset, written once; tests copy it."""
     found: dict[str, Path] = {}
 
     def raw(dataset: str) -> Path:
@@ -54,7 +54,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
 
 
 def outcome(dataset: str, raw: Path, lake: Path) -> ConversionReport | SourceError:
-    """What a conversion comes to; nothing half-written lies in the lake."""
+    """Run a conversion and return its report or error; check that no partial files are left in the lake."""
     try:
         report: ConversionReport | SourceError = convert(dataset, str(raw), lake, split=SPLIT.get(dataset, "train"))
     except SourceError as error:
@@ -68,7 +68,7 @@ def outcome(dataset: str, raw: Path, lake: Path) -> ConversionReport | SourceErr
 
 @pytest.mark.parametrize("damage", DAMAGES)
 @pytest.mark.parametrize("dataset", RECORDING)
-def test_a_damaged_recording(dataset: str, damage: str, written: Callable[[str], Path], tmp_path: Path) -> None:
+def test_damaged_recording(dataset: str, damage: str, written: Callable[[str], Path], tmp_path: Path) -> None:
     raw = Path(shutil.copytree(written(dataset), tmp_path / "raw"))
     victim = sorted(raw.glob(RECORDING[dataset]))[0]
     victim.write_bytes(DAMAGES[damage](victim.read_bytes()))
@@ -81,7 +81,7 @@ def test_a_damaged_recording(dataset: str, damage: str, written: Callable[[str],
 
 
 @pytest.mark.parametrize("dataset", COMPANION)
-def test_a_companion_that_is_missing(dataset: str, written: Callable[[str], Path], tmp_path: Path) -> None:
+def test_missing_companion_file(dataset: str, written: Callable[[str], Path], tmp_path: Path) -> None:
     raw = Path(shutil.copytree(written(dataset), tmp_path / "raw"))
     victim = sorted(raw.glob(COMPANION[dataset]))[0]
     victim.unlink()
@@ -95,12 +95,12 @@ def test_a_companion_that_is_missing(dataset: str, written: Callable[[str], Path
 
 @pytest.mark.parametrize("dataset", RECORDING)
 @pytest.mark.parametrize("other", ["waymo", "nuplan", "scenarionet", "nothing"])
-def test_a_foreign_folder(dataset: str, other: str, written: Callable[[str], Path], tmp_path: Path) -> None:
+def test_folder_of_another_dataset(dataset: str, other: str, written: Callable[[str], Path], tmp_path: Path) -> None:
     if dataset == other:
         other = "lyft"
     raw = tmp_path if other == "nothing" else written(other)
     found = outcome(dataset, raw, tmp_path / "lake")
-    if isinstance(found, ConversionReport):  # a pickle's name may be that of a tfrecord
+    if isinstance(found, ConversionReport):  # a pickle may be named like a tfrecord
         assert found.failed and not found.converted
     else:
         assert "give" in str(found) or "set " in str(found) or "no " in str(found)

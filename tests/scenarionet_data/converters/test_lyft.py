@@ -1,4 +1,4 @@
-"""Lyft recordings: conformance, windows, tracks, and what is refused."""
+"""Lyft recordings: conformance, windows, tracks, and refused input."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def recording(dataset: Path) -> Path:
 # --- scenes and windows ---------------------------------------------------------------------------------
 
 
-def test_a_scene_is_what_was_written(dataset: Path) -> None:
+def test_scene_matches_written_data(dataset: Path) -> None:
     found = scenarios(CONVERTER, dataset)
     tables = fixture.recording(5, 45)
     assert [scenario.num_timesteps for scenario in found] == [45, 44, 43, 42, 41]
@@ -103,7 +103,7 @@ def test_a_scene_is_what_was_written(dataset: Path) -> None:
 def test_windows_share_a_scene(dataset: Path) -> None:
     whole = scenarios(CONVERTER, dataset)[0]
     cut = [s for s in scenarios(CONVERTER, dataset, window=2.0) if s.source.log == whole.source.log]
-    assert [s.num_timesteps for s in cut] == [20, 20]  # the 5 frames left have nothing after their history
+    assert [s.num_timesteps for s in cut] == [20, 20]  # the 5 remaining frames have nothing after their history
     overlapping = [s for s in scenarios(CONVERTER, dataset, window=2.0, stride=1.0) if s.source.log == whole.source.log]
     assert [s.num_timesteps for s in overlapping] == [20, 20, 20, 15]
     starts = [s.extras["start_timestamp_ns"] for s in overlapping]
@@ -135,12 +135,12 @@ def test_shards_are_blocks_of_scenes(tmp_path: Path) -> None:
     assert first.scene.index == 32
 
 
-def test_a_recording_may_be_given_itself(dataset: Path) -> None:
+def test_recording_as_raw_path(dataset: Path) -> None:
     whole = shards(CONVERTER, dataset)
     assert shards(CONVERTER, recording(dataset)) == whole
 
 
-def test_recordings_of_other_splits_are_left_out(tmp_path: Path) -> None:
+def test_recordings_of_other_splits_are_excluded(tmp_path: Path) -> None:
     dataset = fixture.write_dataset(tmp_path / "lyft", name="train", num_scenes=1)
     fixture.write_recording(dataset / "scenes" / "validate.zarr", num_scenes=2, seed=1)
     assert {s.name for s in shards(CONVERTER, dataset, "val")} == {"scenes-validate-00000"}
@@ -150,7 +150,7 @@ def test_recordings_of_other_splits_are_left_out(tmp_path: Path) -> None:
         shards(CONVERTER, dataset, "test")
 
 
-def test_changed_frames_or_map_are_another_shard(dataset: Path) -> None:
+def test_changed_frames_or_map_change_the_shard(dataset: Path) -> None:
     before = {shard.key("1") for shard in shards(CONVERTER, dataset)}
     world.write_map(dataset / "semantic_map" / "semantic_map.pb", is_backward_stored_along=True)
     changed = {shard.key("1") for shard in shards(CONVERTER, dataset)}
@@ -160,7 +160,7 @@ def test_changed_frames_or_map_are_another_shard(dataset: Path) -> None:
     assert changed != {shard.key("1") for shard in shards(CONVERTER, dataset)}
 
 
-def test_only_the_wanted_chunks_are_read(dataset: Path) -> None:
+def test_only_requested_chunks_are_read(dataset: Path) -> None:
     (shard,) = shards(CONVERTER, dataset)
     (recording(dataset) / "agents" / "0").unlink()
     window = list(CONVERTER.records(shard))[-1]
@@ -189,7 +189,7 @@ def test_labels_and_types(dataset: Path) -> None:
     assert not tracks.is_type_assumed.any()
 
 
-def test_a_label_that_changes_is_an_assumption(tmp_path: Path) -> None:
+def test_changing_label_is_an_assumption(tmp_path: Path) -> None:
     tables = fixture.recording(1, 30)
     mine = np.flatnonzero(tables["agents"]["track_id"] == 2)
     tables["agents"]["label_probabilities"][mine[:5]] = np.eye(17)[fixture.UNKNOWN]
@@ -200,13 +200,13 @@ def test_a_label_that_changes_is_an_assumption(tmp_path: Path) -> None:
     assert np.flatnonzero(scenario.tracks.is_type_assumed).tolist() == [row]
 
 
-def test_unknown_objects_can_be_left_out(dataset: Path) -> None:
+def test_unknown_objects_can_be_excluded(dataset: Path) -> None:
     kept, dropped = (scenarios(CONVERTER, dataset, keep_unknown=keep)[0].tracks for keep in (True, False))
     assert len(kept) - len(dropped) == 1
     assert "PERCEPTION_LABEL_UNKNOWN" not in dropped.source_type
 
 
-def test_velocity_is_repaired_where_a_moving_car_has_exactly_none(dataset: Path) -> None:
+def test_velocity_of_moving_cars_with_exact_zero_is_estimated(dataset: Path) -> None:
     scenario = scenarios(CONVERTER, dataset)[0]
     tracks = scenario.tracks
     moving = [row for row in range(len(tracks) - 1) if np.ptp(tracks.position[row][tracks.valid[row], 0]) > 1.0]
@@ -252,10 +252,10 @@ def test_conversion_stores_the_map_once(dataset: Path, tmp_path: Path) -> None:
     assert convert("lyft", str(dataset), tmp_path / "lake", split="train").converted == 0
 
 
-# --- what is refused ------------------------------------------------------------------------------------
+# --- invalid input --------------------------------------------------------------------------------------
 
 
-def test_without_a_map_the_remedy_is_named(dataset: Path) -> None:
+def test_missing_map_error_names_remedy(dataset: Path) -> None:
     (dataset / "semantic_map" / "semantic_map.pb").unlink()
     with pytest.raises(SourceNotFound, match=r"one semantic_map\.pb .* option has_map to false"):
         shards(CONVERTER, dataset)
@@ -267,7 +267,7 @@ def test_without_a_map_the_remedy_is_named(dataset: Path) -> None:
     assert set(found[0].lights.lane_ids) == set(fixture.SHOWN)
 
 
-def test_the_map_may_lie_elsewhere(dataset: Path, tmp_path: Path) -> None:
+def test_map_folder_option(dataset: Path, tmp_path: Path) -> None:
     wanted, elsewhere = scenarios(CONVERTER, dataset), tmp_path / "elsewhere"
     elsewhere.mkdir()
     for path in (dataset / "semantic_map" / "semantic_map.pb", dataset / "meta.json"):
@@ -278,7 +278,7 @@ def test_the_map_may_lie_elsewhere(dataset: Path, tmp_path: Path) -> None:
     assert (shared.root, [item.name for item in shared.items]) == (str(elsewhere), ["semantic_map.pb", "meta.json"])
 
 
-def test_without_meta_the_remedy_is_named(dataset: Path) -> None:
+def test_missing_meta_error_names_remedy(dataset: Path) -> None:
     (dataset / "meta.json").unlink()
     with pytest.raises(SourceNotFound, match=r"one meta\.json"):
         shards(CONVERTER, dataset)
@@ -292,7 +292,7 @@ def test_damaged_meta_fails_the_map(dataset: Path, text: str) -> None:
 
 
 @pytest.mark.parametrize("make", ["nothing", "empty", "foreign"])
-def test_foreign_folders(tmp_path: Path, make: str) -> None:
+def test_folders_of_other_datasets(tmp_path: Path, make: str) -> None:
     raw = tmp_path / "raw"
     if make != "nothing":
         raw.mkdir()
@@ -302,14 +302,14 @@ def test_foreign_folders(tmp_path: Path, make: str) -> None:
         shards(CONVERTER, raw, has_map=False)
 
 
-def test_a_foreign_zarr_is_named(tmp_path: Path) -> None:
+def test_zarr_of_another_dataset_is_named(tmp_path: Path) -> None:
     (tmp_path / "weather.zarr").mkdir()
     (tmp_path / "weather.zarr" / ".zattrs").write_text("{}")
     with pytest.raises(CorruptSource, match=r"weather\.zarr/scenes/\.zarray"):
         scenarios(CONVERTER, tmp_path, has_map=False)
 
 
-def test_a_table_without_a_column_is_named(tmp_path: Path) -> None:
+def test_missing_column_is_named(tmp_path: Path) -> None:
     tables = fixture.recording(1, 20)
     tables["frames"] = tables["frames"][["timestamp", "agent_index_interval"]].copy()
     fixture.write_tables(tmp_path / "a.zarr", tables)
@@ -366,7 +366,7 @@ def _break(tables: dict[str, np.ndarray], what: str) -> None:
         "an ego nowhere",
     ],
 )
-def test_a_scene_that_makes_no_sense_is_quarantined(tmp_path: Path, what: str) -> None:
+def test_inconsistent_scene_is_quarantined(tmp_path: Path, what: str) -> None:
     tables = fixture.recording(3, 30)
     _break(tables, what)
     fixture.write_tables(tmp_path / "raw" / "a.zarr", tables)
@@ -386,7 +386,7 @@ def test_a_scene_that_makes_no_sense_is_quarantined(tmp_path: Path, what: str) -
 
 
 @pytest.mark.parametrize("options", [{"window": 0.0}, {"stride": 0.05}, {"radius": -1.0}, {"radius": np.inf}])
-def test_options_out_of_range(options: dict[str, Any]) -> None:
+def test_options_out_of_range_are_refused(options: dict[str, Any]) -> None:
     with pytest.raises(BadParameter):
         LyftOptions(**options)
 

@@ -1,4 +1,4 @@
-"""Lyft's semantic map: where it lies on the earth, lanes and paint, and the lights that control lanes."""
+"""Lyft's semantic map: geographic position, lanes and paint, and the lights that control lanes."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def row(features: MapFeatures, name: str) -> int:
     return int(found)
 
 
-# --- the earth ------------------------------------------------------------------------------------------
+# --- geographic coordinates -----------------------------------------------------------------------------
 
 
 def test_known_places() -> None:
@@ -61,7 +61,7 @@ def test_known_places() -> None:
 
 
 @given(st.floats(-89.9, 89.9), st.floats(-180.0, 180.0), st.floats(-100.0, 9000.0))
-def test_earth_agrees_with_proj(latitude: float, longitude: float, height: float) -> None:
+def test_geographic_coordinates_match_proj(latitude: float, longitude: float, height: float) -> None:
     pyproj = pytest.importorskip("pyproj", reason="needs pyproj")
     geocentric = pyproj.Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True)
     wanted = geocentric.transform(longitude, latitude, height)
@@ -72,7 +72,7 @@ def test_earth_agrees_with_proj(latitude: float, longitude: float, height: float
 # --- lanes and paint ------------------------------------------------------------------------------------
 
 
-def test_lanes_lie_where_they_were_laid_out(features: MapFeatures) -> None:
+def test_lanes_match_the_written_layout(features: MapFeatures) -> None:
     assert set(features.ids[is_lane(features.feature_type)]) == set(world.LANES)
     low, high = world.JUNCTION
     for name, first, last, y in (("in0", world.ENDS[0], low, -1.75), ("back-in", world.ENDS[1], high, 1.75)):
@@ -84,7 +84,7 @@ def test_lanes_lie_where_they_were_laid_out(features: MapFeatures) -> None:
         assert np.abs(np.diff(center[:, 0])).max() <= 2.0
 
 
-def test_backward_lanes_are_driven_backward_however_they_are_stored(tmp_path: Path) -> None:
+def test_backward_lanes_follow_the_driving_direction_in_any_storage_order(tmp_path: Path) -> None:
     (tmp_path / "along").mkdir()
     (tmp_path / "driven").mkdir()
     along, driven = (write(tmp_path / name, name == "along") for name in ("along", "driven"))
@@ -111,7 +111,7 @@ def test_lanes_are_linked(features: MapFeatures) -> None:
     assert list(features.right_neighbors[row(features, "in1")]) == ["in2"]
 
 
-def test_lanes_say_what_they_are(features: MapFeatures) -> None:
+def test_lane_properties(features: MapFeatures) -> None:
     def of(name: str) -> tuple[str, float, int, str | None]:
         at = row(features, name)
         limit = features.speed_limit[at]
@@ -126,7 +126,7 @@ def test_lanes_say_what_they_are(features: MapFeatures) -> None:
     assert of("in2")[0] == "LANE_BIKE_LANE"
     assert of("out1")[3] == '{"access_restriction":"ONLY_BUS","parent":"east"}'
     assert of("back-out")[1] == world.SPEED_BACK
-    assert of("back-in")[1] == world.SPEED  # its segment states one limit for both ways
+    assert of("back-in")[1] == world.SPEED  # the segment states one limit for both directions
     assert np.isnan(of("left1")[1])
     assert of("left1")[2:] == (1, '{"parent":"crossing","turn_type":"LEFT"}')
 
@@ -140,7 +140,7 @@ def test_paint_changes_along_a_side(features: MapFeatures) -> None:
     change = world.JUNCTION[1] + 50.0
     np.testing.assert_allclose(features.polyline[broken][[0, -1], 0], [world.JUNCTION[1], change], atol=0.02)
     np.testing.assert_allclose(features.polyline[solid][[0, -1], 0], [change, world.ENDS[1]], atol=0.02)
-    assert not len(features.left_boundaries[row(features, "left1")])  # nothing is said of the paint
+    assert not len(features.left_boundaries[row(features, "left1")])  # paint not stated
     assert not len(features.right_boundaries[row(features, "left1")])  # no paint
     assert features.feature_type[row(features, "in2-right")] == MapFeatureType.ROAD_EDGE_BOUNDARY
     assert features.feature_type[row(features, "out1-right")] == MapFeatureType.UNKNOWN_LINE
@@ -175,9 +175,9 @@ def test_every_face_shows_its_color() -> None:
         assert ("ARROW" in state.name) == ("arrow" in name or "u_turn" in name)
 
 
-def test_faces_belong_to_lanes(city: LyftCity) -> None:
+def test_faces_control_lanes(city: LyftCity) -> None:
     assert city.faces["RED0"] == (LightState.LANE_STATE_STOP, ["in0"])
-    assert city.faces["GRN1"] == (LightState.LANE_STATE_ARROW_GO, ["in1"])  # by the light it is part of
+    assert city.faces["GRN1"] == (LightState.LANE_STATE_ARROW_GO, ["in1"])  # through the light it belongs to
 
 
 def test_states_follow_the_faces(tmp_path: Path) -> None:
@@ -198,7 +198,7 @@ def test_states_follow_the_faces(tmp_path: Path) -> None:
     np.testing.assert_allclose(stop, [world.JUNCTION[0], -1.75, 0.0], atol=0.02)
 
 
-def test_the_most_restrictive_of_lit_faces_counts(tmp_path: Path) -> None:
+def test_most_restrictive_lit_face_wins(tmp_path: Path) -> None:
     tables = fixture.recording(1, 30)
     is_yellow = tables["traffic_light_faces"]["face_id"] == "YEL0"
     tables["traffic_light_faces"]["traffic_light_face_status"][is_yellow] = [1.0, 0.0, 0.0]
@@ -211,10 +211,10 @@ def test_the_most_restrictive_of_lit_faces_counts(tmp_path: Path) -> None:
     assert scenario.lights.state[light, 12] == LightState.LANE_STATE_CAUTION
 
 
-# --- what is refused ------------------------------------------------------------------------------------
+# --- invalid input --------------------------------------------------------------------------------------
 
 
-def test_map_without_ids_or_lanes(tmp_path: Path) -> None:
+def test_map_without_ids_or_lanes_is_refused(tmp_path: Path) -> None:
     nameless, twice, empty = (world.semantic_map() for _ in range(3))
     nameless.elements[3].ClearField("id")
     twice.elements[3].id.id = twice.elements[4].id.id
@@ -223,7 +223,7 @@ def test_map_without_ids_or_lanes(tmp_path: Path) -> None:
         _refused(tmp_path, message, reason)
 
 
-def test_line_with_missing_coordinates(tmp_path: Path) -> None:
+def test_line_with_missing_coordinates_is_refused(tmp_path: Path) -> None:
     message = world.semantic_map()
     lane = next(element.element.lane for element in message.elements if element.element.HasField("lane"))
     del lane.left_boundary.vertex_deltas_y_cm[3:]

@@ -1,4 +1,4 @@
-"""What the real Lyft recording holds, number by number; it comes without the map."""
+"""Reference values of the recorded Lyft data, which comes without the map."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def content(recordings: Path) -> LyftContent:
 
 @pytest.fixture(scope="module")
 def whole(recordings: Path) -> ScenarioDescription:
-    """The scene in one piece."""
+    """The whole scene as one scenario."""
     (scenario,) = scenarios(Lyft(), recordings / "lyft", has_map=False, window=25.0)
     return scenario
 
@@ -47,7 +47,7 @@ def test_recorded_scene(whole: ScenarioDescription) -> None:
     np.testing.assert_allclose(np.diff(whole.timestamps), 0.1, atol=1e-3)
 
 
-def test_recorded_values_are_the_files(whole: ScenarioDescription, content: LyftContent) -> None:
+def test_recorded_values_match_the_file(whole: ScenarioDescription, content: LyftContent) -> None:
     tracks = whole.tracks
     row = {track: number for number, track in enumerate(tracks.ids)}
     rows = [row[str(track)] for track in content.agents["track_id"]]
@@ -62,7 +62,7 @@ def test_recorded_values_are_the_files(whole: ScenarioDescription, content: Lyft
 
 
 def test_recorded_zero_velocities(whole: ScenarioDescription, content: LyftContent) -> None:
-    """Three quarters of the rows have none; a few of them belong to road users that move."""
+    """Three quarters of the rows have zero velocity; a few of them belong to moving road users."""
     assert (~content.agents["velocity"].any(axis=1)).mean() == pytest.approx(0.73, abs=0.01)
     tracks, count = whole.tracks, whole.extras["num_repaired_velocities"]
     assert 300 < count < 500
@@ -70,7 +70,7 @@ def test_recorded_zero_velocities(whole: ScenarioDescription, content: LyftConte
     assert kinds <= {ObjectType.VEHICLE, ObjectType.CYCLIST, ObjectType.PEDESTRIAN}
 
 
-def test_recorded_ego_moves_where_it_points(whole: ScenarioDescription) -> None:
+def test_recorded_ego_moves_along_its_heading(whole: ScenarioDescription) -> None:
     velocity, heading = (getattr(whole.tracks, name)[whole.ego_index] for name in ("velocity", "heading"))
     turn = np.arctan2(velocity[:, 1], velocity[:, 0]) - heading
     assert np.abs((turn + np.pi) % (2 * np.pi) - np.pi).max() < 0.05

@@ -23,7 +23,7 @@ CONVERTER = NuPlan()
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two logs of 8 s, in two scenes each, with tags, and their city's map."""
+    """Two logs of 8 s with two scenes each, tags, and the map of their city."""
     first = drives.invented()
     second = drives.invented(seed=1, seconds=3.0, num_tracks=8)
     track = first.boxes["track"][0]
@@ -85,7 +85,7 @@ class TestRecorded(ConverterConformance):
 # --- finding logs and maps ------------------------------------------------------------------------------
 
 
-def test_a_shard_is_a_log_and_a_map_is_listed_once(written: Path) -> None:
+def test_each_log_is_a_shard_and_each_map_is_listed_once(written: Path) -> None:
     found = shards(CONVERTER, written, "mini")
     assert all(
         set(shard.properties) >= {"log", "location"} and shard.properties["log"] == shard.name for shard in found
@@ -98,14 +98,16 @@ def test_a_shard_is_a_log_and_a_map_is_listed_once(written: Path) -> None:
     assert len(CONVERTER.map_features(city)) == 55
 
 
-def test_logs_of_other_splits_are_left_out(written: Path) -> None:
+def test_logs_of_other_splits_are_excluded(written: Path) -> None:
     with pytest.raises(SourceNotFound, match="no logs of split train in it, but of mini; add --split"):
         shards(CONVERTER, written, "train")
     assert len(shards(CONVERTER, written, "boston")) == 2
 
 
-def test_maps_may_lie_elsewhere(written: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where they lie does not tell shards apart: a lake goes on when they move."""
+def test_maps_folder_option_does_not_change_shards(
+    written: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The maps folder is not part of the shard key, so a lake can be extended after maps move."""
     logs = written / "splits" / "mini"
     shutil.copytree(written / "maps", tmp_path / "moved")
     monkeypatch.delenv("NUPLAN_MAPS_ROOT", raising=False)
@@ -120,7 +122,7 @@ def test_maps_may_lie_elsewhere(written: Path, tmp_path: Path, monkeypatch: pyte
     assert next(iter(CONVERTER.records(found[0]))).map_id == "us-nv-las-vegas-strip-9.15.1915"
 
 
-def test_other_folders_are_refused(tmp_path: Path, written: Path) -> None:
+def test_folders_without_logs_are_refused(tmp_path: Path, written: Path) -> None:
     (tmp_path / "scene.json").write_text("[]")
     shutil.copytree(written / "maps", tmp_path / "maps")
     with pytest.raises(SourceNotFound, match=r"no \*\.db in it"):
@@ -129,7 +131,7 @@ def test_other_folders_are_refused(tmp_path: Path, written: Path) -> None:
         shards(CONVERTER, tmp_path / "nowhere")
 
 
-def test_a_log_that_is_there_twice_is_refused(written: Path, tmp_path: Path) -> None:
+def test_duplicate_log_is_refused(written: Path, tmp_path: Path) -> None:
     copy = shutil.copytree(written, tmp_path / "copy")
     log = next((copy / "splits" / "mini").iterdir())
     (copy / "again").mkdir()
@@ -149,7 +151,7 @@ def test_a_log_that_is_there_twice_is_refused(written: Path, tmp_path: Path) -> 
         {"radius": float("inf")},
     ],
 )
-def test_options_are_checked(options: dict[str, Any]) -> None:
+def test_invalid_options_are_refused(options: dict[str, Any]) -> None:
     with pytest.raises(BadParameter):
         NuPlanOptions(**options)
 
@@ -157,8 +159,8 @@ def test_options_are_checked(options: dict[str, Any]) -> None:
 # --- the lake -------------------------------------------------------------------------------------------
 
 
-def test_a_lake_holds_the_city_once(written: Path, tmp_path: Path) -> None:
-    """A scenario comes back from the lake as it was, with its crop of the shared map."""
+def test_city_map_is_stored_once(written: Path, tmp_path: Path) -> None:
+    """A scenario loads from the lake unchanged, with its crop of the shared map."""
     report = convert("nuplan", str(written), tmp_path / "lake", split="mini")
     assert report.is_clean
     assert report.converted == 3

@@ -1,4 +1,4 @@
-"""Damaged nuPlan logs and maps: a row costs its windows, a file its shard, and the rest of a run completes."""
+"""Damaged nuPlan logs and maps: a bad row costs its windows, a bad file its shard, and the run completes."""
 
 from __future__ import annotations
 
@@ -127,8 +127,10 @@ BAD_ROWS = {
 
 @pytest.mark.parametrize("rows_at_once", [content._CHUNK, 512])
 @pytest.mark.parametrize("name", BAD_ROWS)
-def test_a_bad_row_costs_its_scene(raw: Path, name: str, rows_at_once: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whether it is among the first rows, by which the driver tells what a column holds, or not."""
+def test_bad_row_quarantines_only_its_scene(
+    raw: Path, name: str, rows_at_once: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With the bad row among the first ones, from which the driver infers column types, and further back."""
     monkeypatch.setattr(content, "_CHUNK", rows_at_once)
     statement, field, message = BAD_ROWS[name]
     with closing(sqlite3.connect(log_of(raw))) as database, database:
@@ -142,8 +144,8 @@ def test_a_bad_row_costs_its_scene(raw: Path, name: str, rows_at_once: int, monk
     assert bad.scenario_id.startswith(f"nuplan/v1.1/{DRIVE.name}@")
 
 
-def test_a_category_that_points_nowhere(raw: Path) -> None:
-    """All scenes that hold such a track are refused, others not."""
+def test_dangling_category_reference(raw: Path) -> None:
+    """All scenes that contain such a track are refused, others are not."""
     track = DRIVE.boxes.filter(DRIVE.boxes["step"] == MIDDLE)["track"][0]
     change(log_of(raw), f"UPDATE track SET category_token = {NOWHERE} WHERE token = ?", track)
     seen = set(DRIVE.boxes.filter(pl.col("track") == track)["step"] // 60)
@@ -153,7 +155,7 @@ def test_a_category_that_points_nowhere(raw: Path) -> None:
             assert track.hex() in found.reason
 
 
-def test_a_tag_that_points_nowhere(raw: Path) -> None:
+def test_dangling_tag_reference(raw: Path) -> None:
     change(log_of(raw), f"UPDATE scenario_tag SET lidar_pc_token = {NOWHERE} WHERE type = 'stopping'")
     bad, good = outcomes(raw, by="tag")
     assert isinstance(bad, InvalidScenario)
@@ -162,13 +164,13 @@ def test_a_tag_that_points_nowhere(raw: Path) -> None:
     assert isinstance(good, ScenarioDescription)
 
 
-def test_a_tag_about_no_track_of_the_window(raw: Path) -> None:
+def test_tag_of_a_track_outside_the_window(raw: Path) -> None:
     change(log_of(raw), f"UPDATE scenario_tag SET agent_track_token = {NOWHERE} WHERE agent_track_token IS NOT NULL")
     assert [scenario.objects_of_interest for scenario in scenarios(CONVERTER, raw, "mini", by="tag")] == [(), ()]
 
 
-def test_odd_words_do_no_harm(raw: Path) -> None:
-    """A tag without a type, a goal without a rotation, a route that is no text."""
+def test_incomplete_tags_goals_and_routes_are_accepted(raw: Path) -> None:
+    """A tag without a type, a goal without a rotation, a route that is not a string."""
     change(log_of(raw), "UPDATE scenario_tag SET type = NULL WHERE type = 'stopping'")
     change(log_of(raw), "UPDATE scene SET roadblock_ids = x'3437'")
     change(log_of(raw), "UPDATE ego_pose SET qw = NULL WHERE token = (SELECT goal_ego_pose_token FROM scene)")
@@ -179,8 +181,8 @@ def test_odd_words_do_no_harm(raw: Path) -> None:
     assert "goal" not in first.extras
 
 
-def test_rows_of_no_sweep_are_counted(raw: Path) -> None:
-    """Which scenario lost them, nobody can say."""
+def test_rows_without_a_sweep_are_counted(raw: Path) -> None:
+    """They cannot be assigned to a scenario."""
     assert "num_lost_rows" not in scenarios(CONVERTER, raw, "mini")[0].extras
     change(
         log_of(raw),
@@ -204,7 +206,7 @@ def rename(table: str) -> Callable[[Path], None]:
 
 
 def overwrite_middle(path: Path) -> None:
-    """Garbage over a third of the file, the header and the first tables whole."""
+    """Overwrite a third of the file with garbage; the header and the first tables stay intact."""
     data = bytearray(path.read_bytes())
     third = len(data) // 3 // 4096 * 4096
     data[third : 2 * third] = bytes(range(256)) * (third // 256)
@@ -234,7 +236,7 @@ BAD_LOGS: dict[str, tuple[Callable[[Path], None], str]] = {
 
 
 @pytest.mark.parametrize("name", BAD_LOGS)
-def test_a_bad_log_is_named(raw: Path, name: str) -> None:
+def test_bad_log_is_named(raw: Path, name: str) -> None:
     damage, message = BAD_LOGS[name]
     damage(log_of(raw))
     with pytest.raises(SourceError, match=message) as caught:
@@ -242,12 +244,12 @@ def test_a_bad_log_is_named(raw: Path, name: str) -> None:
     assert str(log_of(raw)) in str(caught.value)
 
 
-def test_the_location_names_the_map_where_the_log_does_not(raw: Path) -> None:
+def test_location_names_the_map_if_the_log_has_no_map_version(raw: Path) -> None:
     change(log_of(raw), "UPDATE log SET location = map_version, map_version = NULL")
     assert len(scenarios(CONVERTER, raw, "mini")) == 3
 
 
-def test_a_map_version_may_end_in_gpkg(raw: Path) -> None:
+def test_map_version_may_end_in_gpkg(raw: Path) -> None:
     change(log_of(raw), "UPDATE log SET map_version = map_version || '.gpkg'")
     assert len(scenarios(CONVERTER, raw, "mini")) == 3
 
@@ -285,7 +287,7 @@ BAD_MAPS: dict[str, tuple[Callable[[Path], None], str]] = {
 
 
 @pytest.mark.parametrize("name", BAD_MAPS)
-def test_a_bad_map_is_named(raw: Path, name: str) -> None:
+def test_bad_map_is_named(raw: Path, name: str) -> None:
     damage, message = BAD_MAPS[name]
     damage(map_of(raw))
     with pytest.raises(SourceError, match=message) as caught:
@@ -294,22 +296,22 @@ def test_a_bad_map_is_named(raw: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "{", "[1]", '{"us-nv-las-vegas-strip": 9}', '{"us-nv-las-vegas-strip": {}}'])
-def test_a_bad_list_of_versions_is_named(raw: Path, text: str) -> None:
+def test_bad_version_list_is_named(raw: Path, text: str) -> None:
     (raw / "maps" / "nuplan-maps-v1.0.json").write_text(text)
     with pytest.raises(CorruptSource, match=r"nuplan-maps-v1\.0\.json: expected map versions"):
         shards(CONVERTER, raw, "mini")
 
 
-def test_a_city_that_is_not_listed(raw: Path) -> None:
+def test_unlisted_city_is_refused(raw: Path) -> None:
     (raw / "maps" / "nuplan-maps-v1.0.json").write_text(json.dumps({"us-ma-boston": {"version": "9.12.1817"}}))
     with pytest.raises(SourceError, match=r"recorded at 'us-nv-las-vegas-strip'.*it lists us-ma-boston"):
         scenarios(CONVERTER, raw, "mini")
 
 
 @pytest.mark.parametrize("module", ["pyproj", "adbc_driver_sqlite"])
-def test_what_is_not_installed_is_named(raw: Path, module: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_package_is_named(raw: Path, module: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, module, None)
-    map_of(raw).touch()  # so that no map kept in memory serves
+    map_of(raw).touch()  # so that no cached map is used
     with pytest.raises(MissingDependency, match=r"scenarionet-lake\[nuplan\]"):
         scenarios(CONVERTER, raw, "mini")
 
@@ -318,7 +320,7 @@ def test_what_is_not_installed_is_named(raw: Path, module: str, monkeypatch: pyt
 
 
 def test_the_rest_of_a_run_completes(raw: Path, tmp_path: Path) -> None:
-    """One bad log, one bad row, one log of a city without a map: the lake has all else, and says what is missing."""
+    """With a bad log, a bad row and a log without a map, everything else is converted and the failures are reported."""
     logs = raw / "splits" / "mini"
     good = log_of(raw)
     change(good, "UPDATE lidar_box SET x = NULL WHERE lidar_pc_token = ?", DRIVE.lidar_tokens[MIDDLE])

@@ -1,4 +1,4 @@
-"""nuPlan's maps: every layer, the lane graph, the projection, and what GDAL reads from the same file."""
+"""nuPlan's maps: every layer, the lane graph, the projection, and a comparison with GDAL."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tests.fixtures import nuplan as fixture
 from tests.fixtures import nuplan_city as world
 from tests.fixtures import nuplan_drive as drives
 
-CONNECTORS = list(range(64001, 64012))  # for two intersections, the rest of whose connectors get ids of their own
+CONNECTORS = list(range(64001, 64012))  # for two intersections, whose other connectors get ids of their own
 ORIGIN = np.array([664_550.0, 3_999_000.0, 0.0])
 
 
@@ -83,7 +83,7 @@ def test_every_layer_has_its_features(features: MapFeatures, built: world.City) 
     assert len(set(features.ids)) == len(features)
 
 
-def test_lanes_have_all_that_the_layers_say(features: MapFeatures, built: world.City) -> None:
+def test_lanes_combine_all_layers(features: MapFeatures, built: world.City) -> None:
     lane = source_row(built, "lanes_polygons", built.lane(1, 1))
     row = row_of(features, lane["fid"])
     (path,) = (path for path in built.rows["baseline_paths"] if path.get("lane_fid") == lane["fid"])
@@ -98,20 +98,20 @@ def test_lanes_have_all_that_the_layers_say(features: MapFeatures, built: world.
     assert np.isnan(features.speed_limit[row_of(features, built.lane(1, 3))])
 
 
-def test_neighbours_are_counted_from_the_left(features: MapFeatures, built: world.City) -> None:
+def test_neighbours_are_listed_from_the_left(features: MapFeatures, built: world.City) -> None:
     left = [features.left_neighbors[row_of(features, built.lane(1, k))].tolist() for k in range(4)]
     right = [features.right_neighbors[row_of(features, built.lane(1, k))].tolist() for k in range(4)]
     lanes = [str(built.lane(1, k)) for k in range(4)]
     assert left == [[], [lanes[0]], [lanes[1]], [lanes[2]]]
     assert right == [[lanes[1]], [lanes[2]], [lanes[3]], []]
-    # Geometry agrees: the left neighbour lies to the left of the driving direction.
+    # the geometry agrees: the left neighbour is on the left of the driving direction
     here, beside = (features.polyline[row_of(features, lane)] for lane in (lanes[1], lanes[0]))
     ahead, across = here[1] - here[0], beside[0] - here[0]
     assert ahead[0] * across[1] - ahead[1] * across[0] > 0
 
 
-def test_connectors_lead_on(features: MapFeatures, built: world.City) -> None:
-    """What the source calls a connector's exit lane is where one comes from."""
+def test_connectors_link_lanes(features: MapFeatures, built: world.City) -> None:
+    """The source's exit lane of a connector is the lane it starts from."""
     incoming, outgoing = world.PAIRS[1]
     row = row_of(features, CONNECTORS[1])
     assert features.entry_lanes[row].tolist() == [str(built.lane(0, incoming))]
@@ -138,7 +138,7 @@ def test_stops_control_lanes_and_connectors(features: MapFeatures, built: world.
     stop = built.rows["stop_polygons"][0]
     row = row_of(features, f"stop-{stop['fid']}")
     lanes = [str(built.lane(0, k)) for k in range(3)]
-    # Four connectors stand in the stop's own row; three more name it in theirs.
+    # four connectors are listed in the stop's own row; three more refer to it in theirs
     assert features.controlled_lanes[row].tolist() == [*lanes, *map(str, CONNECTORS[:7])]
     assert extras_of(features, f"stop-{stop['fid']}") == {"stop_type": "traffic_light"}
     sign = built.rows["stop_polygons"][1]
@@ -149,11 +149,11 @@ def test_stops_control_lanes_and_connectors(features: MapFeatures, built: world.
     assert found.tolist() == [str(built.lane(0, k)) for k in range(4)]
 
 
-def test_areas_say_what_they_are(features: MapFeatures, built: world.City) -> None:
+def test_area_properties(features: MapFeatures, built: world.City) -> None:
     crossing = built.rows["intersections"][0]["fid"]
     assert extras_of(features, f"intersection-{crossing}") == {"intersection_type": "traffic_light"}
     assert extras_of(features, "roadblock-58001")["intersection_id"] == str(built.rows["intersections"][1]["fid"])
-    # The connectors and lanes of the road lie in the drivable area.
+    # The connectors and lanes of the road are inside the drivable area.
     kinds = (MapFeatureType.DRIVABLE_AREA, MapFeatureType.INTERSECTION, MapFeatureType.CARPARK_AREA)
     rows = np.flatnonzero(np.isin(features.feature_type, kinds))
     area = shapely.union_all([shapely.Polygon(features.polygon[row][:, :2]) for row in rows]).buffer(0.05)
@@ -173,7 +173,7 @@ def test_holes_are_counted(built: world.City, tmp_path: Path) -> None:
     assert len(features.polygon[row_of(features, f"drivable-{fid}")]) == len(ring) - 1
 
 
-def test_a_city_is_read_again_when_it_changes(built: world.City, tmp_path: Path) -> None:
+def test_changed_map_file_is_read_again(built: world.City, tmp_path: Path) -> None:
     path = fixture.write_maps(tmp_path, built)
     assert read_city(path) is read_city(path)
     first = read_city(path)
@@ -219,8 +219,8 @@ def utm(degrees: np.ndarray, zone: int) -> np.ndarray:
     return np.stack([500_000.0 + scale * x, scale * y], axis=-1)
 
 
-def test_the_projection_is_utm(path: Path, city: NuPlanCity, features: MapFeatures, built: world.City) -> None:
-    """The file's degrees, projected by the textbook series, are where the lake's features lie: to 0.1 mm."""
+def test_projection_is_utm(path: Path, city: NuPlanCity, features: MapFeatures, built: world.City) -> None:
+    """The file's degrees, projected by the textbook series, match the lake's coordinates to 0.1 mm."""
     assert city.projection == "epsg:32611"
     for row in built.rows["baseline_paths"]:
         degrees = geopackage.geometry(path, "baseline_paths", row["fid"])
@@ -232,8 +232,8 @@ def test_the_projection_is_utm(path: Path, city: NuPlanCity, features: MapFeatur
         assert np.abs(heading - wanted).max() < 1e-4  # between points 2 m apart that are exact to 0.1 mm
 
 
-def test_the_ego_drives_on_its_lane(path: Path, tmp_path: Path) -> None:
-    """Logs and maps meet: the road was built around the ego's path, so it drives on the middle of lanes."""
+def test_ego_drives_on_its_lane(path: Path, tmp_path: Path) -> None:
+    """Logs and maps are aligned: the road was built around the ego's path, so the ego drives on lane centrelines."""
     drive = drives.invented(seconds=6.0)
     raw = fixture.write_raw(tmp_path / "raw", [drive])
     (shard,) = NuPlan().shards(str(raw), "mini", "v1.1", NuPlanOptions())
@@ -245,11 +245,11 @@ def test_the_ego_drives_on_its_lane(path: Path, tmp_path: Path) -> None:
     assert shapely.distance(shapely.points(ego), lines).max() < 0.02
 
 
-# --- the outside reader ---------------------------------------------------------------------------------
+# --- comparison with GDAL -------------------------------------------------------------------------------
 
 
-def test_gdal_reads_the_same(path: Path, city: NuPlanCity, features: MapFeatures) -> None:
-    """GDAL finds every layer of the written GeoPackage valid, and the same coordinates in it."""
+def test_gdal_reads_equal_geometry(path: Path, city: NuPlanCity, features: MapFeatures) -> None:
+    """GDAL finds every layer of the written GeoPackage valid and reads the same coordinates."""
     pyogrio = pytest.importorskip("pyogrio", reason="the cross-check with GDAL needs pyogrio")
     kinds = {
         "lanes_polygons": "{}",

@@ -1,4 +1,4 @@
-"""What a nuPlan scenario says: the ego, objects, lights, tags, routes, and the windows they are cut into."""
+"""Content of a nuPlan scenario: ego, objects, lights, tags, routes, and windows."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def raw(drive: drives.Drive, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def scenario(raw: Path) -> ScenarioDescription:
-    """At 20 Hz: timestep t is sweep t of the drive."""
+    """At 20 Hz, timestep t is sweep t of the log."""
     return only(raw, rate=20)
 
 
@@ -71,7 +71,7 @@ def test_source(scenario: ScenarioDescription, drive: drives.Drive) -> None:
 @pytest.mark.parametrize(
     ("said", "date"), [("2021-06-13 23:00", "2021-06-13"), ("14.06.21", "2021-06-14"), (None, "2021-06-14")]
 )
-def test_the_date_is_iso(drive: drives.Drive, tmp_path: Path, said: str | None, date: str) -> None:
+def test_date_is_iso(drive: drives.Drive, tmp_path: Path, said: str | None, date: str) -> None:
     raw = fixture.write_raw(tmp_path / "raw", [drive])
     (log,) = raw.rglob("*.db")
     with closing(sqlite3.connect(log)) as database, database:
@@ -79,7 +79,7 @@ def test_the_date_is_iso(drive: drives.Drive, tmp_path: Path, said: str | None, 
     assert only(raw).source.date == date
 
 
-def test_times_are_the_sweeps(scenario: ScenarioDescription, raw: Path, drive: drives.Drive) -> None:
+def test_timestamps_match_the_sweeps(scenario: ScenarioDescription, raw: Path, drive: drives.Drive) -> None:
     np.testing.assert_allclose(scenario.timestamps, (drive.timestamps - drive.timestamps[0]) * 1e-6, atol=1e-12)
     assert scenario.dt == 0.05
     assert scenario.current_timestep == 40
@@ -89,7 +89,7 @@ def test_times_are_the_sweeps(scenario: ScenarioDescription, raw: Path, drive: d
     np.testing.assert_array_equal(slow.timestamps, scenario.timestamps[::2])
 
 
-def test_10_hz_is_every_second_sweep(scenario: ScenarioDescription, raw: Path) -> None:
+def test_rate_of_10_hz_uses_every_second_sweep(scenario: ScenarioDescription, raw: Path) -> None:
     slow = only(raw)
     for name in ("position", "heading", "velocity", "size", "valid"):
         kept = [scenario.tracks.index(track) for track in slow.tracks.ids]
@@ -100,7 +100,7 @@ def test_10_hz_is_every_second_sweep(scenario: ScenarioDescription, raw: Path) -
 # --- the ego --------------------------------------------------------------------------------------------
 
 
-def test_the_ego_is_the_middle_of_its_box(scenario: ScenarioDescription, drive: drives.Drive) -> None:
+def test_ego_position_is_its_box_center(scenario: ScenarioDescription, drive: drives.Drive) -> None:
     ego = scenario.ego_index
     position = scenario.tracks.position[ego].astype(float) + scenario.origin
     heading = drive.rear[:, 2]
@@ -113,8 +113,8 @@ def test_the_ego_is_the_middle_of_its_box(scenario: ScenarioDescription, drive: 
     assert scenario.tracks.valid[ego].all()
 
 
-def test_the_egos_velocity_is_global(scenario: ScenarioDescription) -> None:
-    """The log has it in the car's frame; on the winding road only the right turn of it agrees with positions."""
+def test_ego_velocity_is_global(scenario: ScenarioDescription) -> None:
+    """The log stores it in the ego frame; on a winding road only the correct rotation agrees with the positions."""
     ego = scenario.ego_index
     position = scenario.tracks.position[ego, :, :2].astype(float)
     moved = (position[2:] - position[:-2]) / (scenario.timestamps[2:] - scenario.timestamps[:-2])[:, None]
@@ -141,8 +141,8 @@ def test_all_categories_have_a_type(scenario: ScenarioDescription) -> None:
     assert not tracks.is_type_assumed.any()
 
 
-def test_boxes_are_the_logs(scenario: ScenarioDescription, drive: drives.Drive) -> None:
-    """From the raw file to the lake's rows and back: 0.1 mm, and a millionth of a radian."""
+def test_boxes_match_the_log(scenario: ScenarioDescription, drive: drives.Drive) -> None:
+    """Round trip from the raw file to the lake's rows: 0.1 mm and 1e-6 rad."""
     decoded = codec.decode(codec.encode(scenario, "1"), scenario.map)
     tracks, boxes = decoded.tracks, drive.boxes
     rows = [tracks.index(track.hex()) for track in boxes["track"]]
@@ -158,15 +158,15 @@ def test_boxes_are_the_logs(scenario: ScenarioDescription, drive: drives.Drive) 
     assert not decoded.has_z
 
 
-def test_what_stands_has_no_velocity(scenario: ScenarioDescription) -> None:
+def test_stationary_objects_have_no_velocity(scenario: ScenarioDescription) -> None:
     tracks = scenario.tracks
     is_static = np.isin(tracks.source_type.astype(str), drives.STATIC)
     np.testing.assert_array_equal(tracks.is_velocity_estimated, is_static)
     assert not tracks.velocity[is_static].any()
 
 
-def test_a_missing_velocity_is_estimated(drive: drives.Drive, tmp_path: Path) -> None:
-    """Of what moves, from positions, and flagged."""
+def test_missing_velocity_is_estimated(drive: drives.Drive, tmp_path: Path) -> None:
+    """For moving objects, from positions, and flagged."""
     vehicle = drive.boxes.filter(pl.col("category") == "vehicle")["track"][0]
     is_hidden = (pl.col("track") == vehicle) & (pl.col("step") > 30)
     hidden = drive.boxes.with_columns(
@@ -181,13 +181,13 @@ def test_a_missing_velocity_is_estimated(drive: drives.Drive, tmp_path: Path) ->
     np.testing.assert_allclose(found, truth.select("vx", "vy").to_numpy()[:-1], atol=0.05)
 
 
-def test_motion_agrees_with_itself(scenario: ScenarioDescription) -> None:
+def test_velocity_is_consistent_with_positions(scenario: ScenarioDescription) -> None:
     velocity, heading = motion_errors(scenario)
     assert velocity.max() < 0.05
     assert heading.max() < 0.01
 
 
-def test_an_unknown_category_is_kept_and_flagged(drive: drives.Drive, tmp_path: Path) -> None:
+def test_unknown_category_is_kept_and_flagged(drive: drives.Drive, tmp_path: Path) -> None:
     raw = fixture.write_raw(tmp_path / "raw", [drive])
     (log,) = raw.rglob("*.db")
     with closing(sqlite3.connect(log)) as database, database:
@@ -200,7 +200,7 @@ def test_an_unknown_category_is_kept_and_flagged(drive: drives.Drive, tmp_path: 
 # --- lights ---------------------------------------------------------------------------------------------
 
 
-def test_lights_are_the_logs(scenario: ScenarioDescription, drive: drives.Drive) -> None:
+def test_lights_match_the_log(scenario: ScenarioDescription, drive: drives.Drive) -> None:
     lights = scenario.lights
     assert lights.ids.tolist() == lights.lane_ids.tolist() == ["64001", "64002", "64003"]
     states = dict(zip(drives.STATUSES, (10, 11, 12, 13), strict=True))
@@ -211,8 +211,8 @@ def test_lights_are_the_logs(scenario: ScenarioDescription, drive: drives.Drive)
     assert set(np.unique(wanted)) == {0, 10, 11, 12, 13}
 
 
-def test_a_light_on_an_unknown_connector_is_kept_and_flagged(scenario: ScenarioDescription) -> None:
-    """Traffic stops where the connector begins; where an unknown one does, nobody says."""
+def test_light_on_an_unknown_connector_is_kept_and_flagged(scenario: ScenarioDescription) -> None:
+    """The stop point is the start of the connector; an unknown connector has none."""
     lights, features = scenario.lights, scenario.map
     assert features is not None
     assert lights.is_lane_in_map.tolist() == [True, True, False]
@@ -222,7 +222,7 @@ def test_a_light_on_an_unknown_connector_is_kept_and_flagged(scenario: ScenarioD
         np.testing.assert_allclose(lights.stop_point[row], lane[0], atol=1e-4)
 
 
-def test_a_light_of_two_states_is_unknown(drive: drives.Drive, tmp_path: Path) -> None:
+def test_light_with_two_states_is_unknown(drive: drives.Drive, tmp_path: Path) -> None:
     rows = drive.lights.filter(pl.col("connector") == 64001)
     green = rows.filter(pl.col("status") == "green")
     both = pl.concat([drive.lights, green.with_columns(pl.lit("red").alias("status"))])
@@ -246,7 +246,7 @@ def test_scenes_cover_the_log(drive: drives.Drive, tmp_path: Path) -> None:
     assert starts == drive.timestamps[[0, 50, 100]].tolist()
 
 
-def test_a_sweep_of_no_scene_is_left_out(drive: drives.Drive, tmp_path: Path) -> None:
+def test_sweep_without_a_scene_is_excluded(drive: drives.Drive, tmp_path: Path) -> None:
     raw = fixture.write_raw(tmp_path / "raw", [drive])
     (log,) = raw.rglob("*.db")
     with closing(sqlite3.connect(log)) as database, database:
@@ -286,7 +286,7 @@ def test_tag_windows_surround_their_sweep(tagged: Path, drive: drives.Drive, rat
         )
 
 
-def test_tags_are_chosen_by_type(tagged: Path, drive: drives.Drive) -> None:
+def test_tags_are_selected_by_type(tagged: Path, drive: drives.Drive) -> None:
     chosen = scenarios(CONVERTER, tagged, "mini", by="tag", tags="stopping, unprotected_left")
     assert [scenario.extras["tags"] for scenario in chosen] == [["unprotected_left"], ["stopping"]]
     track = drive.boxes["track"][0].hex()
@@ -294,7 +294,7 @@ def test_tags_are_chosen_by_type(tagged: Path, drive: drives.Drive) -> None:
     assert scenarios(CONVERTER, tagged, "mini", by="tag", tags="changing_lane") == []
 
 
-def test_the_route_and_the_goal_are_kept(scenario: ScenarioDescription, drive: drives.Drive) -> None:
+def test_route_and_goal_are_kept(scenario: ScenarioDescription, drive: drives.Drive) -> None:
     route = scenario.extras["roadblock_ids"]
     assert route == ["47000", "58000", "47001"]
     features = scenario.map
@@ -311,7 +311,7 @@ def _roadblock(extras: str | None) -> str | None:
     return json.loads(extras).get("roadblock_id") if extras else None
 
 
-def test_rows_in_any_order_are_the_same_scenario(
+def test_row_order_does_not_matter(
     raw: Path, scenario: ScenarioDescription, tmp_path: Path, drive: drives.Drive
 ) -> None:
     shuffled = replace(
@@ -326,8 +326,8 @@ def test_rows_in_any_order_are_the_same_scenario(
 # --- recorded -------------------------------------------------------------------------------------------
 
 
-def test_a_recorded_scenario(recordings: Path, tmp_path: Path) -> None:
-    """At 10 Hz its timesteps are the recorded ones: counts and values are those of the recording."""
+def test_recorded_scenario(recordings: Path, tmp_path: Path) -> None:
+    """At 10 Hz, timesteps are the recorded ones; counts and values match the recording."""
     folder = recordings / "nuplan" / "recorded" / "262a4b7a1f2c5ab6"
     scenario = only(fixture.write_raw(tmp_path / "raw", [drives.recorded(folder)]))
     boxes, tracks = pl.read_parquet(folder / "tracked_objects.parquet"), scenario.tracks

@@ -1,4 +1,4 @@
-"""The nuScenes converter as a whole: conformance, finding releases and splits, options, what is refused."""
+"""The nuScenes converter as a whole: conformance, finding releases and splits, options, refused input."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ TABLES = """attribute calibrated_sensor category ego_pose instance log sample sa
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two invented scenes of 12 s in two locations; nobody may change them."""
+    """Two generated scenes of 12 s in two locations; read-only."""
     root = tmp_path_factory.mktemp("nuscenes")
     fixture.write_invented(root, num_scenes=2, num_keyframes=25)
     return root
@@ -37,7 +37,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def raw(written: Path, tmp_path: Path) -> Path:
-    """A copy of them, to be changed."""
+    """A writable copy of them."""
     shutil.copytree(written, tmp_path / "raw")
     return tmp_path / "raw"
 
@@ -70,7 +70,7 @@ class TestLyft(ConverterConformance):
         return folder / "raw"
 
 
-# --- what is found ----------------------------------------------------------------------------------------
+# --- finding releases -------------------------------------------------------------------------------------
 
 
 def test_shards_hold_scenes_of_one_location(written: Path) -> None:
@@ -85,11 +85,11 @@ def test_shards_hold_scenes_of_one_location(written: Path) -> None:
     assert not list(CONVERTER.maps(str(written), "v1.0", NuScenesOptions(has_map=False)))
 
 
-def test_a_releases_folder_does_as_well(written: Path) -> None:
+def test_release_folder_as_raw_path(written: Path) -> None:
     assert shards(CONVERTER, written / "v1.0-mini", "mini") == shards(CONVERTER, written, "mini")
 
 
-def test_splits_are_the_owners(written: Path) -> None:
+def test_splits_are_the_official_ones(written: Path) -> None:
     names = {split: [s.source.scenario_id for s in scenarios(CONVERTER, written, split)] for split in
              ("mini_train", "mini_val")}  # fmt: skip
     assert names == {"mini_train": ["scene-0061"], "mini_val": ["scene-0103"]}
@@ -98,7 +98,7 @@ def test_splits_are_the_owners(written: Path) -> None:
 
 
 def test_numbers_of_scenes_in_splits() -> None:
-    """The owner counts 700 training and 150 validation scenes; 110 of the 960 other numbers are no scene."""
+    """The official splits have 700 training and 150 validation scenes; 110 of the other 960 numbers are unused."""
     names = [f"scene-{number:04d}" for number in range(1, 1111)]
     val = [name for name in names if is_in_split(name, "val")]
     assert not set(val) & {name for name in names if is_in_split(name, "train")}
@@ -119,7 +119,7 @@ def test_several_releases(raw: Path) -> None:
         shards(CONVERTER, raw, "mini")
 
 
-def test_the_split_is_guessed_where_a_release_tells_it(written: Path, tmp_path: Path) -> None:
+def test_split_is_guessed_from_the_release(written: Path, tmp_path: Path) -> None:
     assert guess_split(str(written)) == guess_split(str(written / "v1.0-mini")) == "mini"
     for release in ("v1.0-trainval", "v1.0-mini"):
         (tmp_path / release).mkdir()
@@ -127,7 +127,7 @@ def test_the_split_is_guessed_where_a_release_tells_it(written: Path, tmp_path: 
         guess_split(str(tmp_path))
 
 
-def test_a_foreign_folder_is_refused(tmp_path: Path) -> None:
+def test_folder_of_another_dataset_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SourceNotFound, match=r"scene\.json"):
         shards(CONVERTER, tmp_path)
     (tmp_path / "v1.0-mini").mkdir()
@@ -136,7 +136,7 @@ def test_a_foreign_folder_is_refused(tmp_path: Path) -> None:
         shards(CONVERTER, tmp_path, "mini")
 
 
-def test_lyft_is_told_by_its_location(tmp_path: Path) -> None:
+def test_lyft_is_detected_by_its_location(tmp_path: Path) -> None:
     written = fixture.write_lyft(tmp_path)
     (scenario,) = scenarios(CONVERTER, tmp_path, "train")
     assert scenario.map is None
@@ -150,7 +150,7 @@ def test_lyft_is_told_by_its_location(tmp_path: Path) -> None:
     np.testing.assert_allclose(scenario.timestamps[steps], (written.times - written.times[0]) * 1e-6, atol=1e-7)
 
 
-def test_a_location_of_ones_own_may_have_a_map(tmp_path: Path) -> None:
+def test_user_defined_location_may_have_a_map(tmp_path: Path) -> None:
     fixture.write_lyft(tmp_path)
     write_district(tmp_path / "maps" / "expansion", "Palo Alto")
     (scenario,) = scenarios(CONVERTER, tmp_path, "train")
@@ -161,7 +161,7 @@ def test_a_location_of_ones_own_may_have_a_map(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "options", [{"by": "tag"}, {"past": -1.0}, {"future": float("nan")}, {"rate": 1}, {"radius": -5.0}]
 )
-def test_options_are_checked(options: dict[str, Any]) -> None:
+def test_invalid_options_are_refused(options: dict[str, Any]) -> None:
     with pytest.raises(BadParameter):
         NuScenesOptions(**options)
 
@@ -180,7 +180,7 @@ def test_changed_tables_or_maps_change_the_shards(raw: Path) -> None:
     assert not set(keys()) & set(changed)
 
 
-# --- into a lake and out of it ----------------------------------------------------------------------------
+# --- round trip through a lake ----------------------------------------------------------------------------
 
 
 def test_scenes_and_windows_share_one_lake(written: Path, tmp_path: Path) -> None:
@@ -208,7 +208,7 @@ def test_scenes_and_windows_share_one_lake(written: Path, tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("table", TABLES)
 @pytest.mark.parametrize("how", ["missing", "empty", "truncated", "foreign", "corrupt inside"])
-def test_a_damaged_table_is_named(raw: Path, table: str, how: str) -> None:
+def test_damaged_table_is_named(raw: Path, table: str, how: str) -> None:
     path = raw / "v1.0-mini" / f"{table}.json"
     content = path.read_bytes()
     if how == "missing":
@@ -254,8 +254,8 @@ BROKEN_ROWS: dict[str, tuple[str, Change, str]] = {
 
 
 @pytest.mark.parametrize("what", BROKEN_ROWS)
-def test_a_broken_row_spoils_its_scene_alone(raw: Path, what: str) -> None:
-    """Rows at the tables' beginning are the first scene's: it is quarantined, and the other one is converted."""
+def test_bad_row_quarantines_only_its_scene(raw: Path, what: str) -> None:
+    """The first rows of each table belong to the first scene: it is quarantined, the other is converted."""
     table, change, reason = BROKEN_ROWS[what]
     edit(raw / "v1.0-mini" / f"{table}.json", change)
     reasons, converted = [], []
@@ -272,7 +272,7 @@ def test_a_broken_row_spoils_its_scene_alone(raw: Path, what: str) -> None:
 
 
 @pytest.mark.parametrize("content", ["", "[]", '{"scene-0061": 5}'])
-def test_a_damaged_list_of_predictions_is_named(raw: Path, content: str) -> None:
+def test_damaged_prediction_list_is_named(raw: Path, content: str) -> None:
     path = raw / "maps" / "prediction" / "prediction_scenes.json"
     path.parent.mkdir()
     path.write_text(content)
@@ -280,8 +280,8 @@ def test_a_damaged_list_of_predictions_is_named(raw: Path, content: str) -> None
         scenarios(CONVERTER, raw, "mini", by="window")
 
 
-def test_nothing_half_written(raw: Path, tmp_path: Path) -> None:
-    """A quarantined scene is counted, a location without its map too, and the rest is in the lake."""
+def test_damaged_scenes_are_quarantined_and_the_rest_converted(raw: Path, tmp_path: Path) -> None:
+    """A quarantined scene and a location without its map are counted; everything else is in the lake."""
     (raw / "maps" / "expansion" / "boston-seaport.json").unlink()
     lake = tmp_path / "lake"
     report = convert("nuscenes", str(raw), lake, split="mini")
@@ -315,7 +315,7 @@ def drop_node(content: dict[str, Any]) -> None:
         lambda content: content["walkway"][0].update(polygon_token="nowhere"),
     ],
 )
-def test_a_damaged_map_fails_its_location_alone(raw: Path, tmp_path: Path, change: Callable[[Any], object]) -> None:
+def test_damaged_map_fails_only_its_location(raw: Path, tmp_path: Path, change: Callable[[Any], object]) -> None:
     edit(raw / "maps" / "expansion" / "boston-seaport.json", change)
     report = convert("nuscenes", str(raw), tmp_path / "lake", split="mini")
     assert report.converted == 1

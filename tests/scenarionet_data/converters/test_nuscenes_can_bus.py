@@ -1,4 +1,4 @@
-"""The CAN bus expansion: what the ego says of itself, in its track's extras."""
+"""The CAN bus expansion: ego signals in the extras of its track."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CONVERTER = NuScenes()
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two scenes, of which the first has a CAN bus; nobody may change them."""
+    """Two scenes, the first with CAN bus data; read-only."""
     root = tmp_path_factory.mktemp("nuscenes")
     scenes = fixture.write_invented(root, num_scenes=2)
     fixture.write_can_bus(root, scenes[0])
@@ -30,7 +30,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def raw(written: Path, tmp_path: Path) -> Path:
-    """A copy of them, to be changed."""
+    """A writable copy of them."""
     return shutil.copytree(written, tmp_path / "raw")
 
 
@@ -42,7 +42,7 @@ def by_name(raw: Path, **options: object) -> dict[str, ScenarioDescription]:
     return {s.source.scenario_id: s for s in scenarios(CONVERTER, raw, "mini", **options)}
 
 
-def test_signals_are_at_the_timesteps(raw: Path) -> None:
+def test_signals_are_resampled_to_the_timesteps(raw: Path) -> None:
     scenario = by_name(raw)["scene-0061"]
     signals = said(scenario)
     assert {len(values) for values in signals.values()} == {scenario.num_timesteps}
@@ -57,19 +57,19 @@ def test_signals_are_at_the_timesteps(raw: Path) -> None:
     assert signals["pose.rotation_rate"][7] == [0.0, 0.0, 0.02]
 
 
-def test_switches_are_where_they_were_last_and_not_in_between(raw: Path) -> None:
+def test_discrete_signals_hold_their_last_value(raw: Path) -> None:
     signals = said(by_name(raw)["scene-0061"])
     assert set(signals["vehicle_monitor.left_signal"]) == {0.0, 1.0}
     assert signals["vehicle_monitor.left_signal"] == sorted(signals["vehicle_monitor.left_signal"])
     assert set(signals["vehicle_monitor.gear_position"]) == {7.0}
 
 
-def test_scenes_without_and_those_who_do_not_want_it(raw: Path) -> None:
+def test_scenes_without_can_bus_and_with_the_option_off(raw: Path) -> None:
     assert said(by_name(raw)["scene-0103"]) == {}
     assert said(by_name(raw, has_can_bus=False)["scene-0061"]) == {}
 
 
-def test_windows_have_their_part(raw: Path) -> None:
+def test_windows_have_their_part_of_the_signals(raw: Path) -> None:
     whole = said(by_name(raw)["scene-0061"])["vehicle_monitor.left_signal"]
     windows = [s for s in scenarios(CONVERTER, raw, "mini", by="window") if s.source.scenario_id == "scene-0061"]
     assert windows
@@ -78,7 +78,7 @@ def test_windows_have_their_part(raw: Path) -> None:
         assert len(part) == window.num_timesteps < len(whole)
 
 
-def test_messages_that_are_missing_are_unknown(raw: Path) -> None:
+def test_missing_messages_are_unknown(raw: Path) -> None:
     path = raw / "can_bus" / "scene-0061_vehicle_monitor.json"
     messages = json.loads(path.read_text())
     path.write_text(json.dumps(messages[:4] + messages[12:-5]))
@@ -92,7 +92,7 @@ def test_messages_that_are_missing_are_unknown(raw: Path) -> None:
 @pytest.mark.parametrize(
     "text", ["", "{", "[]", "[1]", '[{"utime": 1}]', '[{"utime": 1, "value": 0}]', '[{"utime": 1, "value": NaN}]']
 )
-def test_a_damaged_file_costs_its_scene(raw: Path, text: str) -> None:
+def test_damaged_file_quarantines_its_scene(raw: Path, text: str) -> None:
     (raw / "can_bus" / "scene-0061_steeranglefeedback.json").write_text(text)
     outcomes = []
     for shard in shards(CONVERTER, raw, "mini"):
@@ -104,7 +104,7 @@ def test_a_damaged_file_costs_its_scene(raw: Path, text: str) -> None:
     assert sorted(map(str, outcomes)) == ["('can_bus', True)", "scene-0103"]
 
 
-def test_a_can_bus_that_arrives_later_changes_its_scene_alone(raw: Path) -> None:
+def test_can_bus_added_later_changes_only_its_scene(raw: Path) -> None:
     def marks() -> dict[str, str]:
         return {item.name: item.fingerprint for shard in shards(CONVERTER, raw, "mini") for item in shard.items}
 

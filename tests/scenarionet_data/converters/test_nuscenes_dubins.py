@@ -1,4 +1,4 @@
-"""nuScenes' centrelines: points on Dubins paths against small steps along them."""
+"""nuScenes centrelines: points on Dubins paths agree with small integration steps."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def path(start: Any, shape: str, radius: float, lengths: list[float]) -> dict[st
     radius=st.floats(4.0, 1000.0),
     lengths=LENGTHS,
 )
-def test_points_lie_where_driving_leads(
+def test_points_match_integrated_path(
     start: tuple[float, float, float], shape: str, radius: float, lengths: list[float]
 ) -> None:
     points = centerlines([[path(start, shape, radius, lengths)]])[0]
@@ -65,6 +65,6 @@ def test_paths_of_a_lane_are_joined() -> None:
         {"start_pose": None},
     ],
 )
-def test_nonsense_is_refused(change: dict[str, Any]) -> None:
+def test_invalid_paths_are_refused(change: dict[str, Any]) -> None:
     with pytest.raises((KeyError, TypeError, ValueError)):
         centerlines([[path((0, 0, 0), "LSL", 10.0, [1.0, 2.0, 3.0]) | change]])

@@ -1,4 +1,4 @@
-"""nuScenes' map expansion: what a written district becomes, feature by feature."""
+"""nuScenes map expansion: conversion of every feature type of a written district."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def extras(features: MapFeatures, index: int) -> dict[str, Any]:
     return json.loads(features.extras[index]) if features.extras[index] else {}
 
 
-def test_every_record_is_there(read: tuple[District, MapBuilder, MapFeatures]) -> None:
+def test_every_record_is_converted(read: tuple[District, MapBuilder, MapFeatures]) -> None:
     district, _, features = read
     assert is_lane(features.feature_type).sum() == len(district.layers["lane"]) + len(district.layers["lane_connector"])
     for layer, kind in (("ped_crossing", "CROSSWALK"), ("stop_line", "STOP_LINE"), ("carpark_area", "CARPARK_AREA"),
@@ -58,7 +58,7 @@ def test_every_record_is_there(read: tuple[District, MapBuilder, MapFeatures]) -
     assert not read[1].build(np.zeros(3), has_z=False).polyline.values[:, 2].any()
 
 
-def test_lanes_lie_between_their_sides_and_meet(read: tuple[District, MapBuilder, MapFeatures]) -> None:
+def test_lanes_are_between_their_sides_and_connect(read: tuple[District, MapBuilder, MapFeatures]) -> None:
     district, _, features = read
     rows = {name: k for k, name in enumerate(features.ids)}
     for record in district.layers["lane"]:
@@ -76,7 +76,7 @@ def test_lanes_lie_between_their_sides_and_meet(read: tuple[District, MapBuilder
     assert beyond == {token("beyond the map", shape) for shape in ("LRL", "RLR")}
 
 
-def test_links_that_one_lane_states_are_completed(read: tuple[District, MapBuilder, MapFeatures]) -> None:
+def test_one_sided_links_are_completed(read: tuple[District, MapBuilder, MapFeatures]) -> None:
     district, _, features = read
     connector = district.layers["lane_connector"]
     lefts = [c["token"] for c in connector if c["polygon_token"] is None]
@@ -87,7 +87,7 @@ def test_links_that_one_lane_states_are_completed(read: tuple[District, MapBuild
         assert name in features.entry_lanes[features.ids.tolist().index(goal)]
 
 
-def test_lanes_know_their_dividers_and_neighbors(read: tuple[District, MapBuilder, MapFeatures]) -> None:
+def test_lanes_reference_their_dividers_and_neighbors(read: tuple[District, MapBuilder, MapFeatures]) -> None:
     _, _, features = read
     inner, outer = row(features, "lane", 0, "in", 0), row(features, "lane", 0, "in", 1)
     middle, road = token(PLACE, "lane_divider", 0, 1), token(PLACE, "road_divider", 0)
@@ -97,10 +97,10 @@ def test_lanes_know_their_dividers_and_neighbors(read: tuple[District, MapBuilde
     assert not len(features.right_boundaries[outer])
     assert features.right_neighbors[inner].tolist() == [features.ids[outer]]
     assert features.left_neighbors[outer].tolist() == [features.ids[inner]]
-    assert not len(features.left_neighbors[inner])  # beyond the road divider they drive the other way
+    assert not len(features.left_neighbors[inner])  # oncoming traffic beyond the road divider
 
 
-def test_dividers_are_cut_where_their_type_changes(read: tuple[District, MapBuilder, MapFeatures]) -> None:
+def test_dividers_are_split_where_their_type_changes(read: tuple[District, MapBuilder, MapFeatures]) -> None:
     _, _, features = read
     stations = [HALF, 40.0, 70.0, 95.0, REACH]
     found = []
@@ -115,7 +115,7 @@ def test_dividers_are_cut_where_their_type_changes(read: tuple[District, MapBuil
 
 
 def test_divider_types(read: tuple[District, MapBuilder, MapFeatures]) -> None:
-    """Exact types say all; the others keep the map's word; a type nobody states is assumed."""
+    """Exact types state everything; others keep the map's word in the extras; an unstated type is assumed."""
     _, _, features = read
     lines = [(MapFeatureType(t).name, extras(features, k)) for k, t in enumerate(features.feature_type) if 16 <= t < 32]
     found = Counter((name, word.get("segment_type", "assumed" if word else "")) for name, word in lines)
@@ -132,7 +132,7 @@ def test_divider_types(read: tuple[District, MapBuilder, MapFeatures]) -> None:
     }
 
 
-def test_stop_lines_hold_back_the_lanes_that_obey_them(read: tuple[District, MapBuilder, MapFeatures]) -> None:
+def test_stop_lines_hold_the_lanes_they_control(read: tuple[District, MapBuilder, MapFeatures]) -> None:
     district, _, features = read
     incoming = {n: [r["token"] for r in district.layers["lane"] if r["token"] in
                     {token(PLACE, "lane", n, "in", k) for k in range(2)}] for n in range(4)}  # fmt: skip
@@ -143,7 +143,7 @@ def test_stop_lines_hold_back_the_lanes_that_obey_them(read: tuple[District, Map
         controlled = set(features.controlled_lanes[k])
         if number < 3:
             assert controlled == set(incoming[number])
-        else:  # names no road block: whatever it lies across
+        else:  # names no road block; matched by geometry
             assert controlled == {*incoming[3], token(PLACE, "lane", 3, "out", 0)}
     assert kinds == {0: "TRAFFIC_LIGHT", 1: "STOP_SIGN", 2: "PED_CROSSING", 3: "YIELD"}
     assert extras(features, row(features, "stop_line", 2))["ped_crossing_tokens"] == [token(PLACE, "ped_crossing", 2)]
@@ -155,7 +155,7 @@ def test_stop_lines_hold_back_the_lanes_that_obey_them(read: tuple[District, Map
     assert len(features.controlled_lanes[turn]) == 4
 
 
-def test_traffic_lights_hang_where_the_map_says(read: tuple[District, MapBuilder, MapFeatures]) -> None:
+def test_traffic_lights_are_at_their_map_positions(read: tuple[District, MapBuilder, MapFeatures]) -> None:
     district, _, features = read
     for number, record in enumerate(district.layers["traffic_light"]):
         k = row(features, "traffic_light", number)
@@ -177,7 +177,7 @@ def test_intersections(read: tuple[District, MapBuilder, MapFeatures]) -> None:
 
 
 def test_areas_keep_their_holes(read: tuple[District, MapBuilder, MapFeatures]) -> None:
-    """The road along x has an island: its parts leave it out, touch nowhere else, and none is too large."""
+    """The road along x has an island: its parts exclude it, do not overlap, and are limited in size."""
     _, _, features = read
     parts = [shapely.Polygon(features.polygon[k][:, :2]) for k in of_type(features, "DRIVABLE_AREA")]
     assert sum(part.area for part in parts) == pytest.approx(240 * 14 - 4 * 0.6 + 2 * 7 * 113, abs=0.1)
@@ -189,7 +189,7 @@ def test_areas_keep_their_holes(read: tuple[District, MapBuilder, MapFeatures]) 
 
 
 def test_road_edges_have_the_road_on_their_left(read: tuple[District, MapBuilder, MapFeatures]) -> None:
-    """Around the outline of all areas together, and around the island; not where two areas touch."""
+    """Around the union of all areas and around the island, not between adjacent areas."""
     _, _, features = read
     areas = shapely.union_all([shapely.Polygon(features.polygon[k][:, :2]) for k in of_type(features, "DRIVABLE_AREA")])
     edges = [features.polyline[k][:, :2].astype(float) for k in of_type(features, "ROAD_EDGE_BOUNDARY")]
@@ -202,7 +202,7 @@ def test_road_edges_have_the_road_on_their_left(read: tuple[District, MapBuilder
 
 
 def star(radii: list[float], center: tuple[float, float], turn: float = 0.0) -> np.ndarray:
-    """A polygon without crossings: one corner in each direction."""
+    """A star-shaped polygon with one corner in each direction."""
     angle = np.linspace(0.0, 2 * np.pi, len(radii), endpoint=False) + turn
     return np.array(center) + np.array(radii)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
@@ -213,7 +213,7 @@ def star(radii: list[float], center: tuple[float, float], turn: float = 0.0) -> 
     turn=st.floats(0, 6),
     cell=st.floats(20.0, 700.0),
 )
-def test_parts_make_up_the_polygon(outer: list[float], holes: list[list[float]], turn: float, cell: float) -> None:
+def test_parts_cover_the_polygon(outer: list[float], holes: list[list[float]], turn: float, cell: float) -> None:
     exterior = star(outer, (600.0, 1200.0), turn)
     inside = [star(hole, (580.0 + 20.0 * k, 1200.0), turn * k) for k, hole in enumerate(holes)]
     area = shapely.Polygon(exterior, inside)
@@ -224,14 +224,14 @@ def test_parts_make_up_the_polygon(outer: list[float], holes: list[list[float]],
     assert all(np.ptp(shapely.get_coordinates(part), axis=0).max() <= cell + 1e-9 for part in parts)
 
 
-def test_a_crossed_outline_is_no_reason_to_fail() -> None:
+def test_self_intersecting_outline_is_accepted() -> None:
     bow = np.array([[0.0, 0.0], [10.0, 10.0], [10.0, 0.0], [0.0, 10.0]])
     assert len(outlines(bow, [])) == 1
     assert sum(shapely.Polygon(part).area for part in outlines(bow * 30.0, [])) == pytest.approx(50.0 * 900)
     assert len(road_edges([(bow, [])])) == 2
 
 
-def test_a_scenarios_map_is_the_crop_around_its_path(tmp_path: Path) -> None:
+def test_scenario_map_is_the_crop_around_its_path(tmp_path: Path) -> None:
     (scene,) = fixture.write_invented(tmp_path, num_scenes=1, num_keyframes=11)
     whole = read_map(tmp_path / "maps" / "expansion" / f"{PLACE}.json")
     converter = NuScenes()

@@ -1,4 +1,4 @@
-"""The ten real v1.0-mini scenes, out of tables rebuilt from ScenarioNet's pickles, against those pickles."""
+"""The ten v1.0-mini scenes, converted from tables rebuilt from ScenarioNet's pickles, against those pickles."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Pair = tuple[dict[str, Any], ScenarioDescription]
 
 @pytest.fixture(scope="module")
 def pairs(recordings: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Pair]:
-    """Each pickle with the scenario that the converter makes of its tables."""
+    """Each pickle with the scenario converted from its tables."""
     root = tmp_path_factory.mktemp("nuscenes")
     pickles = read_pickles(recordings)
     write_recorded(root, pickles)
@@ -49,8 +49,8 @@ def test_scenes_validate_and_are_linked(pairs: list[Pair]) -> None:
         assert one_way_links(scenario) == []
 
 
-def test_objects_are_the_pickles(pairs: list[Pair]) -> None:
-    """Everything at every step, interpolated ones too; only velocities are estimated in another way."""
+def test_objects_match_the_pickle(pairs: list[Pair]) -> None:
+    """Every state at every step, including interpolated ones; only velocities are estimated differently."""
     for pickled, scenario in pairs:
         tracks = scenario.tracks
         for token, track in pickled["tracks"].items():
@@ -70,8 +70,8 @@ def test_objects_are_the_pickles(pairs: list[Pair]) -> None:
             assert ObjectType(tracks.object_type[k]).name == track["type"]
 
 
-def test_the_ego_is_ahead_of_where_the_pickle_has_it(pairs: list[Pair]) -> None:
-    """ScenarioNet takes the rear axle for the box's centre, and swaps length and width."""
+def test_ego_is_ahead_of_its_position_in_the_pickle(pairs: list[Pair]) -> None:
+    """ScenarioNet uses the rear axle as the centre of the box, and swaps length and width."""
     for pickled, scenario in pairs:
         tracks, k, ego = scenario.tracks, scenario.ego_index, pickled["tracks"]["ego"]
         heading = state(ego, "heading")
@@ -91,8 +91,8 @@ def test_motion_is_within_budget(pairs: list[Pair]) -> None:
     assert np.quantile(heading, 0.99) < CONVERTER.budgets.heading_p99 / 2
 
 
-def test_lanes_and_dividers_are_the_pickles(pairs: list[Pair]) -> None:
-    """Centrelines come back through arcs; dividers and outlines point by point."""
+def test_lanes_and_dividers_match_the_pickle(pairs: list[Pair]) -> None:
+    """Centrelines are rebuilt through arcs; dividers and outlines match point by point."""
     for pickled, scenario in pairs:
         features, source = scenario.map, pickled["map_features"]
         assert features is not None
@@ -109,8 +109,8 @@ def test_lanes_and_dividers_are_the_pickles(pairs: list[Pair]) -> None:
                 assert np.abs(polygon - outline[: len(polygon)]).max() < 1e-3
 
 
-def test_real_lanes_have_dividers_beside_them(pairs: list[Pair]) -> None:
-    """In the real maps every node of a divider is a corner of some lane."""
+def test_recorded_lanes_have_dividers_beside_them(pairs: list[Pair]) -> None:
+    """In the recorded maps every node of a divider is a corner of some lane."""
     for _, scenario in pairs:
         features = scenario.map
         assert features is not None

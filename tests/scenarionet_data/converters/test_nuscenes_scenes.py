@@ -1,4 +1,4 @@
-"""nuScenes' scenes and windows: what is between keyframes, the ego, types, targets."""
+"""nuScenes scenes and windows: interpolation between keyframes, the ego, types, targets."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_every_keyframe_is_a_timestep(recorded: Recorded) -> None:
 
 
 @pytest.mark.parametrize(("rate", "parts"), [(2, 1), (4, 2), (10, 5), (20, 10)])
-def test_the_rate_is_an_option(recorded: Recorded, rate: int, parts: int) -> None:
+def test_rate_option(recorded: Recorded, rate: int, parts: int) -> None:
     root, _, whole = recorded
     (scenario,) = scenarios(CONVERTER, root, "mini", rate=rate)
     assert scenario.num_timesteps == 40 * parts + 1
@@ -61,7 +61,7 @@ def test_the_rate_is_an_option(recorded: Recorded, rate: int, parts: int) -> Non
     assert np.array_equal(scenario.tracks.position[:, ::parts], whole.tracks.position[:, ::5])
 
 
-def test_what_is_annotated_is_kept(recorded: Recorded) -> None:
+def test_annotated_values_are_kept(recorded: Recorded) -> None:
     _, scene, scenario = recorded
     tracks = scenario.tracks
     assert len(tracks) == len(scene.things) + 1
@@ -78,7 +78,7 @@ def test_what_is_annotated_is_kept(recorded: Recorded) -> None:
         assert (json.loads(tracks.extras[row]) if tracks.extras[row] else None) == (counts and {"attributes": counts})
 
 
-def test_between_keyframes_things_go_straight_and_turn_the_short_way(recorded: Recorded) -> None:
+def test_interpolation_is_linear_with_shortest_rotation(recorded: Recorded) -> None:
     _, scene, scenario = recorded
     tracks, thing = (
         scenario.tracks,
@@ -94,7 +94,7 @@ def test_between_keyframes_things_go_straight_and_turn_the_short_way(recorded: R
             assert turned(tracks.heading[row, step] - wanted[3]) < 2e-6
 
 
-def test_gaps_stay_gaps(recorded: Recorded) -> None:
+def test_gaps_are_kept(recorded: Recorded) -> None:
     _, scene, scenario = recorded
     tracks = scenario.tracks
     spans = {"gap": [(0, 95), (110, 200)], "late": [(15, 190)], "once": [(100, 100)]}
@@ -106,8 +106,8 @@ def test_gaps_stay_gaps(recorded: Recorded) -> None:
     assert not tracks.velocity[once].any()
 
 
-def test_a_missing_keyframe_is_not_bridged() -> None:
-    """The sample itself is missing: a second between keyframes, whose steps stay empty."""
+def test_missing_keyframe_is_not_interpolated() -> None:
+    """A missing sample leaves a second between keyframes; the steps in between stay invalid."""
     times = np.array([0.0, 0.5, 1.5, 2.0]) * 1e6
     steps = make_steps(times, nominal_period(times), 10)
     boxes = np.zeros((1, 4, 7))
@@ -120,7 +120,7 @@ def test_a_missing_keyframe_is_not_bridged() -> None:
     np.testing.assert_allclose(np.diff(steps.times), 1e5)
 
 
-def test_a_scene_of_one_keyframe(tmp_path: Path) -> None:
+def test_scene_with_one_keyframe(tmp_path: Path) -> None:
     scene = fixture.invented_scene("scene-0061", "Nowhere", num_keyframes=1)
     scene.things = [thing for thing in scene.things if thing.seen.any()]
     fixture.write_release(tmp_path, [scene])
@@ -130,7 +130,7 @@ def test_a_scene_of_one_keyframe(tmp_path: Path) -> None:
     assert scenario.tracks.valid.all()
 
 
-def test_poses_are_interpolated_but_not_over_long_gaps() -> None:
+def test_poses_are_interpolated_except_over_long_gaps() -> None:
     pose_times = np.array([0.0, 5e4, 10e4, 200e4, 205e4])
     poses = np.column_stack([pose_times / 1e4, np.zeros((5, 2)), [3.1, -3.1, -3.0, 0.0, 0.0]])
     times = np.array([-1e4, 0.0, 2.5e4, 10e4, 100e4, 200e4, 230e4])
@@ -143,7 +143,7 @@ def test_poses_are_interpolated_but_not_over_long_gaps() -> None:
 # --- objects ----------------------------------------------------------------------------------------------
 
 
-def test_the_egos_box_is_ahead_of_its_axle(recorded: Recorded) -> None:
+def test_ego_box_is_ahead_of_its_axle(recorded: Recorded) -> None:
     _, scene, scenario = recorded
     tracks, row = scenario.tracks, scenario.ego_index
     pose = scene.ego(scene.times[0] + scenario.timestamps * 1e6)
@@ -177,7 +177,7 @@ def test_all_categories_have_a_type(recorded: Recorded) -> None:
     assert tracks.is_velocity_estimated.all()
 
 
-def test_an_unknown_category_is_kept_and_flagged(tmp_path: Path) -> None:
+def test_unknown_category_is_kept_and_flagged(tmp_path: Path) -> None:
     scene = fixture.invented_scene("scene-0061", "Nowhere", num_keyframes=9)
     scene.things[0].category = "vehicle.hovercraft"
     fixture.write_release(tmp_path, [scene])
@@ -188,8 +188,8 @@ def test_an_unknown_category_is_kept_and_flagged(tmp_path: Path) -> None:
     assert np.flatnonzero(tracks.is_type_assumed).tolist() == [row]
 
 
-def test_a_scene_without_annotations(tmp_path: Path) -> None:
-    """v1.0-test comes without annotations: only the ego is known."""
+def test_scene_without_annotations(tmp_path: Path) -> None:
+    """v1.0-test has no annotations; the scenario contains only the ego."""
     scene = fixture.invented_scene("scene-0077", "Nowhere", num_keyframes=9)
     scene.things = []
     fixture.write_release(tmp_path, [scene], release="v1.0-test")
@@ -198,7 +198,7 @@ def test_a_scene_without_annotations(tmp_path: Path) -> None:
     scenario.validate()
 
 
-def test_where_a_scene_comes_from(recorded: Recorded) -> None:
+def test_source_metadata(recorded: Recorded) -> None:
     _, scene, scenario = recorded
     assert scenario.id == "nuscenes/v1.0/scene-0061"
     source = scenario.source
@@ -228,7 +228,7 @@ def test_windows_of_the_challenge(recorded: Recorded, tmp_path: Path) -> None:
         {cars["gap"]: 0, cars["circling"]: 0},
         {cars["circling"]: 0},
     ]
-    # Windows end with the scene.
+    # windows end with the scene
     assert [(s.current_timestep, s.num_timesteps) for s in found] == [(15, 76), (20, 81), (20, 71), (20, 31)]
     for scenario in found:
         scenario.validate()
@@ -239,7 +239,7 @@ def test_windows_of_the_challenge(recorded: Recorded, tmp_path: Path) -> None:
         assert f"{scenario.tracks_to_predict[0][0]}_{current}" in entries
 
 
-def test_a_prediction_of_an_unknown_keyframe_is_quarantined(recorded: Recorded, tmp_path: Path) -> None:
+def test_prediction_of_an_unknown_keyframe_is_quarantined(recorded: Recorded, tmp_path: Path) -> None:
     root, _, _ = recorded
     _linked(root, tmp_path / "dataroot")
     path = tmp_path / "dataroot" / "maps" / "prediction" / "prediction_scenes.json"

@@ -1,4 +1,4 @@
-"""Seeds to scenarios: the conformance suite, ranges, options, and what 1,000 default scenarios look like."""
+"""Scenarios from seeds: conformance, ranges, options, and statistics of 1,000 default scenarios."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ def test_shards_are_aligned_blocks():
     assert names[2][1] == ["128", "129"]
 
 
-def test_a_full_block_is_the_same_work_in_any_range():
+def test_full_block_has_the_same_key_in_any_range():
     assert shards("128")[0].key("1") == shards("0:64")[0].key("1")
     assert shards("128")[0].key("1") != shards("128", density=3.0)[0].key("1")
 
 
-def test_a_seed_does_not_depend_on_its_shard():
+def test_seed_does_not_depend_on_its_shard():
     converter = Procedural()
     alone = converter.scenario(shards("7:8")[0], 7)
     among = converter.scenario(shards("0:64")[0], 7)
@@ -55,12 +55,12 @@ def test_a_seed_does_not_depend_on_its_shard():
 
 
 @pytest.mark.parametrize("raw", ["", "data/pg", "5:5", "9:3", "-3", "1:2:3", "99999999999"])
-def test_what_is_not_a_range_is_refused(raw):
+def test_invalid_ranges_are_refused(raw):
     with pytest.raises(SourceNotFound, match="seeds"):
         parse_seeds(raw)
 
 
-def test_bad_options_are_refused_before_any_work():
+def test_invalid_options_are_refused_before_generation():
     with pytest.raises(BadParameter, match="density"):
         shards("3", density=-1.0)
 
@@ -93,10 +93,10 @@ PAPER = np.array([226.07, 9.81, 0.36, 0.39])
 
 
 @pytest.mark.long
-def test_figures_are_near_the_papers():
+def test_statistics_are_close_to_the_paper():
     np.testing.assert_allclose(figures(128), PAPER, rtol=0.35)
 
 
 @pytest.mark.long
-def test_a_thousand_scenarios_meet_the_papers_row():
+def test_statistics_of_a_thousand_scenarios_match_the_paper():
     np.testing.assert_allclose(figures(1000), PAPER, rtol=0.15)

@@ -1,4 +1,4 @@
-"""Pickles of every vintage become the same scenario; damaged ones are named."""
+"""Pickles of every format generation convert to the same scenario; errors name damaged ones."""
 
 from __future__ import annotations
 
@@ -72,15 +72,15 @@ def convert(description: made.Description, folder: Path) -> ScenarioDescription:
     return scenario
 
 
-# --- what was driven is the same in every vintage -----------------------------------------------------
+# --- equal drives in every format generation ----------------------------------------------------------
 
 
 @pytest.mark.parametrize("vintage", VINTAGES)
-def test_vintages_agree_on_the_drive(vintage: str, tmp_path: Path) -> None:
+def test_format_generations_agree_on_the_drive(vintage: str, tmp_path: Path) -> None:
     truth = convert(made.waymo("x"), tmp_path / "truth")
     scenario = convert(VINTAGES[vintage]("x"), tmp_path / "vintage")
     axes = 2 if vintage in FLAT else 3
-    # A nuScenes ego stands on the ground; nuPlan's source frame is lost with the ego's first position.
+    # A nuScenes ego is at ground height; nuPlan's source frame is lost with the ego's first position.
     first = made.ORIGIN[:axes] if vintage == "nuplan" else 0
     ours, theirs = (s.origin + s.tracks.position.astype(np.float64) for s in (scenario, truth))
     others = slice(1, None)
@@ -97,7 +97,7 @@ def test_vintages_agree_on_the_drive(vintage: str, tmp_path: Path) -> None:
     assert scenario.has_z == (vintage not in FLAT)
 
 
-def test_moved_by_metadrive_comes_back(tmp_path: Path) -> None:
+def test_metadrive_translation_is_undone(tmp_path: Path) -> None:
     still = convert(made.waymo("x"), tmp_path / "still")
     moved = convert(made.centralised(made.waymo("x")), tmp_path / "moved")
     assert moved.origin.tolist() == still.origin.tolist()
@@ -105,10 +105,10 @@ def test_moved_by_metadrive_comes_back(tmp_path: Path) -> None:
     assert moved.lights.stop_point == pytest.approx(still.lights.stop_point, abs=2e-3)
 
 
-# --- what each vintage says beyond that ---------------------------------------------------------------
+# --- values specific to a format generation -----------------------------------------------------------
 
 
-def test_names_of_the_pickle_are_kept(tmp_path: Path) -> None:
+def test_names_in_the_pickle_are_kept(tmp_path: Path) -> None:
     scenario = convert(made.nuplan("d1"), tmp_path)
     assert scenario.id == "scenarionet/v1/nuplan_d1"
     assert (scenario.dataset, scenario.version, scenario.split) == ("scenarionet", "v1", "train")
@@ -120,7 +120,7 @@ def test_names_of_the_pickle_are_kept(tmp_path: Path) -> None:
     assert (source.log, source.licence) == ("2021.06.14.13.27.42_veh-35_00001", "CC BY-NC-SA 4.0")
 
 
-def test_what_is_not_stored_is_counted(tmp_path: Path) -> None:
+def test_omitted_values_are_counted(tmp_path: Path) -> None:
     assert convert(made.metadrive(3), tmp_path / "pg").extras["unstored"] == {
         "states": {"action": 2, "steering": 2},
         "metadata": ["agent_to_object"],
@@ -131,7 +131,7 @@ def test_what_is_not_stored_is_counted(tmp_path: Path) -> None:
     }
 
 
-def test_assumed_and_estimated_values_are_marked(tmp_path: Path) -> None:
+def test_assumed_and_estimated_values_are_flagged(tmp_path: Path) -> None:
     tracks = {name: convert(VINTAGES[name]("x"), tmp_path / name).tracks for name in VINTAGES}
     assert tracks["metadrive"].is_size_assumed.tolist() == [False] * 4 + [True] * 2
     assert tracks["metadrive"].size[4, 0] == pytest.approx([0.4, 0.4, 0.8])
@@ -142,7 +142,7 @@ def test_assumed_and_estimated_values_are_marked(tmp_path: Path) -> None:
     assert tracks["waymo"].source_type.tolist() == [None] * 6
 
 
-def test_invented_speed_limits_are_dropped(tmp_path: Path) -> None:
+def test_default_speed_limits_are_dropped(tmp_path: Path) -> None:
     limits = {
         "waymo": [40.2336 / 3.6] * 3 + [np.nan] * 6,
         "nuscenes": [np.nan] * 4,
@@ -171,7 +171,7 @@ def test_waymo_map(tmp_path: Path) -> None:
     assert features.feature_type[row["31"]] == MapFeatureType.CROSSWALK
 
 
-def test_nuscenes_lane_headings_are_no_heights(tmp_path: Path) -> None:
+def test_nuscenes_lane_headings_are_not_read_as_heights(tmp_path: Path) -> None:
     scenario = convert(made.nuscenes("x"), tmp_path)
     assert scenario.has_z
     heights = scenario.origin[2] + scenario.map.polyline.values[:, 2]
@@ -184,7 +184,7 @@ def test_argoverse_widths_of_zero_are_unknown(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("width", "found"), [(None, []), (0, []), ([1.5, 2.0], [[1.5, 2.0]]), ([], [])])
-def test_widths_of_other_forms(width: object, found: list[object], tmp_path: Path) -> None:
+def test_widths_in_other_layouts(width: object, found: list[object], tmp_path: Path) -> None:
     description = made.argoverse2("x")
     for feature in description["map_features"].values():
         feature["width"] = width
@@ -231,7 +231,7 @@ def test_unknown_track_type_is_other(tmp_path: Path) -> None:
     assert tracks.source_type[4] == "hover.craft"
 
 
-# --- what is refused ----------------------------------------------------------------------------------
+# --- invalid input ------------------------------------------------------------------------------------
 
 
 DAMAGES = {
@@ -248,7 +248,7 @@ DAMAGES = {
 
 
 @pytest.mark.parametrize("field", DAMAGES)
-def test_a_damaged_description_is_named(field: str, tmp_path: Path) -> None:
+def test_damaged_description_is_named(field: str, tmp_path: Path) -> None:
     description = made.waymo("x")
     DAMAGES[field](description)
     with pytest.raises(InvalidScenario) as error:
@@ -257,7 +257,7 @@ def test_a_damaged_description_is_named(field: str, tmp_path: Path) -> None:
     assert error.value.scenario_id == "sd_made.pkl"
 
 
-def test_no_tracks_and_no_dictionary(tmp_path: Path) -> None:
+def test_empty_tracks_and_non_dictionaries_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InvalidScenario, match="expected at least the ego"):
         convert(made.waymo("x") | {"tracks": {}}, tmp_path / "empty")
     with pytest.raises(InvalidScenario, match="expected a dictionary, found list"):
@@ -272,7 +272,7 @@ def test_lights_of_wrong_length_are_refused(tmp_path: Path) -> None:
 
 
 def test_subclassed_dictionaries_are_read(tmp_path: Path) -> None:
-    """MetaDrive's class, pickled as it is: only its name stands in the pickle, its code is not needed."""
+    """MetaDrive's subclass is referenced by name only; its code is not needed."""
     plain = pickle.dumps(made.waymo("x"), 2)
     name = b"cmetadrive.scenario.scenario_description\nScenarioDescription\n)\x81"
     path = tmp_path / "a" / "sd_made.pkl"

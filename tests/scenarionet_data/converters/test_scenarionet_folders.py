@@ -1,4 +1,4 @@
-"""Which pickles of a folder are read: nested folders, file names, mappings."""
+"""Finding pickles of a database: nested folders, file names, mappings."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_nested_folders_and_file_names(tmp_path: Path) -> None:
     assert list_items(raw / "nu" / "0.pkl") == {"0.pkl"}
 
 
-def test_a_mapping_is_followed_and_decides(tmp_path: Path) -> None:
+def test_mapping_determines_the_files(tmp_path: Path) -> None:
     made.write_vintages(tmp_path)
     virtual = tmp_path / "chosen"
     made.write_pickle({"sd_waymo_v1.2_a2.pkl": "../waymo_0", "1.pkl": "../nu"}, virtual / "dataset_mapping.pkl")
@@ -50,7 +50,7 @@ def test_a_mapping_is_followed_and_decides(tmp_path: Path) -> None:
     }
 
 
-def test_wrong_folders_say_what_to_do(tmp_path: Path) -> None:
+def test_wrong_folder_error_names_remedy(tmp_path: Path) -> None:
     with pytest.raises(SourceNotFound, match="give the folder with ScenarioNet pickles"):
         list_items(tmp_path / "nowhere")
     made.write_pickle({}, tmp_path / "other" / "notes.pkl")
@@ -64,7 +64,7 @@ def test_wrong_folders_say_what_to_do(tmp_path: Path) -> None:
         list_items(tmp_path / "virtual")
 
 
-def test_a_moved_folder_gives_the_same_shards(tmp_path: Path) -> None:
+def test_moved_folder_gives_equal_shards(tmp_path: Path) -> None:
     made.write_vintages(tmp_path / "first")
     shutil.copytree(tmp_path / "first", tmp_path / "second")
     keys = [
@@ -73,5 +73,5 @@ def test_a_moved_folder_gives_the_same_shards(tmp_path: Path) -> None:
     assert keys[0] == keys[1]
 
 
-def test_the_registry_knows_it() -> None:
+def test_converter_is_registered() -> None:
     assert isinstance(converters.get("scenarionet"), ScenarioNetPickles)

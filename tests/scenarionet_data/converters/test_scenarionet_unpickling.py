@@ -1,4 +1,4 @@
-"""Pickles of every protocol are read; those that run code, or that numpy would trust too far, are refused."""
+"""Pickles of every protocol are read; those that run code or forge NumPy arrays are refused."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Malicious:
 
 
 @pytest.mark.parametrize("protocol", range(6))
-def test_a_pickle_that_runs_code_is_refused(protocol: int, tmp_path: Path) -> None:
+def test_pickle_that_runs_code_is_refused(protocol: int, tmp_path: Path) -> None:
     marker = tmp_path / "ran"
     description = made.waymo("x")
     description["metadata"]["source_file"] = Malicious(marker)
@@ -36,7 +36,7 @@ def test_a_pickle_that_runs_code_is_refused(protocol: int, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("name", ["builtins eval", "builtins getattr", "numpy load", "numpy.core.multiarray fromfile"])
-def test_functions_of_allowed_modules_are_refused(name: str, tmp_path: Path) -> None:
+def test_other_functions_of_allowed_modules_are_refused(name: str, tmp_path: Path) -> None:
     module, _, function = name.partition(" ")
     path = tmp_path / "sd_evil.pkl"
     path.write_bytes(b"c" + module.encode() + b"\n" + function.encode() + b"\n(S'1'\ntR.")
@@ -45,7 +45,7 @@ def test_functions_of_allowed_modules_are_refused(name: str, tmp_path: Path) -> 
 
 
 class Forged:
-    """A call of numpy's own, with arguments that numpy would trust."""
+    """A call of a NumPy constructor with inconsistent arguments that NumPy does not check."""
 
     def __init__(self, *call: object) -> None:
         self.call = call
@@ -86,7 +86,7 @@ def test_names_of_numpy_1_and_2_are_read(protocol: int, core: str, tmp_path: Pat
     value = {"a": np.arange(6.0).reshape(2, 3), "b": np.float32(1.5), "c": np.array(["x", None], dtype=object)}
     data = pickle.dumps(value, protocol)
     current = f"{np.zeros(0).__reduce__()[0].__module__.rpartition('.')[0]}".encode()
-    if protocol >= 4:  # names carry their length
+    if protocol >= 4:  # names are prefixed with their length
         for module in (b".multiarray", b".numeric"):
             old, new = current + module, core.encode() + module
             data = data.replace(bytes([len(old)]) + old, bytes([len(new)]) + new)

@@ -1,4 +1,4 @@
-"""The Waymo converter as a whole: conformance on written and recorded data, meaning of every part."""
+"""The Waymo converter as a whole: conformance on written and recorded data, and every part of a scenario."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class TestRecorded(ConverterConformance):
 
 
 def convert(tmp_path: Path, *payloads: bytes) -> list[ScenarioDescription]:
-    """The scenarios of a file of these messages."""
+    """Convert a file of the given messages."""
     write_tfrecord(tmp_path / NAME, payloads)
     return scenarios(CONVERTER, tmp_path)
 
@@ -66,7 +66,7 @@ def convert(tmp_path: Path, *payloads: bytes) -> list[ScenarioDescription]:
 # --- shards --------------------------------------------------------------------------------------------
 
 
-def test_shards_of_a_tree(tmp_path: Path):
+def test_shards_of_a_folder_tree(tmp_path: Path):
     for name in (
         "a.tfrecord",
         "x/a.tfrecord",
@@ -85,7 +85,7 @@ def test_shards_of_a_tree(tmp_path: Path):
     assert all(set(name) <= set("abcdefghijklmnopqrstuvwxyz_-.0123456789") for name in names)
 
 
-def test_a_single_file(tmp_path: Path):
+def test_single_file_as_raw_path(tmp_path: Path):
     path = write_tfrecord(tmp_path / NAME, [PAYLOAD])
     (shard,) = shards(CONVERTER, path)
     assert (shard.name, shard.items[0].name, shard.root) == (NAME, NAME, str(tmp_path))
@@ -93,7 +93,7 @@ def test_a_single_file(tmp_path: Path):
     assert scenario.source.file == NAME
 
 
-def test_nothing_of_waymo_is_there(tmp_path: Path):
+def test_folder_without_waymo_files_is_refused(tmp_path: Path):
     (tmp_path / "scenario_1.parquet").write_bytes(b"PAR1")
     with pytest.raises(SourceNotFound, match=r"nothing named \*\.tfrecord\*.*training\.tfrecord-00000-of-01000"):
         shards(CONVERTER, tmp_path)
@@ -101,7 +101,7 @@ def test_nothing_of_waymo_is_there(tmp_path: Path):
         shards(CONVERTER, tmp_path / "missing")
 
 
-# --- meaning -------------------------------------------------------------------------------------------
+# --- content -------------------------------------------------------------------------------------------
 
 
 def test_scenario(tmp_path: Path):
@@ -157,7 +157,7 @@ def test_lights(tmp_path: Path):
     assert np.isfinite(lights.stop_point[[0, 2]]).all()
 
 
-def test_no_lights_and_no_map(tmp_path: Path):
+def test_scenario_without_lights_and_map(tmp_path: Path):
     parts = [field(1, 0.0), field(2, field(1, 8) + field(2, 1) + state(1.0)), field(5, "x"), field(6, 0)]
     (scenario,) = convert(tmp_path, b"".join(parts))
     scenario.validate()
@@ -207,7 +207,7 @@ def test_links_of_map_features(tmp_path: Path):
     assert np.isnan(limits[[1, 3]]).all()  # a bike lane's limit of 0, and no limit at all
 
 
-def test_detail_of_links_is_metadrives(tmp_path: Path):
+def test_link_details_match_metadrive(tmp_path: Path):
     features = convert(tmp_path, PAYLOAD)[0].map
     assert features is not None
     row = {name: index for index, name in enumerate(features.ids)}

@@ -1,4 +1,4 @@
-"""Waymo files and messages that are damaged, or say what cannot be."""
+"""Damaged Waymo files, and messages with inconsistent values."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ NAME = "training.tfrecord-00000-of-01000"
 
 
 def refused(tmp_path: Path, payload: bytes) -> InvalidScenario:
-    """Why a message is not accepted."""
+    """Message of the error with which a scenario is refused."""
     with pytest.raises(InvalidScenario) as caught:
         write_tfrecord(tmp_path / NAME, [payload])
         scenarios(CONVERTER, tmp_path)[0].validate()
     return caught.value
 
 
-def test_a_damaged_record_leaves_the_others(tmp_path: Path):
+def test_damaged_record_does_not_affect_the_others(tmp_path: Path):
     payloads = [renamed(PAYLOAD, letter) for letter in "abc"]
     path = write_tfrecord(tmp_path / NAME, payloads)
     data = bytearray(path.read_bytes())
@@ -39,7 +39,7 @@ def test_a_damaged_record_leaves_the_others(tmp_path: Path):
     assert caught.value.scenario_id == f"{NAME}@{len(frame(payloads[0]))}"
 
 
-def test_a_record_of_another_message_leaves_the_others(tmp_path: Path):
+def test_other_message_type_does_not_affect_the_others(tmp_path: Path):
     write_tfrecord(tmp_path / NAME, [b"not protobuf", PAYLOAD, field(1, field(1, b"tf.Example"))])
     (shard,) = shards(CONVERTER, tmp_path)
     first, sound, last = CONVERTER.records(shard)
@@ -62,13 +62,13 @@ def test_truncated_file(tmp_path: Path, keep: int):
     [(2, "origin"), (7, "tracks.size"), (8, "tracks.heading"), (9, "tracks.velocity")],
 )
 @pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_numbers_that_are_none(tmp_path: Path, number: int, wanted: str, value: float):
+def test_non_finite_numbers_are_refused(tmp_path: Path, number: int, wanted: str, value: float):
     bad = field(number, value if number == 2 else np.float32(value))
     assert refused(tmp_path, single(state(1.0)[2:] + bad)).field == wanted
 
 
 def single(content: bytes) -> bytes:
-    """A scenario of one state of the ego."""
+    """A scenario with a single state of the ego."""
     return b"".join(
         [field(1, 0.0), field(2, field(1, 8) + field(2, 1) + field(3, content)), field(5, "x"), field(6, 0)]
     )
@@ -91,7 +91,7 @@ def test_ego_missing(tmp_path: Path):
     assert (error.field, error.reason) == ("sdc_track_index", "expected a track, 0 to 0, found none")
 
 
-def test_ego_not_seen_now(tmp_path: Path):
+def test_ego_invalid_at_current_timestep(tmp_path: Path):
     assert refused(tmp_path, single(field(4, 1.0) + field(11, False))).field == "ego_id"
 
 
@@ -103,7 +103,7 @@ def test_prediction_out_of_range(tmp_path: Path):
     assert refused(tmp_path, PAYLOAD + field(11, field(1, 14))).field == "tracks_to_predict"
 
 
-def test_times_that_stand_still(tmp_path: Path):
+def test_timestamps_that_do_not_increase(tmp_path: Path):
     assert (
         refused(tmp_path, scenario_bytes(6, num_steps=3).replace(field(1, 0.0), field(1, 7.0), 1)).field == "timestamps"
     )

@@ -1,4 +1,4 @@
-"""The recording of Waymo that is at hand, number by number."""
+"""Reference values of the recorded Waymo data."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The decoder of Scenario messages against Google's protobuf runtime: every field, whole and damaged messages."""
+"""The Scenario message decoder against Google's protobuf runtime: every field, intact and damaged messages."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def boundary(row: int, b: Any) -> list[int]:
     return [row, b.lane_start_index, b.lane_end_index, b.boundary_feature_id, b.boundary_type]
 
 
-# --- the same as Google's ------------------------------------------------------------------------------
+# --- comparison with the protobuf runtime --------------------------------------------------------------
 
 
 @pytest.mark.parametrize("packed", [False, True])
@@ -123,14 +123,14 @@ def test_written_messages(num_steps, packed):
     assert_same(decode(payload, "here"), Scenario.FromString(payload))
 
 
-def test_real_message(recordings):
+def test_recorded_message(recordings):
     (record,) = read_records(recordings / "waymo/training/motion_data_one_scenario.tfrecord")
     message = Scenario.FromString(record.payload)
     assert message.SerializeToString() == record.payload, "the oracle does not know every field"
     assert_same(decode(record.payload, "here"), message)
 
 
-def test_the_fixture_writes_what_the_runtime_writes():
+def test_fixture_writes_the_same_bytes_as_the_runtime():
     message = Scenario.FromString(SMALL)
     message.DiscardUnknownFields()
     assert message.SerializeToString() + OTHER_RELEASES == SMALL
@@ -140,8 +140,8 @@ def test_the_fixture_writes_what_the_runtime_writes():
 # value is none of its own, Google's runtime keeps the first and we read 0.
 @given(st.data())
 @settings(max_examples=5 * settings.default.max_examples, derandomize=True)
-def test_damaged_messages_are_refused_or_read_as_google_reads_them(data):
-    """A byte or two changed, put in, or taken out, anywhere."""
+def test_damaged_messages_are_refused_or_decoded_as_by_the_runtime(data):
+    """Change, insert or remove one or two bytes anywhere."""
     position = data.draw(st.integers(0, len(SMALL) - 1))
     kept = data.draw(st.integers(0, 2))
     damaged = SMALL[:position] + data.draw(st.binary(min_size=0, max_size=2)) + SMALL[position + kept :]
@@ -155,7 +155,7 @@ def test_damaged_messages_are_refused_or_read_as_google_reads_them(data):
 
 @given(st.binary(max_size=100))
 @settings(deadline=None, derandomize=True)
-def test_any_bytes_behind_a_sound_start(tail):
+def test_arbitrary_bytes_after_a_valid_prefix(tail):
     try:
         found = decode(SMALL + tail, "here")
     except InvalidScenario:
@@ -163,10 +163,10 @@ def test_any_bytes_behind_a_sound_start(tail):
     assert_same(found, Scenario.FromString(SMALL + tail))
 
 
-# --- what is refused -----------------------------------------------------------------------------------
+# --- invalid input -------------------------------------------------------------------------------------
 
 
-def test_no_scenario_message():
+def test_other_message_is_refused():
     with pytest.raises(InvalidScenario, match=r"here: scenario_id: .*tf_example"):
         decode(field(1, field(1, b"features of a tf.Example")), "here")
     with pytest.raises(InvalidScenario, match="here: scenario_id"):
@@ -177,35 +177,35 @@ def test_no_scenario_message():
         decode(b"garbage", "here")
 
 
-def test_damage_inside_names_scenario_and_byte():
+def test_nested_damage_error_names_scenario_and_byte():
     payload = SMALL + field(8, field(3, b"\x0f"))
     with pytest.raises(InvalidScenario, match=f"waymo/0{{16}}: record: .*at byte {len(payload) - 1} "):
         decode(payload, "here", "waymo/{}".format)
 
 
-def test_no_timestamps():
+def test_missing_timestamps():
     with pytest.raises(InvalidScenario, match="timestamps_seconds"):
         decode(field(5, "a"), "here")
 
 
-def test_unequal_states():
+def test_unequal_numbers_of_states():
     with pytest.raises(InvalidScenario, match=r"tracks\.states: expected 2, found 1 in track 3"):
         decode(SMALL + field(2, field(1, 4) + field(3, field(11, True))), "here")
 
 
-def test_unequal_light_states():
+def test_unequal_numbers_of_light_states():
     with pytest.raises(InvalidScenario, match="dynamic_map_states: expected 2 or none, found 3"):
         decode(SMALL + field(7, b""), "here")
 
 
-def test_features_of_unknown_kind_are_counted():
+def test_features_of_unknown_type_are_counted():
     later = field(8, field(1, 77) + field(15, points(1, np.zeros((2, 3)))))
     found = decode(SMALL + later, "here").map
     assert found.num_unknown == 1
     assert 77 not in found.ids.tolist()
 
 
-def test_the_last_kind_of_a_feature_counts():
+def test_last_type_of_a_feature_wins():
     both = field(8, field(1, 78) + field(4, field(1, 2)) + field(5, field(1, 1)))
     found = decode(SMALL + both, "here").map
     assert (found.ids[-1], found.kinds[-1], found.types[-1]) == (78, 5, 1)

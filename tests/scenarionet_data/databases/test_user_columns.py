@@ -136,11 +136,11 @@ def test_invalid_tag_files_are_refused(lake, tmp_path):
         ("num_objects", "is a column of every lake"),
         ("objects_per_100m", "is a column of every lake"),
         ("weight", "is a column of every lake"),
-        ("Score", "no name of a user column"),
-        ("my-score", "no name of a user column"),
-        ("../x", "no name of a user column"),
-        ("", "no name of a user column"),
-        ("select", "a word of SQL"),
+        ("Score", "not a valid name of a user column"),
+        ("my-score", "not a valid name of a user column"),
+        ("../x", "not a valid name of a user column"),
+        ("", "not a valid name of a user column"),
+        ("select", "an SQL keyword"),
     ],
 )
 def test_invalid_column_names_are_refused(lake, name, reason):

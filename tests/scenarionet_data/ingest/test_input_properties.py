@@ -1,4 +1,4 @@
-"""InputProperties that a file tells are known where the file is."""
+"""Input properties that are read from a file require the file to be local."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def properties(tmp_path):
     return LazyProperties({"log": "a"}, ("tag",), first_word, tmp_path / "file")
 
 
-def test_properties_of_a_file_that_is_here(properties):
+def test_properties_of_a_local_file(properties):
     properties.path.write_text("left turn")
     assert is_local(properties.path)
     assert dict(pickle.loads(pickle.dumps(properties))) == {"log": "a", "tag": "tag left"}
@@ -32,7 +32,7 @@ def test_properties_of_a_file_that_is_here(properties):
         properties["speed"]
 
 
-def test_properties_of_a_file_that_is_elsewhere(properties):
+def test_properties_of_a_remote_file(properties):
     properties.path.write_bytes(PLACEHOLDER + b"mark")
     assert not is_local(properties.path)
     assert dict(properties) == {"log": "a"}
@@ -44,5 +44,5 @@ def test_properties_of_a_file_that_is_elsewhere(properties):
         InputSelection({"tag": "*"}).select([shard])
 
 
-def test_a_file_that_cannot_be_opened_is_nobody_s_placeholder(properties):
+def test_unreadable_file_is_not_treated_as_placeholder(properties):
     assert is_local(properties.path)

@@ -1,4 +1,4 @@
-"""Converter options from a mapping: the same as by keyword, and refused in words."""
+"""Converter options from a mapping: equal to keyword options; errors are readable."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Databases and unsaved selections as objects: members, scenarios, derived databases, and processes."""
+"""Databases and unsaved selections as objects: members, scenarios, derived databases, use in worker processes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def rows(database):
     return database.members.to_pylist()
 
 
-def test_a_database_is_a_collection_of_ids_and_a_sequence_of_scenarios(own):
+def test_database_is_a_sequence_of_scenarios_and_contains_ids(own):
     busy = own.filter("num_objects > 3", name="busy")
     ids = busy.scenario_ids
     assert (len(busy), list(busy)) == (len(ids), ids)
@@ -39,7 +39,7 @@ def test_a_database_is_a_collection_of_ids_and_a_sequence_of_scenarios(own):
     assert repr(busy) == f"Database('busy@1', {len(busy)} scenarios, lake={str(own.root)!r})"
 
 
-def test_a_database_makes_others(own):
+def test_database_creates_derived_databases(own):
     busy = own.database(own.filter("num_objects > 2", name="busy").reference)
     crowded = busy.filter("num_objects > 4", name="crowded")
     assert crowded.lineage.parents == ["busy@1"]
@@ -51,7 +51,7 @@ def test_a_database_makes_others(own):
     assert own.rebuild("crowded").is_same
 
 
-def test_a_selection_is_a_database_without_a_name(own):
+def test_selection_is_a_database_without_a_name(own):
     selected = own.select("num_objects > 3", filters={"ego_distance": {"min": 0}})
     assert isinstance(selected, Database)
     assert (selected.name, selected.version, selected.is_saved, own.databases) == (None, None, False, [])
@@ -74,7 +74,7 @@ CONDITIONS = st.sampled_from(["true", "num_objects > 3", "num_objects < 4", "has
 
 @settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(first=CONDITIONS, second=CONDITIONS, limit=st.integers(2, 5))
-def test_a_saved_selection_equals_the_selection(own, first, second, limit):
+def test_saved_selection_equals_the_selection(own, first, second, limit):
     selected = own.select(first).select(f"({second}) AND num_objects <= $min", parameters={"min": limit})
     saved = selected.save("saved", replace=True, allow_empty=True)
     assert rows(own.database(saved.reference)) == rows(selected)
@@ -86,7 +86,7 @@ def test_a_saved_selection_equals_the_selection(own, first, second, limit):
     assert filtered.scenario_ids == saved.scenario_ids
 
 
-def test_parameters_of_nested_selections_do_not_clash(own):
+def test_parameters_of_nested_selections_do_not_collide(own):
     selected = own.select("num_objects > $n", parameters={"n": 2}, filters="ego_distance:min=0")
     nested = selected.select("num_objects < $n", parameters={"n": 5}, filters={"ego_distance": {"min": -1.0}})
     saved = nested.filter("true", name="middle")
@@ -109,7 +109,7 @@ def grow(root, number):
 
 
 @pytest.mark.parametrize("is_saved", [True, False])
-def test_a_pickled_database_is_the_same_in_a_worker_after_the_lake_grew(own, is_saved):
+def test_pickled_database_is_unchanged_in_a_worker_after_the_lake_grew(own, is_saved):
     selected = own.select("num_objects >= 5")
     database = selected.save("many") if is_saved else selected
     assert database[0].id == database.scenario_ids[0]  # with an open loader and connection
@@ -126,7 +126,7 @@ def test_a_pickled_database_is_the_same_in_a_worker_after_the_lake_grew(own, is_
     assert pickle.loads(content).members.equals(database.members)
 
 
-def test_a_selection_keeps_its_snapshot(own):
+def test_selection_keeps_its_snapshot(own):
     selected = own.select("num_objects >= 5")
     before = selected.scenario_ids
     grow(own.root, 2)
@@ -137,13 +137,13 @@ def test_a_selection_keeps_its_snapshot(own):
     assert newest.rebuild("kept").is_same
 
 
-def test_a_selection_of_another_lake_is_refused(own, tmp_path):
+def test_selection_of_another_lake_is_refused(own, tmp_path):
     other = write_lake(tmp_path / "other", [make_scenario(1)])
     with pytest.raises(BadParameter, match=r"the selection is from .*other, not from"):
         ScenarioLoader(own, other.select())
 
 
-def test_names_are_taken_once(own):
+def test_duplicate_names_are_refused(own):
     own.select().save("all")
     with pytest.raises(DatabaseExists, match="replace=True"):
         own.select().save("all")
@@ -165,7 +165,7 @@ def test_conditions_in_three_forms(own):
     assert len(own.select(events={"hard_braking": {"ego_only": True}})) == 0
 
 
-def test_one_name_where_several_are_wanted(own):
+def test_single_string_in_place_of_a_list_is_refused(own):
     own.select().save("busy")
     assert own.compare("busy")[0].count == NUM_VARIED
     for wrong in (lambda: own.merge("busy", name="m"), lambda: own.overlap("busy")):
@@ -180,7 +180,7 @@ def test_one_name_where_several_are_wanted(own):
         own.loader("b")
 
 
-def test_operations_take_a_path(own):
+def test_operations_accept_a_path(own):
     from scenarionet_data.operations.filter import filter_database
     from scenarionet_data.packs.packing import pack
     from scenarionet_data.quality.checks import run_checks
@@ -191,7 +191,7 @@ def test_operations_take_a_path(own):
     assert len(ScenarioLoader(str(own.root), "all")) == NUM_VARIED
 
 
-def test_a_selection_is_exported_and_drawn(own, tmp_path):
+def test_selection_can_be_exported_and_plotted(own, tmp_path):
     selected = own.select("num_objects > 3")
     assert selected.export(tmp_path / "pickles").num_scenarios == len(selected)
     assert own.export(selected, tmp_path / "again").num_scenarios == len(selected)

@@ -1,4 +1,4 @@
-"""A pack is a lake with the members of a database and nothing else."""
+"""A pack is a lake with only the members of a database."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def hashes(lake, scenarios):
     "where",
     [pytest.param("true", marks=pytest.mark.long), "hash(scenario_id) % 3 = 0", "ends_with(scenario_id, '100')"],
 )
-def test_holds_the_members_and_nothing_else(where, lake, tmp_path):
+def test_pack_holds_only_the_members(where, lake, tmp_path):
     picked = lake.filter(where, name="picked")
     packed = lake.pack(picked, tmp_path / "pack")
     opened = Lake(tmp_path / "pack")
@@ -70,20 +70,20 @@ def test_holds_the_members_and_nothing_else(where, lake, tmp_path):
         assert opened.sql(rows).equals(lake.restrict_to(picked).sql(rows))
 
 
-def test_passes_every_check_and_its_verification(lake, tmp_path):
+def test_pack_passes_every_check_and_verification(lake, tmp_path):
     lake.pack(lake.filter("hash(scenario_id) % 2 = 0", name="half"), tmp_path / "pack")
     assert [r.name for r in run_checks(Lake(tmp_path / "pack")).results if r.is_hard and not r.is_met] == []
     found = verify_pack(tmp_path / "pack")
     assert (found.is_whole, found.references) == (True, ("half@1",))
 
 
-def test_order_and_weights_stay_where_ids_are_in_another_order(lake, tmp_path):
+def test_order_and_weights_are_kept_when_ids_are_reordered(lake, tmp_path):
     drawn = lake.sample(None, name="drawn", n=20, seed=3)
     lake.pack(drawn, tmp_path / "pack")
     assert ScenarioLoader(tmp_path / "pack", "drawn").scenario_ids == drawn.scenario_ids
 
 
-def test_tells_where_it_came_from_and_that_it_cannot_be_asked_again_there(lake, tmp_path):
+def test_lineage_of_a_pack_names_its_origin_and_cannot_be_rebuilt(lake, tmp_path):
     lake.filter("num_objects > 0", name="all")
     lake.split("all", {"a": 0.5, "b": 0.5}, by="source_log")
     lake.sample("all_a", name="few", n=5)
@@ -104,7 +104,7 @@ def test_tells_where_it_came_from_and_that_it_cannot_be_asked_again_there(lake, 
     assert opened.rebase("mine") == []
 
 
-def test_the_version_of_a_users_column_that_the_query_asked_comes_too(lake, tmp_path):
+def test_user_column_version_used_by_the_query_is_included(lake, tmp_path):
     picked = lake.filter("mark % 5 = 1", name="picked")
     lake.tag("mark", dict.fromkeys(picked.scenario_ids, 0), replace=True)
     opened = Lake(lake.refresh().pack(picked, tmp_path / "pack").path)
@@ -114,7 +114,7 @@ def test_the_version_of_a_users_column_that_the_query_asked_comes_too(lake, tmp_
     assert verify_pack(tmp_path / "pack").is_whole
 
 
-def test_quarantine_stays_and_users_columns_come(lake, tmp_path):
+def test_user_columns_are_included_and_quarantine_is_empty(lake, tmp_path):
     picked = lake.filter("mark % 5 = 1", name="picked")
     lake.pack(picked, tmp_path / "pack")
     opened = Lake(tmp_path / "pack")
@@ -125,7 +125,7 @@ def test_quarantine_stays_and_users_columns_come(lake, tmp_path):
     assert pq.read_metadata(layer).num_rows == len(picked)
 
 
-def test_says_what_went_in_but_is_no_whole_shard(lake, tmp_path):
+def test_description_lists_partial_shards(lake, tmp_path):
     lake.pack(lake.filter("ends_with(scenario_id, '100')", name="one"), tmp_path / "pack")
     (shard,) = Lake(tmp_path / "pack").sql("SELECT * FROM shards").to_dicts()
     assert (shard["items"], shard["num_scenarios"], shard["max_scenarios"]) == (["b.made"], 1, 1)
@@ -138,8 +138,8 @@ def test_many_members_fill_files_of_64(lake, tmp_path):
     assert sizes == [64, 9]
 
 
-def test_nothing_is_written_by_reading_it(lake, tmp_path):
-    """As from read-only media: the same files, with the same times."""
+def test_reading_a_pack_writes_nothing(lake, tmp_path):
+    """As from read-only media: the same files, with the same modification times."""
     lake.pack(lake.filter("true", name="all"), tmp_path / "pack")
     before = listing(tmp_path / "pack")
     moved = shutil.move(tmp_path / "pack", tmp_path / "elsewhere")
@@ -153,7 +153,7 @@ def test_nothing_is_written_by_reading_it(lake, tmp_path):
     assert listing(tmp_path / "elsewhere") == before
 
 
-def test_a_pack_of_a_pack_is_the_same(lake, tmp_path):
+def test_pack_of_a_pack_is_identical(lake, tmp_path):
     lake.pack(lake.filter("hash(scenario_id) % 2 = 0", name="half"), tmp_path / "once")
     Lake(tmp_path / "once").pack("half", tmp_path / "twice")
     assert hashes(Lake(tmp_path / "twice"), "half") == hashes(lake, "half")
@@ -177,7 +177,7 @@ def test_tar_unpacks_to_the_pack(lake, tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["folder", "half.tar", "lake", "there"]
 
 
-def test_members_that_have_changed_since_are_packed_as_they_were(tmp_path):
+def test_changed_members_are_packed_from_their_own_snapshot(tmp_path):
     raw, root = write_raw(tmp_path / "raw", {"a": [1, 2], "b": [3]}), tmp_path / "lake"
     convert(made.NAME, str(raw), root, options=made.MadeOptions(num_objects=2))
     then = Lake(root)
@@ -196,7 +196,7 @@ def test_members_that_have_changed_since_are_packed_as_they_were(tmp_path):
 # --- shared maps ------------------------------------------------------------------------------------------------
 
 
-def test_only_the_tiles_that_members_see(city, tmp_path):
+def test_only_tiles_used_by_members_are_packed(city, tmp_path):
     one = city.filter("ends_with(scenario_id, '3')", name="some")
     city.pack(one, tmp_path / "pack")
     opened = Lake(tmp_path / "pack")
@@ -210,10 +210,10 @@ def test_only_the_tiles_that_members_see(city, tmp_path):
     assert verify_pack(tmp_path / "pack").is_whole
 
 
-# --- what is refused --------------------------------------------------------------------------------------------
+# --- invalid input ----------------------------------------------------------------------------------------------
 
 
-def test_what_is_there_is_not_touched(lake, tmp_path):
+def test_existing_output_is_not_overwritten(lake, tmp_path):
     lake.filter("true", name="all")
     (tmp_path / "there").mkdir()
     with pytest.raises(BadParameter, match="choose another name"):
@@ -221,13 +221,13 @@ def test_what_is_there_is_not_touched(lake, tmp_path):
     assert list((tmp_path / "there").iterdir()) == []
 
 
-def test_a_database_without_members_is_refused(lake, tmp_path):
+def test_database_without_members_is_refused(lake, tmp_path):
     lake.filter("false", name="none", allow_empty=True)
     with pytest.raises(BadParameter, match="nothing to pack"):
         lake.pack("none", tmp_path / "pack")
 
 
-def test_damage_is_not_packed_under_good_checksums(lake, tmp_path):
+def test_damaged_files_are_not_packed(lake, tmp_path):
     lake.filter("true", name="all")
     path = lake.files.path(lake.paths("tracks")[0])
     x = next(
@@ -241,7 +241,7 @@ def test_damage_is_not_packed_under_good_checksums(lake, tmp_path):
     assert not (tmp_path / "pack").exists()
 
 
-def test_a_lake_with_a_hole_leaves_nothing_behind(lake, tmp_path):
+def test_lake_with_a_missing_file_leaves_no_partial_pack(lake, tmp_path):
     lake.filter("true", name="all")
     lake.files.path(lake.paths("lights")[0]).unlink()
     with pytest.raises(LakeError, match="cannot read"):

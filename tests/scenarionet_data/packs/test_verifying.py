@@ -1,4 +1,4 @@
-"""What is broken in a pack is named, whatever it is."""
+"""Verification names every broken file of a pack."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def _lake(tmp_path_factory):
     lake = Lake(root / "lake")
     lake.tag_where("far", "ego_distance > 10")
     lake.filter("true", name="all")
-    lake = lake.refresh()  # with its layer
+    lake = lake.refresh()  # with its user column
     lake.pack("all", root / "pack")
     lake.pack("all", root / "pack.tar", tar=True)
     return root
@@ -58,21 +58,21 @@ def flip(path, at=None):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_flipped_bit(kind, pack):
+def test_flipped_bit(kind, pack):
     name = file_of(pack, kind)
     flip(pack / name)
     assert "another checksum" in damaged(pack)[name]
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_cut_file(kind, pack):
+def test_truncated_file(kind, pack):
     name = file_of(pack, kind)
     (pack / name).write_bytes((pack / name).read_bytes()[:-10])
     assert list(damaged(pack)) == [name]
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_file_that_is_gone(kind, pack):
+def test_missing_file(kind, pack):
     name = file_of(pack, kind)
     (pack / name).unlink()
     assert damaged(pack) == {name: "gone"}
@@ -85,7 +85,7 @@ def test_two_broken_files_are_both_named(pack):
     assert set(damaged(pack)) == names
 
 
-def test_sums_that_are_gone_or_empty(pack):
+def test_missing_or_empty_checksums(pack):
     (pack / "SHA256SUMS").write_text("")
     assert damaged(pack) == {"SHA256SUMS": "lists no files, or is damaged"}
     (pack / "SHA256SUMS").unlink()
@@ -93,20 +93,20 @@ def test_sums_that_are_gone_or_empty(pack):
 
 
 @pytest.mark.parametrize("kind", ["metadata", "snapshots/manifest", "databases"])
-def test_sums_that_lost_a_line(kind, pack):
+def test_checksums_with_a_missing_line(kind, pack):
     lines = (pack / "SHA256SUMS").read_text().splitlines(keepends=True)
     (pack / "SHA256SUMS").write_text("".join(line for line in lines if f"  {kind}" not in line))
     assert "does not list" in damaged(pack)["SHA256SUMS"]
 
 
-def test_sums_do_not_lead_out_of_the_pack(pack, tmp_path):
+def test_checksums_with_paths_outside_the_pack(pack, tmp_path):
     (tmp_path / "secret").write_text("x")
     with (pack / "SHA256SUMS").open("a") as file:
         file.write(f"{'0' * 64}  ../secret\n{'0' * 64}  /etc/hostname\n")
     assert damaged(pack) == {}
 
 
-def test_a_damaged_tar(_lake, tmp_path):
+def test_damaged_tar(_lake, tmp_path):
     content = (_lake / "pack.tar").read_bytes()
     (tmp_path / "pack.tar").write_bytes(content[: len(content) // 3])
     assert "cannot be unpacked" in damaged(tmp_path / "pack.tar")["pack.tar"]
@@ -121,7 +121,7 @@ def test_a_damaged_tar(_lake, tmp_path):
     assert list(damaged(tmp_path / "flipped.tar")) == [name]
 
 
-def test_what_is_no_pack_is_refused(tmp_path):
+def test_other_folders_and_files_are_refused(tmp_path):
     for path in (tmp_path, tmp_path / "nowhere"):
         with pytest.raises(BadParameter, match=r"no pack|no such pack"):
             verify_pack(path)
@@ -131,7 +131,7 @@ def test_what_is_no_pack_is_refused(tmp_path):
 
 
 def rewritten(lake, change):
-    """The lake's snapshot with other rows of metadata, as a bug of a writer would leave them."""
+    """The lake's snapshot with other rows of metadata, as a faulty writer would leave them."""
     (name,) = lake.snapshot.metadata
     rows = change(lake.files.read(name).to_pylist())
     lake.files.publish(write_table(lake.files, "metadata", rows, {}), name)
@@ -142,38 +142,38 @@ def changed(**values):
     return lambda rows: [rows[0] | values, *rows[1:]]
 
 
-def test_a_whole_lake_has_no_damage(lake):
+def test_intact_lake_has_no_damage(lake):
     assert rewritten(lake, list) == {}
 
 
 @pytest.mark.parametrize(
     "values", [{"tracks_row_group": 3}, {"tracks_row_group": -1}, {"tracks_first_row": 1}, {"tracks_num_rows": 99}]
 )
-def test_rows_that_are_not_there(values, lake):
+def test_missing_rows(values, lake):
     found = rewritten(lake, changed(**values))
     (name,) = (path.relative_to(lake.root).as_posix() for path in (lake.root / "tracks").rglob("*.parquet"))
     assert set(found) == {name}
     assert "does not hold the" in found[name]
 
 
-def test_a_file_that_no_shard_lists(lake):
+def test_file_not_listed_by_any_shard(lake):
     found = rewritten(lake, changed(tracks_file="tracks/other.parquet"))
     assert "no shard of the snapshot lists it" in found["tracks/other.parquet"]
 
 
-def test_a_map_that_is_nowhere(lake):
+def test_missing_map(lake):
     found = rewritten(lake, changed(map_id="atlantis"))
     assert list(found.values()) == ["no map 'atlantis', which scenarios are windows on"]
 
 
-def test_scenarios_that_are_too_few(lake):
+def test_missing_scenarios(lake):
     found = rewritten(lake, lambda rows: rows[1:])
     assert "2 scenarios, its shards have 3" in found.values()
     assert any("15 rows, but its scenarios have 10 of them" in reason for reason in found.values())
 
 
-def test_members_that_are_not_in_the_pack(pack):
-    """A database that was made of other scenarios, and sums that agree."""
+def test_members_missing_from_the_pack(pack):
+    """A database of other scenarios, with matching checksums."""
     from scenarionet_data.databases import writer
     from scenarionet_data.packs import verifying
 
@@ -189,5 +189,5 @@ def test_members_that_are_not_in_the_pack(pack):
     )
 
 
-def test_a_snapshot_of_nothing_is_whole(lake):
+def test_empty_snapshot_is_valid(lake):
     assert list(verify(lake.files, snapshots.EMPTY)) == []

@@ -1,4 +1,4 @@
-"""Figures of many scenarios: multiples, profiles, distributions, comparisons, animations."""
+"""Figures of many scenarios: small multiples, profiles, distributions, comparisons, animations."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ HOSTILE = "<script>alert(1)</script>/../$x$'; DROP TABLE metadata; --"
 
 @pytest.fixture(scope="module")
 def lake(tmp_path_factory):
-    """Twenty scenarios of 2 to 21 objects, three of them alone and so without a gap to anybody."""
+    """Twenty scenarios of 2 to 21 objects; three contain only the ego, so their gap is undefined."""
     few = [make_drive(f"alone{number}", speed=5.0 + number) for number in range(3)]
     many = [make_scenario(number, num_objects=2 + number) for number in range(20)]
     lake = write_lake(tmp_path_factory.mktemp("plots") / "lake", [*few, *many])
@@ -42,7 +42,7 @@ def drawn(figure):
         return np.asarray(picture.convert("RGB"))
 
 
-def test_a_distribution_counts_every_scenario_once(lake):
+def test_distribution_counts_every_scenario_once(lake):
     (all_of_them,) = distributions(lake, "num_objects")
     assert all_of_them.counts.sum() == len(lake)
     known = lake.sql("SELECT num_objects FROM metadata")["num_objects"].to_numpy()
@@ -65,8 +65,8 @@ def test_groups_share_bins_and_missing_values_are_counted(lake):
     assert {part.name: int(part.counts.sum()) for part in by_log} == {"none": 3, "nowhere": 20}
 
 
-def test_distributions_of_nothing_of_nan_and_of_one(lake, tmp_path):
-    """Every value is NaN: counted as missing, in a panel that is drawn."""
+def test_distributions_of_no_values_only_nan_and_one_value(lake, tmp_path):
+    """NaN values are counted as missing, and their panel is drawn."""
     lake.tag_by_sql("strange", "SELECT scenario_id, 'nan'::DOUBLE AS value FROM metadata")
     strange = lake.refresh()
     (part,) = distributions(strange, strange_column(strange))
@@ -79,7 +79,7 @@ def test_distributions_of_nothing_of_nan_and_of_one(lake, tmp_path):
 
 
 def strange_column(lake):
-    """The column of the layer."""
+    """Name of the user column."""
     return next(name for name in lake.sql("SELECT * FROM metadata LIMIT 0").columns if name.startswith("strange"))
 
 
@@ -94,7 +94,7 @@ def strange_column(lake):
         ({"by": "scenario_id"}, "more than lines can be told apart"),
     ],
 )
-def test_wrong_words_for_distributions(lake, words, message):
+def test_invalid_columns_for_distributions_are_refused(lake, words, message):
     with pytest.raises(BadParameter, match=message):
         plots.draw_distributions(lake, **words)
 
@@ -108,7 +108,7 @@ def test_distributions_have_units_and_a_legend(lake):
 
 
 @pytest.mark.long
-def test_no_words_of_a_figure_overlap(lake):
+def test_text_in_figures_does_not_overlap(lake):
     """Titles, labels and ticks of all panels of the comparison and of the distributions."""
     for figure in (plots.draw_distributions(lake), plots.draw_comparison(lake.compare("many", "few"))):
         drawn(figure)
@@ -117,7 +117,7 @@ def test_no_words_of_a_figure_overlap(lake):
 
 
 def test_profile_of_a_known_drive():
-    """10 m/s straight on; the other speeds up by 2 m/s² from the third timestep on."""
+    """10 m/s straight ahead; the other object accelerates at 2 m/s² from the third timestep on."""
     scenario = make_drive(others=(Other(15.0, 3.5, vx=10.0, first=3),))
     tracks = scenario.tracks
     tracks.velocity[1, 3:, 0] = 10.0 + 0.2 * np.arange(38)
@@ -129,7 +129,7 @@ def test_profile_of_a_known_drive():
     np.testing.assert_allclose(other.acceleration[4:], 2.0, rtol=1e-3)
 
 
-def test_a_circle_has_its_curvature():
+def test_circle_has_its_curvature():
     scenario = make_drive(num_steps=50)
     time = scenario.timestamps
     angle = (10.0 / 20.0) * time  # 10 m/s on a radius of 20 m
@@ -138,7 +138,7 @@ def test_a_circle_has_its_curvature():
     np.testing.assert_allclose(profile(scenario, "t0").curvature, 1 / 20.0, rtol=1e-3)
 
 
-def test_profiles_are_drawn_also_of_one_timestep_and_refused_for_strangers():
+def test_profiles_of_one_timestep_are_drawn_and_unknown_objects_refused():
     scenario = make_scenario(4)
     figure = plots.draw_profiles(scenario, ["t0", "t1", "t2"])
     assert [axes.get_ylabel() for axes in figure.axes] == ["speed [m/s]", "acceleration\n[m/s²]", "curvature\n[1/m]"]
@@ -160,7 +160,7 @@ def test_small_multiples():
 
 
 @pytest.mark.parametrize("kind", ["mp4", "gif"])
-def test_an_animation_plays_in_a_notebook(kind, tmp_path):
+def test_animation_plays_in_a_notebook(kind, tmp_path):
     if kind == "mp4":
         pytest.importorskip("av", reason="the extra `video` is not installed")
     scenario = replace(make_drive(num_steps=4), id=HOSTILE)
@@ -175,7 +175,7 @@ def test_an_animation_plays_in_a_notebook(kind, tmp_path):
         plots.animate(scenario, kind="avi")
 
 
-def test_a_video_begins_as_a_moving_picture():
+def test_video_converts_to_animated_webp():
     video = plots.animate(make_drive(num_steps=60), drawing=plots.Drawing(size=64), kind="mp4")
     with Image.open(io.BytesIO(as_webp(video.content, rate=5.0, seconds=4.0))) as picture:
         assert (picture.n_frames, picture.size) == (20, (64, 64))
@@ -185,7 +185,7 @@ def test_a_video_begins_as_a_moving_picture():
         assert np.asarray(picture.convert("RGB")).std() > 10, "something is drawn"
 
 
-def test_an_animation_is_a_gif_where_nothing_writes_mp4(monkeypatch):
+def test_animation_falls_back_to_gif_without_mp4_writer(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "av", None)
     assert plots.animate(make_drive(num_steps=2), drawing=plots.Drawing(size=64)).kind == "gif"
     with pytest.raises(MissingDependency, match="video"):

@@ -1,4 +1,4 @@
-"""What is painted: lines cut into dashes, double lines, crosswalks; boxes, trails and lights as artists."""
+"""Drawing of map layers: dashed and double lines, crosswalks; boxes, trails and lights as artists."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ def lists(points):
 
 
 @given(st.integers(0, 10**6), st.integers(2, 30))
-def test_dashes_lie_on_the_line_at_their_places(seed, count):
-    """Of two lines beside an empty one and a lone point."""
+def test_dashes_are_on_their_line_at_regular_positions(seed, count):
+    """Of two lines, next to an empty one and a single point."""
     line = np.cumsum(np.random.default_rng(seed).uniform(0.1, 6.0, (count, 2)), axis=0)
     found = list(dashes(lists([line, np.zeros((0, 2)), line[:1], line + 100.0])))
     for whole in (shapely.LineString(line), shapely.LineString(line + 100.0)):
@@ -39,7 +39,7 @@ def test_dashes_lie_on_the_line_at_their_places(seed, count):
     assert found == []
 
 
-def test_a_line_moved_to_its_left():
+def test_line_offset_to_the_left():
     line = np.array([[0.0, 0.0], [10.0, 0.0], [20.0, 0.0]])
     both = beside(lists([line, -line]), 0.5)
     np.testing.assert_allclose(both[0], line + np.array([0, 0.5]))
@@ -56,7 +56,7 @@ def test_a_line_moved_to_its_left():
         ("PASSING_DOUBLE_YELLOW", [-LINE, LINE], 3),
     ],
 )
-def test_every_kind_of_line_is_painted_as_it_is(kind, lefts, num_pieces):
+def test_every_line_type_is_drawn_in_its_style(kind, lefts, num_pieces):
     """15 m hold two dashes."""
     strokes = paint(MapFeatureType[f"ROAD_LINE_{kind}"], lists([np.array([[0.0, 0.0], [15.0, 0.0]])]))
     painted = [piece for stroke in strokes for piece in stroke]
@@ -64,8 +64,8 @@ def test_every_kind_of_line_is_painted_as_it_is(kind, lefts, num_pieces):
     assert sorted({float(piece[0, 1]) for piece in painted}) == lefts
 
 
-def test_zebra_stripes_cover_half_of_a_crosswalk_and_nothing_else():
-    """12 m by 4 m, turned: stripes are as long as the crosswalk is broad."""
+def test_zebra_stripes_cover_half_of_a_crosswalk():
+    """12 m by 4 m, rotated: stripes are as long as the crosswalk is wide."""
     turn = np.array([[np.cos(0.4), np.sin(0.4)], [-np.sin(0.4), np.cos(0.4)]])
     outline = np.array([[0, 0], [12, 0], [12, 4], [0, 4]]) @ turn
     stripes = [shapely.Polygon(stripe) for stripe in zebra(outline)]
@@ -77,8 +77,8 @@ def test_zebra_stripes_cover_half_of_a_crosswalk_and_nothing_else():
         assert (stripe.area, stripe.length) == (pytest.approx(0.5 * 4), pytest.approx(2 * (0.5 + 4)))
 
 
-def test_arrows_point_along_lanes_that_do_not_turn():
-    """30 m apart on a long lane, one on a short one, none on the shortest, on a turn and on a lone point."""
+def test_arrows_point_along_straight_lanes():
+    """30 m apart on a long lane, one on a short lane, none on the shortest, on a turn and on a single point."""
     angle = np.linspace(0, np.pi / 2, 20)
     turn = 15 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     lanes = [[[0, 0], [95, 0]], [[0, 9], [0, -9]], [[0, 0], [8, 0]], turn, [[5, 5]]]
@@ -90,7 +90,7 @@ def test_arrows_point_along_lanes_that_do_not_turn():
 
 
 def test_trails_fade_and_skip_missing_positions():
-    """The other car is seen from timestep 3 on; what stands still has no trail."""
+    """The other car is visible from timestep 3 on; stationary objects have no trail."""
     scene = Scene.of(make_drive(others=(Other(20.0, 3.5, vx=5.0, first=3), Other(50.0))))
     moments = [scene.moment(timestep) for timestep in range(6)]
     (trail,) = object_layer.trails(scene, moments)

@@ -1,4 +1,4 @@
-"""Frames, pictures and videos: what is where in them, and on disk."""
+"""Frames, images and videos: expected colours at known places, and files on disk."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def color(name):
 
 
 def pixel(view, picture, x, y, center):
-    """The colour of a place [m] in a frame whose middle is ``center``."""
+    """The colour of a place [m] in a frame centred on ``center``."""
     height, width = picture.shape[:2]
     column = int(width / 2 + (x - center[0]) * view.scale)
     row = int(height / 2 - (y - center[1]) * view.scale)
@@ -58,8 +58,8 @@ def recorded(scene, end):
     return [scene.moment(timestep) for timestep in range(end)]
 
 
-def test_everything_is_where_it_is(scene):
-    """Grass, road, the ego's rear and the other car's; the frame's middle is the ego."""
+def test_pixels_show_the_expected_objects(scene):
+    """Grass, road, the ego's rear and the other car's; the frame is centred on the ego."""
     view = TopDown(scene, Window(0, 0, 60, 40), size=600)
     picture = view.frame(recorded(scene, 1))
     assert picture.shape == (400, 600, 3)
@@ -68,25 +68,25 @@ def test_everything_is_where_it_is(scene):
         np.testing.assert_allclose(pixel(view, picture, x, y, (0, 0)), color(name), atol=3, err_msg=f"{x}, {y}")
 
 
-def test_the_frame_moves_with_the_ego_or_stays(scene):
+def test_frame_follows_the_ego_or_is_fixed(scene):
     now = recorded(scene, 11)  # the ego is at x = 10
     moving, still = (TopDown(scene, Window(0, 0, 60, 40), size=600, follows=follows) for follows in (True, False))
     np.testing.assert_allclose(pixel(moving, moving.frame(now), 8.2, 0, (10, 0)), color(EGO), atol=3)
     np.testing.assert_allclose(pixel(still, still.frame(now), 8.2, 0, (0, 0)), color(EGO), atol=3)
 
 
-def test_a_map_of_tiles_has_no_seams(scene):
-    """Moved by 37 pixels the map is the same, across the borders of tiles."""
+def test_tiled_map_has_no_seams(scene):
+    """Moved by 37 pixels the map is the same, across tile borders."""
     empty = recorded(scene, 1)[0]
     nobody = Moment(0, empty.position, empty.heading, np.zeros_like(empty.present))
     frames = []
     for shift in (0, 37):
         view = TopDown(scene, Window(shift / 10, 0, 120, 30), size=1200, follows=False)
-        frames.append(view.frame([nobody])[60:240].astype(int))  # between the words
+        frames.append(view.frame([nobody])[60:240].astype(int))  # between the texts
     assert np.abs(frames[0][:, 37:] - frames[1][:, :-37]).max() <= 2
 
 
-def test_frames_can_be_taken_in_any_order(scene):
+def test_frames_can_be_rendered_in_any_order(scene):
     view = TopDown(scene, Window(0, 0, 60, 40), size=300)
     first = view.frame(recorded(scene, 1))
     view.frame(recorded(scene, 30))
@@ -94,7 +94,7 @@ def test_frames_can_be_taken_in_any_order(scene):
 
 
 @pytest.mark.parametrize("ending", [".png", ".pdf", ".svg"])
-def test_pictures(scene, tmp_path, ending):
+def test_images(scene, tmp_path, ending):
     path = tmp_path / "deeper" / f"scenario{ending}"
     Drawing(size=400).save(path, scene, recorded(scene, 5))
     assert path.stat().st_size > 5000
@@ -104,7 +104,7 @@ def test_pictures(scene, tmp_path, ending):
     assert [file.name for file in path.parent.iterdir()] == [path.name]
 
 
-def test_a_generated_scenario_shows_all_its_colours(tmp_path):
+def test_generated_scenario_shows_all_its_colours(tmp_path):
     scene = Scene.of(generated(3))
     Drawing(size=700).save(tmp_path / "s.png", scene, now=100)
     with Image.open(tmp_path / "s.png") as file:
@@ -115,12 +115,12 @@ def test_a_generated_scenario_shows_all_its_colours(tmp_path):
 
 @pytest.mark.parametrize("has_map", [True, False])
 @pytest.mark.parametrize("view", ["route", "ego", "all"])
-def test_one_object_with_and_without_a_map(tmp_path, has_map, view):
+def test_single_object_with_and_without_a_map(tmp_path, has_map, view):
     scene = Scene.of(alone(has_map=has_map))
     assert Drawing(view, size=120).save(tmp_path / "s.png", scene, recorded(scene, 3)) == 1
 
 
-def test_videos_hold_every_moment(scene, tmp_path):
+def test_videos_contain_every_timestep(scene, tmp_path):
     moments, done = recorded(scene, 7), []
     drawing = Drawing(size=160, width=50)
     assert drawing.save(tmp_path / "s.gif", scene, moments, on_frame=done.append) == 7
@@ -129,7 +129,7 @@ def test_videos_hold_every_moment(scene, tmp_path):
         assert (gif.n_frames, gif.size, gif.info["duration"]) == (7, (160, 160), 100)
 
 
-def test_a_gif_keeps_colours_that_come_later(tmp_path):
+def test_gif_keeps_colours_that_appear_later(tmp_path):
     """The light is green in the first frame and red in the second."""
     scenario = make_drive(red=True, num_steps=2)
     scenario.lights.state[0, 0] = LightState.TRAFFIC_LIGHT_GREEN
@@ -160,13 +160,13 @@ def test_missing_packages_are_named(scene, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_without_matplotlib_the_extra_is_named():
+def test_missing_matplotlib_error_names_the_extra():
     code = "import sys; sys.modules['matplotlib'] = None; from scenarionet_data.plots import draw_scenario"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
     assert "pip install 'scenarionet-lake[plots]', or in a checkout pip install -e '.[plots]'" in done.stderr
 
 
-def test_a_video_that_fails_leaves_nothing(tmp_path):
+def test_failed_video_leaves_no_file(tmp_path):
     def frames():
         yield np.zeros((16, 16, 3), np.uint8)
         raise RuntimeError("the simulation broke")
@@ -200,18 +200,18 @@ def test_thumbnails_fill_their_size_and_show_the_ego(scene, size):
 
 
 @pytest.mark.parametrize("color_by", ["time", "speed"])
-def test_ways_are_coloured_by_a_number_with_its_unit(scene, color_by):
+def test_tracks_are_coloured_by_a_value_with_its_unit(scene, color_by):
     figure = scenario_figure(scene, 20, size=300, color_by=color_by, view="all")
     axes = figure.axes[0]
     (lines,) = [artist for artist in axes.collections if artist.get_array() is not None]
     values = {"time": np.arange(1, 41) * 0.1, "speed": np.full(40, 10.0)}[color_by]
-    np.testing.assert_allclose(lines.get_array()[-40:], values, rtol=1e-5)  # the ego's come last, on top
+    np.testing.assert_allclose(lines.get_array()[-40:], values, rtol=1e-5)  # the ego's are drawn last, on top
     (bar,) = figure.axes[1].child_axes
     assert bar.get_xlabel() == {"time": "time [s]", "speed": "speed [m/s]"}[color_by]
     figure.canvas.draw()
 
 
-def test_axes_of_ones_own_keep_their_place_and_nothing_else_changes(scene):
+def test_drawing_on_user_axes_changes_only_these_axes(scene):
     before = dict(matplotlib.rcParams)
     figure = Figure(figsize=(6, 3), layout="constrained")
     left, right = figure.subplots(1, 2)

@@ -1,4 +1,4 @@
-"""Recorded scenarios of several datasets are drawn: nothing of them is kept."""
+"""Recorded scenarios of several datasets are drawn; no images are stored."""
 
 from __future__ import annotations
 
@@ -28,9 +28,7 @@ def scenarios(dataset, place):
     raw = Path(RECORDINGS or "") / place
     if not raw.exists():
         pytest.skip(f"no {place} among the recordings")
-    options = converter.Options(
-        **({"has_map": False} if dataset == "argoverse1" else {})
-    )  # it is a download of its own
+    options = converter.Options(**({"has_map": False} if dataset == "argoverse1" else {}))  # a separate download
     shards = converter.shards(str(raw), "val", converter.release, options)
     records = ((shard, record) for shard in shards for record in converter.records(shard))
     return [converter.scenario(shard, record) for shard, record in islice(records, 12)]
@@ -52,7 +50,7 @@ def num_pixels(content, color):
     ],
 )
 def test_recordings_are_drawn(dataset, place, has_map):
-    """Road, ground and the ego are seen in every thumbnail; every kind of figure is made of the first."""
+    """Every thumbnail shows road, ground and the ego; every kind of figure is made of the first scenario."""
     found = scenarios(dataset, place)
     for scenario in found:
         content = plots.thumbnail(scenario)

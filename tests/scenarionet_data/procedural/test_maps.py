@@ -1,4 +1,4 @@
-"""Maps over many seeds: lanes join, keep apart, and every kind of block is drawn and can be driven through."""
+"""Maps over many seeds: lanes connect without overlap, and every block type is drawn and drivable."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_successive_lanes_join_smoothly(seed):
 
 
 @pytest.mark.parametrize("seed", range(25))
-def test_lanes_overlap_only_where_they_split_join_or_cross(seed):
+def test_lanes_overlap_only_at_splits_merges_and_crossings(seed):
     road_map = draw(seed)
     lanes = road_map.lanes
     shapes = [shapely.make_valid(shapely.Polygon(lane.outline(road_map.road.lane_width / 2))) for lane in lanes]
@@ -73,7 +73,7 @@ def test_ids_refer_to_the_map(seed):
 
 
 @pytest.mark.parametrize(("name", "seed"), SOME)
-def test_every_kind_of_block_leads_to_the_goal(name, seed):
+def test_every_block_type_leads_to_the_goal(name, seed):
     road_map = one(name, seed)
     graph = make_graph(road_map)
     number = {lane.id: row for row, lane in enumerate(road_map.lanes)}
@@ -81,12 +81,12 @@ def test_every_kind_of_block_leads_to_the_goal(name, seed):
     assert np.isfinite(graph.routes.cost).any(axis=0).all(), "a lane that leads nowhere"
 
 
-def test_every_kind_of_block_is_drawn():
+def test_every_block_type_is_drawn():
     names = {block.name for seed in range(60) for block in draw(seed).blocks}
     assert names == {"start", *BLOCK_NAMES}
 
 
-def test_an_intersection_has_crosswalks_stop_lines_and_turns_in_all_directions():
+def test_intersection_has_crosswalks_stop_lines_and_turns_in_all_directions():
     road_map = draw(1, num_blocks=1, blocks="intersection=1", min_lanes=2, max_lanes=2)
     block = road_map.blocks[1]
     kinds = [area.type for area in block.areas] + [line.type for line in block.lines]
@@ -106,7 +106,7 @@ def test_crosswalks_span_the_road_outside_the_corners():
 
 
 @pytest.mark.parametrize(("lanes", "seed"), [(1, 0), (2, 1)])
-def test_the_islands_of_a_roundabout_are_no_road(lanes, seed):
+def test_roundabout_islands_are_not_road(lanes, seed):
     block = draw(seed, num_blocks=1, blocks="roundabout=1", min_lanes=lanes, max_lanes=lanes).blocks[1]
     areas = [shapely.Polygon(area.outline) for area in block.areas if area.type == MapFeatureType.INTERSECTION]
     surface = shapely.unary_union(areas)
@@ -124,13 +124,13 @@ def test_the_islands_of_a_roundabout_are_no_road(lanes, seed):
             assert shapely.contains_xy(surface.buffer(0.05), *points.T).all(), lane.id
 
 
-def test_a_fork_adds_a_lane_and_a_merge_removes_one():
+def test_fork_adds_a_lane_and_merge_removes_one():
     assert len(draw(0, num_blocks=1, blocks="fork=1", max_lanes=2, min_lanes=1).goal) == 2
     merged = draw(0, num_blocks=1, blocks="merge=1 straight=0.0001", min_lanes=1, max_lanes=2)
     assert merged.blocks[1].name in ("merge", "straight")
 
 
-def test_blocks_that_never_fit_are_an_error():
+def test_blocks_that_never_fit_raise_error():
     with pytest.raises(BadParameter, match="never fit together"):
         draw(0, blocks="roundabout=1", min_lanes=3, max_lanes=3)
 

@@ -38,7 +38,7 @@ def test_offset_keeps_its_distance(start, parts, left):
 
 
 @given(poses, pieces)
-def test_reversed_twice_is_the_same(start, parts):
+def test_reversing_twice_is_the_identity(start, parts):
     path = RoadPath(start, parts)
     back = path.reversed().reversed()
     np.testing.assert_allclose(back.sample(2.0)[0], path.sample(2.0)[0], atol=1e-6)

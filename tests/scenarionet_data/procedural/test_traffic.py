@@ -1,4 +1,4 @@
-"""Traffic: the car-following law, collisions, lights, determinism, and the kernels against plain Python."""
+"""Traffic: car-following law, collisions, lights, determinism, and kernels against plain Python."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_equilibrium_gap(speed):
     assert free_acceleration(speed, desired, accel, 2.0) - braking == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_lane_change_must_pay_for_what_it_costs_others():
+def test_lane_change_must_outweigh_its_cost_to_others():
     assert is_worth_changing(1.0, 1.0, 0.5, 0.3)
     assert not is_worth_changing(1.0, 2.0, 0.5, 0.3)
 
@@ -69,15 +69,15 @@ def test_lights_of_one_junction_are_never_green_together():
     assert not turned_red.any(), "yellow comes between green and red"
 
 
-def test_the_same_seed_gives_the_same_bits():
+def test_equal_seeds_are_bit_identical():
     first, second = generate(5, OPTIONS), generate(5, OPTIONS)
     assert np.array_equal(first.motion, second.motion)
     assert np.array_equal(first.lights, second.lights)
     assert not np.array_equal(first.motion[:1, :5], generate(6, OPTIONS).motion[:1, :5])
 
 
-def test_kernels_agree_with_plain_python():
-    """The same seed with compilation switched off, in a process of its own."""
+def test_kernels_match_plain_python():
+    """The same seed with compilation disabled, in a separate process."""
     code = (
         "import json, sys\n"
         "from scenarionet_data.procedural.generate import generate\n"
@@ -91,7 +91,7 @@ def test_kernels_agree_with_plain_python():
 
 
 def touches(episode):
-    """Pairs (vehicle, other) whose boxes overlap at any time: separating axes over all timesteps."""
+    """Pairs (vehicle, other) whose boxes overlap at any timestep, by the separating axis theorem."""
     poses, sizes = boxes(episode.obstacles)
     steps = episode.motion.shape[1]
     position = np.concatenate([episode.motion[..., :2], np.repeat(poses[:, None, :2], steps, axis=1)])
@@ -139,7 +139,7 @@ def test_vehicles_keep_apart_and_stop_at_red():
     assert sum(bool(episode.obstacles) for episode in episodes) > 5, "no road works seen"
 
 
-def test_lanes_are_changed_and_the_ego_arrives():
+def test_lanes_are_changed_and_the_ego_reaches_its_goal():
     episodes = [generate(seed, OPTIONS) for seed in range(40)]
     arrived = [episode.motion.shape[1] < OPTIONS.max_steps for episode in episodes]
     assert np.mean(arrived) > 0.95
@@ -154,7 +154,7 @@ def test_density_scales_traffic(density):
     assert count == 1 if density == 0.0 else count > 40
 
 
-def test_road_works_close_a_lane_and_traffic_passes_them():
+def test_road_works_close_a_lane_and_traffic_passes():
     closed = [
         e for e in (generate(seed, OPTIONS) for seed in range(60)) if np.isfinite(e.graph.lanes.closed_from).any()
     ]
@@ -166,6 +166,6 @@ def test_road_works_close_a_lane_and_traffic_passes_them():
 
 
 @pytest.mark.long
-def test_a_thousand_seeds_without_collisions():
+def test_thousand_seeds_without_collisions():
     touching = [seed for seed in range(1000) if touches(generate(seed, OPTIONS))]
     assert len(touching) <= 10, touching

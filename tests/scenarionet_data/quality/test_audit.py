@@ -1,4 +1,4 @@
-"""Hard rules while converting: what breaks one goes to quarantine, and the rest goes on."""
+"""Hard rules during conversion: violating scenarios are quarantined, the rest is converted."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ CITY = "tests.scenarionet_data.quality.test_audit:OneWayCity"
 
 
 def one_way() -> MapBuilder:
-    """Two lanes; the second does not know that the first leads to it."""
+    """Two lanes; only the first lists the link between them."""
     builder = MapBuilder()
     builder.add("a", LANE, polyline=[[0, 0, 0], [5, 0, 0]], exit_lanes=["b"])
     builder.add("b", LANE, polyline=[[5, 0, 0], [9, 0, 0]])
@@ -34,7 +34,7 @@ def one_way() -> MapBuilder:
 
 
 class OneWay(Made):
-    """``12 oneway`` has a map with a link that goes one way, which validation does not look at."""
+    """``12 oneway`` has a map with a one-way link, which validation does not check."""
 
     def scenario(self, shard: Shard, record: str) -> ScenarioDescription:
         scenario = super().scenario(shard, record.replace(" oneway", ""))
@@ -44,7 +44,7 @@ class OneWay(Made):
 
 
 class OneWayCity(MadeCity):
-    """Shares a city with such a link."""
+    """Shares a city map with such a link."""
 
     def map_features(self, shard: Shard) -> MapBuilder:
         return one_way()
@@ -55,7 +55,7 @@ def raw(tmp_path):
     return write_raw(tmp_path / "raw", {"a": ["1", "2 oneway", "3 invalid", "4"], "b": ["5", "6 oneway"]})
 
 
-def test_what_breaks_a_hard_rule_goes_to_quarantine(raw, tmp_path):
+def test_hard_rule_violations_are_quarantined(raw, tmp_path):
     report = convert(NAME, str(raw), tmp_path / "lake")
     assert (report.converted, report.quarantined, report.is_clean, report.failed) == (3, 3, False, [])
     lake = Lake(tmp_path / "lake")
@@ -70,7 +70,7 @@ def test_what_breaks_a_hard_rule_goes_to_quarantine(raw, tmp_path):
     assert [result.name for result in run_checks(lake).results if result.is_hard and not result.is_met] == []
 
 
-def test_without_checks_it_is_taken_and_found_later(raw, tmp_path):
+def test_without_checks_violations_are_stored_and_found_later(raw, tmp_path):
     report = convert(NAME, str(raw), tmp_path / "lake", check=False)
     assert (report.converted, report.quarantined) == (5, 1)
     (result,) = run_checks(Lake(tmp_path / "lake"), names=["lane_links_are_mutual"]).results
@@ -78,8 +78,8 @@ def test_without_checks_it_is_taken_and_found_later(raw, tmp_path):
 
 
 @pytest.mark.parametrize(("name", "value"), [("_MAX_WAITING", 256), ("_MAX_WAITING", 2), ("_MAX_WAITING_BYTES", 0)])
-def test_a_refused_scenario_leaves_no_gap(name, value, tmp_path, monkeypatch):
-    """Files of three scenarios hold three all the same, in order, whether scenarios wait for each other or not."""
+def test_refused_scenario_leaves_no_gap(name, value, tmp_path, monkeypatch):
+    """Files still hold three scenarios each, in order, whether or not scenarios are written in batches."""
     monkeypatch.setattr(shard_writer, "SCENARIOS_PER_FILE", 3)
     monkeypatch.setattr(shard_writer, name, value)
     lines = ["0 oneway", "1", "2", "3 oneway", "4", "5", "6 oneway", "7"]
@@ -102,7 +102,7 @@ def test_checked_and_unchecked_lakes_hold_the_same_files(tmp_path):
     )
 
 
-def test_a_shared_map_that_breaks_a_rule_ends_the_run(tmp_path):
+def test_shared_map_that_breaks_a_rule_ends_the_run(tmp_path):
     raw = write_raw(tmp_path / "raw", {"a": ["1", "2"]})
     with pytest.raises(
         BrokenContract, match=r"map made/v1/city: 1 links are one-way.*lane_links_are_mutual.*check=False"
@@ -112,8 +112,8 @@ def test_a_shared_map_that_breaks_a_rule_ends_the_run(tmp_path):
     assert convert(CITY, str(raw), tmp_path / "lake", check=False).converted == 2
 
 
-def test_a_record_that_is_neither_kept_nor_rejected_is_missed(tmp_path, monkeypatch):
-    """Records read are those converted and those in quarantine, or the run ends."""
+def test_record_neither_stored_nor_rejected_raises_error(tmp_path, monkeypatch):
+    """Records read must equal the sum of converted and quarantined ones."""
     monkeypatch.setattr(shard_writer.ShardWriter, "reject", lambda writer, position, error: None)
     raw = write_raw(tmp_path / "raw", {"a": ["1", "2 invalid"]})
     with pytest.raises(LakeError, match="a: read 2 records, but kept 1 scenarios and 0 in quarantine"):

@@ -1,4 +1,4 @@
-"""Soft rules within the budgets that a dataset's converter declares."""
+"""Soft rules within the budgets declared by a dataset's converter."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ def noisy_lake(tmp_path_factory):
         ("heading_is_direction", "heading_p99", 1, 0.99),
     ],
 )
-def test_rules_measure_what_the_oracle_measures(check, field, part, quantile, noisy_lake, monkeypatch):
-    """With a budget between the scenarios' own figures, those above it stray and those below do not."""
+def test_rules_measure_the_same_values_as_the_oracle(check, field, part, quantile, noisy_lake, monkeypatch):
+    """With a budget between the scenarios' values, exactly those above it are reported."""
     figures = {s.id: np.quantile(motion_errors(s)[part], quantile) for s in map(noisy, range(4))}
     middle = float(np.mean(sorted(figures.values())[1:3]))
     large = {"velocity_median": 99.0, "velocity_p99": 99.0, "heading_p99": 9.0, "outliers": 0.0}
@@ -55,7 +55,7 @@ def test_rules_measure_what_the_oracle_measures(check, field, part, quantile, no
 
 
 @pytest.mark.parametrize(("outliers", "is_met"), [(0.0, False), (0.24, False), (0.25, True)])
-def test_a_share_of_a_datasets_scenarios_may_stray(outliers, is_met, tmp_path, lenient, monkeypatch):
+def test_budgeted_share_of_scenarios_may_violate_soft_rule(outliers, is_met, tmp_path, lenient, monkeypatch):
     lake = write_lake(tmp_path, [jump(sound(1)), *(sound(seed) for seed in (2, 3, 4))])
     budgeted(monkeypatch, outliers=outliers)
     (result,) = run_checks(lake, names=["nobody_teleports"]).results
@@ -68,7 +68,7 @@ def test_a_share_of_a_datasets_scenarios_may_stray(outliers, is_met, tmp_path, l
 @pytest.mark.parametrize(
     ("budget", "rule"), [({"step_speed": 950.0}, "nobody_teleports"), ({"link_gap": 6.5}, "successors_are_close")]
 )
-def test_jumps_are_a_matter_of_budget(budget, rule, tmp_path, lenient, monkeypatch):
+def test_jumps_are_limited_by_a_budget(budget, rule, tmp_path, lenient, monkeypatch):
     gap = mapped(("a", 0, 5, [], ["b"]), ("b", 11, 99, ["a"], []))
     lake = write_lake(tmp_path, [gap(jump(sound(1)))])
     assert not run_checks(lake, names=[rule]).results[0].is_met
@@ -76,7 +76,7 @@ def test_jumps_are_a_matter_of_budget(budget, rule, tmp_path, lenient, monkeypat
     assert run_checks(lake, names=[rule]).results[0].is_met
 
 
-def test_a_dataset_whose_converter_is_not_here_has_the_defaults(tmp_path):
+def test_dataset_without_its_converter_uses_default_budgets(tmp_path):
     (row,) = checks.budget_table(write_lake(tmp_path, [sound(1)])).to_pylist()
     assert row == {"dataset": "made", **asdict(Budgets())}
     assert converters.budgets("argoverse1") == converters.get("argoverse1").budgets != Budgets()

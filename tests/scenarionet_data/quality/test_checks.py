@@ -1,4 +1,4 @@
-"""Every check of sql/checks: silent on a sound lake, and each violation found where it was written in."""
+"""Every check of sql/checks: silent on a valid lake, and every deliberate violation is found."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ VIOLATIONS = [
 
 @pytest.fixture(scope="module")
 def broken_lake(tmp_path_factory):
-    """One scenario a violation, among sound ones: check name to what was found, scenario id to detail."""
+    """One scenario per violation among valid ones: check name to violations, scenario id to detail."""
     broken = [change(renamed(sound(5), f"broken{i:02d}")) for i, (_, change, _) in enumerate(VIOLATIONS)]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ScenarioDescription, "validate", lambda scenario: None)
@@ -70,21 +70,21 @@ def broken_lake(tmp_path_factory):
 @pytest.mark.parametrize(
     ("number", "name", "detail"), [(i, name, detail) for i, (name, _, detail) in enumerate(VIOLATIONS)]
 )
-def test_a_violation_is_found_in_the_scenario_that_has_it(number, name, detail, broken_lake):
+def test_violation_is_found_in_its_scenario(number, name, detail, broken_lake):
     assert detail in broken_lake[name][renamed(sound(5), f"broken{number:02d}").id]
 
 
 @pytest.mark.parametrize(("name", "change"), [(n, change) for n, change, _ in VIOLATIONS if n in audit.VALIDATED])
-def test_validation_refuses_what_the_audit_does_not_ask(name, change):
+def test_validation_covers_rules_the_audit_omits(name, change):
     with pytest.raises(InvalidScenario):
         change(sound(5)).validate()
 
 
-def test_every_rule_that_the_audit_leaves_to_validation_is_broken_here():
+def test_every_rule_left_to_validation_has_a_violation():
     assert {name for name, _, _ in VIOLATIONS} >= audit.VALIDATED
 
 
-def test_sound_scenarios_among_broken_ones_are_not_found(broken_lake):
+def test_valid_scenarios_among_broken_ones_are_not_reported(broken_lake):
     found = {scenario_id for examples in broken_lake.values() for scenario_id in examples}
     assert len(found) == len(VIOLATIONS)
     assert found.isdisjoint({sound(2).id, sound(3).id})
@@ -95,7 +95,7 @@ def sound_lake(tmp_path_factory):
     return write_lake(tmp_path_factory.mktemp("sound"), [sound(seed) for seed in range(8)])
 
 
-def test_a_sound_lake_meets_every_check(sound_lake):
+def test_valid_lake_passes_every_check(sound_lake):
     results = run_checks(sound_lake).results
     assert {result.name for result in results} == set(rules.names())
     assert [(result.name, result.examples) for result in results if not result.is_met] == []
@@ -103,21 +103,21 @@ def test_a_sound_lake_meets_every_check(sound_lake):
     assert hard == sorted(hard, reverse=True)
 
 
-def test_an_empty_lake_meets_every_check(tmp_path):
+def test_empty_lake_passes_every_check(tmp_path):
     (tmp_path / "snapshots").mkdir()
     from scenarionet_data import Lake
 
     assert all(result.is_met for result in run_checks(Lake(tmp_path)).results)
 
 
-def test_every_check_is_broken_by_a_test():
+def test_every_check_has_a_violating_test_case():
     elsewhere = {"content_is_present", "ids_are_unique", "counts_are_true"}
     elsewhere |= {"shards_are_whole", "shared_maps_are_present"}  # in test_contracts.py
     assert {name for name, _, _ in VIOLATIONS} | elsewhere == set(rules.names())
 
 
 @pytest.mark.parametrize("name", rules.names())
-def test_every_check_says_what_it_is(name):
+def test_every_check_is_documented(name):
     check = rules.load(name)
     assert check.doc.endswith(".")
     assert re.search(r"\bscenario_id\b", check.query)
@@ -125,7 +125,7 @@ def test_every_check_says_what_it_is(name):
     assert check.is_hard == (name not in soft)
 
 
-def test_unknown_and_shapeless_checks_are_refused(sound_lake, tmp_path, monkeypatch):
+def test_unknown_and_malformed_checks_are_refused(sound_lake, tmp_path, monkeypatch):
     with pytest.raises(UnknownQuery, match="sizes_are_positive"):
         run_checks(sound_lake, names=["sizes_positive"])
     (tmp_path / "checks").mkdir()
@@ -135,7 +135,7 @@ def test_unknown_and_shapeless_checks_are_refused(sound_lake, tmp_path, monkeypa
         rules.load("vague")
 
 
-def test_a_check_only_reads(sound_lake, tmp_path, monkeypatch):
+def test_checks_are_read_only(sound_lake, tmp_path, monkeypatch):
     (tmp_path / "checks").mkdir()
     (tmp_path / "checks" / "bad.sql").write_text("-- hard: No.\nSELECT 1) x; DROP VIEW metadata; SELECT (1")
     monkeypatch.setattr("scenarionet_data.query.named_sql.SQL", tmp_path)
@@ -143,14 +143,14 @@ def test_a_check_only_reads(sound_lake, tmp_path, monkeypatch):
         run_checks(sound_lake, names=["bad"])
 
 
-def test_lane_links_out_of_the_map_are_no_violation(tmp_path):
+def test_lane_links_out_of_the_map_are_not_violations(tmp_path):
     change = mapped(("a", 0, 5, ["far"], ["b"]), ("b", 5, 9, ["a"], ["farther"]))
     lake = write_lake(tmp_path, [change(sound(4))])
     assert run_checks(lake, names=["lane_links_are_mutual"]).results[0].is_met
 
 
-def test_invalid_steps_are_not_judged(tmp_path):
-    """Zeros inside a span are no size, no heading and no jump."""
+def test_invalid_steps_are_not_checked(tmp_path):
+    """Zeros inside a span are not a size, a heading or a jump."""
     scenario = changed(
         "tracks",
         **{name: ((1, slice(5, 8)), 0) for name in ("valid", "position", "heading", "velocity", "size")},
@@ -160,7 +160,7 @@ def test_invalid_steps_are_not_judged(tmp_path):
     assert [result.name for result in run_checks(lake).results if not result.is_met] == []
 
 
-def test_a_wrong_count_is_found(tmp_path, monkeypatch):
+def test_wrong_count_is_found(tmp_path, monkeypatch):
     columns = "num_objects num_vehicles num_cones num_states num_lights num_map_features num_lanes".split()
     liars = {sound(seed).id: column for seed, column in enumerate(columns)}
     honest = codec.summarise
@@ -184,7 +184,7 @@ def test_counts_of_scenarios_without_lights_or_map(tmp_path):
     assert run_checks(lake, names=["counts_are_true"]).results[0].is_met
 
 
-def test_a_scenario_that_stands_in_two_files_is_found(tmp_path):
+def test_scenario_stored_in_two_files_is_found(tmp_path):
     from scenarionet_data import Lake
     from scenarionet_data.storage.snapshots import snapshot as snapshots
 
@@ -197,7 +197,7 @@ def test_a_scenario_that_stands_in_two_files_is_found(tmp_path):
 
 
 def test_missing_and_truncated_content_is_named(tmp_path):
-    """A shard of one scenario for each damage; the sound one beside them is read all the same."""
+    """One shard per kind of damage; the valid shard beside them is still read."""
     tables = ("tracks", "lights", "maps")
     damages = [(table, data) for table in tables for data in (None, b"PAR1")]
     for seed in range(len(damages) + 1):
@@ -217,14 +217,14 @@ def test_missing_and_truncated_content_is_named(tmp_path):
     assert ids.is_met
 
 
-def test_lost_metadata_ends_the_run_with_the_remedy(tmp_path):
+def test_missing_metadata_raises_error_with_remedy(tmp_path):
     lake = write_lake(tmp_path, [sound(1)])
     next(tmp_path.glob("metadata/**/*.parquet")).unlink()
     with pytest.raises(LakeError, match="missing, and 0 more that list"):
         run_checks(lake)
 
 
-def test_only_a_databases_members_are_looked_at(lenient, tmp_path):
+def test_only_members_of_a_database_are_checked(lenient, tmp_path):
     broken = [changed("tracks", heading=((0, 3), -4))(sound(seed)) for seed in (1, 2)]
     lake = write_lake(tmp_path, [*broken, sound(3)])
     lake.filter("ends_with(scenario_id, '2') OR ends_with(scenario_id, '3')", name="some")
@@ -235,7 +235,7 @@ def test_only_a_databases_members_are_looked_at(lenient, tmp_path):
     assert run_checks(lake, "good", names=["headings_are_wrapped"]).results[0].is_met
 
 
-def test_examples_are_few_and_in_order(lenient, tmp_path):
+def test_examples_are_limited_and_ordered(lenient, tmp_path):
     lake = write_lake(tmp_path, [changed("tracks", heading=((0, 3), -4))(sound(seed)) for seed in range(9)])
     (result,) = run_checks(lake, names=["headings_are_wrapped"]).results
     assert result.num_scenarios == 9

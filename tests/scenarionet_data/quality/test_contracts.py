@@ -1,4 +1,4 @@
-"""Every rule of sql/checks on every dataset: silent on its scenarios, and each violation found in a lake of them."""
+"""Every rule of sql/checks on every dataset: silent on its scenarios, and every deliberate violation is found."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ EVERYWHERE = (-100.0, -100.0, 100.0, 100.0)
 
 
 def changed(field: str, index: Callable[[ScenarioDescription], object], value: float):
-    """The scenario with a part of one of its tracks' arrays set."""
+    """The scenario with part of one of its track arrays overwritten."""
 
     def change(scenario: ScenarioDescription) -> ScenarioDescription:
         array = getattr(scenario.tracks, field).copy()
@@ -52,7 +52,7 @@ def faster(scenario: ScenarioDescription) -> ScenarioDescription:
 
 
 def turned(scenario: ScenarioDescription) -> ScenarioDescription:
-    """Everybody slides, 2.3 rad off the way they point: more than any budget, less than reversing."""
+    """All objects slide, 2.3 rad off their heading: more than any budget, less than reversing."""
     tracks = scenario.tracks
     speed = np.hypot(tracks.velocity[..., 0], tracks.velocity[..., 1]) + 3
     velocity = np.stack([np.cos(tracks.heading + 2.3), np.sin(tracks.heading + 2.3)], axis=-1) * speed[..., None]
@@ -60,7 +60,7 @@ def turned(scenario: ScenarioDescription) -> ScenarioDescription:
 
 
 def lit(scenario: ScenarioDescription) -> ScenarioDescription:
-    """A light above a lane that the map lacks, which says that it has it."""
+    """A light that refers to a lane missing from the map."""
     lights = Lights(
         ids=strings(["light"]),
         lane_ids=strings(["nowhere"]),
@@ -128,7 +128,7 @@ SOUND = {"copy": lambda s: s, "beside-one-way": on_shared_map("one-way", (900.0,
 
 @dataclass(frozen=True)
 class Case:
-    """A dataset's lake with broken scenarios among sound ones."""
+    """A dataset's lake with broken scenarios among valid ones."""
 
     recordings: datasets.Recordings
     template: ScenarioDescription
@@ -173,7 +173,7 @@ def miscounting(scenario_id: str, summarise):
 
 
 def write_case(root: Path, recordings: datasets.Recordings, variants: dict[str, ScenarioDescription]) -> None:
-    """The recorded scenarios, the variants, shared maps good and bad, a shard that miscounts itself, a lost file."""
+    """Write the recorded scenarios, variants, good and bad shared maps, a miscounted shard, and a missing file."""
     files, release = LocalLakeFiles(root), recordings.scenarios[0]
     alone = {name: variants.pop(name) for name in ("lost", "twice")}
     records = [write_shard(root, recordings.scenarios, "recorded"), write_shard(root, variants.values(), "variants")]
@@ -189,7 +189,7 @@ def write_case(root: Path, recordings: datasets.Recordings, variants: dict[str, 
     next(root.glob("tracks/**/lost-*.parquet")).unlink()
 
 
-def test_recorded_scenarios_break_nothing(case: Case) -> None:
+def test_recorded_scenarios_violate_no_rule(case: Case) -> None:
     sound = {scenario.id for scenario in case.recordings.scenarios} | {case.id(name) for name in SOUND}
     rows = [row for row in case.findings.rows.to_pylist() if row["scenario_id"] in sound]
     budgets = converters.budgets(case.template.dataset)
@@ -198,12 +198,12 @@ def test_recorded_scenarios_break_nothing(case: Case) -> None:
 
 
 @pytest.mark.parametrize(("check", "name"), [(check, name) for check, name, _ in BROKEN])
-def test_what_is_broken_is_found_where_it_is(case: Case, check: str, name: str) -> None:
+def test_violations_are_located(case: Case, check: str, name: str) -> None:
     assert case.id(name) in case.details(check)
 
 
 def test_shared_maps_are_checked_whole(case: Case) -> None:
-    """The map itself, and of the scenarios that share it those that see the broken link."""
+    """The map itself, and among the scenarios that share it those whose crop contains the broken link."""
     release = f"{case.template.dataset}/{case.template.version}"
     assert case.details("lane_links_are_mutual")[None] == (
         f"map {release}/one-way: 1 links are one-way, for example a -> b"
@@ -214,17 +214,17 @@ def test_shared_maps_are_checked_whole(case: Case) -> None:
     assert case.details("shared_maps_are_present") == {case.id("on-nothing"): "map missing is not in the lake"}
 
 
-def test_a_shard_has_what_it_says(case: Case) -> None:
+def test_shard_counts_match_its_content(case: Case) -> None:
     rows = [row for row in case.findings.rows.to_pylist() if row["check"] == "shards_are_whole"]
     said = len(BROKEN) - 2 + len(SOUND)
     partition = f"{case.template.dataset}/{case.template.version}/{case.template.split}"
     assert f"shard {partition}/variants: {said} scenarios, {said + 1} were converted" in [row["detail"] for row in rows]
 
 
-def test_the_audit_finds_what_breaks_a_hard_rule(case: Case, tmp_path: Path) -> None:
-    """Before anything is written, with the rule as the field; sound scenarios pass, and validation knows the rest."""
+def test_audit_finds_hard_rule_violations(case: Case, tmp_path: Path) -> None:
+    """Before anything is written, with the rule as the field; valid scenarios pass; validation covers the rest."""
     at_origin = replace(case.template, origin=np.zeros(3))
-    # Of a window on a shared map only the scenario is at hand.
+    # For a window on a shared map, only the scenario is available.
     own = [row for row in BROKEN if rules.load(row[0]).kind == "hard" and not row[1].startswith("on-")]
     own = [row for row in own if row[1] != "lit" or case.template.map_crop is None]
     for _, name, change in (row for row in own if row[0] in audit.VALIDATED):
@@ -237,5 +237,5 @@ def test_the_audit_finds_what_breaks_a_hard_rule(case: Case, tmp_path: Path) -> 
     assert {number: error.field for number, error in found.items()} == dict(enumerate(check for check, _, _ in own))
 
 
-def test_every_rule_is_broken_on_every_dataset() -> None:
+def test_every_rule_is_violated_on_every_dataset() -> None:
     assert {check for check, _, _ in BROKEN} | {"shards_are_whole"} == set(rules.names())

@@ -1,4 +1,4 @@
-"""What checks found: the good ones as a database, the broken ones as a table."""
+"""Passing scenarios saved as a database, violations as a table."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from tests.fixtures.violations import changed, jump, sound
 
 @pytest.fixture
 def mixed(tmp_path, lenient):
-    """Three sound scenarios, one that breaks a hard rule, one that breaks a soft one."""
+    """Three valid scenarios, one that violates a hard rule, one that violates a soft one."""
     broken, doubtful = changed("tracks", heading=((0, 3), -4))(sound(1)), jump(sound(2))
     return write_lake(tmp_path, [broken, doubtful, *(sound(seed) for seed in (3, 4, 5))])
 
 
 @pytest.mark.parametrize(("is_strict", "left"), [(False, [2, 3, 4, 5]), (True, [3, 4, 5])])
-def test_the_good_ones_become_a_database(is_strict, left, mixed):
+def test_passing_scenarios_become_a_database(is_strict, left, mixed):
     findings = run_checks(mixed)
     made = save_passing(findings, "good", strict=is_strict)
     assert made.scenario_ids == [sound(seed).id for seed in left]
@@ -33,27 +33,27 @@ def test_the_good_ones_become_a_database(is_strict, left, mixed):
     assert save_passing(findings, "good", replace=True).version == 2
 
 
-def test_without_a_hard_rule_every_scenario_is_good(mixed):
+def test_without_hard_rules_every_scenario_passes(mixed):
     made = save_passing(run_checks(mixed, names=["nobody_teleports"]), "good")
     assert len(made) == 5
     assert mixed.sql(made.lineage.sql)["scenario_id"].to_list() == made.scenario_ids
 
 
-def test_the_good_ones_of_a_database_keep_its_order(mixed):
+def test_passing_members_of_a_database_keep_its_order(mixed):
     mixed.filter("NOT ends_with(scenario_id, '5')", name="some")
     made = save_passing(run_checks(mixed, "some"), "good")
     assert made.scenario_ids == [sound(seed).id for seed in (2, 3, 4)]
     assert made.lineage.parents == ["some@1"]
 
 
-def test_nothing_good_is_refused(mixed):
+def test_empty_result_is_refused(mixed):
     mixed.filter("ends_with(scenario_id, '1')", name="bad")
     with pytest.raises(EmptyResult):
         save_passing(run_checks(mixed, "bad"), "good")
     assert mixed.databases == ["bad"]
 
 
-def test_the_broken_ones_are_a_table(mixed):
+def test_violations_are_returned_as_a_table(mixed):
     findings = run_checks(mixed, names=["headings_are_wrapped", "nobody_teleports"])
     assert [(row["check"], row["is_hard"], row["scenario_id"], row["split"]) for row in findings.rows.to_pylist()] == [
         ("headings_are_wrapped", True, sound(1).id, "train"),
@@ -64,7 +64,7 @@ def test_the_broken_ones_are_a_table(mixed):
     assert findings.totals.to_pylist() == [{"dataset": "made", "version": "v1", "split": "train", "scenarios": 5}]
 
 
-def test_progress_is_told(mixed):
+def test_progress_is_reported(mixed):
     told = []
     run_checks(mixed, names=["ids_are_unique", "nobody_teleports"], on_progress=lambda *numbers: told.append(numbers))
     assert told == [(0, 2, 0), (1, 2, 0), (2, 2, 0)]

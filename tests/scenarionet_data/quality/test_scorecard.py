@@ -1,4 +1,4 @@
-"""The scorecard: what breaks which rule in which split, and how much of a published split is there."""
+"""The scorecard: violations by rule and split, and coverage of published splits."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def dizzy(scenario: ScenarioDescription) -> ScenarioDescription:
 
 @pytest.fixture
 def lake(tmp_path, monkeypatch) -> Lake:
-    """Two splits; one of three scenarios in train breaks a rule."""
+    """Two splits; one of three scenarios in train violates a rule."""
     monkeypatch.setattr(ScenarioDescription, "validate", lambda scenario: None)
     write_lake(tmp_path, [dizzy(sound(1)), sound(2), sound(3)])
     return write_lake(tmp_path, [sound(4, "val")], "b")
@@ -53,7 +53,7 @@ def test_rules_are_counted_by_split(lake):
     assert card.others == ()
 
 
-def test_the_table_has_a_row_for_each_split_and_rule(lake):
+def test_table_has_a_row_for_each_split_and_rule(lake):
     findings = run_checks(lake, names=["headings_are_wrapped", "ids_are_unique"])
     rows = make_scorecard(findings).rows
     assert [(row["split"], row["check"], row["broken"]) for row in rows] == [
@@ -66,7 +66,7 @@ def test_the_table_has_a_row_for_each_split_and_rule(lake):
     assert rows[0]["published"] is None
 
 
-def test_what_is_no_scenario_stands_apart(tmp_path):
+def test_violations_outside_scenarios_are_listed_separately(tmp_path):
     from scenarionet_data.storage.files.local import LocalLakeFiles
     from scenarionet_data.storage.snapshots import commit as commits
 
@@ -77,8 +77,8 @@ def test_what_is_no_scenario_stands_apart(tmp_path):
     assert card.partitions[0].quarantined == 2
 
 
-def test_quarantine_adds_up(tmp_path):
-    """Records read are those converted and those in quarantine, of each shard and of all."""
+def test_quarantine_counts_add_up(tmp_path):
+    """Records read equal converted plus quarantined ones, for each shard and in total."""
     raw = write_raw(tmp_path / "raw", {"a": ["1", "2 invalid", "3"], "b": ["4 bug", "5 invalid"]})
     convert(NAME, str(raw), tmp_path / "lake")
     findings = run_checks(Lake(tmp_path / "lake"), names=["shards_are_whole"])
@@ -86,7 +86,7 @@ def test_quarantine_adds_up(tmp_path):
     assert [(p.scenarios, p.quarantined) for p in make_scorecard(findings).partitions] == [(2, 3)]
 
 
-def test_a_quarantine_file_that_is_gone_is_missed(tmp_path):
+def test_missing_quarantine_file_is_reported(tmp_path):
     raw = write_raw(tmp_path / "raw", {"a": ["1", "2 invalid", "3"]})
     convert(NAME, str(raw), tmp_path / "lake")
     next((tmp_path / "lake").glob("quarantine/**/*.parquet")).unlink()
@@ -94,14 +94,14 @@ def test_a_quarantine_file_that_is_gone_is_missed(tmp_path):
     assert row["detail"] == "shard made/v1/train/a: 0 records in quarantine, 1 were put there"
 
 
-def test_a_database_is_judged_without_the_rest(lake):
+def test_database_is_checked_without_the_rest(lake):
     lake.filter("split = 'val'", name="some")
     card = make_scorecard(run_checks(lake, "some"))
     assert [(p.split, p.scenarios, p.coverage) for p in card.partitions] == [("val", 1, None)]
     assert all(mark.is_met for mark in card.partitions[0].rules)
 
 
-# --- what owners publish ----------------------------------------------------------------------------------
+# --- published sizes --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -119,7 +119,7 @@ def test_coverage(release, inputs, records, is_as_published, text):
     assert (found.is_as_published, found.text) == (is_as_published, text)
 
 
-def test_a_split_is_whole_when_every_input_is_there(tmp_path, monkeypatch):
+def test_split_is_complete_when_every_input_is_present(tmp_path, monkeypatch):
     published = {("made", "v1", "train"): Release(2, "files", "the fixture", scenarios=3)}
     monkeypatch.setattr(releases, "load", lambda: published)
     raw = write_raw(tmp_path / "raw", {"a": ["1", "2 invalid"]})
@@ -136,7 +136,7 @@ def test_a_split_is_whole_when_every_input_is_there(tmp_path, monkeypatch):
     assert texts() == ["3 files, published are 2"]
 
 
-def test_a_quick_look_is_no_whole_input(tmp_path, monkeypatch):
+def test_limited_conversion_is_not_a_complete_input(tmp_path, monkeypatch):
     monkeypatch.setattr(releases, "load", lambda: {("made", "v1", "train"): Release(1, "files", "the fixture")})
     raw = write_raw(tmp_path / "raw", {"a": ["1", "2", "3"]})
     convert(NAME, str(raw), tmp_path / "lake", limit=2)
@@ -144,7 +144,7 @@ def test_a_quick_look_is_no_whole_input(tmp_path, monkeypatch):
     assert partition.coverage.text == "incomplete: 0 of 1 files"
 
 
-def test_only_shards_that_are_meant_count(tmp_path, monkeypatch):
+def test_only_matching_shards_count(tmp_path, monkeypatch):
     release = Release(1, "scenes", "the fixture", shards="*-scene-*")
     monkeypatch.setattr(releases, "load", lambda: {("made", "v1", "train"): release})
     records = [write_shard(tmp_path, [sound(seed)], name) for seed, name in ((1, "x-scene-0"), (2, "x-window-0"))]
@@ -154,7 +154,7 @@ def test_only_shards_that_are_meant_count(tmp_path, monkeypatch):
     assert releases.coverage(("made", "v1", "val"), records) is None
 
 
-def test_every_published_number_names_its_source():
+def test_every_published_number_cites_its_source():
     known = releases.load()
     assert len(known) >= 12
     for (dataset, version, split), release in known.items():

@@ -1,4 +1,4 @@
-"""What a worker has of a bucket: a shard's files and no others, each fetched once, none by half."""
+"""Worker downloads: only the files of a shard, each fetched once, never partially."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ pytestmark = pytest.mark.long
 
 
 class WithTables(Made):
-    """Every shard needs the tables, and what lies in ``maps`` where ``maps/index`` says so."""
+    """Every shard needs the tables, and the files in ``maps`` listed by ``maps/index``."""
 
     def files(self, shard):
         yield [*(item.name for item in shard.items), "tables/*", "maps/index", "nowhere"]
@@ -38,7 +38,7 @@ TABLES = {"tables/one.json", "tables/two.json", "maps/index", "maps/x"}
 
 @pytest.fixture
 def place(store, request):
-    """A URL with those files; its prefix is the test's name."""
+    """A URL with these files under a prefix named after the test."""
     yield put(FILES, request.node.name)
     remove_downloads()
 
@@ -53,7 +53,7 @@ def there(here):
     return {path.relative_to(root).as_posix() for path in root.rglob("*") if path.is_file()}
 
 
-def test_a_shard_has_what_it_needs_and_no_more(place, store, request):
+def test_shard_downloads_only_the_files_it_needs(place, store, request):
     prefix = request.node.name
     store.set()
     with local_copy(WithTables(), shard(place, "a", "b")) as here:
@@ -69,7 +69,7 @@ def test_a_shard_has_what_it_needs_and_no_more(place, store, request):
     assert not Path(here.root).exists()
 
 
-def test_what_has_changed_meanwhile_is_fetched_again(place, store, request):
+def test_changed_file_is_fetched_again(place, store, request):
     with local_copy(WithTables(), shard(place, "a")):
         pass
     put({"tables/one.json": b"[3]", "maps/index": b"maps/y"}, request.node.name)
@@ -79,14 +79,14 @@ def test_what_has_changed_meanwhile_is_fetched_again(place, store, request):
         assert (Path(here.root) / "tables/one.json").read_bytes() == b"[3]"
 
 
-def test_what_was_deleted_here_is_fetched_again(place):
+def test_locally_deleted_file_is_fetched_again(place):
     with local_copy(WithTables(), shard(place, "a")) as here:
         (Path(here.root) / "maps" / "x").unlink()
     with local_copy(WithTables(), shard(place, "a")) as here:
         assert there(here) == {"a.made"} | TABLES
 
 
-def test_a_file_that_is_gone_since_it_was_listed(place):
+def test_file_deleted_after_listing(place):
     with (
         pytest.raises(SourceNotFound, match=f"{place}/z.made: deleted since it was listed"),
         local_copy(WithTables(), shard(place, "a", "z")),
@@ -99,7 +99,7 @@ def test_errors_name_the_store(place):
         raise ValueError(f"{here.paths[0]} is odd")
 
 
-def test_an_interrupted_download_is_not_taken_for_a_file(place, monkeypatch):
+def test_interrupted_download_is_not_used(place, monkeypatch):
     whole, interrupted = ObjectStore.download, threading.Event()
 
     def half(self, name, path):
@@ -116,7 +116,7 @@ def test_an_interrupted_download_is_not_taken_for_a_file(place, monkeypatch):
         assert (Path(here.root) / "tables" / "two.json").read_bytes() == b"[2]"
 
 
-def test_a_store_that_is_ill_for_a_while(place, store, monkeypatch):
+def test_temporary_store_errors_are_retried(place, store, monkeypatch):
     monkeypatch.setenv("SCENARIONET_PATIENCE", "0.2")
     store.set(failures=100, status=500, part="tables/one", method="GET")
     with pytest.raises(LakeError, match="answers 500"), local_copy(WithTables(), shard(place, "a")):
@@ -126,20 +126,20 @@ def test_a_store_that_is_ill_for_a_while(place, store, monkeypatch):
         assert there(here) == {"a.made"} | TABLES
 
 
-def test_shards_side_by_side_do_not_disturb_each_other(place):
+def test_concurrent_shards_do_not_interfere(place):
     with local_copy(WithTables(), shard(place, "a")) as one, local_copy(WithTables(), shard(place, "b")) as other:
         assert there(one) - TABLES == {"a.made"}
         assert there(other) - TABLES == {"b.made"}
         assert one.root != other.root
 
 
-def test_a_shard_of_the_whole_bucket(place, request):
+def test_shard_of_a_whole_bucket(place, request):
     moved = replace(shard(f"s3://{BUCKET}"), items=(RawItem(f"{request.node.name}/a.made", ""),))
     with local_copy(Made(), moved) as here:
         assert here.paths[0].read_bytes() == b"1"
 
 
-def test_what_a_killed_worker_had_goes_with_the_run(store, tmp_path, monkeypatch):
+def test_leftovers_of_a_killed_worker_are_removed_with_the_run(store, tmp_path, monkeypatch):
     (tmp_path / "temporary").mkdir()
     monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))
     monkeypatch.setattr(tempfile, "tempdir", None)

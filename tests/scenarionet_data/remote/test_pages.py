@@ -1,4 +1,4 @@
-"""What the pages on object stores and on other engines show is true."""
+"""Examples on the documentation pages about object stores and other engines run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Raw recordings in an object store: listed, watched, chosen from and refused as those in a folder."""
+"""Raw recordings in an object store are listed, watched, selected and refused like those in a folder."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FEW = MadeOptions(num_objects=2)
 
 @pytest.fixture
 def temporary(tmp_path, monkeypatch):
-    """Where this process and its workers put what is temporary; others' does not lie there."""
+    """A private folder for temporary files of this process and its workers."""
     folder = tmp_path / "temporary"
     folder.mkdir()
     monkeypatch.setenv("TMPDIR", str(folder))
@@ -34,7 +34,7 @@ def temporary(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_a_folder_and_a_bucket_make_the_same_lake(url, tmp_path, temporary, workers):
+def test_folder_and_bucket_give_the_same_lake(url, tmp_path, temporary, workers):
     raw = write_raw(tmp_path / "raw" / "validation", {f"s{k}": [k * 10, k * 10 + 1] for k in range(3)})
     report = convert(NAME, upload(raw, f"{url[-41:]}/validation"), url, options=FEW, workers=workers)
     assert (report.converted, report.failed, report.partitions) == (6, [], {("made", "v1", "val")})
@@ -43,28 +43,28 @@ def test_a_folder_and_a_bucket_make_the_same_lake(url, tmp_path, temporary, work
     assert same(url, tmp_path / "lake")
 
 
-def test_what_is_converted_is_skipped_and_what_has_changed_is_seen(store, tmp_path):
+def test_converted_files_are_skipped_and_changes_detected(store, tmp_path):
     raw = write_raw(tmp_path / "raw", {"s0": [1], "s1": [2]})
     place = upload(raw, "changing")
     assert convert(NAME, place, tmp_path / "lake", options=FEW).converted == 2
     upload(write_raw(tmp_path / "more", {"s2": [3]}), "changing")
     report = convert(NAME, place, tmp_path / "lake", options=FEW)
     assert (report.skipped, report.converted) == (2, 1)
-    put({"s1.made": b"7"}, "changing")  # as long as it was
+    put({"s1.made": b"7"}, "changing")  # same length as before
     with pytest.raises(DuplicateScenario, match="has changed since"):
         driver.plan_conversion(NAME, place, tmp_path / "lake", options=FEW)
     assert convert(NAME, place, tmp_path / "lake", options=FEW, replace=True).replaced == 1
     assert len(Lake(tmp_path / "lake")) == 3
 
 
-def test_what_a_newer_converter_makes_better(store, tmp_path):
+def test_newer_converter_makes_shards_stale(store, tmp_path):
     place = upload(write_raw(tmp_path / "raw", {"s0": [1], "s1": [2]}), "stale")
     convert(NAME, place, tmp_path / "lake", options=FEW)
     assert convert(NEWER, place, tmp_path / "lake", options=FEW).stale == 2
     assert convert(NEWER, place, tmp_path / "lake", options=FEW, reconvert_stale=True).replaced == 2
 
 
-def test_a_map_that_changes_is_seen(store, tmp_path):
+def test_changed_map_is_detected(store, tmp_path):
     nuscenes.write_invented(tmp_path / "raw", num_scenes=1, num_keyframes=16)
     place = upload(tmp_path / "raw", "changing-map")
     convert("nuscenes", place, tmp_path / "lake", split="mini")
@@ -74,7 +74,7 @@ def test_a_map_that_changes_is_seen(store, tmp_path):
         convert("nuscenes", place, tmp_path / "lake", split="mini")
 
 
-def test_waymo_files_and_one_of_them(store, tmp_path):
+def test_waymo_files_and_a_single_file(store, tmp_path):
     raw = tmp_path / "training"
     raw.mkdir()
     for number in range(2):
@@ -94,7 +94,7 @@ def test_a_database_of_pickles_and_its_mapping(store, tmp_path):
     assert same(tmp_path / "remote", tmp_path / "local")
 
 
-def test_what_arrives_is_converted_when_it_has_stood_still(store, tmp_path):
+def test_new_files_are_converted_once_unchanged(store, tmp_path):
     raw = write_raw(tmp_path / "raw", {"s0": [1, 2]})
     events = iter([lambda: put({"s1.made": b"3"}, "growing"), lambda: None, lambda: None])
     reports = watch(NAME, upload(raw, "growing"), tmp_path / "lake", options=FEW, wait=lambda _: next(events)())
@@ -102,7 +102,7 @@ def test_what_arrives_is_converted_when_it_has_stood_still(store, tmp_path):
     assert next(reports).converted == 1
 
 
-def test_the_largest_come_first(store, tmp_path):
+def test_largest_files_come_first(store, tmp_path):
     raw = write_raw(tmp_path / "raw", {"a": range(50), "b": range(150), "c": range(100)})
     seen = []
 
@@ -114,7 +114,7 @@ def test_the_largest_come_first(store, tmp_path):
     assert seen == ["b", "c", "a"]
 
 
-def test_choosing_by_what_is_known(store, tmp_path):
+def test_selection_by_properties(store, tmp_path):
     nuscenes.write_invented(tmp_path / "nuscenes", num_scenes=2, num_keyframes=16)
     nuplan.write_raw(tmp_path / "nuplan", [nuplan_drive.invented(seconds=4.0)])
     scenes, logs = (upload(tmp_path / name, f"chosen/{name}") for name in ("nuscenes", "nuplan"))
@@ -129,7 +129,7 @@ def test_choosing_by_what_is_known(store, tmp_path):
     assert len(driver.plan_conversion("nuplan", logs, tmp_path / "lake", split="mini", selection=named).shards) == 1
 
 
-def test_images_by_the_thousand_are_not_listed(store):
+def test_thousands_of_images_are_not_listed(store):
     put({f"log/sensors/camera/{k:05d}.jpg": b"" for k in range(2100)}, "images/train")
     put(
         {f"log/{name}": b"x" for name in ("annotations.feather", "sensors-of-others/1", "z/sensors/1", "z/z")}, "images"
@@ -141,14 +141,14 @@ def test_images_by_the_thousand_are_not_listed(store):
     assert sum(1 for _ in ObjectStore(f"s3://{BUCKET}/images").walk()) == 2104
 
 
-def test_the_place_of_temporary_files_tells_no_split(store, tmp_path, monkeypatch):
+def test_temporary_folder_does_not_determine_the_split(store, tmp_path, monkeypatch):
     (tmp_path / "test").mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "test"))
     place = upload(write_raw(tmp_path / "raw", {"s0": [1]}), "unsplit")
     assert convert(NAME, place, tmp_path / "lake", options=FEW).partitions == {("made", "v1", "train")}
 
 
-def test_empty_files_that_stand_for_folders(store, tmp_path):
+def test_empty_folder_marker_objects_are_ignored(store, tmp_path):
     raw = write_raw(tmp_path / "raw" / "deep", {"s0": [1]}).parent
     write_raw(raw / "deep-er", {"s1": [2]})
     place = upload(raw, "marked")
@@ -159,7 +159,7 @@ def test_empty_files_that_stand_for_folders(store, tmp_path):
 
 
 def damaged_map(root):
-    """A map that cannot be read, of the two scenes' two; a table is whole."""
+    """An unreadable map, one of two; one of the tables is intact."""
     nuscenes.write_invented(root, num_scenes=2, num_keyframes=16)
     (root / "maps" / "expansion" / "boston-seaport.json").write_text("{")
 
@@ -171,7 +171,7 @@ def damaged_tables(root):
 
 
 def damaged_logs(root):
-    """One cut off, one empty, one as it should be."""
+    """One truncated, one empty, one intact."""
     nuplan.write_raw(root, [nuplan_drive.invented(seed, seconds=4.0) for seed in range(3)])
     first, second, _ = sorted((root / "splits" / "mini").iterdir())
     os.truncate(first, 30_000)
@@ -207,7 +207,7 @@ DAMAGE = {
 
 
 @pytest.mark.parametrize("case", DAMAGE)
-def test_what_is_damaged_fails_as_in_a_folder(store, tmp_path, case):
+def test_damage_fails_as_in_a_folder(store, tmp_path, case):
     name, write = DAMAGE[case]
     raw, split = tmp_path / "raw", "mini" if name in ("nuscenes", "nuplan") else "train"
     raw.mkdir()
@@ -223,7 +223,7 @@ def test_what_is_damaged_fails_as_in_a_folder(store, tmp_path, case):
     assert told[place] == told[str(raw)].replace(str(raw), place)
 
 
-def test_what_cannot_be(store, tmp_path):
+def test_invalid_urls_are_refused(store, tmp_path):
     with pytest.raises(SourceNotFound, match="nothing there"):
         convert(NAME, f"s3://{BUCKET}/nowhere", tmp_path / "lake")
     place = put({"some/thing.txt": b"x"}, "strange")

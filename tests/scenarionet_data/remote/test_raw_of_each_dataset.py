@@ -1,4 +1,4 @@
-"""Each dataset's recordings in a bucket: the lake is that of a folder, and nothing is fetched twice or for nothing."""
+"""Each dataset in a bucket: the lake equals that of a folder, and nothing is fetched twice or needlessly."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ IMAGES = {
 
 @pytest.fixture(autouse=True)
 def short_shards(monkeypatch):
-    """Several shards of what is little: shards are made in this process."""
+    """Split small datasets into several shards; shards are planned in this process."""
     monkeypatch.setattr(lyft_converter, "_BLOCK", 2)
     monkeypatch.setattr(nuscenes_converter, "_SCENES_PER_SHARD", {"scene": 1, "window": 1})
 
@@ -85,7 +85,7 @@ def options_of(name, given):
 @pytest.mark.long
 @pytest.mark.parametrize("workers", [1, 2])
 @pytest.mark.parametrize("case", CASES)
-def test_a_bucket_becomes_the_lake_of_a_folder(store, tmp_path, case, workers):
+def test_bucket_gives_the_same_lake_as_a_folder(store, tmp_path, case, workers):
     name, (write, split, given) = case.split()[0], CASES[case]
     prefix = f"each/{case.replace(' ', '-')}-{workers}"
     raw = write(tmp_path / "raw")
@@ -106,7 +106,7 @@ def test_a_bucket_becomes_the_lake_of_a_folder(store, tmp_path, case, workers):
     assert set(fetched(store, prefix)) == listed
 
 
-def test_a_few_chunks_of_a_recording(store, tmp_path):
+def test_only_required_chunks_of_a_recording_are_fetched(store, tmp_path):
     place = upload(write_lyft(tmp_path / "raw"), "few/lyft")
     store.set()
     report = convert("lyft", place, tmp_path / "lake", selection=InputSelection(files=slice(0, 1)), split="train")
@@ -116,13 +116,13 @@ def test_a_few_chunks_of_a_recording(store, tmp_path):
 
 
 @pytest.mark.long
-def test_chunks_that_neighbours_share_are_fetched_once(store, tmp_path):
+def test_chunks_shared_by_neighbouring_shards_are_fetched_once(store, tmp_path):
     place = upload(write_lyft(tmp_path / "raw"), "neighbours/lyft")
     store.set()
-    assert convert("lyft", place, tmp_path / "lake", split="train").shards == 3  # the map, and twice two scenes
+    assert convert("lyft", place, tmp_path / "lake", split="train").shards == 3  # the map, and two scenes twice
     asked = fetched(store, "neighbours/lyft")
     assert set(asked.values()) == {1, 2}
-    assert {path for path, times in asked.items() if times == 2} == {  # to list them, and to convert them
+    assert {path for path, times in asked.items() if times == 2} == {  # once to list them, once to convert them
         f"scenes/sample.zarr/{path}"
         for path in (".zattrs", "scenes/.zarray", "scenes/0", "frames/.zarray", "agents/.zarray",
                      "traffic_light_faces/.zarray")
@@ -130,7 +130,7 @@ def test_chunks_that_neighbours_share_are_fetched_once(store, tmp_path):
 
 
 @pytest.mark.long
-def test_a_log_takes_the_map_of_its_city(store, tmp_path):
+def test_log_fetches_only_the_map_of_its_city(store, tmp_path):
     raw, las_vegas = write_nuplan(tmp_path / "raw"), f"maps/{nuplan.LOCATION}/{nuplan.VERSION}/map.gpkg"
     logs = sorted(path.name for path in (raw / "splits" / "mini").iterdir())
     place = upload(raw, "cities/nuplan")
@@ -139,7 +139,7 @@ def test_a_log_takes_the_map_of_its_city(store, tmp_path):
     convert("nuplan", place, tmp_path / "lake", selection=InputSelection(files=slice(0, 1)), **how)
     assert {path: times for path, times in fetched(store, "cities/nuplan").items() if "splits" not in path} == {
         las_vegas: 1,
-        las_vegas.replace(nuplan.LOCATION, BOSTON): 1,  # nobody knows yet that no log needs it
+        las_vegas.replace(nuplan.LOCATION, BOSTON): 1,  # not known yet that no log needs it
         "maps/nuplan-maps-v1.0.json": 2,
     }
     assert convert("nuplan", place, tmp_path / "lake", **how).skipped == 1
@@ -164,7 +164,7 @@ def test_maps_on_this_machine(store, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("name", "write", "part"), [("nuscenes", write_nuscenes, "v1.0-mini"), ("lyft", write_lyft, "scenes/sample.zarr")]
 )
-def test_a_part_of_a_dataset(store, tmp_path, name, write, part):
+def test_subset_of_a_dataset(store, tmp_path, name, write, part):
     raw, split = write(tmp_path / "raw"), "mini" if name == "nuscenes" else "train"
     place = upload(raw, f"part/{name}")
     convert(name, f"{place}/{part}", tmp_path / "remote", split=split)

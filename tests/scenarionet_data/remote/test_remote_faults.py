@@ -1,6 +1,6 @@
-"""What the world does to a lake in an object store: errors, lost answers, killed clients, two clients at once.
+"""Faults of a lake in an object store: errors, lost responses, killed clients, concurrent clients.
 
-Whatever happens, the lake stays as it was or becomes what an undisturbed run would have made.
+The lake either stays as it was or becomes what an undisturbed run would have produced.
 """
 
 from __future__ import annotations
@@ -60,13 +60,13 @@ def raw(tmp_path):
 
 @pytest.fixture
 def undisturbed(raw, tmp_path):
-    """What the lake becomes when nothing happens."""
+    """The lake written by an undisturbed run."""
     run(raw, tmp_path / "undisturbed")
     return content(tmp_path / "undisturbed")
 
 
 @pytest.mark.parametrize("status", [500, 503])
-def test_errors_for_a_while_are_waited_out(url, store, raw, undisturbed, status):
+def test_temporary_errors_are_retried(url, store, raw, undisturbed, status):
     store.set(failures=6, status=status)
     report = run(raw, url)
     assert (report.converted, report.failed) == (20, [])
@@ -75,7 +75,7 @@ def test_errors_for_a_while_are_waited_out(url, store, raw, undisturbed, status)
     assert len(list(ScenarioLoader(url))) == 20
 
 
-def test_errors_that_stay_end_the_run_and_show_nothing_half(url, store, raw, undisturbed, monkeypatch):
+def test_permanent_errors_end_the_run_without_partial_data(url, store, raw, undisturbed, monkeypatch):
     monkeypatch.setenv("SCENARIONET_PATIENCE", "1")
     store.set(failures=10_000, status=503, method="PUT", part="/metadata/")
     with pytest.raises(LakeError, match=r"503 .* asked for up to 1 s .* run the same command again"):
@@ -87,8 +87,8 @@ def test_errors_that_stay_end_the_run_and_show_nothing_half(url, store, raw, und
     assert content(url) == undisturbed
 
 
-def test_a_commit_whose_answer_is_lost_is_one_commit(url, store, raw, undisturbed):
-    """The store is asked again and says that the snapshot is there already: it is this client's."""
+def test_commit_with_a_lost_response_is_applied_once(url, store, raw, undisturbed):
+    """The retry finds that the snapshot already exists and recognises it as this client's own."""
     store.set(failures=1, status=500, method="PUT", part="/snapshots/0", is_lost=True)
     assert run(raw, url).failed == []
     assert snapshots.numbers(open_files(url)) == [1]
@@ -97,13 +97,13 @@ def test_a_commit_whose_answer_is_lost_is_one_commit(url, store, raw, undisturbe
     assert content(url) == undisturbed
 
 
-def test_only_one_of_several_makes_a_file(url, store):
+def test_only_one_of_several_clients_creates_a_file(url, store):
     files = [open_files(url) for _ in range(8)]
     won = files[0].side_by_side(lambda one: one.publish_new("snapshots/x", b"the same"), files)
     assert sorted(won) == [False] * 7 + [True]
 
 
-def test_a_client_killed_while_it_uploads(url, store, raw, undisturbed):
+def test_client_killed_during_upload(url, store, raw, undisturbed):
     files, folder = open_files(url), "metadata/dataset=made/version=v1/split=train"
     store.set(method="PUT", part=folder, holds_after=2)
     job = subprocess.Popen([sys.executable, "-c", CONVERT, str(raw), url])
@@ -114,7 +114,7 @@ def test_a_client_killed_while_it_uploads(url, store, raw, undisturbed):
     store.set()
     finished = len(files.names(folder))
     assert finished == 2
-    assert files.names("snapshots") == []  # nobody has seen anything
+    assert files.names("snapshots") == []  # no snapshot shows the upload
     report = run(raw, url)
     assert (report.adopted, report.converted) == (finished, 20)
     assert content(url) == undisturbed
@@ -137,8 +137,8 @@ def test_two_clients_commit_at_once(url, store):
     assert lake.snapshot.number == 16
 
 
-def test_a_damaged_upload_is_found(url, store):
-    """What is put over a file later, by whomever, is no longer what was written: checks say so."""
+def test_overwritten_upload_is_found(url, store):
+    """A file overwritten after its upload fails the checks."""
     from scenarionet_data.storage.snapshots import commit as commits
     from scenarionet_data.storage.verifying import verify
 

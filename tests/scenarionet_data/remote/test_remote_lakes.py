@@ -1,4 +1,4 @@
-"""Lakes in an object store: what a lake in a folder can do, with few requests."""
+"""Lakes in an object store: the same operations as on a folder, with few requests."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ MADE = [make_scenario(seed, num_objects=4, num_steps=11) for seed in range(6)]
 ASKED = "SELECT scenario_id, count(*) AS n, sum(len(x)) AS states FROM tracks GROUP BY ALL ORDER BY ALL"
 
 
-def test_a_lake_in_a_bucket(url, store, tmp_path):
-    """Written, asked, filtered and loaded as one in a folder; a scenario takes at most three requests."""
+def test_lake_in_a_bucket(url, store, tmp_path):
+    """Written, queried, filtered and loaded like one in a folder; a scenario takes at most three requests."""
     lake, local = write_lake(url, MADE), write_lake(tmp_path / "lake", MADE)
     assert [path.removeprefix(f"{url}/") for path in lake.paths("tracks")] == [
         path.removeprefix(f"{local.root}/") for path in local.paths("tracks")
@@ -33,7 +33,7 @@ def test_a_lake_in_a_bucket(url, store, tmp_path):
     database = lake.filter("source_scenario_id <> 's000002'", name="most")
     loaded = ScenarioLoader(Lake(url), "most")
     assert loaded.scenario_ids == database.scenario_ids == [s.id for s in MADE if not s.id.endswith("2")]
-    assert differences(loaded[0], MADE[0]) == []  # the footers are known now
+    assert differences(loaded[0], MADE[0]) == []  # the footers are cached now
     store.set()
     assert differences(loaded[3], MADE[4]) == []
     assert [method for method, _, _ in store.requests()] == ["GET"] * 3
@@ -49,9 +49,9 @@ def lake(url):
     return write_lake(url, MADE)
 
 
-def test_what_arrow_reads_comes_by_ranges_too(lake, store, monkeypatch):
+def test_arrow_reads_use_byte_ranges(lake, store, monkeypatch):
     monkeypatch.setattr(page_kernels, "is_compiled", lambda: True)
-    monkeypatch.setattr(footer, "_KNOWN", {"float32": footer._KNOWN["float32"]})  # leaves the rest to Arrow
+    monkeypatch.setattr(footer, "_KNOWN", {"float32": footer._KNOWN["float32"]})  # leave the rest to Arrow
     loaded = ScenarioLoader(lake)
     assert [differences(a, b) for a, b in zip(loaded.batch(range(6)), MADE, strict=True)] == [[]] * 6
     store.set()
@@ -60,20 +60,20 @@ def test_what_arrow_reads_comes_by_ranges_too(lake, store, monkeypatch):
 
 
 @pytest.mark.long
-def test_a_batch_is_fetched_together(lake, store):
+def test_batch_is_fetched_together(lake, store):
     loaded = ScenarioLoader(lake)
     scenarios = list(loaded)
     assert [differences(a, b) for a, b in zip(scenarios, MADE, strict=True)] == [[]] * 6
     store.set()
     assert len(loaded.batch(range(6))) == 6
-    assert len(store.requests()) == 3  # one run of row groups a table
+    assert len(store.requests()) == 3  # one contiguous run of row groups per table
     store.set()
     assert len(loaded.batch_tracks(range(6))) == 6
     assert len(store.requests()) == 1
 
 
 @pytest.mark.long
-def test_batches_load_while_footers_make_way(url, monkeypatch):
+def test_batches_load_while_footers_are_evicted(url, monkeypatch):
     monkeypatch.setattr(row_groups, "_MAX_FOOTERS", 2)
     for k, scenario in enumerate(MADE):
         lake = write_lake(url, [scenario], name=f"shard{k}")
@@ -85,26 +85,26 @@ def test_batches_load_while_footers_make_way(url, monkeypatch):
 
 
 @pytest.mark.long
-def test_long_footers_are_read_whole(lake, monkeypatch):
+def test_long_footers_are_read_completely(lake, monkeypatch):
     monkeypatch.setattr(remote, "FOOTER", 64)
     assert differences(ScenarioLoader(lake)[2], MADE[2]) == []
 
 
 @pytest.mark.long
-def test_a_loader_travels(lake):
+def test_loader_is_picklable(lake):
     loaded = pickle.loads(pickle.dumps(ScenarioLoader(lake)))
     assert differences(loaded[1], MADE[1]) == []
 
 
 @pytest.mark.long
-def test_opening_again_asks_little(lake, store):
+def test_reopening_a_lake_needs_few_requests(lake, store):
     store.set()
     assert len(Lake(lake.root)) == 6
-    assert [method for method, _, _ in store.requests()].count("GET") <= 4  # listings: files are here already
+    assert [method for method, _, _ in store.requests()].count("GET") <= 4  # listings; the files are cached
 
 
 @pytest.mark.long
-def test_databases_and_layers(lake, url):
+def test_databases_and_user_columns(lake, url):
     lake.filter("num_objects > 0", name="all")
     train, val = lake.split("all", {"train": 0.5, "val": 0.5}, seed=0).values()
     assert {*train.scenario_ids, *val.scenario_ids} == {scenario.id for scenario in MADE}
@@ -119,7 +119,7 @@ def test_databases_and_layers(lake, url):
 
 
 @pytest.mark.long
-def test_a_database_dropped_and_made_again_is_the_new_one(lake, url):
+def test_recreated_database_replaces_the_dropped_one(lake, url):
     reader = Lake(url)
     lake.filter("source_scenario_id = 's000001'", name="few")
     assert reader.database("few").scenario_ids == [MADE[1].id]
@@ -129,7 +129,7 @@ def test_a_database_dropped_and_made_again_is_the_new_one(lake, url):
 
 
 @pytest.mark.long
-def test_a_pack_of_a_remote_lake(lake, tmp_path):
+def test_pack_of_a_remote_lake(lake, tmp_path):
     lake.filter("source_scenario_id = 's000003'", name="one")
     packed = lake.pack("one", tmp_path / "pack")
     assert packed.num_scenarios == 1
@@ -137,7 +137,7 @@ def test_a_pack_of_a_remote_lake(lake, tmp_path):
 
 
 @pytest.mark.long
-def test_sql_reads_the_lake_alone(lake):
+def test_sql_reads_only_the_lake(lake):
     for query in (
         "SELECT * FROM read_parquet('s3://bucket/elsewhere.parquet')",
         "SELECT * FROM read_text('/etc/hostname')",
@@ -145,14 +145,14 @@ def test_sql_reads_the_lake_alone(lake):
     ):
         with pytest.raises(QueryError):
             lake.sql(query)
-    lake.sql(ASKED)  # DuckDB reads URLs now
+    lake.sql(ASKED)  # DuckDB can read URLs from here on
     for query in ("SELECT * FROM read_text('s3://bucket/x')", "SELECT * FROM read_text('/etc/hostname')"):
         with pytest.raises(QueryError):
             lake.sql(query)
 
 
 @pytest.mark.long
-def test_a_file_that_is_gone(lake):
+def test_missing_file(lake):
     (name,) = lake.files.names(lake.paths("tracks")[0].removeprefix(f"{lake.root}/").rpartition("/")[0])
     lake.files.remove(name)
     with pytest.raises(LakeError, match="gone; `scenarionet fsck`"):
@@ -162,7 +162,7 @@ def test_a_file_that_is_gone(lake):
 
 
 @pytest.mark.long
-def test_places_that_are_no_lake(url, store):
+def test_urls_without_a_lake_are_refused(url, store):
     with pytest.raises(NoSuchSnapshot, match="no lake there"):
         Lake(url)
     with pytest.raises(LakeError, match="no such bucket"):
@@ -174,14 +174,14 @@ def test_places_that_are_no_lake(url, store):
             open_files(odd)
 
 
-def test_a_url_of_a_folder(tmp_path):
+def test_url_of_a_folder(tmp_path):
     files = open_files(f"file://{tmp_path}/my%20lake")
     assert type(files) is LocalLakeFiles
     assert files.root == tmp_path / "my lake"
 
 
 @pytest.mark.long
-def test_a_lake_in_a_folder_needs_none_of_it(tmp_path):
+def test_local_lake_imports_no_object_store_package(tmp_path):
     write_lake(tmp_path / "lake", MADE[:1])
     code = """
 import sys
@@ -195,7 +195,7 @@ print(len(ScenarioLoader(lake, "all")[0].tracks), lake.sql("SELECT count(*) AS n
     assert done.stdout == "4 4\n", done.stderr
 
 
-def test_the_extra_is_named(monkeypatch):
+def test_missing_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "obstore", None)
     with pytest.raises(MissingDependency, match=r"pip install 'scenarionet-lake\[remote\]'"):
         Lake("s3://bucket/lake")

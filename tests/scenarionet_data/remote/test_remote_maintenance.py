@@ -1,4 +1,4 @@
-"""Care for a lake in an object store: the same compaction, vacuum and fsck as in a folder."""
+"""Maintenance of a lake in an object store: the same compaction, vacuum and fsck as in a folder."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def lake(url):
     return lake
 
 
-def test_compacted_scenarios_are_the_same(lake, url):
+def test_compacted_scenarios_are_equal(lake, url):
     lake.filter("num_objects > 0", name="all")
     assert maintenance.compact(url, "analytics").snapshot > lake.snapshot.number
     assert len(Lake(url).paths("tracks")) == 1
@@ -32,14 +32,14 @@ def test_compacted_scenarios_are_the_same(lake, url):
     assert maintenance.fsck(url, is_deep=True).is_whole
 
 
-def test_expired_snapshots_go(lake, url):
+def test_expired_snapshots_are_removed(lake, url):
     done = maintenance.vacuum(url, keep_last=1)
     assert done.expired == (1, 2, 3)
     assert open_files(url).names("snapshots", ".json") == ["snapshots/00000004.json"]
     assert len(list(ScenarioLoader(url))) == 4
 
 
-def test_a_damaged_file_is_found_and_taken_out(lake, url):
+def test_damaged_file_is_found_and_removed(lake, url):
     name = lake.paths("tracks")[0].removeprefix(f"{url}/")
     open_files(url)._store.put(name, b"something else")
     found = maintenance.fsck(url)
@@ -48,11 +48,11 @@ def test_a_damaged_file_is_found_and_taken_out(lake, url):
     assert len(Lake(url)) == 3
 
 
-def test_files_that_are_no_longer_young_are_put_again(url, monkeypatch):
+def test_files_past_the_grace_period_are_written_again(url, monkeypatch):
     files = open_files(url)
     record = write_shard(url, MADE[:1])
     before = {each.name: each.modified for each in files.listing("tracks")}
-    monkeypatch.setattr(remote, "_YOUNG", -2.0)  # what was put a moment ago is old
+    monkeypatch.setattr(remote, "_YOUNG", -2.0)  # every existing file counts as old
     commits.commit(files, [record], "test")
     after = {each.name: each.modified for each in files.listing("tracks")}
     assert list(after) == list(before)
@@ -61,7 +61,7 @@ def test_files_that_are_no_longer_young_are_put_again(url, monkeypatch):
     assert differences(ScenarioLoader(url)[0], MADE[0]) == []
 
 
-def test_a_row_group_that_scenarios_share_is_fetched_once(lake, url, store):
+def test_shared_row_group_is_fetched_once(lake, url, store):
     maintenance.compact(url, "analytics")
     loader = ScenarioLoader(url)
     loader.batch(range(4))

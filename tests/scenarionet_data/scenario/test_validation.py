@@ -1,4 +1,4 @@
-"""Every rule of validation, broken once: the message names the scenario and the field."""
+"""Every validation rule, violated once: the message names the scenario and the field."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def whole(**changes):
 
 
 def part(name, **changes):
-    """Changes fields of ``tracks``, ``lights`` or ``map``; callables get the old array's copy."""
+    """Change fields of ``tracks``, ``lights`` or ``map``; callables get a copy of the old array."""
 
     def broken(scenario: ScenarioDescription) -> ScenarioDescription:
         old = getattr(scenario, name)
@@ -39,7 +39,7 @@ def _copy(value):
 
 
 def put(index, value):
-    """Sets one element."""
+    """Set one element."""
 
     def change(array):
         array[index] = value
@@ -49,7 +49,7 @@ def put(index, value):
 
 
 def values(index, value):
-    """Sets one element of a ragged array's values."""
+    """Set one element of a ragged array's values."""
 
     def change(ragged):
         ragged.values[index] = value
@@ -196,13 +196,13 @@ RULES = [
 ]
 
 
-def test_the_scenario_itself_is_valid():
+def test_valid_scenario_passes():
     make_scenario(3).validate()
     assert (~make_scenario(3).tracks.valid).any()
 
 
 @pytest.mark.parametrize(("field", "broken"), RULES, ids=[f"{i}-{field}" for i, (field, _) in enumerate(RULES)])
-def test_a_broken_rule_names_scenario_and_field(field, broken):
+def test_violation_names_scenario_and_field(field, broken):
     scenario = broken(make_scenario(3))
     with pytest.raises(InvalidScenario) as caught:
         scenario.validate()
@@ -231,6 +231,6 @@ def test_ids_are_unique_across_datasets_and_safe_in_urls():
         assert not is_scenario_id(text)
 
 
-def test_a_missing_track_is_named():
+def test_missing_track_is_named():
     with pytest.raises(KeyError, match="no track 'x'; there are 12"):
         make_scenario(3).tracks.index("x")

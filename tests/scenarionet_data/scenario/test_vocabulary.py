@@ -56,12 +56,12 @@ def test_codes_are_bytes_and_unset_is_zero():
         (LightColor.UNKNOWN, "ABSENT LANE_STATE_UNKNOWN LANE_STATE_FLASHING_STOP TRAFFIC_LIGHT_UNKNOWN"),
     ],
 )
-def test_colors_are_metadrives_groups(color, states):
-    """MetaDriveType.simplify_light_status: flashing red is unknown there, and so here."""
+def test_colors_match_metadrives_groups(color, states):
+    """As in MetaDriveType.simplify_light_status, flashing red is unknown."""
     assert {LightState(code).name for code in np.flatnonzero(color == LIGHT_COLORS)} == set(states.split())
 
 
-def test_color_table_takes_any_shape_and_cannot_be_changed():
+def test_color_table_takes_any_shape_and_is_read_only():
     states = np.array([[LightState.LANE_STATE_GO, LightState.ABSENT]], dtype=np.uint8)
     assert LIGHT_COLORS[states].tolist() == [[LightColor.GREEN, LightColor.UNKNOWN]]
     with pytest.raises(ValueError, match="read-only"):
@@ -85,7 +85,7 @@ def test_names_by_code():
     assert len(table) == max(MapFeatureType) + 1
 
 
-def test_the_old_name_of_the_feature_type_warns():
+def test_old_name_of_the_feature_type_warns():
     features = MapFeatures.empty()
     with pytest.warns(DeprecationWarning, match="feature_type"):
         assert features.types is features.feature_type

@@ -1,4 +1,4 @@
-"""The contract in schemas/*.toml: frozen per version, and what Parquet files are written with."""
+"""The schemas in schemas/*.toml: frozen per version, and the Parquet writer options."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ GOLDEN = Path(__file__).parents[2] / "golden"
 
 
 def frozen(name: str) -> dict:
-    """What must not change without a new version: columns in order, type, unit, nullability, statistics."""
+    """Properties that require a new version when changed: columns in order, type, unit, nullability, statistics."""
     table = tables.load(name)
     return {"table": name, "version": table.version, "columns": {c.name: _signature(c) for c in table.columns}}
 
@@ -62,7 +62,7 @@ def _difference(golden: dict, found: dict) -> str | None:
     )
 
 
-def test_a_changed_schema_is_named_with_the_remedy():
+def test_schema_mismatch_is_named_with_the_remedy():
     golden, found = frozen("tracks"), frozen("tracks")
     found["columns"]["x"] = "list<float32> [cm]"
     message = _difference(golden, found)
@@ -73,7 +73,7 @@ def test_a_changed_schema_is_named_with_the_remedy():
     assert "order of columns" in _difference(golden, found)
 
 
-def test_golden_files_are_all_used():
+def test_every_golden_file_is_used():
     current = {f"{name}-v{tables.load(name).version}.json" for name in tables.TABLES}
     for path in GOLDEN.glob("*-v*.json"):
         table, version = re.fullmatch(r"(\w+)-v(\d+)", path.stem).groups()
@@ -99,14 +99,14 @@ def test_declarations_are_complete(name):
         assert field.nullable == column.nullable
 
 
-def test_an_unknown_type_is_refused():
+def test_unknown_type_is_refused():
     with pytest.raises(KeyError):
         _ = tables.Column("x", "float16", "No such type.").arrow_type
 
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
-    """One file of each table that scenarios fill, written with the contract's options."""
+    """One file of each table that scenarios fill, written with the schema's options."""
     scenario = make_scenario(1, num_objects=40, num_steps=91, num_lanes=40, num_lights=4)
     encoded = codec.encode(scenario, "1")
     schema = tables.load("metadata").schema
@@ -147,7 +147,7 @@ def test_files_are_written_as_declared(written, name):
 
 
 @pytest.mark.parametrize("name", tables.TABLES)
-def test_a_file_of_a_newer_version_is_refused(name):
+def test_file_of_a_newer_version_is_refused(name):
     table = tables.load(name)
     table.check_version({b"scenarionet.schema": table.tag.encode()}, "a.parquet")
     for footer in ({}, {b"scenarionet.schema": f"{name}/{table.version + 1}".encode()}):
@@ -155,7 +155,7 @@ def test_a_file_of_a_newer_version_is_refused(name):
             table.check_version(footer, "a.parquet")
 
 
-def test_zstd_is_spent_where_the_bytes_are():
+def test_zstd_is_used_for_the_largest_columns():
     table = tables.load("tracks")
     small = codec.encode(make_scenario(1, num_objects=3, num_steps=5), "1").tracks
     large = codec.encode(make_scenario(1, num_objects=60, num_steps=91), "1").tracks

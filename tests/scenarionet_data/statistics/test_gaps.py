@@ -1,4 +1,4 @@
-"""The nearest box against shapely's distances, and by hand."""
+"""The gap to the nearest box against shapely's distances and hand-made cases."""
 
 import math
 
@@ -27,7 +27,7 @@ def polygon(box) -> shapely.Polygon:
     ),
     ego=st.integers(0, 100),
 )
-def test_nearest_is_shapelys(grid, ego):
+def test_nearest_gap_matches_shapely(grid, ego):
     ego %= len(grid)
     found = nearest_box(
         np.array([[box for box, _ in row] for row in grid]), np.array([[seen for _, seen in row] for row in grid]), ego
@@ -53,6 +53,6 @@ def test_nearest_is_shapelys(grid, ego):
     ],
 )
 @pytest.mark.parametrize("ego", [0, 1])
-def test_gap_by_hand(second, gap, ego):
+def test_gap_of_known_boxes(second, gap, ego):
     pair = np.array([[(0.0, 0.0, 0.0, 4.0, 2.0)], [second]])
     assert nearest_box(pair, np.ones((2, 1), np.bool_), ego) == pytest.approx(gap, abs=1e-9)

@@ -1,4 +1,4 @@
-"""Every statistic against an independent oracle, on random scenarios and on cases made by hand."""
+"""Every statistic against an independent oracle, on random scenarios and on hand-made cases."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LANE = MapFeatureType.LANE_SURFACE_STREET
 
 
 def wandering(seed: int, **how) -> ScenarioDescription:
-    """A random scenario whose objects, the ego too, wander with gaps, small steps and turns."""
+    """A random scenario whose objects, including the ego, wander with gaps, small steps and turns."""
     rng = np.random.default_rng(seed)
     scenario = make_scenario(seed, **how)
     tracks, shape = scenario.tracks, scenario.tracks.valid.shape
@@ -46,7 +46,7 @@ def wandering(seed: int, **how) -> ScenarioDescription:
 
 
 def crossing_map(rng, has_z, seed):
-    """Lanes of random walks, lines and edges; some maps say nothing about intersections, some have no map."""
+    """Lanes as random walks, lines and edges; some maps do not mark intersections, some scenarios have no map."""
     if seed % 7 == 0:
         return None
     builder = MapBuilder()
@@ -62,7 +62,7 @@ def crossing_map(rng, has_z, seed):
 
 @given(st.integers(0, 100_000), st.integers(1, 9), st.integers(1, 12), st.booleans())
 @settings(max_examples=2 * settings.default.max_examples)
-def test_every_statistic_equals_its_oracle(seed, num_objects, num_steps, has_z):
+def test_every_statistic_matches_its_oracle(seed, num_objects, num_steps, has_z):
     scenario = wandering(seed, num_objects=num_objects, num_steps=num_steps, has_z=has_z)
     scenario.validate()
     found, wanted = summarise(scenario), oracle.statistics(scenario)
@@ -72,8 +72,8 @@ def test_every_statistic_equals_its_oracle(seed, num_objects, num_steps, has_z):
         assert found[name] == (value if value is None else pytest.approx(value, rel=1e-5, abs=1e-4)), name
 
 
-def test_random_scenarios_are_of_every_kind():
-    """The property above is worth something only when the cases differ."""
+def test_random_scenarios_cover_all_cases():
+    """The property test above is meaningful only if its cases differ."""
     rows = [summarise(wandering(seed, num_objects=4, num_steps=8)) for seed in range(120)]
     unmarked = [row["has_intersection"] for seed, row in enumerate(rows) if seed % 3 and seed % 5 and seed % 7]
     assert 5 < sum(unmarked) < len(unmarked) - 5
@@ -83,18 +83,18 @@ def test_random_scenarios_are_of_every_kind():
     assert any(0 < row["num_moving_objects"] < row["num_objects"] for row in rows)
 
 
-def test_statistics_are_the_schemas():
-    """Columns of the section 'statistics' in metadata.toml, no more and no fewer."""
+def test_statistics_match_the_schema():
+    """Exactly the columns of the section 'statistics' in metadata.toml."""
     text = (SCHEMAS / "metadata.toml").read_text()
     section = text.split("# --- statistics")[1].split("# --- addresses")[0].partition("\n")[2]
     assert set(summarise(make_scenario(1))) | {"extras"} == set(tomllib.loads(section)["columns"])
 
 
-# --- by hand -----------------------------------------------------------------------------------------
+# --- hand-made cases ---------------------------------------------------------------------------------
 
 
 def scene(paths, valid=None, size=(4.0, 2.0, 1.5), heading=0.0, **fields):
-    """A scenario of objects on given paths, the first of them the ego: (N, T, 2)."""
+    """A scenario of objects on given paths (N, T, 2), the first of them the ego."""
     flat = np.asarray(paths, dtype=np.float64)
     count, steps = flat.shape[:2]
     tracks = make_tracks(
@@ -111,7 +111,7 @@ def scene(paths, valid=None, size=(4.0, 2.0, 1.5), heading=0.0, **fields):
     return replace(base, tracks=tracks, current_timestep=0, tracks_to_predict=(), **fields)
 
 
-def test_distance_bridges_gaps():
+def test_distance_spans_gaps():
     path = [[(0, 0), (3, 4), (99, 99), (6, 8)]]
     row = summarise(scene(path, valid=[[1, 1, 0, 1]]))
     assert row["ego_distance"] == 10
@@ -127,7 +127,7 @@ def test_curvature_of_a_circle_is_a_full_turn():
         assert path_curvature(circle[::-1]) == pytest.approx(2 * math.pi)
 
 
-def test_curvature_of_an_s_adds_both_turns_and_standing_adds_none():
+def test_curvature_of_an_s_adds_both_turns_and_standstill_adds_none():
     bend = np.array([[0, 0], [1, 0], [1, 1], [2, 1.0]])
     assert path_curvature(bend) == pytest.approx(math.pi)
     rng = np.random.default_rng(0)
@@ -143,14 +143,14 @@ def test_ego_gap_is_between_boxes_and_zero_where_they_overlap(other, gap):
     assert summarise(scene([[(0, 0)], [other]]))["min_ego_gap"] == pytest.approx(gap, abs=1e-6)
 
 
-def test_ego_gap_needs_both_at_one_time():
+def test_ego_gap_needs_both_objects_at_one_timestep():
     apart = scene([[(0, 0), (0, 0)], [(1, 0), (30, 0)]], valid=[[1, 0], [0, 1]])
     assert summarise(apart)["min_ego_gap"] is None
     together = scene([[(0, 0), (0, 0)], [(1, 0), (30, 0)]], valid=[[1, 1], [0, 1]])
     assert summarise(together)["min_ego_gap"] == pytest.approx(26.0)
 
 
-def test_moving_is_more_than_a_metre():
+def test_moving_means_more_than_a_metre():
     paths = [[(0, 0), (0, 0)], [(9, 0), (10, 0)], [(20, 0), (21.01, 0)]]
     assert summarise(scene(paths))["num_moving_objects"] == 1
 
@@ -177,13 +177,13 @@ def test_lanes_cross_within_fifty_metres_of_the_path(y, is_found):
     assert summarise(scenario)["has_intersection"] == is_found
 
 
-def test_a_path_bends_around_a_distant_crossing():
-    """Near the path, not merely inside its bounding box."""
+def test_curved_path_excludes_distant_crossing():
+    """The crossing must be near the path, not merely inside its bounding box."""
     around = scene([[(-200, -200), (200, -200), (200, 200)]], map=crossing(90, at=(0, 0)))
     assert not summarise(around)["has_intersection"]
 
 
-def test_long_segments_that_pass_near_are_seen():
+def test_long_segments_passing_nearby_are_included():
     """Both lanes have their ends far away from the path."""
     builder = MapBuilder()
     builder.add("a", LANE, polyline=[[-900, 0], [900, 0]])
@@ -193,7 +193,7 @@ def test_long_segments_that_pass_near_are_seen():
 
 @pytest.mark.parametrize("mirror", [1, -1])
 def test_every_crossing_of_two_lanes_counts(mirror):
-    """One crossing is flat, the other steep, whichever comes first."""
+    """One crossing is flat, the other steep, in either order."""
     builder = MapBuilder()
     builder.add("a", LANE, polyline=np.array([[0, 0], [100, 0]]) * [mirror, 1])
     builder.add("b", LANE, polyline=np.array([[5, -1], [15, 1], [50, 1], [50, -30]]) * [mirror, 1])
@@ -201,8 +201,8 @@ def test_every_crossing_of_two_lanes_counts(mirror):
     assert summarise(scenario)["has_intersection"]
 
 
-def test_angle_is_taken_where_the_lanes_cross():
-    """A long steep segment passes close by; the one that crosses is flat."""
+def test_angle_is_measured_at_the_crossing():
+    """A long steep segment passes close by; the crossing one is flat."""
     builder = MapBuilder()
     builder.add("a", LANE, polyline=[[0, 0], [40, 0]])
     builder.add("b", LANE, polyline=[[17, -0.01], [20, 0.19], [-10, 30.19]])
@@ -213,12 +213,12 @@ def test_angle_is_taken_where_the_lanes_cross():
     ("first", "second", "is_found"),
     [(["p"], ["p"], False), (["p", "q"], ["q"], False), (["p"], ["q"], True), ([], [], True)],
 )
-def test_lanes_of_one_predecessor_part_and_do_not_cross(first, second, is_found):
+def test_lanes_diverging_from_one_predecessor_do_not_cross(first, second, is_found):
     scenario = scene([[(0, 5), (9, 5)]], map=crossing(90, first=first, second=second))
     assert summarise(scenario)["has_intersection"] == is_found
 
 
-def test_lanes_that_merge_or_follow_do_not_cross():
+def test_merging_and_successive_lanes_do_not_cross():
     builder = MapBuilder()
     builder.add("a", LANE, polyline=[[-20, 0], [0, 0]])
     builder.add("b", LANE, polyline=[[-20, -20], [0, 0]], entry_lanes=["x"])
@@ -226,7 +226,7 @@ def test_lanes_that_merge_or_follow_do_not_cross():
     assert not summarise(scene([[(0, 5), (9, 5)]], map=builder.build(np.zeros(3))))["has_intersection"]
 
 
-def test_only_lanes_cross():
+def test_only_lanes_can_cross():
     builder = MapBuilder()
     builder.add("a", LANE, polyline=[[-20, 0], [20, 0]])
     builder.add("b", MapFeatureType.ROAD_EDGE_BOUNDARY, polyline=[[0, -20], [0, 20]])
@@ -234,7 +234,7 @@ def test_only_lanes_cross():
     assert not summarise(scene([[(0, 5), (9, 5)]], map=builder.build(np.zeros(3))))["has_intersection"]
 
 
-def test_lights_and_the_sources_word_come_first():
+def test_lights_and_source_annotations_take_precedence():
     still = scene([[(0, 5)]])
     lit = replace(still, lights=make_scenario(2, num_steps=1, num_lights=1, num_lanes=0).lights)
     assert has_intersection(lit, ego_path(lit))

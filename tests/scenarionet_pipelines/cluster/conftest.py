@@ -1,4 +1,4 @@
-"""Real schedulers and workers, each a process of its own on loopback, started for a test and ended with it."""
+"""Real schedulers and workers as separate processes on loopback, started for one test and stopped with it."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ ROOT = Path(__file__).parents[3]
 
 
 def environment(**others: str) -> dict[str, str]:
-    """Of processes that find this checkout and the tests' converters."""
+    """Environment variables of processes that import this checkout and the tests' converters."""
     return {**os.environ, "PYTHONPATH": str(ROOT), "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1", **others}
 
 
 class Processes:
-    """Processes that a test started, each with its output in a file."""
+    """Processes started by a test, each with its output in a file."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -32,7 +32,7 @@ class Processes:
     def start(
         self, *words: str, variables: Mapping[str, str] | None = None, **how: object
     ) -> tuple[subprocess.Popen[bytes], Path]:
-        """Start Python with a module; the process and the file with what it says."""
+        """Start a Python module; return the process and its output file."""
         log = self._folder / f"process-{len(self._running)}.log"
         with log.open("wb") as output:
             process = subprocess.Popen(
@@ -58,7 +58,7 @@ class Dask(Processes):
     """A scheduler, and workers."""
 
     def start_scheduler(self, port: int = 0) -> str:
-        """Start one; its address."""
+        """Start a scheduler and return its address."""
         self.scheduler, log = self.start(
             "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard"
         )
@@ -68,7 +68,7 @@ class Dask(Processes):
         return self.address
 
     def start_worker(self, *words: str, **how: object) -> subprocess.Popen[bytes]:
-        """Start one of one thread, and wait until it is known."""
+        """Start a worker with one thread and wait until the scheduler lists it."""
         process, log = self.start(
             "distributed.cli.dask_worker", self.address, "--nthreads", "1", "--no-dashboard", "--host", "127.0.0.1",
             "--local-directory", str(self._folder / "scratch"), *words, **how,

@@ -29,7 +29,7 @@ memory_limit = 0
 
 @pytest.fixture(scope="module")
 def dask_executor(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaskExecutor]:
-    """Two workers in this process, quick to start; ``test_faults`` uses worker processes."""
+    """Two workers in this process, for speed; ``test_faults`` uses worker processes."""
     path = tmp_path_factory.mktemp("profile") / "threads.toml"
     path.write_text(THREADS)
     with open_cluster(str(path)) as opened:
@@ -50,13 +50,13 @@ def test_every_job_returns_its_result(dask_executor):
     assert list(dask_executor([], half)) == []
 
 
-def test_an_exception_in_a_job_ends_the_run(dask_executor):
+def test_exception_in_a_job_ends_the_run(dask_executor):
     with pytest.raises(LakeError, match="thirteen"):
         list(dask_executor([1, 13], half))
 
 
 @pytest.mark.parametrize("name", ["serial", "dask"])
-def test_a_job_out_of_memory_is_lost_and_the_others_continue(dask_executor, name):
+def test_job_out_of_memory_is_lost_and_the_others_continue(dask_executor, name):
     executor = {"serial": run_serially, "dask": dask_executor}[name]
     found = set(executor([2, 17, 4], half, lambda job, reason: f"{job}: {reason}"))
     assert {1, 2} < found
@@ -67,7 +67,9 @@ def test_a_job_out_of_memory_is_lost_and_the_others_continue(dask_executor, name
 
 
 def test_jobs_are_read_lazily(dask_executor, monkeypatch):
-    monkeypatch.setattr("scenarionet_pipelines.cluster.dask_executor._AHEAD", 0.0)  # whatever rate was measured before
+    monkeypatch.setattr(
+        "scenarionet_pipelines.cluster.dask_executor._AHEAD", 0.0
+    )  # independent of a previously measured rate
     taken = 0
 
     def jobs():

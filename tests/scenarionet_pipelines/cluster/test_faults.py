@@ -1,4 +1,4 @@
-"""What goes wrong on a cluster, with real schedulers, workers and clients: nothing is lost, nothing is double."""
+"""Faults on a cluster, with real schedulers, workers and clients: nothing is lost, nothing is duplicated."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def start(
 
 
 def report_of(process: subprocess.Popen[bytes], log: Path, code: int = 0) -> dict[str, Any]:
-    """What a command reports at its end."""
+    """The JSON report that a command prints at its end."""
     process.wait(HANGS_AFTER)
     assert process.returncode == code, log.read_text()
     report: dict[str, Any] = json.loads(log.read_text())
@@ -53,7 +53,7 @@ def assert_equals_undisturbed(lake: Path, raw: Path) -> None:
 
 
 @pytest.mark.parametrize("nanny", ["--nanny", "--no-nanny"])
-def test_a_worker_killed_in_the_middle_of_a_shard(dask: Dask, tmp_path, nanny):
+def test_worker_killed_during_a_shard(dask: Dask, tmp_path, nanny):
     raw, lake = held_raw(tmp_path / "raw", shards=10), tmp_path / "lake"
     gate.close(raw, admitted=2)
     dask.start_worker(nanny)
@@ -68,7 +68,7 @@ def test_a_worker_killed_in_the_middle_of_a_shard(dask: Dask, tmp_path, nanny):
     assert_equals_undisturbed(lake, raw)
 
 
-def test_a_shard_that_kills_its_workers_is_named_and_the_others_go_on(dask: Dask, tmp_path):
+def test_shard_that_kills_its_workers_is_reported_and_the_others_continue(dask: Dask, tmp_path):
     raw, lake = write_raw(held_raw(tmp_path / "raw", shards=10), {"bad": ["99 deadly"]}), tmp_path / "lake"
     dask.start_worker("--nanny")
     dask.start_worker("--nanny")
@@ -81,7 +81,7 @@ def test_a_shard_that_kills_its_workers_is_named_and_the_others_go_on(dask: Dask
     assert_equals_undisturbed(lake, raw)
 
 
-def test_a_worker_that_runs_out_of_memory(dask: Dask, tmp_path):
+def test_worker_out_of_memory(dask: Dask, tmp_path):
     raw, lake = write_raw(held_raw(tmp_path / "raw", shards=4), {"large": ["99 hungry"]}), tmp_path / "lake"
     dask.start_worker("--nanny", "--memory-limit", "1200MB")
     report = report_of(*start(dask, raw, lake, "--cluster", dask.address), code=1)
@@ -92,8 +92,8 @@ def test_a_worker_that_runs_out_of_memory(dask: Dask, tmp_path):
     assert len(Lake(lake)) == 12
 
 
-def test_a_full_disk_of_a_worker(dask: Dask, tmp_path):
-    """Files that may not grow: what a full disk is where nothing can be mounted."""
+def test_worker_with_a_full_disk(dask: Dask, tmp_path):
+    """A file-size limit stands in for a full disk where nothing can be mounted."""
     raw, lake = held_raw(tmp_path / "raw", shards=3), tmp_path / "lake"
     limited = dask.start_worker(
         "--no-nanny", preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
@@ -108,7 +108,7 @@ def test_a_full_disk_of_a_worker(dask: Dask, tmp_path):
     assert_equals_undisturbed(lake, raw)
 
 
-def test_a_corrupt_shard_among_fifty(dask: Dask, tmp_path):
+def test_corrupt_shard_among_fifty(dask: Dask, tmp_path):
     lines = {f"s{k:02d}": [k] for k in range(49)}
     raw, lake = write_raw(tmp_path / "raw", {**lines, "torn": ["99 corrupt"]}), tmp_path / "lake"
     dask.start_worker("--no-nanny")
@@ -127,7 +127,7 @@ def test_a_corrupt_shard_among_fifty(dask: Dask, tmp_path):
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
-def test_the_scheduler_ends(dask: Dask, tmp_path, number):
+def test_scheduler_exits(dask: Dask, tmp_path, number):
     raw, lake = held_raw(tmp_path / "raw", shards=10), tmp_path / "lake"
     gate.close(raw, admitted=3)
     dask.start_worker("--no-nanny")
@@ -147,7 +147,7 @@ def test_the_scheduler_ends(dask: Dask, tmp_path, number):
     assert_equals_undisturbed(lake, raw)
 
 
-def test_no_worker_comes(dask: Dask, tmp_path):
+def test_no_worker_connects(dask: Dask, tmp_path):
     profile = tmp_path / "mine.toml"
     profile.write_text(f'kind = "scheduler"\naddress = "{dask.address}"\npatience = 1.0\n')
     raw = held_raw(tmp_path / "raw", shards=1)
@@ -159,7 +159,7 @@ def test_no_worker_comes(dask: Dask, tmp_path):
 # --- the client ---------------------------------------------------------------------------------------
 
 
-def test_a_client_killed_between_writing_and_committing(dask: Dask, tmp_path):
+def test_client_killed_between_writing_and_committing(dask: Dask, tmp_path):
     raw, lake = held_raw(tmp_path / "raw", shards=10), tmp_path / "lake"
     gate.close(raw, admitted=3)
     dask.start_worker("--no-nanny")
@@ -169,7 +169,7 @@ def test_a_client_killed_between_writing_and_committing(dask: Dask, tmp_path):
     command.wait()
     gate.open_(raw)
     assert finished(lake) >= 3
-    assert not list(lake.glob("snapshots/*.json"))  # written, renamed, and in no snapshot
+    assert not list(lake.glob("snapshots/*.json"))  # written and renamed, but not in any snapshot
     again = report_of(*start(dask, raw, lake, "--cluster", dask.address))
     assert again["adopted"] >= 3
     assert again["shards"] == 10
@@ -178,7 +178,7 @@ def test_a_client_killed_between_writing_and_committing(dask: Dask, tmp_path):
 
 @pytest.mark.parametrize("where", ["local", "existing"])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupted_client(processes: Processes, tmp_path, number, where):
+def test_interrupted_client(processes: Processes, tmp_path, number, where):
     raw, lake = held_raw(tmp_path / "raw", shards=10), tmp_path / "lake"
     gate.close(raw, admitted=3)
     cluster = ["local", "--workers", 2]
@@ -190,7 +190,7 @@ def test_an_interrupted_client(processes: Processes, tmp_path, number, where):
     until(lambda: ": 3 of 10 shards after" in log.read_text(), "the command knows that three shards are finished")
     started = psutil.Process(command.pid).children(recursive=True)
     if number == signal.SIGINT:
-        os.killpg(command.pid, number)  # as a terminal does: its workers too
+        os.killpg(command.pid, number)  # like a terminal: the signal reaches its workers too
     else:
         command.send_signal(number)
     gate.open_(raw)
@@ -210,7 +210,7 @@ def test_an_interrupted_client(processes: Processes, tmp_path, number, where):
 
 
 @pytest.mark.parametrize("kind", ["the same recordings", "different recordings"])
-def test_two_clients_at_once(dask: Dask, tmp_path, kind):
+def test_two_concurrent_clients(dask: Dask, tmp_path, kind):
     raw, lake = held_raw(tmp_path / "raw", shards=10), tmp_path / "lake"
     sources = [raw, raw]
     if kind == "different recordings":

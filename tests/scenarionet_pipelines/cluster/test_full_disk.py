@@ -1,6 +1,6 @@
-"""Disks that are really full under a cluster's workers, with real schedulers, workers and commands.
+"""Full disks under the workers of a cluster, with real schedulers, workers and commands.
 
-A scenario is a function that runs where a small disk is mounted, and returns what it saw there.
+Each case is a function that runs where a small disk is mounted and returns what it observed.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def cluster(folder: Path) -> Iterator[Dask]:
 
 
 def seen_in(lake: Path | str) -> dict[str, Any]:
-    """Finished shards in a lake, and what of it readers see."""
+    """Number of finished shards in a lake, and the content visible to readers."""
     files = open_files(lake)
     finished, is_lake = files.listing("metadata"), bool(files.names("snapshots", ".json"))
     visible = len(Lake(lake)) if is_lake else 0
@@ -48,14 +48,14 @@ def seen_in(lake: Path | str) -> dict[str, Any]:
 
 
 def convert_twice(folder: Path, disk: Path, left: int, lake: Path | str, **workers: str) -> dict[str, Any]:
-    """Convert while the disk is nearly full, then, with the same command and workers, when there is room.
+    """Convert with the disk nearly full, then repeat the command after space was freed.
 
     Args:
-        folder: Where recordings and logs lie; it has room.
+        folder: Folder of recordings and logs, on a disk with space.
         disk: The small disk.
-        left: Bytes that are free on it.
-        lake: Where to.
-        workers: Variables in the environment of the workers alone.
+        left: Free bytes on it.
+        lake: Path or URL of the lake.
+        workers: Environment variables of the workers only.
     """
     raw = held_raw(folder / "raw", shards=10)
     with cluster(folder) as dask:
@@ -74,7 +74,7 @@ def assert_nothing_is_lost_or_double(found: dict[str, Any], folder: Path) -> Non
     assert (found["code"], found["said"].count("\n")) == (1, 1)
     assert found["said"].endswith(NO_SPACE)
     assert 1 <= full["finished"] < 10
-    assert full["visible"] == 3 * again["skipped"]  # what was committed, which may not have found room either
+    assert full["visible"] == 3 * again["skipped"]  # what was committed; the commit itself may have failed too
     assert full["finished"] <= again["skipped"] + again["adopted"] < 10
     assert again["skipped"] + again["shards"] == 10
     assert again["failed"] == []
@@ -88,7 +88,7 @@ def fill_the_disk_of_the_lake(disk: str, folder: str) -> dict[str, Any]:
     return convert_twice(Path(folder), Path(disk), 5 * SHARD, Path(disk, "lake"))
 
 
-def test_the_disk_of_the_lake(tmp_path):
+def test_full_disk_of_the_lake(tmp_path):
     found = on_small_disk(tmp_path / "disk", f"{__name__}:fill_the_disk_of_the_lake", tmp_path)
     assert_nothing_is_lost_or_double(found, tmp_path)
 
@@ -97,8 +97,8 @@ def fill_the_disk_of_uploads(disk: str, folder: str, url: str) -> dict[str, Any]
     return convert_twice(Path(folder), Path(disk), 2 * SHARD, url, SCENARIONET_CACHE=f"{disk}/copies")
 
 
-def test_the_disk_on_which_workers_write_what_they_upload(tmp_path, url):
-    """The object store has room, the machine of the workers has none."""
+def test_full_disk_for_uploads(tmp_path, url):
+    """The object store has space, the workers' machine has none."""
     found = on_small_disk(tmp_path / "disk", f"{__name__}:fill_the_disk_of_uploads", tmp_path, url)
     assert_nothing_is_lost_or_double(found, tmp_path)
     assert f"cannot write {tmp_path / 'disk' / 'copies'}" in found["said"]
@@ -111,8 +111,8 @@ def fill_the_disk_of_dask(disk: str, folder: str) -> dict[str, Any]:
         return report_of(*start(dask, raw, Path(folder, "lake"), "--cluster", dask.address))
 
 
-def test_the_disk_on_which_dask_would_spill(tmp_path):
-    """Nobody needs it: results are small, and scenarios go straight into the lake."""
+def test_full_disk_for_dask_spill(tmp_path):
+    """Nothing needs to spill: results are small, and scenarios are written directly into the lake."""
     report = on_small_disk(tmp_path / "disk", f"{__name__}:fill_the_disk_of_dask", tmp_path)
     assert (report["converted"], report["failed"]) == (9, [])
     (share,) = report["workers"].values()
@@ -134,7 +134,7 @@ def fill_the_disk_of_pickles(disk: str, folder: str) -> dict[str, Any]:
     return {"code": code, "said": log.read_text(), "left": left, "again": again["scenarios"]}
 
 
-def test_the_disk_of_an_export(tmp_path):
+def test_full_disk_of_an_export(tmp_path):
     found = on_small_disk(tmp_path / "disk", f"{__name__}:fill_the_disk_of_pickles", tmp_path)
     assert found["code"] == 1
     assert found["said"].startswith(f"error: cannot write {tmp_path / 'disk' / 'pickles'}: No space left on device; ")

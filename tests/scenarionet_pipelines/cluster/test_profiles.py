@@ -1,4 +1,4 @@
-"""Profiles: how a cluster is named and described, and that Dask takes what they say."""
+"""Cluster profiles: names, validation, and the options passed to Dask."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from scenarionet_pipelines.cluster import open_cluster
 from scenarionet_pipelines.cluster import profile as profiles
 
 
-def test_an_address_is_a_scheduler():
+def test_scheduler_address_as_profile():
     found = profiles.find("tcp://10.0.0.5:8786")
     assert (found.kind, found.address) == ("scheduler", "tcp://10.0.0.5:8786")
 
 
 @pytest.mark.parametrize("name", profiles.names())
-def test_profiles_that_come_along_are_documented(name):
+def test_bundled_profiles_are_documented(name):
     found = profiles.find(name)
     assert found.doc.endswith(".")
     text = (profiles.FOLDER / f"{name}.toml").read_text("utf-8")
     assert "--cluster" in text.split("kind =")[0]
 
 
-def test_there_is_one_of_each_kind():
+def test_one_bundled_profile_per_kind():
     assert {profiles.find(name).kind for name in profiles.names()} == set(profiles.KINDS)
 
 
-def test_a_profile_of_ones_own(tmp_path):
+def test_user_defined_profile(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text('kind = "local"\nworkers = 3\n[options]\nmemory_limit = "1GiB"\n')
     found = profiles.find(str(path))
@@ -44,19 +44,19 @@ def test_a_profile_of_ones_own(tmp_path):
         ('kind = "scheduler"', "expected the scheduler's address"),
     ],
 )
-def test_mistakes_are_named(text, message):
+def test_invalid_profiles_are_named(text, message):
     with pytest.raises(BadParameter, match=message):
         profiles.parse(text, "mine.toml")
 
 
-def test_an_unknown_name_is_told_what_there_is():
+def test_unknown_profile_error_lists_existing_ones():
     with pytest.raises(
         BadParameter, match=r"no cluster 'locall'; did you mean local\? known profiles: existing, .*tcp://HOST"
     ):
         profiles.find("locall")
 
 
-def test_options_are_those_of_dasks_classes():
+def test_options_match_dask_classes():
     from distributed import LocalCluster, SSHCluster, Worker
 
     assert set(profiles.find("ssh").options) <= set(inspect.signature(SSHCluster).parameters)
@@ -65,7 +65,7 @@ def test_options_are_those_of_dasks_classes():
 
 
 @pytest.mark.long
-def test_slurm_would_be_given_this_script(tmp_path):
+def test_slurm_job_script(tmp_path):
     from dask_jobqueue import SLURMCluster
 
     here = {"scheduler_options": {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"}}
@@ -76,14 +76,14 @@ def test_slurm_would_be_given_this_script(tmp_path):
     assert "--nthreads 1 --memory-limit 2.00GiB --nworkers 16" in script
 
 
-def test_who_has_workers_is_not_given_others():
+def test_scheduler_with_workers_starts_no_others():
     with pytest.raises(
         BadParameter, match=r"--workers: tcp://127\.0\.0\.1:1 is a running scheduler; start more workers"
     ):
         open_cluster("tcp://127.0.0.1:1", workers=3).__enter__()
 
 
-def test_no_scheduler_answers(monkeypatch):
+def test_unreachable_scheduler(monkeypatch):
     monkeypatch.setattr("scenarionet_pipelines.cluster.opening._CONNECT_WITHIN", 0.3)
     with (
         pytest.raises(ClusterLost, match=r"tcp://127.0.0.1:1: no scheduler answers; start one with `dask scheduler`"),

@@ -1,4 +1,4 @@
-"""Workers of a cluster convert recordings in a bucket: each fetches once what its shards share, and leaves nothing."""
+"""Cluster workers convert recordings in a bucket: each fetches shared files once and leaves no files behind."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.long
 
 
 @pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGKILL])
-def test_a_worker_keeps_what_its_shards_share(store, dask, tmp_path, monkeypatch, end):
+def test_worker_fetches_files_shared_by_its_shards_once(store, dask, tmp_path, monkeypatch, end):
     temporary = tmp_path / "temporary"
     temporary.mkdir()
     monkeypatch.setenv("TMPDIR", str(temporary))
@@ -28,7 +28,7 @@ def test_a_worker_keeps_what_its_shards_share(store, dask, tmp_path, monkeypatch
     with open_cluster(dask.address) as executor:
         remote = convert("nuplan", place, tmp_path / "remote", executor=executor, **how)
     shared = {path: times for path, times in fetched(store, f"cluster/{end.name}").items() if "splits" not in path}
-    assert shared == {  # by the client for the list and the shared map, then by the worker
+    assert shared == {  # by the client for the listing and the shared map, then by the worker
         "maps/nuplan-maps-v1.0.json": 2,
         f"maps/{nuplan.LOCATION}/{nuplan.VERSION}/map.gpkg": 2,
     }

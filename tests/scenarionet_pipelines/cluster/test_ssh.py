@@ -1,4 +1,4 @@
-"""Workers on machines that one reaches by ssh: a real server, on this machine."""
+"""Workers reached by ssh: a real ssh server on this machine."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.long
 
 @pytest.fixture
 def profile(processes: Processes, tmp_path: Path) -> Path:
-    """The profile that comes along, for one worker on this machine, behind an ssh server that runs."""
+    """The bundled profile, for one worker on this machine, behind a running ssh server."""
     _, log = processes.start("tests.fixtures.ssh_server")
     until(lambda: "ready" in log.read_text(), "the ssh server is ready")
     _, port, kind, key = log.read_text().split()
@@ -47,7 +47,7 @@ def test_convert_by_ssh(processes: Processes, profile: Path, tmp_path):
     assert_equals_undisturbed(lake, raw)
 
 
-def test_a_machine_without_the_software(processes: Processes, profile: Path, tmp_path):
+def test_machine_without_the_package(processes: Processes, profile: Path, tmp_path):
     pythons = f'remote_python = ["{sys.executable}", "/nowhere/python"]'
     profile.write_text(profile.read_text().replace("# remote_python", f"{pythons}\n# remote_python"))
     command, log = start(processes, write_raw(tmp_path / "raw", {"a": [1]}), tmp_path / "lake", "--cluster", profile)
@@ -56,7 +56,7 @@ def test_a_machine_without_the_software(processes: Processes, profile: Path, tmp
     assert line == "error: the ssh cluster does not start: Worker failed to start; see its profile"
 
 
-def test_a_machine_that_does_not_answer(processes: Processes, tmp_path):
+def test_unreachable_machine(processes: Processes, tmp_path):
     profile = tmp_path / "mine.toml"
     profile.write_text(
         'kind = "ssh"\n[options]\nhosts = ["127.0.0.1", "127.0.0.1"]\n[options.connect_options]\nport = 1\n'

@@ -1,4 +1,4 @@
-"""Verbs other than convert with ``--cluster``: the same answers as without."""
+"""Verbs other than convert with ``--cluster`` give the same results as without."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def threads(tmp_path: Path) -> Path:
 
 
 def pickles(folder: Path) -> dict[str, str]:
-    """What is in each file; the order of what a set holds is another one in each process."""
+    """Content of each file, with sets sorted: their order differs between processes."""
     return {path.name: repr(_plain(pickle.loads(path.read_bytes()))) for path in folder.iterdir()}
 
 
@@ -71,7 +71,7 @@ def test_export_by_processes(lake, tmp_path, as_json):
 
 
 @pytest.mark.long
-def test_sim_check_and_export_on_workers_that_are_processes(dask: Dask, lake, tmp_path, as_json):
+def test_sim_check_and_export_on_worker_processes(dask: Dask, lake, tmp_path, as_json):
     Lake(lake).filter("true", name="all")
     dask.start_worker()
     where = ("--cluster", dask.address, "--quiet")
@@ -87,7 +87,7 @@ def test_sim_check_and_export_on_workers_that_are_processes(dask: Dask, lake, tm
     assert pickles(tmp_path / "far") == pickles(tmp_path / "near")
 
 
-def test_an_unknown_cluster_is_told_what_there_is(lake):
+def test_unknown_cluster_error_lists_existing_ones(lake):
     result = run("check", lake, "--cluster", "slrum")
     assert result.exit_code == 2
     assert "no cluster 'slrum'; did you mean slurm?" in result.stderr

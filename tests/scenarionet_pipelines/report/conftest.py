@@ -1,4 +1,4 @@
-"""A lake with ordinary and odd scenarios, and two databases."""
+"""A lake with ordinary and unusual scenarios, and two databases."""
 
 from __future__ import annotations
 

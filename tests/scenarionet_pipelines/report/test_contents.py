@@ -1,4 +1,4 @@
-"""What a report says of a lake is what the lake says of itself."""
+"""The contents of a report agree with queries on the lake."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_the_whole_lake(lake, contents):
     assert sum(mark.broken for mark in section.scorecard.partitions[0].rules) > 0
 
 
-def test_pictures_are_typical_extreme_and_random_ones(lake, contents):
+def test_examples_are_typical_extreme_and_random(lake, contents):
     (section,) = contents.sections
     assert list(section.pictures) == ["typical", "extreme", "random"]
     for group in section.pictures.values():
@@ -60,13 +60,13 @@ def test_databases_side_by_side(lake):
     assert not (objects.shares.min(axis=0) > 0).any(), "the databases share no number of objects"
 
 
-def test_a_database_that_is_not_there(lake):
+def test_missing_database(lake):
     with pytest.raises(DatabaseNotFound, match="busy, calm"):
         gather(lake, ["nobody"])
 
 
 @pytest.mark.long
-def test_progress_only_rises_to_the_end(lake):
+def test_progress_increases_to_the_end(lake):
     told = []
     gather(lake, ["busy", "calm"], on_progress=lambda done, total, _: told.append((done, total)))
     assert told == sorted(told)
@@ -74,13 +74,13 @@ def test_progress_only_rises_to_the_end(lake):
     assert len({done for done, _ in told}) > 20
 
 
-def test_the_typical_is_the_median_one():
+def test_typical_scenario_is_the_median():
     found = select_examples(measured(ego_distance=[1, 2, 3, 4, 500], num_objects=[9, 8, 5, 2, 1]))
     assert found["typical"][0] == ("s2", "")
     assert found["extreme"] == [("s4", "longest route"), ("s0", "most objects")]
 
 
-def test_copies_are_not_typical_twice():
+def test_duplicates_are_not_chosen_twice_as_typical():
     found = select_examples(measured(ego_distance=[1, 2, 2, 2, 3]))
     assert len(found["typical"]) == 2  # the distances from the median are 0 and 1
 
@@ -95,4 +95,4 @@ def test_missing_values_are_neither_typical_nor_extreme():
 def test_measures_are_in_order_of_id(lake):
     found = read_measures(lake)
     assert list(found.ids) == sorted(found.ids)
-    assert np.isnan(found.values["min_ego_gap"]).sum() == 1  # the one that is alone
+    assert np.isnan(found.values["min_ego_gap"]).sum() == 1  # the one without other objects

@@ -1,4 +1,4 @@
-"""A report's page: one file, nothing from elsewhere, text that stays text; typed, and in a browser."""
+"""A report's page: one self-contained file with escaped text, on the command line and in a browser."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ VOID = {"meta", "img", "br", "hr", "link"}
 
 
 class Outline(HTMLParser):
-    """The elements of a page; that each is closed where it should be."""
+    """The elements of a page; checks that each is closed in the right place."""
 
     def __init__(self, text):
         super().__init__()
@@ -41,19 +41,19 @@ class Outline(HTMLParser):
         assert self.open.pop() == name
 
 
-def test_text_never_becomes_markup():
+def test_text_is_escaped():
     assert tag("p", "<b>", Markup("<i></i>"), None, title='"x"') == '<p title="&quot;x&quot;">&lt;b&gt;<i></i></p>'
     assert joined("a & b", tag("br")) == "a &amp; b<br>"
 
 
 @pytest.mark.parametrize(("low", "high"), [(0, 1), (-3.2, 17), (0, 1e-6), (250, 260), (0, 9e9)])
-def test_ticks_are_few_round_and_within(low, high):
+def test_ticks_are_few_round_and_in_range(low, high):
     ticks = nice_ticks(low, high, 4)
     assert 2 <= len(ticks) <= 6
     assert all(low - 1e-9 <= tick <= high * (1 + 1e-9) for tick in ticks)
 
 
-def test_the_page_is_self_contained(contents):
+def test_page_is_self_contained(contents):
     text = render(contents)
     outline = Outline(text)
     assert {"script", "link", "iframe", "form"}.isdisjoint(outline.tags)
@@ -66,7 +66,7 @@ def test_the_page_is_self_contained(contents):
     assert links <= {value for name, value in outline.attributes if name == "id"}
 
 
-def test_hostile_names_stay_text(contents):
+def test_hostile_names_are_escaped(contents):
     (section,) = contents.sections
     picture = replace(section.pictures["random"][0], scenario_id=HOSTILE, reason=HOSTILE)
     hostile = replace(section, statistics=replace(section.statistics, name=HOSTILE), pictures={"random": [picture]})
@@ -77,7 +77,7 @@ def test_hostile_names_stay_text(contents):
 
 
 @pytest.mark.long
-def test_typed(lake, tmp_path):
+def test_report_command(lake, tmp_path):
     file = tmp_path / "report.html"
     result = run("report", lake.root, "busy", "-o", file, "--json")
     assert result.exit_code == 0, result.output
@@ -101,7 +101,7 @@ def browser():
 
 
 def write_odd(kind, lake, folder):
-    """A report of one kind of lake; returns its file."""
+    """Write a report of one kind of lake; return its file."""
     file = folder / "report.html"
     if kind == "empty":
         assert run("convert", NAME, write_raw(folder / "raw", {"a": ["1 invalid"]}), folder / "lake").exit_code == 1
@@ -124,8 +124,8 @@ def write_odd(kind, lake, folder):
 
 @pytest.mark.long
 @pytest.mark.parametrize("kind", ["lake", "databases", "empty", "one", "NaN", "empty database"])
-def test_in_a_browser(browser, lake, tmp_path, kind):
-    """No script, no error, nothing requested, nothing beyond the window, light and dark."""
+def test_page_in_a_browser(browser, lake, tmp_path, kind):
+    """No script, no errors, no requests, no overflow, in light and dark mode."""
     file = write_odd(kind, lake, tmp_path)
     for width in WIDTHS:
         for scheme in ("light", "dark"):

@@ -1,4 +1,4 @@
-"""A lake with ordinary and odd scenarios, served."""
+"""A lake with ordinary and unusual scenarios, and a running server."""
 
 from __future__ import annotations
 
@@ -20,6 +20,6 @@ def lake(tmp_path_factory: pytest.TempPathFactory) -> Lake:
 
 @pytest.fixture(scope="package")
 def served(lake: Lake) -> Iterator[str]:
-    """Address of a server that only reads."""
+    """Address of a read-only server."""
     with serving(lake) as address:
         yield address

@@ -1,4 +1,4 @@
-"""``scenarionet browse``, typed."""
+"""The verb ``scenarionet browse``."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from tests.fixtures.waiting import HANGS_AFTER
 from tests.scenarionet_pipelines.conftest import run
 
 
-def test_help_teaches():
+def test_help_shows_examples():
     text = run("browse", "--help").output
     assert "scenarionet browse lake --open --write" in text
     assert "only this machine can connect and the lake is read-only" in " ".join(text.split())
 
 
-def test_no_lake_there(tmp_path):
+def test_folder_without_lake(tmp_path):
     result = run("browse", tmp_path)
     assert result.exit_code == 1
     assert "no lake there" in result.stderr

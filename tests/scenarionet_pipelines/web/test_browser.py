@@ -1,4 +1,4 @@
-"""The page in a real browser: scripts, layout, filter, sort, paging, saving, the player, and odd input."""
+"""The page in a real browser: scripts, layout, filter, sort, paging, saving, the player, and unusual input."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def apply(page, where):
         page.keyboard.press("Enter")
 
 
-def test_the_page_and_the_player_open(browser, served):
-    """The one test of the default run: no script fails, a scenario is drawn and plays."""
+def test_page_and_player_open(browser, served):
+    """The only browser test of the default run: no script fails, a scenario is drawn and plays."""
     with visiting(browser, served) as page:
         assert len(ids(page)) == 50
         page.locator("tbody th.id a").nth(10).click()
@@ -89,14 +89,14 @@ def test_filter_sort_and_paging(browser, served, lake):
 
 
 @pytest.mark.long
-def test_mistakes_are_marked_and_columns_suggested(browser, served):
+def test_errors_are_marked_and_columns_suggested(browser, served):
     with visiting(browser, served) as page:
         ids(page)
         apply(page, "num_objects > 1 AND ego_dist > 3")
         page.wait_for_selector("#problem mark")
         assert page.inner_text("#problem mark") == "ego_dist"
         assert "ego_distance" in page.inner_text("#problem span")
-        page.provoked.append("status of 400")  # the browser notes the refusal too
+        page.provoked.append("status of 400")  # the browser logs the refused request too
         page.fill("#where", "")
         page.locator("#where").press_sequentially("ego_dis")
         page.keyboard.press("ArrowDown")
@@ -107,7 +107,7 @@ def test_mistakes_are_marked_and_columns_suggested(browser, served):
 
 
 @pytest.mark.long
-def test_the_player(browser, served):
+def test_player_controls(browser, served):
     scenario = make_scenario(20)
     with visiting(browser, f"{served}/?{urlencode({'scenario': scenario.id})}") as page:
         page.wait_for_selector("#player canvas")
@@ -156,7 +156,7 @@ def test_the_player(browser, served):
 
 
 @pytest.mark.long
-def test_dragging_and_the_wheel_move_the_picture(browser, served):
+def test_dragging_and_scrolling_move_the_view(browser, served):
     with visiting(browser, f"{served}/?{urlencode({'scenario': make_scenario(20).id})}") as page:
         page.wait_for_selector("#player canvas")
         box = page.locator("#player canvas").bounding_box()
@@ -178,8 +178,8 @@ def test_dragging_and_the_wheel_move_the_picture(browser, served):
 
 @pytest.mark.long
 @pytest.mark.parametrize("width", WIDTHS)
-def test_odd_scenarios_are_drawn(browser, served, lake, width):
-    """A hostile name, no map, a single timestep, nobody but the ego: each opens, fits, and is what it is called."""
+def test_unusual_scenarios_are_drawn(browser, served, lake, width):
+    """A hostile name, no map, a single timestep, only the ego: each opens, fits the page and shows its name."""
     (hostile,) = lake.sql("SELECT scenario_id FROM metadata WHERE city LIKE '<%'")["scenario_id"]
     for scenario_id in (hostile, *(make_scenario(seed).id for seed in (2, 3, 4))):
         with visiting(browser, f"{served}/?{urlencode({'scenario': scenario_id})}", width) as page:
@@ -193,7 +193,7 @@ def test_odd_scenarios_are_drawn(browser, served, lake, width):
 
 @pytest.mark.long
 def test_ten_thousand_map_features_are_drawn(browser, tmp_path):
-    """And moved about: the map is painted anew as one zooms in."""
+    """The map is redrawn when the view is zoomed or moved."""
     scenario = make_scenario(1, num_lanes=10_000)
     lake = write_lake(tmp_path / "lake", [scenario])
     with serving(lake) as address, visiting(browser, f"{address}/?{urlencode({'scenario': scenario.id})}") as page:
@@ -206,7 +206,7 @@ def test_ten_thousand_map_features_are_drawn(browser, tmp_path):
 
 
 @pytest.mark.long
-def test_a_hostile_name_stays_text_in_the_table(browser, served):
+def test_hostile_name_is_escaped_in_the_table(browser, served):
     with visiting(
         browser, f"{served}/?{urlencode({'columns': 'city,source_scenario_id', 'where': 'starts_with(city, chr(60))'})}"
     ) as page:
@@ -231,7 +231,7 @@ def test_missing_input_is_an_error(browser, served):
 
 @pytest.mark.long
 @pytest.mark.parametrize("width", WIDTHS)
-def test_an_empty_lake(browser, tmp_path, width):
+def test_empty_lake(browser, tmp_path, width):
     raw = write_raw(tmp_path / "raw", {"a": ["1 invalid"]})
     assert run("convert", NAME, raw, tmp_path / "lake").exit_code == 1
     with serving(Lake(tmp_path / "lake")) as address, visiting(browser, address, width) as page:
@@ -241,7 +241,7 @@ def test_an_empty_lake(browser, tmp_path, width):
 
 
 @pytest.mark.long
-def test_a_lake_of_one_and_statistics_that_are_no_numbers(browser, tmp_path):
+def test_lake_of_one_scenario_and_non_finite_statistics(browser, tmp_path):
     lake = write_lake(tmp_path / "lake", [make_scenario(7)])
     without_numbers(lake.root)
     with serving(Lake(lake.root)) as address, visiting(browser, f"{address}/?sort=ego_distance&order=falling") as page:
@@ -273,7 +273,7 @@ def test_saving_the_filter(browser, tmp_path):
 
 
 @pytest.mark.long
-def test_a_read_only_page_cannot_save(browser, served):
+def test_read_only_page_cannot_save(browser, served):
     with visiting(browser, served) as page:
         ids(page)
         assert page.get_by_role("button", name="Save as database").count() == 0

@@ -1,4 +1,4 @@
-"""What the browser is sent is the scenario: read back here as ``static/scene.js`` reads it."""
+"""The packed scenario, read back as ``static/scene.js`` reads it, equals the original."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def unpack(content: bytes):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_arrays_are_the_scenarios(seed):
+def test_arrays_round_trip(seed):
     scenario = make_scenario(seed)
     header, arrays = unpack(pack(scenario))
     tracks = scenario.tracks
@@ -59,21 +59,21 @@ def test_arrays_are_the_scenarios(seed):
     assert (shown == names(LightColor)[LIGHT_COLORS[scenario.lights.state]]).all()
 
 
-def test_lights_without_a_place_stand_where_their_lanes_begin():
+def test_lights_without_stop_point_are_placed_at_the_start_of_their_lane():
     scenario = make_scenario(1, num_lights=2)
     _, arrays = unpack(pack(scenario))
     np.testing.assert_array_equal(arrays["lightPosition"][0], scenario.lights.stop_point[0, :2])
     np.testing.assert_array_equal(arrays["lightPosition"][1], scenario.map.polyline[1][0, :2])
 
 
-def test_packing_leaves_the_scenario_as_it_is():
-    """Also with a single light, whose place is not known."""
+def test_packing_does_not_modify_the_scenario():
+    """Also with a single light whose stop point is unknown."""
     lights = replace(make_scenario(1, num_lights=1).lights, stop_point=np.full((1, 3), np.nan, np.float32))
     pack(replace(make_scenario(1), lights=lights))
     assert np.isnan(lights.stop_point).all()
 
 
-def test_without_map_or_lights():
+def test_scenario_without_map_or_lights():
     scenario = replace(make_scenario(1, has_map=False), lights=Lights.empty(31))
     header, arrays = unpack(pack(scenario))
     assert header["features"] == []

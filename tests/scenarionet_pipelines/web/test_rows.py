@@ -1,4 +1,4 @@
-"""Pages of the table: the same rows as one long sorted list, however they are asked for."""
+"""Pages of the table contain the same rows as one sorted list."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def test_pages_make_up_the_sorted_list(lake, sort, is_falling):
     assert {each.total for each in pages} == {59}
 
 
-def test_columns_are_those_of_the_contract_without_addresses(lake):
+def test_columns_match_the_schema_without_addresses(lake):
     found = {column.name: column for column in columns(lake)}
     assert found["ego_distance"].unit == "m"
     assert found["ego_distance"].is_number
@@ -33,7 +33,7 @@ def test_columns_are_those_of_the_contract_without_addresses(lake):
     assert "tracks_file" not in found
 
 
-def test_values_fit_javascript(lake):
+def test_values_are_representable_in_javascript(lake):
     (row,) = ask(lake, count=1, names=["content_hash", "timestamps", "has_z", "num_objects"]).rows
     assert isinstance(row["content_hash"], str)
     assert isinstance(row["timestamps"], list)
@@ -67,7 +67,7 @@ def test_errors_have_a_position(lake):
         "EXISTS (SELECT * FROM read_text('/etc/passwd'))",
     ],
 )
-def test_sql_that_writes_or_reads_elsewhere_is_refused(lake, where):
+def test_sql_that_writes_or_reads_other_files_is_refused(lake, where):
     before = sorted(lake.root.rglob("*"))
     with pytest.raises(QueryError):
         ask(lake, where)

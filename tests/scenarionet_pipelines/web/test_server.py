@@ -1,4 +1,4 @@
-"""What the server answers and what it refuses, byte by byte: no browser would send some of this."""
+"""Responses and refused requests of the server, at the byte level: browsers would not send some of them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.fixtures.waiting import HANGS_AFTER
 
 
 def request(address, path, method="GET", body=None, **headers):
-    """Status, headers and body; the path is sent as it is."""
+    """Status, headers and body; the path is sent unmodified."""
     place = urlsplit(address)
     connection = http.client.HTTPConnection(place.hostname, place.port, timeout=HANGS_AFTER)
     given = {name.replace("_", "-"): value for name, value in headers.items()}
@@ -35,7 +35,7 @@ def said(answer):
     return answer[0], json.loads(answer[2])
 
 
-def test_every_answer_binds_the_page_to_this_server(served):
+def test_every_response_restricts_the_page_to_this_server(served):
     for path in ("/", "/static/main.js", "/api/about", "/nowhere", "/api/rows?where=1%2B"):
         _, headers, _ = request(served, path)
         assert headers["content-security-policy"].startswith("default-src 'self';")
@@ -43,7 +43,7 @@ def test_every_answer_binds_the_page_to_this_server(served):
         assert "access-control-allow-origin" not in headers
 
 
-def test_the_page_names_nothing_elsewhere(served):
+def test_page_references_no_other_host(served):
     _, _, page = request(served, "/")
     assert b"http:" not in page
     assert b"https:" not in page
@@ -61,7 +61,7 @@ def test_the_page_names_nothing_elsewhere(served):
         "/../etc/passwd",
     ],
 )
-def test_paths_out_of_the_folder_lead_nowhere(served, path):
+def test_paths_outside_the_folder_are_not_found(served, path):
     status, _, body = request(served, path)
     assert status in (404, 405)
     assert b"root:" not in body
@@ -79,15 +79,15 @@ def test_unknown_ids(served, what, scenario_id):
     assert "no " in answer["error"]
 
 
-def test_a_scenario_with_a_hostile_name_is_one_like_every_other(served, lake):
+def test_scenario_with_a_hostile_name_is_served(served, lake):
     (scenario_id,) = lake.sql("SELECT scenario_id FROM metadata WHERE city LIKE '<%'")["scenario_id"]
     assert "<" not in scenario_id
     for what in ("scene", "thumbnail", "facts"):
         assert request(served, f"/api/{what}?id={quote(scenario_id, safe='')}")[0] == 200
 
 
-def test_a_page_of_another_name_gets_nothing(served):
-    """DNS rebinding: the name of another page leads to this machine."""
+def test_foreign_host_header_is_refused(served):
+    """DNS rebinding: another page's host name resolves to this machine."""
     for host in ("evil.example", "localhost.evil.example", "127.0.0.1.evil.example", "", "a b", "[::1"):
         assert request(served, "/api/about", Host=host)[0] in (400, 403), host
     port = urlsplit(served).port
@@ -95,7 +95,7 @@ def test_a_page_of_another_name_gets_nothing(served):
         assert request(served, "/api/about", Host=host)[0] == 200
 
 
-def test_mistakes_in_a_filter_come_with_their_place(served):
+def test_filter_errors_have_a_position(served):
     status, answer = said(request(served, "/api/rows?where=" + quote("num_objects > 1 AND ego_dist > 3")))
     assert (status, answer["character"]) == (400, 21)
     assert "similar: ego_distance" in answer["error"]
@@ -103,7 +103,7 @@ def test_mistakes_in_a_filter_come_with_their_place(served):
     assert (status, answer["character"]) == (400, 15)
 
 
-def test_sizes_and_places_have_limits(served):
+def test_sizes_and_offsets_are_limited(served):
     for question in ("count=0", "count=201", "first=-1", "count=x", "sort=nothing", "columns=a"):
         assert request(served, f"/api/rows?{question}")[0] == 400, question
     for path in ("thumbnail?width=100000&id=x", "thumbnail?height=1&id=x"):
@@ -111,13 +111,13 @@ def test_sizes_and_places_have_limits(served):
     assert request(served, "/api/rows?database=nobody")[0] == 404
 
 
-def test_a_database_shows_its_members_alone(served, lake):
+def test_database_shows_only_its_members(served, lake):
     _, answer = said(request(served, "/api/rows?database=several"))
     assert answer["total"] == len(lake.database("several"))
 
 
-def test_an_abandoned_filter_is_interrupted(served):
-    """Its client has gone, so it is stopped: the next one is answered."""
+def test_abandoned_filter_is_interrupted(served):
+    """Its client has disconnected, so it is stopped and the next request is answered."""
     endless = quote("(SELECT sum(a.range * b.range) FROM range(10000000) a, range(10000000) b) > 0")
     place = urlsplit(served)
     with socket.create_connection((place.hostname, place.port)) as client:
@@ -131,14 +131,14 @@ def test_an_abandoned_filter_is_interrupted(served):
 SAVED = {"name": "mine", "where": "num_objects > 5", "database": "several"}
 
 
-def test_without_write_nothing_is_saved(served, lake):
+def test_nothing_is_saved_without_write(served, lake):
     assert said(request(served, "/api/about"))[1]["secret"] is None
     assert request(served, "/api/databases", "POST", SAVED)[0] == 403
     assert request(served, "/api/databases", "POST", SAVED, Origin=served, x_scenarionet_secret="None")[0] == 403
     assert lake.databases == ["several"]
 
 
-def test_without_write_the_right_secret_does_not_help(lake, monkeypatch):
+def test_correct_secret_is_refused_without_write(lake, monkeypatch):
     monkeypatch.setattr("secrets.token_urlsafe", lambda: "known")
     with serving(lake) as address:
         right = {"Origin": address, "x_scenarionet_secret": "known"}
@@ -148,7 +148,7 @@ def test_without_write_the_right_secret_does_not_help(lake, monkeypatch):
     assert lake.databases == ["several"]
 
 
-def test_saving_takes_our_own_page_and_its_secret(tmp_path):
+def test_saving_requires_same_origin_and_secret(tmp_path):
     lake = write_lake(tmp_path / "lake", [make_scenario(seed) for seed in range(6)])
     lake.filter(name="several")
     with serving(lake, is_writable=True) as address:
@@ -174,7 +174,7 @@ def test_saving_takes_our_own_page_and_its_secret(tmp_path):
         assert lake.databases == ["mine", "several"]
 
 
-def test_a_port_in_use_is_an_error(lake):
+def test_port_in_use_is_an_error(lake):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()

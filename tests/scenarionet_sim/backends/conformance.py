@@ -3,7 +3,7 @@
     class TestKinematic(BackendConformance):
         backend = Kinematic()
 
-Everything drives on an empty plane: what a backend does with a vehicle must not depend on the recording.
+All vehicles drive on an empty plane: a backend's treatment of a vehicle must not depend on the recording.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def make_stage(num_worlds: int = 1) -> WorldBatch:
 
 
 def make_state(num_worlds: int = 1, speed: float = 0.0, heading: float = 0.0) -> State:
-    """One car of object 0 in the origin of every world; the other objects are not present."""
+    """One car, object 0, at the origin of every world; the other objects are not present."""
     state = State.empty(num_worlds, NUM_OBJECTS)
     state.size[:] = SIZE
     state.object_type[:] = 1
@@ -61,7 +61,7 @@ def motion_of(state: State, agents: np.ndarray) -> np.ndarray:
 
 
 def roll(session, state: State, action, steps: int, agents: np.ndarray = EGO) -> np.ndarray:
-    """(steps + 1, A, 6) motion of the agents under one action, or one action a step (steps, 2)."""
+    """(steps + 1, A, 6) motion of the agents under one constant action, or one action per step (steps, 2)."""
     actions = np.broadcast_to(np.asarray(action, np.float64), (steps, 2))
     passed = [motion_of(state, agents)]
     for step in range(steps):

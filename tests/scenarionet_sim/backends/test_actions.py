@@ -14,10 +14,10 @@ def test_actions_out_of_range_are_clipped():
     np.testing.assert_array_equal(checked, [[1.0, -1.0], [0.25, -1.0]])
 
 
-def test_one_action_may_come_alone():
+def test_single_action_needs_no_agent_dimension():
     assert checked_actions([0.5, 0.0]).shape == (1, 2)
 
 
-def test_a_nan_action_is_rejected():
+def test_nan_action_is_rejected():
     with pytest.raises(BadParameter, match=r"not a number: \[nan, 0.0\]"):
         checked_actions([[0.0, 0.0], [np.nan, 0.0]])

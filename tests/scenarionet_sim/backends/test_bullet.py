@@ -31,7 +31,7 @@ pytest.importorskip("pybullet", reason="pybullet has a wheel for CPython 3.11 on
 class TestBullet(BackendConformance):
     backend = Bullet()
 
-    def test_a_moving_car_pushes_from_behind(self, session):
+    def test_moving_car_pushes_from_behind(self, session):
         """Like a recorded car, it reaches its next pose regardless of obstacles."""
         state = make_state()
         for step in range(40):
@@ -40,7 +40,7 @@ class TestBullet(BackendConformance):
         ego = motion_of(state, EGO)[0]
         assert ego[0] > 10.0 and ego[3] > 4.0
 
-    def test_a_standing_car_stops_a_vehicle_that_hits_it(self, session):
+    def test_stationary_car_stops_a_vehicle_that_hits_it(self, session):
         free = roll(self.backend.open(make_stage()), make_state(speed=10.0), COAST, 20)[-1, 0]
         state = make_state(speed=10.0)
         put(state, 1, (9.0, 0.0))
@@ -55,12 +55,12 @@ class TestBullet(BackendConformance):
         put(state, 1, (9.0, 0.0))
         assert roll(session, state, COAST, 12)[-1, 0, 3] > 6.0
 
-    def test_a_hit_off_centre_turns(self, session):
+    def test_off_centre_hit_causes_rotation(self, session):
         state = make_state(speed=10.0)
         put(state, 1, (9.0, 1.5))
         assert roll(session, state, COAST, 8)[:, 0, 5].max() > 0.1
 
-    def test_two_agents_share_their_momentum(self, session):
+    def test_two_agents_exchange_momentum(self, session):
         state = make_state(speed=10.0)
         put(state, 1, (6.0, 0.0))
         agents = np.array([[0, 0], [0, 1]], np.int32)
@@ -76,15 +76,15 @@ class TestBullet(BackendConformance):
         state.present[0, 1] = False
         assert roll(session, state, COAST, 20)[-1, 0, 0] == pytest.approx(20.0, rel=1e-3)
 
-    def test_slides_where_friction_ends(self):
+    def test_vehicle_slides_beyond_the_friction_limit(self):
         on_ice = Bullet(tyre_friction=0.1).open(make_stage())
         passed = roll(on_ice, make_state(speed=15.0), (0.0, -1.0), 10)[:, 0]
         assert passed[-1, 3] == pytest.approx(15.0 - 0.1 * 9.81, rel=1e-3)
         turned = roll(on_ice, make_state(speed=15.0), (1.0, 0.0), 10)[:, 0]
         assert np.hypot(*turned[-1, 3:5] - turned[0, 3:5]) <= 0.1 * 9.81 + 1e-6
 
-    def test_bodies_that_sleep_return(self):
-        """The number of sleeping bodies does not change the result."""
+    def test_sleeping_bodies_do_not_change_the_result(self):
+        """The number of sleeping bodies does not affect the other vehicles."""
         ends = []
         for max_asleep in (0, 32):
             session, state = Bullet(max_asleep=max_asleep).open(make_stage()), make_state(speed=10.0)
@@ -95,7 +95,7 @@ class TestBullet(BackendConformance):
             ends.append(np.concatenate([there, roll(session, state, (0.02, 0.1), 40)]))
         np.testing.assert_allclose(*ends, atol=1e-6)
 
-    def test_an_agent_may_become_traffic(self, session):
+    def test_agent_may_become_traffic(self, session):
         state = make_state(speed=10.0)
         put(state, 1, (9.0, 0.0))
         both = np.array([[0, 0], [0, 1]], np.int32)
@@ -115,7 +115,7 @@ def crowd(num: int) -> tuple[State, np.ndarray]:
 
 
 def test_fifty_dynamic_bodies(record_property, capsys):
-    """Fifty cars in a block, all driven wildly: they hit each other, stay finite and are reproducible bit for bit."""
+    """Fifty cars in a block under random actions: they collide, stay finite and are reproducible bit for bit."""
     ends, actions = [], np.random.default_rng(5).uniform(-1, 1, (60, 50, 2))
     for _ in range(2):
         session, (state, agents) = Bullet().open(make_stage()), crowd(50)
@@ -133,7 +133,7 @@ def test_fifty_dynamic_bodies(record_property, capsys):
     assert abs(ends[0][:, 3:5]).max() < 60.0, "contact makes energy"
 
 
-def test_a_missing_pybullet_names_the_remedy(monkeypatch):
+def test_missing_pybullet_names_the_remedy(monkeypatch):
     monkeypatch.setitem(sys.modules, "pybullet", None)
     with pytest.raises(MissingDependency, match=r"scenarionet-lake\[sim\].*Kinematic"):
         Bullet().open(make_stage())

@@ -1,4 +1,4 @@
-"""Every vehicle an agent: PettingZoo's test, agents that appear and leave, and the paper's multi-agent task."""
+"""Every vehicle as an agent: PettingZoo's test, agents that appear and leave, and the paper's multi-agent task."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ BACKENDS = [Kinematic(), Bullet()]
 
 
 def drive(env, action=(0.0, 0.2), seed=0, **options):
-    """Every step of an episode."""
+    """Yield every step of an episode."""
     results = [(*env.reset(seed=seed, options=options), {})]
     while env.agents:
         before = set(env.agents)
@@ -47,7 +47,7 @@ def test_pettingzoo_tests_pass(drives, backend, observation):
 
 
 def test_agents_appear_as_recorded_and_leave_when_they_arrive(scene):
-    """t1 is present from the start, t2 appears at timestep 15; t3 is parked and t4 walks: not agents."""
+    """t1 is present from the start, t2 appears at timestep 15; t3 (parked) and t4 (pedestrian) are not agents."""
     walker = Other(5.0, -9.0, vy=1.0)
     env = ScenarioNetParallelEnv(
         scenarios=scene(Other(20.0, 3.5, vx=8.0), Other(-40.0, 3.5, vx=8.0, first=15), Other(90.0, 9.0))
@@ -70,7 +70,7 @@ def test_agents_appear_as_recorded_and_leave_when_they_arrive(scene):
         assert results[there[-1]][1][agent] == 10.0
 
 
-def test_a_retired_agent_is_absent(scene):
+def test_retired_agent_is_absent(scene):
     env = ScenarioNetParallelEnv(scenarios=scene(Other(20.0, 3.5, vx=8.0)))
     env.reset()
     while len(env.agents) == 2:
@@ -79,7 +79,7 @@ def test_a_retired_agent_is_absent(scene):
     assert env.core.simulation.state.present[0].tolist() == [True, False]
 
 
-def test_the_reward_is_that_of_the_paper(scene):
+def test_reward_matches_the_paper(scene):
     """R = R_disp + P_collision + R_term: -1 for a crash, which does not end the episode; smoothness does not count."""
     env = ScenarioNetParallelEnv(scenarios=scene(Other(8.0, vx=2.0)))
     results = drive(env, (0.0, 0.2))
@@ -104,7 +104,7 @@ def test_displacement_counts_once(scene):
         assert rewards["t0"] == pytest.approx(env.core.simulation.state.position[0, 0, 0] - before, abs=1e-5)
 
 
-def test_ten_metres_off_the_route(scene):
+def test_leaving_the_route_by_ten_metres(scene):
     env = ScenarioNetParallelEnv(scenarios=scene(num_steps=81))
     results = drive(env, (0.35, -0.2))
     *before, (_, rewards, over, _, infos, _) = results
@@ -137,7 +137,7 @@ def test_all_agents_run_out_of_time(scene):
     assert infos["t0"]["distance_to_log"] == pytest.approx(40.0 - 6.25, abs=1.0)
 
 
-def test_a_scenario_without_travelling_vehicles(scene):
+def test_scenario_without_moving_vehicles(scene):
     env = ScenarioNetParallelEnv(scenarios=scene(speed=0.0))
     assert env.reset() == ({}, {})
     assert env.agents == env.possible_agents == []
@@ -146,7 +146,7 @@ def test_a_scenario_without_travelling_vehicles(scene):
 
 
 @pytest.mark.parametrize("backend", BACKENDS, ids=["kinematic", "bullet"])
-def test_the_same_seed_and_actions_give_the_same_bits(only, backend):
+def test_equal_seeds_and_actions_are_bit_identical(only, backend):
     scenarios = only("crowd", "wall", order="random")
     env = ScenarioNetParallelEnv(scenarios=scenarios, backend=backend, seed=2)
     first = drive(env, (0.01, 0.3), seed=None)

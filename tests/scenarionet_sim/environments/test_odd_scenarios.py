@@ -72,7 +72,7 @@ def test_every_scenario_can_be_replayed_to_success(lake, name):
 
 
 def test_all_recordings_in_one_batch(lake):
-    """Worlds of 1 to 500 objects, with and without a map, replace each other in the slots."""
+    """Worlds of 1 to 500 objects, with and without a map, in alternation in the same slots."""
     envs = ScenarioNetVectorEnv(3, scenarios=Scenarios(lake), sensors=EVERYTHING)
     envs.reset(seed=0)
     played = set()
@@ -93,16 +93,16 @@ def test_five_hundred_objects_of_which_many_are_agents(lake):
 
 
 @pytest.mark.parametrize("action", [(np.nan, 0.0), (0.0, np.nan)])
-def test_a_nan_action_is_an_error(lake, action):
+def test_nan_action_raises_error(lake, action):
     env = ScenarioNetEnv(scenarios=Scenarios(lake, ["made/v1/red"]), backend=Kinematic())
     env.reset()
     with pytest.raises(BadParameter, match="not a number"):
         env.step(action)
-    assert env.step((0.0, 0.0))[4]["timestep"] == 1  # nothing has happened
+    assert env.step((0.0, 0.0))[4]["timestep"] == 1  # state unchanged
 
 
 @pytest.mark.parametrize("backend", [Kinematic(), Bullet()], ids=["kinematic", "bullet"])
-def test_an_action_out_of_range_is_clipped(lake, backend):
+def test_action_out_of_range_is_clipped(lake, backend):
     results = []
     for action in ((-1.0, 1.0), (-7.0, 55.0), (-np.inf, np.inf)):
         env = ScenarioNetEnv(scenarios=Scenarios(lake, ["made/v1/no_map"]), backend=backend)
@@ -113,7 +113,7 @@ def test_an_action_out_of_range_is_clipped(lake, backend):
 
 
 @pytest.mark.parametrize("action", [0.0, (0.0,), (0.0, 0.0, 0.0), ((0.0, 0.0), (0.0, 0.0))])
-def test_an_action_of_another_shape(lake, action):
+def test_action_of_another_shape(lake, action):
     env = ScenarioNetEnv(scenarios=Scenarios(lake, ["made/v1/red"]), backend=Kinematic())
     env.reset()
     with pytest.raises(BadParameter, match=r"shape \(2,\)"):
@@ -134,7 +134,7 @@ def test_scenarios_of_different_timesteps_follow_each_other(tmp_path):
     ScenarioNetVectorEnv(2, scenarios=Scenarios(tmp_path, where="dt = 0.1")).reset(seed=0)
 
 
-def test_a_step_before_the_beginning_and_after_the_end(lake):
+def test_step_before_reset_and_after_the_end(lake):
     env = ScenarioNetEnv(scenarios=Scenarios(lake, ["made/v1/standing"]), backend=Kinematic())
     for begin in (None, env.reset):
         if begin:
@@ -146,7 +146,7 @@ def test_a_step_before_the_beginning_and_after_the_end(lake):
     env.step((0.0, 0.0))
 
 
-def test_scenarios_and_timesteps_that_do_not_exist(lake, tmp_path):
+def test_missing_scenarios_and_timesteps(lake, tmp_path):
     with pytest.raises(NoSuchSnapshot):
         ScenarioNetEnv(scenarios=Scenarios(tmp_path))
     with pytest.raises(DatabaseNotFound, match="nowhere"):
@@ -162,7 +162,7 @@ def test_scenarios_and_timesteps_that_do_not_exist(lake, tmp_path):
 
 
 @pytest.mark.parametrize("prefetch", [0, 1])
-def test_a_corrupt_row_group(tmp_path, prefetch):
+def test_corrupt_row_group(tmp_path, prefetch):
     """The second of three scenarios cannot be read: its reset raises, and the next one continues after it."""
     lake = write_lake(tmp_path, [make_drive(name) for name in ("a", "b", "c")])
     rows = lake.resolve(["made/v1/b"])[1].to_pylist()[0]

@@ -1,4 +1,4 @@
-"""Environments in worker processes, forked or spawned, whatever the parent has imported."""
+"""Environments in worker processes, forked or spawned, for any imports of the parent."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_worker_processes(context, backend, drives, tmp_path):
     assert run(tmp_path / "parent.py", drives, context, backend) == "stepped\n"
 
 
-def test_an_environment_avoids_libraries_that_break_after_a_fork(drives):
+def test_environment_imports_no_fork_unsafe_library(drives):
     program = f"""
 import sys
 from scenarionet_sim.environments.single_agent import ScenarioNetEnv

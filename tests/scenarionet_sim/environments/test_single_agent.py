@@ -28,7 +28,7 @@ BACKENDS = [Kinematic(), Bullet()]
 
 
 def rollout(env, action=GO, seed=None, steps=1000, **options):
-    """Every step of an episode."""
+    """Yield every step of an episode."""
     observation, info = env.reset(seed=seed, options=options)
     results = [(observation, 0.0, False, False, info)]
     while not (results[-1][2] or results[-1][3]) and len(results) <= steps:
@@ -41,7 +41,7 @@ def wander(step):
 
 
 def assert_same(first, second):
-    """Bit for bit."""
+    """Compare bit for bit."""
     assert len(first) == len(second)
     for (one, *rest), (other, *others) in zip(first, second, strict=True):
         np.testing.assert_array_equal(one, other)
@@ -56,7 +56,7 @@ def test_gymnasium_checker_passes(only, backend, observation):
     assert env.spec.id == "ScenarioNet-v0"
 
 
-def test_the_default_is_that_of_the_paper(only):
+def test_default_matches_the_paper(only):
     env = ScenarioNetEnv(scenarios=only("wall"))
     assert isinstance(env.config.backend, Bullet)
     assert env.action_space.shape == (2,)
@@ -65,7 +65,7 @@ def test_the_default_is_that_of_the_paper(only):
     assert with_boundary.observation_space.shape == (120 + 7 + 10 * 2 + 12,)
 
 
-def test_observations_are_those_of_the_sensors(only):
+def test_observations_match_the_sensors(only):
     flat = ScenarioNetEnv(scenarios=only("wall"), backend=Kinematic())
     named = ScenarioNetEnv(scenarios=only("wall"), backend=Kinematic(), observation="dict")
     for (one, *_), (other, *_) in zip(rollout(flat), rollout(named), strict=True):
@@ -79,7 +79,7 @@ def test_observations_are_those_of_the_sensors(only):
 
 
 @pytest.mark.parametrize("backend", BACKENDS, ids=repr)
-def test_the_reward_of_every_step(only, backend):
+def test_reward_of_every_step(only, backend):
     """On a straight road along x, progress is the difference of x."""
     env = ScenarioNetEnv(scenarios=only("empty"), backend=backend)
     env.reset()
@@ -126,7 +126,7 @@ def test_running_out_of_time(only):
     ("name", "penalty", "kind"),
     [("wall", -2.0, "vehicle"), ("walker", -2.0, "human"), ("cone", -0.5, "object")],
 )
-def test_collisions_cost_while_they_last_and_do_not_end(only, name, penalty, kind):
+def test_collisions_cost_while_they_last_and_do_not_end_the_episode(only, name, penalty, kind):
     env = ScenarioNetEnv(scenarios=only(name), backend=Kinematic())
     results = rollout(env, COAST if name == "walker" else GO)
     touching = [info["collision"] != 0.0 for *_, info in results]
@@ -139,23 +139,23 @@ def test_collisions_cost_while_they_last_and_do_not_end(only, name, penalty, kin
 
 @pytest.mark.parametrize("backend", BACKENDS, ids=repr)
 @pytest.mark.parametrize("policies", [(Replay(),), (Replay(), Idm(objects=ego))], ids=["replay", "idm"])
-def test_an_ego_driven_by_a_policy_arrives(only, backend, policies):
+def test_ego_driven_by_a_policy_arrives(only, backend, policies):
     env = ScenarioNetEnv(scenarios=only("crowd", "empty"), backend=backend, policies=policies)
     for _ in range(2):
-        *_, (_, reward, terminated, _, info) = rollout(env, LEFT)  # nobody listens
+        *_, (_, reward, terminated, _, info) = rollout(env, LEFT)  # the action is ignored
         assert terminated and info["success"]
         assert reward == 10.0
     assert info["distance_to_log"] == pytest.approx(0.0, abs=1e-5 if len(policies) == 1 else 2.0)
 
 
-def test_an_idm_ego_stops_where_the_road_is_blocked(only):
+def test_idm_ego_stops_where_the_road_is_blocked(only):
     env = ScenarioNetEnv(scenarios=only("wall"), policies=(Replay(), Idm(objects=ego)))
     *_, (_, _, _, truncated, info) = rollout(env)
     assert truncated and info["vehicle_crashes"] == 0.0
     assert env.core.simulation.state.position[0, 0, 0] < 25.0 - 4.6
 
 
-def test_an_ego_driven_by_a_policy_observes_as_an_agent(only):
+def test_ego_driven_by_a_policy_observes_like_an_agent(only):
     watched = ScenarioNetEnv(scenarios=only("crowd"), policies=(Replay(),))
     driving = ScenarioNetEnv(scenarios=only("crowd"), backend=Kinematic())
     np.testing.assert_array_equal(watched.reset()[0], driving.reset()[0])
@@ -166,7 +166,7 @@ def test_an_ego_driven_by_a_policy_observes_as_an_agent(only):
 
 
 @pytest.mark.parametrize("backend", BACKENDS, ids=repr)
-def test_the_same_seed_and_actions_give_the_same_bits(only, backend):
+def test_equal_seeds_and_actions_are_bit_identical(only, backend):
     noisy = (Lidar(rays=30, noise=0.5, dropout=0.1), *PAPER_OBSERVATION[1:])
     config = EnvConfig(only("crowd", "wall", "walker", "cone", order="random"), backend=backend, sensors=noisy)
     first, other = ScenarioNetEnv(config), ScenarioNetEnv(config)
@@ -188,7 +188,7 @@ def test_environments_of_one_process_are_independent(only):
         assert_same([one, one], [first, second])
 
 
-def test_an_environment_pickles_as_its_configuration_and_seed(only):
+def test_environment_is_pickled_as_configuration_and_seed(only):
     env = ScenarioNetEnv(scenarios=only("wall", "crowd", "cone", order="random"), backend=Kinematic(), seed=11)
     first = [rollout(env, wander) for _ in range(3)]
     copy = pickle.loads(pickle.dumps(env))
@@ -198,7 +198,7 @@ def test_an_environment_pickles_as_its_configuration_and_seed(only):
     assert len(pickle.dumps(env)) < 3_000
 
 
-def test_scenarios_in_their_order_and_by_id(only):
+def test_scenarios_by_order_and_by_id(only):
     env = ScenarioNetEnv(scenarios=only("wall", "cone", "empty"), backend=Kinematic(), seed=0)
     played = [env.reset()[1]["scenario_id"].rpartition("/")[2] for _ in range(4)]
     assert played == ["wall", "cone", "empty", "wall"]
@@ -208,7 +208,7 @@ def test_scenarios_in_their_order_and_by_id(only):
     assert env.reset()[1]["scenario_id"] == "made/v1/cone"
 
 
-def test_a_closed_environment_starts_again(only):
+def test_closed_environment_can_be_reset(only):
     env = ScenarioNetEnv(scenarios=only("crowd"))
     first = rollout(env, wander, seed=1)
     env.close()
@@ -216,7 +216,7 @@ def test_a_closed_environment_starts_again(only):
     assert_same(rollout(env, wander, seed=1), first)
 
 
-def test_info_names_everything(only):
+def test_info_is_complete(only):
     info = rollout(ScenarioNetEnv(scenarios=only("wall"), backend=Kinematic()))[-1][4]
     assert set(info) == {*NUMBERS, *ENDS, "timestep", "scenario_id"}
     assert all(type(info[name]) is float for name in NUMBERS)
@@ -239,12 +239,12 @@ def test_invalid_settings(settings, message):
         ScenarioNetEnv(**settings)
 
 
-def test_an_unknown_setting_is_a_type_error():
+def test_unknown_setting_is_a_type_error():
     with pytest.raises(TypeError, match="unknown setting 'backends'"):
         ScenarioNetEnv(scenarios=Scenarios("lake"), backends=1)
 
 
-def test_a_configuration_or_its_fields(only):
+def test_configuration_object_or_its_fields(only):
     config = EnvConfig(only("wall"), backend=Kinematic())
     assert ScenarioNetEnv(config).config == config
     assert replace(config, cache_size=2) != config
@@ -256,7 +256,7 @@ def test_a_configuration_or_its_fields(only):
         ).reset()
 
 
-def test_pictures(only):
+def test_rendered_frames(only):
     env = ScenarioNetEnv(scenarios=only("wall", "cone"), backend=Kinematic(), render_mode="rgb_array")
     env.reset()
     first = env.render()

@@ -36,7 +36,7 @@ def run(envs, steps, seed=0):
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
 @pytest.mark.parametrize(("backend", "exact"), [(Kinematic(), True), (Bullet(), False)], ids=["kinematic", "bullet"])
-def test_a_batch_equals_its_worlds_one_by_one(only, mode, backend, exact):
+def test_batch_equals_its_worlds_one_by_one(only, mode, backend, exact):
     """Each slot of Gymnasium's own vector environment gets the scenario that the batch draws for it."""
     count, steps = 4, 60
     batch = ScenarioNetVectorEnv(count, scenarios=only(*NAMES), backend=backend, autoreset_mode=mode)
@@ -64,7 +64,7 @@ def test_a_batch_equals_its_worlds_one_by_one(only, mode, backend, exact):
 
 @pytest.mark.parametrize("backend", [Kinematic(), Bullet()], ids=["kinematic", "bullet"])
 @pytest.mark.parametrize("observation", ["flat", "dict"])
-def test_the_same_seed_and_actions_give_the_same_bits(drives, backend, observation):
+def test_equal_seeds_and_actions_are_bit_identical(drives, backend, observation):
     made = [
         ScenarioNetVectorEnv(5, scenarios=Scenarios(drives, order="random"), backend=backend, observation=observation)
         for _ in range(2)
@@ -83,7 +83,7 @@ def test_consecutive_scenarios_in_a_slot(only):
     assert set(ids.ravel()) == {"made/v1/wall", "made/v1/crowd", "made/v1/empty"}
 
 
-def test_the_step_after_an_end_begins_the_next_episode(only):
+def test_step_after_an_end_begins_the_next_episode(only):
     envs = ScenarioNetVectorEnv(3, scenarios=only("empty", "crowd"))
     results = run(envs, 100)
     ended = np.zeros(3, np.bool_)
@@ -126,7 +126,7 @@ def test_gymnasium_makes_it(only):
     assert "episode" in info or recorded.episode_count > 0
 
 
-def test_it_pickles(only):
+def test_vector_environment_is_picklable(only):
     envs = ScenarioNetVectorEnv(2, VectorConfig(only("wall", "empty", "crowd", order="random")), seed=9)
     results = run(envs, 30, seed=None)
     copy = pickle.loads(pickle.dumps(envs))
@@ -134,7 +134,7 @@ def test_it_pickles(only):
         np.testing.assert_equal(one, other)
 
 
-def test_a_curriculum_rises_with_all_worlds(only):
+def test_curriculum_advances_with_all_worlds(only):
     course = Curriculum(levels=2, episodes=4, by="scenario_id = 'made/v1/empty'")
     envs = ScenarioNetVectorEnv(4, scenarios=only("crowd", "empty", curriculum=course), policies=(Replay(),))
     results = run(envs, 150)

@@ -1,4 +1,4 @@
-"""The window of ``render_mode="human"``: shows the vehicles on a virtual display; without a display it is an error."""
+"""The window of ``render_mode="human"``: shows the vehicles on a virtual display; an error without a display."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ FACES = [("single_agent", "ScenarioNetEnv"), ("multi_agent", "ScenarioNetParalle
 
 @pytest.fixture
 def display(tmp_path):
-    """A virtual display, whose screen is a file of ``tmp_path``."""
+    """A virtual display whose screen is a file of ``tmp_path``."""
     program = shutil.which("Xvfb")
     if program is None:
         pytest.skip("no virtual display: install Xvfb")
@@ -67,7 +67,7 @@ def display(tmp_path):
 
 
 def pixels(dump: bytes) -> np.ndarray:
-    """The colours on a screen (n,) of an X window dump: its header says how long the header and the colour map are."""
+    """Colours on a screen (n,) from an X window dump, whose header gives its own size and that of the colour map."""
     header, colours = np.frombuffer(dump, ">u4", 1)[0], np.frombuffer(dump, ">u4", 20)[19]
     return np.frombuffer(dump[header + 12 * colours :], np.uint32)
 
@@ -85,7 +85,7 @@ def run(program, *words, **environment):
 
 @pytest.mark.long
 @pytest.mark.parametrize(("module", "kind"), FACES)
-def test_the_window_shows_the_vehicles(module, kind, drives, display, tmp_path):
+def test_window_shows_the_vehicles(module, kind, drives, display, tmp_path):
     done = drive(drives, tmp_path, module, kind, DISPLAY=display, MPLBACKEND="")
     assert (done.returncode, done.stdout) == (0, "[]\n"), done.stderr
     first, last = (pixels((tmp_path / step).read_bytes()) for step in ("1", "11"))
@@ -101,7 +101,7 @@ def test_gymnasium_checker_passes_with_every_render_mode(drives, display):
 
 @pytest.mark.long
 @pytest.mark.parametrize("backend", ["", "tkagg"])
-def test_without_a_display_a_window_is_an_error(backend, drives, tmp_path):
+def test_window_without_a_display_is_an_error(backend, drives, tmp_path):
     done = drive(drives, tmp_path, *FACES[0], DISPLAY="", WAYLAND_DISPLAY="", MPLBACKEND=backend)
     assert "BadParameter: a window needs a display" in done.stderr
     assert "render_mode='rgb_array'" in done.stderr

@@ -71,7 +71,7 @@ def test_results_and_rollouts_are_in_the_lake(lake):
     assert lake.named_query("runs", {"run": "first"})["success"].item() == rows["success"].mean()
 
 
-def test_a_killed_run_is_continued(lake):
+def test_killed_run_is_continued(lake):
     whole = evaluate(lake, policy="replay", name="whole")
     evaluate(lake.root, policy="replay", name="killed")
     lake.files.path("results/killed/results/000001.parquet").unlink()
@@ -96,7 +96,7 @@ def test_results_do_not_depend_on_the_number_of_processes(lake):
         assert one.equals(two)
 
 
-def test_choice_of_the_backend(lake):
+def test_backend_option(lake):
     assert [plan_evaluation(lake, None, "replay", backend=name).backend for name in ("bullet", "kinematic")] == [
         "bullet",
         "kinematic",
@@ -106,7 +106,7 @@ def test_choice_of_the_backend(lake):
 
 
 @pytest.mark.parametrize("backend", ["kinematic", "bullet"])
-def test_a_custom_driver(lake, backend):
+def test_custom_driver(lake, backend):
     if backend == "bullet":
         pytest.importorskip("pybullet")
     report = evaluate(lake, policy=own("GoAhead"), backend=backend, name=backend)
@@ -116,7 +116,7 @@ def test_a_custom_driver(lake, backend):
     assert (rows["max_lon_acceleration"] > 2.0).all()
 
 
-def test_a_custom_policy_drives_the_ego(lake):
+def test_custom_policy_drives_the_ego(lake):
     for policy in (own("Glide"), "constant"):
         evaluate(lake, policy=policy, name=policy.rpartition(":")[2])
     rows = "SELECT scenario_id, steps, mean_speed, cost FROM results WHERE run = $run ORDER BY ALL"
@@ -124,7 +124,7 @@ def test_a_custom_policy_drives_the_ego(lake):
     assert glide.equals(constant)
 
 
-def test_a_failing_scenario_does_not_end_the_run(lake):
+def test_failing_scenario_does_not_end_the_run(lake):
     report = evaluate(lake, policy=own("Confused"), backend="kinematic", name="confused")
     failed = lake.sql("SELECT scenario_id, error FROM results WHERE error IS NOT NULL ORDER BY ALL")
     assert failed["scenario_id"].to_list() == [scenario.id for scenario in SCENARIOS[1::2]], "each part's second"
@@ -133,7 +133,7 @@ def test_a_failing_scenario_does_not_end_the_run(lake):
     assert lake.named_query("runs").select("scenarios", "not_simulated").rows() == [(5, 2)]
 
 
-def test_a_database_is_evaluated_in_its_order(lake):
+def test_database_is_evaluated_in_its_order(lake):
     lake.filter("ego_mean_speed > 9.5", name="fast")
     evaluate(lake, "fast", policy="replay", name="fast", rollouts=False)
     assert lake.sql("SELECT scenario_id FROM results ORDER BY ALL")["scenario_id"].to_list() == [
@@ -155,7 +155,7 @@ def test_a_database_is_evaluated_in_its_order(lake):
         (own("NoDriver"), {}, "is not a driver: expected a subclass of Policy, or a class with act"),
     ],
 )
-def test_unknown_names(lake, policy, options, message):
+def test_unknown_names_are_refused(lake, policy, options, message):
     with pytest.raises(BadParameter, match=message):
         evaluate(lake, policy=policy, **options)
 

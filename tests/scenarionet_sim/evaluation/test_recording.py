@@ -27,7 +27,7 @@ def lake(tmp_path, monkeypatch):
     return write_lake(tmp_path / "lake", SCENARIOS)
 
 
-def test_a_row_for_every_vehicle_and_timestep(lake):
+def test_one_row_per_vehicle_and_timestep(lake):
     assert record(lake, name="seen") == 0
     counts = lake.sql(
         "SELECT scenario_id, track_id, count(*), min(timestep), max(timestep) FROM observations GROUP BY ALL"
@@ -38,7 +38,7 @@ def test_a_row_for_every_vehicle_and_timestep(lake):
     assert lake.sql("SELECT DISTINCT len(observation) FROM observations").item() == length
 
 
-def test_the_ego_observes_the_same_as_in_the_environment(lake):
+def test_ego_observes_the_same_as_in_the_environment(lake):
     record(lake, name="seen", agents="ego")
     seen = lake.sql(
         "SELECT observation FROM observations WHERE scenario_id = $id ORDER BY timestep", {"id": SCENARIOS[0].id}
@@ -52,13 +52,13 @@ def test_the_ego_observes_the_same_as_in_the_environment(lake):
     np.testing.assert_allclose(np.array(seen["observation"].to_list())[:16], np.array(found), atol=1e-6)
 
 
-def test_a_second_call_continues_the_run(lake):
+def test_second_call_continues_the_run(lake):
     record(str(lake.root), name="seen")
     lake.files.path("results/seen/observations/000001.parquet").unlink()
     assert record(lake, name="seen") == 2
     assert lake.sql("SELECT count(DISTINCT scenario_id) FROM observations").item() == 3
 
 
-def test_unknown_agents(lake):
+def test_unknown_agents_are_refused(lake):
     with pytest.raises(BadParameter, match="unknown agents 'birds'; choose from vehicles, ego"):
         record(lake, name="seen", agents="birds")

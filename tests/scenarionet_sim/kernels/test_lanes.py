@@ -1,4 +1,4 @@
-"""The lane of an object, against shapely, and the way along its successors."""
+"""The lane of an object against shapely, and the path along its successors."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def nearest_lane(lanes, place, heading):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_the_nearest_lane_in_the_direction_of_travel(seed):
+def test_nearest_lane_in_the_direction_of_travel(seed):
     rng = np.random.default_rng(seed)
     lanes = random_lanes(rng)
     places, headings = rng.uniform(-20.0, 20.0, (150, 2)).astype(np.float32), rng.uniform(-4.0, 4.0, 150)
@@ -61,18 +61,18 @@ def follow(lines, successors, turn, lane, along, count=8):
 EAST = [(0.0, 0.0), (4.0, 0.0)]
 
 
-def test_a_way_takes_the_straightest_lane_and_ends_with_the_last_one():
+def test_path_takes_the_straightest_lane_and_ends_with_the_last_one():
     north, onward = [(4.0, 0.0), (4.0, 10.0)], [(4.0, 0.0), (9.0, 0.0)]
     way = follow([EAST, north, onward], [[1, 2], [], []], [0.0, 1.5, 0.1], lane=0, along=1.0)
     np.testing.assert_allclose(way, [(1.0, 0.0), (3.0, 0.0), (5.0, 0.0), (7.0, 0.0), (9.0, 0.0)])
 
 
-def test_a_way_follows_a_cycle_of_lanes():
+def test_path_follows_a_cycle_of_lanes():
     back = [(4.0, 0.0), (0.0, 0.0)]
     way = follow([EAST, back], [[1], [0]], [0.0, 0.0], lane=0, along=0.0)
     np.testing.assert_allclose(way[:, 0], [0, 2, 4, 2, 0, 2, 4, 2])
 
 
-def test_zero_length_lanes_and_positions_off_all_lanes_have_no_way():
+def test_zero_length_lanes_and_positions_off_all_lanes_have_no_path():
     assert len(follow([EAST, [(4.0, 0.0)]], [[1], [1]], [0.0, 0.0], lane=0, along=0.0)) == 3
     assert len(follow([EAST], [[]], [0.0], lane=-1, along=0.0)) == 0

@@ -12,7 +12,7 @@ from scenarionet_sim.kernels.overlap import find_contacts
 
 
 def make_boxes(position, heading, z, size):
-    """Return motion and size of boxes at rest."""
+    """Return motion and size of stationary boxes."""
     motion = np.zeros((*heading.shape, 7))
     motion[..., :2], motion[..., HEADING], motion[..., Z] = position, heading, z
     return motion, np.ascontiguousarray(size)

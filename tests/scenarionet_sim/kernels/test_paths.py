@@ -27,7 +27,7 @@ def place(points, where, heading=0.0, last=np.nan, window=(10.0, 20.0)):
 
 
 @given(st.integers(0, 10_000))
-def test_the_nearest_point_agrees_with_shapely(seed):
+def test_nearest_point_matches_shapely(seed):
     rng = np.random.default_rng(seed)
     turns = np.cumsum(rng.uniform(-0.3, 0.3, 40))
     points = np.cumsum(np.column_stack([np.cos(turns), np.sin(turns)]) * rng.uniform(0.2, 3, (40, 1)), axis=0)
@@ -49,17 +49,17 @@ def test_left_is_positive_and_ends_are_extrapolated():
     assert place(line, (9, 13)) == pytest.approx((23, 1, 2.0))
 
 
-def test_a_path_of_one_point_is_a_line_along_its_heading():
+def test_path_of_one_point_is_a_line_along_its_heading():
     assert place([[5, 5]], (6, 8), heading=np.pi / 2) == pytest.approx((3, -1, 0))
 
 
-def test_a_path_that_crosses_itself_is_searched_near_the_last_location():
+def test_self_crossing_path_is_searched_near_the_last_location():
     loop = [[0, 0], [40, 0], [40, 20], [20, 20], [20, -20]]
     assert place(loop, (20, 0.5), last=18.0)[:2] == pytest.approx((20, 0.5))
     assert place(loop, (20.5, 0), last=95.0)[:2] == pytest.approx((100, 0.5))
 
 
-def test_an_object_without_a_path_is_left_alone():
+def test_object_without_a_path_is_unchanged():
     motion, route = np.full((1, 1, 7), 7.0), np.full((1, 1, 2), 7.0)
     follow_paths(AGENT, motion, np.zeros((1, 0, 5), np.float32), np.zeros((1, 2), np.int32), 1.0, 1.0, route, True)
     assert (motion == 7.0).all() and (route == 7.0).all()

@@ -27,8 +27,8 @@ def filled(outline, turns=None):
 
 
 @given(st.integers(0, 10**6), st.integers(3, 9))
-def test_a_polygon_covers_the_pixels_whose_centres_it_contains(seed, count):
-    """Star-shaped polygons of any size, also beyond the borders of the image."""
+def test_polygon_covers_the_pixels_whose_centres_it_contains(seed, count):
+    """Star-shaped polygons of any size, including beyond the borders of the image."""
     rng = np.random.default_rng(seed)
     angles = np.sort(rng.uniform(0, 2 * np.pi, count))
     radii = rng.uniform(2, 40, count)
@@ -41,27 +41,27 @@ def test_a_polygon_covers_the_pixels_whose_centres_it_contains(seed, count):
     np.testing.assert_array_equal(filled(outline) == 9, shapely.contains_xy(polygon, columns, rows))
 
 
-def test_an_outline_that_overlaps_itself_has_no_hole():
+def test_self_overlapping_outline_has_no_hole():
     """Twice around the same square."""
     square = [[5, 5], [20, 5], [20, 20], [5, 20]]
     assert (filled(square * 2) == 9).sum() == 15 * 15
 
 
 def test_adjacent_polygons_cover_each_pixel_once():
-    """Half a picture each, cut by a slanted line."""
+    """Half an image each, divided by a slanted line."""
     left = filled([[0, 0], [13.3, 0], [31.7, HEIGHT], [0, HEIGHT]])
     right = filled([[13.3, 0], [WIDTH, 0], [WIDTH, HEIGHT], [31.7, HEIGHT]])
     np.testing.assert_array_equal((left == 9).astype(int) + (right == 9), 1)
 
 
 @pytest.mark.parametrize("outline", [[[3, 3]], [[3, 3], [9, 9]], [[3, 3], [9, 3], [20, 3]], []])
-def test_a_polygon_without_area_covers_nothing(outline):
+def test_polygon_without_area_covers_nothing(outline):
     assert not filled(np.reshape(outline, (-1, 2))).any()
 
 
 @given(st.integers(0, 10**6), st.sampled_from([5, 40, 400]))
-def test_a_line_is_one_pixel_wide(seed, scale):
-    """Both ends, and one pixel per column (row, if steep) whose middle it crosses."""
+def test_line_is_one_pixel_wide(seed, scale):
+    """Both ends, and one pixel per column (row, if steep) whose centre it crosses."""
     rng = np.random.default_rng(seed)
     x0, y0, x1, y1 = (25 + rng.uniform(-scale, scale, 4)).astype(np.float32).astype(float)
     picture = np.zeros((1, HEIGHT, WIDTH), np.uint8)

@@ -1,4 +1,4 @@
-"""Tyres: by hand with grip, by the friction limit without."""
+"""Tyres: hand-computed cases with grip, and the friction limit without."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def test_throttle_and_brake_along_the_heading():
     assert after((0, 0, 0, 45.0, 0, 0), (0.0, 1.0))[3] == 45.0, "faster than the engine drives: it adds nothing"
 
 
-def test_with_grip_the_vehicle_follows_its_wheels():
-    """Momentum of the two impulses, and no velocity across either axle: four equations, solved by NumPy."""
+def test_vehicle_with_grip_follows_its_wheels():
+    """Momentum balance of the two impulses, and no velocity across either axle: four equations, solved by NumPy."""
     steer, arm, gyration = math.radians(40.0) * 0.1, 0.5 * 0.6 * 4.5, (4.5**2 + 1.8**2) / 12.0
     cos, sin = math.cos(steer), math.sin(steer)
     # unknown: forward, left and yaw rate afterwards, and the impulses of the front and the rear tyres

@@ -1,4 +1,4 @@
-"""Comfort of motions whose accelerations and turns are known."""
+"""Comfort of motions with known accelerations and turns."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_steady_braking():
     assert not measure_comfort(straight(np.full(60, 2.41)), np.zeros(60), DT).is_comfortable
 
 
-def test_acceleration_that_rises_is_a_jerk():
+def test_rising_acceleration_is_a_jerk():
     comfort = measure_comfort(straight(0.4 * TIME), np.zeros(60), DT)
     assert comfort.max_lon_jerk == pytest.approx(0.4, rel=0.15), (
         "an even window shifts the smoothed series by half a step"

@@ -1,4 +1,4 @@
-"""Progress, collisions and feasibility, by hand."""
+"""Progress, collisions and feasibility against hand-computed values."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_collisions_by_type():
                       ObjectType.TRAFFIC_CONE, ObjectType.VEHICLE, ObjectType.VEHICLE], np.uint8)  # fmt: skip
     contacts = np.zeros((6, 7), bool)
     contacts[2:4, 1] = contacts[1, 2] = contacts[3, 3] = contacts[5, 5] = True
-    contacts[2, 4] = contacts[4:, 4] = True  # the cone is touched twice
+    contacts[2, 4] = contacts[4:, 4] = True  # the cone is hit twice
     contacts[:3, 6] = True  # overlaps in the recording
     found = count_collisions(contacts, types)
     assert found == Collisions(vehicles=2, humans=2, objects=1, cost=6, first=1)

@@ -1,4 +1,4 @@
-"""All metrics of drives with obvious results."""
+"""All metrics on drives with known results."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ def measured(scenario: ScenarioDescription, policy: str = "replay") -> dict:
     return measure(*drive(scenario, policy))
 
 
-def test_a_row_matches_the_schema():
+def test_row_matches_the_schema():
     row = measured(make_drive(others=(Other(20.0, vx=5.0),), red=True))
     columns = {column.name for column in tables.load("results").columns}
     assert set(row) == columns - {"run", "scenario_id", "track_id", "error"}
 
 
-def test_an_empty_straight_road():
+def test_empty_straight_road():
     row = measured(make_drive(speed=10.0, num_steps=41))
     assert row["status"] == "success" and row["success"] and not row["out_of_road"] and not row["timeout"]
     assert row["steps"] == 39, "39 m of 40 m are more than 95 %"
@@ -49,15 +49,15 @@ def test_an_empty_straight_road():
     assert row["red_light_violations"] is None, "there is no light"
 
 
-def test_a_slower_car_ahead():
-    """15.4 m between the bumpers at 5 m/s: after 3.08 s they touch."""
+def test_slower_car_ahead():
+    """15.4 m between the bumpers at 5 m/s: contact after 3.08 s."""
     row = measured(make_drive(others=(Other(20.0, vx=5.0),)))
     assert (row["collided_vehicles"], row["collided_humans"], row["collided_objects"], row["cost"]) == (1, 0, 0, 1)
     assert row["first_collision"] == pytest.approx(3.1)
     assert row["min_time_to_collision"] == pytest.approx(0.1)
 
 
-def test_idm_keeps_behind_it():
+def test_idm_keeps_behind_slower_car():
     row = measured(make_drive(others=(Other(20.0, vx=5.0),)), "idm")
     assert row["cost"] == 0
     assert row["mean_speed"] < 10.0 and row["average_displacement"] > 1.0
@@ -72,13 +72,13 @@ def test_collided_objects(kind, column):
     assert row[column] == row["cost"] == 1
 
 
-def test_a_red_light():
+def test_red_light():
     assert measured(make_drive(red=True))["red_light_violations"] == 1
     assert measured(make_drive(red=True), "idm")["red_light_violations"] == 0
 
 
-def test_the_wrong_way_and_beside_the_road():
-    """A rollout whose positions are changed by hand."""
+def test_wrong_way_and_off_road():
+    """A rollout whose positions are modified."""
     rollout, world = drive(make_drive())
     assert measure(replace(rollout, position=rollout.position[::-1]), world)["wrong_way_distance"] == pytest.approx(
         10.0
@@ -88,13 +88,13 @@ def test_the_wrong_way_and_beside_the_road():
     assert beside["average_displacement"] == pytest.approx(9.0)
 
 
-def test_without_a_map():
+def test_scenario_without_a_map():
     row = measured(make_drive(has_map=False))
     assert row["success"]
     assert row["off_road_time"] is None and row["wrong_way_distance"] is None
 
 
-def test_a_standing_ego():
+def test_stationary_ego():
     row = measured(make_drive(speed=0.0))
     assert row["success"] and row["route_completion"] == 1.0 and row["steps"] == 1
     assert row["is_comfortable"] is None and row["max_jerk"] is None

@@ -1,4 +1,4 @@
-"""Rules of the road on a straight road of two lanes, one each way."""
+"""Traffic rules on a straight road of two lanes, one in each direction."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def progress(position, roads) -> np.ndarray:
     return lane_progress(position, roads.lanes.values, roads.lanes.offsets, ON_LANE)
 
 
-def test_way_along_the_lane(roads):
+def test_distance_along_the_lane(roads):
     assert progress(drive(np.array([10.0, 11.0, 13.0]), 0.0), roads).tolist() == [0.0, 1.0, 2.0]
     assert progress(drive(np.array([10.0, 11.0]), 3.5), roads).tolist() == [0.0, -1.0]
     assert progress(drive(np.array([10.0, 11.0]), 1.75), roads).tolist() == [0.0, 1.0], "on both lanes: the better"

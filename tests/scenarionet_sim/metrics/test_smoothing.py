@@ -1,4 +1,4 @@
-"""The Savitzky-Golay filter against its published coefficients and against polynomials, which it reproduces."""
+"""The Savitzky-Golay filter against published coefficients and against polynomials, which it reproduces."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 from scenarionet_sim.metrics.smoothing import savitzky_golay
 
 
-def test_five_points_second_order_by_the_published_coefficients():
+def test_five_points_second_order_match_published_coefficients():
     values = np.array([3.0, -1.0, 4.0, 1.0, -5.0, 9.0, 2.0])
     smooth = savitzky_golay(values, 5, 2, dt=1.0)
     wanted = [np.dot([-3, 12, 17, 12, -3], values[k - 2 : k + 3]) / 35 for k in (2, 3, 4)]
@@ -26,7 +26,7 @@ def test_polynomials_are_reproduced_up_to_their_ends(derivative):
     assert found == pytest.approx(cubic.deriv(derivative)(time) if derivative else cubic(time))
 
 
-def test_an_even_window_shifts_by_half_a_sample():
+def test_even_window_shifts_by_half_a_sample():
     """As scipy.signal.savgol_filter does; its first and last half window are not shifted."""
     time = np.arange(20.0)
     found = savitzky_golay(time, 8, 2, dt=1.0)

@@ -1,4 +1,4 @@
-"""Time to collision by hand, and against shapely."""
+"""Time to collision against hand-computed values and shapely."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_only_objects_ahead_count():
     assert soonest(*behind, between=True).tolist() == [np.inf]
 
 
-def test_standing_and_touched_before():
+def test_stationary_and_initially_touching_objects():
     ahead = [[0, 0], [8, 0]]
     assert soonest(ahead, [[0.004, 0], [-10, 0]]).tolist() == [np.inf]
     assert soonest(ahead, [[10, 0], [0, 0]], touched=[0, 1]).tolist() == [np.inf]

@@ -20,7 +20,7 @@ def world() -> World:
 
 def test_constant_velocity_continues():
     simulation = Simulation([world()], [ConstantVelocity()])
-    for _ in range(50):  # beyond the log's end too
+    for _ in range(50):  # also beyond the end of the log
         simulation.step()
     position, present = simulation.state.position[0], simulation.state.present[0]
     assert present.all()
@@ -39,7 +39,7 @@ def test_agents_appear_with_the_log_and_stay():
     assert simulation.state.arc[0, 2] == 0.0
     for _ in range(20):
         simulation.step(np.zeros((3, 2)))
-    assert simulation.state.present[0, 2]  # the log forgot it at step 9
+    assert simulation.state.present[0, 2]  # absent from the log from step 9 on
     assert simulation.state.position[0, 2, 0] > world().log_position[5, 2, 0] + 13.0
 
 

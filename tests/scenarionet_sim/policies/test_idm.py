@@ -29,7 +29,7 @@ def run(scenario: ScenarioDescription, policies, actions=None, steps=None):
     return position, present
 
 
-def test_a_follower_keeps_its_headway_to_an_ego_that_brakes():
+def test_follower_keeps_its_headway_to_a_braking_ego():
     scenario = make_drive(num_steps=101, others=(Other(-25.0, vx=10.0),))
     position, present = run(scenario, (Replay(), Idm(), External()), BRAKE)
     gaps = position[:, 0, 0] - position[:, 1, 0] - 4.6
@@ -37,10 +37,10 @@ def test_a_follower_keeps_its_headway_to_an_ego_that_brakes():
     assert gaps.min() > 1.0
     assert gaps[-1] == pytest.approx(2.0, abs=0.7)  # the standstill gap
     replayed, _ = run(scenario, (Replay(), External()), BRAKE)
-    assert (replayed[:, 0, 0] - replayed[:, 1, 0] - 4.6).min() < 0.0  # the log drives through
+    assert (replayed[:, 0, 0] - replayed[:, 1, 0] - 4.6).min() < 0.0  # the logged vehicle drives through
 
 
-def test_on_a_free_road_it_drives_at_its_recorded_speed():
+def test_free_road_is_driven_at_the_recorded_speed():
     scenario = make_drive(num_steps=61, others=(Other(40.0, vx=12.0),))
     position, _ = run(scenario, (Replay(), Idm()), steps=50)
     recorded = scenario.tracks.position[1, 1:51, 0]
@@ -56,13 +56,13 @@ def test_objects_on_another_lane_are_ignored():
 
 
 @pytest.mark.parametrize("kind", [ObjectType.PEDESTRIAN, ObjectType.TRAFFIC_CONE, ObjectType.CYCLIST])
-def test_any_object_on_the_path_stops_it(kind):
+def test_any_object_on_the_path_stops_the_vehicle(kind):
     scenario = make_drive(speed=0.0, num_steps=101, others=(Other(-60.0, 3.5, vx=10.0), Other(10.0, 3.5, type=kind)))
     position, _ = run(scenario, (Replay(), Idm()))
     assert 4.0 < position[-1, 1, 0] < 10.0 - 2.3
 
 
-def test_it_waits_for_a_crossing_object():
+def test_vehicle_waits_for_a_crossing_object():
     crossing = Other(-20.0, -8.0, vy=1.6, type=ObjectType.PEDESTRIAN)
     scenario = make_drive(speed=0.0, num_steps=161, others=(Other(-60.0, vx=8.0), crossing))
     position, _ = run(scenario, (Replay(), Idm()))
@@ -79,7 +79,7 @@ def test_objects_at_another_height_are_ignored():
     assert position[:, 1, 0].max() > -5.0
 
 
-def test_it_stops_at_a_red_light_of_its_lane_and_goes_on_green():
+def test_vehicle_stops_at_a_red_light_of_its_lane_and_starts_on_green():
     scenario = make_drive(num_steps=121, red=True)  # the ego's path meets it after 60 m
     state = scenario.lights.state
     state[:, 100:] = LightState.TRAFFIC_LIGHT_GREEN
@@ -89,7 +89,7 @@ def test_it_stops_at_a_red_light_of_its_lane_and_goes_on_green():
     assert front[-1] > front[95] + 1.0
 
 
-def test_yellow_is_passed_when_it_is_too_late_to_stop_in_comfort():
+def test_yellow_is_passed_when_comfortable_braking_is_impossible():
     scenario = make_drive(num_steps=81, red=True)  # the light is 40 m ahead
     scenario.lights.state[:] = LightState.TRAFFIC_LIGHT_GREEN
     scenario.lights.state[:, 30:] = LightState.TRAFFIC_LIGHT_YELLOW  # from 8 m on
@@ -100,7 +100,7 @@ def test_yellow_is_passed_when_it_is_too_late_to_stop_in_comfort():
     assert stopping[-1, 0, 0] + 2.3 < 40.0
 
 
-def test_it_slows_down_for_a_bend():
+def test_vehicle_slows_down_for_a_bend():
     time = np.arange(201) * 0.1
     angle = np.clip((10.0 * time - 60.0) / 10.0, 0.0, np.pi / 2)  # 60 m straight, then a bend of 10 m
     scenario = make_drive(num_steps=201)
@@ -115,19 +115,19 @@ def test_it_slows_down_for_a_bend():
     assert speed[:30].min() > 9.0
 
 
-def test_it_appears_once_its_place_is_free_and_leaves_at_the_end_of_its_path():
+def test_vehicle_appears_once_its_place_is_free_and_leaves_at_the_end_of_its_path():
     coming = Other(20.0, vx=10.0, first=10, last=30)
     scenario = make_drive(num_steps=61, others=(coming,))
     _, present = run(scenario, (Replay(), Idm()), steps=55)
     assert present[9, 1] and not present[8, 1]
     assert not present[-1, 1]
-    slow = replace(coming, x=4.0, vx=6.0)  # the ego is where it should come, and leaves it behind
+    slow = replace(coming, x=4.0, vx=6.0)  # the ego occupies the place at first, then leaves it behind
     _, present = run(make_drive(num_steps=61, others=(slow,)), (Replay(), Idm()), steps=30)
     first = int(np.argmax(present[:, 1])) + 1
-    assert 4.6 < 0.4 * first - 4.0 < 6.2  # middle to middle, when it comes
+    assert 4.6 < 0.4 * first - 4.0 < 6.2  # distance between centres when it appears
 
 
-def test_objects_recorded_standing_are_replayed():
+def test_stationary_objects_are_replayed():
     world = World.from_scenario(make_drive(others=(Other(30.0, 3.5), Other(-30.0, 3.5, vx=9.0))))
     simulation = Simulation([world], (Replay(), Idm(objects=vehicles)))
     assert simulation.driver[0].tolist() == [1, 0, 1]

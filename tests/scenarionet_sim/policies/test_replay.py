@@ -12,7 +12,7 @@ from tests.fixtures.scenarios import make_scenario
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_every_object_is_where_it_was_recorded_while_it_is_valid(seed):
+def test_objects_are_at_their_recorded_states_while_valid(seed):
     scenario = make_scenario(seed)
     tracks, simulation = scenario.tracks, Simulation([World.from_scenario(scenario)], [Replay()])
     for t in range(scenario.num_timesteps):

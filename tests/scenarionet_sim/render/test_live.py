@@ -22,7 +22,7 @@ from tests.fixtures.simulations import alone, generated
     [partial(generated, 3), partial(make_scenario, 1), partial(alone, has_map=False)],
     ids=["pg", "made", "bare"],
 )
-def test_a_world_looks_like_its_scenario(make):
+def test_world_is_drawn_like_its_scenario(make):
     scenario = make()
     found, wanted = scene_of(World.from_scenario(scenario)), Scene.of(scenario)
     for name in ("object_type", "size", "present", "light_stop", "light_state"):
@@ -35,7 +35,7 @@ def test_a_world_looks_like_its_scenario(make):
     assert by_line(found.map) == by_line(wanted.map)
 
 
-def test_live_pictures_have_trails_until_the_next_episode():
+def test_live_images_have_trails_until_the_next_episode():
     simulation = Simulation([World.from_scenario(make_drive())])
     live = Live(width=40, size=200)
     first = live.picture(simulation.batch.worlds[0], simulation.state)
@@ -49,7 +49,7 @@ def test_live_pictures_have_trails_until_the_next_episode():
     assert not np.array_equal(live.picture(simulation.batch.worlds[0], simulation.state), first)
 
 
-def test_a_window_needs_a_display(monkeypatch):
+def test_window_needs_a_display(monkeypatch):
     monkeypatch.setenv("MPLBACKEND", "agg")
     import matplotlib
 

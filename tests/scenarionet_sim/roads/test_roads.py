@@ -35,7 +35,7 @@ def roads_of(*features):
     return Roads.from_map(builder.build(np.zeros(3)))
 
 
-def test_segments_are_the_lines_of_the_map(generated):
+def test_segments_match_the_lines_of_the_map(generated):
     roads, features = Roads.from_map(generated.map), generated.map
     wanted = []
     for row, line in enumerate(features.polyline):
@@ -57,13 +57,13 @@ def test_lanes_and_their_successors(generated):
         np.testing.assert_array_equal(roads.lanes[lane], features.polyline[row][:, :2])
 
 
-def test_an_edge_given_as_an_area_becomes_its_outline():
+def test_edge_given_as_an_area_becomes_its_outline():
     square = [[0, 0], [4, 0], [4, 4], [0, 4]]
     roads = roads_of((EDGE, {"polygon": square}))
     np.testing.assert_array_equal(roads.segments, [[0, 0, 4, 0], [4, 0, 4, 4], [4, 4, 0, 4], [0, 4, 0, 0]])
 
 
-def test_is_on_road_agrees_with_shapely(generated):
+def test_is_on_road_matches_shapely(generated):
     roads = Roads.from_map(generated.map)
     areas = [shapely.Polygon(outline) for outline in roads.polygons]
     rng = np.random.default_rng(0)
@@ -78,7 +78,7 @@ def test_is_on_road_agrees_with_shapely(generated):
     np.testing.assert_array_equal(lanes, first)
 
 
-def test_a_lane_without_outline_is_its_buffered_centreline():
+def test_lane_without_outline_is_its_buffered_centreline():
     angle = np.linspace(0, 1.5, 60)
     bend = np.stack([30 * np.sin(angle), 30 - 30 * np.cos(angle)], axis=1)
     roads = roads_of((LANE, {"polyline": bend}), (LANE, {"polyline": bend + 100, "width": [1.0, 2.5]}))
@@ -93,19 +93,19 @@ def test_a_lane_without_outline_is_its_buffered_centreline():
 
 
 def test_implausible_widths_are_ignored():
-    """Sources give 0, or the way across the street, where a lane has no boundary of its own."""
+    """Sources give 0, or the width of the whole street, for lanes without boundaries of their own."""
     line = [[0, 0], [10, 0], [20, 0]]
     roads = roads_of((LANE, {"polyline": line, "width": [[0.0, 1.0], [20.0, 1.0], [2.0, 1.0]]}))
     np.testing.assert_allclose(roads.polygons[0], [[0, -1], [10, -1], [20, -1], [20, 2], [10, 1.75], [0, 1.75]])
 
 
-def test_a_sharp_corner_keeps_the_width():
+def test_sharp_corner_keeps_the_width():
     roads = roads_of((LANE, {"polyline": [[0, 0], [20, 0], [20, 20]]}))
     wanted = shapely.buffer(shapely.LineString([[0, 0], [20, 0], [20, 20]]), 1.75, cap_style="flat", join_style="mitre")
     assert shapely.Polygon(roads.polygons[0]).symmetric_difference(wanted).area < 1e-3
 
 
-def test_a_lane_of_repeated_points_has_an_outline():
+def test_lane_of_repeated_points_has_an_outline():
     roads = roads_of((LANE, {"polyline": [[0, 0], [0, 0], [5, 0], [5, 0], [10, 0], [10, 0]]}))
     assert np.isfinite(roads.polygons.values).all()
     assert roads.is_on_road([[5, 1.7], [5, -1.7], [5, 1.8], [-0.1, 0]]).tolist() == [True, True, False, False]
@@ -118,21 +118,21 @@ def test_crosswalks_are_polygons_but_not_drivable():
 
 
 @pytest.mark.parametrize("features", [None, make_scenario(0, num_lanes=0).map])
-def test_without_lanes(features):
+def test_map_without_lanes(features):
     roads = Roads.from_map(features)
     assert roads.num_lanes == 0
     assert not roads.is_on_road(np.zeros((3, 2))).any()
     assert roads.lane_at([0.0, 0.0]) == -1
 
 
-def test_a_distant_feature_enlarges_cells_instead_of_adding_many():
+def test_distant_feature_enlarges_cells_instead_of_adding_many():
     roads = roads_of((EDGE, {"polyline": [[0, 0], [10, 0]]}), (EDGE, {"polyline": [[1e6, 1e6], [1e6 + 10, 1e6]]}))
     assert roads.segment_grid.shape.prod() <= 1 << 18
     assert len(roads.segment_grid.cell_items) == 2
 
 
 @given(st.integers(0, 10_000), st.integers(0, 60))
-def test_every_box_is_in_every_cell_it_touches(seed, count):
+def test_box_is_listed_in_every_cell_it_touches(seed, count):
     rng = np.random.default_rng(seed)
     lower = rng.uniform(-80, 80, (count, 2)).astype(np.float32)
     upper = lower + rng.uniform(0, 40, (count, 2)).astype(np.float32)

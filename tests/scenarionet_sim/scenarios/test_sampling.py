@@ -1,4 +1,4 @@
-"""Orders of scenarios."""
+"""Order in which scenarios are drawn."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def draws(sampler, count):
 
 
 @given(count=st.integers(1, 30), seed=st.integers(0, 2**32))
-def test_every_round_has_every_scenario_once(count, seed):
+def test_every_round_contains_every_scenario_once(count, seed):
     for sampler in (Sequential(count), Shuffled(count)):
         sampler.restart(seed)
         for _ in range(3):
@@ -28,7 +28,7 @@ def test_every_round_has_every_scenario_once(count, seed):
     [Sequential(9), Shuffled(9), Weighted(np.arange(9)), CurriculumSampler(9, Curriculum(levels=3))],
     ids=type,
 )
-def test_a_restart_repeats_the_series(sampler):
+def test_restart_repeats_the_series(sampler):
     sampler.restart(7)
     first = draws(sampler, 25)
     sampler.restart(7)
@@ -56,8 +56,8 @@ def test_invalid_weights(weights):
         Weighted(weights)
 
 
-def test_a_level_ends_at_three_quarters():
-    """Ten scenarios in levels of 3, 3 and 4; three of three episodes are wanted, then four."""
+def test_level_ends_at_three_quarters():
+    """Ten scenarios in levels of 3, 3 and 4; three of three episodes are required, then four."""
     course = CurriculumSampler(10, Curriculum(levels=3, episodes=4))
     assert sorted(draws(course, 3)) == [0, 1, 2]
     for success in (True, True, False, False, True, False, True):  # never 3 of the last 4
@@ -84,7 +84,7 @@ def test_episodes_of_an_earlier_level_do_not_count():
     assert (course.level, course.success_rate) == (1, 0.0)
 
 
-def test_the_last_level_continues():
+def test_last_level_continues():
     course = CurriculumSampler(2, Curriculum(levels=2))
     course.report(0, True)
     for _ in range(5):
@@ -110,6 +110,6 @@ def test_levels_partition_the_scenarios(count, levels):
 
 
 @pytest.mark.parametrize("wrong", [{"success": 0.0}, {"success": 1.1}, {"episodes": 0}, {"levels": 0}])
-def test_a_curriculum_out_of_range(wrong):
+def test_curriculum_out_of_range(wrong):
     with pytest.raises(BadParameter, match="curriculum"):
         CurriculumSampler(10, Curriculum(**({"levels": 2} | wrong)))

@@ -47,7 +47,7 @@ def ids(*seeds):
     return [f"made/v1/s{seed:06d}" for seed in seeds]
 
 
-def test_a_lake_a_database_a_list_and_a_condition(lake):
+def test_lake_database_list_and_condition_as_source(lake):
     assert series(scenarios(lake), 10) == ids(*range(9), 0)
     database = lake.database("many").scenario_ids
     assert series(scenarios(lake, "many"), len(database)) == database
@@ -58,7 +58,7 @@ def test_a_lake_a_database_a_list_and_a_condition(lake):
     assert set(both) == set(database) & set(ids(6, 7, 8))
 
 
-def test_random_draws_all(lake):
+def test_random_order_draws_all(lake):
     drawn = series(scenarios(lake, order="random"), 18)
     assert sorted(drawn[:9]) == sorted(drawn[9:]) == ids(*range(9))
     assert drawn[:9] != ids(*range(9))
@@ -70,7 +70,7 @@ def test_weights_come_from_the_database_or_an_expression(lake):
     assert set(series(only, 20)) == set(ids(3))
 
 
-def test_a_curriculum_sorts_by_difficulty(lake):
+def test_curriculum_sorts_by_difficulty(lake):
     loader, course = scenarios(lake, curriculum=Curriculum(levels=3)).open()
     assert isinstance(course, CurriculumSampler)
     facts = lake.sql("SELECT scenario_id, difficulty FROM metadata").rows()
@@ -91,7 +91,7 @@ def test_workers_share_without_overlap(lake, curriculum):
     assert [len(part) for part in parts] == [3, 3, 3]
 
 
-def test_a_specification_pickles_and_takes_paths_and_lists(lake):
+def test_specification_is_picklable_and_takes_paths_and_lists(lake):
     selection = Scenarios(lake.root, ids(1, 2), order="random")
     assert pickle.loads(pickle.dumps(selection)) == selection
     assert hash(selection) == hash(Scenarios(str(lake.root), tuple(ids(1, 2)), order="random"))
@@ -111,7 +111,7 @@ def test_a_specification_pickles_and_takes_paths_and_lists(lake):
         ({"curriculum": Curriculum(levels=10)}, BadParameter, "10 levels of 9 scenarios"),
     ],
 )
-def test_selections_that_cannot_be_played(lake, options, error, message):
+def test_unusable_selections_are_refused(lake, options, error, message):
     with pytest.raises(error, match=message):
         Scenarios(str(lake.root), **options).open()
 
@@ -131,7 +131,7 @@ def test_contradicting_arguments(options):
         Scenarios("lake", **options)
 
 
-def test_no_lake(tmp_path):
+def test_path_without_lake(tmp_path):
     with pytest.raises(NoSuchSnapshot, match="scenarionet convert"):
         Scenarios(str(tmp_path)).open()
 
@@ -159,7 +159,7 @@ class Source:
 
 
 @pytest.mark.parametrize("prefetch", [0, 1, 3])
-def test_the_series_does_not_depend_on_prefetching(prefetch):
+def test_series_does_not_depend_on_prefetching(prefetch):
     stream = Source().stream(prefetch=prefetch)
     assert [stream.next() for _ in range(12)] == [(i % 10, i % 10 * 10) for i in range(12)]
     stream.restart(0)
@@ -167,7 +167,7 @@ def test_the_series_does_not_depend_on_prefetching(prefetch):
     stream.close()
 
 
-def test_the_next_scenario_is_prefetched():
+def test_next_scenario_is_prefetched():
     source = Source()
     stream = source.stream(prefetch=1)
     stream.next()
@@ -180,20 +180,20 @@ def test_the_next_scenario_is_prefetched():
     assert here.threads == {threading.main_thread()}
 
 
-def test_the_cache_is_bounded():
+def test_cache_is_bounded():
     source = Source()
     stream = source.stream(prefetch=0, cache_size=3)
     for index in (0, 1, 2, 0, 1, 2):
         stream.get(index)
     assert source.loaded == [0, 1, 2]
-    stream.get(3)  # 0 goes
+    stream.get(3)  # 0 is evicted
     stream.get(1)
     stream.get(0)
     assert source.loaded == [0, 1, 2, 3, 0]
 
 
 @pytest.mark.parametrize("prefetch", [0, 1])
-def test_a_damaged_scenario_is_an_error_of_its_own(prefetch):
+def test_damaged_scenario_raises_only_its_own_error(prefetch):
     source = Source(broken=[1])
     stream = source.stream(prefetch=prefetch)
     assert stream.next() == (0, 0)
@@ -205,7 +205,7 @@ def test_a_damaged_scenario_is_an_error_of_its_own(prefetch):
     stream.close()
 
 
-def test_a_closed_stream_has_no_thread_and_can_continue():
+def test_closed_stream_has_no_thread_and_can_continue():
     stream = Source().stream(prefetch=2)
     stream.next()
     before = threading.active_count()

@@ -58,16 +58,16 @@ class SensorConformance:
         assert len(np.unique(observed)) > 1
         assert self.sensor.empty(3).shape == (3, *self.sensor.shape)
 
-    def test_the_same_seed_gives_the_same_bits(self, simulation):
+    def test_equal_seeds_are_bit_identical(self, simulation):
         np.testing.assert_array_equal(self.observed(simulation), self.observed(simulation))
 
-    def test_a_batch_equals_its_agents_one_by_one(self, simulation):
+    def test_batch_equals_its_agents_one_by_one(self, simulation):
         together = self.observed(simulation, self.exact)
         for place in range(0, len(simulation.agents), 5):
             one = self.observed(simulation, self.exact, simulation.agents[place : place + 1])
             np.testing.assert_array_equal(one[0], together[place])
 
-    def test_an_observation_does_not_depend_on_other_worlds(self, simulation):
+    def test_observation_does_not_depend_on_other_worlds(self, simulation):
         """Sizes of other worlds and padding have no effect."""
         third = simulate(crowd()[2], steps=0, history=2)
         among = _crowd(steps=0)
@@ -76,7 +76,7 @@ class SensorConformance:
             self.observed(third, self.exact), self.observed(among, self.exact, among.agents[rows])
         )
 
-    def test_observing_changes_nothing(self, simulation):
+    def test_observing_does_not_change_the_state(self, simulation):
         before = pickle.dumps(simulation.state)
         self.observed(simulation)
         assert pickle.dumps(simulation.state) == before
@@ -88,7 +88,7 @@ class SensorConformance:
     def test_one_object_without_lights(self, has_map):
         self.check(simulate(alone(has_map=has_map), history=2))
 
-    def test_it_pickles_and_compares_by_value(self):
+    def test_sensor_is_picklable_and_compares_by_value(self):
         copy = pickle.loads(pickle.dumps(self.sensor))
         assert copy == self.sensor
         assert hash(copy) == hash(self.sensor)

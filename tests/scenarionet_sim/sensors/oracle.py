@@ -20,14 +20,14 @@ def others(state, world, row):
 
 
 def ray(state, world, row, angle, reach):
-    """A ray of an agent, ``angle`` counter-clockwise from straight ahead."""
+    """A ray of an agent at ``angle``, counter-clockwise from its heading."""
     start = state.position[world, row]
     turned = state.heading[world, row] + angle
     return shapely.LineString([start, start + reach * np.array([np.cos(turned), np.sin(turned)])])
 
 
 def seen(line, shapes, reach):
-    """Distance from the line's start to the first shape on it, as a share of ``reach``."""
+    """Distance from the line's start to the first shape on it, as a fraction of ``reach``."""
     tree = shapely.STRtree(shapes)
     start = shapely.Point(line.coords[0])
     hits = [shapely.intersection(line, shapes[k]) for k in tree.query(line, predicate="intersects")]

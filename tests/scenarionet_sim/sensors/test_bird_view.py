@@ -1,4 +1,4 @@
-"""The bird's view, against shapely pixel by pixel."""
+"""The bird's-eye view, against shapely pixel by pixel."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ KINDS = {
 
 
 def pixel_centres(sensor, state, world, row):
-    """(size, size, 2) places [m] of the centres of the pixels, worked out without the sensor."""
+    """(size, size, 2) positions [m] of the pixel centres, computed independently of the sensor."""
     ahead = (sensor.anchor[1] * sensor.size - np.arange(sensor.size) - 0.5)[:, None] * sensor.resolution
     right = (np.arange(sensor.size) + 0.5 - sensor.anchor[0] * sensor.size)[None] * sensor.resolution
     turned = state.heading[world, row] if sensor.heading_up else np.pi / 2
@@ -71,7 +71,7 @@ class TestBirdView(SensorConformance):
         assert drawn >= {Channel.ROAD, Channel.EGO, Channel.VEHICLE, Channel.OBJECT}
 
     def test_every_line_has_its_channel(self, simulation):  # noqa: F811
-        """Points on a line are drawn, and nothing farther from it than a pixel."""
+        """Pixels on a line are set, and none more than a pixel away from it."""
         sensor, state, batch = BirdView(size=64, resolution=0.5), simulation.state, simulation.batch
         agents = simulation.agents[simulation.agents[:, 0] == 0][:3]
         for (world, row), pictures in zip(agents, self.observed(simulation, sensor, agents), strict=True):
@@ -106,11 +106,11 @@ class TestBirdView(SensorConformance):
         drive.reset(0)
         assert not self.observed(drive, sensor, ego)[0, len(Channel) :].any()
 
-    def test_a_history_longer_than_the_simulation_keeps_is_refused(self):
+    def test_history_longer_than_the_simulation_keeps_is_refused(self):
         with pytest.raises(BadParameter, match="pass history=2 to Simulation"):
             self.observed(simulate(make_drive(), history=1))
 
-    def test_route_and_red_light_lie_ahead(self):
+    def test_route_and_red_light_are_ahead(self):
         """Up to the light 20 m ahead, the column above the ego is its route; the light is a square of 2 m."""
         drive = simulate(make_drive(red=True), steps=0)
         sensor = BirdView(size=100, resolution=0.5)

@@ -22,7 +22,7 @@ from tests.scenarionet_sim.sensors.conformance import SensorConformance, simulat
 class TestLidar(SensorConformance):
     sensor = Lidar(rays=90, noise=0.5, dropout=0.1)
 
-    def test_agrees_with_shapely(self, simulation):  # noqa: F811
+    def test_matches_shapely(self, simulation):  # noqa: F811
         rays, reach, state = 61, 40.0, simulation.state
         agents = simulation.agents[::4].copy()
         found = np.empty((len(agents), rays))
@@ -47,15 +47,15 @@ class TestLidar(SensorConformance):
         assert (dropped[seen] == 1).mean() == pytest.approx(0.25, abs=0.06)
 
 
-def test_a_wall_ahead():
-    """A car 20 m ahead: 20 m - half its length, and its own box is not seen."""
+def test_car_ahead_is_detected():
+    """A car 20 m ahead: the range is 20 m minus half its length, and the ego's own box is ignored."""
     drive = simulate(make_drive(speed=0.0, others=(Other(20.0),)), steps=0)
     lidar = Lidar(rays=4, range=50.0)
     shares = lidar.observe(drive.batch, drive.state, drive.agents, np.random.default_rng(0), lidar.empty(2))
     np.testing.assert_allclose(shares, [[(20 - 2.3) / 50, 1, 1, 1], [1, 1, (20 - 2.3) / 50, 1]], atol=1e-7)
 
 
-def test_types_tell_objects_apart():
+def test_object_types_are_distinguished():
     drive = simulate(make_drive(speed=0.0, others=(Other(20.0), Other(10.0, type=ObjectType.PEDESTRIAN))), steps=0)
     ego = np.array([[0, 0]], np.int32)
     seen = {}
@@ -65,7 +65,7 @@ def test_types_tell_objects_apart():
     np.testing.assert_allclose(list(seen.values()), [17.7, 9.7, 50.0], atol=1e-5)
 
 
-def test_a_space_without_gymnasium_names_the_extra(monkeypatch):
+def test_space_without_gymnasium_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "gymnasium.spaces", None)
     with pytest.raises(MissingDependency, match=r"scenarionet-lake\[sim\]"):
         Lidar().space()

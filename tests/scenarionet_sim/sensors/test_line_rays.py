@@ -29,19 +29,19 @@ EDGE = MapFeatureType.ROAD_EDGE_BOUNDARY
 class TestBoundaryDetector(SensorConformance):
     sensor = BoundaryDetector(noise=0.2, dropout=0.1)
 
-    def test_agrees_with_shapely(self, simulation):  # noqa: F811
+    def test_matches_shapely(self, simulation):  # noqa: F811
         compare(simulation, BoundaryDetector(rays=30, range=60.0), self)
 
 
 class TestLaneLineDetector(SensorConformance):
     sensor = LaneLineDetector(rays=24, range=40.0)
 
-    def test_agrees_with_shapely(self, simulation):  # noqa: F811
+    def test_matches_shapely(self, simulation):  # noqa: F811
         compare(simulation, self.sensor, self)
 
 
 def compare(simulation, sensor, suite):  # noqa: F811
-    """What is observed in float32 agrees to its precision; the kernel itself is compared below."""
+    """Compare float32 observations within their precision; the kernel itself is compared below."""
     state, batch = simulation.state, simulation.batch
     agents = simulation.agents[::4].copy()
     found = suite.observed(simulation, sensor, agents)
@@ -69,7 +69,7 @@ def cast(roads, position, heading, rays, reach):
 
 @given(st.integers(0, 10**6), st.integers(1, 40), st.sampled_from([3.0, 30.0, 300.0]))
 def test_grid_traversal_misses_no_segment(seed, count, scale):
-    """Random lines, seen from inside and outside of their grid, agree with brute force."""
+    """Random lines, from inside and outside of their grid, agree with brute force."""
     rng = np.random.default_rng(seed)
     builder = MapBuilder()
     for number in range(count):
@@ -83,7 +83,7 @@ def test_grid_traversal_misses_no_segment(seed, count, scale):
 
 
 def brute_force(segments, position, forward, reach):
-    """Every segment in turn: where its line crosses the ray's, by solving for both parameters."""
+    """Every segment in turn: intersect its line with the ray's by solving for both parameters."""
     start, along = segments[:, :2] - position, segments[:, 2:] - segments[:, :2]
     cross = forward[0] * along[:, 1] - forward[1] * along[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -94,7 +94,7 @@ def brute_force(segments, position, forward, reach):
 
 
 @pytest.mark.parametrize("heading", [0.0, np.pi / 2, -np.pi, -np.pi / 2])
-def test_rays_along_the_cells_borders(heading):
+def test_rays_along_cell_borders(heading):
     """Rays parallel to the axes, from a corner of the grid's cells."""
     builder = MapBuilder()
     builder.add("square", EDGE, polygon=[[-30, -30], [30, -30], [30, 30], [-30, 30]])
@@ -102,7 +102,7 @@ def test_rays_along_the_cells_borders(heading):
     np.testing.assert_allclose(cast(roads, [0.0, 0.0], heading, 4, 50.0), 0.6, atol=1e-9)
 
 
-def test_between_two_edges():
+def test_ranges_to_the_road_edges():
     """The road's edges are 1.75 m to the right and 5.25 m to the left of the ego."""
     drive = simulate(make_drive(), steps=0)
     detector = BoundaryDetector(rays=4)

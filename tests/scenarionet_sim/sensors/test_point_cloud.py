@@ -1,4 +1,4 @@
-"""The point cloud, against brute-force rays in space."""
+"""The point cloud, against brute-force rays in 3D."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.scenarionet_sim.sensors.conformance import SensorConformance, simulat
 class TestPointCloud(SensorConformance):
     sensor = PointCloud(rings=8, azimuths=64, noise=0.1, dropout=0.1)
 
-    def test_agrees_with_slabs_in_space(self, simulation):  # noqa: F811
+    def test_point_cloud_matches_brute_force(self, simulation):  # noqa: F811
         sensor, state = PointCloud(rings=7, azimuths=48, lowest=-0.3, highest=0.1, mount=1.2), simulation.state
         agents = simulation.agents[::5].copy()
         found = np.empty((len(agents), *sensor.shape))
@@ -33,7 +33,7 @@ class TestPointCloud(SensorConformance):
 
 
 def slabs(sensor, state, world, row):
-    """Ranges as shares: where each ray enters a box first (slabs in three dimensions), or the ground."""
+    """Ranges as fractions: where each ray first enters a box (slabs in three dimensions), or the ground."""
     flat = np.arange(sensor.azimuths) * 2 * np.pi / sensor.azimuths + state.heading[world, row]
     up = sensor.elevations[:, None]
     way = np.stack([np.cos(up) * np.cos(flat), np.cos(up) * np.sin(flat), np.sin(up) + 0 * flat], axis=-1)
@@ -56,7 +56,7 @@ def slabs(sensor, state, world, row):
 
 
 def test_points_are_on_visible_surfaces():
-    """On the ground, which is ``mount`` below, or on the back of the car ahead."""
+    """On the ground, ``mount`` below the sensor, or on the back of the car ahead."""
     drive = simulate(make_drive(speed=0.0, others=(Other(20.0),)), steps=0)
     sensor = PointCloud(rings=32, azimuths=360)
     ego = np.array([[0, 0]], np.int32)

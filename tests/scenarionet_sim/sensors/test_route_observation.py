@@ -27,7 +27,7 @@ def path_of(batch, world, row):
 class TestEgoState(SensorConformance):
     sensor = EgoState()
 
-    def test_agrees_with_numpy(self, simulation):  # noqa: F811
+    def test_matches_numpy(self, simulation):  # noqa: F811
         state, batch = simulation.state, simulation.batch
         found = self.observed(simulation)
         for (world, row), observed in zip(simulation.agents, found, strict=True):
@@ -45,7 +45,7 @@ class TestEgoState(SensorConformance):
             wanted += [state.lateral[world, row] / 10, done]
             np.testing.assert_allclose(observed, np.clip(wanted, -1, 1), atol=2e-6)
 
-    def test_an_object_that_is_not_located_is_rejected(self):
+    def test_unlocated_object_is_rejected(self):
         replayed = Simulation([World.from_scenario(make_drive())], (Replay(),))
         with pytest.raises(BadParameter, match="follow_paths"):
             self.observed(replayed, agents=np.array([[0, 0]], np.int32))
@@ -54,7 +54,7 @@ class TestEgoState(SensorConformance):
 class TestNavigation(SensorConformance):
     sensor = Navigation()
 
-    def test_agrees_with_shapely(self, simulation):  # noqa: F811
+    def test_matches_shapely(self, simulation):  # noqa: F811
         state, batch = simulation.state, simulation.batch
         found = self.observed(simulation)
         for (world, row), observed in zip(simulation.agents, found, strict=True):
@@ -75,7 +75,7 @@ class TestNavigation(SensorConformance):
 class TestLightAhead(SensorConformance):
     sensor = LightAhead()
 
-    def test_red_ahead_until_it_is_passed(self):
+    def test_red_light_is_observed_until_passed(self):
         """The light is at the middle of the ego's 40 m."""
         drive = Simulation([World.from_scenario(make_drive(red=True))])
         for step in range(40):
@@ -86,11 +86,11 @@ class TestLightAhead(SensorConformance):
             drive.step([[0.0, 1.0]])
         assert apart < 0
 
-    def test_out_of_range_is_no_light(self):
+    def test_light_out_of_range_is_not_observed(self):
         drive = Simulation([World.from_scenario(make_drive(red=True))])
         np.testing.assert_array_equal(self.observed(drive, LightAhead(range=15.0)), [[1, 0, 0, 0]])
 
-    def test_after_the_recording_a_light_keeps_its_last_state(self):
+    def test_light_keeps_its_last_state_after_the_recording(self):
         drive = Simulation([World.from_scenario(make_drive(red=True, num_steps=31, speed=5.0))])
         for _ in range(60):
             drive.step([[0.0, -1.0]])
@@ -101,7 +101,7 @@ class TestLightAhead(SensorConformance):
 class TestSurrounding(SensorConformance):
     sensor = Surrounding(objects=5, range=40.0)
 
-    def test_agrees_with_numpy(self, simulation):  # noqa: F811
+    def test_matches_numpy(self, simulation):  # noqa: F811
         state = simulation.state
         found = self.observed(simulation)
         for (world, row), observed in zip(simulation.agents, found, strict=True):

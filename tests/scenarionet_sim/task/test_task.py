@@ -1,4 +1,4 @@
-"""The paper's formulas, computed by hand."""
+"""The paper's formulas against hand-computed values."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ STEP = {
 
 
 def scored(task=SINGLE_AGENT, **changes):
-    """Score agents after an ordinary step with some numbers changed; of one agent unless they are arrays."""
+    """Score agents after an ordinary step with some values replaced; a single agent unless they are arrays."""
     numbers = {name: np.atleast_1d(value) for name, value in (STEP | changes).items()}
     count = max(map(len, numbers.values()))
     step = {name: np.broadcast_to(values, count) for name, values in numbers.items()}
@@ -116,12 +116,12 @@ def test_collision_does_not_end_an_episode(hits, single, multi):
         ({"timestep": 140}, Status.TIMED_OUT, 0.0, 0.0),
     ],
 )
-def test_the_last_step(changes, status, single, multi):
+def test_last_step(changes, status, single, multi):
     """R_term by how the episode ended, and R_disp = 0."""
     terms, found, _ = scored(**changes)
     assert (found, terms["terminal"], terms["displacement"]) == (status, single, 0.0)
     terms, found, _ = scored(MULTI_AGENT, **changes)
-    if multi is None:  # 2.5 m do not matter there
+    if multi is None:  # 2.5 m of lateral offset do not matter here
         assert (found, terms["terminal"], terms["displacement"]) == (Status.DRIVING, 0.0, 1.0)
     else:
         assert (found, terms["terminal"], terms["displacement"]) == (status, multi, 0.0)
@@ -139,14 +139,14 @@ def test_multi_agent_weighs_displacement_once_and_smoothness_not():
     assert terms == {"displacement": 1.0, "smoothness": 0.0, "collision": 0.0, "terminal": 0.0}
 
 
-def test_completion_is_a_share():
+def test_completion_is_a_fraction():
     assert scored(arc=25.0)[2] == 0.25
     assert scored(arc=-3.0)[2] == 0.0
     assert scored(arc=120.0)[2] == 1.0
 
 
 @pytest.mark.parametrize("length", [0.0, 1.99])
-def test_a_route_under_two_metres_counts_as_reached(length):
+def test_route_under_two_metres_counts_as_reached(length):
     assert scored(length=length, arc=0.0)[1:] == (Status.ARRIVED, 1.0)
 
 
@@ -167,7 +167,7 @@ def test_agents_are_scored_independently():
     assert is_terminated(all_status).tolist() == [code in (1, 2) for code in all_status]
 
 
-def test_weights_are_a_specification():
+def test_weights_are_part_of_the_specification():
     reward, _ = SINGLE_AGENT
     assert pickle.loads(pickle.dumps(reward)) == reward
     softer = replace(reward, road_user=-1.0)

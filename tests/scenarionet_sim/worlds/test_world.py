@@ -14,7 +14,7 @@ from tests.fixtures.scenarios import make_scenario
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_log_is_the_tracks(seed):
+def test_log_equals_the_tracks(seed):
     scenario = make_scenario(seed)
     world, tracks = World.from_scenario(scenario), scenario.tracks
     np.testing.assert_array_equal(world.log_position, tracks.position[..., :2].swapaxes(0, 1))
@@ -75,7 +75,7 @@ def test_lights_without_a_stop_point_stop_at_the_start_of_their_lane():
     assert np.isnan(world.light_stop[2]).all()
 
 
-def test_a_light_stops_the_paths_that_take_its_lane():
+def test_light_stops_the_paths_through_its_lane():
     beside, across = Other(-20.0, 3.5, vx=12.0), Other(20.0, -10.0, vy=10.0)
     world = World.from_scenario(make_drive(others=(beside, across), red=True))
     assert world.stops.stop_light.tolist() == [0]
@@ -83,7 +83,7 @@ def test_a_light_stops_the_paths_that_take_its_lane():
     assert world.stops.stop_arc[0] == pytest.approx(20.0, abs=1e-3)
 
 
-def test_a_world_may_lack_map_lights_and_others():
+def test_world_may_lack_map_lights_and_others():
     world = World.from_scenario(make_scenario(0, num_objects=1, num_lights=0, has_map=False))
     assert (world.num_objects, world.roads.num_lanes, len(world.light_lane)) == (1, 0, 0)
     assert world.extents[0] < world.extents[2]

@@ -80,7 +80,7 @@ def test_larger_and_smaller_worlds_replace_each_other():
     assert not batch.log[0, middle().num_steps :].any() and not batch.log[0, :, middle().num_objects :].any()
 
 
-def test_capacity_is_kept_so_that_long_runs_stop_copying():
+def test_capacity_is_kept_to_avoid_copies_in_long_runs():
     batch = WorldBatch([small()])
     batch.replace(0, large())
     log = batch.log
@@ -89,7 +89,7 @@ def test_capacity_is_kept_so_that_long_runs_stop_copying():
     assert batch.log is log
 
 
-def test_annotations_are_the_arrays():
+def test_annotations_match_the_arrays():
     batch = WorldBatch([middle()])
     assert {name for name in vars(batch) if isinstance(getattr(batch, name), np.ndarray)} == set(
         WorldBatch.__annotations__

@@ -17,7 +17,7 @@ def command(as_json: bool, quiet: bool) -> None:
     """Compile the kernels of loading, conversion and simulation, so that first uses are fast.
 
     Run it once after an installation, or while building a container image. Kernels that are already cached are not
-    compiled again. The cache is in the folder NUMBA_CACHE_DIR where set, else beside the installed packages.
+    compiled again. The cache is in the folder NUMBA_CACHE_DIR if set, else next to the installed packages.
     """
     from scenarionet_pipelines.compiling import compile_kernels
 

@@ -18,7 +18,7 @@ from scenarionet_pipelines.cli.parameters import database_argument, json_option,
 def command(lake: str, database: str, keep_members: bool, as_json: bool) -> None:
     """Update a database to the newest snapshot, as a new version, and show what changed.
 
-    The query of the database runs again, after those of the databases it was made from. Earlier versions are kept.
+    The query of the database runs again, after the queries of its parents. Earlier versions are kept.
     """
     from scenarionet_data import Lake
 

@@ -1,4 +1,4 @@
-"""Reading nuScenes' tables in blocks gives what reading them whole gives, however they are laid out."""
+"""Reading nuScenes tables in blocks gives the same records as reading them whole, for any JSON layout."""
 
 from __future__ import annotations
 
@@ -29,7 +29,9 @@ RECORDS = st.fixed_dictionaries(
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(records=st.lists(RECORDS, max_size=12), indent=st.sampled_from([None, 0, 2]), block=st.integers(1, 300))
-def test_blocks_are_the_whole(records: list[dict[str, Any]], indent: int | None, block: int, tmp_path: Path) -> None:
+def test_blocks_equal_the_whole_table(
+    records: list[dict[str, Any]], indent: int | None, block: int, tmp_path: Path
+) -> None:
     path = tmp_path / "table.json"
     path.write_text(json.dumps(records, indent=indent), "utf-8")
     wanted = [{name: record[name] for name in SCHEMA.names} for record in records]
@@ -59,14 +61,14 @@ ROW = {"token": "a", "x": 1.0, "v": [1.0], "flag": True}
         (json.dumps([ROW]) + "garbage", "truncated"),
     ],
 )
-def test_damage_is_named(tmp_path: Path, content: str, reason: str) -> None:
+def test_damaged_table_is_named(tmp_path: Path, content: str, reason: str) -> None:
     path = tmp_path / "table.json"
     path.write_text(content)
     with pytest.raises(CorruptSource, match=reason):
         list(read_rows(path, SCHEMA))
 
 
-def test_a_missing_key_is_named(tmp_path: Path) -> None:
+def test_missing_key_is_named(tmp_path: Path) -> None:
     path = tmp_path / "table.json"
     path.write_text(json.dumps([ROW]))
     with pytest.raises(CorruptSource, match="no 'kind'"):

@@ -1,4 +1,4 @@
-"""The columnar protobuf reader against hand-made bytes: encodings, lists, damage."""
+"""The columnar protobuf reader on hand-made bytes: encodings, repeated fields, damage."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ INT64 = st.integers(-(1 << 63), (1 << 63) - 1)
 
 
 @given(INT64)
-def test_any_integer(value):
+def test_any_integer_is_decoded(value):
     message = Messages.of(field(1, value))
     assert int64s(message.scalars("v")).tolist() == [[value]]
     wrapped = value + (1 << 31) & 0xFFFFFFFF
@@ -30,13 +30,13 @@ def test_any_integer(value):
 
 
 @given(st.floats(allow_nan=False), st.floats(width=32, allow_nan=False))
-def test_any_float(double, single):
+def test_any_float_is_decoded(double, single):
     bits = Messages.of(field(1, double) + field(2, np.float32(single))).scalars("df")
     assert doubles(bits[:, 0]).tolist() == [double]
     assert floats(bits[:, 1]).tolist() == [single]
 
 
-def test_missing_fields_and_the_last_of_several():
+def test_missing_fields_and_last_value_wins():
     message = Messages.of(field(2, 5) + field(2, 7))
     assert int64s(message.scalars("vvv", missing=-1)).tolist() == [[-1, 7, -1]]
     assert message.fields().column(2, "v", 1).tolist() == [7]
@@ -48,13 +48,13 @@ def test_fields_of_another_type_or_number_are_skipped():
     assert Messages.of(others + field(2, 9)).scalars("vv").tolist() == [[0, 9]]
 
 
-def test_enums_know_their_values():
+def test_unknown_enum_values_are_replaced():
     bits = np.array([0, 2, 3, (1 << 64) - 1, 1 << 32], dtype=np.uint64)
     assert enums(bits, 3).tolist() == [0, 2, 0, 0, 0]
 
 
 @given(st.lists(st.lists(INT64, max_size=4), max_size=4), st.booleans())
-def test_lists_packed_or_not(lists, packed):
+def test_packed_and_unpacked_lists(lists, packed):
     data = b"".join(field(1, numbers(9, values, packed)) for values in lists)
     owner, bits = Messages.of(data).fields().parts(1).fields().lists(9, "v")
     assert int64s(bits).tolist() == [value for values in lists for value in values]
@@ -68,7 +68,7 @@ def test_lists_of_doubles(packed):
     assert fields.lists(2, "d")[1].tolist() == []
 
 
-def test_parts_keep_order_and_owner():
+def test_submessages_keep_order_and_owner():
     tree = b"".join(field(3, field(1, i) + field(2, b"x" * i)) for i in range(5)) + field(4, b"other")
     children = Messages.of(tree).fields().parts(3)
     assert children.scalars("v")[:, 0].tolist() == [0, 1, 2, 3, 4]
@@ -76,8 +76,8 @@ def test_parts_keep_order_and_owner():
     assert children[np.array([4, 1])].scalars("v")[:, 0].tolist() == [4, 1]
 
 
-def test_many_small_fields_find_room():
-    """More fields than the reader makes room for at first."""
+def test_buffers_grow_for_many_small_fields():
+    """More fields than the reader initially allocates space for."""
     data = field(1, 1) * 30_000
     assert len(Messages.of(data).fields().number) == 30_000
 
@@ -100,7 +100,7 @@ def test_empty_message():
         varint(1 << 32) + b"\x01",  # field number beyond 29 bits
         b"\x09" + bytes(7),  # a double of seven bytes
         b"\x0d" + bytes(3),  # a float of three bytes
-        b"\x0a\x05abcd",  # a text longer than the message
+        b"\x0a\x05abcd",  # a string longer than the message
         b"\x0a" + varint((1 << 63) - 1),  # a length near the largest integer
         b"\x0a" + varint(-1),  # a negative length
         b"\x0b\x0c",  # a group
@@ -108,7 +108,7 @@ def test_empty_message():
         b"\x0f",  # wire type 7
     ],
 )
-def test_damage_is_named(data):
+def test_damaged_message_is_refused(data):
     whole = field(2, b"fine") + data
     for message in (Messages.of(data), Messages.of(field(3, data)).fields().parts(3)):
         with pytest.raises(DamagedMessage, match=f"at byte {message.first[0]}"):
@@ -120,19 +120,19 @@ def test_damage_is_named(data):
 
 
 @pytest.mark.parametrize(("content", "kind"), [(b"\x01\x80", "v"), (bytes(12), "d")])
-def test_damaged_list_is_named(content, kind):
+def test_damaged_list_is_refused(content, kind):
     with pytest.raises(DamagedMessage, match="at byte 2"):
         Messages.of(field(1, content)).fields().lists(1, kind)
 
 
-def test_the_last_byte_counts():
-    """The longest varint there is, and a message that ends with the buffer."""
+def test_longest_varint_at_end_of_buffer():
+    """The longest possible varint, and a message that ends with the buffer."""
     assert Messages.of(b"\x08" + b"\xff" * 9 + b"\x01").scalars("v").tolist() == [[(1 << 64) - 1]]
 
 
 @given(st.binary(max_size=64))
-def test_any_bytes_are_read_or_refused(data):
-    """And a message that is read is covered exactly by its fields."""
+def test_arbitrary_bytes_are_decoded_or_refused(data):
+    """The fields of a decoded message cover it exactly."""
     try:
         fields = Messages.of(data).fields()
     except DamagedMessage:

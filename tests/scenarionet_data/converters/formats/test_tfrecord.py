@@ -1,4 +1,4 @@
-"""TFRecord framing: checksums, streaming, and what is said about damaged files."""
+"""TFRecord framing: checksums, streaming, and errors for damaged files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PAYLOADS = [b"first", b"", bytes(range(256)) * 40]
 
 
 def bitwise_crc32c(data: bytes) -> int:
-    """The definition: polynomial division, bit by bit."""
+    """CRC-32C by its definition: polynomial division, bit by bit."""
     crc = 0xFFFFFFFF
     for byte in data:
         crc ^= byte
@@ -27,7 +27,7 @@ def bitwise_crc32c(data: bytes) -> int:
 
 
 @given(st.binary(max_size=200))
-def test_checksum_is_the_division_turned_by_15_bits(data):
+def test_masked_checksum_matches_bitwise_crc32c(data):
     crc = bitwise_crc32c(data)
     assert masked_crc(data) == (((crc >> 15) | (crc << 17)) + 0xA282EAD8) % 2**32
 
@@ -38,14 +38,14 @@ def test_records_of_a_file(tmp_path):
     assert list(read_records(path)) == [TfRecord(o, p, True) for o, p in zip(offsets, PAYLOADS, strict=True)]
 
 
-def test_real_checksums(recordings):
+def test_checksums_of_recorded_file(recordings):
     (record,) = read_records(recordings / "waymo/training/motion_data_one_scenario.tfrecord")
     assert record.is_intact
     assert len(record.payload) == 952_947
 
 
-def test_records_are_read_one_by_one(tmp_path):
-    """What lies behind a record is not looked at before it is asked for."""
+def test_records_are_read_lazily(tmp_path):
+    """Bytes after a record are not read before the next record is requested."""
     path = write_tfrecord(tmp_path / "a.tfrecord", PAYLOADS)
     path.write_bytes(path.read_bytes() + b"damage beyond the last record")
     records = read_records(path)
@@ -71,7 +71,7 @@ def test_damaged_payload_is_marked_and_the_next_is_read(tmp_path):
         (25, "truncated inside the record header at byte 21"),
     ],
 )
-def test_truncated_file_says_where(tmp_path: Path, keep: int, message: str):
+def test_truncated_file_error_has_a_position(tmp_path: Path, keep: int, message: str):
     path = tmp_path / "a.tfrecord"
     path.write_bytes((frame(PAYLOADS[0]) + frame(PAYLOADS[1]))[:keep])
     with pytest.raises(CorruptSource, match=message) as caught:
@@ -88,7 +88,7 @@ def test_other_format_is_named(tmp_path):
 
 
 def test_length_beyond_the_file_is_not_allocated(tmp_path):
-    """A length with a right checksum that promises more than there is."""
+    """A length with a valid checksum that exceeds the file size."""
     length = struct.pack("<Q", 1 << 60)
     path = tmp_path / "a.tfrecord"
     path.write_bytes(length + struct.pack("<I", masked_crc(length)) + b"x")

@@ -1,4 +1,4 @@
-"""Zarr arrays of records: chunks and damage. That zarr reads the same is asked in ``tests/devkits``."""
+"""Structured Zarr arrays: chunks and damage. ``tests/devkits`` compares with the zarr package."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_chunks_without_compression(folder: Path, rows: np.ndarray) -> None:
     np.testing.assert_array_equal(ChunkedTable(folder).rows(0, 23), rows)
 
 
-def test_only_wanted_chunks_are_needed(folder: Path, rows: np.ndarray) -> None:
+def test_only_requested_chunks_are_needed(folder: Path, rows: np.ndarray) -> None:
     (folder / "0").unlink()
     (folder / "4").write_bytes(b"")
     table = ChunkedTable(folder)
@@ -68,7 +68,7 @@ def test_truncated_chunks_are_named(folder: Path, size: int) -> None:
         ChunkedTable(folder).rows(10, 11)
 
 
-def test_garbage_behind_a_sound_header_is_named(folder: Path) -> None:
+def test_corrupt_payload_behind_a_valid_header_is_named(folder: Path) -> None:
     chunk = folder / "2"
     data = chunk.read_bytes()
     chunk.write_bytes(data[:16] + b"\xff" * (len(data) - 16))
