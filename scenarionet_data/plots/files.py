@@ -110,7 +110,7 @@ def _write_mp4(path: Path, frames: Iterator[UInt8], rate: float) -> None:
     try:
         import av
     except ImportError as error:
-        raise MissingDependency(f"{path}: mp4 needs PyAV", "video", "or write a .gif") from error
+        raise MissingDependency("mp4 videos need PyAV", "video", "or write a .gif") from error
     first = next(frames)
     with av.open(str(path), "w") as container:
         stream = container.add_stream("libx264", Fraction(rate).limit_denominator(1000))

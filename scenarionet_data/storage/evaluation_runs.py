@@ -81,7 +81,8 @@ def claim(files: LakeFiles, name: str, run_tables: tuple[str, ...], description:
         if differing:
             key = differing[0]
             raise BadParameter(
-                f"a run {name!r} exists with {key} {found.get(key)!r}, not {wanted.get(key)!r}; choose another name"
+                f"a run {name!r} exists with {key} {found.get(key)!r}, not {wanted.get(key)!r}; choose another name",
+                cli_remedy="--name NAME",
             )
     return EvaluationRun(files, name, run_tables)
 

@@ -75,6 +75,7 @@ def test_run_with_other_parameters_is_refused(lake, ok):
     result = run("sim", lake, "--policy", "constant", "--name", "mine")
     assert result.exit_code == 2
     assert "a run 'mine' exists with policy 'replay', not 'constant'; choose another name" in result.stderr
+    assert "--name NAME" in result.stderr
 
 
 def test_record(lake, as_json, ok):

@@ -17,6 +17,7 @@ from scenarionet_data.arrays.dtypes import Array, UInt8
 from scenarionet_data.arrays.geometry import median_sizes
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.scenario.description import Lights, MapFeatures, ScenarioDescription, Tracks
+from scenarionet_data.scenario.lane_polygons import lane_outlines
 from scenarionet_data.scenario.stop_points import light_places
 from scenarionet_data.scenario.vocabulary import (
     LIGHT_COLORS,
@@ -59,7 +60,7 @@ def pack(scenario: ScenarioDescription) -> bytes:
     }
     if features is not None:
         header["features"] = _features(features)
-        arrays |= _points("line", features.polyline) | _points("area", features.polygon)
+        arrays |= _points("line", features.polyline) | _points("area", _outlines(features))
     return _layout(header, arrays)
 
 
@@ -126,6 +127,18 @@ def _kinds(types: UInt8) -> list[str]:
         len(_KINDS) - 1,
     )
     return [_KINDS[number] for number in chosen]
+
+
+def _outlines(features: MapFeatures) -> Ragged:
+    """Recorded outlines of all features; lanes without one are outlined by their width, as in pictures."""
+    rows = np.flatnonzero(is_lane(features.feature_type))
+    lanes, recorded = lane_outlines(features, rows), features.polygon
+    both = Ragged.from_flat(
+        np.concatenate([recorded.lengths, lanes.lengths]), np.concatenate([recorded.values[:, :2], lanes.values])
+    )
+    source = np.arange(len(recorded))
+    source[rows] = len(recorded) + np.arange(len(lanes))
+    return both.take(source)
 
 
 def _points(name: str, lists: Ragged) -> dict[str, Array]:

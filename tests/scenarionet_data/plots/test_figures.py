@@ -190,3 +190,12 @@ def test_animation_falls_back_to_gif_without_mp4_writer(monkeypatch):
     assert plots.animate(make_drive(num_steps=2), drawing=plots.Drawing(size=64)).kind == "gif"
     with pytest.raises(MissingDependency, match="video"):
         plots.animate(make_drive(num_steps=2), kind="mp4")
+
+
+def test_a_video_without_pyav_names_the_extra_and_no_temporary_file(monkeypatch, tmp_path):
+    monkeypatch.setitem(__import__("sys").modules, "av", None)
+    frames = [np.zeros((16, 16, 3), np.uint8)]
+    with pytest.raises(MissingDependency, match=r"mp4 videos need PyAV: .*\[video\]") as caught:
+        plots.write_video(tmp_path / "drive.mp4", frames, 10.0)
+    assert "unfinished" not in str(caught.value)
+    assert not list(tmp_path.iterdir())

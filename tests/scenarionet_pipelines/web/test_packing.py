@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from scenarionet_data.scenario.description import Lights
-from scenarionet_data.scenario.vocabulary import LIGHT_COLORS, LightColor, ObjectType, names
+from scenarionet_data.scenario.lane_polygons import lane_outlines
+from scenarionet_data.scenario.vocabulary import LIGHT_COLORS, LightColor, ObjectType, is_lane, names
 from scenarionet_pipelines.web.packing import pack
 from tests.fixtures.scenarios import make_scenario
 
@@ -42,7 +43,12 @@ def test_arrays_round_trip(seed):
     assert (header["ego"], header["now"]) == (scenario.ego_index, scenario.current_timestep)
     features = scenario.map
     np.testing.assert_array_equal(arrays["linePoints"], features.polyline.values[:, :2])
-    np.testing.assert_array_equal(arrays["areaOffsets"], features.polygon.offsets)
+    lanes = np.flatnonzero(is_lane(features.feature_type))
+    outlines = dict(zip(lanes, lane_outlines(features, lanes), strict=True))
+    assert len(arrays["areaOffsets"]) == len(features.ids) + 1
+    for row, recorded in enumerate(features.polygon):
+        packed = arrays["areaPoints"][slice(*arrays["areaOffsets"][row : row + 2])]
+        np.testing.assert_array_equal(packed, recorded[:, :2] if len(recorded) else outlines.get(row, packed[:0]))
     kinds = {each["id"]: each["kind"] for each in header["features"]}
     assert kinds["lane0"] == "lane"
     assert kinds["line0"] == "line"

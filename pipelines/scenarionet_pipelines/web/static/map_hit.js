@@ -21,9 +21,9 @@ export class MapHit {
       const points = list(scene.linePoints, scene.lineOffsets, row);
       const outline = list(scene.areaPoints, scene.areaOffsets, row);
       if (outline.length > 4 && contains(outline, x, y)) around = around < 0 || kind !== "area" ? row : around;
-      const away = kind === "lane" && outline.length <= 4 ? apart(points, x, y) - 1.75 : apart(points, x, y);
-      if (kind === "lane" && outline.length <= 4 && away <= 0) around = row;
-      else if (kind !== "lane" && away < distance) [nearest, distance] = [row, away];
+      if (kind === "lane") continue;
+      const away = apart(points, x, y);
+      if (away < distance) [nearest, distance] = [row, away];
     }
     return nearest >= 0 ? nearest : around;
   }

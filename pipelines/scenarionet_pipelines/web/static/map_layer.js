@@ -1,7 +1,6 @@
 // The map: surfaces, crosswalks, lane lines in their real colours and dashes, edges, lane directions.
 // Drawn into an off-screen canvas larger than the view, which is reused until the view leaves it.
 
-const laneWidth = 3.5; // width of a lane without an outline [m]
 const margin = 0.35; // of the off-screen canvas beyond each side of the view
 const slow = 30; // [ms] a map that takes longer is not redrawn during a zoom
 
@@ -62,7 +61,6 @@ export class MapLayer {
       context.fillStyle = context.strokeStyle = style.road;
       context.fill(paths.surfaces);
       stroke(context, paths.surfaces, thin(0.1));
-      stroke(context, paths.bareLanes, laneWidth);
     }
     if (layers.crosswalks) for (const crosswalk of paths.crosswalks) zebra(context, crosswalk, style);
     if (layers.direction && scale > 1.5) {
@@ -101,14 +99,13 @@ function stroke(context, path, width) {
 
 // Build one path per style.
 function build(scene, style) {
-  const paths = { surfaces: new Path2D(), bareLanes: new Path2D(), arrows: new Path2D(), edges: new Path2D(), stops: new Path2D(), crosswalks: [] };
+  const paths = { surfaces: new Path2D(), arrows: new Path2D(), edges: new Path2D(), stops: new Path2D(), crosswalks: [] };
   const painted = {};
   scene.features.forEach((feature, row) => {
     const points = list(scene.linePoints, scene.lineOffsets, row);
     const outline = list(scene.areaPoints, scene.areaOffsets, row);
     if (feature.kind === "lane") {
-      if (outline.length > 4) trace(paths.surfaces, outline, true);
-      else trace(paths.bareLanes, points);
+      if (outline.length > 4) trace(paths.surfaces, counterClockwise(outline), true);
       arrows(paths.arrows, points, style.arrowEvery);
     } else if (feature.kind === "line") {
       const color = feature.type.includes("YELLOW") ? "yellow" : "white";
@@ -119,7 +116,7 @@ function build(scene, style) {
     } else if (feature.kind === "edge") trace(paths.edges, points);
     else if (feature.kind === "stop") trace(paths.stops, points);
     else if (feature.kind === "crosswalk") paths.crosswalks.push(outline.length > 4 ? outline : points);
-    else if (outline.length > 4) trace(paths.surfaces, outline, true);
+    else if (outline.length > 4) trace(paths.surfaces, counterClockwise(outline), true);
   });
   paths.lines = Object.values(painted);
   return paths;
@@ -134,6 +131,18 @@ function trace(path, points, isClosed = false) {
   path.moveTo(points[0], points[1]);
   for (let k = 2; k < points.length; k += 2) path.lineTo(points[k], points[k + 1]);
   if (isClosed) path.closePath();
+}
+
+// Orient an outline counter-clockwise: in one path, overlaps of opposite orientation would cancel.
+function counterClockwise(outline) {
+  let doubled = 0;
+  for (let k = 0, before = outline.length - 2; k < outline.length; before = k, k += 2) {
+    doubled += outline[before] * outline[k + 1] - outline[k] * outline[before + 1];
+  }
+  if (doubled >= 0) return outline;
+  const turned = new Float32Array(outline.length);
+  for (let k = 0; k < outline.length; k += 2) turned.set(outline.subarray(outline.length - 2 - k, outline.length - k), k);
+  return turned;
 }
 
 // Strokes of a lane line: lateral offset to the left [m] and whether it is broken.
