@@ -18,7 +18,14 @@ def place_as_recorded(row: Float32, w: int, n: int, motion: Float64, present: Bo
 
 @kernel
 def replay(
-    log: Float32, num_steps: Int32, timestep: Int32, driver: UInt8, policy_id: int, motion: Float64, present: Bool
+    log: Float32,
+    num_steps: Int32,
+    timestep: Int32,
+    driver: UInt8,
+    policy_id: int,
+    is_entry_only: bool,
+    motion: Float64,
+    present: Bool,
 ) -> None:
     """Set objects to the next row of the log; after its last row, to that row at rest.
 
@@ -28,13 +35,14 @@ def replay(
         timestep: (W,) current timestep.
         driver: (W, N) policy of each object.
         policy_id: The policy whose objects move.
+        is_entry_only: Leave present objects unchanged: absent ones appear, until the end of the log.
         motion, present: (W, N, 7), (W, N) next state, written.
     """
     for w in range(len(timestep)):
         t = smaller(timestep[w] + 1, num_steps[w] - 1)
         is_over = timestep[w] + 1 >= num_steps[w]
         for n in range(driver.shape[1]):
-            if driver[w, n] != policy_id:
+            if driver[w, n] != policy_id or (is_entry_only and (is_over or present[w, n])):
                 continue
             if log[w, t, n, VALID] == 0.0:
                 present[w, n] = False
@@ -59,7 +67,7 @@ def move_on(
 
     Args:
         log, num_steps, timestep, driver, policy_id: As in :func:`replay`.
-        dt: [s]; 0 leaves present objects where they are.
+        dt: [s].
         motion, present: (W, N, 7), (W, N) current state, advanced in place.
     """
     for w in range(len(timestep)):

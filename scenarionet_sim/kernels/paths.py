@@ -94,7 +94,8 @@ def nearest(path: PathRows, x: float, y: float, low: float, high: float) -> tupl
         dx, dy = x - path.points[k, 0], y - path.points[k, 1]
         along, left = tx * dx + ty * dy, tx * dy - ty * dx
         inside = smaller(larger(along, 0.0), length)
-        apart = left * left + (along - inside) ** 2
+        over = along - inside
+        apart = left * left + over * over  # "** 2" compiles for longer
         if apart < best:
             best = apart
             is_beyond = (k == first and along < 0.0) or (k == end - 2 and along > length)

@@ -37,7 +37,7 @@ NUMBERS = (
 """Columns of ``StepResult.numbers``."""
 
 _COMPLETION, _LATERAL, _COST, _CRASHES, _SPEED, _MEAN_SPEED, _DISTANCE, _MEAN_DISTANCE = 4, 5, 6, 7, 10, 11, 12, 13
-_VEHICLE, _HUMANS = int(ObjectType.VEHICLE), (int(ObjectType.PEDESTRIAN), int(ObjectType.CYCLIST))
+_VEHICLE, _PEDESTRIAN, _CYCLIST = int(ObjectType.VEHICLE), int(ObjectType.PEDESTRIAN), int(ObjectType.CYCLIST)
 _STEPS, _SPEEDS, _LOG_STEPS, _LOG_DISTANCES = 3, 4, 5, 6  # columns of totals, after three of crashes
 NUM_TOTALS = 7
 
@@ -103,13 +103,16 @@ def score_step(
         result: Output.
     """
     # Indexed, since unpacking an array compiles an iterator for every name.
-    c1, c2, c3, p_road_user, p_object = task[0], task[1], task[2], task[3], task[4]
+    c1, c2, c3 = task[0], task[1], task[2]
+    p_road_user, p_object = task[3], task[4]
     r_arrived, r_off_route, slow = task[5], task[6], task[7]
-    max_lateral, min_completion, short_route, extra_steps = task[8], task[9], task[10], task[11]
+    max_lateral, min_completion = task[8], task[9]
+    short_route, extra_steps = task[10], task[11]
     log = recorded.log
     for a in range(len(agents)):
         w, n = agents[a, 0], agents[a, 1]
-        row, numbers, total, t = now.motion[w, n], result.numbers[a], result.totals[w, n], now.timestep[w]
+        row, t = now.motion[w, n], now.timestep[w]
+        numbers, total = result.numbers[a], result.totals[w, n]
         speed = np.hypot(row[VX], row[VY])
         first, end = recorded.path_offsets[w, n], recorded.path_offsets[w, n + 1]
         length = recorded.path[w, end - 1, ARC] if end > first else 0.0
@@ -136,7 +139,7 @@ def score_step(
             if contacts.now[a, m] and not contacts.before[a, m]:
                 begun += 1
                 kind = now.object_type[w, m]
-                total[0 if kind == _VEHICLE else (1 if kind in _HUMANS else 2)] += 1.0
+                total[0 if kind == _VEHICLE else (1 if kind == _PEDESTRIAN or kind == _CYCLIST else 2)] += 1.0
         total[_STEPS] += 1.0
         total[_SPEEDS] += speed
         if t < recorded.num_steps[w] and log[w, t, n, VALID] != 0:

@@ -36,27 +36,17 @@ def apply_tyres(motion: Float64, size: Float64, actions: Float64, vehicle: Vehic
         forward = cos * motion[a, 3] + sin * motion[a, 4]
         left = cos * motion[a, 4] - sin * motion[a, 3]
         throttle = actions[a, 1]
-        wanted = _engine(forward, throttle * acceleration * step, max_speed)
-        if throttle < 0.0:
-            wanted = _brake(forward, -throttle * braking * step)
+        if throttle < 0.0:  # at most to standstill
+            wanted = -math.copysign(smaller(-throttle * braking * step, abs(forward)), forward)
+        else:  # up to the maximum speed
+            wanted = smaller(throttle * acceleration * step, larger(0.0, max_speed - forward))
         change = larger(-grip, smaller(grip, wanted))
         axle = 0.5 * change, 0.5 * math.sqrt(grip * grip - change * change)
-        frame = 0.5 * wheelbase * size[a, 0], (size[a, 0] ** 2 + size[a, 1] ** 2) / 12.0
+        length, width = size[a, 0], size[a, 1]
+        frame = 0.5 * wheelbase * length, (length * length + width * width) / 12.0
         forward, left, motion[a, 5] = _roll(forward, left, motion[a, 5], actions[a, 0] * max_steer, frame, axle)
         motion[a, 3] = cos * forward - sin * left
         motion[a, 4] = sin * forward + cos * left
-
-
-@device_function
-def _engine(forward: float, change: float, max_speed: float) -> float:
-    """Return the change of speed by the engine, limited by its maximum speed."""
-    return smaller(change, larger(0.0, max_speed - forward))
-
-
-@device_function
-def _brake(forward: float, change: float) -> float:
-    """Return the change of speed by the brakes, at most to standstill."""
-    return -math.copysign(smaller(change, abs(forward)), forward)
 
 
 @device_function

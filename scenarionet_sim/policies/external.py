@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from scenarionet_data.arrays.dtypes import UInt8
-from scenarionet_sim.kernels.motion import move_on
+from scenarionet_sim.kernels.motion import replay
 from scenarionet_sim.policies.base import Policy
 from scenarionet_sim.policies.objects import ObjectMask, ego
 from scenarionet_sim.worlds.state import State
@@ -25,5 +25,4 @@ class External(Policy):
     def advance(self, batch: WorldBatch, now: State, then: State, driver: UInt8, policy_id: int, dt: float) -> None:
         """Let agents appear; the backend moves those that are present."""
         del dt
-        log, num_steps = batch.log, batch.num_steps
-        move_on(log, num_steps, now.timestep, driver, policy_id, 0.0, then.motion, then.present)
+        replay(batch.log, batch.num_steps, now.timestep, driver, policy_id, True, then.motion, then.present)

@@ -21,4 +21,4 @@ class Replay(Policy):
     def advance(self, batch: WorldBatch, now: State, then: State, driver: UInt8, policy_id: int, dt: float) -> None:
         """Copy the next row of the log."""
         del dt
-        replay(batch.log, batch.num_steps, now.timestep, driver, policy_id, then.motion, then.present)
+        replay(batch.log, batch.num_steps, now.timestep, driver, policy_id, False, then.motion, then.present)
