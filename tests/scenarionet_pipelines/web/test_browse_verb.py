@@ -43,4 +43,4 @@ def test_serves_until_interrupted(lake):
         started.kill()
         started.communicate()
     assert started.returncode == 0
-    assert errors == "ended\n"
+    assert errors == "stopped\n"
