@@ -139,7 +139,7 @@ def score_step(
             if contacts.now[a, m] and not contacts.before[a, m]:
                 begun += 1
                 kind = now.object_type[w, m]
-                is_human = kind == _PEDESTRIAN or kind == _CYCLIST  # noqa: SIM109 - ``in`` takes longer to compile
+                is_human = kind == _PEDESTRIAN or kind == _CYCLIST  # ``in`` takes longer to compile
                 total[0 if kind == _VEHICLE else (1 if is_human else 2)] += 1.0
         total[_STEPS] += 1.0
         total[_SPEEDS] += speed
