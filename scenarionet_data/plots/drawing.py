@@ -263,8 +263,9 @@ def small_multiples(
     width: float = 80.0,
     ratio: float = 1.0,
     color_by: str | None = None,
+    has_legend: bool = False,
 ) -> Figure:
-    """Draw several scenarios in a grid, all in the same style and without legends.
+    """Draw several scenarios in a grid, all in the same style.
 
     Args:
         scenarios: The scenarios.
@@ -274,6 +275,7 @@ def small_multiples(
         side: Side of one picture [inch].
         view, width, ratio: See :func:`draw_scenario`.
         color_by: See :func:`draw_scenario`; the scenarios share one colour bar.
+        has_legend: Draw a legend in each picture.
 
     Raises:
         BadParameter: No scenarios are given.
@@ -304,7 +306,7 @@ def small_multiples(
                 ratio=ratio,
                 color_by=color_by,
                 limit=limit,
-                has_legend=False,
+                has_legend=has_legend,
             )
             words = titles[place] if titles else scenes[place].scenario_id
             panel.set_title(plain(words, 34), fontsize=8)

@@ -155,6 +155,8 @@ def test_small_multiples():
     assert [axes.get_visible() for axes in figure.axes] == [True, True, True, False]
     assert figure.axes[0].get_title(loc="left") == "a"
     drawn(figure)
+    assert all(axes.get_legend() is None for axes in figure.axes)
+    assert all(axes.get_legend() for axes in plots.small_multiples(scenarios, has_legend=True).axes)
     with pytest.raises(BadParameter, match="no scenarios to draw"):
         plots.small_multiples([])
 
