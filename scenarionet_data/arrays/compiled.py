@@ -203,6 +203,8 @@ class _KernelCache(_FunctionCache):  # type: ignore[misc]
         super().__init__(dispatcher.py_func)
         stamp = hashlib.sha256(repr(list(_ingredients(dispatcher, set()))).encode()).hexdigest()
         self._cache_file = _IndexDataCacheFile(self.cache_path, self._impl.filename_base, stamp)
+        # Compared before the index is unpickled, which fails if a class in an old signature was renamed.
+        self._cache_file._version = f"{self._cache_file._version} {stamp}"
         self._module = dispatcher.py_func.__module__
         self._lock: int | None = None
 
