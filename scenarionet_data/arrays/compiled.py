@@ -196,15 +196,23 @@ def _is_number(kind: Any) -> bool:
     return isinstance(kind, tuple(getattr(_numba_types, name) for name in plain))
 
 
+class _CacheFile(_IndexDataCacheFile):  # type: ignore[misc]
+    """Numba's index of compiled signatures; empty if it names a class that was renamed or moved since."""
+
+    def _load_index(self) -> Any:
+        try:
+            return super()._load_index()
+        except (AttributeError, ImportError):
+            return {}
+
+
 class _KernelCache(_FunctionCache):  # type: ignore[misc]
     """Numba's cache of one kernel, valid while the code it was compiled from is unchanged."""
 
     def __init__(self, dispatcher: Kernel) -> None:
         super().__init__(dispatcher.py_func)
         stamp = hashlib.sha256(repr(list(_ingredients(dispatcher, set()))).encode()).hexdigest()
-        self._cache_file = _IndexDataCacheFile(self.cache_path, self._impl.filename_base, stamp)
-        # Compared before the index is unpickled, which fails if a class in an old signature was renamed.
-        self._cache_file._version = f"{self._cache_file._version} {stamp}"
+        self._cache_file = _CacheFile(self.cache_path, self._impl.filename_base, stamp)
         self._module = dispatcher.py_func.__module__
         self._lock: int | None = None
 

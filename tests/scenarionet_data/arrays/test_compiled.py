@@ -102,6 +102,34 @@ def test_kernel_is_recompiled_when_its_device_function_changes(tmp_path, monkeyp
     assert run() == (result, [result == 6.0])
 
 
+def test_cache_that_names_a_renamed_class_is_ignored(tmp_path, monkeypatch):
+    def run(name):
+        source = f"""
+from typing import NamedTuple
+from scenarionet_data.arrays.compiled import kernel
+
+class {name}(NamedTuple):
+    x: float
+
+@kernel
+def double(point):
+    return 2.0 * point.x
+
+result = double({name}(1.5))
+"""
+        (tmp_path / "renamed_of_test.py").write_text(source)
+        spec = importlib.util.spec_from_file_location("renamed_of_test", tmp_path / "renamed_of_test.py")
+        module = importlib.util.module_from_spec(spec)
+        monkeypatch.setitem(sys.modules, "renamed_of_test", module)
+        spec.loader.exec_module(module)
+        return module.result
+
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path / "cache"))
+    assert run("Before") == 3.0
+    assert run("After") == 3.0
+
+
 def test_constant_argument_is_not_compiled_separately():
     @device_function
     def twice(value, flag):
