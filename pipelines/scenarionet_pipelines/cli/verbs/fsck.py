@@ -70,4 +70,7 @@ def _print(found: Fsck, lake: str) -> None:
     checked = f"{count(found.num_files, 'file')} of {count(len(found.snapshots), 'snapshot')}: {verdict}"
     rows = [("checked", checked)]
     rows += [("left over", f"{count(n.num_files, 'file')}, {size(n.size)}, {n.text}") for n in found.notes]
+    if found.num_unsealed:
+        unsealed = f"{count(found.num_unsealed, 'file')} of an older version, of which not every byte can be verified"
+        rows.append(("unsealed", f"{unsealed}: `scenarionet fsck {lake} --upgrade` seals them"))
     print_table(rows)
