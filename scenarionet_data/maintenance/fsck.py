@@ -6,7 +6,7 @@ This checks files; ``quality.checks`` checks the content of scenarios.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import pyarrow as pa
@@ -65,15 +65,15 @@ class Fsck:
         num_files: Number of checked table files.
         problems: Damaged or missing files.
         notes: Unused files.
-        num_unsealed: Files of older versions of this software, of which not every byte can be verified; :func:`upgrade`
-            seals them.
+        unsealed: Files of older versions of this software, of which not every byte is verified where it is read;
+            :func:`upgrade` seals them.
     """
 
     snapshots: tuple[int, ...]
     num_files: int
     problems: tuple[Problem, ...]
     notes: tuple[Note, ...]
-    num_unsealed: int = 0
+    unsealed: tuple[str, ...] = ()
 
     @property
     def is_whole(self) -> bool:
@@ -112,13 +112,14 @@ def fsck(
     _check_references(files, readable, {each.lineage.snapshot for each in stored}, verifier, found)
     database_checks.check(files, stored, readable, found)
     run_checks.check(files, found, is_deep=is_deep)
-    newest = readable[max(readable)].manifests if readable else ()
-    inputs = Inputs(lists[name] for name in newest if name in lists)
+    newest = [lists[name] for name in (readable[max(readable)].manifests if readable else ()) if name in lists]
+    inputs = Inputs(newest)
     problems = dict.fromkeys(
         Problem(each.file, _reason(each), remedy(each.file, inputs)) for each in found.damages
     )
     named = set(merged).union(written, lists) if len(lists) == len(_manifest_names(readable)) else None
-    return Fsck(tuple(readable), len(merged | written), tuple(problems), _notes(files, named), len(found.unsealed))
+    notes, unsealed = _notes(files, named), _unverified(found.unsealed, written, newest)
+    return Fsck(tuple(readable), len(merged | written), tuple(problems), notes, unsealed)
 
 
 def repair(lake: LakeFilesLike, found: Fsck) -> list[str]:
@@ -199,6 +200,12 @@ def _written(lists: Iterable[pa.Table]) -> dict[str, Written]:
 def _reason(damage: Damage) -> str:
     """Return the reason without the remedy at the end of an error message."""
     return damage.reason.partition("; ")[0]
+
+
+def _unverified(unsealed: set[str], written: Mapping[str, Written], newest: Iterable[pa.Table]) -> tuple[str, ...]:
+    """Unsealed files without a recorded checksum, and data files of the newest snapshot, which are read in parts."""
+    current = {name for shards in newest for name in listed(shards) if not name.startswith("quarantine/")}
+    return tuple(sorted(name for name in unsealed if name in current or not written.get(name, Written()).checksum))
 
 
 def _notes(files: LakeFiles, named: set[str] | None) -> tuple[Note, ...]:
