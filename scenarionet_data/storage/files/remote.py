@@ -29,7 +29,7 @@ from scenarionet_data.storage.files.temporary import TemporaryFolder
 FOOTER = 2**17
 """Bytes requested from the end of a file for its footer; one with 64 row groups is 60-100 kB."""
 
-_BY_CONTENT = ("tracks/", "lights/", "maps/", "quarantine/")
+_BY_CONTENT = ("tracks/", "lights/", "maps/", "quarantine/", "defects/")
 """Tables whose file names contain a digest of the content; other files may be dropped and re-created."""
 
 _READ_IN_PLACE = ("tracks/", "lights/", "maps/")

@@ -16,6 +16,7 @@ from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.lake_files import LakeFiles, sha256
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord, partition, shard_key
+from scenarionet_data.storage.write.table_file import defect_rows, write_table
 
 TILE = 200.0
 """Edge of a tile [m]."""
@@ -45,6 +46,13 @@ def write_shared_map(
     checksum, size = sha256(temporary), temporary.stat().st_size
     name = f"{partition('maps', shard.dataset, shard.version, '')}/{shard.name}-{checksum[:16]}.parquet"
     files.publish(temporary, name)
+    published = [(name, size, checksum)]
+    if features.defects:
+        temporary = write_table(files, "defects", defect_rows(shard, features.defects, map_id=shard.name), footer)
+        checksum, size = sha256(temporary), temporary.stat().st_size
+        name = f"{partition('defects', shard.dataset, shard.version, '')}/{shard.name}-{checksum[:16]}.parquet"
+        files.publish(temporary, name)
+        published.append((name, size, checksum))
     return ShardRecord(
         key=shard_key(shard, converter_version),
         dataset=shard.dataset,
@@ -60,9 +68,9 @@ def write_shared_map(
         num_scenarios=0,
         num_quarantined=0,
         metadata_file=None,
-        files=[name],
-        sizes=[size],
-        checksums=[checksum],
+        files=[name for name, _, _ in published],
+        sizes=[size for _, size, _ in published],
+        checksums=[checksum for _, _, checksum in published],
     )
 
 
