@@ -1,5 +1,6 @@
 """WOSAC, the Waymo Open Sim Agents Challenge: score rollouts, read and write submissions."""
 
+from scenarionet_sim.metrics.wosac.report import ScoredScenario, SubmissionReport, score_submission
 from scenarionet_sim.metrics.wosac.scoring import (
     CONFIGURATIONS,
     SCENARIO_GENERATION_2025,
@@ -20,10 +21,13 @@ __all__ = [
     "SIM_AGENTS_2025",
     "ScenarioRollouts",
     "Score",
+    "ScoredScenario",
+    "SubmissionReport",
     "constant_velocity_rollouts",
     "log_rollouts",
     "mean_score",
     "read_submission",
     "score",
+    "score_submission",
     "write_submission",
 ]

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64
+from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64, Int64
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.vocabulary import ObjectType
@@ -111,7 +111,7 @@ def score(
     Raises:
         InvalidScenario: The rollouts do not fit the scenario; the message says what is expected.
     """
-    generated = configuration["linear_speed"].joins_objects
+    generated = is_generation(configuration)
     rows = _simulated_rows(scenario, rollouts)
     start = 0 if generated else scenario.current_timestep + 1
     if start + rollouts.position.shape[2] != scenario.num_timesteps:
@@ -130,25 +130,44 @@ def score(
     return _summary(configuration, likelihoods, float(ade.mean()), float(ade.mean(axis=1).min()), rates)
 
 
-def log_rollouts(scenario: ScenarioDescription, count: int = 32) -> ScenarioRollouts:
-    """The recording as rollouts for :func:`score`, each object staying at its last observed state: a ceiling."""
+def log_rollouts(scenario: ScenarioDescription, count: int = 32, *, generated: bool = False) -> ScenarioRollouts:
+    """The recording as rollouts for :func:`score`, every object staying where it was last observed: a ceiling.
+
+    Args:
+        scenario: The recording.
+        count: Number of equal rollouts.
+        generated: All steps, for scenario generation, instead of those after ``current_timestep``.
+    """
     tracks, now = scenario.tracks, scenario.current_timestep
     rows = np.flatnonzero(tracks.valid[:, now])
-    steps = np.where(tracks.valid[rows], np.arange(scenario.num_timesteps), 0)
-    seen = np.maximum.accumulate(steps, axis=1)[:, now + 1 :]
+    valid = tracks.valid[rows]
+    observed = np.maximum.accumulate(np.where(valid, np.arange(scenario.num_timesteps), -1), axis=1)
+    seen = np.where(observed < 0, valid.argmax(axis=1)[:, None], observed)[:, 0 if generated else now + 1 :]
     position = np.take_along_axis(tracks.position[rows], seen[..., None], axis=1) + scenario.origin
-    return _repeated(scenario, rows, position, np.take_along_axis(tracks.heading[rows], seen, axis=1), count)
+    heading = np.take_along_axis(tracks.heading[rows], seen, axis=1)
+    return _repeated(scenario, rows, position, heading, count, has_size=generated)
 
 
-def constant_velocity_rollouts(scenario: ScenarioDescription, count: int = 32) -> ScenarioRollouts:
-    """Every object going on at its current velocity, as rollouts for :func:`score`: a floor."""
+def constant_velocity_rollouts(
+    scenario: ScenarioDescription, count: int = 32, *, generated: bool = False
+) -> ScenarioRollouts:
+    """Every object at its velocity of ``current_timestep``, as rollouts for :func:`score`: a floor.
+
+    Args:
+        scenario, count, generated: As for :func:`log_rollouts`.
+    """
     tracks, now = scenario.tracks, scenario.current_timestep
     rows = np.flatnonzero(tracks.valid[:, now])
-    time = (scenario.timestamps[now + 1 :] - scenario.timestamps[now])[None, :, None]
+    time = (scenario.timestamps - scenario.timestamps[now])[None, 0 if generated else now + 1 :, None]
     position = np.repeat((tracks.position[rows, now] + scenario.origin)[:, None], time.shape[1], axis=1)
     position[..., :2] += tracks.velocity[rows, now, None] * time
     heading = np.repeat(tracks.heading[rows, now, None], time.shape[1], axis=1)
-    return _repeated(scenario, rows, position, heading, count)
+    return _repeated(scenario, rows, position, heading, count, has_size=generated)
+
+
+def is_generation(configuration: Configuration) -> bool:
+    """Whether a configuration scores whole scenarios instead of what follows the history."""
+    return configuration["linear_speed"].joins_objects
 
 
 def mean_score(scores: Sequence[Score]) -> Score:
@@ -266,14 +285,20 @@ def _summary(
 
 
 def _repeated(
-    scenario: ScenarioDescription, rows: Int64, position: Float64, heading: Array, count: int
+    scenario: ScenarioDescription, rows: Int64, position: Float64, heading: Array, count: int, *, has_size: bool
 ) -> ScenarioRollouts:
     """The same motion in each rollout, ordered by object id."""
     ids = np.array([int(name) for name in scenario.tracks.ids[rows]], np.int64)
     order = np.argsort(ids)
+
+    def repeated(values: Array) -> Float32:
+        return np.repeat(values[order].astype(np.float32)[None], count, axis=0)
+
+    size = scenario.tracks.size[rows, scenario.current_timestep, None]
     return ScenarioRollouts(
         scenario.source.scenario_id,
         ids[order],
-        np.repeat(position[order].astype(np.float32)[None], count, axis=0),
-        np.repeat(heading[order].astype(np.float32)[None], count, axis=0),
+        repeated(position),
+        repeated(heading),
+        repeated(np.repeat(size, position.shape[1], axis=1)) if has_size else None,
     )

@@ -54,10 +54,20 @@ def read_submission(path: str | Path) -> Iterator[ScenarioRollouts]:
         CorruptSource: A file is not a submission; the message names it.
     """
     for name, content in _contents(Path(path)):
-        try:
-            yield from _parse(content)
-        except (DamagedMessage, ValueError) as error:
-            raise CorruptSource(f"{name}: not a submission of the sim agents challenge: {error}") from error
+        for message in _scenarios(name, content):
+            try:
+                yield _parse_rollouts(message)
+            except (DamagedMessage, ValueError) as error:
+                raise CorruptSource(f"{name}: a damaged submission: {error}") from error
+
+
+def count_scenarios(path: str | Path) -> int:
+    """Number of scenarios in a submission, without decoding them.
+
+    Raises:
+        SourceNotFound, CorruptSource: As :func:`read_submission`.
+    """
+    return sum(len(_scenarios(name, content)) for name, content in _contents(Path(path)))
 
 
 def write_submission(path: str | Path, scenarios: Iterable[ScenarioRollouts]) -> None:
@@ -90,15 +100,19 @@ def _contents(path: Path) -> Iterator[tuple[str, bytes]]:
         yield str(path), path.read_bytes()
 
 
-def _parse(content: bytes) -> Iterator[ScenarioRollouts]:
-    scenarios = Messages.of(content).fields().parts(_SCENARIOS)
-    if not len(scenarios):
-        raise ValueError("expected rollouts of scenarios, found none")
-    for row in range(len(scenarios)):
-        yield _parse_rollouts(scenarios[np.array([row])].fields())
+def _scenarios(name: str, content: bytes) -> list[Messages]:
+    """Message of each scenario in a file."""
+    try:
+        found = Messages.of(content).fields().parts(_SCENARIOS)
+    except DamagedMessage as error:
+        raise CorruptSource(f"{name}: not a submission of the sim agents challenge: {error}") from error
+    if not len(found):
+        raise CorruptSource(f"{name}: not a submission of the sim agents challenge: it has no scenarios")
+    return [found[np.array([row])] for row in range(len(found))]
 
 
-def _parse_rollouts(fields: Fields) -> ScenarioRollouts:
+def _parse_rollouts(message: Messages) -> ScenarioRollouts:
+    fields = message.fields()
     names = fields.parts(_SCENARIO_ID).contents()
     if not names:
         raise ValueError("expected a scenario id, found none")

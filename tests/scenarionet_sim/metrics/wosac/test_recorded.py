@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from scenarionet_data import Lake, convert
+from scenarionet_data.errors import SourceError
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_sim.metrics import wosac
 from scenarionet_sim.metrics.wosac import scoring
@@ -38,9 +40,14 @@ PER_STEP = {name: f"{name}_per_step" for name in ("collision", "offroad", "traff
 
 
 @pytest.fixture(scope="module")
-def scenario(recordings: Path, tmp_path_factory: pytest.TempPathFactory) -> ScenarioDescription:
+def lake(recordings: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     lake = tmp_path_factory.mktemp("wosac") / "lake"
     convert("waymo", recordings / "waymo" / "training", lake)
+    return lake
+
+
+@pytest.fixture(scope="module")
+def scenario(lake: Path) -> ScenarioDescription:
     return Lake(lake).loader()[0]
 
 
@@ -115,3 +122,24 @@ def test_submissions_round_trip(submission: wosac.ScenarioRollouts, tmp_path: Pa
         assert (again.object_ids == submission.object_ids).all()
         assert (again.position == submission.position).all()
         assert (again.heading == submission.heading).all()
+
+
+def test_report_of_a_submission(recordings: Path, scenario: ScenarioDescription, submission: wosac.ScenarioRollouts, lake: Path, tmp_path: Path):
+    unknown = replace(submission, scenario_id="0")
+    wosac.write_submission(tmp_path / "two.binproto", [unknown, submission])
+    seen: list[tuple[int, int, int]] = []
+    report = wosac.score_submission(lake, tmp_path / "two.binproto", on_progress=lambda *steps: seen.append(steps))
+    assert seen == [(1, 2, 1), (2, 2, 2)]
+    assert [each.scenario_id for each in report.scenarios] == ["0", scenario.id]
+    assert report.broken == (("0", "the lake has no Waymo scenario 0; convert the recordings that hold it"),)
+    assert report.submitted == wosac.score(scenario, submission)
+    assert report.floor.realism < report.submitted.realism < report.ceiling.realism
+
+
+def test_generated_scenarios_are_scored_whole(scenario: ScenarioDescription, lake: Path, tmp_path: Path):
+    wosac.write_submission(tmp_path / "log.binproto", [wosac.log_rollouts(scenario, 4, generated=True)])
+    report = wosac.score_submission(lake, tmp_path / "log.binproto", "scenario-generation-2025")
+    assert report.submitted == report.ceiling
+    assert report.floor.realism < report.ceiling.realism
+    with pytest.raises(SourceError, match="expected 80 steps, found 91"):
+        wosac.score_submission(lake, tmp_path / "log.binproto")
