@@ -23,7 +23,7 @@ _RED = (LightState.LANE_STATE_ARROW_STOP, LightState.LANE_STATE_STOP)
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class RolloutMotion:
     """Boxes of N objects in R rollouts over T steps.
 
     Attributes:
@@ -118,7 +118,7 @@ class Features(NamedTuple):
 
 
 def compute_features(
-    motion: Motion, rows: Int64, surroundings: Surroundings, dt: float, *, official: bool = True
+    motion: RolloutMotion, rows: Int64, surroundings: Surroundings, dt: float, *, official: bool = True
 ) -> Features:
     """Compute all features of some objects.
 

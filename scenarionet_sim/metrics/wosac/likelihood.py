@@ -17,7 +17,7 @@ BERNOULLI_PSEUDOCOUNT = 0.001
 
 
 @dataclass(frozen=True)
-class Feature:
+class ScoredFeature:
     """How a feature is scored.
 
     Attributes:
@@ -38,12 +38,12 @@ class Feature:
     joins_objects: bool = False
 
 
-def histogram(low: float, high: float, bins: int, weight: float, *, joins_objects: bool = False) -> Feature:
+def histogram(low: float, high: float, bins: int, weight: float, *, joins_objects: bool = False) -> ScoredFeature:
     """A feature scored by a histogram over all steps."""
-    return Feature(weight, low, high, bins, 0.1, True, joins_objects)
+    return ScoredFeature(weight, low, high, bins, 0.1, True, joins_objects)
 
 
-def log_likelihood(feature: Feature, recorded: Array, simulated: Array) -> Float64:
+def log_likelihood(feature: ScoredFeature, recorded: Array, simulated: Array) -> Float64:
     """Logarithm of the likelihood of each recorded value.
 
     Args:
@@ -70,7 +70,7 @@ def log_likelihood(feature: Feature, recorded: Array, simulated: Array) -> Float
     return chosen
 
 
-def _bin(feature: Feature, values: npt.ArrayLike) -> Int64:
+def _bin(feature: ScoredFeature, values: npt.ArrayLike) -> Int64:
     """Bin of each value. NaN, as a speed at the last step, counts in the last bin, as in the owner's code."""
     edges = np.linspace(feature.low, feature.high, feature.bins + 1).astype(np.float32)
     position = np.searchsorted(edges, np.asarray(values, np.float32), side="right")

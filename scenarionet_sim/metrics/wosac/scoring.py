@@ -18,15 +18,15 @@ from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.metrics.wosac.features import (
     Features,
-    Motion,
+    RolloutMotion,
     Surroundings,
     central_validity,
     compute_features,
 )
-from scenarionet_sim.metrics.wosac.likelihood import Feature, histogram, log_likelihood
+from scenarionet_sim.metrics.wosac.likelihood import ScoredFeature, histogram, log_likelihood
 from scenarionet_sim.metrics.wosac.submission import ScenarioRollouts
 
-Configuration = Mapping[str, Feature]
+Configuration = Mapping[str, ScoredFeature]
 """How each feature is scored, by name."""
 
 SIM_AGENTS_2025: Configuration = {
@@ -35,18 +35,18 @@ SIM_AGENTS_2025: Configuration = {
     "angular_speed": histogram(-0.628, 0.628, 11, 0.05),
     "angular_acceleration": histogram(-3.14, 3.14, 11, 0.05),
     "distance_to_nearest_object": histogram(-5.0, 40.0, 10, 0.1),
-    "collision": Feature(0.25),
+    "collision": ScoredFeature(0.25),
     "time_to_collision": histogram(0.0, 5.0, 10, 0.1),
     "distance_to_road_edge": histogram(-20.0, 40.0, 10, 0.05),
-    "offroad": Feature(0.25),
-    "traffic_light_violation": Feature(0.05),
+    "offroad": ScoredFeature(0.25),
+    "traffic_light_violation": ScoredFeature(0.05),
 }
 """The challenge of 2025."""
 
 SIM_AGENTS_2024: Configuration = {
     **SIM_AGENTS_2025,
     "distance_to_road_edge": histogram(-20.0, 40.0, 10, 0.1),
-    "traffic_light_violation": Feature(0.0),
+    "traffic_light_violation": ScoredFeature(0.0),
 }
 """The challenge of 2024, without traffic lights."""
 
@@ -204,7 +204,7 @@ def _evaluated(scenario: ScenarioDescription, rows: Int64) -> Int64:
 
 def _motions(
     scenario: ScenarioDescription, rollouts: ScenarioRollouts, rows: Int64, start: int
-) -> tuple[Motion, Motion]:
+) -> tuple[RolloutMotion, RolloutMotion]:
     """The recorded motion (one rollout) and the simulated one, both with the history before ``start``."""
     tracks, now = scenario.tracks, scenario.current_timestep
     valid = tracks.valid[rows]
@@ -214,10 +214,10 @@ def _motions(
     size = np.repeat(tracks.size[rows, now, None], scenario.num_timesteps, axis=1)[None]
     if not start:
         size = tracks.size[rows][None]
-    recorded = Motion(position, heading, np.ascontiguousarray(size), valid[None] if start else np.ones_like(valid)[None])
+    recorded = RolloutMotion(position, heading, np.ascontiguousarray(size), valid[None] if start else np.ones_like(valid)[None])
     count = len(rollouts.position)
     sizes = np.repeat(size, count, axis=0) if rollouts.size is None or start else rollouts.size
-    simulated = Motion(
+    simulated = RolloutMotion(
         _after(position[:, :, :start], rollouts.position, axis=2),
         _after(heading[:, :, :start], rollouts.heading, axis=2),
         np.ascontiguousarray(sizes, np.float32),

@@ -32,7 +32,7 @@ class ScenarioRollouts:
     """Simulations of one scenario: R rollouts of N objects over T steps, in the frame of the source.
 
     Attributes:
-        scenario_id: Id of the scenario in the Waymo Open Motion Dataset.
+        scenario_id: Id of the scenario in the Waymo Open RolloutMotion Dataset.
         object_ids: (N,) int64, ascending.
         position: (R, N, T, 3) float32 [m] centres.
         heading: (R, N, T) float32 [rad].

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scenarionet_sim.metrics.wosac.likelihood import Feature, histogram, log_likelihood
+from scenarionet_sim.metrics.wosac.likelihood import ScoredFeature, histogram, log_likelihood
 
 UNIT = histogram(0.0, 1.0, 10, 1.0)
 
@@ -13,7 +13,7 @@ UNIT = histogram(0.0, 1.0, 10, 1.0)
 @pytest.mark.parametrize("is_pooled", [False, True])
 @pytest.mark.parametrize("joins_objects", [False, True])
 def test_one_value_for_each_object_and_step(is_pooled: bool, joins_objects: bool):
-    feature = Feature(1.0, 0.0, 1.0, 10, 0.1, is_pooled, joins_objects)
+    feature = ScoredFeature(1.0, 0.0, 1.0, 10, 0.1, is_pooled, joins_objects)
     assert log_likelihood(feature, np.zeros((4, 80)), np.zeros((32, 4, 80))).shape == (4, 80)
 
 
@@ -23,7 +23,7 @@ def test_what_is_pooled():
     recorded = np.array([[0.05, 0.05], [0.05, 0.25]])
 
     def likelihood(is_pooled: bool, joins_objects: bool) -> list[list[float]]:
-        feature = Feature(1.0, 0.0, 1.0, 10, 0.0, is_pooled, joins_objects)
+        feature = ScoredFeature(1.0, 0.0, 1.0, 10, 0.0, is_pooled, joins_objects)
         return np.exp(log_likelihood(feature, recorded, simulated)).tolist()
 
     assert likelihood(False, False) == [[1.0, 0.0], [0.0, 0.0]]
@@ -43,7 +43,7 @@ def test_uniform_and_normal_samples():
 
 @pytest.mark.parametrize(("pseudocount", "expected"), [(0.0, 0.0), (1.0, 1 / 14)])
 def test_pseudocount_of_an_empty_bin(pseudocount: float, expected: float):
-    feature = Feature(1.0, 0.0, 1.0, 10, pseudocount)
+    feature = ScoredFeature(1.0, 0.0, 1.0, 10, pseudocount)
     simulated = np.array([0.0, 0.0, 0.0, 1.0])[:, None, None]
     assert np.exp(log_likelihood(feature, np.array([[0.5]]), simulated)) == pytest.approx(expected)
 
@@ -51,12 +51,12 @@ def test_pseudocount_of_an_empty_bin(pseudocount: float, expected: float):
 def test_truth_values():
     simulated = np.array([[0, 1, 0, 1, 1], [0, 1, 0, 1, 0], [0, 1, 0, 1, 0], [0, 1, 0, 1, 0]], bool)[..., None]
     recorded = np.array([[0], [1], [1], [0], [1]], bool)
-    found = np.exp(log_likelihood(Feature(1.0), recorded, simulated))[:, 0]
+    found = np.exp(log_likelihood(ScoredFeature(1.0), recorded, simulated))[:, 0]
     assert found == pytest.approx([1, 1, 0, 0, 0.25], abs=1e-2)
 
 
 def test_values_outside_the_range_count_in_the_outer_bins():
     simulated = np.array([-3.0, 7.0, 7.0, np.nan])[:, None, None]
-    feature = Feature(1.0, 0.0, 1.0, 10, 0.0)
+    feature = ScoredFeature(1.0, 0.0, 1.0, 10, 0.0)
     assert np.exp(log_likelihood(feature, np.array([[-9.0]]), simulated)) == pytest.approx(0.25)
     assert np.exp(log_likelihood(feature, np.array([[9.0]]), simulated)) == pytest.approx(0.75)

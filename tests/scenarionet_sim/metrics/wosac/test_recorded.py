@@ -16,7 +16,7 @@ from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_sim.metrics import wosac
 from scenarionet_sim.metrics.wosac import scoring
 from scenarionet_sim.metrics.wosac.features import Features, Surroundings, compute_features
-from scenarionet_sim.metrics.wosac.likelihood import Feature, histogram
+from scenarionet_sim.metrics.wosac.likelihood import ScoredFeature, histogram
 
 OWNERS_TEST = {
     "linear_speed": histogram(0.0, 30.0, 10, 1.0),
@@ -24,11 +24,11 @@ OWNERS_TEST = {
     "angular_speed": histogram(0.0, 1.0, 10, 1.0),
     "angular_acceleration": histogram(0.0, 0.3, 10, 1.0),
     "distance_to_nearest_object": histogram(-5.0, 100.0, 10, 1.0),
-    "collision": Feature(1.0),
+    "collision": ScoredFeature(1.0),
     "time_to_collision": histogram(0.0, 5.0, 10, 1.0),
     "distance_to_road_edge": histogram(-5.0, 15.0, 10, 1.0),
-    "offroad": Feature(1.0),
-    "traffic_light_violation": Feature(1.0),
+    "offroad": ScoredFeature(1.0),
+    "traffic_light_violation": ScoredFeature(1.0),
 }
 CONFIGURATIONS = {
     "challenge_2025": wosac.SIM_AGENTS_2025,
