@@ -24,6 +24,7 @@ from scenarionet_data.storage.snapshots import manifests, metadata_files
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
 from scenarionet_data.storage.verifying import Verifier, listed
+from scenarionet_data.storage.write.rewriting import TABLES
 
 
 @dataclass(frozen=True)
@@ -204,7 +205,7 @@ def _reason(damage: Damage) -> str:
 
 def _unverified(unsealed: set[str], written: Mapping[str, Written], newest: Iterable[pa.Table]) -> tuple[str, ...]:
     """Unsealed files without a recorded checksum, and data files of the newest snapshot, which are read in parts."""
-    current = {name for shards in newest for name in listed(shards) if not name.startswith("quarantine/")}
+    current = {name for shards in newest for name in listed(shards) if name.split("/")[0] in TABLES}
     return tuple(sorted(name for name in unsealed if name in current or not written.get(name, Written()).checksum))
 
 

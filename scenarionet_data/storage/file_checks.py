@@ -15,7 +15,7 @@ from scenarionet_data.schema import tables
 from scenarionet_data.storage import seals
 from scenarionet_data.storage.files.lake_files import LakeFiles
 
-_NAMED_BY_CONTENT = re.compile(r"(?:tracks|lights|maps|quarantine)/.*-([0-9a-f]{16})\.parquet")
+_NAMED_BY_CONTENT = re.compile(r"(?:tracks|lights|maps|quarantine|defects)/.*-([0-9a-f]{16})\.parquet")
 
 
 @dataclass(frozen=True)

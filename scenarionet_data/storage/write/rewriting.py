@@ -56,11 +56,14 @@ def rewrite_shared_map(files: LakeFiles, record: ShardRecord) -> ShardRecord:
     Raises:
         LakeError: The file is missing or damaged, or the lake cannot be written.
     """
-    (source,) = record.files
+    source = next(name for name in record.files if name.startswith("maps/"))
     temporary = files.temporary()
     copy_groups(files, "maps", source, range(files.footer(source).num_row_groups), temporary, MAP_FOOTER)
     sealed = publish_data(files, temporary, source.rpartition("-")[0])
-    return replace(record, files=[sealed.name], sizes=[sealed.size], checksums=[sealed.checksum])
+    written = zip(record.files, record.sizes, record.checksums, strict=True)
+    now = [(sealed.name, sealed.size, sealed.checksum), *(each for each in written if each[0] != source)]
+    names, sizes, checksums = map(list, zip(*now, strict=True))
+    return replace(record, files=names, sizes=sizes, checksums=checksums)
 
 
 def _numbered(files: LakeFiles, number: int, record: ShardRecord) -> pa.Table:
@@ -83,7 +86,7 @@ def _publish(
         kept = {
             file: (size, checksum)
             for file, size, checksum in zip(record.files, record.sizes, record.checksums, strict=True)
-            if file.startswith("quarantine/")
+            if file.startswith(("quarantine/", "defects/"))
         }
         kept |= {file: published[file] for file in sorted(named)}
         moved = replace(
