@@ -123,7 +123,7 @@ def replace_files(files: LakeFiles, rewritten: Sequence[Rewritten], operation: s
             number=base.number + 1,
             created_at=snapshots.now(),
             operation=operation,
-            metadata=metadata_files.merge(files, metadata_files.shard_files(now)),
+            metadata=metadata_files.merge(files, base, metadata_files.shard_files(now)),
             manifests=manifests.write(files, base, new.values(), frozenset(new)),
         )
         return following, late
@@ -143,7 +143,7 @@ def consolidate(files: LakeFiles) -> Snapshot:
             number=base.number + 1,
             created_at=snapshots.now(),
             operation="consolidate metadata",
-            metadata=metadata_files.merge(files, names),
+            metadata=metadata_files.merge(files, base, names),
         )
         return following, None
 
