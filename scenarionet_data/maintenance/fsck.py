@@ -110,7 +110,7 @@ def fsck(
     verifier = Verifier(files, is_deep=is_deep, workers=workers or os.cpu_count() or 1)
     found.damages += verifier.files(merged | written, on_progress and (lambda done, total: on_progress(done, total, 0)))
     found.unsealed.update(name for name, intact in verifier.intact.items() if not intact.is_sealed)
-    stored = database_checks.read_all(files, found, is_deep=is_deep)
+    stored = database_checks.read_all(files, readable, found, is_deep=is_deep)
     _check_references(files, readable, {each.lineage.snapshot for each in stored}, verifier, found)
     database_checks.check(files, stored, readable, found)
     run_checks.check(files, found, is_deep=is_deep)
