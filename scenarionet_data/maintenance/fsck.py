@@ -13,7 +13,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scenarionet_data.execution.progress import Progress
-from scenarionet_data.maintenance import database_checks, run_checks
+from scenarionet_data.maintenance import content_checks, database_checks, run_checks
 from scenarionet_data.maintenance.findings import Findings
 from scenarionet_data.maintenance.repair_advice import Inputs, remedy
 from scenarionet_data.maintenance.vacuuming import list_files
@@ -114,6 +114,9 @@ def fsck(
     _check_references(files, readable, {each.lineage.snapshot for each in stored}, verifier, found)
     database_checks.check(files, stored, readable, found)
     run_checks.check(files, found, is_deep=is_deep)
+    if is_deep and readable:
+        with found.of(snapshots.file_name(max(readable))):
+            content_checks.check(files, readable[max(readable)], found)
     newest = [name for name in (readable[max(readable)].manifests if readable else ()) if name in lists]
     inputs = Inputs(manifests.read(files, name) for name in (newest if found.damages else ()))
     problems = dict.fromkeys(
