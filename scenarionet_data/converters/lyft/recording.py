@@ -243,7 +243,8 @@ def _labels(path: Path, attributes: Mapping[str, Any]) -> tuple[str, ...]:
 def is_text(words: Array) -> Bool:
     """Whether each of some words (K,) of a record is text: damaged ones contain numbers that are not characters."""
     codes = np.ascontiguousarray(words).view(np.uint32).reshape(len(words), -1)
-    is_character: Array = (codes < 0xD800) | ((codes > 0xDFFF) & (codes < 0x110000))
+    is_control = (codes > 0) & (codes < 0x20)  # 0 is padding
+    is_character: Array = ~is_control & (codes < 0xD800) | ((codes > 0xDFFF) & (codes < 0x110000))
     known: Bool = np.logical_and.reduce(is_character, axis=1)
     return known
 

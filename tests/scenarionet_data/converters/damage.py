@@ -61,7 +61,7 @@ class DamageConformance:
     converter: Converter[Any]
     split: str = "train"
     options: dict[str, Any] = {}  # noqa: RUF012
-    num_damaged_inputs: int = 200
+    num_damaged_inputs: int = 240
 
     def damage_rows(self, raw: Path, rng: np.random.Generator) -> RowDamage:
         """Damage 1 % of the rows of the recordings in ``raw`` (at least one of each kind of damage), in place."""
@@ -102,13 +102,13 @@ class DamageConformance:
         for number in range(self.num_damaged_inputs):
             rng = np.random.default_rng([zlib.crc32(self.converter.name.encode()), number])
             damaged = _copied(raw, tmp_path / "damaged")
-            target = damaged / files[number % len(files)]
+            target = damaged / files[number // 2 % len(files)]
             how = (self.damage_input if number % 2 else damage_file)(target, rng)
             faults, was_refused = self._faults(damaged)
             wrong += [f"{number}: {target.name}, {how}: {fault}" for fault in faults]
             refused += was_refused
         print(f"{self.converter.name}: {self.num_damaged_inputs} damaged inputs, {refused} refused, {len(wrong)} wrong")
-        assert wrong == []
+        assert wrong == [], "\n".join(wrong)
 
     def _convert(self, raw: Path) -> Iterator[ScenarioDescription]:
         options = self.converter.Options(**self.options)
