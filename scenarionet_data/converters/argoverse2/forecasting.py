@@ -133,7 +133,7 @@ class _Table:
         """Numbers of the rows that can be used; the others are added to the defects.
 
         Raises:
-            CorruptSource: No position of the ego can be used.
+            CorruptSource: No row of the ego can be used.
         """
         kept = np.ones(len(timestep), np.bool_)
 
@@ -146,9 +146,7 @@ class _Table:
         drop(~has_track, "track_id", "expected the id of a track, found null")
         is_ego = np.asarray(pc.equal(tracks, EGO).to_numpy(zero_copy_only=False), np.bool_)
         ego = is_ego & kept & np.isfinite(motion).all(axis=1)
-        if not ego.any():
-            raise CorruptSource(f"{path}: expected rows of the track {EGO!r} with finite numbers, found none")
-        middle = np.median(motion[ego, :2], axis=0)
+        middle = np.median(motion[ego, :2], axis=0) if ego.any() else np.zeros(2)
         position = np.pad(motion[:, :2], ((0, 0), (0, 1)))
         for bad in find_bad_rows(position, motion[:, 2], motion[:, 3:5], None, middle):
             drop(bad.mask, _FIELDS[bad.field], bad.reason)
@@ -158,6 +156,8 @@ class _Table:
             twice = np.zeros(len(kept), np.bool_)
             twice[rows[repeated.mask]] = True
             drop(twice, "timestep", repeated.reason)
+        if not (is_ego & kept).any():
+            raise CorruptSource(f"{path}: expected usable rows of the track {EGO!r}, found none; download it again")
         return np.flatnonzero(kept)
 
 

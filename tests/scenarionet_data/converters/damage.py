@@ -253,7 +253,7 @@ def damage_table(table: pa.Table, rng: np.random.Generator) -> tuple[pa.Table, s
         "lists": lambda: pa.array([[1.0]] * size, pa.list_(pa.float64())),
         "structs": lambda: pa.array([{"a": 1}] * size),
         "times": lambda: pa.array(number, pa.timestamp("ns")),
-        "decimals": lambda: pa.array(number, pa.int64()).cast(pa.decimal128(20, 2)),
+        "decimals": lambda: pa.array(number, pa.int64()).cast(pa.decimal128(30, 2)),
         "int8": lambda: pa.array(number, pa.int8()),
         "huge": lambda: pa.array([1e300] * size),
         "uint64": lambda: pa.array([2**64 - 1] * size, pa.uint64()),

@@ -133,7 +133,7 @@ def test_repeated_row_is_dropped(forecasting: Path) -> None:
 
 
 BAD_TABLES: dict[str, tuple[Callable[[pa.Table], pa.Table], str]] = {
-    "no ego": (without_ego, "rows of the track 'AV'"),
+    "no ego": (without_ego, "usable rows of the track 'AV'"),
     "column": (lambda t: t.drop_columns(["heading"]), "expected one column heading"),
     "no rows": (lambda t: t.slice(0, 0), "expected text, found only nulls"),
     "words for numbers": (
