@@ -16,6 +16,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from scenarionet_data.storage import seals
 from scenarionet_data.storage.files.errors import reading
 
 
@@ -88,6 +89,14 @@ class LakeFiles(ABC):
     def digest(self, name: str) -> str:
         """SHA-256 of a file, hexadecimal."""
 
+    def verify(self, name: str) -> bool:
+        """Verify every byte of a Parquet file, and its name, by its seal; returns whether it is sealed.
+
+        Raises:
+            LakeError: It is missing or damaged, or not the file that was published under this name.
+        """
+        return seals.verify(self.path(name), name)
+
     def read(self, name: str, columns: list[str] | None = None) -> pa.Table:
         """Rows of a Parquet file."""
         return self.read_all([name], columns)[0]
@@ -140,8 +149,12 @@ class LakeFiles(ABC):
         """
 
     @abstractmethod
-    def move(self, folder: str, name: str) -> bool:
-        """Rename a folder; returns whether the new name was free."""
+    def publish_folder(self, temporary: Path, name: str) -> bool:
+        """Publish the files of a temporary folder unless a folder of that name has files.
+
+        Returns:
+            Whether this call created the folder. The temporary folder is gone in any case.
+        """
 
     @abstractmethod
     def remove(self, name: str) -> None:

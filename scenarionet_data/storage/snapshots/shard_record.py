@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 
-import pyarrow as pa
-import pyarrow.parquet as pq
-
+from scenarionet_data.errors import LakeError
 from scenarionet_data.ingest.shard import Shard
+from scenarionet_data.scenario.defects import Defect
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.lake_files import LakeFiles
 
@@ -37,9 +37,9 @@ class ShardRecord:
 
 
 def partition(table: str, dataset: str, version: str, split: str) -> str:
-    """Folder of a partition; maps have no split."""
+    """Folder of a partition; maps have no split, and what belongs to a shared map has an empty one."""
     folder = f"{table}/dataset={dataset}/version={version}"
-    return folder if table == "maps" else f"{folder}/split={split}"
+    return f"{folder}/split={split}" if split and table != "maps" else folder
 
 
 def shard_key(shard: Shard, converter_version: str) -> str:
@@ -58,16 +58,34 @@ def find_finished(files: LakeFiles, shard: Shard, converter_version: str) -> Sha
 
 
 def find_record(files: LakeFiles, name: str) -> ShardRecord | None:
-    """Record in a shard's metadata file; None unless this file and all files of the shard exist.
+    """Record in a shard's metadata file; None unless this file and all files of the shard exist and are intact.
 
     The files are renewed, which protects them from ``vacuum`` until they are committed.
     """
     if not files.has(name):
         return None
     try:
-        footer = pq.read_metadata(files.path(name)).metadata
-    except pa.ArrowInvalid:  # damaged after publication: convert the shard again
+        files.verify(name)
+        record = record_of(files.footer(name).metadata)
+        is_whole = files.sizes(record.files) == record.sizes
+        is_intact = is_whole and [files.digest(file) for file in record.files] == record.checksums
+    except (LakeError, ValueError, TypeError, KeyError):  # damaged after publication: convert the shard again
         return None
-    record = ShardRecord(**json.loads(footer[b"scenarionet.shard"]))
-    is_whole = files.sizes(record.files) == record.sizes
-    return record if is_whole and not files.renew([name, *record.files]) else None
+    return record if is_intact and not files.renew([name, *record.files]) else None
+
+
+def record_of(footer: Mapping[bytes, bytes]) -> ShardRecord:
+    """Record in the footer of a shard's metadata file.
+
+    Raises:
+        KeyError: It has none.
+        ValueError, TypeError: It is damaged.
+    """
+    return ShardRecord(**json.loads(footer[b"scenarionet.shard"]))
+
+
+def read_defects(files: LakeFiles, record: ShardRecord) -> list[Defect]:
+    """What the conversion of a shard dropped or assumed."""
+    names = [field.name for field in fields(Defect)]
+    listed = [name for name in record.files if name.startswith("defects/")]
+    return [Defect(**row) for name in listed for row in files.read(name, names).to_pylist()]

@@ -18,12 +18,12 @@ import pyarrow.parquet as pq
 
 from scenarionet_data.errors import LakeError
 from scenarionet_data.storage.files.errors import reading, writing
-from scenarionet_data.storage.files.lake_files import LakeFiles, sha256
+from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.read.scenario_rows import RowAddress, ScenarioRows
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord, find_record, partition
 from scenarionet_data.storage.write.layouts import Layout, new_unit, rewritten_name
-from scenarionet_data.storage.write.relocation import addresses, copy_rows, provenance, with_addresses
-from scenarionet_data.storage.write.table_file import write_table
+from scenarionet_data.storage.write.relocation import MAP_FOOTER, addresses, copy_groups, copy_rows, provenance, with_addresses
+from scenarionet_data.storage.write.table_file import publish_data, publish_table
 
 TABLES = ("tracks", "lights", "maps")
 
@@ -50,6 +50,22 @@ def rewrite(files: LakeFiles, records: Sequence[ShardRecord], layout: Layout) ->
     return list(_publish(files, records, names, pa.concat_tables(chunks), writer.published))
 
 
+def rewrite_shared_map(files: LakeFiles, record: ShardRecord) -> ShardRecord:
+    """Rewrite the file of a shared map, and return its new record; nothing is committed.
+
+    Raises:
+        LakeError: The file is missing or damaged, or the lake cannot be written.
+    """
+    source = next(name for name in record.files if name.startswith("maps/"))
+    temporary = files.temporary()
+    copy_groups(files, "maps", source, range(files.footer(source).num_row_groups), temporary, MAP_FOOTER)
+    sealed = publish_data(files, temporary, source.rpartition("-")[0])
+    written = zip(record.files, record.sizes, record.checksums, strict=True)
+    now = [(sealed.name, sealed.size, sealed.checksum), *(each for each in written if each[0] != source)]
+    names, sizes, checksums = map(list, zip(*now, strict=True))
+    return replace(record, files=names, sizes=sizes, checksums=checksums)
+
+
 def _numbered(files: LakeFiles, number: int, record: ShardRecord) -> pa.Table:
     """A shard's metadata rows, with the shard's number as a further column."""
     rows = files.read(str(record.metadata_file))
@@ -70,7 +86,7 @@ def _publish(
         kept = {
             file: (size, checksum)
             for file, size, checksum in zip(record.files, record.sizes, record.checksums, strict=True)
-            if file.startswith("quarantine/")
+            if file.startswith(("quarantine/", "defects/"))
         }
         kept |= {file: published[file] for file in sorted(named)}
         moved = replace(
@@ -81,7 +97,7 @@ def _publish(
             checksums=[checksum for _, checksum in kept.values()],
         )
         footer = provenance(files, [str(record.metadata_file)]) | {"scenarionet.shard": json.dumps(asdict(moved))}
-        files.publish(write_table(files, "metadata", rows, footer), name)
+        publish_table(files, "metadata", rows, footer, name)
         yield moved
 
 
@@ -123,12 +139,10 @@ class _FileWriter:
             copied = copy_rows(self._sources[table], table, [*chosen.values()], temporary, footer, per_group)
         ids = metadata["scenario_id"].to_pylist()
         _check(temporary, table, {ids[k]: address for k, address in zip(chosen, copied, strict=True)})
-        checksum, size = sha256(temporary), temporary.stat().st_size
-        stem = f"{self._layout.name}-{self._unit}-{self._number:03d}"
-        name = f"{partition(table, *self._partition)}/{stem}-{checksum[:16]}.parquet"
-        self._files.publish(temporary, name)
-        self.published[name] = size, checksum
-        return with_addresses(metadata, table, name, dict(zip(chosen, copied, strict=True)))
+        stem = f"{partition(table, *self._partition)}/{self._layout.name}-{self._unit}-{self._number:03d}"
+        sealed = publish_data(self._files, temporary, stem)
+        self.published[sealed.name] = sealed.size, sealed.checksum
+        return with_addresses(metadata, table, sealed.name, dict(zip(chosen, copied, strict=True)))
 
 
 def _check(path: Path, table: str, written: Mapping[str, RowAddress]) -> None:
