@@ -13,6 +13,7 @@ import numpy as np
 
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.export.describe import identify, to_pickle_dict
+from scenarionet_data.export.original import to_original_dict
 from scenarionet_data.export.sanity import sanity_check
 from scenarionet_data.scenario.description import ScenarioDescription
 
@@ -24,12 +25,14 @@ class WrittenPickle:
     Attributes:
         scenario_id: Its id.
         path: Its file.
+        other_name: Name if another scenario's file has this one already.
         num_bytes: The file's size.
         metadata: Its entry of the database's summary.
     """
 
     scenario_id: str
     path: Path
+    other_name: str
     num_bytes: int
     metadata: dict[str, Any]
 
@@ -50,13 +53,17 @@ def write_scenarios(
 
 
 def _write_scenario(scenario: ScenarioDescription, folder: Path, taken: set[str]) -> WrittenPickle:
-    path = folder / identify(scenario).file_name
-    if path.name in taken:
-        raise twice(scenario.id, path.name)
-    description = to_pickle_dict(scenario)
-    sanity_check(description)
+    identity = identify(scenario)
+    name = identity.file_name if identity.file_name not in taken else identity.standard_name
+    if name in taken:
+        raise twice(scenario.id, name)
+    description = to_original_dict(scenario)
+    if description is None:
+        description = to_pickle_dict(scenario)
+        sanity_check(description)
+    path = folder / name
     dump(description, path)
-    return WrittenPickle(scenario.id, path, path.stat().st_size, description["metadata"])
+    return WrittenPickle(scenario.id, path, identity.standard_name, path.stat().st_size, description["metadata"])
 
 
 def twice(scenario_id: str, name: str) -> InvalidScenario:

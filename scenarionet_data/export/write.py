@@ -114,7 +114,7 @@ def _take(entry: WrittenPickle | InvalidScenario, draft: Path, summary: dict[str
     """Move a pickled scenario into the database; return its size."""
     if isinstance(entry, InvalidScenario):
         raise entry
-    name = entry.path.name
+    name = entry.path.name if entry.path.name not in summary else entry.other_name
     if name in summary:
         raise twice(entry.scenario_id, name)
     entry.path.replace(draft / name)
@@ -127,7 +127,7 @@ def _without_arrays(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, set):
-        return tuple(sorted(value))
+        return tuple(sorted(value, key=str))
     if isinstance(value, dict):
         return {key: _without_arrays(inner) for key, inner in value.items()}
     return value
