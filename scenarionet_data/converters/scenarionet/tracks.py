@@ -178,6 +178,7 @@ def make_pickled_tracks(
         is_size_assumed=states.is_size_assumed | _flags(metadata, "is_size_assumed", frame.quirks == "av2"),
         is_type_assumed=_flags(metadata, "is_type_assumed", False),
         is_velocity_estimated=_flags(metadata, "is_velocity_estimated", frame.quirks == "nuscenes"),
+        is_interpolated=np.stack([_interpolated(described, states.valid.shape[1]) for described in metadata]),
         extras=[
             described.get("extras") if frame.is_ours else {LAYOUT: kept} if kept else None
             for described, kept in zip(metadata, own, strict=True)
@@ -195,3 +196,12 @@ def _source_type(track: Mapping[str, Any]) -> str | None:
 
 def _flags(metadata: list[Mapping[str, Any]], name: str, default: bool) -> Bool:
     return np.array([bool(described.get(name, default)) for described in metadata], dtype=np.bool_)
+
+
+def _interpolated(described: Mapping[str, Any], length: int) -> Bool:
+    """(T,) flags that this project's export keeps in a track's metadata."""
+    flags = np.zeros(length, np.bool_)
+    kept = np.asarray(described.get("is_interpolated", flags))
+    if kept.shape == flags.shape:
+        flags[:] = kept > 0.5
+    return flags

@@ -148,7 +148,7 @@ def differing(name: str, wanted: Any, found: Any) -> list[str]:
     return [f"{name}: {each}" for each in compare(prepared(wanted), found, extent_of(wanted))]
 
 
-@pytest.mark.parametrize("source", ["made", "recorded"])
+@pytest.mark.parametrize("source", ["made", pytest.param("recorded", marks=pytest.mark.long)])
 def test_databases_come_back_as_they_were(source: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
     if source == "made":
         raw = made.write_vintages(tmp_path / "raw")
