@@ -38,13 +38,19 @@ class WrittenPickle:
 
 
 def write_scenarios(
-    scenarios: Iterable[ScenarioDescription], folder: Path
+    scenarios: Iterable[ScenarioDescription], folder: Path, original: bool
 ) -> Iterator[WrittenPickle | InvalidScenario]:
-    """Pickle scenarios one by one; yield the reason for each that the format cannot represent."""
+    """Pickle scenarios one by one; yield the reason for each that the format cannot represent.
+
+    Args:
+        scenarios: The scenarios.
+        folder: Where to.
+        original: Whether to write those that were converted from pickles as these were.
+    """
     names: set[str] = set()
     for scenario in scenarios:
         try:
-            written = _write_scenario(scenario, folder, names)
+            written = _write_scenario(scenario, folder, names, original)
         except InvalidScenario as error:
             yield error
             continue
@@ -52,12 +58,12 @@ def write_scenarios(
         yield written
 
 
-def _write_scenario(scenario: ScenarioDescription, folder: Path, taken: set[str]) -> WrittenPickle:
+def _write_scenario(scenario: ScenarioDescription, folder: Path, taken: set[str], original: bool) -> WrittenPickle:
     identity = identify(scenario)
     name = identity.file_name if identity.file_name not in taken else identity.standard_name
     if name in taken:
         raise twice(scenario.id, name)
-    description = to_original_dict(scenario)
+    description = to_original_dict(scenario) if original else None
     if description is None:
         description = to_pickle_dict(scenario)
         sanity_check(description)

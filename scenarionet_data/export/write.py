@@ -51,6 +51,7 @@ def export(
     directory: Path,
     *,
     replace: bool = False,
+    original: bool = True,
     executor: Executor | None = None,
     on_progress: Progress | None = None,
 ) -> ExportReport:
@@ -60,6 +61,8 @@ def export(
         scenarios: Scenarios, in the order of MetaDrive's scenario index.
         directory: Folder of the database; new or empty unless ``replace``.
         replace: Replace an existing database of pickles.
+        original: Write unchanged scenarios that were converted from pickles as these were, whatever their version; False
+            for the current format, which MetaDrive 0.4.3 reads.
         executor: Writes it in parts, for example on a cluster; requires ``scenarios`` to be a picklable sequence.
         on_progress: Called after each scenario; the total is 0 if ``scenarios`` has no length.
 
@@ -75,7 +78,11 @@ def export(
     refused: list[InvalidScenario] = []
     num_bytes, total = 0, len(scenarios) if isinstance(scenarios, Sized) else 0
     with _new_directory(directory) as draft:
-        entries = write_scenarios(scenarios, draft) if executor is None else write_parts(scenarios, draft, executor)
+        entries = (
+            write_scenarios(scenarios, draft, original)
+            if executor is None
+            else write_parts(scenarios, draft, executor, original)
+        )
         for done, entry in enumerate(entries, start=1):
             try:
                 num_bytes += _take(entry, draft, summary)
@@ -96,6 +103,7 @@ def export_database(
     directory: str | Path,
     *,
     replace: bool = False,
+    original: bool = True,
     executor: Executor | None = None,
     on_progress: Progress | None = None,
 ) -> ExportReport:
@@ -104,10 +112,12 @@ def export_database(
     Args:
         lake: The lake, its path or its URL.
         database: A database (saved or not), its name, scenario ids, or None for all scenarios.
-        directory, replace, executor, on_progress: See :func:`export`.
+        directory, replace, original, executor, on_progress: See :func:`export`.
     """
     loader = ScenarioLoader(lake, database)
-    return export(loader, Path(directory), replace=replace, executor=executor, on_progress=on_progress)
+    return export(
+        loader, Path(directory), replace=replace, original=original, executor=executor, on_progress=on_progress
+    )
 
 
 def _take(entry: WrittenPickle | InvalidScenario, draft: Path, summary: dict[str, Any]) -> int:
