@@ -91,7 +91,7 @@ def make_scenario(shard: Shard, where: str, description: dict[str, Any]) -> Scen
         origin=frame.origin,
         has_z=frame.has_z,
         source=_make_source(metadata, where, frame.dataset, name),
-        tracks=make_pickled_tracks(tracks, states, frame, own.tracks),
+        tracks=make_pickled_tracks(tracks, states, frame, ego, own.tracks),
         lights=make_lights(description, frame, where),
         map=make_map(known, frame, own.features),
         objects_of_interest=tuple(str(track_id) for track_id in metadata.get("objects_of_interest", ())),
