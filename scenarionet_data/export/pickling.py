@@ -118,7 +118,7 @@ def _canonical(value: Any, texts: dict[str, str]) -> Any:
     this, so would the bytes.
     """
     if type(value) is set:
-        return _SortedSet(_canonical(member, texts) for member in sorted(value))
+        return _SortedSet(_canonical(member, texts) for member in sorted(value, key=repr))
     if type(value) is dict:
         return {_canonical(key, texts): _canonical(inner, texts) for key, inner in value.items()}
     if type(value) in (list, tuple):
