@@ -61,6 +61,7 @@ class Tracks:
         source_type: (N,) type as the source names it, or None.
         is_size_assumed, is_type_assumed, is_velocity_estimated: (N,) bool.
         extras: (N,) JSON text or None.
+        is_interpolated: (N, T) bool: states between the recorded times, not recorded themselves; False by default.
     """
 
     ids: Object
@@ -75,6 +76,11 @@ class Tracks:
     is_type_assumed: Bool
     is_velocity_estimated: Bool
     extras: Object
+    is_interpolated: Bool = None  # type: ignore[assignment]  # made from valid below
+
+    def __post_init__(self) -> None:
+        if self.is_interpolated is None:
+            object.__setattr__(self, "is_interpolated", np.zeros_like(self.valid))
 
     def __len__(self) -> int:
         return len(self.ids)
