@@ -15,11 +15,12 @@ map unless ``has_map`` is False.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import Any, ClassVar, get_args
 
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.base import Budgets, Converter
@@ -86,7 +87,11 @@ class NuScenesOptions(Options):
         metadata={"doc": "Whether the ego's extras contain speed, steering, ... from can_bus/, if available."},
     )
 
+    removed: ClassVar[Mapping[str, str]] = MappingProxyType({"rate": "set frames to 'recorded' for the keyframes, or resample when loading"})
+
     def __post_init__(self) -> None:
+        if self.frames not in get_args(Frames):
+            raise BadParameter(f"frames: expected recorded or resampled, found {self.frames!r}")
         if self.by not in ("scene", "window"):
             raise BadParameter(f"by: expected scene or window, found {self.by!r}")
         if not (0 <= self.past < 1000 and 0 <= self.future < 1000):
@@ -119,7 +124,7 @@ class NuScenes(Converter[NuScenesWindow | InvalidScenario]):
 
     def map_features(self, shard: Shard) -> MapBuilder:
         """Read the map of one location."""
-        return read_map(shard.paths[0])
+        return read_map(shard.paths[0], shard.items[0].name)
 
     def shards(self, raw: str, split: str, version: str, options: NuScenesOptions) -> Iterator[Shard]:
         """List the split's scenes in buckets of one location."""
@@ -225,7 +230,7 @@ def _scene_of(item: RawItem, options: NuScenesOptions) -> str:
 @lru_cache(maxsize=2)
 def _read_city(path: Path, _size: int, _changed: int) -> NuScenesCity:
     """Read a location's map; the last two are cached, as a worker's scenes are sorted by location."""
-    builder = read_map(path)
+    builder = read_map(path, (EXPANSION / path.name).as_posix())
     return NuScenesCity(map_id(path.stem), builder, builder.bounds)
 
 
