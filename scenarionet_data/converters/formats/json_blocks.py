@@ -23,6 +23,8 @@ BLOCK = 8 << 20
 """Bytes per block; larger blocks use more memory and are not faster."""
 
 _BETWEEN = re.compile(rb"\}\s*,\s*\{")
+_ENTRY = re.compile(rb"\{[^{}]*\}|[^\s,{}][^{}]*")
+"""A flat record, or what is between two records besides a comma."""
 _LARGEST = {"integer": 1 << 63, "float": 1e300}
 
 
@@ -42,7 +44,13 @@ def read_list(path: Path) -> list[Any]:
 
 
 def read_rows(
-    path: Path, schema: pa.Schema, key: str = "", wanted: Container[bytes] = (), block: int = BLOCK
+    path: Path,
+    schema: pa.Schema,
+    key: str = "",
+    tokens: Container[bytes] = (),
+    *,
+    is_excluding: bool = False,
+    block: int = BLOCK,
 ) -> Iterator[pa.Table]:
     """Yield the columns of ``schema``, one block of records at a time; other fields are skipped.
 
@@ -51,8 +59,9 @@ def read_rows(
     Args:
         path: A table of flat records, as all 13 tables are.
         schema: Columns to read; a field may be missing from some records, but not from all.
-        key: Read only the records whose text field of this name is in ``wanted``, or is missing.
-        wanted: Values of ``key``.
+        key: Read only the records whose text field of this name is one of ``tokens``, or is missing.
+        tokens: Values of ``key``.
+        is_excluding: Read the records with other values instead.
         block: Bytes per block.
 
     Raises:
@@ -63,7 +72,8 @@ def read_rows(
     try:
         for text in _blocks(path, block):
             has_key = has_key or not text.strip() or bool(chosen and chosen.search(text))
-            rows = _parsed(text, schema, chosen, wanted)
+            lines = _selected(text, chosen, tokens, is_excluding) if chosen else _BETWEEN.sub(b"}\n{", text)
+            rows = _parsed(lines, schema)
             if rows is not None:
                 has_rows = True
                 lacking -= {name for name in lacking if rows[name].null_count < len(rows)}
@@ -93,11 +103,21 @@ def _blocks(path: Path, size: int) -> Iterator[bytes]:
     yield rest[:-1]
 
 
-def _parsed(
-    text: bytes, schema: pa.Schema, chosen: re.Pattern[bytes] | None, wanted: Container[bytes]
-) -> pa.Table | None:
-    """Rows of a block, or None if it has none."""
-    lines = _selected(text, chosen, wanted) if chosen else _BETWEEN.sub(b"}\n{", text)
+def _selected(text: bytes, key: re.Pattern[bytes], tokens: Container[bytes], is_excluding: bool) -> bytes:
+    """Concatenate the records of a block whose key is wanted, and those that have no text as key."""
+    chosen, count = [], 0
+    for found in key.finditer(text):
+        count += 1
+        if (found[1] in tokens) is not is_excluding:
+            chosen.append(text[text.rfind(b"{", 0, found.start()) : text.find(b"}", found.end()) + 1])
+    if count < text.count(b"{"):
+        keys = [(entry, key.search(entry)) for entry in _ENTRY.findall(text)]
+        chosen = [entry for entry, found in keys if found is None or (found[1] in tokens) is not is_excluding]
+    return b"\n".join(chosen)
+
+
+def _parsed(lines: bytes, schema: pa.Schema) -> pa.Table | None:
+    """Rows of some records, or None if there are none."""
     if not lines.strip():
         return None
     try:
@@ -110,21 +130,9 @@ def _parsed(
         return _parsed_singly(lines, schema)
 
 
-def _selected(text: bytes, key: re.Pattern[bytes], wanted: Container[bytes]) -> bytes:
-    """Concatenate the records of a block whose key is wanted, and those that have no text as key."""
-    found = list(key.finditer(text))
-    if len(found) < text.count(b"{"):
-        records = _BETWEEN.sub(b"}\0{", text).split(b"\0")
-        keys = [key.search(record) for record in records]
-        return b"\n".join(r for r, k in zip(records, keys, strict=True) if k is None or k[1] in wanted)
-    return b"\n".join(
-        text[text.rfind(b"{", 0, each.start()) : text.find(b"}", each.end()) + 1] for each in found if each[1] in wanted
-    )
-
-
 def _parsed_singly(lines: bytes, schema: pa.Schema) -> pa.Table:
     """Parse records one by one; values of another type than in ``schema`` are null."""
-    records = [_record(line) for line in re.split(rb"(?<=\})\n(?=\{)", lines.strip())]
+    records = [_record(text) for text in _ENTRY.findall(lines)]
     fitting = {field.name: _fitting(field.type) for field in schema}
     columns = {name: [fit(record.get(name)) for record in records] for name, fit in fitting.items()}
     return pa.table(columns, schema=schema)
@@ -148,11 +156,11 @@ def _fitting(kind: pa.DataType) -> Callable[[Any], Any]:
     if pa.types.is_boolean(kind):
         return lambda value: value if isinstance(value, bool) else None
     if pa.types.is_integer(kind):
-        return lambda value: int(value) if _is_number(value, _LARGEST["integer"]) and value == value // 1 else None
-    return lambda value: float(value) if _is_number(value, _LARGEST["float"]) else None
+        return lambda value: int(value) if is_number(value, _LARGEST["integer"]) and value == value // 1 else None
+    return lambda value: float(value) if is_number(value, _LARGEST["float"]) else None
 
 
-def _is_number(value: Any, limit: float) -> bool:
+def is_number(value: Any, limit: float) -> bool:
     """Whether a value is a number of magnitude below ``limit``, and not NaN."""
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < limit
 

