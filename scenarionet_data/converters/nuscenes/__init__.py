@@ -15,7 +15,7 @@ map unless ``has_map`` is False.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -47,9 +47,11 @@ from scenarionet_data.converters.nuscenes.windows import (
     read_challenge,
     whole,
 )
+from scenarionet_data.converters.unused import counted, unused_files
 from scenarionet_data.errors import BadParameter, InvalidScenario, SourceNotFound
 from scenarionet_data.ingest.defects import Defects
 from scenarionet_data.ingest.options import Frames, Options
+from scenarionet_data.ingest.passed_over import PassedOver
 from scenarionet_data.ingest.shard import RawItem, Shard, bucket, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription, make_scenario_id
 
@@ -150,6 +152,25 @@ class NuScenes(Converter[NuScenesWindow | InvalidScenario]):
     def dataset_folder(self, raw: Path) -> Path:
         """The dataroot."""
         return dataroot(raw)
+
+    def passed_over(
+        self, raw: str, split: str, options: NuScenesOptions, shards: Sequence[Shard]
+    ) -> Iterator[PassedOver]:
+        """List the scenes that are not converted, maps without scenes, and the files that are not read."""
+        root, folder = dataroot(Path(raw)), find_release(Path(raw), split)
+        scenes, _, num_unnamed = read_scenes(folder)
+        names = {_scene_of(item, options) for shard in shards for item in shard.items}
+        yield from counted("scenes", len(scenes) - len(names), f"of another split than {split}")
+        yield from counted(f"entries of {folder.name}/scene.json", num_unnamed, "without a token and name of their own")
+        places = {str(shard.properties["location"]) for shard in shards}
+        maps = {path for path in (root / EXPANSION).glob("*.json") if path.stem not in places}
+        reason = "no scene of the split was recorded there" if options.has_map else "the option has_map is false"
+        yield from counted(f"maps in {EXPANSION.as_posix()}", len(maps), reason)
+        used = {*(folder / f"{table}.json" for table in TABLES), *maps}
+        used |= {map_file(root, place) for place in places} if options.has_map else set()
+        used |= {root / file for name in names for file in can_bus_files(name)} if options.has_can_bus else set()
+        used |= {root / CHALLENGE} if options.by == "window" else set()
+        yield from unused_files(root, used.__contains__, split, self.ignored)
 
     def files(self, shard: Shard) -> Iterator[list[str]]:
         """The tables, the location's map and the CAN bus messages."""

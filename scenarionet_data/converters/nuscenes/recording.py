@@ -179,7 +179,7 @@ class _SceneReader:
 
         drop(np.isnan(moments), "timestamp", "expected a time and a pose for each lidar sweep, found none")
         is_off = np.not_equal(np.clip(moments, times[0] - _AROUND, times[-1] + _AROUND), moments)
-        drop(is_off, "timestamp", "expected a time during the scene, found another")
+        drop(np.asarray(is_off), "timestamp", "expected a time during the scene, found another")
         is_missing = ~np.isfinite(poses).all(axis=1)
         drop(is_missing, "translation, rotation", "expected a position and a rotation, found none")
         if len(poses):
