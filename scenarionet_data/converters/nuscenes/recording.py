@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64
-from scenarionet_data.building.plausible import MAX_SPEED, find_bad_rows, find_repeated_rows
+from scenarionet_data.building.plausible import MAX_SPEED, find_bad_rows, find_jumps, find_repeated_rows
 from scenarionet_data.converters.nuscenes.columns import UNKNOWN_BIT
 from scenarionet_data.converters.nuscenes.keyframes import is_covered, nominal_period
 from scenarionet_data.converters.nuscenes.tables import NuScenesRelease
@@ -180,7 +180,7 @@ class _SceneReader:
         drop(np.isnan(moments), "timestamp", "expected a time and a pose for each lidar sweep, found none")
         is_off = np.not_equal(np.clip(moments, times[0] - _AROUND, times[-1] + _AROUND), moments)
         drop(np.asarray(is_off), "timestamp", "expected a time during the scene, found another")
-        is_missing = ~np.isfinite(poses).all(axis=1)
+        is_missing = np.asarray(~np.isfinite(poses).all(axis=1))
         drop(is_missing, "translation, rotation", "expected a position and a rotation, found none")
         if len(poses):
             faults = find_bad_rows(poses[:, :3], poses[:, 3], None, None, np.median(poses[:, :2], axis=0))
@@ -287,30 +287,6 @@ class _SceneReader:
 
 
 _TOO_FAST = f"expected less than {MAX_SPEED:.0f} m/s from and to the neighbouring positions, found more"
-
-
-def find_jumps(position: Float64, seen: Bool, seconds: Float64) -> Bool:
-    """States (N, T) that cannot be reached from their neighbours at ``MAX_SPEED``.
-
-    A state between two steps that are too fast has jumped; of a single such step, the later state, or the first of all.
-
-    Args:
-        position: (N, T, 2) [m].
-        seen: (N, T).
-        seconds: (T,) strictly increasing.
-    """
-    moved = np.hypot(*np.moveaxis(np.diff(position, axis=1), -1, 0))
-    is_fast = (moved > MAX_SPEED * np.diff(seconds)) & seen[:, 1:] & seen[:, :-1]
-    found = np.zeros(seen.shape, np.bool_)
-    if not is_fast.any():
-        return found
-    found[:, 1:-1] = is_fast[:, 1:] & is_fast[:, :-1]
-    single = is_fast & ~found[:, 1:] & ~found[:, :-1]
-    has_before = np.zeros_like(is_fast)
-    has_before[:, 1:] = seen[:, :-2]
-    found[:, 1:] |= single & has_before
-    found[:, :-1] |= single & ~has_before
-    return found
 
 
 def _attributes(bits: Array, row: Array, num_objects: int, words: list[str]) -> list[dict[str, int]]:
