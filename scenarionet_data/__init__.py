@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from scenarionet_data.loader import ScenarioLoader
     from scenarionet_data.maintenance.compaction import compact
     from scenarionet_data.maintenance.fsck import fsck
+    from scenarionet_data.maintenance.upgrading import upgrade
     from scenarionet_data.maintenance.vacuuming import vacuum
     from scenarionet_data.packs.verifying import verify_pack
     from scenarionet_data.quality.checks import run_checks
@@ -69,6 +70,7 @@ _HOME = {
     "plan_conversion": "scenarionet_data.conversion",
     "resample": "scenarionet_data.building",
     "run_checks": "scenarionet_data.quality.checks",
+    "upgrade": "scenarionet_data.maintenance",
     "vacuum": "scenarionet_data.maintenance",
     "verify_pack": "scenarionet_data.packs.verifying",
 }
