@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64
+from scenarionet_data.building import short_gaps
 from scenarionet_data.building.plausible import find_bad_rows, find_repeated_rows
 from scenarionet_data.converters.argoverse1.table import EGO, FOCAL, NUM_OBSERVED, OTHER, CsvRows, read_rows
 from scenarionet_data.errors import CorruptSource
@@ -165,21 +166,17 @@ class _Cleaning:
         self, ego: int, times: Float64, track: Int64, frame: Int64, position: Float64
     ) -> tuple[Int64, Int64, Float64, Bool]:
         """Interpolate the ego's rows that were dropped; every whole recording has one at each time."""
-        own = np.sort(frame[track == ego])
-        missing = np.setdiff1d(np.arange(len(times)), own)
-        after = np.searchsorted(own, missing)
-        inside = (after > 0) & (after < len(own))
-        missing, after = missing[inside], after[inside]
-        near = times[own[after]] - times[own[after - 1]] <= _LONGEST_STEP
-        missing = missing[near]
-        path = position[track == ego][np.argsort(frame[track == ego])]
-        filled = np.column_stack([np.interp(times[missing], times[own], path[:, axis]) for axis in range(2)])
+        own = np.argsort(np.where(track == ego, frame, len(times)))[: np.count_nonzero(track == ego)]
+        known = np.zeros(len(times), np.bool_)
+        known[frame[own]] = True
+        (missing,) = np.nonzero(short_gaps(times, known, _LONGEST_STEP))
+        filled = np.column_stack([np.interp(times[missing], times[frame[own]], position[own, axis]) for axis in range(2)])
         reason = "expected the ego at every time, found times without it, which are interpolated"
         self.defects.assume("tracks", self.file, [f"{times[each]:.3f} s" for each in missing], "X", reason)
         return (
             np.append(track, np.full(len(missing), ego)),
             np.append(frame, missing),
-            np.concatenate([position, filled.reshape(-1, 2)]),
+            np.concatenate([position, filled]),
             np.append(np.zeros(len(track), np.bool_), np.ones(len(missing), np.bool_)),
         )
 
