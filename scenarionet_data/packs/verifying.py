@@ -19,7 +19,8 @@ from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.lake_files import LakeFiles, sha256
 from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import snapshot as snapshots
-from scenarionet_data.storage.verifying import Damage, verify
+from scenarionet_data.storage.file_checks import Damage
+from scenarionet_data.storage.verifying import verify
 
 _LISTS = ("snapshots", "metadata", "databases")
 
