@@ -25,7 +25,8 @@ MAX_AVERAGE_HEADING = MAX_FINAL_HEADING = 0.8  # [rad]
 
 def expert_distance(position: Float64, recorded: Float64) -> Float64:
     """Distance (T,) from the recorded positions (T, 2) [m]."""
-    return np.hypot(*(position - recorded).T)
+    found: Float64 = np.hypot(*(position - recorded).T)
+    return found
 
 
 def expert_distance_with_yaw(
@@ -59,7 +60,8 @@ class PlanErrors:
     @property
     def miss_rates(self) -> Float64:
         """(H,) share of plans that miss, by horizon."""
-        return np.mean(self.largest_distance > np.array(MISS_DISTANCES)[:, None], axis=1)
+        rates: Float64 = np.mean(self.largest_distance > np.array(MISS_DISTANCES)[:, None], axis=1)
+        return rates
 
     @property
     def is_hit(self) -> bool:
