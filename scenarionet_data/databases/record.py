@@ -11,12 +11,11 @@ from functools import cached_property
 from typing import Any
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from scenarionet_data.errors import BadParameter, DatabaseExists, DatabaseNotFound
 from scenarionet_data.schema import tables
 from scenarionet_data.storage import seals
-from scenarionet_data.storage.files.errors import reading, writing
+from scenarionet_data.storage.files.errors import damaged, writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
 
 _FOLDER = "databases"
@@ -154,7 +153,8 @@ def names(files: LakeFiles) -> list[str]:
 def versions(files: LakeFiles, name: str) -> list[int]:
     """Return the versions of a database in ascending order; empty if it does not exist."""
     found = files.names(f"{_FOLDER}/{name}", ".parquet")
-    return sorted(int(path.rpartition("/")[2].removesuffix(".parquet")) for path in found)
+    stems = [path.rpartition("/")[2].removesuffix(".parquet") for path in found]
+    return sorted(int(stem) for stem in stems if stem.isdecimal())
 
 
 def read(files: LakeFiles, name: str, version: int | None = None) -> DatabaseRecord:
@@ -169,12 +169,23 @@ def read(files: LakeFiles, name: str, version: int | None = None) -> DatabaseRec
         have = f"versions {existing}" if existing else f"databases: {', '.join(names(files)) or 'none yet'}"
         wanted = name if version is None else f"{name}@{version}"
         raise DatabaseNotFound(f"{files.root}: no database {wanted!r}; {have}")
-    number = version or existing[-1]
-    file = path(name, number)
-    with reading(files.path(file)):
-        footer = pq.read_metadata(files.path(file)).metadata
+    return read_version(files, name, version or existing[-1])
+
+
+def read_version(files: LakeFiles, name: str, version: int) -> DatabaseRecord:
+    """Read the record of an existing version of a database.
+
+    Raises:
+        LakeError: The file is missing or damaged.
+    """
+    file = path(name, version)
+    footer = files.footer(file).metadata
     tables.load("members").check_version(footer, file)
-    return DatabaseRecord(name, number, Lineage.from_dict(json.loads(footer[b"scenarionet.lineage"])), files)
+    try:
+        lineage = Lineage.from_dict(json.loads(footer[b"scenarionet.lineage"]))
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise damaged(files.url(file), "its footer holds no lineage of a database") from error
+    return DatabaseRecord(name, version, lineage, files)
 
 
 def resolve(files: LakeFiles, database: DatabaseRecord | str) -> DatabaseRecord:
@@ -203,7 +214,7 @@ def all_records(files: LakeFiles) -> Iterator[DatabaseRecord]:
     """Read every version of every database, by name."""
     for name in names(files):
         for number in versions(files, name):
-            yield read(files, name, number)
+            yield read_version(files, name, number)
 
 
 def check_free(files: LakeFiles, name: str, *, replace: bool) -> None:

@@ -21,7 +21,7 @@ from scenarionet_data.databases import record as records
 from scenarionet_data.errors import BadParameter, UserColumnNotFound
 from scenarionet_data.schema import tables
 from scenarionet_data.storage import seals
-from scenarionet_data.storage.files.errors import reading, writing
+from scenarionet_data.storage.files.errors import damaged, writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
 
 _FOLDER = "layers"
@@ -75,7 +75,8 @@ def current(files: LakeFiles, pinned: Mapping[str, int]) -> dict[str, int]:
 def versions(files: LakeFiles, name: str) -> list[int]:
     """Return the versions of a user column in ascending order; empty if it does not exist."""
     found = files.names(f"{_FOLDER}/{name}", ".parquet")
-    return sorted(int(path.rpartition("/")[2].removesuffix(".parquet")) for path in found)
+    stems = [path.rpartition("/")[2].removesuffix(".parquet") for path in found]
+    return sorted(int(stem) for stem in stems if stem.isdecimal())
 
 
 def check_exists(files: LakeFiles, name: str, version: int | None = None) -> None:
@@ -103,10 +104,11 @@ def users(files: LakeFiles, name: str, version: int | None = None) -> list[tuple
 
 def read(files: LakeFiles, name: str, version: int) -> UserColumn:
     """Read the record of a version of a user column."""
-    path = files.path(_path(name, version))
-    with reading(path):
-        footer = pq.read_metadata(path).metadata
-    return UserColumn(**json.loads(footer[b"scenarionet.layer"]))
+    footer = files.footer(_path(name, version)).metadata
+    try:
+        return UserColumn(**json.loads(footer[b"scenarionet.layer"]))
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise damaged(files.url(_path(name, version)), "its footer does not describe a user column") from error
 
 
 def parse(references: Iterable[str]) -> dict[str, int]:

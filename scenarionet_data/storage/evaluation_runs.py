@@ -44,7 +44,8 @@ class EvaluationRun:
     def done(self) -> set[int]:
         """Numbers of the finished parts."""
         names = self.files.names(self._folder(self.tables[-1]), ".parquet")
-        return {int(name.rpartition("/")[2].removesuffix(".parquet")) for name in names}
+        stems = [name.rpartition("/")[2].removesuffix(".parquet") for name in names]
+        return {int(stem) for stem in stems if stem.isdecimal()}
 
     def publish(self, part: int, rows: Mapping[str, Sequence[Mapping[str, Any]] | pa.Table]) -> None:
         """Publish a part: rows of each of the tables, without the column ``run``."""
@@ -124,6 +125,11 @@ def parse(files: LakeFiles, name: str) -> tuple[dict[str, Any], bool]:
 def file_name(name: str) -> str:
     """File of a run's description."""
     return f"{_FOLDER}/{name}/run.json"
+
+
+def begun_at(files: LakeFiles, name: str) -> int | None:
+    """Snapshot that a run reads; None if there is no such run, or it reads none."""
+    return describe(files, name).get("snapshot") if name in names(files) else None
 
 
 def part_files(files: LakeFiles, table: str) -> list[str]:

@@ -16,6 +16,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from scenarionet_data.storage import seals
 from scenarionet_data.storage.files.errors import reading
 
 
@@ -87,6 +88,14 @@ class LakeFiles(ABC):
     @abstractmethod
     def digest(self, name: str) -> str:
         """SHA-256 of a file, hexadecimal."""
+
+    def verify(self, name: str) -> bool:
+        """Verify every byte of a Parquet file, and its name, by its seal; returns whether it is sealed.
+
+        Raises:
+            LakeError: It is missing or damaged, or not the file that was published under this name.
+        """
+        return seals.verify(self.path(name), name)
 
     def read(self, name: str, columns: list[str] | None = None) -> pa.Table:
         """Rows of a Parquet file."""
