@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from scenarionet_data.codec.content_hash import content_hash
+from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.loader import ScenarioLoader
 from scenarionet_data.maintenance.findings import Findings
 from scenarionet_data.storage.file_checks import Damage
