@@ -134,9 +134,13 @@ class LocalLakeFiles(LakeFiles):
 
     def remove(self, name: str) -> None:
         """Remove a file or folder; a folder disappears as a whole."""
-        removed = self.temporary()
-        with writing(self.path(name)):
-            self.path(name).rename(removed)
+        path = self.path(name)
+        with writing(path):
+            if not path.is_dir():
+                path.unlink()
+                return
+            removed = self.temporary()
+            path.rename(removed)
             with suppress(FileNotFoundError):  # swept by another job, because it is old
                 delete(removed)
 
