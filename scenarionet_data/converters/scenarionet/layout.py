@@ -9,13 +9,11 @@ that are large or differ between tracks or features are kept in the extras of th
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from scenarionet_data.converters.scenarionet.columns import OWN, literal, pack
-from scenarionet_data.converters.scenarionet.frame import Frame
 from scenarionet_data.converters.scenarionet.values import to_plain
 
 LAYOUT = "pickle"
@@ -43,40 +41,10 @@ _ID_KINDS = {int: "int", np.int64: "int", np.int32: "int", str: "str", np.str_: 
 Members = Mapping[Any, Mapping[str, Any]]
 
 
-@dataclass(frozen=True)
-class Own:
-    """Values that are kept with their track or map feature, filled by :func:`describe_layout`.
-
-    Attributes:
-        tracks: (N,) JSON-able.
-        features: (M,) JSON-able.
-    """
-
-    tracks: list[dict[str, Any]]
-    features: list[dict[str, Any]]
-
-    @classmethod
-    def of(cls, tracks: Members, features: Members) -> Own:
-        """Nothing yet."""
-        return cls([{} for _ in tracks], [{} for _ in features])
-
-
-def describe_layout(
-    description: Mapping[str, Any], features: Members, frame: Frame, is_size_unknown: Iterable[bool], own: Own
-) -> dict[str, Any]:
-    """Return the layout of a pickle, but for its summary of objects.
-
-    Args:
-        description: The pickle.
-        features: Those of its map features whose type is known.
-        frame: Its frame.
-        is_size_unknown: (N,) whether the lake's size of a track is an assumption.
-        own: To be filled.
-    """
+def describe_pickle(description: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the layout of everything but tracks, lights, known map features and the summary of objects."""
     metadata = description["metadata"]
     times = np.asarray(metadata["ts"])
-    unknown = {key: feature for key, feature in description["map_features"].items() if key not in features}
-    has_headings = frame.quirks == "nuscenes"
     return {
         "description": to_plain({key: value for key, value in description.items() if key not in _MEMBERS}),
         "metadata": to_plain({key: value for key, value in metadata.items() if key not in _DERIVED}),
@@ -85,10 +53,6 @@ def describe_layout(
             "first": float(times[0]),
             "is_list": not isinstance(metadata["ts"], np.ndarray),
         },
-        "tracks": describe_tracks(description["tracks"], is_size_unknown, own.tracks),
-        "lights": describe_lights(description["dynamic_map_states"]),
-        "map": describe_features(features, has_headings, own.features) | {"moved": frame.moved.tolist()},
-        "unknown_features": to_plain(unknown),
     }
 
 
