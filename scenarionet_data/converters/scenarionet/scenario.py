@@ -186,8 +186,9 @@ def _make_lights(
 
 
 def _have_heights(features: Mapping[Any, Any]) -> bool:
-    lines = (feature.get("polyline", ()) for feature in features.values())
-    return any([len(line) and len(line[0]) == 3 and np.asarray(line)[:, 2].any() for line in lines])
+    """Whether any line has heights; raises an error for a feature without a type, or whose line cannot be read."""
+    typed = [(feature["type"], feature.get("polyline", ())) for feature in features.values()]
+    return any([len(line) and len(line[0]) == 3 and np.asarray(line)[:, 2].any() for _, line in typed])
 
 
 def _assume_types(tracks: Mapping[Any, Any], where: str, defects: Defects) -> None:
