@@ -24,11 +24,11 @@ _ENCODER = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False, allow_nan
 
 def literal(value: Any) -> str:
     """Form of a field that has this value."""
-    return _simple_literal(type(value), value) if type(value) in _SIMPLE else _LITERAL + _ENCODER.encode(to_plain(value))
+    return _simple_literal(type(value).__name__, value) if type(value) in _SIMPLE else _LITERAL + _ENCODER.encode(to_plain(value))
 
 
 @lru_cache(maxsize=1024)
-def _simple_literal(_: type, value: Any) -> str:
+def _simple_literal(_: str, value: Any) -> str:
     """Most fields have one of few values; the type is an argument because 1, 1.0 and True are equal."""
     return _LITERAL + _ENCODER.encode(value)
 

@@ -89,7 +89,7 @@ def make_scenario(shard: Shard, where: str, description: dict[str, Any]) -> Scen
     features, has_heights = build_usable("maps", description["map_features"], _have_heights, where, defects)
     has_heights = has_heights or bool(states.position[..., 2][states.valid].any())
     frame = find_frame(description, states.position[ego], states.valid[ego], has_heights)
-    known = {key: feature for key, feature in features.items() if is_known(feature)}
+    known: Mapping[Any, Any] = {key: feature for key, feature in features.items() if is_known(feature)}
     known, (map_columns, map_features) = build_usable(
         "maps", known, lambda members: _make_map(members, frame, where), where, defects
     )
