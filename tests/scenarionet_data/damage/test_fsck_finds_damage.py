@@ -102,8 +102,9 @@ def changed(contents: dict[Path, bytes]) -> Iterator[None]:
 
 
 def files_of(root: Path) -> list[Path]:
-    """All files of a lake; none is unused."""
-    return sorted(path for path in root.rglob("*") if path.is_file() and ".tmp" not in path.parts)
+    """All files of a lake; none is unused. The checksums of a pack are checked by ``scenarionet pack --verify``."""
+    found = (path for path in root.rglob("*") if path.is_file() and ".tmp" not in path.parts)
+    return sorted(path for path in found if path.name != "SHA256SUMS")
 
 
 def kind_of(path: Path, root: Path) -> tuple[str, str]:
