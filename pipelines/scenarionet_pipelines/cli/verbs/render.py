@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.storage.files.opening import local_path
 from scenarionet_pipelines.cli import output
 from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.parameters import (
@@ -90,7 +91,7 @@ def command(
     from scenarionet_data import Lake, ScenarioLoader
     from scenarionet_data.plots import Drawing, Scene
 
-    path = Path(file)
+    path = local_path(file, "a picture or video")
     if path.exists() and not replace:
         raise BadParameter(f"{file} exists; choose another name, or --replace")
     opened = Lake(lake, snapshot)
