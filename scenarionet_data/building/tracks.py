@@ -36,6 +36,7 @@ def make_tracks(
     is_size_assumed: npt.ArrayLike = False,
     is_type_assumed: npt.ArrayLike = False,
     is_velocity_estimated: npt.ArrayLike = False,
+    is_interpolated: npt.ArrayLike = False,
     extras: Sequence[Mapping[str, Any] | None] | None = None,
 ) -> Tracks:
     """Build canonical tracks from arrays in the source frame.
@@ -51,6 +52,7 @@ def make_tracks(
         origin: (3,) float64 [m].
         source_type: (N,) type names of the source.
         is_size_assumed, is_type_assumed, is_velocity_estimated: (N,) or one bool for all.
+        is_interpolated: (N, T), (T,) or one bool: states between the recorded times.
         extras: (N,) JSON-serialisable mappings.
     """
     valid = np.ascontiguousarray(valid, dtype=np.bool_)
@@ -66,6 +68,7 @@ def make_tracks(
         velocity=poses[2],
         size=_sizes(np.asarray(size), valid),
         valid=valid,
+        is_interpolated=valid & np.asarray(is_interpolated, np.bool_),
         **_track_columns(
             ids, object_type, source_type, is_size_assumed, is_type_assumed, is_velocity_estimated, extras
         ),
@@ -88,6 +91,7 @@ def make_tracks_of_rows(
     is_size_assumed: npt.ArrayLike = False,
     is_type_assumed: npt.ArrayLike = False,
     is_velocity_estimated: npt.ArrayLike = False,
+    is_interpolated: npt.ArrayLike = False,
     extras: Sequence[Mapping[str, Any] | None] | None = None,
 ) -> Tracks:
     """Build canonical tracks from R rows of one observed state each.
@@ -103,6 +107,7 @@ def make_tracks_of_rows(
         size: (R, 3) [m] length, width, height.
         track, timestep: (R,) indices of each row; pairs are unique.
         num_timesteps: T.
+        is_interpolated: (R,) or one bool: states between the recorded times.
         source_type, is_size_assumed, is_type_assumed, is_velocity_estimated, extras: As for :func:`make_tracks`.
     """
     shape = (len(ids), num_timesteps)
@@ -118,6 +123,7 @@ def make_tracks_of_rows(
         velocity=grid(_canonical(velocity, METRES)),
         size=grid(_row_sizes(size, track, len(ids))),
         valid=grid(np.ones(len(track), np.bool_)),
+        is_interpolated=grid(np.array(np.broadcast_to(np.asarray(is_interpolated, np.bool_), (len(track),)))),
         **_track_columns(
             ids, object_type, source_type, is_size_assumed, is_type_assumed, is_velocity_estimated, extras
         ),

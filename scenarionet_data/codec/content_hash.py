@@ -43,12 +43,16 @@ def content_hash(scenario: ScenarioDescription) -> int:
 
 _HASHED_NAMES = {"feature_type": "types"}
 """Names of renamed fields in hashes, which must not change."""
+_HASHED_IF_SET = ("is_interpolated",)
+"""Later fields: hashes of scenarios that do not use them must not change."""
 
 
 def _add(digest: xxh3_64, part: Any) -> None:
     """Hash every array of a part, preceded by its name and shape."""
     for field in fields(part):
         value = getattr(part, field.name)
+        if field.name in _HASHED_IF_SET and not value.any():
+            continue
         if isinstance(value, Ragged):
             digest.update(value.offsets.data)
             value = value.values

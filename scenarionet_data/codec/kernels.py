@@ -37,21 +37,24 @@ def fill_states(
 
 
 @kernel(nogil=True)
-def fill_valid(first: int, start: Array, lengths: Array, num_flags: Array, at: int, flags: Array, valid: Array) -> None:
-    """Mark the valid timesteps of each span: all of them, or those with a flag.
+def fill_flags(
+    first: int, start: Array, lengths: Array, num_flags: Array, at: int, flags: Array, default: bool, out: Array
+) -> None:
+    """Fill the flags of each span: the listed ones, or ``default`` where there is no list.
 
     Args:
         first, start, lengths: As in :func:`fill_states`.
         num_flags: (rows,) int32 length of the span, or 0.
         at: Offset of the first object's flags.
         flags: bool.
-        valid: (N, T) bool, all False, filled.
+        default: Flag of the spans without a list.
+        out: (N, T) bool, all False, filled.
     """
-    for row in range(len(valid)):
+    for row in range(len(out)):
         begin = start[first + row]
         has_flags = num_flags[first + row] > 0
         for step in range(begin, begin + lengths[first + row]):
-            valid[row, step] = flags[at] if has_flags else True
+            out[row, step] = flags[at] if has_flags else default
             at += has_flags
 
 

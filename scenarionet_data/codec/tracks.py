@@ -12,14 +12,15 @@ from scenarionet_data.arrays.columns import Columns, Lists, offsets_of
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.codec.arrow import batch, dictionary_of, list_array, names_of, string_array
 from scenarionet_data.codec.columns import ScenarioColumns, codes
-from scenarionet_data.codec.kernels import fill_sizes, fill_states, fill_valid
+from scenarionet_data.codec.kernels import fill_flags, fill_sizes, fill_states
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import Tracks
 from scenarionet_data.scenario.vocabulary import ObjectType
 
 _STRINGS = {"track_id": "ids", "source_type": "source_type", "extras": "extras"}
 _EXTENTS = ("length", "width", "height")
-_OVER_TIME = ("x", "y", "z", "heading", "vx", "vy", *_EXTENTS, "valid")
+_FLAGS = ("valid", "is_interpolated")
+_OVER_TIME = ("x", "y", "z", "heading", "vx", "vy", *_EXTENTS, *_FLAGS)
 
 
 def encode_tracks(scenario_id: str, tracks: Tracks, has_z: bool) -> pa.RecordBatch:
@@ -29,9 +30,6 @@ def encode_tracks(scenario_id: str, tracks: Tracks, has_z: bool) -> pa.RecordBat
     time = np.arange(steps, dtype=np.int32)
     inside = (time >= start[:, None]) & (time < (start + lengths)[:, None])
     offsets = offsets_of(lengths)
-    flat_valid = tracks.valid[inside]
-    gaps = offsets_of(~flat_valid)  # cumulative number of invalid steps
-    is_gapless = gaps[offsets[1:]] == gaps[offsets[:-1]]
 
     def column(values: Array) -> pa.Array:
         return list_array(offsets, values[inside])
@@ -52,11 +50,12 @@ def encode_tracks(scenario_id: str, tracks: Tracks, has_z: bool) -> pa.RecordBat
         "length": _encode_size(tracks.size[..., 0], tracks.valid, inside, lengths),
         "width": _encode_size(tracks.size[..., 1], tracks.valid, inside, lengths),
         "height": _encode_size(tracks.size[..., 2], tracks.valid, inside, lengths),
-        "valid": _encode_valid(flat_valid, lengths, is_gapless),
+        "valid": _encode_flags(tracks.valid[inside], lengths, default=True),
         "source_type": dictionary_of(tracks.source_type),
         "is_size_assumed": pa.array(tracks.is_size_assumed),
         "is_type_assumed": pa.array(tracks.is_type_assumed),
         "is_velocity_estimated": pa.array(tracks.is_velocity_estimated),
+        "is_interpolated": _encode_flags(tracks.is_interpolated[inside], lengths, default=False),
         "extras": string_array(tracks.extras),
     }
     return batch("tracks", columns)
@@ -93,7 +92,7 @@ def _is_like(column: Lists, name: str, spans: Array, bounds: Sequence[int]) -> b
     fits = column.lengths == spans
     if name in _EXTENTS:
         fits |= column.lengths == 1
-    elif name == "valid":  # null when the whole span is valid
+    elif name in _FLAGS:  # null when they are the same in the whole span
         fits |= column.lengths == 0
     elif name == "z" and not fits.all():  # null in scenarios without heights
         has_any = np.diff(column.offsets[bounds]) > 0
@@ -106,19 +105,28 @@ def _grids(columns: Columns, first: int, last: int, steps: int) -> dict[str, Arr
     shape = (last - first, steps)
     position, heading = np.zeros((*shape, 3), np.float32), np.zeros(shape, np.float32)
     velocity, size = np.zeros((*shape, 2), np.float32), np.zeros((*shape, 3), np.float32)
-    valid = np.zeros(shape, np.bool_)
+    valid, is_interpolated = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
     start, lists = columns.flat["start"], columns.lists
-    spans, heights, flags = lists["x"], lists["z"], lists["valid"]
+    spans, heights = lists["x"], lists["z"]
     has_z = heights.offsets[last] > heights.offsets[first]
     at, at_z = int(spans.offsets[first]), int(heights.offsets[first]) if has_z else -1
     states = tuple(lists[name].values for name in ("x", "y", "z", "heading", "vx", "vy"))
     fill_states(first, start, spans.lengths, at, at_z, states, (position, heading, velocity))
-    fill_valid(first, start, spans.lengths, flags.lengths, flags.offsets[first], flags.values, valid)
+    for name, default, out in (("valid", True, valid), ("is_interpolated", False, is_interpolated)):
+        flags = lists[name]
+        fill_flags(first, start, spans.lengths, flags.lengths, flags.offsets[first], flags.values, default, out)
     for axis, name in enumerate(_EXTENTS):
         extent = lists[name]
         at = extent.offsets[first]
         fill_sizes(first, start, spans.lengths, extent.lengths, at, extent.values, valid, size, axis)
-    return {"position": position, "heading": heading, "velocity": velocity, "size": size, "valid": valid}
+    return {
+        "position": position,
+        "heading": heading,
+        "velocity": velocity,
+        "size": size,
+        "valid": valid,
+        "is_interpolated": is_interpolated,
+    }
 
 
 def _spans(valid: Array) -> tuple[Array, Array]:
@@ -140,10 +148,12 @@ def _encode_size(size: Array, valid: Array, inside: Array, lengths: Array) -> pa
     return list_array(offsets_of(np.where(is_constant, 1, lengths)), size[kept])
 
 
-def _encode_valid(flat_valid: Array, lengths: Array, is_gapless: Array) -> pa.Array:
-    """Lists of flags; null where the whole span is valid."""
-    kept = flat_valid[np.repeat(~is_gapless, lengths)]
-    return list_array(offsets_of(np.where(is_gapless, 0, lengths)), kept, mask=is_gapless)
+def _encode_flags(flags: Array, lengths: Array, *, default: bool) -> pa.Array:
+    """Lists of flags; null where the whole span has the default."""
+    offsets, others = offsets_of(lengths), offsets_of(flags != default)
+    is_uniform = others[offsets[1:]] == others[offsets[:-1]]
+    kept = flags[np.repeat(~is_uniform, lengths)]
+    return list_array(offsets_of(np.where(is_uniform, 0, lengths)), kept, mask=is_uniform)
 
 
 def _require(column: str, fits: bool) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
@@ -14,7 +15,8 @@ import pyarrow.parquet as pq
 
 from scenarionet_data.errors import BadParameter, DatabaseExists, DatabaseNotFound
 from scenarionet_data.schema import tables
-from scenarionet_data.storage.files.errors import reading
+from scenarionet_data.storage import seals
+from scenarionet_data.storage.files.errors import reading, writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
 
 _FOLDER = "databases"
@@ -220,14 +222,26 @@ def check_free(files: LakeFiles, name: str, *, replace: bool) -> None:
 
 
 def rename(files: LakeFiles, name: str, new_name: str) -> None:
-    """Rename a database with all its versions.
+    """Rename a database with all its versions: they are sealed again, because a seal covers the file's name.
 
     Raises:
         DatabaseExists: The new name is taken.
+        LakeError: A version is damaged.
     """
     check_free(files, new_name, replace=False)
-    if not files.move(f"{_FOLDER}/{name}", f"{_FOLDER}/{new_name}"):
+    draft, numbers = files.temporary(), versions(files, name)
+    with writing(draft):
+        draft.mkdir()
+    for number in numbers:
+        source, copy = files.path(path(name, number)), draft / f"{number}.parquet"
+        seals.verify(source, path(name, number))
+        with writing(copy):
+            shutil.copyfile(source, copy)
+            seals.seal(copy, path(new_name, number))
+    if not files.publish_folder(draft, f"{_FOLDER}/{new_name}"):
         raise DatabaseExists(f"database {new_name!r} exists; choose another name, or drop it first")
+    for number in numbers:  # a version that another job has added in the meantime is kept
+        drop(files, name, number)
 
 
 def drop(files: LakeFiles, name: str, version: int | None = None) -> None:

@@ -20,6 +20,7 @@ import pyarrow.parquet as pq
 from scenarionet_data.databases import record as records
 from scenarionet_data.errors import BadParameter, UserColumnNotFound
 from scenarionet_data.schema import tables
+from scenarionet_data.storage import seals
 from scenarionet_data.storage.files.errors import reading, writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
 
@@ -160,7 +161,8 @@ def _write(files: LakeFiles, values: pa.Table, column: UserColumn) -> Path:
     temporary = files.temporary()
     footer = {"scenarionet.layer": json.dumps(asdict(column))}
     with writing(temporary, temporary):
-        pq.write_table(values.replace_schema_metadata(footer), temporary, compression="zstd")
+        pq.write_table(values.replace_schema_metadata(footer), temporary, compression="zstd", write_page_checksum=True)
+        seals.seal(temporary, _path(column.name, column.version))
     return temporary
 
 

@@ -16,6 +16,7 @@ from scenarionet_data.databases import record as records
 from scenarionet_data.databases.record import DatabaseRecord, Lineage
 from scenarionet_data.errors import LakeError
 from scenarionet_data.schema import tables
+from scenarionet_data.storage import seals
 from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
 
@@ -78,7 +79,10 @@ class DatabaseWriter:
             version = (records.versions(self._files, name) or [0])[-1] + 1
             # Checked after listing: a version that a rival publishes in between makes publish_new fail instead.
             records.check_free(self._files, name, replace=replace)
-            if self._files.publish_new(records.path(name, version), self._path):
+            file = records.path(name, version)
+            with writing(self._path):
+                seals.seal(self._path, file)
+            if self._files.publish_new(file, self._path):
                 return DatabaseRecord(name, version, self._lineage, self._files)
 
     def discard(self) -> None:

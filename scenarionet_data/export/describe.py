@@ -112,6 +112,8 @@ def _describe_tracks(scenario: ScenarioDescription, identity: Identity) -> dict[
             "is_type_assumed": bool(tracks.is_type_assumed[row]),
             "is_velocity_estimated": bool(tracks.is_velocity_estimated[row]),
         }
+        if tracks.is_interpolated[row].any():
+            metadata["is_interpolated"] = np.array(tracks.is_interpolated[row])
         if tracks.extras[row]:
             metadata["extras"] = from_json(tracks.extras[row])
         state = {name: array[row] for name, array in arrays.items()}

@@ -6,9 +6,14 @@ import difflib
 import types
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
-from typing import Any, Literal, Self, Union, get_args, get_origin, get_type_hints
+from types import MappingProxyType
+from typing import Any, ClassVar, Literal, Self, Union, get_args, get_origin, get_type_hints
 
 from scenarionet_data.errors import BadParameter
+
+Frames = Literal["recorded", "resampled"]
+"""Timesteps of a scenario: the recorded times, or times at a fixed rate. Type of the option ``frames``, which every
+converter that resamples has (docs/explanation/time.md)."""
 
 
 @dataclass(frozen=True)
@@ -16,7 +21,22 @@ class Options:
     """Options of a converter; subclasses add fields with defaults and ``metadata={"doc": ...}``.
 
     A field with ``"is_path": True`` as well names a folder on this machine; it is not part of a shard's identity.
+
+    Class attributes:
+        removed: Options that no longer exist, each with the advice that names their successor.
     """
+
+    removed: ClassVar[Mapping[str, str]] = MappingProxyType({})
+
+    @classmethod
+    def refuse_removed(cls, name: str) -> None:
+        """Raise for the name of an option that no longer exists.
+
+        Raises:
+            BadParameter: The message names its successor.
+        """
+        if name in cls.removed:
+            raise BadParameter(f"option {name!r} no longer exists; {cls.removed[name]}")
 
     @property
     def paths(self) -> dict[str, str]:
@@ -32,6 +52,7 @@ class Options:
         """
         hints, known = get_type_hints(cls), {each.name: each for each in fields(cls)}
         for name, value in values.items():
+            cls.refuse_removed(name)
             if name not in known:
                 near = difflib.get_close_matches(name, known, n=1)
                 hint = f"did you mean {near[0]!r}? " if near else ""

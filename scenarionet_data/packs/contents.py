@@ -30,7 +30,7 @@ from scenarionet_data.storage.snapshots.shard_record import ShardRecord, partiti
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
 from scenarionet_data.storage.write.relocation import addresses, copy_rows, provenance, with_addresses
 from scenarionet_data.storage.write.shard_writer import SCENARIOS_PER_FILE
-from scenarionet_data.storage.write.table_file import write_table
+from scenarionet_data.storage.write.table_file import publish_data, publish_table
 
 SUMS = "SHA256SUMS"
 _SHARD = ("dataset", "version", "split", "converter_version", "options")
@@ -86,9 +86,15 @@ class PackWriter:
         if self._on_progress:
             self._on_progress(self._num_done, 2 * len(self._database), self._num_done // 2)
 
-    def _publish(self, temporary: Path, name: str, digest: str | None = None) -> None:
-        self.sums[name] = digest or sha256(temporary)
+    def _publish(self, temporary: Path, name: str) -> None:
+        self.sums[name] = sha256(temporary)
         self._target.publish(temporary, name)
+
+    def _publish_data(self, temporary: Path, stem: str) -> str:
+        """Publish a file of a table; returns its name."""
+        sealed = publish_data(self._target, temporary, stem)
+        self.sums[sealed.name] = sealed.checksum
+        return sealed.name
 
     # --- shards -------------------------------------------------------------------------------------
 
@@ -134,8 +140,9 @@ class PackWriter:
         )
         content = pa.concat_tables(chunks).drop_columns(["options"])
         footer |= {"scenarionet.shard": json.dumps(asdict(record))}
-        temporary = write_table(self._target, "metadata", content, footer, row_group_size=_ROWS_PER_GROUP)
-        self._publish(temporary, str(record.metadata_file))
+        name = str(record.metadata_file)
+        publish_table(self._target, "metadata", content, footer, name, row_group_size=_ROWS_PER_GROUP)
+        self.sums[name] = sha256(self._target.path(name))
         return record
 
     def _copy(self, table: str, rows: pa.Table, stem: str, footer: dict[str, str]) -> tuple[pa.Table, list[str]]:
@@ -151,9 +158,7 @@ class PackWriter:
         footer = footer | {"scenarionet.num_scenarios": str(rows.num_rows)}
         with writing(temporary, temporary):
             copied = copy_rows(self._rows[table], table, [*chosen.values()], temporary, footer)
-        digest = sha256(temporary)
-        name = f"{stem}-{digest[:16]}.parquet"
-        self._publish(temporary, name, digest)
+        name = self._publish_data(temporary, stem)
         return with_addresses(rows, table, name, dict(zip(chosen, copied, strict=True))), [name]
 
     def _record(self, *, files: list[str], metadata_folder: str | None, **fields: Any) -> ShardRecord:
@@ -182,9 +187,7 @@ class PackWriter:
             record = self._shards[source][0]
             temporary = self._target.temporary()
             self._copy_tiles(source, tiles.tiles_in(self._view.files, source, listed), temporary)
-            digest = sha256(temporary)
-            name = f"{partition('maps', dataset, version, '')}/{map_id}-{digest[:16]}.parquet"
-            self._publish(temporary, name, digest)
+            name = self._publish_data(temporary, f"{partition('maps', dataset, version, '')}/{map_id}")
             same = ("dataset", "version", "split", "name", "options", "converter_version", "items", "fingerprints")
             yield self._record(
                 **{field: record[field] for field in same},

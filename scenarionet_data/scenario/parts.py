@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 from urllib.parse import quote
 
@@ -46,6 +46,9 @@ def strings(values: Any) -> Object:
     return np.array(list(map(str, values)), dtype=object)
 
 
+_NOT_GIVEN: Bool = np.zeros((0, 0), np.bool_)
+
+
 @dataclass(frozen=True, eq=False)
 class Tracks:
     """The objects of a scenario.
@@ -61,6 +64,7 @@ class Tracks:
         source_type: (N,) type as the source names it, or None.
         is_size_assumed, is_type_assumed, is_velocity_estimated: (N,) bool.
         extras: (N,) JSON text or None.
+        is_interpolated: (N, T) bool: states between the recorded times, not recorded themselves; False by default.
     """
 
     ids: Object
@@ -75,6 +79,11 @@ class Tracks:
     is_type_assumed: Bool
     is_velocity_estimated: Bool
     extras: Object
+    is_interpolated: Bool = field(default_factory=lambda: _NOT_GIVEN)
+
+    def __post_init__(self) -> None:
+        if self.is_interpolated is _NOT_GIVEN:
+            object.__setattr__(self, "is_interpolated", np.zeros_like(self.valid))
 
     def __len__(self) -> int:
         return len(self.ids)

@@ -95,6 +95,9 @@ def validate_tracks(validator: Validator, tracks: Tracks, steps: int) -> None:
     validator.check(
         ((tracks.size > 0) | ~tracks.valid[..., None]).all(), "tracks.size", "wanted sizes above 0 where valid"
     )
+    validator.array(tracks.is_interpolated, "tracks.is_interpolated", (count, steps), np.bool_)
+    is_inside = not (tracks.is_interpolated & ~tracks.valid).any()
+    validator.check(is_inside, "tracks.is_interpolated", "wanted False where valid is False")
     for name in ("is_size_assumed", "is_type_assumed", "is_velocity_estimated"):
         validator.array(getattr(tracks, name), f"tracks.{name}", (count,), np.bool_)
     for name in ("source_type", "extras"):

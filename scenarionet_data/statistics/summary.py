@@ -103,7 +103,7 @@ _COUNTED = {
 
 
 def object_counts(tracks: Tracks) -> dict[str, Any]:
-    """Objects with at least one valid timestep: in all, by type, moving (more than 1 m)."""
+    """Objects with at least one valid timestep: in all, by type, moving (more than 1 m); and counts of states."""
     present = tracks.valid.any(axis=1)
     per_type = np.bincount(tracks.object_type[present], minlength=len(ObjectType))
     counts = {name: int(per_type[kind]) for name, kind in _COUNTED.items()}
@@ -113,6 +113,7 @@ def object_counts(tracks: Tracks) -> dict[str, Any]:
         "num_others": int(present.sum()) - sum(counts.values()),
         "num_moving_objects": int((travelled(tracks) > 1.0).sum()),
         "num_states": int(tracks.valid.sum()),
+        "interpolated_share": float(tracks.is_interpolated.sum() / max(tracks.valid.sum(), 1)),
         "has_construction": counts["num_cones"] + counts["num_barriers"] > 0,
     }
 

@@ -7,7 +7,6 @@ interrupted run continues with the missing parts.
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,10 +14,13 @@ from typing import Any
 
 import pyarrow as pa
 
-from scenarionet_data.errors import BadParameter, SchemaMismatch
+from scenarionet_data.errors import BadParameter, LakeError, SchemaMismatch
 from scenarionet_data.schema import tables
+from scenarionet_data.storage import sealed_json
+from scenarionet_data.storage.files.errors import reading
 from scenarionet_data.storage.files.lake_files import LakeFiles
-from scenarionet_data.storage.write.table_file import write_table
+from scenarionet_data.storage.sealed_json import NewerFormat
+from scenarionet_data.storage.write.table_file import publish_table
 
 RUN_TABLES = ("results", "rollouts", "observations")
 _FOLDER = "results"
@@ -51,8 +53,8 @@ class EvaluationRun:
             found = rows[table]
             content = found if isinstance(found, pa.Table) else _table(found, schema)
             named = content.add_column(0, schema.field("run"), pa.array([self.name] * content.num_rows, pa.string()))
-            temporary = write_table(self.files, table, named.select(schema.names), {})
-            self.files.publish(temporary, f"{self._folder(table)}/{part:06d}.parquet")
+            name = f"{self._folder(table)}/{part:06d}.parquet"
+            publish_table(self.files, table, named.select(schema.names), {}, name)
 
     def _folder(self, table: str) -> str:
         return f"{_FOLDER}/{self.name}/{table}"
@@ -74,8 +76,7 @@ def claim(files: LakeFiles, name: str, run_tables: tuple[str, ...], description:
     if not _NAME.fullmatch(name):
         raise BadParameter(f"{name!r} is not a valid name of a run; use letters, digits, '.', '_' and '-'")
     wanted = dict(description) | {"tables": [tables.load(table).tag for table in run_tables]}
-    data = json.dumps(wanted, indent=1, sort_keys=True).encode()
-    if not files.publish_new(f"{_FOLDER}/{name}/run.json", data):
+    if not files.publish_new(file_name(name), sealed_json.seal(wanted, file_name(name))):
         found = describe(files, name)
         differing = sorted(key for key in {*found, *wanted} if found.get(key) != wanted.get(key))
         if differing:
@@ -93,9 +94,36 @@ def names(files: LakeFiles) -> list[str]:
 
 
 def describe(files: LakeFiles, name: str) -> dict[str, Any]:
-    """Description of a run."""
-    description: dict[str, Any] = json.loads(files.path(f"{_FOLDER}/{name}/run.json").read_bytes())
-    return description
+    """Description of a run.
+
+    Raises:
+        LakeError: It is missing or damaged.
+    """
+    return parse(files, name)[0]
+
+
+def parse(files: LakeFiles, name: str) -> tuple[dict[str, Any], bool]:
+    """Description of a run, and whether it is sealed, and therefore verified.
+
+    Raises:
+        LakeError: It is missing or damaged, or was written by a newer version of this software.
+    """
+    path = files.path(file_name(name))
+    try:
+        with reading(path):
+            return sealed_json.read(path.read_bytes(), file_name(name))
+    except NewerFormat as error:
+        raise LakeError(f"{path}: {error}, by a newer version of this software; update it") from error
+    except ValueError as error:
+        raise LakeError(
+            f"{path}: damaged, it is no description of a run; restore it from a copy of the lake, or remove the folder "
+            "of the run and simulate again"
+        ) from error
+
+
+def file_name(name: str) -> str:
+    """File of a run's description."""
+    return f"{_FOLDER}/{name}/run.json"
 
 
 def part_files(files: LakeFiles, table: str) -> list[str]:

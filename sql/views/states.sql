@@ -19,6 +19,7 @@ SELECT
     sqrt(vx[i] * vx[i] + vy[i] * vy[i]) AS speed,
     length[least(i, len(length))] AS length,
     width[least(i, len(width))] AS width,
-    height[least(i, len(height))] AS height
+    height[least(i, len(height))] AS height,
+    coalesce(is_interpolated[i], false) AS is_interpolated
 FROM spans
 WHERE valid IS NULL OR valid[i];

@@ -19,7 +19,7 @@ from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord, partition
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
-from scenarionet_data.storage.write.table_file import write_table
+from scenarionet_data.storage.write.table_file import publish_table
 from tests.bench.measure import Figure, in_fresh_process
 from tests.fixtures.scenarios import make_scenario
 
@@ -168,7 +168,7 @@ def _write_shard(files: LakeFiles, template: pa.Table, number: int, rng: np.rand
         index = table.schema.get_field_index(column)
         table = table.set_column(index, table.schema.field(index), pa.array(values, table.schema.field(index).type))
     metadata_file = f"{partition('metadata', 'waymo', 'v1.2', 'train')}/{name}-0.parquet"
-    files.publish(write_table(files, "metadata", table, {}), metadata_file)
+    publish_table(files, "metadata", table, {}, metadata_file)
     tracks = [f"{partition('tracks', 'waymo', 'v1.2', 'train')}/{name}-{part:03d}-0.parquet" for part in range(8)]
     return ShardRecord(
         key=f"{number:016x}",

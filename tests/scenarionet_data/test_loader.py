@@ -29,7 +29,7 @@ from scenarionet_data.storage.read.parquet import footer, page_kernels
 from scenarionet_data.storage.read.row_table import RowTable
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.shard_record import partition
-from scenarionet_data.storage.write.table_file import write_table
+from scenarionet_data.storage.write.table_file import publish_table
 from scenarionet_data.testing import differences
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import make_scenario
@@ -176,7 +176,7 @@ def compacted(root: Path, scenarios, groups) -> Lake:
             address[f"{table}_file"] = name if address[f"{table}_num_rows"] else None
     rows = [{**e.metadata, **address} for e, address in zip(encoded, addresses, strict=True)]
     metadata = f"{partition('metadata', 'made', 'v1', 'train')}/compacted.parquet"
-    files.publish(write_table(files, "metadata", rows, {}), metadata)
+    publish_table(files, "metadata", rows, {}, metadata)
     snapshots.publish(files, snapshots.Snapshot(1, "", "compact", (metadata,), ()))
     return Lake(root)
 

@@ -165,6 +165,7 @@ def make_pickled_tracks(tracks: TrackDicts, states: States, origin: Float64, dat
         is_size_assumed=states.is_size_assumed | _flags(metadata, "is_size_assumed", dataset == "av2"),
         is_type_assumed=_flags(metadata, "is_type_assumed", False),
         is_velocity_estimated=_flags(metadata, "is_velocity_estimated", dataset == "nuscenes"),
+        is_interpolated=np.stack([_interpolated(described, states.valid.shape[1]) for described in metadata]),
         extras=[described.get("extras") for described in metadata],
     )
 
@@ -179,6 +180,15 @@ def _source_type(track: Mapping[str, Any]) -> str | None:
 
 def _flags(metadata: list[Mapping[str, Any]], name: str, default: bool) -> Bool:
     return np.array([bool(described.get(name, default)) for described in metadata], dtype=np.bool_)
+
+
+def _interpolated(described: Mapping[str, Any], length: int) -> Bool:
+    """(T,) flags that this project's export keeps in a track's metadata."""
+    flags = np.zeros(length, np.bool_)
+    kept = np.asarray(described.get("is_interpolated", flags))
+    if kept.shape == flags.shape:
+        flags[:] = kept > 0.5
+    return flags
 
 
 def count_unstored_states(tracks: TrackDicts) -> dict[str, int]:

@@ -40,10 +40,15 @@ def reading(path: Path | str) -> Iterator[None]:
     except FileGone:
         raise
     except (OSError, pa.ArrowInvalid) as error:
-        raise LakeError(
-            f"cannot read {path}: {_reason(error)}; `scenarionet check` lists the affected scenarios: restore the "
-            "file from a copy of the lake, or `scenarionet fsck --repair` and convert its recordings again"
-        ) from error
+        raise damaged(path, _reason(error)) from error
+
+
+def damaged(url: Path | str, reason: str) -> LakeError:
+    """The error for a file that is missing, unreadable, or not as it was written."""
+    return LakeError(
+        f"cannot read {url}: {reason}; `scenarionet check` lists the affected scenarios: restore the file from a copy "
+        "of the lake, or `scenarionet fsck --repair` and convert its recordings again"
+    )
 
 
 def _reason(error: Exception) -> str:

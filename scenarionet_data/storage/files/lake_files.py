@@ -140,8 +140,12 @@ class LakeFiles(ABC):
         """
 
     @abstractmethod
-    def move(self, folder: str, name: str) -> bool:
-        """Rename a folder; returns whether the new name was free."""
+    def publish_folder(self, temporary: Path, name: str) -> bool:
+        """Publish the files of a temporary folder unless a folder of that name has files.
+
+        Returns:
+            Whether this call created the folder. The temporary folder is gone in any case.
+        """
 
     @abstractmethod
     def remove(self, name: str) -> None:

@@ -113,13 +113,16 @@ class LocalLakeFiles(LakeFiles):
             temporary.unlink()
         return True
 
-    def move(self, folder: str, name: str) -> bool:
-        """Rename a folder atomically; returns whether the new name was free."""
+    def publish_folder(self, temporary: Path, name: str) -> bool:
+        """Rename a temporary folder unless a folder of that name has files; see :class:`LakeFiles`."""
         target = self.path(name)
         with writing(target):
+            for path in temporary.iterdir():
+                _sync(path)
             try:
-                self.path(folder).rename(target)
+                temporary.rename(target)
             except OSError as error:
+                delete(temporary)
                 if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
                     raise
                 return False

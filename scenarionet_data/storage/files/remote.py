@@ -24,7 +24,7 @@ from scenarionet_data.storage.files.cache import LocalCopies, folder_of
 from scenarionet_data.storage.files.errors import reading, writing
 from scenarionet_data.storage.files.lake_files import LakeFiles, Listed
 from scenarionet_data.storage.files.object_store import ObjectStore
-from scenarionet_data.storage.files.temporary import TemporaryFolder
+from scenarionet_data.storage.files.temporary import TemporaryFolder, delete
 
 FOOTER = 2**17
 """Bytes requested from the end of a file for its footer; one with 64 row groups is 60-100 kB."""
@@ -215,16 +215,12 @@ class RemoteLakeFiles(LakeFiles):
             data.unlink()
         return is_created
 
-    def move(self, folder: str, name: str) -> bool:
-        """Copy a folder file by file, then remove the old one; returns whether the new name was free."""
-        listed = self.names(folder)
-        if self.names(name):
-            return False
-        for old in listed:
-            if not self.publish_new(f"{name}/{old.rpartition('/')[2]}", self.path(old).read_bytes()):
-                return False
-        self._store.delete(listed)
-        return True
+    def publish_folder(self, temporary: Path, name: str) -> bool:
+        """Upload the files of a temporary folder unless a folder of that name has files; see :class:`LakeFiles`."""
+        is_free = not self.names(name)
+        created = is_free and all(self.publish_new(f"{name}/{path.name}", path) for path in sorted(temporary.iterdir()))
+        delete(temporary)
+        return created
 
     def remove(self, name: str) -> None:
         """Remove a file or folder."""

@@ -16,7 +16,7 @@ from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
-from scenarionet_data.storage.write.table_file import write_table
+from scenarionet_data.storage.write.table_file import publish_table
 
 _MAX_MANIFESTS = 16
 
@@ -93,7 +93,7 @@ def _write_file(files: LakeFiles, rows: list[dict[str, object]]) -> str:
     # The name of the metadata file changes when a shard is rewritten to other files.
     identity = "\n".join(f"{row['key']} {row['metadata_file']}" for row in ordered)
     name = f"{snapshots.FOLDER}/manifest-{hashlib.blake2b(identity.encode(), digest_size=8).hexdigest()}.parquet"
-    files.publish(write_table(files, "shards", ordered, {}), name)
+    publish_table(files, "shards", ordered, {}, name)
     return name
 
 

@@ -19,7 +19,7 @@ from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
-from scenarionet_data.storage.write.table_file import write_table
+from scenarionet_data.storage.write.table_file import publish_table
 
 MAX_METADATA_FILES = 64
 """Metadata files of a partition; more are merged (counting 3,000 files of 64 rows takes 0.7 s)."""
@@ -110,7 +110,7 @@ def _merge(files: LakeFiles, name: str, sources: list[str]) -> None:
     """Publish the concatenation of several metadata files."""
     table = tables.load("metadata")
     together = pa.concat_tables([table.conform(rows) for rows in files.read_all(sources)])
-    files.publish(write_table(files, "metadata", together, {}, row_group_size=_ROWS_PER_GROUP), name)
+    publish_table(files, "metadata", together, {}, name, row_group_size=_ROWS_PER_GROUP)
 
 
 def _digest(*names: str) -> str:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
-from pathlib import Path
+from typing import Any
 
 from scenarionet_data.errors import LakeError, NoSuchSnapshot
+from scenarionet_data.storage import sealed_json
+from scenarionet_data.storage.files.errors import reading
 from scenarionet_data.storage.files.lake_files import LakeFiles
+from scenarionet_data.storage.sealed_json import NewerFormat
 
 FOLDER = "snapshots"
 
@@ -35,8 +37,8 @@ class Snapshot:
     manifests: tuple[str, ...]
 
     def to_bytes(self) -> bytes:
-        """Serialise as JSON."""
-        return json.dumps({"format": 1, **asdict(self)}, indent=1).encode()
+        """Serialise as sealed JSON."""
+        return sealed_json.seal(asdict(self), file_name(self.number))
 
 
 EMPTY = Snapshot(0, "", "empty", (), ())
@@ -64,7 +66,7 @@ def read(files: LakeFiles, number: int | None = None) -> Snapshot:
         expired = ", those before have expired" if there and number < there[-1] else ""
         raise NoSuchSnapshot(f"{files.root}: no snapshot {number}; {found}{expired}")
     try:
-        return _parse(files.path(file_name(number)))
+        return parse(files, number)[0]
     except (FileNotFoundError, LakeError):
         if files.has(file_name(number)):
             raise
@@ -92,18 +94,41 @@ def check_is_lake(files: LakeFiles) -> None:
         raise NoSuchSnapshot(f"{files.root}: no lake there; {remedy}")
 
 
-def _parse(path: Path) -> Snapshot:
+def parse(files: LakeFiles, number: int) -> tuple[Snapshot, bool]:
+    """A snapshot, and whether it is sealed, and therefore verified.
+
+    Raises:
+        LakeError: It is damaged, or was written by a newer version of this software.
+    """
+    name = file_name(number)
+    path = files.path(name)
     try:
-        content = json.loads(path.read_bytes())
-        if content.pop("format") != 1:
-            raise NoSuchSnapshot(f"{path}: written by a newer version of this software; update it")
-        content["metadata"], content["manifests"] = tuple(content["metadata"]), tuple(content["manifests"])
-        return Snapshot(**content)
-    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        with reading(path):
+            content, is_sealed = sealed_json.read(path.read_bytes(), name)
+        return _of_content(content, number), is_sealed
+    except NewerFormat as error:
+        raise NoSuchSnapshot(f"{path}: {error}, by a newer version of this software; update it") from error
+    except (ValueError, TypeError, KeyError) as error:
         raise LakeError(
             f"{path}: damaged, it is no snapshot; restore it from a copy of the lake, or remove it to go back to the "
             "snapshot before (shards committed since are adopted when their recordings are converted again)"
         ) from error
+
+
+def _of_content(content: dict[str, Any], number: int) -> Snapshot:
+    """The snapshot of a JSON file.
+
+    Raises:
+        TypeError: An entry is missing, unknown, or of another type.
+        ValueError: It is a snapshot of another number.
+    """
+    metadata, manifests = (tuple(content.pop(name, None) or ()) for name in ("metadata", "manifests"))
+    found = Snapshot(metadata=metadata, manifests=manifests, **content)
+    if not all(isinstance(text, str) for text in (found.created_at, found.operation, *metadata, *manifests)):
+        raise TypeError("expected texts and lists of texts")
+    if found.number != number:
+        raise ValueError(f"it is snapshot {found.number}")
+    return found
 
 
 def publish(files: LakeFiles, snapshot: Snapshot) -> bool:

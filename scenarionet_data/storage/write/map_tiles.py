@@ -14,8 +14,9 @@ from scenarionet_data.building import MapBuilder
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import writing
-from scenarionet_data.storage.files.lake_files import LakeFiles, sha256
+from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord, partition, shard_key
+from scenarionet_data.storage.write.table_file import publish_data
 
 TILE = 200.0
 """Edge of a tile [m]."""
@@ -42,9 +43,7 @@ def write_shared_map(
             tile = features.take(rows).build(origin, has_z)
             batch = codec.encode_map(shard.name, tile, origin, has_z, tile=number, index=rows)
             writer.write_batch(batch, row_group_size=max(batch.num_rows, 1))
-    checksum, size = sha256(temporary), temporary.stat().st_size
-    name = f"{partition('maps', shard.dataset, shard.version, '')}/{shard.name}-{checksum[:16]}.parquet"
-    files.publish(temporary, name)
+    sealed = publish_data(files, temporary, f"{partition('maps', shard.dataset, shard.version, '')}/{shard.name}")
     return ShardRecord(
         key=shard_key(shard, converter_version),
         dataset=shard.dataset,
@@ -60,9 +59,9 @@ def write_shared_map(
         num_scenarios=0,
         num_quarantined=0,
         metadata_file=None,
-        files=[name],
-        sizes=[size],
-        checksums=[checksum],
+        files=[sealed.name],
+        sizes=[sealed.size],
+        checksums=[sealed.checksum],
     )
 
 

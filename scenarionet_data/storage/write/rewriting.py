@@ -18,12 +18,12 @@ import pyarrow.parquet as pq
 
 from scenarionet_data.errors import LakeError
 from scenarionet_data.storage.files.errors import reading, writing
-from scenarionet_data.storage.files.lake_files import LakeFiles, sha256
+from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.read.scenario_rows import RowAddress, ScenarioRows
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord, find_record, partition
 from scenarionet_data.storage.write.layouts import Layout, new_unit, rewritten_name
 from scenarionet_data.storage.write.relocation import addresses, copy_rows, provenance, with_addresses
-from scenarionet_data.storage.write.table_file import write_table
+from scenarionet_data.storage.write.table_file import publish_data, publish_table
 
 TABLES = ("tracks", "lights", "maps")
 
@@ -81,7 +81,7 @@ def _publish(
             checksums=[checksum for _, checksum in kept.values()],
         )
         footer = provenance(files, [str(record.metadata_file)]) | {"scenarionet.shard": json.dumps(asdict(moved))}
-        files.publish(write_table(files, "metadata", rows, footer), name)
+        publish_table(files, "metadata", rows, footer, name)
         yield moved
 
 
@@ -123,12 +123,10 @@ class _FileWriter:
             copied = copy_rows(self._sources[table], table, [*chosen.values()], temporary, footer, per_group)
         ids = metadata["scenario_id"].to_pylist()
         _check(temporary, table, {ids[k]: address for k, address in zip(chosen, copied, strict=True)})
-        checksum, size = sha256(temporary), temporary.stat().st_size
-        stem = f"{self._layout.name}-{self._unit}-{self._number:03d}"
-        name = f"{partition(table, *self._partition)}/{stem}-{checksum[:16]}.parquet"
-        self._files.publish(temporary, name)
-        self.published[name] = size, checksum
-        return with_addresses(metadata, table, name, dict(zip(chosen, copied, strict=True)))
+        stem = f"{partition(table, *self._partition)}/{self._layout.name}-{self._unit}-{self._number:03d}"
+        sealed = publish_data(self._files, temporary, stem)
+        self.published[sealed.name] = sealed.size, sealed.checksum
+        return with_addresses(metadata, table, sealed.name, dict(zip(chosen, copied, strict=True)))
 
 
 def _check(path: Path, table: str, written: Mapping[str, RowAddress]) -> None:

@@ -22,9 +22,10 @@ from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import writing
-from scenarionet_data.storage.files.lake_files import LakeFiles, sha256
+from scenarionet_data.storage.files.lake_files import LakeFiles
+from scenarionet_data.storage.seals import Sealed
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord, metadata_name, partition, shard_key
-from scenarionet_data.storage.write.table_file import write_table
+from scenarionet_data.storage.write.table_file import publish_data, publish_table, write_table
 
 SCENARIOS_PER_FILE = 64
 """A footer with 64 row groups is read in 0.7 ms, one with 250 in 2-4 ms."""
@@ -70,7 +71,7 @@ class ShardWriter:
         self._rows: list[dict[str, Any]] = []
         self._rejected: list[dict[str, Any]] = []
         self._ids: set[str] = set()
-        self._published: list[tuple[str, int, str]] = []
+        self._published: list[Sealed] = []
 
     @property
     def num_scenarios(self) -> int:
@@ -132,7 +133,9 @@ class ShardWriter:
             kept = f"{len(self._rows)} scenarios and {len(self._rejected)} in quarantine"
             raise LakeError(f"{self._shard.name}: read {num_records} records, but kept {kept}; please report it")
         if self._rejected:
-            self._publish_table("quarantine", sorted(self._rejected, key=lambda row: int(row["position"])))
+            rejected = sorted(self._rejected, key=lambda row: int(row["position"]))
+            temporary = write_table(self._files, "quarantine", rejected, self._footer)
+            self._published.append(publish_data(self._files, temporary, self._stem("quarantine")))
         shard, key = self._shard, shard_key(self._shard, self._version)
         record = ShardRecord(
             key=key,
@@ -149,13 +152,12 @@ class ShardWriter:
             num_scenarios=len(self._rows),
             num_quarantined=len(self._rejected),
             metadata_file=metadata_name(shard, key),
-            files=[name for name, _, _ in self._published],
-            sizes=[size for _, size, _ in self._published],
-            checksums=[checksum for _, _, checksum in self._published],
+            files=[sealed.name for sealed in self._published],
+            sizes=[sealed.size for sealed in self._published],
+            checksums=[sealed.checksum for sealed in self._published],
         )
         footer = {**self._footer, "scenarionet.shard": json.dumps(asdict(record))}
-        temporary = write_table(self._files, "metadata", self._rows, footer)
-        self._files.publish(temporary, metadata_name(shard, key))
+        publish_table(self._files, "metadata", self._rows, footer, metadata_name(shard, key))
         return record
 
     def abandon(self) -> None:
@@ -199,25 +201,18 @@ class ShardWriter:
         """Publish the open files and enter their names in the pending metadata rows."""
         number = len(self._rows) // SCENARIOS_PER_FILE
         for table, part in self._parts.items():
-            checksum, size = part.close(len(self._pending))
-            folder = partition(table, self._shard.dataset, self._shard.version, self._shard.split)
-            name = f"{folder}/{self._shard.name}-{number:03d}-{checksum[:16]}.parquet"
-            self._files.publish(part.path, name)
-            self._published.append((name, size, checksum))
+            part.close(len(self._pending))
+            self._published.append(publish_data(self._files, part.path, f"{self._stem(table)}-{number:03d}"))
             for row in self._pending:
                 if row[f"{table}_num_rows"]:
-                    row[f"{table}_file"] = name
+                    row[f"{table}_file"] = self._published[-1].name
         self._parts.clear()
         self._rows += self._pending
         self._pending = []
 
-    def _publish_table(self, table: str, rows: list[dict[str, Any]]) -> None:
-        temporary = write_table(self._files, table, rows, self._footer)
-        checksum, size = sha256(temporary), temporary.stat().st_size
-        folder = partition(table, self._shard.dataset, self._shard.version, self._shard.split)
-        name = f"{folder}/{self._shard.name}-{checksum[:16]}.parquet"
-        self._files.publish(temporary, name)
-        self._published.append((name, size, checksum))
+    def _stem(self, table: str) -> str:
+        """Name of the shard's files of a table, up to the number of the part."""
+        return f"{partition(table, self._shard.dataset, self._shard.version, self._shard.split)}/{self._shard.name}"
 
 
 def _batches(encoded: Encoded) -> dict[str, pa.RecordBatch]:
@@ -241,8 +236,8 @@ class _OpenPart:
         self._rows.append(batch.num_rows)
         return len(self._rows) - 1
 
-    def close(self, num_scenarios: int) -> tuple[str, int]:
-        """Close, re-open and verify; returns checksum and size."""
+    def close(self, num_scenarios: int) -> None:
+        """Close, re-open and verify."""
         with writing(self.path):
             self._writer.add_key_value_metadata({"scenarionet.num_scenarios": str(num_scenarios)})
             self._writer.close()
@@ -250,7 +245,6 @@ class _OpenPart:
         found = [footer.row_group(number).num_rows for number in range(footer.num_row_groups)]
         if found != self._rows:
             raise LakeError(f"{self.path}: wrote row groups of {self._rows} rows, read back {found}; check the disk")
-        return sha256(self.path), self.path.stat().st_size
 
     def discard(self) -> None:
         """Remove the unfinished file."""

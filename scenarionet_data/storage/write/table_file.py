@@ -1,4 +1,4 @@
-"""Write whole tables to files: metadata, manifests, members of databases."""
+"""Write whole tables to files, and publish files under sealed names."""
 
 from __future__ import annotations
 
@@ -9,8 +9,39 @@ from typing import Any
 import pyarrow as pa
 
 from scenarionet_data.schema import tables
+from scenarionet_data.storage import seals
 from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
+from scenarionet_data.storage.seals import Sealed
+
+
+def publish_table(
+    files: LakeFiles,
+    table: str,
+    rows: list[dict[str, Any]] | pa.Table,
+    footer: Mapping[str, str],
+    name: str,
+    row_group_size: int | None = None,
+) -> None:
+    """Write rows of a table to a file of this name, sealed; nullable columns that they lack become null."""
+    temporary = write_table(files, table, rows, footer, row_group_size)
+    with writing(temporary, temporary):
+        seals.seal(temporary, name)
+    files.publish(temporary, name)
+
+
+def publish_data(files: LakeFiles, temporary: Path, stem: str) -> Sealed:
+    """Seal a finished temporary file of a table and publish it under a name by its content.
+
+    Args:
+        files: The lake.
+        temporary: The file.
+        stem: Its name up to the digest of the content.
+    """
+    with writing(temporary, temporary):
+        sealed = seals.seal_data(temporary, stem)
+    files.publish(temporary, sealed.name)
+    return sealed
 
 
 def write_table(
@@ -20,7 +51,7 @@ def write_table(
     footer: Mapping[str, str],
     row_group_size: int | None = None,
 ) -> Path:
-    """Write rows of a table to a temporary file and return its path; nullable columns they lack become null."""
+    """Write rows of a table to a temporary file and return its path."""
     declared = tables.load(table)
     content = rows if isinstance(rows, pa.Table) else pa.Table.from_pylist(rows, schema=declared.schema)
     temporary = files.temporary()

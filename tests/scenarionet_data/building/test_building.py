@@ -100,6 +100,18 @@ def test_flags_and_labels_per_object_or_for_all():
     assert made.is_size_assumed[1]
 
 
+def test_interpolated_steps_are_flagged_where_valid():
+    valid = np.array([[True, True, True], [False, True, True]])
+    made = tracks(valid=valid, is_interpolated=[False, True, False])
+    assert made.is_interpolated.tolist() == [[False, True, False], [False, True, False]]
+    assert tracks(valid=valid).is_interpolated.tolist() == np.zeros((2, 3), bool).tolist()
+    row = make_tracks_of_rows(
+        ["a"], 1, np.ones((2, 3)), np.zeros(2), np.zeros((2, 2)), np.ones((2, 3)), np.zeros(2, int), np.array([0, 2]), 3,
+        origin=np.zeros(3), is_interpolated=[False, True],
+    )  # fmt: skip
+    assert row.is_interpolated.tolist() == [[False, False, True]]
+
+
 @given(st.floats(-1000, 1000), st.floats(-1000, 1000), st.floats(-1e7, 1e7))
 def test_offsets_are_exact_to_a_tenth_of_a_millimetre_within_a_kilometre(x, y, far):
     origin = np.round([far, -far, 0.0])

@@ -27,8 +27,9 @@ from tests.fixtures.scenarios import make_scenario, renamed
     num_lights=st.integers(0, 3),
     has_z=st.booleans(),
     has_map=st.booleans(),
+    interpolated=st.sampled_from([0.0, 0.3, 1.0]),
 )
-def test_round_trip_is_bit_exact(seed, num_objects, num_steps, num_lanes, num_lights, has_z, has_map):
+def test_round_trip_is_bit_exact(seed, num_objects, num_steps, num_lanes, num_lights, has_z, has_map, interpolated):
     scenario = make_scenario(
         seed,
         num_objects=num_objects,
@@ -37,9 +38,15 @@ def test_round_trip_is_bit_exact(seed, num_objects, num_steps, num_lanes, num_li
         num_lights=num_lights,
         has_z=has_z,
         has_map=has_map,
+        interpolated=interpolated,
     )
     scenario.validate()
-    assert differences(scenario, codec.decode(codec.encode(scenario, "1"))) == []
+    encoded = codec.encode(scenario, "1")
+    assert differences(scenario, codec.decode(encoded)) == []
+    valid, flags = scenario.tracks.valid, scenario.tracks.is_interpolated
+    assert encoded.metadata["interpolated_share"] == flags[valid].mean()
+    is_null = encoded.tracks.column("is_interpolated").is_null().to_numpy(zero_copy_only=False)
+    assert is_null.tolist() == (~flags.any(axis=1)).tolist()
 
 
 @pytest.mark.parametrize("has_z", [True, False])
@@ -77,6 +84,11 @@ def test_content_hash_depends_only_on_content():
     assert codec.encode(scenario, "1").metadata["content_hash"] == same
     scenario.tracks.position[0, 3, 0] += 1e-3
     assert codec.encode(scenario, "1").metadata["content_hash"] != same
+
+
+def test_content_hash_of_recorded_states_is_that_of_earlier_versions():
+    assert codec.encode(make_scenario(4), "1").metadata["content_hash"] == 9682396676097830564
+    assert codec.encode(make_scenario(4, interpolated=0.5), "1").metadata["content_hash"] != 9682396676097830564
 
 
 def test_constant_sizes_are_stored_once():

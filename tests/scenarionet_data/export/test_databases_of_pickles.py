@@ -148,12 +148,19 @@ def assert_same(first: ScenarioDescription, second: ScenarioDescription) -> None
     num_lights=st.integers(0, 3),
     has_z=st.booleans(),
     has_map=st.booleans(),
+    interpolated=st.sampled_from([0.0, 0.3]),
 )
 def test_export_and_import_give_equal_arrays(
-    tmp_path_factory, seed, num_objects, num_steps, num_lights, has_z, has_map
+    tmp_path_factory, seed, num_objects, num_steps, num_lights, has_z, has_map, interpolated
 ):
     scenario = make_scenario(
-        seed, num_objects=num_objects, num_steps=num_steps, num_lights=num_lights, has_z=has_z, has_map=has_map
+        seed,
+        num_objects=num_objects,
+        num_steps=num_steps,
+        num_lights=num_lights,
+        has_z=has_z,
+        has_map=has_map,
+        interpolated=interpolated,
     )
     (again,) = import_all(export([scenario], tmp_path_factory.mktemp("round") / "db").directory)
     again.validate()

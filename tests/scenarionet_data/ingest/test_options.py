@@ -14,6 +14,7 @@ from scenarionet_data.ingest.options import Options
 
 @dataclass(frozen=True)
 class Typed(Options):
+    removed = {"hertz": "set rate, in timesteps per second"}  # noqa: RUF012
     density: float = 1.0
     rate: int = 10
     kind: Literal["log", "scene"] = "scene"
@@ -35,6 +36,7 @@ def test_values_become_fields():
     [
         ({"densty": 1}, "no option 'densty'; did you mean 'density'\\? options: density, rate, kind"),
         ({"x": 1}, "no option 'x'; options: density"),
+        ({"hertz": 2}, "option 'hertz' no longer exists; set rate, in timesteps per second"),
         ({"density": "dense"}, "option 'density': expected float, for example 1.0; found 'dense'"),
         ({"rate": 0.5}, "option 'rate': expected int, for example 10; found 0.5"),
         ({"rate": True}, "option 'rate': expected int"),

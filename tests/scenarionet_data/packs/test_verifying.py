@@ -12,7 +12,7 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.packs.verifying import verify_pack
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.verifying import verify
-from scenarionet_data.storage.write.table_file import write_table
+from scenarionet_data.storage.write.table_file import publish_table
 from tests.fixtures import made_city
 from tests.fixtures.made import write_raw
 
@@ -134,7 +134,7 @@ def rewritten(lake, change):
     """The lake's snapshot with other rows of metadata, as a faulty writer would leave them."""
     (name,) = lake.snapshot.metadata
     rows = change(lake.files.read(name).to_pylist())
-    lake.files.publish(write_table(lake.files, "metadata", rows, {}), name)
+    publish_table(lake.files, "metadata", rows, {}, name)
     return {damage.file: damage.reason for damage in verify(lake.files, lake.snapshot)}
 
 
