@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from scenarionet_data.databases.record import Lineage
-from scenarionet_data.storage.files.errors import reading, writing
+from scenarionet_data.storage.files.errors import damaged, reading, writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
 
 FILE = "origins.json"
@@ -40,7 +40,11 @@ def read(files: LakeFiles) -> PackOrigins | None:
     """Read the origins of a pack; None for a lake that is not a pack."""
     if not files.has(FILE):
         return None
-    with reading(files.path(FILE)):
-        content = json.loads(files.path(FILE).read_text("utf-8"))
-    lineages = {reference: Lineage.from_dict(how) for reference, how in content["lineages"].items()}
-    return PackOrigins(content["packed"], lineages)
+    path = files.path(FILE)
+    try:
+        with reading(path):
+            content = json.loads(path.read_bytes())
+        lineages = {reference: Lineage.from_dict(how) for reference, how in content["lineages"].items()}
+        return PackOrigins(content["packed"], lineages)
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise damaged(path, "it holds no origins of a pack") from error

@@ -11,12 +11,11 @@ from functools import cached_property
 from typing import Any
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from scenarionet_data.errors import BadParameter, DatabaseExists, DatabaseNotFound
 from scenarionet_data.schema import tables
 from scenarionet_data.storage import seals
-from scenarionet_data.storage.files.errors import reading, writing
+from scenarionet_data.storage.files.errors import damaged, writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
 
 _FOLDER = "databases"
@@ -58,9 +57,22 @@ class Lineage:
 
     @classmethod
     def from_dict(cls, content: dict[str, Any]) -> Lineage:
-        """Return the lineage of a dictionary that :meth:`to_dict` returned."""
+        """Return the lineage of a dictionary that :meth:`to_dict` returned.
+
+        Raises:
+            TypeError: An entry is missing, unknown, or of another type.
+        """
         fields = dict(content)
-        return cls(user_columns=fields.pop("layers", []), **fields)
+        found = cls(user_columns=fields.pop("layers", []), **fields)
+        texts = (found.operation, found.sql, found.created_at, found.created_with, *found.parents, *found.user_columns)
+        if not (
+            all(isinstance(text, str) for text in texts)
+            and isinstance(found.parameters, dict)
+            and isinstance(found.snapshot, int)
+            and isinstance(found.count, int)
+        ):
+            raise TypeError("an entry has another type")
+        return found
 
 
 @dataclass(frozen=True)
@@ -171,10 +183,13 @@ def read(files: LakeFiles, name: str, version: int | None = None) -> DatabaseRec
         raise DatabaseNotFound(f"{files.root}: no database {wanted!r}; {have}")
     number = version or existing[-1]
     file = path(name, number)
-    with reading(files.path(file)):
-        footer = pq.read_metadata(files.path(file)).metadata
+    footer = files.footer(file).metadata
     tables.load("members").check_version(footer, file)
-    return DatabaseRecord(name, number, Lineage.from_dict(json.loads(footer[b"scenarionet.lineage"])), files)
+    try:
+        lineage = Lineage.from_dict(json.loads(footer[b"scenarionet.lineage"]))
+    except (ValueError, TypeError, KeyError) as error:
+        raise damaged(files.url(file), f"its lineage is damaged ({error})") from error
+    return DatabaseRecord(name, number, lineage, files)
 
 
 def resolve(files: LakeFiles, database: DatabaseRecord | str) -> DatabaseRecord:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 
 import pyarrow as pa
@@ -21,7 +21,7 @@ from scenarionet_data.databases import record as records
 from scenarionet_data.errors import BadParameter, UserColumnNotFound
 from scenarionet_data.schema import tables
 from scenarionet_data.storage import seals
-from scenarionet_data.storage.files.errors import reading, writing
+from scenarionet_data.storage.files.errors import damaged, writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
 
 _FOLDER = "layers"
@@ -58,6 +58,9 @@ class UserColumn:
     def reference(self) -> str:
         """``name@version``."""
         return f"{self.name}@{self.version}"
+
+
+_TYPES = {field.name: field.type for field in fields(UserColumn)}
 
 
 def current(files: LakeFiles, pinned: Mapping[str, int]) -> dict[str, int]:
@@ -102,11 +105,19 @@ def users(files: LakeFiles, name: str, version: int | None = None) -> list[tuple
 
 
 def read(files: LakeFiles, name: str, version: int) -> UserColumn:
-    """Read the record of a version of a user column."""
-    path = files.path(_path(name, version))
-    with reading(path):
-        footer = pq.read_metadata(path).metadata
-    return UserColumn(**json.loads(footer[b"scenarionet.layer"]))
+    """Read the record of a version of a user column.
+
+    Raises:
+        LakeError: Its file is missing or damaged.
+    """
+    path = _path(name, version)
+    try:
+        column = UserColumn(**json.loads((files.footer(path).metadata or {})[b"scenarionet.layer"]))
+        if {field.name: type(getattr(column, field.name)).__name__ for field in fields(column)} != _TYPES:
+            raise TypeError("an entry has another type")
+    except (ValueError, TypeError, KeyError) as error:
+        raise damaged(files.url(path), f"its description is damaged ({error})") from error
+    return column
 
 
 def parse(references: Iterable[str]) -> dict[str, int]:

@@ -199,7 +199,7 @@ class PackWriter:
 
     def _copy_tiles(self, source: str, numbers: list[int], path: Path) -> None:
         """Copy row groups of a shared map, each a tile, to a new file."""
-        table, place = tables.load("maps"), self._view.files.path(source)
+        table, place = tables.load("maps"), self._view.files.verified(source)
         with reading(place), pq.ParquetFile(place) as file:
             words = file.metadata.metadata
             footer = {key: words[key.encode()].decode() for key in _MAP_FOOTER if key.encode() in words}
@@ -220,7 +220,7 @@ class PackWriter:
         """Write the database, the manifest, and the snapshot, with its number in the lake for the lineage."""
         temporary = self._target.temporary()
         with writing(temporary, temporary):
-            shutil.copyfile(self._view.files.path(self._database.file), temporary)
+            shutil.copyfile(self._view.files.verified(self._database.file), temporary)
         self._publish(temporary, self._database.file)
         following = Snapshot(
             number=self._view.snapshot.number,

@@ -24,7 +24,7 @@ def relation(database: DatabaseRecord, table: str = "selected") -> tuple[str, di
         table: Name of that table.
     """
     if database.selected is None:
-        return f"read_parquet({quoted(str(database.files.path(database.file)))})", {}
+        return f"read_parquet({quoted(str(database.files.verified(database.file)))})", {}
     return table, {table: database.selected}
 
 

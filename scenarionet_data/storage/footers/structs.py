@@ -1,6 +1,6 @@
 """Structs of Parquet footers and page headers, as far as files of this package use them.
 
-Format: https://github.com/apache/parquet-format/blob/master/src/main/thrift/parquet.thrift. Fields for encryption, for
+Format: https://github.com/apache/parquet-format/blob/master/src/main/thrift/parquet.thrift. StructFields for encryption, for
 other files and for geometries are missing here on purpose: a footer that has them is refused.
 """
 
@@ -18,7 +18,7 @@ from scenarionet_data.storage.footers.thrift import (
     TRUTH,
     Decoder,
     Field,
-    Fields,
+    StructFields,
     Malformed,
     integers,
     lists,
@@ -37,7 +37,7 @@ _ENCODING = one_of(0, *range(2, 10))
 _PAGE = one_of(*range(4))
 _COUNTS = lists(integers(64, 0, 2**62))
 
-_STATISTICS: Fields = {
+_STATISTICS: StructFields = {
     1: Field("max", BINARY),
     2: Field("min", BINARY),
     3: Field("null_count", SIZE),
@@ -51,7 +51,7 @@ _STATISTICS: Fields = {
 _EMPTY = structs("an annotation", {})
 _UNIT = structs("a unit of time", {number: Field(f"unit {number}", _EMPTY) for number in (1, 2, 3)})
 _TIME = structs("a time type", {1: Field("is_utc", TRUTH, True), 2: Field("unit", _UNIT, True)})
-_LOGICAL_TYPE: Fields = {
+_LOGICAL_TYPE: StructFields = {
     1: Field("string", _EMPTY),
     3: Field("list", _EMPTY),
     4: Field("enum", _EMPTY),
@@ -69,7 +69,7 @@ _LOGICAL_TYPE: Fields = {
     12: Field("json", _EMPTY),
 }
 
-_SCHEMA_ELEMENT: Fields = {
+_SCHEMA_ELEMENT: StructFields = {
     1: Field("type", _TYPE),
     2: Field("type_length", COUNT),
     3: Field("repetition", one_of(REQUIRED, OPTIONAL, REPEATED)),
@@ -82,21 +82,21 @@ _SCHEMA_ELEMENT: Fields = {
     10: Field("logical_type", structs("a logical type", _LOGICAL_TYPE)),
 }
 
-_ENCODING_STATS: Fields = {
+_ENCODING_STATS: StructFields = {
     1: Field("page", _PAGE, True),
     2: Field("encoding", _ENCODING, True),
     3: Field("count", COUNT, True),
 }
 
-_SIZES: Fields = {
+_SIZES: StructFields = {
     1: Field("unencoded_bytes", SIZE),
     2: Field("repetition_levels", _COUNTS),
     3: Field("definition_levels", _COUNTS),
 }
 
-_KEY_VALUE: Fields = {1: Field("key", TEXT, True), 2: Field("value", TEXT)}
+_KEY_VALUE: StructFields = {1: Field("key", TEXT, True), 2: Field("value", TEXT)}
 
-_COLUMN: Fields = {
+_COLUMN: StructFields = {
     1: Field("type", _TYPE, True),
     2: Field("encodings", lists(_ENCODING), True),
     3: Field("path", lists(TEXT), True),
@@ -112,9 +112,9 @@ _COLUMN: Fields = {
     16: Field("sizes", structs("size statistics", _SIZES)),
 }
 
-_CHUNK: Fields = {2: Field("file_offset", SIZE, True), 3: Field("column", structs("a column", _COLUMN), True)}
+_CHUNK: StructFields = {2: Field("file_offset", SIZE, True), 3: Field("column", structs("a column", _COLUMN), True)}
 
-_ROW_GROUP: Fields = {
+_ROW_GROUP: StructFields = {
     1: Field("chunks", lists(structs("a column chunk", _CHUNK)), True),
     2: Field("size", SIZE, True),
     3: Field("num_rows", SIZE, True),
@@ -125,7 +125,7 @@ _ROW_GROUP: Fields = {
 
 _ORDER = structs("a column order", {1: Field("type_order", _EMPTY)})
 
-_FOOTER: Fields = {
+_FOOTER: StructFields = {
     1: Field("version", one_of(1, 2), True),
     2: Field("schema", lists(structs("a schema element", _SCHEMA_ELEMENT)), True),
     3: Field("num_rows", SIZE, True),
@@ -135,7 +135,7 @@ _FOOTER: Fields = {
     7: Field("orders", lists(_ORDER)),
 }
 
-_DATA_HEADER: Fields = {
+_DATA_HEADER: StructFields = {
     1: Field("num_values", COUNT, True),
     2: Field("encoding", _ENCODING, True),
     3: Field("definition_encoding", _ENCODING, True),
@@ -143,7 +143,7 @@ _DATA_HEADER: Fields = {
     5: Field("statistics", structs("statistics", _STATISTICS)),
 }
 
-_DATA_HEADER_V2: Fields = {
+_DATA_HEADER_V2: StructFields = {
     1: Field("num_values", COUNT, True),
     2: Field("num_nulls", COUNT, True),
     3: Field("num_rows", COUNT, True),
@@ -154,13 +154,13 @@ _DATA_HEADER_V2: Fields = {
     8: Field("statistics", structs("statistics", _STATISTICS)),
 }
 
-_DICTIONARY_HEADER: Fields = {
+_DICTIONARY_HEADER: StructFields = {
     1: Field("num_values", COUNT, True),
     2: Field("encoding", _ENCODING, True),
     3: Field("is_sorted", TRUTH),
 }
 
-_PAGE_HEADER: Fields = {
+_PAGE_HEADER: StructFields = {
     1: Field("page", _PAGE, True),
     2: Field("size", COUNT, True),
     3: Field("stored_size", COUNT, True),

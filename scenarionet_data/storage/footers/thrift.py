@@ -47,8 +47,8 @@ class Field:
     is_required: bool = False
 
 
-Fields: TypeAlias = Mapping[int, Field]
-"""Fields of a struct by number."""
+StructFields: TypeAlias = Mapping[int, Field]
+"""StructFields of a struct by number."""
 
 
 class Decoder:
@@ -74,7 +74,7 @@ class Decoder:
         """Bytes that are left."""
         return self._end - self.at
 
-    def struct(self, name: str, fields: Fields) -> dict[str, Any]:
+    def struct(self, name: str, fields: StructFields) -> dict[str, Any]:
         """Read a struct.
 
         Args:
@@ -173,7 +173,7 @@ def one_of(*values: int) -> Kind:
     return Kind((_I32,), read)
 
 
-def structs(name: str, fields: Fields) -> Kind:
+def structs(name: str, fields: StructFields) -> Kind:
     """Structs with these fields."""
     return Kind((_STRUCT,), lambda decoder, _: decoder.struct(name, fields))
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 
-import pyarrow as pa
-import pyarrow.parquet as pq
-
+from scenarionet_data.errors import LakeError
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.lake_files import LakeFiles
@@ -64,10 +62,10 @@ def find_record(files: LakeFiles, name: str) -> ShardRecord | None:
     """
     if not files.has(name):
         return None
+    files.path(name)  # raises if the store does not answer
     try:
-        footer = pq.read_metadata(files.path(name)).metadata
-    except pa.ArrowInvalid:  # damaged after publication: convert the shard again
+        record = ShardRecord(**json.loads(files.footer(name).metadata[b"scenarionet.shard"]))
+    except (LakeError, ValueError, TypeError, KeyError):  # damaged after publication: convert the shard again
         return None
-    record = ShardRecord(**json.loads(footer[b"scenarionet.shard"]))
     is_whole = files.sizes(record.files) == record.sizes
     return record if is_whole and not files.renew([name, *record.files]) else None

@@ -22,7 +22,9 @@ from scenarionet_data.arrays.dtypes import Array
 
 _POLYNOMIAL = 0x104C11DB7
 _CAN_MULTIPLY = bool(llvm.get_host_cpu_features().get("pclmul"))
-_types: Any = types
+_types: Any = types  # numba has no types of its own
+_intrinsic: Any = intrinsic
+_cgutils: Any = cgutils
 
 _Word = np.uint32
 _Double = np.uint64
@@ -32,12 +34,12 @@ _EIGHT, _BLOCK = _Double(8), _Double(16)
 
 def _tables() -> Array:
     """(16 * 256,) uint32: in part k, the remainder of each byte followed by k zero bytes."""
-    tables = np.arange(256, dtype=np.uint32)
+    table: Array = np.arange(256, dtype=np.uint32)
     for _ in range(8):
-        tables = tables >> 1 ^ np.where(tables & 1, _Word(0xEDB88320), _Word(0))
-    parts = [tables]
+        table = table >> 1 ^ np.where(table & 1, _Word(0xEDB88320), _Word(0))
+    parts = [table]
     for _ in range(15):
-        parts.append(tables[parts[-1] & 255] ^ parts[-1] >> 8)
+        parts.append(table[parts[-1] & 255] ^ parts[-1] >> 8)
     return np.concatenate(parts)
 
 
@@ -54,8 +56,8 @@ _TABLES = _tables()
 _POWER_LOW, _POWER_HIGH = _power(128 + 32), _power(128 - 32)
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def _double(_context: Any, data: Any, at: Any) -> Any:
+@_intrinsic
+def _double(_: Any, data: Any, at: Any) -> Any:
     """Eight bytes as a number, the least significant first."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -64,7 +66,7 @@ def _double(_context: Any, data: Any, at: Any) -> Any:
     return _types.uint64(data, at), generate
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@_intrinsic
 def _fold(_context: Any, data: Any, at: Any, stop: Any, first: Any) -> Any:
     """Two doubles whose remainder is that of the blocks from ``at`` on that end by ``stop``.
 
@@ -81,9 +83,9 @@ def _fold(_context: Any, data: Any, at: Any, stop: Any, first: Any) -> Any:
             return builder.load(_pointer(context, builder, signature, (array, position), pair), align=1)
 
         start = builder.insert_element(ir.Constant(pair, [0, 0]), seed, ir.Constant(ir.IntType(32), 0))
-        folded = cgutils.alloca_once_value(builder, builder.xor(block(begin), start))
+        folded = _cgutils.alloca_once_value(builder, builder.xor(block(begin), start))
         size = ir.Constant(index, 16)
-        with cgutils.for_range_slice(
+        with _cgutils.for_range_slice(
             builder, builder.add(begin, size), builder.sub(end, ir.Constant(index, 15)), size, index
         ) as (position, _):
             products = [

@@ -114,10 +114,10 @@ class Footer:
 
 def _holds(stored: pq.ColumnSchema, column: ColumnType) -> bool:
     """Whether a stored column has the type of a declared one."""
-    return (
+    levels = (stored.max_repetition_level, stored.max_definition_level)
+    return bool(
         stored.physical_type == _PHYSICAL[column.element]
-        and stored.max_repetition_level == column.is_list
-        and stored.max_definition_level == column.is_list + column.nullable
+        and levels == (column.is_list, column.is_list + column.nullable)
     )
 
 

@@ -13,7 +13,7 @@ from scenarionet_data.storage.footers import structs
 from scenarionet_data.storage.footers.thrift import Decoder, Malformed
 from scenarionet_data.storage.read.parquet import page_kernels as kernels
 
-_KINDS = {structs.DATA_PAGE: "data", structs.DICTIONARY_PAGE: "dictionary", structs.DATA_PAGE_V2: "data_v2"}
+_KINDS = {structs.DATA_PAGE: "data", structs.DATA_PAGE_V2: "data_v2"}
 _LONGEST = 80
 """Bytes of the fields of a header that are compared; statistics may follow."""
 _NUMBER, _DATA, _DICTIONARY = 0x15, 0x1C, 0x3C
@@ -85,31 +85,33 @@ def _numbers(header: bytes, inner: int, count: int) -> list[int] | None:
 def _check_any(content: Array, start: int, end: int, chunk: Sequence[int]) -> None:
     """Check the headers of any number of pages."""
     decoder = Decoder(content.data, start, end)
-    num_values = size = 0
+    num_values, size, encodings = 0, 0, []
     while decoder.left:
         begin, header = decoder.at, structs.read_page_header(decoder)
         if header["stored_size"] > decoder.left:
             raise Malformed(f"a page of {header['stored_size']:,} bytes where {decoder.left:,} are left")
         if chunk[kernels.IS_CHECKED] and "crc" not in header:
             raise Malformed("a page without a checksum")
-        num_values += _num_values(header, chunk)
         size += decoder.at - begin + header["size"]
         decoder.at += header["stored_size"]
+        if header["page"] != structs.DICTIONARY_PAGE or "dictionary" not in header:
+            page = _data_header(header)
+            num_values += page["num_values"]
+            encodings.append(page["encoding"])
     if num_values != chunk[kernels.NUM_VALUES] or size > chunk[kernels.CHUNK_SIZE]:
         raise Malformed(f"pages of {num_values:,} values and {size:,} bytes, other than in the footer")
+    # Arrow stops using a dictionary after the first page when another one follows.
+    allowed = {chunk[kernels.EXPECTED], *([structs.PLAIN] if len(encodings) > 1 else [])}
+    if chunk[kernels.IS_CHECKED] and not allowed.issuperset(encodings):
+        raise Malformed("a page in an encoding that the footer does not list")
 
 
-def _num_values(header: dict[str, Any], chunk: Sequence[int]) -> int:
-    """Values of a page; 0 for a dictionary."""
+def _data_header(header: dict[str, Any]) -> dict[str, Any]:
+    """The part of a page header that describes a data page."""
     kind = _KINDS.get(header["page"])
     if kind is None or kind not in header:
         raise Malformed("a page of an unknown kind")
-    page = header[kind]
-    if kind == "dictionary":
-        return 0
-    if chunk[kernels.IS_CHECKED] and page["encoding"] != chunk[kernels.EXPECTED]:
-        raise Malformed(f"a page in the encoding {page['encoding']}, which the footer does not list")
+    page: dict[str, Any] = header[kind]
     if kind == "data" and {page["definition_encoding"], page["repetition_encoding"]} != {structs.RLE}:
         raise Malformed("levels in another encoding than written")
-    found: int = page["num_values"]
-    return found
+    return page
