@@ -16,6 +16,7 @@ from __future__ import annotations
 import pickle
 import shutil
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import fields
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -211,7 +212,8 @@ def differences(first: Any, second: Any, path: str = "scenario") -> list[str]:
         if type(first) is not type(second):
             return [path]
         found = []
-        for name in first.__dataclass_fields__:
-            found += differences(getattr(first, name), getattr(second, name), f"{path}.{name}")
+        for field in fields(first):
+            if field.compare:
+                found += differences(getattr(first, field.name), getattr(second, field.name), f"{path}.{field.name}")
         return found
     return [] if first == second else [path]

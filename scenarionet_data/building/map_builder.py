@@ -12,6 +12,7 @@ from scenarionet_data.arrays.dtypes import Array, Bool, Float64
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building.features import make_features
 from scenarionet_data.scenario.canonical_json import to_json
+from scenarionet_data.scenario.defects import Defect
 from scenarionet_data.scenario.description import ID_LISTS, MapFeatures
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 
@@ -21,6 +22,9 @@ _NO_POINTS, _NO_WIDTHS = np.zeros((0, 3)), np.zeros((0, 2))
 class MapBuilder:
     """Collects map features in the source frame and builds :class:`MapFeatures` from them.
 
+    Attributes:
+        defects: What the conversion of a shared map dropped or assumed.
+
     Example:
         >>> builder = MapBuilder()
         >>> builder.add("7", MapFeatureType.LANE_SURFACE_STREET, polyline=[[5.0, 0.0], [9.0, 0.0]])
@@ -29,6 +33,7 @@ class MapBuilder:
     """
 
     def __init__(self) -> None:
+        self.defects: tuple[Defect, ...] = ()
         self._rows: list[dict[str, Any]] = []
 
     def __len__(self) -> int:

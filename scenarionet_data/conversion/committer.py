@@ -10,7 +10,7 @@ from scenarionet_data.conversion.report import ConversionReport
 from scenarionet_data.execution.worker_stats import WorkerStats
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.snapshots import commit as commits
-from scenarionet_data.storage.snapshots.shard_record import ShardRecord
+from scenarionet_data.storage.snapshots.shard_record import ShardRecord, read_defects
 
 _COMMIT_EVERY = 30.0
 _WAITS = (
@@ -76,6 +76,8 @@ class Committer:
             keys = {record.key for record, _ in refused}
             finished = [record for record in finished if record.key not in keys]
         settled = {record.key for record in ready}
+        kept = [record for record in ready if record not in [left_out for left_out, _ in refused]]
+        self._report.add_defects(defect for record in kept for defect in read_defects(self._files, record))
         for record in finished:
             if record.key not in settled:
                 self._leave_out(record, _WAITS)

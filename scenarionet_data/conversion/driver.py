@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace as replaced
 from pathlib import Path
@@ -28,6 +28,8 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.executors import Executor, executor_for
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.passed_over import PassedOver
+from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.files.opening import LakeFilesLike, is_url, open_files
 from scenarionet_data.storage.snapshots import commit as commits
@@ -70,7 +72,8 @@ def convert(
         selection: Which recordings to convert; all by default.
         replace: Replace shards converted with other options, from changed files or by another converter version.
         reconvert_stale: Replace shards converted by another converter version.
-        check: Apply the hard rules of ``sql/checks`` before writing; violations go to quarantine.
+        check: Apply the hard rules of ``sql/checks`` before writing; violations go to quarantine. What cannot be stored
+            (NaN, sizes of 0, ...) is dropped or quarantined in any case.
         on_progress: Called before the first shard and after each one.
 
     Raises:
@@ -87,7 +90,7 @@ def convert(
             dataset, raw, lake, split, version, options, selection, replace, reconvert_stale, sort=limit is None
         )
         files.sweep()
-        report = ConversionReport(skipped=plan.num_skipped, stale=plan.num_stale)
+        report = ConversionReport(skipped=plan.num_skipped, stale=plan.num_stale, passed_over=plan.passed_over)
         if maps.shards:  # shared maps first: a scenario in the lake always finds its map
             committer = Committer(files, maps, "convert maps", report)
             for shard in maps.shards:
@@ -175,7 +178,9 @@ def _plan(
         for name, value in (("split", split), ("version", version)):
             if not _WORD.fullmatch(value):
                 raise BadParameter(f"{name}={value!r}: use letters, digits, '.', '_' and '-'")
-        shards = (selection or InputSelection()).select(converter.shards(folder, split, version, options))
+        listed = list(converter.shards(folder, split, version, options))
+        shards = (selection or InputSelection()).select(listed)
+        passed_over = [*converter.passed_over(folder, split, options, listed), *_not_selected(listed, shards)]
         plans = []
         for wanted in (converter.maps(folder, version, options), shards):
             plan = make_plan(
@@ -184,4 +189,11 @@ def _plan(
             # Sorted here, because the mirror holds the file sizes of recordings in an object store.
             ordered = largest_first(plan.shards) if sort else plan.shards
             plans.append(replaced(plan, shards=tuple(map(mirror.original, ordered) if mirror else ordered)))
-    return files, plans[0], plans[1]
+    return files, plans[0], replaced(plans[1], passed_over=tuple(passed_over))
+
+
+def _not_selected(listed: Sequence[Shard], selected: Sequence[Shard]) -> Iterator[PassedOver]:
+    """Inputs that the caller left out."""
+    number = sum(len(shard.items) for shard in listed) - sum(len(shard.items) for shard in selected)
+    if number:
+        yield PassedOver("raw inputs", number, "not selected")

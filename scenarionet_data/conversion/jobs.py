@@ -82,6 +82,10 @@ def convert_map(job: ShardJob) -> ShardResult:
             features = converter.map_features(local)
     except SourceError as error:
         return ShardResult(shard.name, None, error=str(error))
+    except MemoryError:
+        raise
+    except Exception as error:  # a converter's bug with one map must not end the run
+        return ShardResult(shard.name, None, error=_unexpected(error, shard))
     record = write_shared_map(files, shard, features, converter.version, converter.licence)
     if job.check:
         audit_shared_map(files, record)
@@ -116,11 +120,16 @@ def convert_shard(job: ShardJob) -> ShardResult:
         except SourceError as error:
             reason = str(error)
         except Exception as error:  # a converter's bug with one file must not end the run
-            reason = f"{type(error).__name__}: {error} (while reading {shard.root})"
+            reason = _unexpected(error, shard)
         finally:
             writer.abandon()
     seconds = time.monotonic() - started
     return ShardResult(shard.name, record, reason, was_finished, seconds, worker_name(), peak_memory())
+
+
+def _unexpected(error: Exception, shard: Shard) -> str:
+    """Text for an error that the converter does not expect."""
+    return f"{type(error).__name__}: {error} (while reading {shard.root})"
 
 
 def _local(converter: Converter[Any], shard: Shard) -> Any:

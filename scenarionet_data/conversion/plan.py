@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from scenarionet_data.errors import DuplicateScenario
+from scenarionet_data.ingest.passed_over import PassedOver
 from scenarionet_data.ingest.shard import ABSENT, RawItem, Shard
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord
@@ -21,12 +22,14 @@ class ConversionPlan:
         num_skipped: Number of shards that are in the lake already.
         replaced: Key of each old shard that is removed, with the inputs that have to be converted before.
         num_stale: Number of shards in the lake written by another converter version and kept.
+        passed_over: Raw files that were recognised and not used.
     """
 
     shards: tuple[Shard, ...]
     num_skipped: int
     replaced: Mapping[str, frozenset[str]]
     num_stale: int
+    passed_over: tuple[PassedOver, ...] = ()
 
     @property
     def replacing(self) -> list[Shard]:

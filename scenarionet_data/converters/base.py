@@ -7,14 +7,16 @@ or access a lake.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from scenarionet_data.converters.splits import is_of_split
+from scenarionet_data.converters.unused import unused_files
 from scenarionet_data.errors import SourceNotFound
 from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.passed_over import PassedOver
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.description import ScenarioDescription
 
@@ -96,6 +98,9 @@ class Converter(ABC, Generic[Record]):
     def scenario(self, shard: Shard, record: Record) -> ScenarioDescription:
         """Convert one record to a scenario.
 
+        Rows that cannot be used are dropped or completed, and listed in the scenario's ``defects`` (see
+        :class:`~scenarionet_data.ingest.defects.Defects`).
+
         Raises:
             InvalidScenario: The record is unusable. It goes to quarantine and the shard continues, as for any other
                 exception raised here.
@@ -122,8 +127,27 @@ class Converter(ABC, Generic[Record]):
         """
         return ()
 
+    def passed_over(
+        self, raw: str, split: str, options: Any, shards: Sequence[Shard]  # noqa: ARG002
+    ) -> Iterable[PassedOver]:
+        """List what is below ``raw`` and not used, with reasons, for the report of a conversion.
+
+        By default these are files that are neither inputs of the shards, nor below an input that is a folder, nor
+        match ``listed``. Override it if recordings consist of more files.
+
+        Args:
+            raw, split, options: As for :meth:`shards`.
+            shards: The shards that it listed.
+        """
+        inputs = {path for shard in shards for path in shard.paths}
+
+        def is_used(path: Path) -> bool:
+            return any(path.match(pattern) for pattern in self.listed) or not inputs.isdisjoint((path, *path.parents))
+
+        return unused_files(Path(raw), is_used, split, self.ignored)
+
     def map_features(self, shard: Shard) -> MapBuilder:
-        """Read a shared map, on a worker.
+        """Read a shared map, on a worker; features that cannot be used are dropped and listed in its ``defects``.
 
         Raises:
             CorruptSource: The map cannot be read.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import types
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, asdict, dataclass, field, fields
 from types import MappingProxyType
 from typing import Any, ClassVar, Literal, Self, Union, get_args, get_origin, get_type_hints
 
@@ -20,13 +20,23 @@ converter that resamples has (docs/explanation/time.md)."""
 class Options:
     """Options of a converter; subclasses add fields with defaults and ``metadata={"doc": ...}``.
 
-    A field with ``"is_path": True`` as well names a folder on this machine; it is not part of a shard's identity.
+    A field with ``"is_path": True`` as well names a folder on this machine; it is not part of a shard's identity. Nor
+    is one with ``"is_added": True`` at its default, so that shards written before the option existed are recognised.
 
     Class attributes:
         removed: Options that no longer exist, each with the advice that names their successor.
+
+    Attributes:
+        max_bad_rows: Share of unusable rows above which a scenario goes to quarantine.
     """
 
     removed: ClassVar[Mapping[str, str]] = MappingProxyType({})
+
+    max_bad_rows: float = field(
+        default=0.2,
+        kw_only=True,
+        metadata={"doc": "share of unusable rows above which a scenario goes to quarantine", "is_added": True},
+    )
 
     @classmethod
     def refuse_removed(cls, name: str) -> None:
@@ -42,6 +52,17 @@ class Options:
     def paths(self) -> dict[str, str]:
         """Fields that name folders; values may be empty, or several paths joined as in ``$PATH``."""
         return {each.name: getattr(self, each.name) for each in fields(self) if each.metadata.get("is_path")}
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """Values by name that the output depends on, see the class."""
+        left_out = {
+            each.name
+            for each in fields(self)
+            if each.metadata.get("is_path")
+            or (each.metadata.get("is_added") and getattr(self, each.name) == each.default)
+        }
+        return {name: value for name, value in asdict(self).items() if name not in left_out}
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any]) -> Self:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from scenarionet_data.ingest.input_properties import InputProperties
@@ -54,9 +54,8 @@ class Shard:
 
     @property
     def options_text(self) -> str:
-        """The options as canonical JSON, without those that name folders."""
-        paths = self.options.paths
-        return json.dumps({k: v for k, v in asdict(self.options).items() if k not in paths}, sort_keys=True)
+        """The options that the output depends on, as canonical JSON."""
+        return json.dumps(self.options.identity, sort_keys=True)
 
     @property
     def paths(self) -> list[Path]:

@@ -23,7 +23,7 @@ from scenarionet_data.storage.snapshots import snapshot as snapshots
 UNCOMMITTED_FOR = 24 * 3600.0
 """Minimum age of unreferenced files before deletion [s]: a running job may be about to commit them."""
 
-_FOLDERS = ("snapshots", "metadata", "tracks", "lights", "maps", "quarantine")
+_FOLDERS = ("snapshots", "metadata", "tracks", "lights", "maps", "quarantine", "defects")
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from scenarionet_data.query.engine import Rows
 from scenarionet_data.query.lake_view import LakeLike, LakeView, StaleDatabaseWarning, open_view
 from scenarionet_data.query.members import ADDRESS_COLUMNS, relation
 from scenarionet_data.query.statements import quoted
-from scenarionet_data.query.views import with_added_columns
+from scenarionet_data.query.views import scan_files
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
@@ -160,8 +160,7 @@ def _changed_columns(view: LakeView, before: _Side, after: _Side) -> tuple[Colum
 def _metadata_rows(view: LakeView, names: Sequence[str]) -> str:
     """Return SQL for the rows of metadata files; of no rows without files."""
     paths = ", ".join(map(quoted, view.files.scans(names)))
-    scan = with_added_columns("metadata", f"read_parquet([{paths}], hive_partitioning = false)")
-    return scan if names else "(FROM metadata_rows LIMIT 0)"
+    return scan_files("metadata", f"[{paths}]") if names else "(FROM metadata_rows LIMIT 0)"
 
 
 def _comparison(name: str) -> str:

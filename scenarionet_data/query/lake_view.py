@@ -131,8 +131,8 @@ class LakeView:
     def sql(self, query: str, parameters: Mapping[str, Any] | None = None) -> pl.DataFrame:
         """Run one SELECT over the views of the lake and return its rows as a Polars data frame.
 
-        The views are metadata, tracks, lights, maps, states, steps, objects, shards, quarantine, and those of
-        docs/events.md.
+        The views are metadata, tracks, lights, maps, states, steps, objects, shards, quarantine, defects, and
+        those of docs/events.md.
 
         Args:
             query: The SELECT.

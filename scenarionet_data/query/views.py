@@ -22,7 +22,7 @@ from scenarionet_data.storage.snapshots.snapshot import Snapshot
 if TYPE_CHECKING:
     import duckdb
 
-FILE_TABLES = ("metadata", "tracks", "lights", "maps", "quarantine", "shards", *evaluation_runs.RUN_TABLES)
+FILE_TABLES = ("metadata", "tracks", "lights", "maps", "quarantine", "defects", "shards", *evaluation_runs.RUN_TABLES)
 _FOLDER_COLUMNS = ("tracks", "lights", "maps")
 _COMMENT_TABLES = {"duckdb_columns", "duckdb_views", "information_schema", "pg_description"}
 _KEYS = {"metadata": "scenario_id", "tracks": "scenario_id", "lights": "scenario_id", "maps": "map_id"}
@@ -148,28 +148,35 @@ class Views:
             return f"(SELECT {', '.join(columns + folders)} WHERE false)"
         paths = self._files.scans(names)
         self._connection.execute(f"SET VARIABLE {table}_files = $paths", {"paths": paths})
-        hive = str(table in _FOLDER_COLUMNS).lower()
-        scan = f"read_parquet(getvariable('{table}_files'), hive_partitioning = {hive}" + (
-            ", hive_types_autocast = false)" if table in _FOLDER_COLUMNS else ")"
-        )
-        scan = with_added_columns(table, scan)
+        scan = scan_files(table, f"getvariable('{table}_files')")
         if self._chosen is None or table not in _KEYS:
             return scan
         return f"(SELECT * FROM {scan} SEMI JOIN chosen USING ({_KEYS[table]}))"
 
 
-def with_added_columns(table: str, scan: str) -> str:
-    """Return SQL for a scan of files of several schema versions: columns that older files lack are null.
+def scan_files(table: str, files: str) -> str:
+    """Return SQL for the rows of files of any readable schema version: columns that older files lack are null.
 
     Args:
         table: The table.
-        scan: A call of ``read_parquet``.
+        files: SQL for the list of files.
     """
-    added = tables.load(table).added
-    if not added:
-        return scan
-    nulls = ", ".join(f"NULL::{_sql_type(column)} AS {column.name}" for column in added)
-    return f"(SELECT * FROM {scan[:-1]}, union_by_name = true) UNION ALL BY NAME SELECT {nulls} WHERE false)"
+    folders = _hive_columns(table)
+    if not tables.load(table).added:
+        if not folders:
+            return f"read_parquet({files}, hive_partitioning = false)"
+        return f"read_parquet({files}, hive_partitioning = true, hive_types_autocast = false)"
+    # With the columns given, DuckDB need not open every file first, as union_by_name does (800 files: 0.3 s).
+    columns = ", ".join(
+        f"'{column.name}': {{name: '{column.name}', type: '{_sql_type(column)}', default_value: NULL}}"
+        for column in tables.load(table).columns
+    )
+    schema = f"hive_partitioning = false, schema = MAP {{{columns}}}"
+    if not folders:
+        return f"read_parquet({files}, {schema})"
+    # DuckDB skips files by conditions on these columns, as it does for those of hive_partitioning.
+    values = ", ".join(f"regexp_extract(filename, '/{name}=([^/]*)/', 1) AS {name}" for name in folders)
+    return f"(SELECT * EXCLUDE (filename), {values} FROM read_parquet({files}, {schema}, filename = true))"
 
 
 @cache

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.scenario.defects import Defect
 from scenarionet_data.scenario.parts import (
     ID_LISTS,
     Lights,
@@ -61,6 +62,7 @@ class ScenarioDescription:
         objects_of_interest: Tracks the source marks as interesting.
         tracks_to_predict: Tracks whose future the source's challenge asks to predict, with its difficulty or 0.
         extras: JSON-able mapping of properties that only this source has.
+        defects: What its conversion dropped or assumed; not part of its content: a loaded scenario has none.
     """
 
     id: str
@@ -82,6 +84,7 @@ class ScenarioDescription:
     objects_of_interest: tuple[str, ...] = ()
     tracks_to_predict: tuple[tuple[str, int], ...] = ()
     extras: Mapping[str, Any] = field(default_factory=dict)
+    defects: tuple[Defect, ...] = field(default=(), compare=False)
 
     @property
     def num_timesteps(self) -> int:

@@ -21,7 +21,7 @@ import pyarrow.parquet as pq
 from scenarionet_data.errors import SchemaMismatch
 from scenarionet_data.schema.package_data import SCHEMAS
 
-CONTENT = ("metadata", "tracks", "lights", "maps", "quarantine")
+CONTENT = ("metadata", "tracks", "lights", "maps", "quarantine", "defects")
 TABLES = (*CONTENT, "shards", "members", "results", "rollouts", "observations")
 
 DESCRIPTION_COLUMNS = (

@@ -31,6 +31,7 @@ def summarise(scenario: ScenarioDescription) -> dict[str, Any]:
         **ego_speeds(scenario),
         **object_counts(scenario.tracks),
         "num_lights": len(scenario.lights),
+        "num_dropped_rows": sum(defect.count for defect in scenario.defects if defect.action == "dropped"),
         **map_counts(scenario.map),
         "map_height_diff": map_height_diff(scenario),
         "has_intersection": has_intersection(scenario, path),

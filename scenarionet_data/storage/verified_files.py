@@ -20,7 +20,7 @@ from scenarionet_data.storage.footers.checks import check_footer
 from scenarionet_data.storage.footers.thrift import Malformed
 from scenarionet_data.storage.seals import FileEnd
 
-_NAMED_BY_CONTENT = re.compile(r"(?:tracks|lights|maps|quarantine)/.*-([0-9a-f]{16})\.parquet")
+_NAMED_BY_CONTENT = re.compile(r"(?:tracks|lights|maps|quarantine|defects)/.*-([0-9a-f]{16})\.parquet")
 _TAIL = 8
 _verified: dict[Path, tuple[int, ...]] = {}
 """Files of which this process has verified every byte that it can, and what identified them then."""

@@ -17,7 +17,7 @@ VERBS = {
     "Select scenarios": ("filter", "filters", "split", "sample", "tag"),
     "Combine databases": ("merge", "intersect", "subtract", "diff", "overlap"),
     "Manage databases": ("lineage", "rebuild", "rebase", "copy", "rename", "drop", "checkout"),
-    "Simulate": ("sim", "record"),
+    "Simulate": ("sim", "record", "score"),
     "Share": ("export", "pack"),
     "Maintain": ("check", "fsck", "compact", "vacuum", "doctor", "compile"),
 }

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 from scenarionet_data import Lake
 from scenarionet_data.errors import NoSuchSnapshot, ScenarioNetError
-from scenarionet_data.storage.files import cache, object_store
+from scenarionet_data.storage.files import cache, store_client
 from scenarionet_data.storage.files.opening import open_files
 from scenarionet_pipelines.doctor.finding import Finding
 
@@ -30,7 +30,7 @@ def examine_store(url: str) -> Iterator[Finding]:
     scheme = url.partition("://")[0]
     if scheme == "s3":
         region = os.environ.get("AWS_REGION") or os.environ.get("AWS_DEFAULT_REGION") or "us-east-1"
-        yield Finding("store", "endpoint", "ok", f"{object_store.endpoint() or 'Amazon'}, region {region}")
+        yield Finding("store", "endpoint", "ok", f"{store_client.endpoint() or 'Amazon'}, region {region}")
     found = [name for name in _CREDENTIALS.get(scheme, ()) if os.environ.get(name)]
     remedy = "" if found else f"set {_CREDENTIALS.get(scheme, ('its credentials',))[0]}, unless this machine has a role"
     yield Finding("store", "credentials", "ok" if found else "missing", ", ".join(found) or "not set", remedy)

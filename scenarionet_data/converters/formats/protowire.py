@@ -147,7 +147,7 @@ class Fields:
 
         Args:
             number: The field number.
-            kind: ``v`` or ``d``, as in :meth:`Messages.scalars`.
+            kind: ``v``, ``d`` or ``f``, as in :meth:`Messages.scalars`.
 
         Returns:
             (k,) row of the message of each element, ascending, and (k,) its bits.

@@ -78,21 +78,21 @@ def unpack(buffer: UInt8, firsts: Int32, ends: Int32, wire: int, elements: Int64
     Args:
         buffer: All bytes.
         firsts, ends: (n,) first byte and end of each list.
-        wire: Wire type of an element, VARINT or DOUBLE.
+        wire: Wire type of an element, VARINT, DOUBLE or FLOAT.
         elements: (2, k) row of the list and bits of each element; k is at least the number of bytes.
 
     Returns:
         Number of elements; -1 - b if the list at byte b is damaged.
     """
-    count = np.int64(0)
+    count, size = np.int64(0), 4 if wire == FLOAT else 8
     for run in range(len(firsts)):
         pos, end = np.int64(firsts[run]), np.int64(ends[run])
         while pos < end:
             bits = np.int64(0)
             if wire == VARINT:
                 bits, pos = _read_varint(buffer, pos, end)
-            elif end - pos >= 8:
-                bits, pos = np.int64(_bits(buffer, pos, 8)), pos + 8
+            elif end - pos >= size:
+                bits, pos = np.int64(_bits(buffer, pos, size)), pos + size
             else:
                 pos = _BAD
             elements[0, count] = run

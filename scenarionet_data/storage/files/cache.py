@@ -43,14 +43,14 @@ class LocalCopies:
         self.folder = folder
         self._unchecked = _CHECK_EVERY  # check the size at the first new copy
 
-    def find(self, name: str, mark: str) -> Path | None:
-        """Path of the cached copy of a file with this ETag; None when it is not cached."""
+    def find(self, name: str, mark: str, size: int | None = None) -> Path | None:
+        """Path of the cached copy of a file with this ETag; None when it is not cached, or not of this size."""
         path = self._path(name, mark)
         try:
             os.utime(path)
         except OSError:
             return None
-        return path
+        return path if size in (None, path.stat().st_size) else None  # this machine may have failed while writing it
 
     def add(self, temporary: Path, name: str, mark: str) -> Path:
         """Move a complete temporary file into the cache."""

@@ -27,7 +27,7 @@ def writing(path: Path, temporary: Path | None = None) -> Iterator[None]:
         if temporary is not None:
             with suppress(OSError):  # not writable, so there is no file to remove
                 temporary.unlink()
-        if isinstance(error, OSError):
+        if isinstance(error, OSError) and not isinstance(error, FileGone):
             raise LakeError(f"cannot write {path}: {_reason(error)}; {_remedy(error)}") from error
         raise
 

@@ -1,32 +1,36 @@
 """An object store, accessed through obstore: opened by URL, with retries and error messages that name the remedy.
 
 Credentials, region and endpoint come from the usual environment variables
-(``AWS_ACCESS_KEY_ID``, ``AWS_ENDPOINT_URL``, ``GOOGLE_APPLICATION_CREDENTIALS``, ...).
+(``AWS_ACCESS_KEY_ID``, ``AWS_ENDPOINT_URL``, ``GOOGLE_APPLICATION_CREDENTIALS``, ...). No response is taken for whole
+before its length has been compared with the one that the store announced.
 """
 
 from __future__ import annotations
 
-import os
-import re
 import uuid
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from datetime import timedelta
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from scenarionet_data.errors import FileGone, LakeError, MissingDependency
+from scenarionet_data.errors import FileGone, LakeError
 from scenarionet_data.storage.files.errors import writing
+from scenarionet_data.storage.files.retries import Attempts, CutOff, GaveUp, patience, status
+from scenarionet_data.storage.files.store_client import connect, first_line
 
-SCHEMES = ("s3", "gs")
-_ENDPOINTS = ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT")
 _PUBLISHER = "publisher"
 _PAGE = 1000
 """Files in one page of a listing."""
 
-_first_used_by: int | None = None
+_RUN_AGAIN = "Committed data is safe: run the same command again when the object store is available"
+_MAY_EXIST = (
+    "Committed data is safe, but this file may have been created although the answer did not arrive: see whether it is "
+    "there when the object store is available, and run the same command again if not"
+)
 
+Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class Stored:
@@ -58,26 +62,17 @@ class ObjectStore:
 
     def __init__(self, url: str) -> None:
         self.url = url
-        try:
-            import obstore
-        except ImportError as error:
-            raise MissingDependency(f"{url} needs obstore", "remote") from error
-        scheme, _, place = url.partition("://")
-        if scheme not in SCHEMES or not place.strip("/"):
-            raise LakeError(f"{url}: wanted a folder, s3://BUCKET/PREFIX, gs://BUCKET/PREFIX or file:///FOLDER")
-        _refuse_after_fork(url)
+        self._store = connect(url)
+        import obstore  # lazy: optional
+
         self._obstore: Any = obstore
-        try:
-            self._store: Any = obstore.store.from_url(url, **_options(scheme))
-        except (obstore.exceptions.BaseError, ValueError) as error:
-            raise LakeError(f"{url}: {_first_line(error)}; `scenarionet doctor {url}` lists the settings") from error
 
     # --- listing ----------------------------------------------------------------------------------------
 
     def list(self, folder: str) -> tuple[list[Stored], list[str]]:
         """Files directly in a folder, and the names of the folders in it."""
-        with self._translated_errors(folder):
-            found = self._obstore.list_with_delimiter(self._store, None if folder == "." else folder)
+        prefix = None if folder == "." else folder
+        found = self._request(folder, lambda: self._obstore.list_with_delimiter(self._store, prefix))
         return [_stored(each) for each in found["objects"]], [
             each.rstrip("/").rpartition("/")[2] for each in found["common_prefixes"]
         ]
@@ -98,13 +93,25 @@ class ObjectStore:
                     pages = self._pages(folder, f"{behind}0")
 
     def _pages(self, folder: str | None, behind: str | None) -> Iterator[Any]:
-        return iter(self._obstore.list(self._store, folder, offset=behind, chunk_size=_PAGE))
+        """Pages of a listing; a failed request is repeated after the last file of the page before."""
+        list_after = partial(self._obstore.list, self._store, folder, chunk_size=_PAGE)
+        pages, attempts = list_after(offset=behind), Attempts()
+        while True:
+            try:
+                page = next(pages, None)
+            except self._obstore.exceptions.BaseError as error:
+                attempts.failed(error)
+                pages = list_after(offset=behind)
+                continue
+            if not page:
+                return
+            behind, attempts = page[-1]["path"], Attempts()
+            yield page
 
     def find(self, name: str) -> Stored | None:
         """A file; None when it does not exist."""
         try:
-            with self._translated_errors(name):
-                return _stored(self._obstore.head(self._store, name))
+            return _stored(self._request(name, lambda: self._obstore.head(self._store, name)))
         except FileNotFoundError:
             return None
 
@@ -112,61 +119,105 @@ class ObjectStore:
 
     def download(self, name: str, path: Path) -> Stored:
         """Download a file to a local path."""
-        with self._reading(name):
-            got = self._obstore.get(self._store, name)
-            with writing(path, path), path.open("wb") as file:
-                for piece in got.stream():
-                    file.write(piece)
-        return _stored(got.meta)
+        with writing(path, path), path.open("wb") as file:
+            for stored, piece in self._stream(name):
+                file.write(piece)
+        return stored
 
     def pieces(self, name: str) -> Iterator[bytes]:
         """Stream a file's bytes."""
-        with self._reading(name):
-            yield from self._obstore.get(self._store, name).stream()
+        return (piece for _, piece in self._stream(name))
+
+    def _stream(self, name: str) -> Iterator[tuple[Stored, bytes]]:
+        """A file with its pieces, at least one; if a response is cut off, the rest is requested."""
+        stored, position, attempts = None, 0, Attempts()
+        with self._reading(name), self._translated_errors(name):
+            while stored is None or position < stored.size:
+                try:
+                    got = self._obstore.get(self._store, name, options={"range": {"offset": position}} if position else {})
+                    stored = self._same(stored, _stored(got.meta))
+                    for piece in got.stream() if stored.size else [b""]:
+                        position += len(piece)
+                        yield stored, piece
+                        attempts = Attempts()
+                    _check_length(position, stored.size)
+                except (self._obstore.exceptions.BaseError, CutOff) as error:
+                    attempts.failed(error)
+
+    def _same(self, before: Stored | None, now: Stored) -> Stored:
+        if before is not None and before.mark != now.mark:
+            raise LakeError(f"{self.url}/{now.name}: replaced while it was read; run the same command again")
+        return now
 
     def range(self, name: str, start: int, end: int) -> memoryview:
         """Bytes ``start`` to ``end`` (exclusive) of a file, without a copy (megabytes take milliseconds)."""
+
+        def get() -> memoryview:
+            got = memoryview(self._obstore.get_range(self._store, name, start=start, end=end))
+            if len(got) < end - start:
+                size = int(self._obstore.head(self._store, name)["size"])
+                _check_length(len(got), min(end, size) - start)
+            return got
+
         with self._reading(name):
-            return memoryview(self._obstore.get_range(self._store, name, start=start, end=end))
+            return self._request(name, get)
 
     def last(self, name: str, length: int) -> tuple[int, bytes]:
         """Size of a file, and at most its last ``length`` bytes."""
-        with self._reading(name):
+
+        def get() -> tuple[int, bytes]:
             got = self._obstore.get(self._store, name, options={"range": {"suffix": length}})
-            return int(got.meta["size"]), bytes(got.bytes())
+            size, end = int(got.meta["size"]), bytes(got.bytes())
+            _check_length(len(end), min(length, size))
+            return size, end
+
+        with self._reading(name):
+            return self._request(name, get)
 
     # --- writing ----------------------------------------------------------------------------------------
 
     def put(self, name: str, content: Path | bytes) -> str:
         """Upload a file, replacing one of the same name; returns its ETag."""
-        with self._translated_errors(name, is_written=True):
-            return str(self._obstore.put(self._store, name, content)["e_tag"])
+        with self._writing():
+            return str(self._request(name, lambda: self._obstore.put(self._store, name, content))["e_tag"])
 
     def create(self, name: str, content: bytes) -> bool:
-        """Upload a file unless one of that name exists; returns whether this call created it."""
+        """Upload a file unless one of that name exists; returns whether this call created it.
+
+        An upload whose answer was lost is repeated, and then finds its own file, recognised by its publisher.
+        """
         publisher = uuid.uuid4().hex
+        upload = partial(self._obstore.put, self._store, name, content, mode="create")
         try:
-            with self._translated_errors(name, is_written=True):
-                self._obstore.put(self._store, name, content, mode="create", attributes={_PUBLISHER: publisher})
+            with self._writing():
+                self._request(name, lambda: upload(attributes={_PUBLISHER: publisher}), _MAY_EXIST)
         except self._obstore.exceptions.AlreadyExistsError:
-            # The file is ours if the response to a first attempt was lost and obstore retried.
             with self._reading(name):
-                found = self._obstore.get(self._store, name, options={"head": True}).attributes
-            return bool(found.get(_PUBLISHER) == publisher)
+                found = self._request(name, lambda: self._obstore.get(self._store, name, options={"head": True}))
+            return bool(found.attributes.get(_PUBLISHER) == publisher)
         return True
 
     def delete(self, names: Sequence[str]) -> None:
         """Remove files; missing ones are ignored."""
-        with self._translated_errors(names[0] if names else ""):
-            self._obstore.delete(self._store, list(names))
+        if names:
+            self._request(names[0], lambda: self._obstore.delete(self._store, [*names]))
 
     # --- errors -----------------------------------------------------------------------------------------
+
+    def _request(self, name: str, send: Callable[[], Result], remedy: str = _RUN_AGAIN) -> Result:
+        """Send a request until it succeeds; errors are those of :meth:`_translated_errors`."""
+        attempts = Attempts()
+        with self._translated_errors(name, remedy):
+            while True:
+                try:
+                    return send()
+                except (self._obstore.exceptions.BaseError, CutOff) as error:
+                    attempts.failed(error)
 
     @contextmanager
     def _reading(self, name: str) -> Iterator[None]:
         try:
-            with self._translated_errors(name):
-                yield
+            yield
         except FileGone:
             raise
         except FileNotFoundError as error:
@@ -176,68 +227,37 @@ class ObjectStore:
             ) from error
 
     @contextmanager
-    def _translated_errors(self, name: str, *, is_written: bool = False) -> Iterator[None]:
-        """Convert errors of the store into a LakeError that names the remedy.
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
+        except FileNotFoundError as error:  # not the file, which need not exist
+            raise self._no_bucket() from error
 
-        Errors for missing and for existing files pass through, except that a missing file on write means a missing
-        bucket.
-        """
+    @contextmanager
+    def _translated_errors(self, name: str, remedy: str = _RUN_AGAIN) -> Iterator[None]:
+        """Convert errors of the store into a LakeError that names the remedy, except for missing and existing files."""
         exceptions, place = self._obstore.exceptions, f"{self.url}/{name}".rstrip("/.")
         try:
             yield
-        except exceptions.AlreadyExistsError:
+        except (exceptions.AlreadyExistsError, FileNotFoundError):
             raise
-        except FileNotFoundError as error:
-            if not is_written:
-                raise
-            raise self._no_bucket() from error
         except (exceptions.PermissionDeniedError, exceptions.UnauthenticatedError) as error:
             raise LakeError(
                 f"{place}: permission denied; set credentials with read and write access (AWS_ACCESS_KEY_ID, ...), "
                 f"`scenarionet doctor {self.url}` lists the settings"
             ) from error
-        except exceptions.BaseError as error:
-            answer = re.search(r"status code: ([^:]*)", str(error))
-            if answer and answer.group(1).startswith("404"):
-                raise self._no_bucket() from error
+        except GaveUp as error:
             raise LakeError(
-                f"{place}: the object store answers {answer.group(1) if answer else _first_line(error)}; retried for "
-                f"up to {patience():.0f} s ($SCENARIONET_PATIENCE). Committed data is safe: run the same command again "
-                "when the object store is available"
+                f"{place}: {_answer(error.__cause__)}; retried for {error.seconds:.1f} s "
+                f"($SCENARIONET_PATIENCE is {patience():g} s). {remedy}"
             ) from error
+        except exceptions.BaseError as error:
+            if (status(error) or "").startswith("404"):
+                raise self._no_bucket() from error
+            raise LakeError(f"{place}: {_answer(error)}; `scenarionet doctor {self.url}` lists the settings") from error
 
     def _no_bucket(self) -> LakeError:
         return LakeError(f"{self.url}: no such bucket; create it, or check the name and the settings")
-
-
-def endpoint() -> str | None:
-    """URL of an S3-compatible server other than Amazon's, if one is set."""
-    return next((os.environ[name] for name in _ENDPOINTS if os.environ.get(name)), None)
-
-
-def patience() -> float:
-    """Seconds for which failing requests are retried: ``$SCENARIONET_PATIENCE``."""
-    return float(os.environ.get("SCENARIONET_PATIENCE") or 180)
-
-
-def _options(scheme: str) -> dict[str, Any]:
-    """Options for opening a store, in addition to those in the environment."""
-    longest_wait = max(0.2, min(15.0, patience() / 4))
-    chosen: dict[str, Any] = {
-        "client_options": {"allow_http": (endpoint() or "").startswith("http://"), "timeout": "60s"},
-        "retry_config": {
-            "max_retries": 20,
-            "retry_timeout": timedelta(seconds=patience()),
-            "backoff": {
-                "init_backoff": timedelta(seconds=0.1),
-                "max_backoff": timedelta(seconds=longest_wait),
-                "base": 2,
-            },
-        },
-    }
-    if scheme == "s3" and endpoint():
-        chosen["config"] = {"endpoint": endpoint()}
-    return chosen
 
 
 def _stored(meta: Any) -> Stored:
@@ -251,17 +271,13 @@ def _folder_of(path: str, names: Collection[str]) -> str | None:
     return None if place is None else "/".join(folders[: place + 1])
 
 
-def _first_line(error: Exception) -> str:
-    """The first line of a message; the following ones describe library internals."""
-    return str(error).partition("\n")[0]
+def _check_length(found: int, announced: int) -> None:
+    if found != announced:
+        raise CutOff(f"a response was cut off after {found:,} of {announced:,} bytes")
 
 
-def _refuse_after_fork(url: str) -> None:
-    """Raise in a forked child, which would hang: it inherits locks of network threads, but not the threads."""
-    global _first_used_by
-    _first_used_by = _first_used_by or os.getpid()
-    if _first_used_by != os.getpid():
-        raise LakeError(
-            f"{url}: this process was forked from one that uses an object store; start workers by spawn "
-            "(for torch: DataLoader(..., multiprocessing_context='spawn'))"
-        )
+def _answer(error: BaseException | None) -> str:
+    if isinstance(error, CutOff):
+        return str(error)
+    code = status(error) if error else None
+    return f"the object store answers {code}" if code else f"the object store does not answer: {first_line(error)}"

@@ -17,18 +17,18 @@ from typing import Any, TypeVar
 
 from scenarionet_data.errors import FileGone, LakeError
 from scenarionet_data.storage import seals, verified_files
-from scenarionet_data.storage.files import object_store
+from scenarionet_data.storage.files import store_client
 from scenarionet_data.storage.files.cache import LocalCopies, folder_of
 from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.lake_files import READ_IN_PLACE, LakeFiles, Listed
-from scenarionet_data.storage.files.object_store import ObjectStore
+from scenarionet_data.storage.files.object_store import ObjectStore, Stored
 from scenarionet_data.storage.files.temporary import TemporaryFolder, delete
 from scenarionet_data.storage.seals import FileEnd
 
 FOOTER = 2**17
 """Bytes requested from the end of a file for its footer; one with 64 row groups is 60-100 kB."""
 
-_BY_CONTENT = ("tracks/", "lights/", "maps/", "quarantine/")
+_BY_CONTENT = ("tracks/", "lights/", "maps/", "quarantine/", "defects/")
 """Tables whose file names contain a digest of the content; other files may be dropped and re-created."""
 
 _CONCURRENT_REQUESTS = 16
@@ -55,10 +55,11 @@ class RemoteLakeFiles(LakeFiles):
     def __init__(self, url: str) -> None:
         self.root = self._url = url.rstrip("/")
         self._store = ObjectStore(self._url)
-        self._folder = folder_of(f"{object_store.endpoint()} {self._url}")
+        self._folder = folder_of(f"{store_client.endpoint()} {self._url}")
         self._copies = LocalCopies(self._folder)
         self._temporary = TemporaryFolder(self._folder)
         self._marks: dict[str, str] = {}
+        self._sizes: dict[str, int] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
         return RemoteLakeFiles, (self._url,)
@@ -83,7 +84,8 @@ class RemoteLakeFiles(LakeFiles):
     def names(self, folder: str, suffix: str = "") -> list[str]:
         """Files directly in ``folder``, sorted; empty when the folder does not exist."""
         found, _ = self._store.list(folder)
-        self._marks |= {each.name: each.mark for each in found}
+        for each in found:
+            self._note(each)
         return sorted(each.name for each in found if each.name.endswith(suffix))
 
     def folders(self, folder: str) -> list[str]:
@@ -99,8 +101,12 @@ class RemoteLakeFiles(LakeFiles):
         found = self._store.find(name)
         if found is None:
             return None
-        self._marks[name] = found.mark
+        self._note(found)
         return found.size
+
+    def _note(self, found: Stored) -> None:
+        """Remember ETag and size of a file, which its cached copy must have."""
+        self._marks[found.name], self._sizes[found.name] = found.mark, found.size
 
     def sizes(self, names: Sequence[str]) -> list[int | None]:
         """Call :meth:`size` for many files, concurrently."""
@@ -117,7 +123,7 @@ class RemoteLakeFiles(LakeFiles):
         """
         if not name.startswith(_BY_CONTENT) and name not in self._marks:
             self.size(name)
-        copy = self._copies.find(name, self._mark(name))
+        copy = self._copies.find(name, self._mark(name), self._sizes.get(name))
         return copy or self._download(name)
 
     def paths(self, names: Sequence[str]) -> list[Path]:
@@ -130,7 +136,7 @@ class RemoteLakeFiles(LakeFiles):
 
     def _download(self, name: str) -> Path:
         temporary = self.temporary()
-        self._marks[name] = self._store.download(name, temporary).mark
+        self._note(self._store.download(name, temporary))
         return self._copies.add(temporary, name, self._mark(name))
 
     def digest(self, name: str) -> str:
@@ -169,14 +175,16 @@ class RemoteLakeFiles(LakeFiles):
     def _last(self, name: str, length: int) -> tuple[int, bytes]:
         """Size and at most the last ``length`` bytes; cached with the size in front."""
         copy = self._copies.find(f"{name}.end", str(length))
-        if copy is None:
-            size, end = self._store.last(name, length)
-            temporary = self.temporary()
-            with writing(temporary, temporary):
-                temporary.write_bytes(size.to_bytes(8, "little") + end)
-            copy = self._copies.add(temporary, f"{name}.end", str(length))
-        kept = copy.read_bytes()
-        return int.from_bytes(kept[:8], "little"), kept[8:]
+        kept = copy.read_bytes() if copy else b""
+        size = int.from_bytes(kept[:8], "little")
+        if len(kept) == 8 + min(length, size):
+            return size, kept[8:]
+        size, end = self._store.last(name, length)
+        temporary = self.temporary()
+        with writing(temporary, temporary):
+            temporary.write_bytes(size.to_bytes(8, "little") + end)
+        self._copies.add(temporary, f"{name}.end", str(length))
+        return size, end
 
     def range(self, name: str, start: int, end: int) -> memoryview:
         """Bytes ``start`` to ``end`` (exclusive) of a file."""
@@ -216,6 +224,7 @@ class RemoteLakeFiles(LakeFiles):
         if name.startswith(READ_IN_PLACE):
             temporary.unlink()
         else:  # small files are soon read again: cache the upload
+            self._sizes[name] = temporary.stat().st_size
             self._copies.add(temporary, name, self._mark(name))
 
     def publish_new(self, name: str, data: bytes | Path) -> bool:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from scenarionet_data.errors import LakeError
 from scenarionet_data.ingest.shard import Shard
+from scenarionet_data.scenario.defects import Defect
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.lake_files import LakeFiles
 
@@ -35,9 +36,9 @@ class ShardRecord:
 
 
 def partition(table: str, dataset: str, version: str, split: str) -> str:
-    """Folder of a partition; maps have no split."""
+    """Folder of a partition; maps have no split, and what belongs to a shared map has an empty one."""
     folder = f"{table}/dataset={dataset}/version={version}"
-    return folder if table == "maps" else f"{folder}/split={split}"
+    return f"{folder}/split={split}" if split and table != "maps" else folder
 
 
 def shard_key(shard: Shard, converter_version: str) -> str:
@@ -69,3 +70,10 @@ def find_record(files: LakeFiles, name: str) -> ShardRecord | None:
         return None
     is_whole = files.sizes(record.files) == record.sizes
     return record if is_whole and not files.renew([name, *record.files]) else None
+
+
+def read_defects(files: LakeFiles, record: ShardRecord) -> list[Defect]:
+    """What the conversion of a shard dropped or assumed."""
+    names = [field.name for field in fields(Defect)]
+    listed = [name for name in record.files if name.startswith("defects/")]
+    return [Defect(**row) for name in listed for row in files.read(name, names).to_pylist()]

@@ -16,7 +16,7 @@ from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord, partition, shard_key
-from scenarionet_data.storage.write.table_file import publish_data
+from scenarionet_data.storage.write.table_file import defect_rows, publish_data, write_table
 
 TILE = 200.0
 """Edge of a tile [m]."""
@@ -43,7 +43,11 @@ def write_shared_map(
             tile = features.take(rows).build(origin, has_z)
             batch = codec.encode_map(shard.name, tile, origin, has_z, tile=number, index=rows)
             writer.write_batch(batch, row_group_size=max(batch.num_rows, 1))
-    sealed = publish_data(files, temporary, f"{partition('maps', shard.dataset, shard.version, '')}/{shard.name}")
+    published = [publish_data(files, temporary, f"{partition('maps', shard.dataset, shard.version, '')}/{shard.name}")]
+    if features.defects:
+        temporary = write_table(files, "defects", defect_rows(shard, features.defects, map_id=shard.name), footer)
+        stem = f"{partition('defects', shard.dataset, shard.version, '')}/{shard.name}"
+        published.append(publish_data(files, temporary, stem))
     return ShardRecord(
         key=shard_key(shard, converter_version),
         dataset=shard.dataset,
@@ -59,9 +63,9 @@ def write_shared_map(
         num_scenarios=0,
         num_quarantined=0,
         metadata_file=None,
-        files=[sealed.name],
-        sizes=[sealed.size],
-        checksums=[sealed.checksum],
+        files=[each.name for each in published],
+        sizes=[each.size for each in published],
+        checksums=[each.checksum for each in published],
     )
 
 

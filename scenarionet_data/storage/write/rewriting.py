@@ -70,7 +70,7 @@ def _publish(
         kept = {
             file: (size, checksum)
             for file, size, checksum in zip(record.files, record.sizes, record.checksums, strict=True)
-            if file.startswith("quarantine/")
+            if file.startswith(("quarantine/", "defects/"))
         }
         kept |= {file: published[file] for file in sorted(named)}
         moved = replace(

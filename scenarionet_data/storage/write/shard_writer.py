@@ -25,7 +25,7 @@ from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.seals import Sealed
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord, metadata_name, partition, shard_key
-from scenarionet_data.storage.write.table_file import publish_data, publish_table, write_table
+from scenarionet_data.storage.write.table_file import defect_rows, publish_data, publish_table, write_table
 
 SCENARIOS_PER_FILE = 64
 """A footer with 64 row groups is read in 0.7 ms, one with 250 in 2-4 ms."""
@@ -70,6 +70,7 @@ class ShardWriter:
         self._pending: list[dict[str, Any]] = []
         self._rows: list[dict[str, Any]] = []
         self._rejected: list[dict[str, Any]] = []
+        self._defects: dict[str, list[dict[str, Any]]] = {}
         self._ids: set[str] = set()
         self._published: list[Sealed] = []
 
@@ -82,10 +83,12 @@ class ShardWriter:
         """Validate and encode one scenario; it is written in a batch.
 
         Raises:
-            InvalidScenario: It is invalid, belongs to another shard, or its id was added before.
+            InvalidScenario: It is invalid, belongs to another shard, its id was added before, or too many of its rows
+                were dropped (see ``Options.max_bad_rows``).
             LakeError: The lake cannot be written.
         """
         scenario.validate()
+        check_share_of_bad_rows(scenario, self._shard.options.max_bad_rows)
         for name in ("dataset", "version", "split"):
             wanted, found = getattr(self._shard, name), getattr(scenario, name)
             if found != wanted:
@@ -95,6 +98,7 @@ class ShardWriter:
         encoded = codec.encode(scenario, self._version)
         position = len(self._ids) + len(self._rejected)
         self._ids.add(scenario.id)
+        self._defects[scenario.id] = defect_rows(self._shard, scenario.defects, scenario_id=scenario.id)
         self._waiting.append((position, encoded))
         self._num_bytes += sum(rows.get_total_buffer_size() for rows in _batches(encoded).values())
         if len(self._waiting) == _MAX_WAITING or self._num_bytes > _MAX_WAITING_BYTES:
@@ -133,9 +137,9 @@ class ShardWriter:
             kept = f"{len(self._rows)} scenarios and {len(self._rejected)} in quarantine"
             raise LakeError(f"{self._shard.name}: read {num_records} records, but kept {kept}; please report it")
         if self._rejected:
-            rejected = sorted(self._rejected, key=lambda row: int(row["position"]))
-            temporary = write_table(self._files, "quarantine", rejected, self._footer)
-            self._published.append(publish_data(self._files, temporary, self._stem("quarantine")))
+            self._publish_rows("quarantine", sorted(self._rejected, key=lambda row: int(row["position"])))
+        if any(self._defects.values()):
+            self._publish_rows("defects", [row for rows in self._defects.values() for row in rows])
         shard, key = self._shard, shard_key(self._shard, self._version)
         record = ShardRecord(
             key=key,
@@ -176,6 +180,7 @@ class ShardWriter:
         for number, (position, each) in enumerate(waiting):
             if number in refused:
                 self._ids.remove(each.metadata["scenario_id"])
+                del self._defects[each.metadata["scenario_id"]]
                 self.reject(position, refused[number])
                 continue
             row, batches = dict(each.metadata), _batches(each)
@@ -210,9 +215,32 @@ class ShardWriter:
         self._rows += self._pending
         self._pending = []
 
+    def _publish_rows(self, table: str, rows: list[dict[str, Any]]) -> None:
+        temporary = write_table(self._files, table, rows, self._footer)
+        self._published.append(publish_data(self._files, temporary, self._stem(table)))
+
     def _stem(self, table: str) -> str:
         """Name of the shard's files of a table, up to the number of the part."""
         return f"{partition(table, self._shard.dataset, self._shard.version, self._shard.split)}/{self._shard.name}"
+
+
+def check_share_of_bad_rows(scenario: ScenarioDescription, limit: float) -> None:
+    """Raise unless at most ``limit`` of the rows of a scenario's objects were dropped.
+
+    Raises:
+        InvalidScenario: The message states the share, the limit and the first reasons.
+    """
+    dropped = [each for each in scenario.defects if (each.table, each.action) == ("tracks", "dropped")]
+    num_dropped = sum(defect.count for defect in dropped)
+    num_rows = num_dropped + int(scenario.tracks.valid.sum())
+    if num_dropped > limit * num_rows:
+        reasons = "; ".join(f"{each.file}, {each.location}: {each.field}: {each.reason}" for each in dropped[:3])
+        raise InvalidScenario(
+            scenario.id,
+            "tracks",
+            f"expected at most {limit:.0%} unusable rows (option max_bad_rows), found {num_dropped / num_rows:.1%}, "
+            f"{num_dropped:,} of {num_rows:,}: {reasons}",
+        )
 
 
 def _batches(encoded: Encoded) -> dict[str, pa.RecordBatch]:

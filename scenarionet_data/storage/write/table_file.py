@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
 
+from scenarionet_data.ingest.shard import Shard
+from scenarionet_data.scenario.defects import Defect
 from scenarionet_data.schema import tables
 from scenarionet_data.storage import seals
 from scenarionet_data.storage.files.errors import writing
@@ -58,3 +61,11 @@ def write_table(
     with writing(temporary, temporary), declared.writer(temporary, footer) as writer:
         writer.write_table(declared.conform(content), row_group_size=row_group_size)
     return temporary
+
+
+def defect_rows(
+    shard: Shard, defects: Iterable[Defect], *, scenario_id: str | None = None, map_id: str | None = None
+) -> list[dict[str, Any]]:
+    """Return rows of the table ``defects`` for one scenario or one shared map of a shard."""
+    owner = {"dataset": shard.dataset, "version": shard.version, "split": shard.split, "shard": shard.name}
+    return [{**owner, "scenario_id": scenario_id, "map_id": map_id, **asdict(defect)} for defect in defects]

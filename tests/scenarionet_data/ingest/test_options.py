@@ -34,8 +34,8 @@ def test_values_become_fields():
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"densty": 1}, "no option 'densty'; did you mean 'density'\\? options: density, rate, kind"),
-        ({"x": 1}, "no option 'x'; options: density"),
+        ({"densty": 1}, "no option 'densty'; did you mean 'density'\\? options: max_bad_rows, density, rate"),
+        ({"x": 1}, "no option 'x'; options: max_bad_rows, density"),
         ({"hertz": 2}, "option 'hertz' no longer exists; set rate, in timesteps per second"),
         ({"density": "dense"}, "option 'density': expected float, for example 1.0; found 'dense'"),
         ({"rate": 0.5}, "option 'rate': expected int, for example 10; found 0.5"),

@@ -107,6 +107,7 @@ BROKEN: list[tuple[str, str, Callable[[ScenarioDescription], ScenarioDescription
     ("sizes_are_positive", "flat", changed("size", lambda s: (s.ego_index, slice(None), 2), 0)),
     ("headings_are_wrapped", "dizzy", changed("heading", ego_now, 4)),
     ("states_are_finite", "endless", changed("velocity", ego_now, np.inf)),
+    ("states_are_plausible", "huge", changed("size", lambda s: (s.ego_index, slice(None), 0), 201)),
     ("velocity_is_motion", "faster", faster),
     ("heading_is_direction", "turned", turned),
     ("nobody_teleports", "jumps", changed("position", ego_now, 900)),

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_pipelines.cli.conversion_report import print_report, stale_row
+from scenarionet_pipelines.cli.conversion_report import passed_over_rows, print_report, stale_row
 from scenarionet_pipelines.cli.execution import executor_from_options
 from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.interrupt import Interrupted
@@ -65,7 +66,7 @@ _MAX_LISTED = 20
     "--every", default="30s", metavar="TIME", show_default=True,
     help="With --watch: interval between scans; a file has to be unchanged for as long.",
 )  # fmt: skip
-@click.option("--no-check", is_flag=True, help="Also accept scenarios that violate a hard rule of `scenarionet check`.")
+@click.option("--no-check", is_flag=True, help="Do not apply the rules of `scenarionet check`.")
 @click.option("--dry-run", is_flag=True, help="Print what would be converted and how long it would take.")
 @click.option(
     "-O", "--option", "options", multiple=True, metavar="KEY=VALUE", help="Option of the converter; repeatable."
@@ -103,8 +104,10 @@ def command(
     Recordings already in the lake are skipped: run the same command again after an interruption, or when
     recordings have been added.
 
-    Records that cannot be read and scenarios that violate a hard rule of `scenarionet check` are quarantined with
-    the reason; the conversion continues and the exit code is 1.
+    Rows and map features that cannot be used (NaN, a size of 0, a place that no road user can reach, ...) are dropped
+    and reported. Records that cannot be read, or have too many such rows (-O max_bad_rows=0.2), and scenarios that
+    violate a hard rule of `scenarionet check` are quarantined with the reason; the conversion continues and the exit
+    code is 1. --no-check accepts scenarios that violate such a rule, unless they cannot be stored.
 
     --where selects inputs before they are converted, with shell patterns: by file, by the name of the shard, and by
     properties of the dataset such as location, log, date and tags of nuPlan (`scenarionet converters nuplan` lists
@@ -211,7 +214,8 @@ def _print_plan(dataset: str, plan: ConversionPlan, workers: int, as_json: bool)
     processes = min(workers, len(plan.shards))
     seconds = pace.duration(num_inputs, processes) if pace else None
     if as_json:
-        facts = {"skipped": plan.num_skipped, "replaced": len(plan.replaced), "stale": plan.num_stale}
+        facts: dict[str, Any] = {"skipped": plan.num_skipped, "replaced": len(plan.replaced), "stale": plan.num_stale}
+        facts |= {"passed_over": [asdict(each) for each in plan.passed_over]}
         names = [f"{shard.dataset}/{shard.version}/{shard.split}/{shard.name}" for shard in plan.shards]
         print_json({"shards": names, "inputs": num_inputs, "seconds": seconds, **facts})
         return
@@ -223,4 +227,4 @@ def _print_plan(dataset: str, plan: ConversionPlan, workers: int, as_json: bool)
     if pace and seconds is not None:
         measured = f"measured on {count(pace.inputs, 'input')} with {count(pace.scenarios, 'scenario')}"
         rows += [("would take", f"about {duration(seconds)} with {count(processes, 'worker')}, {measured}")]
-    print_table(rows + stale_row(plan.num_stale))
+    print_table(rows + stale_row(plan.num_stale) + passed_over_rows(plan.passed_over))

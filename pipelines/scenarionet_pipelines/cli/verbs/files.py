@@ -17,8 +17,8 @@ from scenarionet_pipelines.cli.parameters import json_option, lake_argument, sna
 def command(lake: str, table: str, snapshot: int | None, as_json: bool) -> None:
     """List the Parquet files of a table, for Spark, Polars, pandas or any other engine.
 
-    TABLE is metadata, tracks, lights, maps, shards or quarantine. Read these files rather than the whole folder,
-    which may also contain files of unfinished jobs and of older snapshots.
+    TABLE is metadata, tracks, lights, maps, shards, quarantine or defects. Read these files rather than the whole
+    folder, which may also contain files of unfinished jobs and of older snapshots.
     """
     from scenarionet_data import Lake
 

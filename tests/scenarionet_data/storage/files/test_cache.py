@@ -8,7 +8,7 @@ import time
 import pytest
 
 from scenarionet_data.errors import LakeError
-from scenarionet_data.storage.files import cache, object_store
+from scenarionet_data.storage.files import cache, object_store, store_client
 from scenarionet_data.storage.files.cache import LocalCopies, folder_of, make_room
 
 
@@ -60,6 +60,6 @@ def test_free_space_is_checked_periodically(copies, monkeypatch):
 
 
 def test_object_store_in_forked_process_raises_error(monkeypatch):
-    monkeypatch.setattr(object_store, "_first_used_by", os.getpid() + 1)
+    monkeypatch.setattr(store_client, "_first_used_by", os.getpid() + 1)
     with pytest.raises(LakeError, match="start workers by spawn"):
         object_store.ObjectStore("s3://bucket/lake")

@@ -1,0 +1,114 @@
+"""Which rows of recorded boxes cannot be: values that are missing, or that no road user has.
+
+The bounds are far above what sensors record, so that they find faults of the recording and not rare traffic. They are
+the parameters of the check ``states_are_plausible``, too.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from scenarionet_data.arrays.dtypes import Array, Bool
+
+MAX_DISTANCE = 10_000.0
+"""Distance from the ego [m]; sensors of cars reach some 300 m."""
+
+MAX_SIZE = 200.0
+"""Length, width or height [m]; the longest trams have 60 m, trains at level crossings are labelled in parts."""
+
+MAX_SPEED = 150.0
+"""Speed [m/s], 540 km/h."""
+
+MAX_MAP_DISTANCE = 200_000.0
+"""Distance of a point of a map from the median of its points [m]; the largest city maps have 50 km."""
+
+
+class BadRows(NamedTuple):
+    """Rows with one fault.
+
+    Attributes:
+        mask: (R,) whether a row has the fault.
+        field: The field at fault: ``"position"``, ``"heading"``, ``"velocity"`` or ``"size"``.
+        reason: What was expected, and what was found in the first of the rows.
+    """
+
+    mask: Bool
+    field: str
+    reason: str
+
+
+def find_bad_rows(
+    position: Array, heading: Array, velocity: Array | None, size: Array | None, reference: Array
+) -> list[BadRows]:
+    """Find rows of boxes that cannot be; each row is in one mask at most.
+
+    Args:
+        position: (R, 3) or (R, 2) [m].
+        heading: (R,) [rad].
+        velocity: (R, 2) [m/s]; None if the source does not record it.
+        size: (R, 3) [m] length, width, height; None if the source does not record it.
+        reference: (2,) or (R, 2) [m] position of the ego, in the frame of ``position``.
+    """
+    with np.errstate(invalid="ignore", over="ignore"):
+        distance = np.abs(position[:, :2] - reference).max(axis=1, initial=0.0)
+        heights = np.abs(position[:, 2:]).max(axis=1, initial=0.0)
+        faults = [
+            (~np.isfinite(position).all(axis=1), "position", "expected finite metres", position),
+            (
+                ~((distance <= MAX_DISTANCE) & (heights <= MAX_DISTANCE)),
+                "position",
+                f"expected a position within {MAX_DISTANCE:,.0f} m of the ego",
+                position,
+            ),
+            (~np.isfinite(heading), "heading", "expected finite radians", heading),
+        ]
+        if size is not None:
+            fits = ((size > 0) & (size.astype(np.float32) > 0) & (size <= MAX_SIZE)).all(axis=1)
+            faults += [(~fits, "size", f"expected a size above 0 and up to {MAX_SIZE:,.0f} m", size)]
+        if velocity is not None:
+            fits = (np.abs(velocity) <= MAX_SPEED).all(axis=1)
+            faults += [(~fits, "velocity", f"expected a velocity of up to {MAX_SPEED:,.0f} m/s", velocity)]
+    found, is_bad = [], np.zeros(len(position), np.bool_)
+    for mask, field, expected, values in faults:
+        new = mask & ~is_bad
+        is_bad |= new
+        if new.any():
+            found.append(BadRows(new, field, f"{expected}, found {_shown(values[np.argmax(new)])}"))
+    return found
+
+
+def find_repeated_rows(track: Array, timestep: Array) -> BadRows | None:
+    """Find rows of a track and timestep that an earlier row has already; None if there are none.
+
+    Args:
+        track: (R,) integers.
+        timestep: (R,) integers.
+    """
+    pairs = np.column_stack([track, timestep])
+    _, first = np.unique(pairs, axis=0, return_index=True)
+    mask = np.ones(len(pairs), np.bool_)
+    mask[first] = False
+    return BadRows(mask, "timestep", "expected one row for an object and time, found another") if mask.any() else None
+
+
+def find_bad_geometry(points: Array, centre: Array) -> str | None:
+    """Return why the points of a map feature cannot be: what was expected and found. None if they can.
+
+    Args:
+        points: (P, 2) or (P, 3) [m].
+        centre: (2,) [m] of the map, see ``MAX_MAP_DISTANCE``.
+    """
+    is_bad = ~np.isfinite(points).all(axis=1)
+    if is_bad.any():
+        return f"expected finite metres, found {_shown(points[np.argmax(is_bad)])}"
+    is_far = np.abs(points[:, :2] - centre).max(axis=1, initial=0.0) > MAX_MAP_DISTANCE
+    if is_far.any():
+        limit = f"{MAX_MAP_DISTANCE:,.0f} m"
+        return f"expected points within {limit} of the map's centre, found {_shown(points[np.argmax(is_far)])}"
+    return None
+
+
+def _shown(values: Array) -> str:
+    return ", ".join(f"{value:g}" for value in np.atleast_1d(values))
