@@ -22,8 +22,8 @@ from scenarionet_data.storage.seals import FileEnd
 
 _NAMED_BY_CONTENT = re.compile(r"(?:tracks|lights|maps|quarantine|defects)/.*-([0-9a-f]{16})\.parquet")
 _TAIL = 8
-_verified: dict[Path, tuple[int, ...]] = {}
-"""Files of which this process has verified every byte that it can, and what identified them then."""
+_verified: dict[Path, tuple[tuple[int, ...], bool]] = {}
+"""Files that this process has verified: what identified them then, and whether every byte is."""
 
 
 def open_end(path: Path, name: str) -> FileEnd:
@@ -64,12 +64,11 @@ def verify(path: Path, name: str) -> bool:
         LakeError: It is missing or damaged.
     """
     now = _identity(path)
-    if _verified.get(path) == now:
-        return True
-    if not seals.verify(path, name):
-        return _verify_unsealed(path, name, seals.read_end(path, name))
-    _verified[path] = now
-    return True
+    known, is_whole = _verified.get(path, (None, False))
+    if known != now:
+        is_whole = seals.verify(path, name) or _verify_unsealed(path, name, seals.read_end(path, name))
+        _verified[path] = now, is_whole
+    return is_whole
 
 
 def parsed(end: FileEnd, url: Path | str) -> pq.FileMetaData:
@@ -85,12 +84,12 @@ def _verify_unsealed(path: Path, name: str, end: FileEnd) -> bool:
         _check_footer(end, path)
         return False
     now = _identity(path)
-    if _verified.get(path) != now:
+    if _verified.get(path) != (now, True):
         with reading(path), path.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
         if digest[:16] != by_content[1]:
             raise damaged(path, "its bytes differ from those that were written under this name")
-        _verified[path] = now
+        _verified[path] = now, True
     return True
 
 

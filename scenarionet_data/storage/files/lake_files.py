@@ -105,6 +105,15 @@ class LakeFiles(ABC):
         verified_files.verify(path, name)
         return path
 
+    def are_verified(self, names: Iterable[str]) -> bool:
+        """Whether every byte of some small files is verified; False if one of them is of an older lake.
+
+        Raises:
+            LakeError: A file is missing or damaged.
+        """
+        listed = list(names)
+        return all([verified_files.verify(path, name) for path, name in zip(self.paths(listed), listed, strict=True)])
+
     def end(self, name: str) -> FileEnd:
         """The verified end of a Parquet file, with its footer.
 

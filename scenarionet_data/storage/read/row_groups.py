@@ -110,7 +110,7 @@ class RemoteRowGroups:
         if not missing:
             return
         self._read_footers(missing)
-        runs = _runs([(*self._footers[address.file].span(address.number), address) for address in missing])
+        runs = _runs([(*self._span(address), address) for address in missing])
         for run in sorted(runs, key=lambda run: min(missing[address] for _, _, address in run)):
             (start, _, address), end = run[0], run[-1][1]
             answer = self._files.submit(self._range, address.file, start, end)
@@ -127,6 +127,10 @@ class RemoteRowGroups:
             pending = self._pending.pop(address)
             found.append(RowGroup(self._footers[address.file], address.number, pending.answer.result(), pending.start))
         return found
+
+    def _span(self, address: RowGroupAddress) -> tuple[int, int]:
+        with reading(self._files.url(address.file)):
+            return self._footers[address.file].span(address.number)
 
     def _range(self, name: str, start: int, end: int) -> Array:
         return np.frombuffer(self._files.range(name, start, end), np.uint8)

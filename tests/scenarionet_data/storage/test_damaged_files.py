@@ -9,6 +9,7 @@ import pytest
 
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.errors import LakeError, SchemaMismatch
+from scenarionet_data.schema import tables
 from scenarionet_data.storage import seals
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.made import raw_of, run
@@ -55,7 +56,7 @@ def test_file_of_another_schema_is_refused(lake, table):
     pq.write_table(rows.replace_schema_metadata(tag), path)
     seals.seal(path, path.relative_to(lake.root).as_posix())
     with pytest.raises(
-        SchemaMismatch, match=rf"{path.name}: written under schema {table}/99, this version reads {table}/1"
+        SchemaMismatch, match=rf"{path.name}: written under schema {table}/99, this version reads {tables.load(table).tag}"
     ):
         ScenarioLoader(lake)[0]
 

@@ -91,7 +91,14 @@ class Footer:
             raise UnreadableFile(url, f"its column {wrong[0]} has another type")
         self.names = [column.name for column in columns]
         self._columns = [(positions.get(column.path), _known_encodings(column)) for column in columns]
+        self._encodings = self._read_encodings()
         self._chunks: dict[int, Int64] = {}
+
+    def _read_encodings(self) -> list[int]:
+        """Encoding of each column's data pages, which a writer chooses for a file."""
+        group = self.metadata.row_group(0) if self.metadata.num_row_groups else None
+        listed = [group.column(index).encodings if group and index is not None else () for index, _ in self._columns]
+        return [next((_ENCODINGS[name] for name in names if name in _ENCODINGS), kernels.PLAIN) for names in listed]
 
     def num_rows(self, number: int) -> int:
         """Rows of a row group."""
@@ -104,10 +111,19 @@ class Footer:
         return int(chunks[present, kernels.CHUNK_START].min()), int(chunks[:, kernels.CHUNK_END].max())
 
     def chunks(self, number: int) -> Int64:
-        """(columns, NUM_CHUNK_FIELDS) a row group's column chunks, see ``page_kernels``; 0 for missing columns."""
+        """(columns, NUM_CHUNK_FIELDS) a row group's column chunks, see ``page_kernels``; 0 for missing columns.
+
+        Raises:
+            UnreadableFile: There is no such row group.
+        """
+        if not 0 <= number < self.metadata.num_row_groups:
+            raise UnreadableFile(self.url, f"it has no row group {number}")
         if number not in self._chunks:
             group = self.metadata.row_group(number)
-            rows = [_chunk(group, index, known, self.has_checksums) for index, known in self._columns]
+            rows = [
+                _chunk(group, index, known, encoding, self.has_checksums)
+                for (index, known), encoding in zip(self._columns, self._encodings, strict=True)
+            ]
             self._chunks[number] = np.array(rows, np.int64)
         return self._chunks[number]
 
@@ -127,7 +143,9 @@ def _known_encodings(column: ColumnType) -> int:
     return 0 if is_float else _KNOWN.get(column.element, 0)
 
 
-def _chunk(group: pq.RowGroupMetaData, index: int | None, known: int, has_checksums: bool) -> tuple[int, ...]:
+def _chunk(
+    group: pq.RowGroupMetaData, index: int | None, known: int, encoding: int, has_checksums: bool
+) -> tuple[int, ...]:
     if index is None:
         return (0,) * kernels.NUM_CHUNK_FIELDS
     chunk = group.column(index)
@@ -135,7 +153,6 @@ def _chunk(group: pq.RowGroupMetaData, index: int | None, known: int, has_checks
     start = min(data, chunk.dictionary_page_offset or data)
     codec = _CODECS.get(chunk.compression, kernels.OTHER_CODEC) if 0 <= size < _MAX_CHUNK else kernels.OTHER_CODEC
     end = start + chunk.total_compressed_size
-    encoding = next((_ENCODINGS[name] for name in chunk.encodings if name in _ENCODINGS), kernels.PLAIN)
     return start, data, end, chunk.num_values, codec, size, encoding, known >> encoding & 1, has_checksums
 
 

@@ -5,6 +5,7 @@ The pages themselves are compared with their checksums by Arrow.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,10 +15,12 @@ from scenarionet_data.storage.footers.thrift import Decoder, Malformed
 from scenarionet_data.storage.read.parquet import page_kernels as kernels
 
 _KINDS = {structs.DATA_PAGE: "data", structs.DATA_PAGE_V2: "data_v2"}
-_LONGEST = 80
+_LONGEST = 48
 """Bytes of the fields of a header that are compared; statistics may follow."""
-_NUMBER, _DATA, _DICTIONARY = 0x15, 0x1C, 0x3C
-"""Field headers of Thrift: a number in the next field, a struct in the next or third field after."""
+_VARINT = rb"\x15([\x80-\xff]*[\x00-\x7f])"
+_DATA = re.compile(rb"\x15\x00" + 3 * _VARINT + rb"\x1c" + _VARINT + rb"\x15(.)\x15\x06\x15\x06", re.DOTALL)
+"""Header of a data page: sizes, checksum, number of values, encoding, and levels in RLE."""
+_DICTIONARY = re.compile(rb"\x15\x04" + 3 * _VARINT + rb"\x3c" + 2 * _VARINT)
 
 
 def check_pages(content: Array, base: int, chunk: Sequence[int]) -> None:
@@ -42,44 +45,24 @@ def _is_as_written(content: Array, base: int, chunk: Sequence[int]) -> bool:
     """Whether a column chunk is one data page of the expected encoding, after a dictionary or not; in 5 us."""
     start, middle, end = (chunk[part] - base for part in (kernels.CHUNK_START, kernels.DATA_START, kernels.CHUNK_END))
     if start < middle:
-        words = _numbers(content[start : start + _LONGEST].tobytes(), _DICTIONARY, 2)
-        if words is None or words[0] != structs.DICTIONARY_PAGE or words[2] > middle - start:
+        words = _DICTIONARY.match(content[start : start + _LONGEST].tobytes())
+        if not words or _number(words[1]) > chunk[kernels.CHUNK_SIZE] or _number(words[2]) > middle - start:
             return False
-        if words[1] > chunk[kernels.CHUNK_SIZE]:
-            return False
-    page = _numbers(content[middle : middle + _LONGEST].tobytes(), _DATA, 4)
-    if page is None:
-        return False
-    kind, size, stored, _, num_values, encoding, *levels = page
-    return (
-        kind == structs.DATA_PAGE
-        and size <= chunk[kernels.CHUNK_SIZE]
-        and stored <= end - middle
-        and num_values == chunk[kernels.NUM_VALUES]
-        and encoding == chunk[kernels.EXPECTED]
-        and levels == [structs.RLE, structs.RLE]
+    page = _DATA.match(content[middle : middle + _LONGEST].tobytes())
+    return page is not None and (
+        _number(page[1]) <= chunk[kernels.CHUNK_SIZE]
+        and _number(page[2]) <= end - middle
+        and _number(page[4]) == chunk[kernels.NUM_VALUES]
+        and _number(page[5]) == chunk[kernels.EXPECTED]
     )
 
 
-def _numbers(header: bytes, inner: int, count: int) -> list[int] | None:
-    """The first numbers of a page header with a checksum: 4, and ``count`` of the struct in it; None if it has others."""
-    found, at = [], 0
-    try:
-        for place in range(4 + count):
-            if place == 4:
-                if header[at] != inner:
-                    return None
-                at += 1
-            if header[at] != _NUMBER:
-                return None
-            value, shift, at = header[at + 1] & 127, 7, at + 2
-            while header[at - 1] > 127:
-                value |= (header[at] & 127) << shift
-                shift, at = shift + 7, at + 1
-            found.append(value >> 1)
-    except IndexError:
-        return None
-    return found
+def _number(varint: bytes) -> int:
+    """A number that is not negative."""
+    value = 0
+    for place, byte in enumerate(varint):
+        value |= (byte & 127) << 7 * place
+    return value >> 1
 
 
 def _check_any(content: Array, start: int, end: int, chunk: Sequence[int]) -> None:

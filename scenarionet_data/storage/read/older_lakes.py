@@ -1,0 +1,59 @@
+"""Comparison of loaded scenarios with their metadata, in lakes whose metadata files have no seals.
+
+A changed byte in such a file can lead to rows of another scenario. The content hash covers a scenario but for its id,
+split, source file and licence; id and split are compared with where its tracks are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from scenarionet_data.codec.content_hash import content_hash
+from scenarionet_data.errors import LakeError
+from scenarionet_data.scenario.description import ScenarioDescription
+from scenarionet_data.storage.files.errors import damaged
+from scenarionet_data.storage.files.lake_files import LakeFiles
+from scenarionet_data.storage.snapshots.shard_record import partition
+
+_MAX_TIMESTEPS = 100_000
+"""Timesteps of a scenario in an older lake; arrays of as many are allocated for each object."""
+
+_ERRORS = (ValueError, TypeError, KeyError, IndexError, AttributeError, OverflowError, MemoryError)
+"""Errors of decoding inconsistent rows."""
+
+Metadata = Mapping[str, Any]
+
+
+@contextmanager
+def comparing(files: LakeFiles, metadata: Sequence[Metadata]) -> Iterator[list[ScenarioDescription]]:
+    """Compare the scenarios that the block puts into the list with their metadata rows.
+
+    Raises:
+        LakeError: A scenario is not as it was converted.
+    """
+    for row in metadata:
+        if not 0 < row["num_timesteps"] <= _MAX_TIMESTEPS:
+            raise _damage(files, row, f"{row['num_timesteps']:,} timesteps")
+    loaded: list[ScenarioDescription] = []
+    try:
+        yield loaded
+        for row, scenario in zip(metadata, loaded, strict=True):
+            _compare(files, row, scenario)
+    except LakeError:
+        raise
+    except _ERRORS as error:
+        raise _damage(files, metadata[0], f"it cannot be decoded ({error})") from error
+
+
+def _compare(files: LakeFiles, row: Metadata, scenario: ScenarioDescription) -> None:
+    if content_hash(scenario) != row["content_hash"]:
+        raise _damage(files, row, "its content differs from what was converted")
+    if not row["tracks_file"].startswith(f"{partition('tracks', row['dataset'], row['version'], row['split'])}/"):
+        raise _damage(files, row, "its tracks are in another partition")
+
+
+def _damage(files: LakeFiles, row: Metadata, finding: str) -> LakeError:
+    folder = partition("metadata", row["dataset"], row["version"], row["split"])
+    return damaged(files.url(folder), f"the row of {row['scenario_id']} or its files are damaged, {finding}")
