@@ -18,7 +18,7 @@ from scenarionet_data.errors import LakeError
 from scenarionet_data.query.lake_view import LakeLike, open_view
 from scenarionet_data.scenario.description import MapFeatures, ScenarioDescription, Tracks
 from scenarionet_data.storage.read.map_cache import MapCache
-from scenarionet_data.storage.read.older_lakes import comparing
+from scenarionet_data.storage.read.older_lakes import check_ids, comparing
 from scenarionet_data.storage.read.row_table import RowTable
 from scenarionet_data.storage.read.scenario_reader import TABLES, ScenarioReader
 from scenarionet_data.storage.snapshots import snapshot as snapshots
@@ -142,6 +142,8 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
         rows = self._reader.read(metadata, TABLES)
         if rows["tracks"] is None:
             raise _without_tracks(metadata)
+        if not self._is_sealed:
+            check_ids(self._files, metadata, rows["tracks"])
         crops = [None if row["map_crop"] is None else self._crop(row) for row in metadata]
         return codec.decode_many(metadata, rows["tracks"], rows["lights"], rows["maps"], crops)
 
@@ -163,7 +165,7 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
     def _reader(self) -> ScenarioReader:
         """This thread's reader."""
         if not hasattr(self._local, "reader"):
-            self._local.reader = ScenarioReader(self._files, self._snapshot)
+            self._local.reader = ScenarioReader(self._files, self._snapshot, with_ids=not self._is_sealed)
         reader: ScenarioReader = self._local.reader
         return reader
 

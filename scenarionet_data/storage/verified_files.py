@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import re
 from pathlib import Path
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -17,6 +18,7 @@ import pyarrow.parquet as pq
 from scenarionet_data.storage import seals
 from scenarionet_data.storage.files.errors import damaged, reading
 from scenarionet_data.storage.footers.checks import check_footer
+from scenarionet_data.storage.footers.pages import check_chunk
 from scenarionet_data.storage.footers.thrift import Malformed
 from scenarionet_data.storage.seals import FileEnd
 
@@ -81,7 +83,7 @@ def _verify_unsealed(path: Path, name: str, end: FileEnd) -> bool:
     """Verify a file of an older lake by the digest in its name, else check its footer; returns whether it has one."""
     by_content = _NAMED_BY_CONTENT.fullmatch(name)
     if not by_content:
-        _check_footer(end, path)
+        _check_pages(path, _check_footer(end, path))
         return False
     now = _identity(path)
     if _verified.get(path) != (now, True):
@@ -93,11 +95,22 @@ def _verify_unsealed(path: Path, name: str, end: FileEnd) -> bool:
     return True
 
 
-def _check_footer(end: FileEnd, url: Path | str) -> None:
+def _check_footer(end: FileEnd, url: Path | str) -> list[dict[str, Any]]:
     try:
-        check_footer(end.footer[:-_TAIL], end.body)
+        return check_footer(end.footer[:-_TAIL], end.body)
     except Malformed as error:
         raise damaged(url, f"its footer is damaged, {error}") from error
+
+
+def _check_pages(path: Path, columns: list[dict[str, Any]]) -> None:
+    """Check the sizes of all pages, which are allocated before they are read."""
+    with reading(path):
+        content = memoryview(path.read_bytes())
+    for column in columns:
+        try:
+            check_chunk(content, column)
+        except Malformed as error:
+            raise damaged(path, f"its column {column['path'][0]} is damaged, {error}") from error
 
 
 def _identity(path: Path) -> tuple[int, ...]:

@@ -32,12 +32,15 @@ class _Leaf(NamedTuple):
     definition: int
 
 
-def check_footer(footer: bytes, end: int) -> None:
+def check_footer(footer: bytes, end: int) -> list[dict[str, Any]]:
     """Check a footer.
 
     Args:
         footer: Its bytes, without the 8 bytes that follow it.
         end: Position of the footer in its file; the column chunks are before it.
+
+    Returns:
+        What it says of every column chunk, see :mod:`.structs`.
 
     Raises:
         Malformed: It is no footer that this package writes, or contradicts itself or the size of the file.
@@ -52,6 +55,7 @@ def check_footer(footer: bytes, end: int) -> None:
     found = sum(group["num_rows"] for group in content["row_groups"])
     if content["num_rows"] != found:
         raise Malformed(f"the footer says {content['num_rows']:,} rows, its row groups {found:,}")
+    return [chunk["column"] for group in content["row_groups"] for chunk in group["chunks"]]
 
 
 def _leaves(elements: Sequence[dict[str, Any]]) -> Iterator[_Leaf]:

@@ -248,6 +248,7 @@ def _read_by_arrow(groups: Sequence[RowGroup], columns: Sequence[ColumnType]) ->
         together = list(run)
         footer = together[0].footer
         names = [column.name for column in columns if column.name not in footer.missing]
+        names = names or [name for name in footer.names if name not in footer.missing][:1]  # for the number of rows
         _check_pages(together, names)
         try:
             file = together[0].open()

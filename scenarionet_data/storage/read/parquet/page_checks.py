@@ -7,14 +7,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import Any
-
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.storage.footers import structs
-from scenarionet_data.storage.footers.thrift import Decoder, Malformed
+from scenarionet_data.storage.footers.pages import check_headers
+from scenarionet_data.storage.footers.thrift import Malformed
 from scenarionet_data.storage.read.parquet import page_kernels as kernels
 
-_KINDS = {structs.DATA_PAGE: "data", structs.DATA_PAGE_V2: "data_v2"}
 _LONGEST = 48
 """Bytes of the fields of a header that are compared; statistics may follow."""
 _VARINT = rb"\x15([\x80-\xff]*[\x00-\x7f])"
@@ -34,16 +32,27 @@ def check_pages(content: Array, base: int, chunk: Sequence[int]) -> None:
     Raises:
         Malformed: A header differs from what the footer says.
     """
-    start, end = chunk[kernels.CHUNK_START] - base, chunk[kernels.CHUNK_END] - base
-    if not 0 <= start <= end <= len(content):
-        raise Malformed("its pages are not in the file")
-    if not (chunk[kernels.IS_CHECKED] and _is_as_written(content, base, chunk)):
-        _check_any(content, start, end, chunk)
+    if chunk[kernels.IS_CHECKED] and _is_as_written(content, base, chunk):
+        return
+    encodings = check_headers(
+        content.data,
+        chunk[kernels.CHUNK_START] - base,
+        chunk[kernels.CHUNK_END] - base,
+        chunk[kernels.NUM_VALUES],
+        chunk[kernels.CHUNK_SIZE],
+        has_checksums=bool(chunk[kernels.IS_CHECKED]),
+    )
+    # Arrow stops using a dictionary after the first page when another one follows.
+    allowed = {chunk[kernels.EXPECTED], *([structs.PLAIN] if len(encodings) > 1 else [])}
+    if chunk[kernels.IS_CHECKED] and not allowed.issuperset(encodings):
+        raise Malformed("a page in an encoding that the footer does not list")
 
 
 def _is_as_written(content: Array, base: int, chunk: Sequence[int]) -> bool:
     """Whether a column chunk is one data page of the expected encoding, after a dictionary or not; in 5 us."""
     start, middle, end = (chunk[part] - base for part in (kernels.CHUNK_START, kernels.DATA_START, kernels.CHUNK_END))
+    if not 0 <= start <= middle <= end <= len(content):
+        return False
     if start < middle:
         words = _DICTIONARY.match(content[start : start + _LONGEST].tobytes())
         if not words or _number(words[1]) > chunk[kernels.CHUNK_SIZE] or _number(words[2]) > middle - start:
@@ -63,38 +72,3 @@ def _number(varint: bytes) -> int:
     for place, byte in enumerate(varint):
         value |= (byte & 127) << 7 * place
     return value >> 1
-
-
-def _check_any(content: Array, start: int, end: int, chunk: Sequence[int]) -> None:
-    """Check the headers of any number of pages."""
-    decoder = Decoder(content.data, start, end)
-    num_values, size, encodings = 0, 0, []
-    while decoder.left:
-        begin, header = decoder.at, structs.read_page_header(decoder)
-        if header["stored_size"] > decoder.left:
-            raise Malformed(f"a page of {header['stored_size']:,} bytes where {decoder.left:,} are left")
-        if chunk[kernels.IS_CHECKED] and "crc" not in header:
-            raise Malformed("a page without a checksum")
-        size += decoder.at - begin + header["size"]
-        decoder.at += header["stored_size"]
-        if header["page"] != structs.DICTIONARY_PAGE or "dictionary" not in header:
-            page = _data_header(header)
-            num_values += page["num_values"]
-            encodings.append(page["encoding"])
-    if num_values != chunk[kernels.NUM_VALUES] or size > chunk[kernels.CHUNK_SIZE]:
-        raise Malformed(f"pages of {num_values:,} values and {size:,} bytes, other than in the footer")
-    # Arrow stops using a dictionary after the first page when another one follows.
-    allowed = {chunk[kernels.EXPECTED], *([structs.PLAIN] if len(encodings) > 1 else [])}
-    if chunk[kernels.IS_CHECKED] and not allowed.issuperset(encodings):
-        raise Malformed("a page in an encoding that the footer does not list")
-
-
-def _data_header(header: dict[str, Any]) -> dict[str, Any]:
-    """The part of a page header that describes a data page."""
-    kind = _KINDS.get(header["page"])
-    if kind is None or kind not in header:
-        raise Malformed("a page of an unknown kind")
-    page: dict[str, Any] = header[kind]
-    if kind == "data" and {page["definition_encoding"], page["repetition_encoding"]} != {structs.RLE}:
-        raise Malformed("levels in another encoding than written")
-    return page
