@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from scenarionet_data import errors, plots
-    from scenarionet_data.building import MapBuilder, make_features, make_origin, make_tracks
+    from scenarionet_data.building import MapBuilder, make_features, make_origin, make_tracks, resample
     from scenarionet_data.conversion import convert, plan_conversion
     from scenarionet_data.converters.base import Budgets, Converter, find_files
     from scenarionet_data.export import export_database
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from scenarionet_data.loader import ScenarioLoader
     from scenarionet_data.maintenance.compaction import compact
     from scenarionet_data.maintenance.fsck import fsck
+    from scenarionet_data.maintenance.upgrading import upgrade
     from scenarionet_data.maintenance.vacuuming import vacuum
     from scenarionet_data.packs.verifying import verify_pack
     from scenarionet_data.quality.checks import run_checks
@@ -67,7 +68,9 @@ _HOME = {
     "make_scorecard": "scenarionet_data.quality.scorecard",
     "make_tracks": "scenarionet_data.building",
     "plan_conversion": "scenarionet_data.conversion",
+    "resample": "scenarionet_data.building",
     "run_checks": "scenarionet_data.quality.checks",
+    "upgrade": "scenarionet_data.maintenance",
     "vacuum": "scenarionet_data.maintenance",
     "verify_pack": "scenarionet_data.packs.verifying",
 }
@@ -107,6 +110,7 @@ __all__ = [
     "make_tracks",
     "plan_conversion",
     "plots",
+    "resample",
     "run_checks",
     "vacuum",
     "verify_pack",

@@ -139,7 +139,10 @@ class Simulation:
 
     def _begin(self, slot: int, world: World, start: int | None) -> None:
         if abs(world.dt - self.dt) > 1e-3:
-            raise BadParameter(f"{world.scenario_id}: timestep {world.dt} s among worlds of {self.dt} s; select by dt")
+            raise BadParameter(
+                f"{world.scenario_id}: timestep {world.dt} s among worlds of {self.dt} s; make it with "
+                f"World.from_scenario(scenario, dt={self.dt})"
+            )
         self._worlds[slot] = world
         driver = np.full(world.num_objects, UNDRIVEN, np.uint8)
         for number, policy in enumerate(self.policies):

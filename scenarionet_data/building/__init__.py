@@ -8,11 +8,13 @@ from __future__ import annotations
 from scenarionet_data.building.features import flat_points, make_features
 from scenarionet_data.building.map_builder import MapBuilder, meets
 from scenarionet_data.building.precision import METRES, make_origin, offsets_from, rounded
+from scenarionet_data.building.resampling import Resampling, resample
 from scenarionet_data.building.tracks import make_tracks, make_tracks_of_rows
 
 __all__ = [
     "METRES",
     "MapBuilder",
+    "Resampling",
     "flat_points",
     "make_features",
     "make_origin",
@@ -20,5 +22,6 @@ __all__ = [
     "make_tracks_of_rows",
     "meets",
     "offsets_from",
+    "resample",
     "rounded",
 ]

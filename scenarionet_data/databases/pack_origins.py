@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from scenarionet_data.databases.record import Lineage
-from scenarionet_data.storage.files.errors import damaged, reading, writing
+from scenarionet_data.errors import LakeError
+from scenarionet_data.storage import sealed_json
+from scenarionet_data.storage.files.errors import reading, writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
+from scenarionet_data.storage.sealed_json import NewerFormat
 
 FILE = "origins.json"
 
@@ -32,19 +34,28 @@ def write(files: LakeFiles, packed: str, lineages: Mapping[str, Lineage]) -> Pat
     content = {"packed": packed, "lineages": {reference: how.to_dict() for reference, how in lineages.items()}}
     temporary = files.temporary()
     with writing(temporary, temporary):
-        temporary.write_text(json.dumps(content, indent=1), "utf-8")
+        temporary.write_bytes(sealed_json.seal(content, FILE))
     return temporary
 
 
 def read(files: LakeFiles) -> PackOrigins | None:
     """Read the origins of a pack; None for a lake that is not a pack."""
-    if not files.has(FILE):
-        return None
+    return parse(files)[0] if files.has(FILE) else None
+
+
+def parse(files: LakeFiles) -> tuple[PackOrigins, bool]:
+    """The origins of a pack, and whether they are sealed, and therefore verified.
+
+    Raises:
+        LakeError: They are damaged, or were written by a newer version of this software.
+    """
     path = files.path(FILE)
     try:
         with reading(path):
-            content = json.loads(path.read_bytes())
+            content, is_sealed = sealed_json.read(path.read_bytes(), FILE)
         lineages = {reference: Lineage.from_dict(how) for reference, how in content["lineages"].items()}
-        return PackOrigins(content["packed"], lineages)
-    except (ValueError, TypeError, KeyError, AttributeError) as error:
-        raise damaged(path, "it holds no origins of a pack") from error
+        return PackOrigins(content["packed"], lineages), is_sealed
+    except NewerFormat as error:
+        raise LakeError(f"{path}: {error}, by a newer version of this software; update it") from error
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise LakeError(f"{path}: damaged, it holds no lineages; restore it from a copy of the pack") from error

@@ -166,7 +166,8 @@ def names(files: LakeFiles) -> list[str]:
 def versions(files: LakeFiles, name: str) -> list[int]:
     """Return the versions of a database in ascending order; empty if it does not exist."""
     found = files.names(f"{_FOLDER}/{name}", ".parquet")
-    return sorted(int(path.rpartition("/")[2].removesuffix(".parquet")) for path in found)
+    stems = [path.rpartition("/")[2].removesuffix(".parquet") for path in found]
+    return sorted(int(stem) for stem in stems if stem.isdecimal())
 
 
 def read(files: LakeFiles, name: str, version: int | None = None) -> DatabaseRecord:
@@ -181,15 +182,23 @@ def read(files: LakeFiles, name: str, version: int | None = None) -> DatabaseRec
         have = f"versions {existing}" if existing else f"databases: {', '.join(names(files)) or 'none yet'}"
         wanted = name if version is None else f"{name}@{version}"
         raise DatabaseNotFound(f"{files.root}: no database {wanted!r}; {have}")
-    number = version or existing[-1]
-    file = path(name, number)
+    return read_version(files, name, version or existing[-1])
+
+
+def read_version(files: LakeFiles, name: str, version: int) -> DatabaseRecord:
+    """Read the record of an existing version of a database.
+
+    Raises:
+        LakeError: The file is missing or damaged.
+    """
+    file = path(name, version)
     footer = files.footer(file).metadata
     tables.load("members").check_version(footer, file)
     try:
         lineage = Lineage.from_dict(json.loads(footer[b"scenarionet.lineage"]))
-    except (ValueError, TypeError, KeyError) as error:
-        raise damaged(files.url(file), f"its lineage is damaged ({error})") from error
-    return DatabaseRecord(name, number, lineage, files)
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise damaged(files.url(file), "its footer holds no lineage of a database") from error
+    return DatabaseRecord(name, version, lineage, files)
 
 
 def resolve(files: LakeFiles, database: DatabaseRecord | str) -> DatabaseRecord:
@@ -218,7 +227,7 @@ def all_records(files: LakeFiles) -> Iterator[DatabaseRecord]:
     """Read every version of every database, by name."""
     for name in names(files):
         for number in versions(files, name):
-            yield read(files, name, number)
+            yield read_version(files, name, number)
 
 
 def check_free(files: LakeFiles, name: str, *, replace: bool) -> None:

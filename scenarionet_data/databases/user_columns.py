@@ -78,7 +78,8 @@ def current(files: LakeFiles, pinned: Mapping[str, int]) -> dict[str, int]:
 def versions(files: LakeFiles, name: str) -> list[int]:
     """Return the versions of a user column in ascending order; empty if it does not exist."""
     found = files.names(f"{_FOLDER}/{name}", ".parquet")
-    return sorted(int(path.rpartition("/")[2].removesuffix(".parquet")) for path in found)
+    stems = [path.rpartition("/")[2].removesuffix(".parquet") for path in found]
+    return sorted(int(stem) for stem in stems if stem.isdecimal())
 
 
 def check_exists(files: LakeFiles, name: str, version: int | None = None) -> None:
@@ -110,13 +111,13 @@ def read(files: LakeFiles, name: str, version: int) -> UserColumn:
     Raises:
         LakeError: Its file is missing or damaged.
     """
-    path = _path(name, version)
+    footer = files.footer(_path(name, version)).metadata or {}
     try:
-        column = UserColumn(**json.loads((files.footer(path).metadata or {})[b"scenarionet.layer"]))
+        column = UserColumn(**json.loads(footer[b"scenarionet.layer"]))
         if {field.name: type(getattr(column, field.name)).__name__ for field in fields(column)} != _TYPES:
             raise TypeError("an entry has another type")
-    except (ValueError, TypeError, KeyError) as error:
-        raise damaged(files.url(path), f"its description is damaged ({error})") from error
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise damaged(files.url(_path(name, version)), "its footer does not describe a user column") from error
     return column
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import copyreg
+import errno
 import pickle
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,9 @@ from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.export.describe import identify, to_pickle_dict
 from scenarionet_data.export.sanity import sanity_check
 from scenarionet_data.scenario.description import ScenarioDescription
+
+
+_NO_NAME = (errno.ENAMETOOLONG, errno.EINVAL, errno.EILSEQ)
 
 
 @dataclass(frozen=True)
@@ -38,25 +43,39 @@ def write_scenarios(
     scenarios: Iterable[ScenarioDescription], folder: Path
 ) -> Iterator[WrittenPickle | InvalidScenario]:
     """Pickle scenarios one by one; yield the reason for each that the format cannot represent."""
-    names: set[str] = set()
     for scenario in scenarios:
         try:
-            written = _write_scenario(scenario, folder, names)
+            yield _write_scenario(scenario, folder)
         except InvalidScenario as error:
             yield error
-            continue
-        names.add(written.path.name)
-        yield written
 
 
-def _write_scenario(scenario: ScenarioDescription, folder: Path, taken: set[str]) -> WrittenPickle:
+def _write_scenario(scenario: ScenarioDescription, folder: Path) -> WrittenPickle:
     path = folder / identify(scenario).file_name
-    if path.name in taken:
+    if _exists(path, scenario.id):
         raise twice(scenario.id, path.name)
     description = to_pickle_dict(scenario)
     sanity_check(description)
     dump(description, path)
     return WrittenPickle(scenario.id, path, path.stat().st_size, description["metadata"])
+
+
+def _exists(path: Path, scenario_id: str) -> bool:
+    """Whether the file exists, also under a name that the file system takes for the same, such as one in capitals.
+
+    Raises:
+        InvalidScenario: The file system has no such names; most have none of more than 255 bytes.
+    """
+    try:
+        path.lstat()
+    except FileNotFoundError:
+        return False
+    except OSError as error:
+        if error.errno not in _NO_NAME:
+            raise
+        reason = f"expected an id that fits a file name, found one of {len(path.name):,} bytes ({error.strerror})"
+        raise InvalidScenario(scenario_id, "id", reason) from error
+    return True
 
 
 def twice(scenario_id: str, name: str) -> InvalidScenario:
@@ -65,15 +84,42 @@ def twice(scenario_id: str, name: str) -> InvalidScenario:
 
 
 def dump(value: Any, path: Path) -> None:
-    """Pickle with protocol 4 so that NumPy 1.26 and 2.x load it with writable arrays."""
+    """Pickle with protocol 4 so that NumPy 1.26 and 2.x load it with writable arrays; equal values give equal bytes."""
     with path.open("wb") as file:
         pickler = pickle.Pickler(file, protocol=4)
         pickler.dispatch_table = copyreg.dispatch_table.copy()
         pickler.dispatch_table[np.ndarray] = _reduce_array
-        pickler.dump(value)
+        pickler.dispatch_table[_SortedSet] = lambda members: (set, (list(members),))
+        pickler.dump(_canonical(value, {}))
+
+
+class _SortedSet(tuple[Any, ...]):
+    """Members of a set in order; pickled as a set."""
+
+
+def _canonical(value: Any, texts: dict[str, str]) -> Any:
+    """Copy a value so that equal texts are one object, containers are never shared, and sets are sorted.
+
+    A pickle refers to an object that it has seen by number, and the order of a set depends on the process: without
+    this, so would the bytes.
+    """
+    if type(value) is set:
+        return _SortedSet(_canonical(member, texts) for member in sorted(value))
+    if type(value) is dict:
+        return {_canonical(key, texts): _canonical(inner, texts) for key, inner in value.items()}
+    if type(value) in (list, tuple):
+        return type(value)(_canonical(inner, texts) for inner in value)
+    return texts.setdefault(value, value) if type(value) is str else value
 
 
 def _reduce_array(array: np.ndarray[Any, Any]) -> tuple[Any, ...]:
-    """NumPy's pickle state, rebuilt by ``numpy.ndarray``, because NumPy 2 renamed its private module."""
-    state = array.__reduce__()[2]
-    return np.ndarray, ((0,), np.dtype(np.int8)), state
+    """NumPy's pickle state in C order, rebuilt by ``numpy.ndarray``, because NumPy 2 renamed its private module."""
+    state: tuple[Any, ...] = np.asarray(array, order="C").__reduce__()[2]  # type: ignore[assignment]  # typed as text
+    version, shape, dtype, is_fortran, data = state
+    return np.ndarray, ((0,), np.dtype(np.int8)), (version, shape, _dtype(dtype), is_fortran, data)
+
+
+@lru_cache(maxsize=64)
+def _dtype(dtype: np.dtype[Any]) -> np.dtype[Any]:
+    """The first of all equal types, for the reason in :func:`_canonical`."""
+    return dtype

@@ -34,6 +34,8 @@ class Lake(TaggableLake, ComparableLake):
         root: Folder or URL of the lake.
         snapshot: Number of the snapshot; the newest by default.
         user_columns: Versions of user columns by name; the newest of all others.
+        max_memory: Memory of queries [bytes], beyond which they spill to disk or fail; 80 % of the machine's by
+            default.
 
     Raises:
         NoSuchSnapshot: The folder is not a lake, or it has no such snapshot.

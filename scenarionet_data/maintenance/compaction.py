@@ -24,8 +24,8 @@ from scenarionet_data.storage.snapshots.commit import Rewritten
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord
 from scenarionet_data.storage.write import layouts, rewriting
 
-_ROUNDS = 3
-_COMMIT_EVERY = 3600.0
+ROUNDS = 3
+COMMIT_EVERY = 3600.0
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ def compact(
     started = time.monotonic()
     files, report = open_files(lake), Compaction(profile)
     files.sweep()
-    for _ in range(_ROUNDS):
+    for _ in range(ROUNDS):
         bins = plan_compaction(lake, profile, where=where)
         late = _rewrite(files, bins, executor or executor_for(min(workers, len(bins))), report, on_progress)
         report.left = sum(len(each.old) for each in late)
@@ -129,7 +129,7 @@ def compact_bin(job: Bin) -> BinResult:
     return BinResult(job, tuple(records))
 
 
-def _lost_bin(job: Bin, reason: str) -> BinResult:
+def lost_bin(job: Bin, reason: str) -> BinResult:
     """Make the result of a bin that kills its worker."""
     return BinResult(job, (), reason)
 
@@ -144,7 +144,7 @@ def _rewrite(
     num_scenarios, committed_at = 0, time.monotonic()
     if on_progress:
         on_progress(0, len(bins), 0)
-    for done, result in enumerate(executor(bins, compact_bin, _lost_bin), start=1):
+    for done, result in enumerate(executor(bins, compact_bin, lost_bin), start=1):
         if result.error:
             failed.append(result)
         else:
@@ -153,7 +153,7 @@ def _rewrite(
         if on_progress:
             on_progress(done, len(bins), num_scenarios)
         if (
-            time.monotonic() - committed_at > _COMMIT_EVERY
+            time.monotonic() - committed_at > COMMIT_EVERY
         ):  # well within the day after which a vacuum deletes uncommitted files
             late += _commit(files, finished, report)
             finished, committed_at = [], time.monotonic()

@@ -6,23 +6,25 @@ This checks files; ``quality.checks`` checks the content of scenarios.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import pyarrow as pa
 
-from scenarionet_data.errors import LakeError
 from scenarionet_data.execution.progress import Progress
-from scenarionet_data.maintenance import database_checks
+from scenarionet_data.maintenance import database_checks, run_checks
+from scenarionet_data.maintenance.findings import Findings
 from scenarionet_data.maintenance.repair_advice import Inputs, remedy
 from scenarionet_data.maintenance.vacuuming import list_files
+from scenarionet_data.storage.file_checks import Damage, Written, check_file
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.files.opening import LakeFilesLike, open_files
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests, metadata_files
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
-from scenarionet_data.storage.verifying import Damage, Verifier, Written, listed, unreadable
+from scenarionet_data.storage.verifying import Verifier, listed
+from scenarionet_data.storage.write.rewriting import TABLES
 
 
 @dataclass(frozen=True)
@@ -64,16 +66,19 @@ class Fsck:
         num_files: Number of checked table files.
         problems: Damaged or missing files.
         notes: Unused files.
+        unsealed: Files of older versions of this software, of which not every byte is verified where it is read;
+            :func:`upgrade` seals them.
     """
 
     snapshots: tuple[int, ...]
     num_files: int
     problems: tuple[Problem, ...]
     notes: tuple[Note, ...]
+    unsealed: tuple[str, ...] = ()
 
     @property
     def is_whole(self) -> bool:
-        """Whether readable are no problems."""
+        """Whether there are no problems."""
         return not self.problems
 
 
@@ -96,24 +101,26 @@ def fsck(
     """
     files = open_files(lake)
     snapshots.check_is_lake(files)
-    readable, damages = _read_snapshots(files)
-    lists, found = _read_manifests(files, readable)
-    damages += found
+    found = Findings()
+    readable = _read_snapshots(files, found)
+    lists = _read_manifests(files, readable, found, is_deep=is_deep)
     written = _written(lists.values())
-    damages += (each for name in _current_metadata(readable) for each in unreadable(files, name))
+    merged = dict.fromkeys((name for snapshot in readable.values() for name in snapshot.metadata), Written())
     verifier = Verifier(files, is_deep=is_deep, workers=workers or os.cpu_count() or 1)
-    damaged = {damage.file for damage in damages}
-    read = {name: known for name, known in written.items() if name not in damaged}
-    damages += verifier.files(read, on_progress and (lambda done, total: on_progress(done, total, 0)))
-    broken = {damage.file for damage in damages}
-    for number in sorted({*database_checks.bases(files), max(readable, default=0)} & set(readable)):
-        if broken.isdisjoint((*readable[number].manifests, *readable[number].metadata)):
-            damages += verifier.references(readable[number], manifests.shard_table(files, readable[number]))
-    damages += database_checks.damages(files, readable, broken)
-    newest = readable[max(readable)].manifests if readable else ()
-    inputs = Inputs(lists[name] for name in newest if name in lists)
-    problems = dict.fromkeys(Problem(each.file, _reason(each), remedy(each.file, inputs)) for each in damages)
-    return Fsck(tuple(readable), len(written), tuple(problems), _notes(files, readable))
+    found.damages += verifier.files(merged | written, on_progress and (lambda done, total: on_progress(done, total, 0)))
+    found.unsealed.update(name for name, intact in verifier.intact.items() if not intact.is_sealed)
+    stored = database_checks.read_all(files, found, is_deep=is_deep)
+    _check_references(files, readable, {each.lineage.snapshot for each in stored}, verifier, found)
+    database_checks.check(files, stored, readable, found)
+    run_checks.check(files, found, is_deep=is_deep)
+    newest = [lists[name] for name in (readable[max(readable)].manifests if readable else ()) if name in lists]
+    inputs = Inputs(newest)
+    problems = dict.fromkeys(
+        Problem(each.file, _reason(each), remedy(each.file, inputs)) for each in found.damages
+    )
+    named = set(merged).union(written, lists) if len(lists) == len(_manifest_names(readable)) else None
+    notes, unsealed = _notes(files, named), _unverified(found.unsealed, written, newest)
+    return Fsck(tuple(readable), len(merged | written), tuple(problems), notes, unsealed)
 
 
 def repair(lake: LakeFilesLike, found: Fsck) -> list[str]:
@@ -141,23 +148,45 @@ def repair(lake: LakeFilesLike, found: Fsck) -> list[str]:
     return [record.name for record in hit]
 
 
-def _read_snapshots(files: LakeFiles) -> tuple[dict[int, Snapshot], list[Damage]]:
-    """Read all snapshots; return the readable ones, and the damage of the others."""
-    readable, damages = {}, []
+def _read_snapshots(files: LakeFiles, found: Findings) -> dict[int, Snapshot]:
+    """Read all snapshots; return the readable ones."""
+    readable: dict[int, Snapshot] = {}
+    found.refuse_folders(files, snapshots.FOLDER)
     for number in snapshots.numbers(files):
-        try:
-            readable[number] = snapshots.read(files, number)
-        except LakeError as error:
-            damages.append(Damage(snapshots.file_name(number), str(error)))
-    return readable, damages
+        name = snapshots.file_name(number)
+        with found.of(name):
+            readable[number], is_sealed = snapshots.parse(files, number)
+            found.saw(name, is_sealed=is_sealed)
+    return readable
 
 
-def _read_manifests(files: LakeFiles, readable: dict[int, Snapshot]) -> tuple[dict[str, pa.Table], list[Damage]]:
-    """Read all manifests; return the shards of each, and the damage of unreadable ones."""
-    names = sorted({name for snapshot in readable.values() for name in snapshot.manifests})
-    damages = {name: list(unreadable(files, name)) for name in names}
-    lists = {name: manifests.read(files, name) for name in names if not damages[name]}
-    return lists, [damage for found in damages.values() for damage in found]
+def _read_manifests(
+    files: LakeFiles, readable: dict[int, Snapshot], found: Findings, *, is_deep: bool
+) -> dict[str, pa.Table]:
+    """Read all manifests; return the shards of each intact one."""
+    lists: dict[str, pa.Table] = {}
+    for name in _manifest_names(readable):
+        with found.of(name):
+            intact = check_file(files, name, Written(), table="shards", is_deep=is_deep)
+            lists[name] = manifests.read(files, name)
+            found.saw(name, is_sealed=intact.is_sealed)
+    return lists
+
+
+def _manifest_names(readable: dict[int, Snapshot]) -> list[str]:
+    return sorted({name for snapshot in readable.values() for name in snapshot.manifests})
+
+
+def _check_references(
+    files: LakeFiles, readable: dict[int, Snapshot], bases: set[int], verifier: Verifier, found: Findings
+) -> None:
+    """Check references in the newest snapshot, and in those that databases were made on."""
+    broken = found.broken
+    for number in sorted({*bases, max(readable, default=0)} & set(readable)):
+        if broken.isdisjoint((*readable[number].manifests, *readable[number].metadata)):
+            with found.of(snapshots.file_name(number)):
+                shards = manifests.shard_table(files, readable[number])
+                found.damages += verifier.references(readable[number], shards)
 
 
 def _written(lists: Iterable[pa.Table]) -> dict[str, Written]:
@@ -174,20 +203,21 @@ def _reason(damage: Damage) -> str:
     return damage.reason.partition("; ")[0]
 
 
-def _current_metadata(readable: dict[int, Snapshot]) -> list[str]:
-    return sorted({name for snapshot in readable.values() for name in snapshot.metadata})
+def _unverified(unsealed: set[str], written: Mapping[str, Written], newest: Iterable[pa.Table]) -> tuple[str, ...]:
+    """Unsealed files without a recorded checksum, and data files of the newest snapshot, which are read in parts."""
+    current = {name for shards in newest for name in listed(shards) if name.split("/")[0] in TABLES}
+    return tuple(sorted(name for name in unsealed if name in current or not written.get(name, Written()).checksum))
 
 
-def _notes(files: LakeFiles, readable: dict[int, Snapshot]) -> tuple[Note, ...]:
-    names = manifests.NamedFiles(files)
-    try:
-        named = set().union(*(names.of(number) for number in readable))
-    except LakeError:  # reported already; unused files cannot be determined
-        return ()
-    kinds = {
-        "not part of any snapshot: a job may be about to commit them, otherwise `scenarionet vacuum` deletes them": [
-            each for each in list_files(files) if each.name not in named
-        ],
-        "below .tmp: a job may be writing them, otherwise the next one deletes them after a day": files.listing(".tmp"),
-    }
+def _notes(files: LakeFiles, named: set[str] | None) -> tuple[Note, ...]:
+    """Describe unused files.
+
+    Args:
+        files: The lake.
+        named: Files that snapshots refer to; None if a manifest is damaged.
+    """
+    unused = [each for each in list_files(files) if each.name not in named] if named is not None else []
+    text = "not part of any snapshot: a job may be about to commit them, otherwise `scenarionet vacuum` deletes them"
+    temporary = "below .tmp: a job may be writing them, otherwise the next one deletes them after a day"
+    kinds = {text: unused, temporary: files.listing(".tmp")}
     return tuple(Note(text, len(found), sum(x.size for x in found)) for text, found in kinds.items() if found)

@@ -13,6 +13,7 @@ _OF_FOLDER = {
     "(`scenarionet rebase` does, if its members have changed)",
     "layers": "restore it from a copy of the lake, or tag again with replace=True",
     "results": "remove the run's folder and simulate again",
+    "origins.json": "restore it from a copy of the pack",
 }
 _MERGED = "`scenarionet fsck LAKE --repair` merges it again"
 _SNAPSHOT = (

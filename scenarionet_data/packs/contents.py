@@ -28,13 +28,12 @@ from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord, partition
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
-from scenarionet_data.storage.write.relocation import addresses, copy_rows, provenance, with_addresses
+from scenarionet_data.storage.write.relocation import MAP_FOOTER, addresses, copy_groups, copy_rows, provenance, with_addresses
 from scenarionet_data.storage.write.shard_writer import SCENARIOS_PER_FILE
 from scenarionet_data.storage.write.table_file import publish_data, publish_table
 
 SUMS = "SHA256SUMS"
 _SHARD = ("dataset", "version", "split", "converter_version", "options")
-_MAP_FOOTER = ("scenarionet.map", "scenarionet.licence")
 _ROWS_PER_GROUP = 65_536
 
 
@@ -186,7 +185,8 @@ class PackWriter:
             source = names[dataset, version, map_id]
             record = self._shards[source][0]
             temporary = self._target.temporary()
-            self._copy_tiles(source, tiles.tiles_in(self._view.files, source, listed), temporary)
+            numbers = tiles.tiles_in(self._view.files, source, listed)
+            copy_groups(self._view.files, "maps", source, numbers, temporary, MAP_FOOTER)
             name = self._publish_data(temporary, f"{partition('maps', dataset, version, '')}/{map_id}")
             same = ("dataset", "version", "split", "name", "options", "converter_version", "items", "fingerprints")
             yield self._record(
@@ -196,17 +196,6 @@ class PackWriter:
                 files=[name],
                 metadata_folder=None,
             )
-
-    def _copy_tiles(self, source: str, numbers: list[int], path: Path) -> None:
-        """Copy row groups of a shared map, each a tile, to a new file."""
-        table, place = tables.load("maps"), self._view.files.verified(source)
-        with reading(place), pq.ParquetFile(place) as file:
-            words = file.metadata.metadata
-            footer = {key: words[key.encode()].decode() for key in _MAP_FOOTER if key.encode() in words}
-            with writing(path, path), table.writer(path, footer) as writer:
-                for number in numbers:
-                    rows = table.conform(file.read_row_group(number, use_threads=False))
-                    writer.write_table(rows, row_group_size=max(rows.num_rows, 1))
 
     def _write_user_columns(self, scenario_ids: pa.Array) -> None:
         files = self._view.files

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import shutil
 import tarfile
+import tempfile
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from scenarionet_data.codec.content_hash import content_hash
@@ -20,10 +21,15 @@ from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter, LakeError
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.loader import ScenarioLoader
-from scenarionet_data.packs.contents import PackWriter
-from scenarionet_data.query.lake_view import LakeLike, open_view
+from scenarionet_data.packs.contents import SUMS, PackWriter
+from scenarionet_data.query.lake_view import LakeLike, LakeView, open_view
 from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.local import LocalLakeFiles
+from scenarionet_data.storage.files.opening import is_url, local_path
+from scenarionet_data.storage.files.uploading import RemoteFolder
+
+_UPLOADED_FIRST = ("tracks/", "lights/", "maps/", "metadata/", "layers/", "databases/", "snapshots/manifest-")
+"""Files at a URL without a snapshot and SHA256SUMS are left from an interrupted upload."""
 
 
 @dataclass(frozen=True)
@@ -31,14 +37,14 @@ class PackReport:
     """Contents of a pack.
 
     Attributes:
-        path: The folder or tar.
+        path: The folder, its URL, or the tar.
         reference: ``name@version`` of the database in it.
         num_scenarios: Number of members.
         num_files: Number of files, without SHA256SUMS.
         num_bytes: Total size of these files.
     """
 
-    path: Path
+    path: Path | str
     reference: str
     num_scenarios: int
     num_files: int
@@ -55,7 +61,9 @@ def pack(
 ) -> PackReport:
     """Write a database and all data of its members as a lake; see :meth:`Lake.pack <scenarionet_data.Lake.pack>`."""
     view = open_view(lake)
-    out = Path(path)
+    if is_url(path) and not tar:
+        return _pack_to_url(view, database, str(path).rstrip("/"), on_progress)
+    out = local_path(path, "a tar")
     if out.exists() or out.is_symlink():
         raise BadParameter(f"{out}: exists; choose another name, or remove it first")
     record = view.record(database)
@@ -72,6 +80,18 @@ def pack(
         with writing(out):
             finished.rename(out)
     return PackReport(out, record.reference, len(record), len(written.sums), num_bytes)
+
+
+def _pack_to_url(view: LakeView, database: DatabaseRecord | str, url: str, on_progress: Progress | None) -> PackReport:
+    """Write the pack to a temporary folder and upload it; its snapshot last, by which a lake is recognised."""
+    remote = RemoteFolder(url)
+    if any(not name.startswith(_UPLOADED_FIRST) for name in remote.names()):
+        raise BadParameter(f"{url}: exists; choose another name, or remove it first")
+    with tempfile.TemporaryDirectory(prefix="scenarionet-") as folder:
+        report = pack(view, database, Path(folder, "pack"), on_progress=on_progress)
+        snapshot = LocalLakeFiles(report.path).names("snapshots", ".json")
+        remote.upload(Path(report.path), last=[SUMS, *snapshot])
+    return replace(report, path=url)
 
 
 def _verify_contents(draft: Path, database: DatabaseRecord, on_progress: Progress | None) -> None:

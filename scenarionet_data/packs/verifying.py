@@ -16,10 +16,12 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.packs.contents import SUMS
 from scenarionet_data.schema import tables
-from scenarionet_data.storage.files.lake_files import LakeFiles, sha256
+from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.files.local import LocalLakeFiles
+from scenarionet_data.storage.files.opening import is_url, open_files
 from scenarionet_data.storage.snapshots import snapshot as snapshots
-from scenarionet_data.storage.verifying import Damage, verify
+from scenarionet_data.storage.file_checks import Damage
+from scenarionet_data.storage.verifying import verify
 
 _LISTS = ("snapshots", "metadata", "databases")
 
@@ -29,13 +31,13 @@ class PackVerification:
     """Result of the verification of a pack.
 
     Attributes:
-        path: The pack.
+        path: The pack, or its URL.
         num_files: Number of files that SHA256SUMS lists.
         references: ``name@version`` of its databases.
         damages: Damages, one per file.
     """
 
-    path: Path
+    path: Path | str
     num_files: int
     references: tuple[str, ...]
     damages: tuple[Damage, ...]
@@ -47,7 +49,7 @@ class PackVerification:
 
 
 def verify_pack(path: str | Path, on_progress: Progress | None = None) -> PackVerification:
-    """Verify a pack: a folder, or a tar, which is unpacked to a temporary folder.
+    """Verify a pack: a folder, its URL, or a tar, which is unpacked to a temporary folder.
 
     Args:
         path: The pack.
@@ -56,9 +58,11 @@ def verify_pack(path: str | Path, on_progress: Progress | None = None) -> PackVe
     Raises:
         BadParameter: ``path`` does not exist, or is not a pack.
     """
+    if is_url(path):
+        return _verify_folder(open_files(path), path, on_progress)
     path = Path(path)
     if path.is_dir():
-        return _verify_folder(path, path, on_progress)
+        return _verify_folder(LocalLakeFiles(path), path, on_progress)
     if not path.is_file():
         raise BadParameter(f"{path}: no such pack; make one with `scenarionet pack LAKE DB {path}`")
     with tempfile.TemporaryDirectory(prefix="scenarionet-") as folder:
@@ -70,11 +74,10 @@ def verify_pack(path: str | Path, on_progress: Progress | None = None) -> PackVe
         inner = sorted(Path(folder).iterdir())
         if len(inner) != 1:
             raise BadParameter(f"{path}: not a pack; expected a tar with one folder, found {len(inner)}")
-        return _verify_folder(inner[0], path, on_progress)
+        return _verify_folder(LocalLakeFiles(inner[0]), path, on_progress)
 
 
-def _verify_folder(folder: Path, path: Path, on_progress: Progress | None) -> PackVerification:
-    files = LocalLakeFiles(folder)
+def _verify_folder(files: LakeFiles, path: Path | str, on_progress: Progress | None) -> PackVerification:
     if not files.has(SUMS):
         if not files.folders("snapshots") and not files.names("snapshots"):
             raise BadParameter(f"{path}: no pack; wanted a folder with {SUMS}, or a tar of it")
@@ -88,7 +91,7 @@ def _verify_folder(folder: Path, path: Path, on_progress: Progress | None) -> Pa
 
 
 def _damages(files: LakeFiles, sums: dict[str, str], on_progress: Progress | None) -> Iterator[Damage]:
-    digest = cache(lambda name: sha256(files.path(name)))
+    digest = cache(files.digest)
     are_lists_whole = bool(sums)
     if not sums:
         yield Damage(SUMS, "lists no files, or is damaged")

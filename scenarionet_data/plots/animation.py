@@ -13,6 +13,7 @@ from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_data.plots.drawing import Drawing
 from scenarionet_data.plots.scene import Moment, Scene
 from scenarionet_data.scenario.description import ScenarioDescription
+from scenarionet_data.storage.files.opening import local_path
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class Animation:
         """
         if Path(path).suffix != f".{self.kind}":
             raise BadParameter(f"{path}: this animation is a {self.kind}; give a name that ends in .{self.kind}")
-        Path(path).write_bytes(self.content)
+        local_path(path, "a video").write_bytes(self.content)
 
     def _repr_html_(self) -> str:
         data = base64.b64encode(self.content).decode("ascii")

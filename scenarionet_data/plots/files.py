@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 from scenarionet_data.arrays.dtypes import UInt8
 from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_data.plots.palette import MEANINGFUL
+from scenarionet_data.storage.files.opening import local_path
 
 PICTURES = (".png", ".pdf", ".svg")
 VIDEOS = (".gif", ".mp4")
@@ -34,7 +35,7 @@ def write_figure(path: Path | str, figure: Figure) -> None:
     """
     if Path(path).suffix not in PICTURES:
         raise BadParameter(f"{path}: a picture's name ends with one of {', '.join(PICTURES)}")
-    with _whole(Path(path)) as file:
+    with _whole(local_path(path, "a picture")) as file:
         figure.savefig(file)
 
 
@@ -59,7 +60,7 @@ def write_video(
     writers = {".gif": _write_gif, ".mp4": _write_mp4}
     if Path(path).suffix not in writers:
         raise BadParameter(f"{path}: a video's name ends with one of {', '.join(VIDEOS)}")
-    with _whole(Path(path)) as file:
+    with _whole(local_path(path, "a video")) as file:
         writers[Path(path).suffix](file, _counted(frames, on_frame or (lambda _: None)), rate)
 
 

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Object, UInt8
 from scenarionet_data.arrays.geometry import median_sizes
+from scenarionet_data.building import resample
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.plots.shapes import MapShapes
 from scenarionet_data.scenario.description import ScenarioDescription
@@ -78,9 +79,10 @@ class Scene:
 
     @classmethod
     def of(cls, scenario: ScenarioDescription | Scene) -> Scene:
-        """Return the scene of a scenario; a scene is returned unchanged."""
+        """Return the scene of a scenario, with timesteps of ``scenario.dt``; a scene is returned unchanged."""
         if isinstance(scenario, Scene):
             return scenario
+        scenario = resample(scenario, scenario.dt)
         tracks, shapes = scenario.tracks, MapShapes.from_map(scenario.map)
         lane_ids = scenario.map.ids[is_lane(scenario.map.feature_type)] if scenario.map else np.zeros(0, object)
         return cls(

@@ -44,7 +44,8 @@ class EvaluationRun:
     def done(self) -> set[int]:
         """Numbers of the finished parts."""
         names = self.files.names(self._folder(self.tables[-1]), ".parquet")
-        return {int(name.rpartition("/")[2].removesuffix(".parquet")) for name in names}
+        stems = [name.rpartition("/")[2].removesuffix(".parquet") for name in names]
+        return {int(stem) for stem in stems if stem.isdecimal()}
 
     def publish(self, part: int, rows: Mapping[str, Sequence[Mapping[str, Any]] | pa.Table]) -> None:
         """Publish a part: rows of each of the tables, without the column ``run``."""

@@ -204,6 +204,8 @@ def check_end(end: bytes, size: int, name: str, url: Path | str) -> FileEnd:
         LakeError: It is damaged, or not the file that was published under this name.
     """
     found = _split(end, size, url)
+    if not found.seal and MARK in end[-max(len(found.footer), WINDOW) :]:
+        raise damaged(url, "its seal is destroyed")
     if found.seal and found.seal[0] != _footer_digest(found.footer, name):
         raise damaged(url, "its footer differs from the one that was written under this name")
     return found
@@ -218,12 +220,13 @@ def needed(tail: bytes) -> int:
     return max(int.from_bytes(tail[-8:-4], "little") + _TAIL + _SEAL, WINDOW)
 
 
-def verify(path: Path, name: str) -> bool:
+def verify(path: Path, name: str, url: Path | str | None = None) -> bool:
     """Verify every byte of a local file, and its name, by its seal.
 
     Args:
         path: The file.
         name: Its name, relative to the lake.
+        url: Its path or URL for errors, if it is a copy.
 
     Returns:
         Whether the file is sealed. Of an unsealed file, nothing is verified but that it ends like a Parquet file.
@@ -231,8 +234,9 @@ def verify(path: Path, name: str) -> bool:
     Raises:
         LakeError: It is missing or damaged, or not the file that was published under this name.
     """
-    with reading(path), path.open("rb") as file:
-        end = check_end(*_last(file), name, path)
+    place = url or path
+    with reading(place), path.open("rb") as file:
+        end = check_end(*_last(file), name, place)
         if end.seal is None:
             return False
         body = xxh3_128()
@@ -240,7 +244,7 @@ def verify(path: Path, name: str) -> bool:
             body.update(block)
         body.update(name.encode())
     if body.digest() != end.seal[1]:
-        raise damaged(path, "its bytes differ from those that were written")
+        raise damaged(place, "its bytes differ from those that were written")
     return True
 
 
@@ -266,8 +270,6 @@ def _split(end: bytes, size: int, url: Path | str) -> FileEnd:
     if before.startswith(_MAGIC):
         digests = before[len(_MAGIC) :]
         return FileEnd(footer, (digests[:_DIGEST], digests[_DIGEST:]), size - length - _SEAL)
-    if MARK in end[-max(length, WINDOW) :]:
-        raise damaged(url, "its seal is destroyed")
     return FileEnd(footer, None, size - length)
 
 

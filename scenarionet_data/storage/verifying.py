@@ -4,47 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
 from scenarionet_data.arrays.dtypes import Int64, Object
-from scenarionet_data.errors import LakeError
 from scenarionet_data.schema import tables
+from scenarionet_data.storage.file_checks import Damage, Intact, Written, check_file, finding
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
 
 _ADDRESSED = ("tracks", "lights", "maps")
 _PARTITION = ["dataset", "version", "split"]
-
-
-@dataclass(frozen=True)
-class Written:
-    """Size and checksum of a file when it was written; None if unknown.
-
-    Attributes:
-        size: Bytes.
-        checksum: SHA-256, hexadecimal.
-    """
-
-    size: int | None = None
-    checksum: str | None = None
-
-
-@dataclass(frozen=True)
-class Damage:
-    """Damage of a file.
-
-    Attributes:
-        file: Its name, relative to the lake.
-        reason: What was expected and what was found.
-    """
-
-    file: str
-    reason: str
 
 
 def verify(
@@ -61,15 +34,20 @@ def verify(
         digest: Returns the SHA-256 of a file; computed by default.
         on_progress: Called with files read and files to read.
     """
-    lists = [*snapshot.manifests, *snapshot.metadata]
-    broken = [damage for name in lists for damage in unreadable(files, name)]
+    broken: list[Damage] = []
+    for name in snapshot.manifests:
+        with finding(name, broken):
+            check_file(files, name, Written(), table="shards", is_deep=True)
+            manifests.read(files, name)
     yield from broken
-    if {damage.file for damage in broken} & set(snapshot.manifests):
+    if broken:
         return  # the contents of the snapshot are unknown
     verifier = Verifier(files, digest=digest)
     shards = manifests.shard_table(files, snapshot)
+    yield from verifier.files(dict.fromkeys(snapshot.metadata, Written()))
+    are_addresses_known = not verifier.broken
     yield from verifier.files(listed(shards), on_progress)
-    if not broken:
+    if are_addresses_known:
         yield from verifier.references(snapshot, shards)
 
 
@@ -87,6 +65,10 @@ class Verifier:
         is_deep: Whether to read every byte and the scenario of every row.
         workers: Threads that read files.
         digest: Returns the SHA-256 of a file; computed by default.
+
+    Attributes:
+        broken: Names of the damaged files.
+        intact: The other checked files, by name.
     """
 
     def __init__(
@@ -97,11 +79,12 @@ class Verifier:
         workers: int = 1,
         digest: Callable[[str], str] | None = None,
     ) -> None:
+        self.broken: set[str] = set()
+        self.intact: dict[str, Intact] = {}
         self._files = files
         self._is_deep = is_deep
         self._workers = workers
-        self._digest = digest or files.digest
-        self._groups: dict[str, Int64] = {}
+        self._digest = digest
 
     def files(
         self, written: Mapping[str, Written], on_progress: Callable[[int, int], None] | None = None
@@ -113,25 +96,24 @@ class Verifier:
             on_progress: Called with files read and files to read.
         """
         with ThreadPoolExecutor(self._workers) as pool:
-            found = pool.map(self._file, written, written.values())
-            for done, (name, result) in enumerate(zip(written, found, strict=True), start=1):
+            for done, (name, result) in enumerate(pool.map(self._file, written.items()), start=1):
                 if isinstance(result, Damage):
+                    self.broken.add(name)
                     yield result
                 else:
-                    self._groups[name] = result
+                    self.intact[name] = result
                 if on_progress:
                     on_progress(done, len(written))
 
-    def _file(self, name: str, written: Written) -> Damage | Int64:
-        """Rows of each row group of a file, or its damage."""
-        digest = self._digest if self._is_deep else None
-        damage = _changed(self._files, name, written, digest)
-        if damage:
-            return damage
-        try:
-            return _row_groups(self._files, name)
-        except LakeError as error:
-            return Damage(name, str(error))
+    def _file(self, item: tuple[str, Written]) -> tuple[str, Intact | Damage]:
+        """Check one file."""
+        name, written = item
+        damages: list[Damage] = []
+        intact: Intact | None = None
+        with finding(name, damages):
+            table = name.split("/")[0]
+            intact = check_file(self._files, name, written, table=table, is_deep=self._is_deep, digest=self._digest)
+        return name, intact or damages[0]
 
     def references(self, snapshot: Snapshot, shards: pa.Table) -> Iterator[Damage]:
         """Find wrong references of a snapshot, after its files have been checked.
@@ -164,9 +146,9 @@ class Verifier:
                 chosen = np.flatnonzero(codes == code)
                 if name not in known:
                     yield Damage(name, f"holds {ids[chosen[0]]}, but no shard of the snapshot lists it")
-                if name in self._groups:  # otherwise its damage is reported already
+                if name in self.intact:  # otherwise its damage is reported already
                     yield from self._wrong_file(name, ids[chosen], places[chosen])
-            left = sorted((known - shared - set(names.dictionary.to_pylist())) & set(self._groups))
+            left = sorted((known - shared - set(names.dictionary.to_pylist())) & set(self.intact))
             yield from (Damage(name, "no scenario has its rows here") for name in left if name.startswith(f"{table}/"))
 
     def _wrong_file(self, name: str, ids: Object, places: Int64) -> Iterator[Damage]:
@@ -178,7 +160,7 @@ class Verifier:
             places: (n, 3) row group, first row, number of rows of each.
         """
         number, first, count = places.T
-        held = self._groups[name]
+        held = self.intact[name].groups
         there = np.append(held, 0)  # the last element is for row groups that do not exist
         wrong = (first < 0) | (first + count > there[np.where((number >= 0) & (number < len(held)), number, -1)])
         for row in np.flatnonzero(wrong)[:1]:
@@ -200,37 +182,6 @@ class Verifier:
         for row in np.flatnonzero(differs)[:1]:
             wanted = np.repeat(ids, count)[row]
             yield Damage(name, f"rows of another scenario where {wanted} should be")
-
-
-def unreadable(files: LakeFiles, name: str) -> Iterator[Damage]:
-    """Read a whole file and report its damage."""
-    try:
-        files.read(name)
-    except LakeError as error:
-        yield Damage(name, str(error))
-
-
-def _changed(files: LakeFiles, name: str, written: Written, digest: Callable[[str], str] | None) -> Damage | None:
-    """Compare size and checksum of a file with those written."""
-    found = files.size(name)
-    if found is None:
-        return Damage(name, "gone")
-    if written.size is not None and found != written.size:
-        return Damage(name, f"{found:,} bytes long, was written with {written.size:,}")
-    if digest and written.checksum is not None and digest(name) != written.checksum:
-        return Damage(name, "its bytes differ from those written: another checksum")
-    return None
-
-
-def _row_groups(files: LakeFiles, name: str) -> Int64:
-    """Rows of each row group.
-
-    Raises:
-        LakeError: The footer cannot be read, or has a schema version that cannot be read.
-    """
-    footer = files.footer(name)
-    tables.load(name.split("/")[0]).check_version(footer.metadata, files.url(name))
-    return np.array([footer.row_group(number).num_rows for number in range(footer.num_row_groups)], np.int64)
 
 
 # --- references -------------------------------------------------------------------------------------------

@@ -103,10 +103,6 @@ class BatchedEnvironment:
         self.numbers[self.agents[:, 0] == slot] = 0.0
         self.status[self.agents[:, 0] == slot] = DRIVING
 
-    def can_play(self, world: World) -> bool:
-        """Return whether a world has the timestep length of this environment."""
-        return abs(world.dt - self.simulation.dt) < 1e-3
-
     def step(self, actions: npt.ArrayLike) -> None:
         """Advance every world by one timestep and score the agents.
 

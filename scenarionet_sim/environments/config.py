@@ -14,7 +14,7 @@ from scenarionet_sim.policies import External, Policy, Replay, vehicles
 from scenarionet_sim.scenarios import Scenarios
 from scenarionet_sim.sensors import BoundaryDetector, EgoState, Lidar, Navigation, Sensor
 from scenarionet_sim.task.task import MULTI_AGENT, SINGLE_AGENT, Reward, Termination
-from scenarionet_sim.worlds.world import World
+from scenarionet_sim.worlds.world import STEP, World
 
 PAPER_OBSERVATION: tuple[Sensor, ...] = (Lidar(rays=120), EgoState(), Navigation(points=10, spacing=2.0))
 """Sensors of the ScenarioNet paper: 120 lidar rays over 50 m, ego state, 10 route points at 2 m spacing."""
@@ -42,6 +42,7 @@ class EnvConfig:
         observation: ``flat`` for one vector of all sensors in order, ``dict`` for one array per sensor name.
         reward: Weights of the reward.
         termination: Conditions that end an episode.
+        dt: Timestep [s]; recordings at other times are resampled to it.
         prefetch: Scenarios to load ahead in a background thread; 0 loads them in ``reset``.
         cache_size: Number of worlds to keep in memory.
     """
@@ -53,6 +54,7 @@ class EnvConfig:
     observation: Literal["flat", "dict"] = "flat"
     reward: Reward = SINGLE_AGENT[0]
     termination: Termination = SINGLE_AGENT[1]
+    dt: float = STEP
     prefetch: int = 1
     cache_size: int = 32
 
@@ -61,6 +63,8 @@ class EnvConfig:
             raise BadParameter(f"scenarios={self.scenarios!r}; expected Scenarios('lake', 'database')")
         if self.observation not in ("flat", "dict"):
             raise BadParameter(f"observation={self.observation!r}; expected 'flat' or 'dict'")
+        if not 0.0 < self.dt < 10.0:
+            raise BadParameter(f"dt={self.dt!r}; expected a timestep in seconds, for example {STEP}")
         if not self.sensors:
             raise BadParameter("sensors is empty; an agent needs at least one sensor")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -43,7 +44,7 @@ class Episodes:
         loader, self._sampler = config.scenarios.open()
         self.ids = loader.scenario_ids
         self._stream = ScenarioStream(
-            self.ids, loader.__getitem__, World.from_scenario, self._sampler,
+            self.ids, loader.__getitem__, partial(World.from_scenario, dt=config.dt), self._sampler,
             prefetch=config.prefetch if prefetch is None else prefetch, cache_size=config.cache_size,
         )  # fmt: skip
         self._is_fresh = True
@@ -73,9 +74,7 @@ class Episodes:
         return self._stream.get(index)
 
     def prepare(self, worlds: list[World]) -> BatchedEnvironment:
-        """Return the environment for these worlds; a new one if their timestep length differs from before."""
-        if self._core is not None and not self._core.can_play(worlds[0]):
-            self._close_core()
+        """Return the environment for these worlds."""
         if self._core is None:
             self._core = BatchedEnvironment(self.config, self.observation, worlds)
         return self._core

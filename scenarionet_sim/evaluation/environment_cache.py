@@ -1,4 +1,4 @@
-"""Single-world environments by timestep length, reused over a batch of scenarios."""
+"""A single-world environment that is reused over a batch of scenarios."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from scenarionet_sim.worlds.world import World
 
 
 class EnvironmentCache:
-    """One environment per timestep length, created on first use; a context manager that closes them.
+    """One environment, created on first use; a context manager that closes it.
 
     Args:
         policies: Policies of the simulation.
@@ -29,7 +29,7 @@ class EnvironmentCache:
     ) -> None:
         self._observation = Observation(sensors or PAPER_OBSERVATION, "flat")
         self._config = EnvConfig(Scenarios("."), policies, backend)
-        self._environments: dict[float, BatchedEnvironment] = {}
+        self._environment: BatchedEnvironment | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -41,13 +41,12 @@ class EnvironmentCache:
 
     def environment_for(self, world: World) -> BatchedEnvironment:
         """Return the environment that can play a world; call its ``begin`` to start the episode."""
-        key = round(world.dt, 3)
-        if key not in self._environments:
-            self._environments[key] = BatchedEnvironment(self._config, self._observation, [world])
-        return self._environments[key]
+        if self._environment is None:
+            self._environment = BatchedEnvironment(self._config, self._observation, [world])
+        return self._environment
 
     def clear(self) -> None:
-        """Close all environments, for example after an error has left one in an undefined state."""
-        for environment in self._environments.values():
-            environment.close()
-        self._environments = {}
+        """Close the environment, for example after an error has left it in an undefined state."""
+        if self._environment is not None:
+            self._environment.close()
+        self._environment = None

@@ -14,11 +14,15 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, Object, UInt8
 from scenarionet_data.arrays.geometry import median_sizes
+from scenarionet_data.building import resample
 from scenarionet_data.scenario.description import ScenarioDescription, Tracks
 from scenarionet_data.scenario.stop_points import light_places
 from scenarionet_sim.kernels.log import HEADING, VALID, VX, YAW_RATE, Z
 from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.worlds.paths import Paths, Stops
+
+STEP = 0.1
+"""Timestep of a simulation [s], that of the metrics of nuPlan, Waymo and ScenarioNet."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,15 +106,21 @@ class World:
         return valid
 
     @classmethod
-    def from_scenario(cls, scenario: ScenarioDescription) -> World:
-        """Convert a scenario."""
+    def from_scenario(cls, scenario: ScenarioDescription, dt: float = STEP) -> World:
+        """Convert a scenario.
+
+        Args:
+            scenario: The scenario.
+            dt: Timestep of the simulation [s]; recordings at other times are resampled to it.
+        """
+        scenario = resample(scenario, dt)
         tracks = scenario.tracks
         log = _log(tracks, scenario.timestamps)
         roads, paths = Roads.from_map(scenario.map), Paths.from_log(log)
         lane, stop = light_places(scenario.lights, roads.lane_ids, roads.lanes)
         return cls(
             scenario_id=scenario.id,
-            dt=scenario.dt,
+            dt=dt,
             ego=scenario.ego_index,
             track_ids=tracks.ids,
             object_type=tracks.object_type,

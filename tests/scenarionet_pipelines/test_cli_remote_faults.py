@@ -38,7 +38,7 @@ def run(verb, lake, out):
     words = [word.replace("LAKE", str(lake)).replace("OUT", str(out)) for word in VERBS[verb]]
     result = CliRunner().invoke(cli, words)
     assert result.exit_code in (0, 1), result.output
-    text = result.output.replace(str(lake), "LAKE").replace(str(out), "OUT")
+    text = result.stdout.replace(str(lake), "LAKE").replace(str(out), "OUT")
     return result.exit_code, _comparable(json.loads(text)) if "--json" in words else text
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.storage.files.opening import local_path
 
 if TYPE_CHECKING:
     import polars as pl
@@ -15,11 +16,12 @@ _SUFFIXES = (".parquet", ".csv", ".json")
 
 
 def check_suffix(path: str, option: str) -> None:
-    """Raise for an unsupported suffix, before anything is computed.
+    """Raise for an unsupported suffix or a URL, before anything is computed.
 
     Raises:
         BadParameter: The message lists the supported suffixes.
     """
+    local_path(path, "a table")
     if Path(path).suffix not in _SUFFIXES:
         raise BadParameter(f"{option} {path}: the file name has to end in {', '.join(_SUFFIXES)}")
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import scenarionet_pipelines.web
 from scenarionet_data import version
 from scenarionet_data.plots.palette import EGO, NAMES, OBJECTS, OTHER
+from scenarionet_data.storage.files.opening import local_path
 from scenarionet_pipelines.report.charts import histogram, likeliest
 from scenarionet_pipelines.report.contents import PICTURE_SIZE, DatabaseSection, ReportContents, ScenarioPicture
 from scenarionet_pipelines.report.markup import Markup, joined, tag
@@ -34,7 +35,7 @@ def write(contents: ReportContents, path: str | Path) -> None:
         contents: Data of the report.
         path: The HTML file.
     """
-    whole, file = render(contents).encode(), Path(path)
+    whole, file = render(contents).encode(), local_path(path, "a report")
     unfinished = file.with_name(f".unfinished.{file.name}")
     try:
         unfinished.write_bytes(whole)

@@ -27,7 +27,7 @@ from scenarionet_data.converters.argoverse1.table import city_of, is_recording, 
 from scenarionet_data.converters.base import Budgets, Converter, find_files
 from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario, SourceNotFound
 from scenarionet_data.ingest.input_properties import InputProperties, LazyProperties, is_local
-from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.options import Frames, Options
 from scenarionet_data.ingest.shard import RawItem, Shard, bucket, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription, make_scenario_id
 
@@ -39,7 +39,12 @@ _PEEKED = 16
 
 @dataclass(frozen=True)
 class Argoverse1Options(Options):
-    """Location of the maps, and the extent of a scenario's map."""
+    """Timesteps, location of the maps, and the extent of a scenario's map."""
+
+    frames: Frames = field(
+        default="recorded",
+        metadata={"doc": "recorded: the 50 or 20 recorded times; resampled: every 0.1 s, interpolated."},
+    )
 
     maps: str = field(
         default="", metadata={"doc": "Folder of the *_vector_map.xml; empty: below RAW.", "is_path": True}
@@ -58,7 +63,7 @@ class Argoverse1(Converter[RawItem]):
     """One scenario per file, in buckets; the maps of the two cities are shared."""
 
     name = "argoverse1"
-    version = "1"
+    version = "2"
     release = "v1.1"
     licence = "CC BY-NC-SA 4.0"
     raw = "folder of forecasting files (*.csv), with the maps (*_vector_map.xml) in it or in the option maps"
@@ -116,7 +121,9 @@ class Argoverse1(Converter[RawItem]):
             city = _city(recording.city, path, options) if options.has_map else None
         except CorruptSource as error:  # of this file or its map: continue with the other files
             raise InvalidScenario(scenario_id, "source", str(error)) from error
-        return describe(shard, scenario_id, record.name, recording, city, options.radius, self.licence)
+        return describe(
+            shard, scenario_id, record.name, recording, city, options.radius, options.frames, self.licence
+        )
 
 
 def _options(shard: Shard) -> Argoverse1Options:

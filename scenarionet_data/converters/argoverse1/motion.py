@@ -1,4 +1,4 @@
-"""Estimate motion at 10 Hz from Argoverse 1's noisy positions at uneven times.
+"""Estimate motion from Argoverse 1's noisy positions at uneven times: at these times, or at 10 Hz.
 
 Positions are the output of a tracker: they scatter by about 0.1 m, freeze and catch up, and sometimes jump by metres.
 Finite differences would be mostly noise, so velocities are slopes of lines fitted to one second.
@@ -13,10 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Complex128, Float64, Int64
+from scenarionet_data.building import Resampling
 from scenarionet_data.converters.argoverse1.kernels import fit_slopes
+from scenarionet_data.ingest.options import Frames
 
 DT = 0.1
-"""Timestep [s]."""
+"""Nominal timestep [s]."""
 _HALF_FRAMES = 5
 _HALF_WINDOW = 0.55
 """Maximum frames and seconds of a fit on each side; the adjacent frames are always used."""
@@ -32,15 +34,16 @@ _LONGEST_STEP = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Tracks on timesteps of 0.1 s.
+    """Tracks on T timesteps.
 
     Attributes:
         timestamps: (T,) [s].
-        position: (N, T, 2) [m], interpolated between recorded ones.
+        position: (N, T, 2) [m].
         velocity: (N, T, 2) [m/s].
         course: (N, T) [rad] direction of motion; at standstill that of the nearest motion in time.
         has_course: (N,) whether it ever moves; otherwise its course is 0.
         valid: (N, T).
+        is_interpolated: (N, T) states between recorded times.
     """
 
     timestamps: Float64
@@ -49,15 +52,17 @@ class Motion:
     course: Float64
     has_course: Bool
     valid: Bool
+    is_interpolated: Bool
 
 
-def resample(track: Int64, frame: Int64, position: Float64, times: Float64) -> Motion:
+def estimate_motion(track: Int64, frame: Int64, position: Float64, times: Float64, frames: Frames) -> Motion:
     """Estimate the motion of tracks recorded at uneven times.
 
     Args:
         track, frame: (R,) sorted by track, then by frame.
         position: (R, 2) [m].
         times: (S,) [s] of each frame, from 0.
+        frames: ``recorded`` for timesteps at ``times``, ``resampled`` for timesteps of 0.1 s.
     """
     shape = (int(track[-1]) + 1, len(times))
     points = position[:, 0] + 1j * position[:, 1]
@@ -71,15 +76,19 @@ def resample(track: Int64, frame: Int64, position: Float64, times: Float64) -> M
     speed = np.abs(velocity)
     is_moving = seen & (speed > _MOVING) & (speed * certainty > 3.0 * _SCATTER)
     has_course = np.asarray(is_moving.any(axis=1))
-    steps = _Steps(times, seen)
-    ahead = steps.between(_from_nearest(velocity, is_moving))
+    ahead = _from_nearest(velocity, is_moving)
+    if frames == "recorded":
+        course = np.where(has_course[:, None], np.angle(ahead), 0.0)
+        return Motion(times, _xy(place), _xy(velocity), course, has_course, seen, np.zeros_like(seen))
+    steps = Resampling(times, seen, DT, _LONGEST_STEP)
     return Motion(
         timestamps=steps.timestamps,
         position=_xy(steps.between(place, velocity)),
         velocity=_xy(steps.between(velocity)),
-        course=np.where(has_course[:, None], np.angle(ahead), 0.0),
+        course=np.where(has_course[:, None], np.angle(steps.between(ahead)), 0.0),
         has_course=has_course,
         valid=steps.valid,
+        is_interpolated=steps.is_interpolated,
     )
 
 
@@ -135,40 +144,6 @@ def _at(values: Complex128, frames: Int64) -> Complex128:
     return taken
 
 
-class _Steps:
-    """Timesteps of 0.1 s over recorded frames.
-
-    A timestep between two frames that both observe an object is interpolated linearly; at the ends of an observation
-    frames extend by half a timestep. Gaps stay gaps.
-
-    Attributes:
-        timestamps: (T,) [s].
-        valid: (N, T).
-    """
-
-    def __init__(self, times: Float64, seen: Bool) -> None:
-        self.timestamps: Float64 = np.arange(step_of(times[-1]) + 1, dtype=np.float64) * DT
-        before = np.searchsorted(times, self.timestamps + 1e-9, side="right") - 1
-        after = np.minimum(before + 1, len(times) - 1)
-        span, since = times[after] - times[before], self.timestamps - times[before]
-        bridged = seen[:, before] & seen[:, after] & (span > 0) & (span <= _LONGEST_STEP)
-        reach = DT / 2.0 + 1e-6
-        held_before = seen[:, before] & (since <= reach) & ~bridged
-        held_after = seen[:, after] & (span - since <= reach) & ~bridged & ~held_before
-        self.valid = bridged | held_before | held_after
-        fraction = np.divide(since, span, out=np.zeros_like(since), where=span > 0)
-        self._first = np.where(held_after, after, before)
-        self._second = np.where(bridged, after, self._first)
-        self._share = np.where(bridged, fraction, 0.0)
-        self._beyond = np.where(bridged, 0.0, self.timestamps - times[self._first])
-
-    def between(self, values: Complex128, slope: Complex128 | None = None) -> Complex128:
-        """Interpolate values (N, S) of frames at the timesteps (N, T); ``slope`` extrapolates at the ends."""
-        first = _at(values, self._first)
-        between: Complex128 = first + self._share * (_at(values, self._second) - first)
-        return between if slope is None else between + self._beyond * _at(slope, self._first)
-
-
 def step_of(time: float) -> int:
-    """Return the timestep nearest to a time [s]."""
+    """Return the timestep of 0.1 s nearest to a time [s]."""
     return round(float(time) / DT)

@@ -1,4 +1,4 @@
-"""Convert an Argoverse 1 recording to a scenario: motion at 10 Hz; sizes and types are assumed and flagged."""
+"""Convert an Argoverse 1 recording to a scenario: motion is estimated, sizes and types are assumed, and flagged."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from scenarionet_data.arrays.dtypes import Bool, Float64
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import make_origin, make_tracks
 from scenarionet_data.converters.argoverse1.map_features import Argoverse1City
-from scenarionet_data.converters.argoverse1.motion import DT, Motion, resample, step_of
+from scenarionet_data.converters.argoverse1.motion import DT, Motion, estimate_motion, step_of
 from scenarionet_data.converters.argoverse1.table import EGO, FOCAL, NUM_OBSERVED, Argoverse1Recording
+from scenarionet_data.ingest.options import Frames
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.description import Lights, MapFeatures, ScenarioDescription, Source, Tracks
 from scenarionet_data.scenario.vocabulary import ObjectType
@@ -30,6 +31,7 @@ def describe(
     recording: Argoverse1Recording,
     city: Argoverse1City | None,
     radius: float,
+    frames: Frames,
     licence: str,
 ) -> ScenarioDescription:
     """Convert a recording to a scenario.
@@ -41,9 +43,10 @@ def describe(
         recording: The content of the file.
         city: The map; None for no map.
         radius: Margin of the map around the ego's path [m].
+        frames: Timesteps at the recorded times, or every 0.1 s.
         licence: Licence of the dataset.
     """
-    motion = resample(recording.track, recording.frame, recording.position, recording.times)
+    motion = estimate_motion(recording.track, recording.frame, recording.position, recording.times, frames)
     ego, focal = recording.only(EGO), recording.only(FOCAL)
     position = np.concatenate([motion.position, np.zeros((*motion.valid.shape, 1))], axis=-1)
     origin = make_origin(position[ego], motion.valid[ego], has_z=False)
@@ -56,7 +59,7 @@ def describe(
         split=shard.split,
         timestamps=motion.timestamps,
         dt=DT,
-        current_timestep=step_of(recording.times[NUM_OBSERVED - 1]),
+        current_timestep=NUM_OBSERVED - 1 if frames == "recorded" else step_of(recording.times[NUM_OBSERVED - 1]),
         ego_id=recording.ids[ego],
         origin=origin,
         has_z=False,
@@ -114,6 +117,7 @@ def _tracks(
         is_size_assumed=True,
         is_type_assumed=[word not in (EGO, FOCAL) for word in recording.types],
         is_velocity_estimated=True,
+        is_interpolated=motion.is_interpolated,
         extras=[_heading_note(*flags) for flags in zip(motion.has_course.tolist(), from_lane.tolist(), strict=True)],
     )
 

@@ -62,7 +62,7 @@ class ScenarioNetPickles(Converter[RawItem]):
     """Converter of databases written by ScenarioNet, MetaDrive, or this project's export."""
 
     name = "scenarionet"
-    version = "1"
+    version = "2"
     release = "v1"
     licence = "licence of the original dataset"
     raw = "folder of ScenarioNet pickles (sd_*.pkl), or of such folders"
@@ -123,7 +123,7 @@ def _make_scenario(shard: Shard, where: str, description: dict[str, Any]) -> Sce
         origin=frame.origin,
         has_z=frame.has_z,
         source=_make_source(metadata, where, frame.dataset, name),
-        tracks=make_pickled_tracks(tracks, states, frame.local_origin, frame.dataset),
+        tracks=make_pickled_tracks(tracks, states, frame.local_origin, frame.dataset, ego),
         lights=make_lights(description, frame, where),
         map=map_features,
         objects_of_interest=tuple(str(track_id) for track_id in metadata.get("objects_of_interest", ())),

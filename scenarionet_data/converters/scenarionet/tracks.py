@@ -142,14 +142,15 @@ def restore_ego_size(states: States, ego: int) -> None:
     length[wider], width[wider] = width[wider], length[wider]
 
 
-def make_pickled_tracks(tracks: TrackDicts, states: States, origin: Float64, dataset: str) -> Tracks:
+def make_pickled_tracks(tracks: TrackDicts, states: States, origin: Float64, dataset: str, ego: int) -> Tracks:
     """Build canonical tracks.
 
     Args:
         tracks: ``description["tracks"]``.
         states: Their stacked states.
         origin: (3,) the scenario's origin in the pickle's frame [m].
-        dataset: The original dataset, which determines what is assumed or estimated.
+        dataset: The original dataset, which determines what is assumed, estimated or interpolated.
+        ego: Row of the ego.
     """
     metadata = [track["metadata"] for track in tracks.values()]
     return make_tracks(
@@ -165,7 +166,12 @@ def make_pickled_tracks(tracks: TrackDicts, states: States, origin: Float64, dat
         is_size_assumed=states.is_size_assumed | _flags(metadata, "is_size_assumed", dataset == "av2"),
         is_type_assumed=_flags(metadata, "is_type_assumed", False),
         is_velocity_estimated=_flags(metadata, "is_velocity_estimated", dataset == "nuscenes"),
-        is_interpolated=np.stack([_interpolated(described, states.valid.shape[1]) for described in metadata]),
+        is_interpolated=np.stack(
+            [
+                _interpolated(described, states.valid.shape[1], dataset == "nuscenes" and row != ego)
+                for row, described in enumerate(metadata)
+            ]
+        ),
         extras=[described.get("extras") for described in metadata],
     )
 
@@ -182,12 +188,17 @@ def _flags(metadata: list[Mapping[str, Any]], name: str, default: bool) -> Bool:
     return np.array([bool(described.get(name, default)) for described in metadata], dtype=np.bool_)
 
 
-def _interpolated(described: Mapping[str, Any], length: int) -> Bool:
-    """(T,) flags that this project's export keeps in a track's metadata."""
+_KEYFRAME_STEPS = 5
+"""ScenarioNet divides the 0.5 s between nuScenes' keyframes into this many steps, linearly."""
+
+
+def _interpolated(described: Mapping[str, Any], length: int, is_between_keyframes: bool) -> Bool:
+    """(T,) flags of a track: those that this project's export keeps, or what ScenarioNet interpolated."""
     flags = np.zeros(length, np.bool_)
-    kept = np.asarray(described.get("is_interpolated", flags))
-    if kept.shape == flags.shape:
-        flags[:] = kept > 0.5
+    if "is_interpolated" in described:
+        flags |= np.asarray(described["is_interpolated"]) > 0.5
+    elif is_between_keyframes and "is_size_assumed" not in described:  # which this project's export writes
+        flags[np.arange(length) % _KEYFRAME_STEPS > 0] = True
     return flags
 
 

@@ -18,7 +18,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from scenarionet_data.storage import verified_files
+from scenarionet_data.storage import seals, verified_files
 from scenarionet_data.storage.files.errors import reading
 from scenarionet_data.storage.seals import FileEnd
 
@@ -94,6 +94,14 @@ class LakeFiles(ABC):
     @abstractmethod
     def digest(self, name: str) -> str:
         """SHA-256 of a file, hexadecimal."""
+
+    def verify(self, name: str) -> bool:
+        """Verify every byte of a Parquet file, and its name, by its seal; returns whether it is sealed.
+
+        Raises:
+            LakeError: It is missing or damaged, or not the file that was published under this name.
+        """
+        return seals.verify(self.path(name), name)
 
     def verified(self, name: str) -> Path:
         """Local path of a file of which every byte that can be is verified, once a process.

@@ -91,9 +91,10 @@ class LocalLakeFiles(LakeFiles):
         """Rename a complete temporary file, after its bytes have reached the disk."""
         target = self.path(name)
         with writing(target, temporary):
-            target.parent.mkdir(parents=True, exist_ok=True)
+            _make_folder(target.parent)
             _sync(temporary)
             temporary.replace(target)
+            _sync(target.parent)
 
     def publish_new(self, name: str, data: bytes | Path) -> bool:
         """Publish bytes or a temporary file unless a file of that name exists; see :class:`LakeFiles`."""
@@ -103,13 +104,14 @@ class LocalLakeFiles(LakeFiles):
             if isinstance(data, bytes):
                 temporary.write_bytes(data)
             _sync(temporary)
-            target.parent.mkdir(parents=True, exist_ok=True)
+            _make_folder(target.parent)
             try:
                 os.link(temporary, target)
             except FileExistsError:
                 if isinstance(data, bytes):
                     temporary.unlink()
                 return False
+            _sync(target.parent)
             temporary.unlink()
         return True
 
@@ -117,7 +119,7 @@ class LocalLakeFiles(LakeFiles):
         """Rename a temporary folder unless a folder of that name has files; see :class:`LakeFiles`."""
         target = self.path(name)
         with writing(target):
-            for path in temporary.iterdir():
+            for path in (*temporary.iterdir(), temporary):
                 _sync(path)
             try:
                 temporary.rename(target)
@@ -126,6 +128,7 @@ class LocalLakeFiles(LakeFiles):
                 if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
                     raise
                 return False
+            _sync(target.parent)
         return True
 
     def remove(self, name: str) -> None:
@@ -170,7 +173,18 @@ class LocalLakeFiles(LakeFiles):
         self._temporary.sweep()
 
 
+def _make_folder(path: Path) -> None:
+    """Create a folder, and those above it, so that they survive a power failure."""
+    if not path.is_dir():
+        _make_folder(path.parent)
+        path.mkdir(exist_ok=True)
+        _sync(path.parent)
+
+
 def _sync(path: Path) -> None:
-    """Flush a file to the disk."""
-    with path.open("rb+") as file:
-        os.fsync(file.fileno())
+    """Flush a file, or the names in a folder, to the disk: a renamed or linked file has its name only then."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

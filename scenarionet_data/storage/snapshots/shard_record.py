@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
 from scenarionet_data.errors import LakeError
@@ -57,7 +58,7 @@ def find_finished(files: LakeFiles, shard: Shard, converter_version: str) -> Sha
 
 
 def find_record(files: LakeFiles, name: str) -> ShardRecord | None:
-    """Record in a shard's metadata file; None unless this file and all files of the shard exist.
+    """Record in a shard's metadata file; None unless this file and all files of the shard exist and are intact.
 
     The files are renewed, which protects them from ``vacuum`` until they are committed.
     """
@@ -65,11 +66,23 @@ def find_record(files: LakeFiles, name: str) -> ShardRecord | None:
         return None
     files.path(name)  # raises if the store does not answer
     try:
-        record = ShardRecord(**json.loads(files.footer(name).metadata[b"scenarionet.shard"]))
+        files.verify(name)
+        record = record_of(files.footer(name).metadata)
+        is_whole = files.sizes(record.files) == record.sizes
+        is_intact = is_whole and [files.digest(file) for file in record.files] == record.checksums
     except (LakeError, ValueError, TypeError, KeyError):  # damaged after publication: convert the shard again
         return None
-    is_whole = files.sizes(record.files) == record.sizes
-    return record if is_whole and not files.renew([name, *record.files]) else None
+    return record if is_intact and not files.renew([name, *record.files]) else None
+
+
+def record_of(footer: Mapping[bytes, bytes]) -> ShardRecord:
+    """Record in the footer of a shard's metadata file.
+
+    Raises:
+        KeyError: It has none.
+        ValueError, TypeError: It is damaged.
+    """
+    return ShardRecord(**json.loads(footer[b"scenarionet.shard"]))
 
 
 def read_defects(files: LakeFiles, record: ShardRecord) -> list[Defect]:

@@ -153,6 +153,13 @@ def restore(files: LakeFiles, snapshot: Snapshot) -> None:
     files.remove(_mark(snapshot.number))
 
 
+def remove_expired(files: LakeFiles, name: str) -> None:
+    """Remove the file of a snapshot that was published again after it had expired."""
+    mark = name.removesuffix(".json") + ".expired"
+    if name.startswith(f"{FOLDER}/") and name.endswith(".json") and files.has(mark):
+        files.remove(name)
+
+
 def sweep_marks(files: LakeFiles, older_than: float) -> None:
     """Remove the marks of snapshots that expired more than ``older_than`` seconds ago."""
     for listed in files.listing(FOLDER):

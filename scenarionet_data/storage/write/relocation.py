@@ -7,10 +7,15 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pyarrow as pa
+import pyarrow.parquet as pq
 
 from scenarionet_data.schema import tables
+from scenarionet_data.storage.files.errors import reading, writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.read.scenario_rows import RowAddress, ScenarioRows
+
+MAP_FOOTER = ("scenarionet.map", "scenarionet.licence")
+"""Entries in the footer of a shared map."""
 
 _PROVENANCE = (b"scenarionet.source", b"scenarionet.converter", b"scenarionet.licence", b"scenarionet.frame")
 
@@ -56,6 +61,27 @@ def copy_rows(
                 copied.append(RowAddress(str(path), group, first, part.num_rows))
                 first += part.num_rows
     return copied
+
+
+def copy_groups(files: LakeFiles, table: str, source: str, numbers: Iterable[int], path: Path, keys: Iterable[str]) -> None:
+    """Copy row groups of a file to a new file.
+
+    Args:
+        files: Files of the source.
+        table: Name of the table.
+        source: The file.
+        numbers: Row groups to copy, in order.
+        path: Path of the new file.
+        keys: Entries of the footer to copy.
+    """
+    declared, place = tables.load(table), files.verified(source)
+    with reading(place), pq.ParquetFile(place) as file:
+        words = file.metadata.metadata
+        footer = {key: words[key.encode()].decode() for key in keys if key.encode() in words}
+        with writing(path, path), declared.writer(path, footer) as writer:
+            for number in numbers:
+                rows = declared.conform(file.read_row_group(number, use_threads=False))
+                writer.write_table(rows, row_group_size=max(rows.num_rows, 1))
 
 
 def with_addresses(metadata: pa.Table, table: str, file: str, copied: Mapping[int, RowAddress]) -> pa.Table:

@@ -22,7 +22,7 @@ from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.read.scenario_rows import RowAddress, ScenarioRows
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord, find_record, partition
 from scenarionet_data.storage.write.layouts import Layout, new_unit, rewritten_name
-from scenarionet_data.storage.write.relocation import addresses, copy_rows, provenance, with_addresses
+from scenarionet_data.storage.write.relocation import MAP_FOOTER, addresses, copy_groups, copy_rows, provenance, with_addresses
 from scenarionet_data.storage.write.table_file import publish_data, publish_table
 
 TABLES = ("tracks", "lights", "maps")
@@ -48,6 +48,22 @@ def rewrite(files: LakeFiles, records: Sequence[ShardRecord], layout: Layout) ->
     size = -(-metadata.num_rows // layout.num_files(metadata.num_rows))
     chunks = [writer.write(metadata.slice(start, size)) for start in range(0, metadata.num_rows, size)]
     return list(_publish(files, records, names, pa.concat_tables(chunks), writer.published))
+
+
+def rewrite_shared_map(files: LakeFiles, record: ShardRecord) -> ShardRecord:
+    """Rewrite the file of a shared map, and return its new record; nothing is committed.
+
+    Raises:
+        LakeError: The file is missing or damaged, or the lake cannot be written.
+    """
+    source = next(name for name in record.files if name.startswith("maps/"))
+    temporary = files.temporary()
+    copy_groups(files, "maps", source, range(files.footer(source).num_row_groups), temporary, MAP_FOOTER)
+    sealed = publish_data(files, temporary, source.rpartition("-")[0])
+    written = zip(record.files, record.sizes, record.checksums, strict=True)
+    now = [(sealed.name, sealed.size, sealed.checksum), *(each for each in written if each[0] != source)]
+    names, sizes, checksums = map(list, zip(*now, strict=True))
+    return replace(record, files=names, sizes=sizes, checksums=checksums)
 
 
 def _numbered(files: LakeFiles, number: int, record: ShardRecord) -> pa.Table:

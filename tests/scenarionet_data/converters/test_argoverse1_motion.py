@@ -1,4 +1,4 @@
-"""Smooth motion at 10 Hz from Argoverse 1's noisy positions at uneven times."""
+"""Smooth motion from Argoverse 1's noisy positions at uneven times: at these times, and at 10 Hz."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarionet_data.converters.argoverse1.motion import DT, Motion, resample, step_of
+from scenarionet_data.converters.argoverse1.motion import DT, Motion, estimate_motion, step_of
+from scenarionet_data.ingest.options import Frames
 
 
-def motion_of(*tracks: tuple[np.ndarray, np.ndarray], times: np.ndarray) -> Motion:
+def motion_of(*tracks: tuple[np.ndarray, np.ndarray], times: np.ndarray, how: Frames = "resampled") -> Motion:
     """Motion of tracks given by frame indices and positions."""
     track = np.repeat(np.arange(len(tracks)), [len(frames) for frames, _ in tracks])
     frames, positions = (np.concatenate([part[k] for part in tracks]) for k in range(2))
-    return resample(track, frames, positions, times)
+    return estimate_motion(track, frames, positions, times, how)
 
 
 def uneven(rng: np.random.Generator, count: int = 50, step: float = 0.1) -> np.ndarray:
@@ -33,7 +34,21 @@ def test_steady_drive_is_recovered_exactly() -> None:
     assert len(found.timestamps) == 50
     np.testing.assert_allclose(np.diff(found.timestamps), DT)
     assert found.valid.all()
+    assert found.is_interpolated[0].tolist() == [False] + [True] * 49
     np.testing.assert_allclose(found.position[0], line(found.timestamps, 12.0, 2.0), atol=1e-9)
+    np.testing.assert_allclose(found.velocity[0], 12.0 * np.array([[np.cos(2.0), np.sin(2.0)]] * 50), atol=1e-8)
+    np.testing.assert_allclose(found.course[0], 2.0, atol=1e-9)
+
+
+def test_recorded_frames_are_kept() -> None:
+    rng = np.random.default_rng(3)
+    times, seen = uneven(rng), np.delete(np.arange(50), slice(10, 20))
+    position = line(times[seen], 9.0, 1.0) + rng.normal(0.0, 0.1, (40, 2))
+    found = motion_of((np.arange(50), line(times, 12.0, 2.0)), (seen, position), times=times, how="recorded")
+    np.testing.assert_array_equal(found.timestamps, times)
+    np.testing.assert_array_equal(found.position[1, seen], position)
+    assert np.flatnonzero(found.valid[1]).tolist() == seen.tolist()
+    assert not found.is_interpolated.any()
     np.testing.assert_allclose(found.velocity[0], 12.0 * np.array([[np.cos(2.0), np.sin(2.0)]] * 50), atol=1e-8)
     np.testing.assert_allclose(found.course[0], 2.0, atol=1e-9)
 

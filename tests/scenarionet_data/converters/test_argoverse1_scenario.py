@@ -171,7 +171,10 @@ def test_crop_matches_the_map_builder(tmp_path: Path) -> None:
 
 
 def test_recorded_properties(recordings: Path) -> None:
-    found = {s.source.scenario_id: s for s in scenarios(CONVERTER, recordings / "argoverse1", has_map=False)}
+    found = {
+        s.source.scenario_id: s
+        for s in scenarios(CONVERTER, recordings / "argoverse1", has_map=False, frames="resampled")
+    }
     assert len(found) == 40
     assert sum(len(s.tracks) for s in found.values()) == 1568
     assert sum(s.source.city == "MIA" for s in found.values()) == 16
@@ -184,16 +187,37 @@ def test_recorded_properties(recordings: Path) -> None:
         assert scenario.tracks.valid[scenario.ego_index].all()
 
 
-def test_recorded_positions_match_the_file(recordings: Path) -> None:
+def rows_of(scenario: ScenarioDescription, recordings: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Time [s], track and position of each row of a scenario's file."""
+    rows = pyarrow.csv.read_csv(recordings / "argoverse1" / scenario.source.file)
+    times = rows["TIMESTAMP"].to_numpy() - rows["TIMESTAMP"].to_numpy().min()
+    track = np.array([scenario.tracks.index(name) for name in rows["TRACK_ID"].to_pylist()])
+    return times, track, np.column_stack([rows["X"].to_numpy(), rows["Y"].to_numpy()])
+
+
+def test_recorded_frames_are_the_rows_of_the_file(recordings: Path) -> None:
+    """All of them, where the file puts them."""
+    for scenario in scenarios(CONVERTER, recordings / "argoverse1", has_map=False):
+        times, track, wanted = rows_of(scenario, recordings)
+        step = np.searchsorted(scenario.timestamps, times)
+        assert scenario.timestamps[step].tolist() == times.tolist()
+        found = scenario.tracks.position[track, step, :2] + scenario.origin[:2]
+        assert np.abs(found - wanted).max() < 2e-4
+        assert scenario.tracks.valid.sum() == len(times)
+        assert (scenario.num_timesteps, scenario.current_timestep) == (50, 19)
+        assert not scenario.tracks.is_interpolated.any()
+
+
+def test_resampled_positions_match_the_file(recordings: Path) -> None:
     """At timesteps within 2 ms of a recorded time, up to the distance that objects move in that time."""
-    for scenario in scenarios(CONVERTER, recordings / "argoverse1", has_map=False)[:5]:
-        rows = pyarrow.csv.read_csv(recordings / "argoverse1" / scenario.source.file)
-        times = rows["TIMESTAMP"].to_numpy() - rows["TIMESTAMP"].to_numpy().min()
+    for scenario in scenarios(CONVERTER, recordings / "argoverse1", has_map=False, frames="resampled")[:5]:
+        times, track, wanted = rows_of(scenario, recordings)
         step = np.rint(times * 10).astype(int)
         near = np.abs(times - step * 0.1) < 0.002
-        track = np.array([scenario.tracks.index(name) for name in rows["TRACK_ID"].to_pylist()])
-        wanted = np.column_stack([rows["X"].to_numpy(), rows["Y"].to_numpy()])
         found = scenario.tracks.position[track, step, :2] + scenario.origin[:2]
         assert near.sum() > 10
         assert scenario.tracks.valid[track, step].all()
         assert np.abs(found - wanted)[near].max() < 0.15
+        is_recorded = np.abs(scenario.timestamps[:, None] - times).min(axis=1) < 1e-6
+        assert not scenario.tracks.is_interpolated[:, is_recorded].any()
+        assert (scenario.tracks.is_interpolated == scenario.tracks.valid)[:, ~is_recorded].all()

@@ -138,6 +138,9 @@ def test_assumed_and_estimated_values_are_flagged(tmp_path: Path) -> None:
     assert tracks["av2"].is_size_assumed.all()
     assert tracks["nuscenes"].is_velocity_estimated.all()
     assert not tracks["waymo"].is_size_assumed.any() and not tracks["waymo"].is_velocity_estimated.any()
+    others, steps = np.arange(6) != tracks["nuscenes"].ids.tolist().index("ego"), np.arange(41)
+    assert (tracks["nuscenes"].is_interpolated == tracks["nuscenes"].valid & others[:, None] & (steps % 5 > 0)).all()
+    assert not tracks["waymo"].is_interpolated.any()
     assert tracks["nuscenes"].source_type.tolist() == ["vehicle.car"] * 6
     assert tracks["waymo"].source_type.tolist() == [None] * 6
 

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import pickle
+import random
+import shutil
+import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,11 +21,13 @@ from scenarionet_data.converters.scenarionet import ScenarioNetPickles
 from scenarionet_data.converters.scenarionet.unpickling import load
 from scenarionet_data.errors import BadParameter, DatabaseExists, InvalidScenario
 from scenarionet_data.export import export
+from scenarionet_data.export.pickling import dump
 from scenarionet_data.ingest.options import Options
 from scenarionet_data.scenario.description import ScenarioDescription, make_scenario_id
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_data.testing import differences
 from tests.fixtures import scenarionet_pickles as made
+from tests.fixtures.lakes import everything
 from tests.fixtures.scenarios import make_scenario, renamed
 
 CONVERTER = ScenarioNetPickles()
@@ -122,6 +128,49 @@ def test_scenarios_that_cannot_be_exported_are_reported(tmp_path: Path) -> None:
     with pytest.raises(BadParameter, match="no scenarios to export"):
         export([], tmp_path / "none")
     assert not (tmp_path / "none").exists()
+
+
+@pytest.mark.parametrize("parts", [False, True])
+def test_id_too_long_for_a_file_name_is_left_out(tmp_path: Path, parts: bool) -> None:
+    fits, too_long = renamed(make_scenario(1), "x" * 240), renamed(make_scenario(2), "x" * 241)
+    accented = renamed(make_scenario(3), "é" * 41)  # six bytes each in the file's name
+    report = export([fits, too_long, accented], tmp_path / "db", executor=InProcess() if parts else None)
+    assert [error.scenario_id for error in report.refused] == [too_long.id, accented.id]
+    assert [error.field for error in report.refused] == ["id", "id"]
+    assert "found one of 256 bytes" in report.refused[0].reason
+    assert [scenario.source.scenario_id for scenario in import_all(tmp_path / "db")] == [fits.source.scenario_id]
+
+
+class InProcess:
+    """Runs jobs in this process."""
+
+    def __call__(self, jobs: Any, run: Any, _lost: Any) -> Iterator[Any]:
+        return map(run, jobs)
+
+
+def test_equal_scenarios_give_equal_bytes(tmp_path: Path) -> None:
+    scenarios = [make_scenario(seed, num_lights=2) for seed in (1, 2)]
+    copies = pickle.loads(pickle.dumps(scenarios))  # no two objects are one, as in another process
+    first = export(scenarios, tmp_path / "first").directory
+    second = export(copies, tmp_path / "second", executor=InProcess()).directory
+    assert everything(first) == everything(second)
+    assert len(everything(first)) == 4
+
+
+@given(members=st.sets(st.text(max_size=3), min_size=2), order=st.randoms(use_true_random=False))
+def test_order_of_sets_and_identity_of_texts_do_not_matter(members: set[str], order: random.Random) -> None:
+    shuffled = [*members]
+    order.shuffle(shuffled)
+    again = ["".join(list(text)) for text in shuffled]
+    value = {"types": members, "names": sorted(members), "more": tuple(sorted(members))}
+    other = {"types": set(again), "names": sorted(shuffled), "more": tuple(sorted(again))}
+    files = [Path(tempfile.mkdtemp()) / "x.pkl" for _ in range(2)]
+    for file, content in zip(files, (value, other), strict=True):
+        dump(content, file)
+    assert files[0].read_bytes() == files[1].read_bytes()
+    assert pickle.loads(files[0].read_bytes()) == value
+    for file in files:
+        shutil.rmtree(file.parent)
 
 
 def assert_same(first: ScenarioDescription, second: ScenarioDescription) -> None:

@@ -9,6 +9,7 @@ import pytest
 from scenarionet_data import Lake
 from scenarionet_data.errors import NoSuchSnapshot, ScenarioNetError
 from scenarionet_data.maintenance import compact, fsck, repair, vacuum
+from scenarionet_data.storage import seals
 from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import metadata_files
@@ -103,12 +104,13 @@ def test_empty_lake_has_no_problems(tmp_path):
 
 def rewritten(root, change):
     """The lake with its first metadata file rewritten, and its size and checksum updated to match."""
-    path, _ = file_of(root, "metadata/**/*.parquet")
+    path, name = file_of(root, "metadata/**/*.parquet")
     table = pq.ParquetFile(path).read()
     changed = pa.Table.from_pylist(change(table.to_pylist()), schema=table.schema)
     with pq.ParquetWriter(path, changed.schema, store_schema=False) as writer:
         writer.add_key_value_metadata(table.schema.metadata)
         writer.write_table(changed)
+    seals.seal(path, name)
     return found(root)
 
 

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from scenarionet_data.arrays.geometry import wrap_angle
 from scenarionet_data.converters.scenarionet import ScenarioNetPickles
+from scenarionet_sim.policies import Replay
+from scenarionet_sim.simulation import Simulation
 from scenarionet_sim.worlds.paths import SPACING
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive
@@ -24,6 +30,27 @@ def test_log_equals_the_tracks(seed):
     np.testing.assert_array_equal(world.log_valid, tracks.valid.T)
     assert (world.scenario_id, world.dt, world.ego) == (scenario.id, 0.1, scenario.ego_index)
     assert (world.num_steps, world.num_objects) == (scenario.num_timesteps, len(tracks))
+
+
+@given(
+    steps=st.lists(st.floats(0.02, 0.6), min_size=20, max_size=40), dt=st.sampled_from([0.05, 0.1]), scale=st.floats(0, 1)
+)
+def test_worlds_replay_recordings_at_their_own_timestep(steps, dt, scale):
+    """Whatever the recorded times: where the ego is after k steps is where it was after k * dt seconds."""
+    drive = make_drive(speed=9.0, num_steps=len(steps) + 1)
+    times = np.concatenate([[0.0], np.cumsum(steps)]) * (0.2 + scale)
+    x = 9.0 * times
+    drive.tracks.position[0, :, 0] = x
+    world = World.from_scenario(replace(drive, timestamps=times, dt=float(np.median(np.diff(times)))), dt)
+    assert world.dt == dt
+    assert world.log_valid[:, 0].all()
+    assert abs((world.num_steps - 1) * dt - times[-1]) <= dt / 2 + 1e-9
+    np.testing.assert_allclose(world.log_position[:, 0, 0], 9.0 * dt * np.arange(world.num_steps), atol=2e-3)
+    np.testing.assert_allclose(world.log_velocity[:, 0, 0], 9.0, atol=1e-3)
+    simulation = Simulation([world], [Replay()])
+    for k in range(1, world.num_steps):
+        simulation.step()
+        assert simulation.state.position[0, 0, 0] == pytest.approx(9.0 * dt * k, abs=2e-3)
 
 
 def test_yaw_rate_is_the_central_difference_of_the_heading():

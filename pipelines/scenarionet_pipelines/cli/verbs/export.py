@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import click
 
+from scenarionet_data.errors import BadParameter
+from scenarionet_data.storage.files.opening import is_url
 from scenarionet_pipelines.cli.advice import one_line
 from scenarionet_pipelines.cli.execution import executor_from_options, worker_facts, worker_rows
 from scenarionet_pipelines.cli.group import verb
@@ -49,7 +49,7 @@ def command(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Export a database to the folder DIR.
+    """Export a database to the folder DIR, or to a URL in an object store.
 
     The format `scenarionet` is a folder of pickles that ScenarioNet and MetaDrive load unchanged. To read such
     pickles, run `scenarionet convert scenarionet DIR LAKE`.
@@ -58,6 +58,8 @@ def command(
     from scenarionet_data.execution.executors import ProcessExecutor
     from scenarionet_data.export import export
 
+    if cluster and is_url(directory):
+        raise BadParameter(f"{directory}: the workers of a cluster write to a folder that they share; give one, or leave out --cluster")
     scenarios = ScenarioLoader(lake, database)
     with (
         executor_from_options(cluster, workers, quiet=quiet) as execution,
@@ -65,7 +67,7 @@ def command(
     ):
         report = export(
             scenarios,
-            Path(directory).resolve(),
+            directory,
             replace=replace,
             executor=execution.measured or (ProcessExecutor(workers) if workers else None),
             on_progress=progress.update,
@@ -80,7 +82,9 @@ def command(
             | worker_facts(execution.stats)
         )
     else:
-        click.echo(f"{report.directory}: {count(report.num_scenarios, 'scenario')}, {size(report.num_bytes)}")
+        left_out = f", {len(report.refused):,} left out" if report.refused else ""
+        scenarios_written = count(report.num_scenarios, "scenario")
+        click.echo(f"{report.directory}: {scenarios_written}{left_out}, {size(report.num_bytes)}")
         print_table(worker_rows(execution.stats, "part"))
         for error in report.refused:
             click.echo(f"left out: {one_line(error)}", err=True)

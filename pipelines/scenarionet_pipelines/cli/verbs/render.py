@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.storage.files.opening import local_path
 from scenarionet_pipelines.cli import output
 from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.parameters import (
@@ -20,7 +21,7 @@ from scenarionet_pipelines.cli.parameters import (
 from scenarionet_pipelines.cli.progress import ProgressDisplay
 
 if TYPE_CHECKING:
-    from scenarionet_data import Lake
+    from scenarionet_data import Lake, ScenarioDescription
     from scenarionet_data.plots import Moment, Scene
 
 
@@ -90,14 +91,17 @@ def command(
     from scenarionet_data import Lake, ScenarioLoader
     from scenarionet_data.plots import Drawing, Scene
 
-    path = Path(file)
+    path = local_path(file, "a picture or video")
     if path.exists() and not replace:
         raise BadParameter(f"{file} exists; choose another name, or --replace")
     opened = Lake(lake, snapshot)
     scenario = ScenarioLoader(opened, [opened.describe(scenario_id)["scenario_id"]])[0]
-    scene = Scene.of(scenario)
-    moments = scene.moments() if run is None else _rollout_moments(opened, run, scene)
-    now = scenario.current_timestep if at is None else round(at / scene.dt)
+    if run is None:
+        scene = Scene.of(scenario)
+        moments = scene.moments()
+    else:
+        scene, moments = _rollout(opened, run, scenario)
+    now = scene.current_timestep if at is None else round(at / scene.dt)
     now = min(max(now - moments[0].timestep, 0), len(moments) - 1)
     with ProgressDisplay(f"render {path.name}", "frame", is_quiet=quiet) as progress:
         drawing = Drawing(view, width, size, speed, color_by)
@@ -109,7 +113,11 @@ def command(
         click.echo(f"{file}: {scenario.id}, {output.count(frames, 'frame')}, {output.size(num_bytes)}")
 
 
-def _rollout_moments(lake: Lake, run: str, scene: Scene) -> list[Moment]:
+def _rollout(lake: Lake, run: str, scenario: ScenarioDescription) -> tuple[Scene, list[Moment]]:
+    from scenarionet_data import resample
+    from scenarionet_data.plots import Scene
     from scenarionet_sim import rollout_moments
+    from scenarionet_sim.worlds.world import STEP
 
-    return rollout_moments(lake, run, scene)
+    scene = Scene.of(resample(scenario, STEP))
+    return scene, rollout_moments(lake, run, scene)

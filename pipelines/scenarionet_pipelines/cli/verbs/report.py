@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import click
 
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.storage.files.opening import local_path
 from scenarionet_pipelines.cli import output
 from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.parameters import (
@@ -52,7 +51,7 @@ def command(
     from scenarionet_data import Lake
     from scenarionet_pipelines.report import gather, write
 
-    path = Path(file)
+    path = local_path(file, "a report")
     if path.suffix not in (".html", ".htm"):
         raise BadParameter(f"{file}: the file name of a report has to end in .html")
     if path.exists() and not replace:

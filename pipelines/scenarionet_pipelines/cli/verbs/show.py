@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.storage.files.opening import local_path
 from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import print_json, print_table
 from scenarionet_pipelines.cli.parameters import json_option, lake_argument, replace_option, snapshot_option
@@ -59,6 +60,6 @@ def _draw(lake: Lake, scenario_id: str, picture: str, *, replace: bool) -> None:
     from scenarionet_data import ScenarioLoader
     from scenarionet_data.plots import scenario_figure, write_figure
 
-    if Path(picture).exists() and not replace:
+    if local_path(picture, "a picture").exists() and not replace:
         raise BadParameter(f"{picture} exists; choose another name, or --replace")
     write_figure(picture, scenario_figure(ScenarioLoader(lake, [scenario_id])[0]))

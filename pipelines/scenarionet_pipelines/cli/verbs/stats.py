@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from scenarionet_data.storage.files.opening import local_path
 from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import cell, print_json, print_table
 from scenarionet_pipelines.cli.parameters import json_option, lake_argument, snapshot_option
@@ -36,6 +37,8 @@ def command(lake: str, databases: tuple[str, ...], output: str | None, snapshot:
     """
     from scenarionet_data import Lake
 
+    if output:
+        local_path(output, "a chart")
     found = Lake(lake, snapshot).compare(*databases)
     if output:
         from scenarionet_data.plots import write_comparison

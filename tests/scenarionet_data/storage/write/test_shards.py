@@ -11,6 +11,7 @@ from scenarionet_data import Lake
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.ingest.options import Options
 from scenarionet_data.ingest.shard import RawItem, Shard
+from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.lake_files import sha256
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots.shard_record import find_finished
@@ -47,7 +48,7 @@ def test_record_lists_every_file_with_size_and_checksum(files, template):
         path = files.path(name)
         assert (path.stat().st_size, sha256(path)) == (size, checksum)
         footer = pq.read_metadata(path).metadata
-        assert footer[b"scenarionet.schema"].decode() == name.split("/")[0] + "/1"
+        assert footer[b"scenarionet.schema"].decode() == tables.load(name.split("/")[0]).tag
         assert footer[b"scenarionet.licence"] == b"CC0"
     assert not list((files.root / ".tmp").iterdir())
 

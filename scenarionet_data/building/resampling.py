@@ -1,0 +1,135 @@
+"""Put recorded states on timesteps of equal length: linear between adjacent recorded times, along the shorter arc."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64
+from scenarionet_data.arrays.geometry import wrap_angle
+from scenarionet_data.building.tracks import make_tracks
+from scenarionet_data.errors import BadParameter
+from scenarionet_data.scenario.description import ScenarioDescription, Tracks
+
+_SAME_TIME = 1e-6
+"""Times closer than this are the same [s]."""
+_TOLERANCE = 0.05
+"""Recorded times may be this many timesteps away from the regular ones (5 ms at 10 Hz) and are kept."""
+_LONGEST_GAP = 1.0
+"""Longest time between adjacent recorded times that is bridged [s], at least 1.5 timesteps of the recording."""
+
+
+class Resampling:
+    """Regular timesteps over recorded frames.
+
+    A timestep between two frames that both observe an object is interpolated linearly. At the ends of an observation,
+    a frame holds for half a timestep; ``between`` extrapolates that far. Gaps stay gaps.
+
+    Args:
+        times: (S,) [s] of the frames, strictly increasing from 0.
+        seen: (N, S) whether a frame observes an object.
+        step: Timestep [s].
+        longest_gap: Longest time between two frames that is bridged [s].
+
+    Attributes:
+        timestamps: (T,) [s].
+        frame: (T,) last frame at or before each timestep.
+        valid: (N, T).
+        is_interpolated: (N, T) valid states that are at no recorded time.
+    """
+
+    def __init__(self, times: Float64, seen: Bool, step: float, longest_gap: float) -> None:
+        self.timestamps: Float64 = np.arange(round(float(times[-1]) / step) + 1, dtype=np.float64) * step
+        before = np.searchsorted(times, self.timestamps + _SAME_TIME, side="right") - 1
+        after = np.minimum(before + 1, len(times) - 1)
+        since, span = self.timestamps - times[before], times[after] - times[before]
+        since = np.where(np.abs(since) <= _SAME_TIME, 0.0, since)
+        seen_before, seen_after, reach = seen[:, before], seen[:, after], step / 2.0 + _SAME_TIME
+        bridged = seen_before & seen_after & (span > 0) & (span <= longest_gap)
+        held_before = seen_before & (since <= reach) & ~bridged
+        held_after = seen_after & (span - since <= reach) & ~bridged & ~held_before
+        self.frame: Int64 = before
+        self.valid: Bool = bridged | held_before | held_after
+        fraction = np.divide(since, span, out=np.zeros_like(since), where=span > 0)
+        self._first = np.where(held_after, after, before)
+        self._second = np.where(bridged, after, self._first)
+        self._share = np.where(bridged, fraction, 0.0)
+        self._beyond = np.where(bridged, 0.0, np.where(held_after, since - span, since))
+        self.is_interpolated: Bool = self.valid & ((self._share > 0) | (self._beyond != 0))
+
+    def nearest(self, values: Array) -> Array:
+        """Take values (N, S, ...) at the first of the frames that a timestep lies between, as (N, T, ...)."""
+        return _take(values, self._first)
+
+    def between(self, values: Array, slope: Array | None = None) -> Array:
+        """Interpolate values (N, S, ...) as (N, T, ...); ``slope`` [1/s] extrapolates at the ends."""
+        first = _take(values, self._first)
+        found: Array = first + _over(self._share, first) * (_take(values, self._second) - first)
+        return found if slope is None else found + _over(self._beyond, first) * _take(slope, self._first)
+
+    def angle_between(self, angles: Float64) -> Float64:
+        """Interpolate angles (N, S) [rad] along the shorter arc, as (N, T), not wrapped."""
+        first = _take(angles, self._first)
+        turned: Float64 = first + self._share * wrap_angle(_take(angles, self._second) - first)
+        return turned
+
+
+def resample(scenario: ScenarioDescription, dt: float) -> ScenarioDescription:
+    """Return a scenario with timesteps of ``dt`` seconds; the same object if its timesteps are that already.
+
+    Positions, velocities and headings are interpolated, and flagged in ``tracks.is_interpolated``. Sizes and lights
+    are those of the last recorded timestep. Lists over timesteps in ``extras`` stay those of the recording.
+
+    Args:
+        scenario: The scenario.
+        dt: Timestep [s].
+
+    Raises:
+        BadParameter: ``dt`` is not a time above 0.
+    """
+    if not 0.0 < dt < np.inf:
+        raise BadParameter(f"dt: expected a timestep above 0 s, found {dt}")
+    times = scenario.timestamps
+    if np.abs(times - np.arange(len(times)) * dt).max() <= _TOLERANCE * dt:
+        return scenario
+    steps = Resampling(times, scenario.tracks.valid, dt, max(_LONGEST_GAP, 1.5 * scenario.dt))
+    current = round(float(times[scenario.current_timestep]) / dt)
+    return replace(
+        scenario,
+        timestamps=steps.timestamps,
+        dt=dt,
+        current_timestep=min(current, len(steps.timestamps) - 1),
+        tracks=_tracks(scenario.tracks, steps),
+        lights=replace(scenario.lights, state=scenario.lights.state[:, steps.frame]),
+    )
+
+
+def _tracks(tracks: Tracks, steps: Resampling) -> Tracks:
+    velocity = tracks.velocity.astype(np.float64)
+    slope = np.concatenate([velocity, np.zeros((*velocity.shape[:2], 1))], axis=-1)
+    made = make_tracks(
+        tracks.ids.tolist(),
+        tracks.object_type,
+        steps.between(tracks.position.astype(np.float64), slope),
+        steps.angle_between(tracks.heading.astype(np.float64)),
+        steps.between(velocity),
+        steps.nearest(tracks.size),
+        steps.valid,
+        origin=np.zeros(3),
+        is_interpolated=steps.is_interpolated | steps.nearest(tracks.is_interpolated),
+    )
+    arrays = ("position", "heading", "velocity", "size", "valid", "is_interpolated")
+    return replace(tracks, **{name: getattr(made, name) for name in arrays})
+
+
+def _take(values: Array, frames: Int64) -> Array:
+    """Take values (N, S, ...) at each object's frames (N, T)."""
+    rows = np.arange(len(values))[:, None] * values.shape[1]
+    taken: Array = values.reshape(-1, *values.shape[2:]).take(rows + frames, axis=0)  # faster than take_along_axis
+    return taken
+
+
+def _over(factor: Float64, values: Array) -> Float64:
+    """(N, T) factors in the shape of values (N, T, ...)."""
+    return factor.reshape(*factor.shape, *[1] * (values.ndim - 2))

@@ -1,0 +1,42 @@
+"""fsck of evaluation results."""
+
+from __future__ import annotations
+
+from scenarionet_data.maintenance.findings import Findings
+from scenarionet_data.schema import tables
+from scenarionet_data.storage import evaluation_runs
+from scenarionet_data.storage.file_checks import Damage, Written, check_file
+from scenarionet_data.storage.files.lake_files import LakeFiles
+
+
+def check(files: LakeFiles, found: Findings, *, is_deep: bool) -> None:
+    """Check the description and the parts of every evaluation run."""
+    for run in evaluation_runs.names(files):
+        description = evaluation_runs.file_name(run)
+        with found.of(description):
+            _, is_sealed = evaluation_runs.parse(files, run)
+            found.saw(description, is_sealed=is_sealed)
+        for table in files.folders(f"results/{run}"):
+            if table in evaluation_runs.RUN_TABLES:
+                _check_parts(files, f"results/{run}/{table}", table, found, is_deep=is_deep)
+        with found.of(description):
+            _check_complete(files, run, found)
+
+
+def _check_parts(files: LakeFiles, folder: str, table: str, found: Findings, *, is_deep: bool) -> None:
+    found.refuse_folders(files, folder)
+    for name in files.names(folder, ".parquet"):
+        with found.of(name):
+            intact = check_file(files, name, Written(), table=table, is_deep=is_deep)
+            found.saw(name, is_sealed=intact.is_sealed)
+
+
+def _check_complete(files: LakeFiles, run: str, found: Findings) -> None:
+    """Find parts of which only some tables exist; that of the last table is written last."""
+    if evaluation_runs.file_name(run) in found.broken:
+        return
+    *others, last = [tag.partition("/")[0] for tag in evaluation_runs.describe(files, run)["tables"]]
+    for name in files.names(f"results/{run}/{last}", ".parquet"):
+        part = name.rpartition("/")[2]
+        missing = (f"results/{run}/{table}/{part}" for table in others if table in tables.TABLES)
+        found.damages += (Damage(other, "gone") for other in missing if not files.has(other))

@@ -1,0 +1,46 @@
+"""A URL as an output path: written to, or refused before anything is done; never a folder of that name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from scenarionet_data import Lake
+from scenarionet_data.errors import BadParameter
+from tests.scenarionet_pipelines.conftest import run
+
+
+@pytest.mark.parametrize(
+    ("words", "what"),
+    [
+        (["render", "LAKE", "s000001", "-o", "s3://bucket/x.png"], "a picture or video"),
+        (["render", "LAKE", "s000001", "-o", "gs://bucket/x.mp4"], "a picture or video"),
+        (["show", "LAKE", "s000001", "--picture", "s3://bucket/x.png"], "a picture"),
+        (["report", "LAKE", "-o", "s3://bucket/x.html"], "a report"),
+        (["stats", "LAKE", "-o", "s3://bucket/x.png"], "a chart"),
+        (["sql", "LAKE", "SELECT 1", "-o", "s3://bucket/x.csv"], "a table"),
+        (["check", "LAKE", "--broken", "s3://bucket/x.csv"], "a table"),
+        (["check", "LAKE", "--scorecard", "-o", "s3://bucket/x.json"], "a table"),
+        (["pack", "LAKE", "busy", "s3://bucket/x.tar", "--tar"], "a tar"),
+    ],
+)
+def test_files_are_not_written_to_a_url(lake, tmp_path, monkeypatch, words, what):
+    monkeypatch.chdir(tmp_path)
+    result = run(*(str(lake) if word == "LAKE" else word for word in words))
+    assert result.exit_code == 2
+    assert result.stderr.count("\n") == 1
+    assert f"{what} is written to this machine: give a path, then copy the file to the object store" in result.stderr
+    assert not list(tmp_path.glob("[sg][3s]:*"))
+
+
+def test_paths_made_from_urls_are_refused(lake):
+    with pytest.raises(BadParameter, match="a URL that became a path"):
+        Lake(Path("s3://bucket/lake"))
+    with pytest.raises(BadParameter, match="a URL that became a path"):
+        Lake(lake).export(None, Path("s3://bucket/pickles"))
+
+
+def test_file_urls_are_paths(lake, tmp_path, ok):
+    ok("sql", lake, "SELECT count(*) AS n FROM metadata", "-o", tmp_path.as_uri() + "/x.csv")
+    assert (tmp_path / "x.csv").read_text().split() == ["n", "9"]
