@@ -364,10 +364,19 @@ class Lake(TaggableLake, ComparableLake):
         directory: str | Path,
         *,
         replace: bool = False,
+        original: bool = True,
         executor: Executor | None = None,
         on_progress: Progress | None = None,
     ) -> ExportReport:
         """Write scenarios as ScenarioNet pickles that MetaDrive reads; see :func:`scenarionet_data.export.export`."""
         from scenarionet_data.export import export_database
 
-        return export_database(self, database, directory, replace=replace, executor=executor, on_progress=on_progress)
+        return export_database(
+            self,
+            database,
+            directory,
+            replace=replace,
+            original=original,
+            executor=executor,
+            on_progress=on_progress,
+        )

@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from scenarionet_data.codec.content_hash import content_hash
+from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter, LakeError
 from scenarionet_data.execution.progress import Progress

@@ -45,7 +45,13 @@ _MAX_LISTED = 20
 @click.argument("dataset")
 @click.argument("raw")
 @lake_argument
-@click.option("--split", help="Split of the dataset: train, val, ... [default: inferred from the folder's name]")
+@click.option(
+    "--split",
+    metavar="NAME",
+    help="Split, named as in the lake (train, val, test, mini) or as in the dataset's folders (training, "
+    "validation_interactive, test_obs, ...); `scenarionet converters DATASET` lists them. [default: inferred from the "
+    "folder's name]",
+)
 @click.option("--version", help="Release of the dataset. [default: the converter's]")
 @workers_option
 @cluster_option
