@@ -12,7 +12,7 @@ from functools import lru_cache
 from typing import Any
 
 from scenarionet_data.codec import ScenarioColumns
-from scenarionet_data.codec.content_hash import content_hash
+from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.storage.files.errors import damaged
