@@ -25,11 +25,9 @@ _MAX_TIMESTEPS = 100_000
 _ERRORS = (ValueError, TypeError, KeyError, IndexError, AttributeError, OverflowError, MemoryError)
 """Errors of decoding inconsistent rows."""
 
-Metadata = Mapping[str, Any]
-
 
 @contextmanager
-def comparing(files: LakeFiles, metadata: Sequence[Metadata]) -> Iterator[list[ScenarioDescription]]:
+def comparing(files: LakeFiles, metadata: Sequence[Mapping[str, Any]]) -> Iterator[list[ScenarioDescription]]:
     """Compare the scenarios that the block puts into the list with their metadata rows.
 
     Raises:
@@ -49,7 +47,7 @@ def comparing(files: LakeFiles, metadata: Sequence[Metadata]) -> Iterator[list[S
         raise _damage(files, metadata[0], f"it cannot be decoded ({error})") from error
 
 
-def check_ids(files: LakeFiles, metadata: Sequence[Metadata], tracks: ScenarioColumns) -> None:
+def check_ids(files: LakeFiles, metadata: Sequence[Mapping[str, Any]], tracks: ScenarioColumns) -> None:
     """Compare the ids of scenarios with those of their tracks.
 
     Raises:
@@ -61,7 +59,7 @@ def check_ids(files: LakeFiles, metadata: Sequence[Metadata], tracks: ScenarioCo
             raise _damage(files, row, "its tracks are those of another scenario")
 
 
-def _compare(files: LakeFiles, row: Metadata, scenario: ScenarioDescription) -> None:
+def _compare(files: LakeFiles, row: Mapping[str, Any], scenario: ScenarioDescription) -> None:
     if content_hash(scenario) != row["content_hash"]:
         raise _damage(files, row, "its content differs from what was converted")
     if not row["tracks_file"].startswith(f"{partition('tracks', row['dataset'], row['version'], row['split'])}/"):
@@ -77,6 +75,6 @@ def _licence(files: LakeFiles, name: str) -> str:
     return str(entries.get(b"scenarionet.licence", b""), "utf-8", "replace")
 
 
-def _damage(files: LakeFiles, row: Metadata, finding: str) -> LakeError:
+def _damage(files: LakeFiles, row: Mapping[str, Any], finding: str) -> LakeError:
     folder = partition("metadata", row["dataset"], row["version"], row["split"])
     return damaged(files.url(folder), f"the row of {row['scenario_id']} or its files are damaged, {finding}")
