@@ -86,10 +86,9 @@ def find_repeated_rows(track: Array, timestep: Array) -> BadRows | None:
         track: (R,) integers.
         timestep: (R,) integers.
     """
-    pairs = np.column_stack([track, timestep])
-    _, first = np.unique(pairs, axis=0, return_index=True)
-    mask = np.ones(len(pairs), np.bool_)
-    mask[first] = False
+    order = np.lexsort((timestep, track))  # stable: an earlier row precedes those that repeat it
+    mask = np.zeros(len(order), np.bool_)
+    mask[order[1:]] = (track[order[1:]] == track[order[:-1]]) & (timestep[order[1:]] == timestep[order[:-1]])
     return BadRows(mask, "timestep", "expected one row for an object and time, found another") if mask.any() else None
 
 

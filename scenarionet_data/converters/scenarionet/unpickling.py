@@ -17,6 +17,7 @@ import numpy as np
 
 from scenarionet_data.errors import InvalidScenario
 
+_UNREADABLE = "expected a readable pickle, found bytes that are damaged or of another format ({}); copy it again"
 _CODES = re.compile(r"[?biufcSUO]\d*")
 
 
@@ -108,7 +109,8 @@ def load(path: Path, name: str) -> dict[str, Any]:
             content = _Unpickler(file).load()
     # Damaged bytes are executed as instructions and can raise anything.
     except Exception as error:
-        raise InvalidScenario(name, "pickle", f"expected a readable pickle, found {error or type(error)}") from error
+        reason = str(error) if str(error).startswith("expected ") else _UNREADABLE.format(type(error).__name__)
+        raise InvalidScenario(name, "pickle", reason) from error
     if not isinstance(content, dict):
         raise InvalidScenario(name, "pickle", f"expected a dictionary, found {type(content).__name__}")
     return content
