@@ -6,6 +6,9 @@ output; progress, warnings and errors to standard error.
 
 from __future__ import annotations
 
+import sys
+from io import TextIOWrapper
+
 import click
 
 from scenarionet_pipelines.cli.group import Verbs
@@ -48,4 +51,7 @@ def cli(debug: bool) -> None:
 def main() -> None:
     """Run the command line; the entry point of the installed script."""
     handle_signals()
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):  # names of files may have bytes or letters that the terminal has not
+            stream.reconfigure(errors="backslashreplace")
     cli(prog_name="scenarionet")

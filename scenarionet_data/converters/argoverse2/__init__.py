@@ -8,12 +8,12 @@ RAW is a folder that contains either or both, at any depth:
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from scenarionet_data.ingest.listing import walk
 from scenarionet_data.converters.argoverse2.forecasting import read_scenario
 from scenarionet_data.converters.argoverse2.sensor import (
     DT,
@@ -124,7 +124,7 @@ def _find(raw: Path, split: str, kind: str) -> tuple[list[Path], list[Path]]:
     others = _SPLITS - {split} if split in _SPLITS else set()
     scenarios: list[Path] = []
     logs: list[Path] = []
-    for folder, subfolders, files in os.walk(raw):
+    for folder, subfolders, files in walk(raw):
         if "annotations.feather" in files:
             logs.append(Path(folder, "annotations.feather"))
         subfolders[:] = sorted(set(subfolders) - others) if "annotations.feather" not in files else []

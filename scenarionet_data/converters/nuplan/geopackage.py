@@ -117,7 +117,7 @@ def opened(path: Path) -> Iterator[GeoPackage]:
         raise CorruptSource(f"{path}: no such map; download the nuPlan maps")
     try:
         # immutable: needs neither locks nor a writable folder for them
-        with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)) as database:
+        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)) as database:
             yield GeoPackage(database, path)
     except sqlite3.Error as error:
         raise CorruptSource(f"{path} cannot be read as a nuPlan map ({error}); download the maps again") from error

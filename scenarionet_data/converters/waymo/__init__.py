@@ -76,14 +76,14 @@ class Waymo(Converter[TfRecord]):
         folder = root.parent if root.is_file() else root
         what = f"files like {_EXAMPLE} (the dataset's `scenario` format)"
         for path in find_files(raw, "*.tfrecord*", what, split, _SIDECARS):
-            item = path.relative_to(folder).as_posix()
+            item = RawItem(path.relative_to(folder).as_posix(), fingerprint([path]))
             yield Shard(
                 dataset=self.name,
                 version=version,
                 split=split,
-                name=_shard_name(item),
+                name=_shard_name(item.name),
                 root=str(folder),
-                items=(RawItem(item, fingerprint([path])),),
+                items=(item,),
                 options=options,
             )
 
