@@ -8,7 +8,7 @@ from __future__ import annotations
 from scenarionet_data.building.features import flat_points, make_features
 from scenarionet_data.building.map_builder import MapBuilder, meets
 from scenarionet_data.building.precision import METRES, make_origin, offsets_from, rounded
-from scenarionet_data.building.resampling import Resampling, resample
+from scenarionet_data.building.resampling import Resampling, resample, short_gaps
 from scenarionet_data.building.tracks import make_tracks, make_tracks_of_rows
 
 __all__ = [
@@ -24,4 +24,5 @@ __all__ = [
     "offsets_from",
     "resample",
     "rounded",
+    "short_gaps",
 ]

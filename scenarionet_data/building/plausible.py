@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Bool
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64
 
 MAX_DISTANCE = 10_000.0
 """Distance from the ego [m]; sensors of cars reach some 300 m."""
@@ -86,11 +86,34 @@ def find_repeated_rows(track: Array, timestep: Array) -> BadRows | None:
         track: (R,) integers.
         timestep: (R,) integers.
     """
-    pairs = np.column_stack([track, timestep])
-    _, first = np.unique(pairs, axis=0, return_index=True)
-    mask = np.ones(len(pairs), np.bool_)
-    mask[first] = False
+    order = np.lexsort((timestep, track))  # stable: an earlier row precedes those that repeat it
+    mask = np.zeros(len(order), np.bool_)
+    mask[order[1:]] = (track[order[1:]] == track[order[:-1]]) & (timestep[order[1:]] == timestep[order[:-1]])
     return BadRows(mask, "timestep", "expected one row for an object and time, found another") if mask.any() else None
+
+
+def find_jumps(position: Float64, seen: Bool, seconds: Array) -> Bool:
+    """States (N, T) that cannot be reached from their neighbours at ``MAX_SPEED``.
+
+    A state between two steps that are too fast has jumped; of a single such step, the later state, or the first of all.
+
+    Args:
+        position: (N, T, 2) [m].
+        seen: (N, T).
+        seconds: (T,) strictly increasing.
+    """
+    moved = np.hypot(*np.moveaxis(np.diff(position, axis=1), -1, 0))
+    is_fast = (moved > MAX_SPEED * np.diff(seconds)) & seen[:, 1:] & seen[:, :-1]
+    found = np.zeros(seen.shape, np.bool_)
+    if not is_fast.any():
+        return found
+    found[:, 1:-1] = is_fast[:, 1:] & is_fast[:, :-1]
+    single = is_fast & ~found[:, 1:] & ~found[:, :-1]
+    has_before = np.zeros_like(is_fast)
+    has_before[:, 1:] = seen[:, :-2]
+    found[:, 1:] |= single & has_before
+    found[:, :-1] |= single & ~has_before
+    return found
 
 
 def find_bad_geometry(points: Array, centre: Array) -> str | None:

@@ -133,3 +133,20 @@ def _take(values: Array, frames: Int64) -> Array:
 def _over(factor: Float64, values: Array) -> Float64:
     """(N, T) factors in the shape of values (N, T, ...)."""
     return factor.reshape(*factor.shape, *[1] * (values.ndim - 2))
+
+
+def short_gaps(times: Float64, known: Bool, longest_gap: float) -> Bool:
+    """(T,) unknown states that lie between two known ones which are at most ``longest_gap`` seconds apart.
+
+    Args:
+        times: (T,) [s].
+        known: (T,).
+        longest_gap: [s].
+    """
+    (rows,) = np.nonzero(known)
+    after = np.searchsorted(rows, np.arange(len(times)))
+    is_between = ~known & (after > 0) & (after < len(rows))
+    first = rows[np.where(is_between, after - 1, 0)] if len(rows) else 0
+    second = rows[np.where(is_between, after, 0)] if len(rows) else 0
+    found: Bool = is_between & (times[second] - times[first] <= longest_gap)
+    return found

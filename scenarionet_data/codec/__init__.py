@@ -15,7 +15,7 @@ import pyarrow as pa
 from scenarionet_data.arrays.columns import Columns
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.codec.columns import ScenarioColumns
-from scenarionet_data.codec.content_hash import content_hash
+from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.codec.lights import decode_lights, encode_lights
 from scenarionet_data.codec.maps import decode_maps, encode_map
 from scenarionet_data.codec.tracks import decode_tracks, encode_tracks

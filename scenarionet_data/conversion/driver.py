@@ -23,7 +23,7 @@ from scenarionet_data.conversion.remote_raw.downloads import remove_downloads
 from scenarionet_data.conversion.remote_raw.mirror import mirrored
 from scenarionet_data.conversion.report import ConversionReport
 from scenarionet_data.conversion.selection import InputSelection, ShardFilter
-from scenarionet_data.converters.splits import guess_split, lake_spelling
+from scenarionet_data.converters.splits import guess_split, lake_spelling, split_folder
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.executors import Executor, executor_for
 from scenarionet_data.execution.progress import Progress
@@ -171,9 +171,9 @@ def _plan(
     with mirrored(converter, raw) if is_url(raw) else nullcontext() as mirror:
         folder, top = (mirror.folder, mirror.top) if mirror else (raw, "")
         version = version or converter.release
-        if not split:
-            split = guess_split(folder, top)
-        elif (converter.name, version, split) not in {(each.dataset, each.version, each.split) for each in existing}:
+        is_guessed, split = not split, split or guess_split(folder, top)
+        folder = split_folder(folder, split)
+        if not is_guessed and (converter.name, version, split) not in {(each.dataset, each.version, each.split) for each in existing}:
             split = lake_spelling(split)  # a lake that has a partition of the given name keeps it
         for name, value in (("split", split), ("version", version)):
             if not _WORD.fullmatch(value):

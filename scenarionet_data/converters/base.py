@@ -13,7 +13,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
-from scenarionet_data.converters.splits import is_of_split
+from scenarionet_data.converters.splits import is_of_split, splits_of
 from scenarionet_data.converters.unused import unused_files
 from scenarionet_data.errors import SourceNotFound
 from scenarionet_data.ingest.listing import walk
@@ -177,13 +177,14 @@ def find_files(
         return [root]
     if not root.is_dir():
         raise SourceNotFound(f"{raw}: no such folder; give the folder with {what}")
-    found = [
-        path
-        for folder, _, names in walk(root)
-        for path in (Path(folder, name) for name in names if fnmatchcase(name, pattern))
-        if not path.name.endswith(sidecars) and path.is_file() and (not split or is_of_split(path, root, split))
-    ]
+    named = (Path(folder, name) for folder, _, names in walk(root) for name in names if fnmatchcase(name, pattern))
+    matching = [path for path in named if not path.name.endswith(sidecars) and path.is_file()]
+    found = [path for path in matching if not split or is_of_split(path, root, split)]
+    if matching and not found:
+        raise SourceNotFound(
+            f"{raw}: nothing named {pattern} of split {split} in it; it has the splits "
+            f"{', '.join(splits_of(matching, root))}"
+        )
     if not found:
-        of_split = f" of split {split}" if split else ""
-        raise SourceNotFound(f"{raw}: nothing named {pattern}{of_split} in it; give the folder with {what}")
+        raise SourceNotFound(f"{raw}: nothing named {pattern} in it; give the folder with {what}")
     return sorted(found)

@@ -56,17 +56,23 @@ _OTHER_FORM = (KeyError, TypeError, ValueError)
 
 def _boundary_row(record: Any) -> list[Any]:
     first, last, feature_id, name = _boundary_values(record)
-    if len(record) != len(_BOUNDARY_KEYS) or not f"{first}{last}".isdecimal():
+    if len(record) != len(_BOUNDARY_KEYS) or not _is_decimal(first, last) or type(feature_id) is not str:
         raise ValueError(record)
-    return [int(first), int(last), str(feature_id), _CODES[name]]
+    return [int(first), int(last), feature_id, _CODES[name]]
 
 
 def _neighbor_row(record: Any) -> list[Any]:
     feature_id, first, last, other_first, other_last, boundaries = _neighbor_values(record)
-    if len(record) != len(_NEIGHBOR_KEYS) + 1 or not f"{first}{last}{other_first}{other_last}".isdecimal():
+    is_decimal = _is_decimal(first, last, other_first, other_last)
+    if len(record) != len(_NEIGHBOR_KEYS) + 1 or not is_decimal or type(feature_id) is not str:
         raise ValueError(record)
     indices = int(first), int(last), int(other_first), int(other_last)
-    return [str(feature_id), *indices, [_boundary_row(boundary) for boundary in boundaries or ()]]
+    return [feature_id, *indices, [_boundary_row(boundary) for boundary in boundaries]]
+
+
+def _is_decimal(*indices: Any) -> bool:
+    """Whether indices are text, as in ScenarioNet's records: others would come back as text."""
+    return set(map(type, indices)) == {str} and "".join(indices).isdecimal()
 
 
 def _boundary_record(row: Any) -> Any:

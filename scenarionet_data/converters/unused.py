@@ -44,6 +44,12 @@ def unused_files(
         yield PassedOver(f"{what}: {example}" if count == 1 else f"{what}, for example {example}", count, reason)
 
 
+def counted(what: str, count: int, reason: str) -> Iterator[PassedOver]:
+    """Yield a group if there is anything in it."""
+    if count:
+        yield PassedOver(what, count, reason)
+
+
 def _ending(name: str) -> str:
     """Pattern of a file's name: its ending, with N for numbers, or the name itself."""
     _, dot, ending = name.rpartition(".")

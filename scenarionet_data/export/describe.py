@@ -13,6 +13,7 @@ from urllib.parse import quote
 
 import numpy as np
 
+from scenarionet_data.converters.scenarionet.layout import LAYOUT
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.export.maps import describe_lights, describe_map, is_flat
 from scenarionet_data.export.summary import summarize
@@ -32,14 +33,21 @@ class Identity:
 
     Attributes:
         dataset, version, id: As in the pickle; a scenario converted from a pickle has its original ones.
+        original_file: Name of the pickle that it was converted from; empty for others.
     """
 
     dataset: str
     version: str
     id: str
+    original_file: str = ""
 
     @property
     def file_name(self) -> str:
+        """Name of the scenario's file."""
+        return self.original_file or self.standard_name
+
+    @property
+    def standard_name(self) -> str:
         """``sd_{dataset}_{version}_{id}.pkl``, as recognised by MetaDrive."""
         return f"sd_{_escape(self.dataset)}_{_escape(self.version)}_{_escape(self.id)}.pkl"
 
@@ -55,10 +63,11 @@ def identify(scenario: ScenarioDescription) -> Identity:
         InvalidScenario: It was converted from a pickle, but its extras lack the original name.
     """
     if scenario.dataset == "scenarionet":
-        missing = [key for key in ("dataset", "version", "id") if key not in scenario.extras]
+        kept = {**scenario.extras, **scenario.extras.get(LAYOUT, {})}
+        missing = [key for key in ("dataset", "version", "id") if key not in kept]
         if missing:
             raise InvalidScenario(scenario.id, f"extras.{missing[0]}", "expected the name of the original pickle")
-        return Identity(*(str(scenario.extras[key]) for key in ("dataset", "version", "id")))
+        return Identity(str(kept["dataset"]), str(kept["version"]), str(kept["id"]), str(kept.get("file", "")))
     dataset, version, name = scenario.id.split("/")
     return Identity(dataset, version, name)
 
@@ -162,9 +171,12 @@ def _describe_metadata(scenario: ScenarioDescription, identity: Identity) -> dic
         "split": scenario.split,
         "scenario_uid": scenario.id,
     }
-    if scenario.extras:
-        metadata["extras"] = from_json(to_json(scenario.extras))
-    return metadata | _describe_source(scenario.source)
+    extras = {key: value for key, value in scenario.extras.items() if key != LAYOUT}
+    if extras:
+        metadata["extras"] = from_json(to_json(extras))
+    # Of a scenario that was exported before: those of the scenario it was exported from.
+    first = {key: scenario.extras.get(LAYOUT, {}).get(key) for key in ("split", "scenario_uid", "source_file")}
+    return metadata | _describe_source(scenario.source) | {key: value for key, value in first.items() if value}
 
 
 def _describe_source(source: Source) -> dict[str, str]:

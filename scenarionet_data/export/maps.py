@@ -132,6 +132,7 @@ def _describe_lane(
         lane["speed_limit_mph"] = float(features.speed_limit[row]) * _MPH
     if len(features.width[row]):
         lane["width"] = np.array(np.broadcast_to(features.width[row], (num_points, 2)))
+        lane["is_width_constant"] = len(features.width[row]) == 1
     if feature.get("polygon", np.zeros((0, 2))).shape[1] == 3:
         # MetaDrive fails on 3D lane polygons: heights are stored separately.
         lane["polygon"] = np.array(feature["polygon"][:, :2], order="C")

@@ -34,10 +34,11 @@ class _ExportPart:
     draft: Path
     first: int
     end: int
+    original: bool
 
 
 def write_parts(
-    scenarios: Iterable[ScenarioDescription], draft: Path, executor: Executor
+    scenarios: Iterable[ScenarioDescription], draft: Path, executor: Executor, original: bool
 ) -> Iterator[WrittenPickle | InvalidScenario]:
     """Pickle scenarios in parts; yield the result of each, in order.
 
@@ -45,11 +46,12 @@ def write_parts(
         scenarios: A picklable sequence, such as a ScenarioLoader.
         draft: The database being written, on a file system shared by all workers.
         executor: Runs the parts.
+        original: Whether to write scenarios that were converted from pickles as these were.
     """
     sequence = cast(Sequence[ScenarioDescription], scenarios)
     (draft / _SOURCE).write_bytes(pickle.dumps(sequence))
     total = len(sequence)
-    parts = [_ExportPart(draft, first, min(first + PART, total)) for first in range(0, total, PART)]
+    parts = [_ExportPart(draft, first, min(first + PART, total), original) for first in range(0, total, PART)]
     waiting: dict[int, Entries] = {}
     following = 0
     for first, entries in executor(parts, _write_part, _lost_part):
@@ -66,7 +68,7 @@ def _write_part(part: _ExportPart) -> tuple[int, Entries]:
     scenarios = _source(part.draft / _SOURCE)
     folder = Path(tempfile.mkdtemp(prefix=f".{part.first}-", dir=part.draft))
     chosen = (scenarios[number] for number in range(part.first, part.end))
-    return part.first, [*write_scenarios(chosen, folder)]
+    return part.first, [*write_scenarios(chosen, folder, part.original)]
 
 
 def _lost_part(part: _ExportPart, reason: str) -> tuple[int, Entries]:

@@ -15,6 +15,7 @@ import numpy as np
 
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.export.describe import identify, to_pickle_dict
+from scenarionet_data.export.original import to_original_dict
 from scenarionet_data.export.sanity import sanity_check
 from scenarionet_data.scenario.description import ScenarioDescription
 
@@ -29,35 +30,48 @@ class WrittenPickle:
     Attributes:
         scenario_id: Its id.
         path: Its file.
+        other_name: Name if another scenario's file has this one already.
         num_bytes: The file's size.
         metadata: Its entry of the database's summary.
     """
 
     scenario_id: str
     path: Path
+    other_name: str
     num_bytes: int
     metadata: dict[str, Any]
 
 
 def write_scenarios(
-    scenarios: Iterable[ScenarioDescription], folder: Path
+    scenarios: Iterable[ScenarioDescription], folder: Path, original: bool
 ) -> Iterator[WrittenPickle | InvalidScenario]:
-    """Pickle scenarios one by one; yield the reason for each that the format cannot represent."""
+    """Pickle scenarios one by one; yield the reason for each that the format cannot represent.
+
+    Args:
+        scenarios: The scenarios.
+        folder: Where to.
+        original: Whether to write those that were converted from pickles as these were.
+    """
     for scenario in scenarios:
         try:
-            yield _write_scenario(scenario, folder)
+            yield _write_scenario(scenario, folder, original)
         except InvalidScenario as error:
             yield error
 
 
-def _write_scenario(scenario: ScenarioDescription, folder: Path) -> WrittenPickle:
-    path = folder / identify(scenario).file_name
+def _write_scenario(scenario: ScenarioDescription, folder: Path, original: bool) -> WrittenPickle:
+    identity = identify(scenario)
+    path = folder / identity.file_name
     if _exists(path, scenario.id):
-        raise twice(scenario.id, path.name)
-    description = to_pickle_dict(scenario)
-    sanity_check(description)
+        path = folder / identity.standard_name
+        if _exists(path, scenario.id):
+            raise twice(scenario.id, path.name)
+    description = to_original_dict(scenario) if original else None
+    if description is None:
+        description = to_pickle_dict(scenario)
+        sanity_check(description)
     dump(description, path)
-    return WrittenPickle(scenario.id, path, path.stat().st_size, description["metadata"])
+    return WrittenPickle(scenario.id, path, identity.standard_name, path.stat().st_size, description["metadata"])
 
 
 def _exists(path: Path, scenario_id: str) -> bool:
@@ -104,7 +118,7 @@ def _canonical(value: Any, texts: dict[str, str]) -> Any:
     this, so would the bytes.
     """
     if type(value) is set:
-        return _SortedSet(_canonical(member, texts) for member in sorted(value))
+        return _SortedSet(_canonical(member, texts) for member in sorted(value, key=repr))
     if type(value) is dict:
         return {_canonical(key, texts): _canonical(inner, texts) for key, inner in value.items()}
     if type(value) in (list, tuple):

@@ -46,6 +46,7 @@ def export(
     directory: Path | str,
     *,
     replace: bool = False,
+    original: bool = True,
     executor: Executor | None = None,
     on_progress: Progress | None = None,
 ) -> ExportReport:
@@ -57,6 +58,8 @@ def export(
         scenarios: Scenarios, in the order of MetaDrive's scenario index.
         directory: Folder of the database, or its URL; new or empty unless ``replace``.
         replace: Replace an existing database of pickles.
+        original: Write unchanged scenarios that were converted from pickles as these were, whatever their version; False
+            for the current format, which MetaDrive 0.4.3 reads.
         executor: Writes it in parts, for example on a cluster, which shares the file system of the folder (for a URL,
             of ``$TMPDIR``); requires ``scenarios`` to be a picklable sequence.
         on_progress: Called after each scenario; the total is 0 if ``scenarios`` has no length.
@@ -73,7 +76,11 @@ def export(
     refused: list[InvalidScenario] = []
     num_bytes, total = 0, len(scenarios) if isinstance(scenarios, Sized) else 0
     with new_directory(directory) as draft:
-        entries = write_scenarios(scenarios, draft) if executor is None else write_parts(scenarios, draft, executor)
+        entries = (
+            write_scenarios(scenarios, draft, original)
+            if executor is None
+            else write_parts(scenarios, draft, executor, original)
+        )
         for done, entry in enumerate(entries, start=1):
             try:
                 num_bytes += _take(entry, draft, summary)
@@ -94,6 +101,7 @@ def export_database(
     directory: str | Path,
     *,
     replace: bool = False,
+    original: bool = True,
     executor: Executor | None = None,
     on_progress: Progress | None = None,
 ) -> ExportReport:
@@ -102,17 +110,20 @@ def export_database(
     Args:
         lake: The lake, its path or its URL.
         database: A database (saved or not), its name, scenario ids, or None for all scenarios.
-        directory, replace, executor, on_progress: See :func:`export`.
+        directory, replace, original, executor, on_progress: See :func:`export`.
     """
     loader = ScenarioLoader(lake, database)
-    return export(loader, directory, replace=replace, executor=executor, on_progress=on_progress)
+    return export(
+        loader, directory, replace=replace, original=original, executor=executor, on_progress=on_progress
+    )
 
 
 def _take(entry: WrittenPickle | InvalidScenario, draft: Path, summary: dict[str, Any]) -> int:
     """Move a pickled scenario into the database; return its size."""
     if isinstance(entry, InvalidScenario):
         raise entry
-    name, target = entry.path.name, draft / entry.path.name
+    name = entry.path.name if entry.path.name not in summary else entry.other_name
+    target = draft / name
     if target != entry.path and target.exists():
         raise twice(entry.scenario_id, name)
     entry.path.replace(target)
@@ -125,7 +136,7 @@ def _without_arrays(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, set):
-        return tuple(sorted(value))
+        return tuple(sorted(value, key=str))
     if isinstance(value, dict):
         return {key: _without_arrays(inner) for key, inner in value.items()}
     return value

@@ -107,13 +107,22 @@ class Database(DatabaseRecord):
         directory: str | Path,
         *,
         replace: bool = False,
+        original: bool = True,
         executor: Executor | None = None,
         on_progress: Progress | None = None,
     ) -> ExportReport:
         """Write the scenarios as ScenarioNet pickles; see :meth:`Lake.export <scenarionet_data.Lake.export>`."""
         from scenarionet_data.export import export_database
 
-        return export_database(self.view, self, directory, replace=replace, executor=executor, on_progress=on_progress)
+        return export_database(
+            self.view,
+            self,
+            directory,
+            replace=replace,
+            original=original,
+            executor=executor,
+            on_progress=on_progress,
+        )
 
     # --- derived databases ----------------------------------------------------------------------------
 

@@ -34,6 +34,8 @@ class Lake(TaggableLake, ComparableLake):
         root: Folder or URL of the lake.
         snapshot: Number of the snapshot; the newest by default.
         user_columns: Versions of user columns by name; the newest of all others.
+        max_memory: Memory of queries [bytes], beyond which they spill to disk or fail; 80 % of the machine's by
+            default.
 
     Raises:
         NoSuchSnapshot: The folder is not a lake, or it has no such snapshot.
@@ -362,10 +364,19 @@ class Lake(TaggableLake, ComparableLake):
         directory: str | Path,
         *,
         replace: bool = False,
+        original: bool = True,
         executor: Executor | None = None,
         on_progress: Progress | None = None,
     ) -> ExportReport:
         """Write scenarios as ScenarioNet pickles that MetaDrive reads; see :func:`scenarionet_data.export.export`."""
         from scenarionet_data.export import export_database
 
-        return export_database(self, database, directory, replace=replace, executor=executor, on_progress=on_progress)
+        return export_database(
+            self,
+            database,
+            directory,
+            replace=replace,
+            original=original,
+            executor=executor,
+            on_progress=on_progress,
+        )

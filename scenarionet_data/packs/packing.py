@@ -16,7 +16,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from scenarionet_data.codec.content_hash import content_hash
 from scenarionet_data.databases import pack_origins
 from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter, LakeError
@@ -24,6 +23,7 @@ from scenarionet_data.execution.progress import Progress
 from scenarionet_data.loader import ScenarioLoader
 from scenarionet_data.packs.contents import SUMS, PackWriter
 from scenarionet_data.query.lake_view import LakeLike, LakeView, open_view
+from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.files.opening import is_url, local_path

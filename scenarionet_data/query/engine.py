@@ -45,6 +45,7 @@ class Engine:
         without: Files of the snapshot that the views leave out, for example missing ones.
         given: Tables that every query passes (see :meth:`arrow`) in place of the snapshot's.
         threads: Threads of a query; one per core by default.
+        max_memory: Memory of queries [bytes]; 80 % of the machine's by default.
         user_columns: Version of each user column that the view metadata has for queries that use it.
         chosen: Scenarios that the views show, with their addresses; all of the snapshot by default.
 
@@ -59,6 +60,7 @@ class Engine:
         without: Iterable[str] = (),
         given: Iterable[str] = (),
         threads: int | None = None,
+        max_memory: int | None = None,
         user_columns: Mapping[str, int] | None = None,
         chosen: pa.Table | None = None,
     ) -> None:
@@ -87,6 +89,8 @@ class Engine:
         self._connection.execute("SET allocator_background_threads = true")
         if threads:
             self._connection.execute(f"SET threads = {threads}")
+        if max_memory:
+            self._connection.execute(f"SET memory_limit = '{max_memory} B'")
         # Large queries spill to disk: not into the working directory, and separately for each process.
         spill = Path(tempfile.gettempdir()) / f"scenarionet-{uuid.uuid4().hex}"
         self._connection.execute(f"SET temp_directory = {quoted(str(spill))}")
@@ -197,6 +201,10 @@ class Engine:
             except duckdb.Error as error:
                 failure = self._filesystem and self._filesystem.pop_failure()
                 raise failure or QueryError(str(error)) from error
+            except RuntimeError as error:
+                if str(error) == "Query interrupted":  # how DuckDB reports an exception of a signal handler
+                    raise KeyboardInterrupt from error
+                raise
             finally:
                 for name in tables:
                     self._connection.unregister(name)

@@ -51,6 +51,8 @@ class LakeView:
         root: Folder or URL of the lake.
         snapshot: Number of the snapshot; the newest by default.
         user_columns: Versions of user columns by name; the newest of all others.
+        max_memory: Memory of queries [bytes], beyond which they spill to disk or fail; 80 % of the machine's by
+            default.
 
     Attributes:
         files: Files of the lake.
@@ -63,12 +65,18 @@ class LakeView:
     """
 
     def __init__(
-        self, root: str | Path, snapshot: int | None = None, user_columns: Mapping[str, int] | None = None
+        self,
+        root: str | Path,
+        snapshot: int | None = None,
+        user_columns: Mapping[str, int] | None = None,
+        *,
+        max_memory: int | None = None,
     ) -> None:
         self.files = open_files(root)
         snapshots.check_is_lake(self.files)
         self.snapshot: Snapshot = snapshots.read(self.files, snapshot)
         self.user_columns: dict[str, int] = user_column_records.current(self.files, user_columns or {})
+        self._max_memory = max_memory
         self._chosen: pa.Table | None = None
 
     def __repr__(self) -> str:
@@ -90,13 +98,19 @@ class LakeView:
     @cached_property
     def engine(self) -> Engine:
         """Connection that runs the queries, opened on first use."""
-        return Engine(self.files, self.snapshot, user_columns=self.user_columns, chosen=self._chosen)
+        return Engine(
+            self.files,
+            self.snapshot,
+            user_columns=self.user_columns,
+            chosen=self._chosen,
+            max_memory=self._max_memory,
+        )
 
     # --- other views of the same lake -----------------------------------------------------------------
 
     def refresh(self) -> Self:
         """Open the lake at its newest snapshot."""
-        return type(self)(self.root)
+        return type(self)(self.root, max_memory=self._max_memory)
 
     def at_snapshot(self, number: int, user_columns: Iterable[str] = ()) -> Self:
         """Open the lake at another snapshot.
@@ -110,7 +124,7 @@ class LakeView:
         """
         pinned = self.user_columns | user_column_records.parse(user_columns)
         is_same = number == self.snapshot.number and pinned == self.user_columns
-        return self if is_same else type(self)(self.root, number, pinned)
+        return self if is_same else type(self)(self.root, number, pinned, max_memory=self._max_memory)
 
     def restrict_to(self, scenarios: DatabaseRecord | str | Iterable[str]) -> Self:
         """Open the lake with views that show some scenarios only, at a snapshot that has them.
@@ -122,7 +136,7 @@ class LakeView:
             ScenarioNotFound: A scenario is missing.
         """
         view, members = self.resolve(scenarios)
-        restricted = type(self)(self.root, view.snapshot.number, self.user_columns)
+        restricted = type(self)(self.root, view.snapshot.number, self.user_columns, max_memory=self._max_memory)
         restricted._chosen = members
         return restricted
 

@@ -127,6 +127,11 @@ def file_name(name: str) -> str:
     return f"{_FOLDER}/{name}/run.json"
 
 
+def begun_at(files: LakeFiles, name: str) -> int | None:
+    """Snapshot that a run reads; None if there is no such run, or it reads none."""
+    return describe(files, name).get("snapshot") if name in names(files) else None
+
+
 def part_files(files: LakeFiles, table: str) -> list[str]:
     """Files of one of RUN_TABLES in all runs, relative to the lake.
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import time
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -135,7 +135,7 @@ def evaluate(
 ) -> EvaluationReport:
     """Drive a policy through every scenario of a database and write the results into the lake.
 
-    A second call with the same arguments continues an interrupted run.
+    A second call with the same arguments continues an interrupted run, from the snapshot that it began with.
 
     Args:
         lake: The lake, its path or its URL.
@@ -195,6 +195,9 @@ def run_evaluation(
 ) -> EvaluationReport:
     """Simulate the parts that are not done yet; arguments and errors as in :func:`evaluate`."""
     started, name = time.monotonic(), name or evaluation.default_name
+    if evaluation.database is not None:  # its scenarios are fixed: go on where the run began, though the lake has grown
+        begun = evaluation_runs.begun_at(open_files(evaluation.lake), name)
+        evaluation = evaluation if begun is None else replace(evaluation, snapshot=begun)
     tables = ("rollouts", "results") if rollouts else ("results",)
     run = evaluation_runs.claim(open_files(evaluation.lake), name, tables, evaluation.description)
     total, done = len(_loader(evaluation)), run.done()

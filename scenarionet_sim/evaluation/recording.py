@@ -115,7 +115,8 @@ def record(
     reference = database_reference(database)
     if isinstance(reference, str):
         reference = lake.database(reference).reference
-    plan = ObservationPlan(str(lake.root), reference, lake.snapshot.number, agents, seed)
+    begun = None if reference is None else evaluation_runs.begun_at(lake.files, name)  # as in `run_evaluation`
+    plan = ObservationPlan(str(lake.root), reference, begun or lake.snapshot.number, agents, seed)
     run = evaluation_runs.claim(open_files(plan.lake), name, ("observations",), plan.description)
     parts, done = parts_of(len(_loader(plan)), PART_SIZE), run.done()
     jobs = [_RecordingJob(plan, part, run) for part in parts if part.number not in done]

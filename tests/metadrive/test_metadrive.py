@@ -64,7 +64,7 @@ def scenarios(tmp_path_factory: pytest.TempPathFactory) -> dict[str, ScenarioDes
 
 @pytest.fixture(scope="module")
 def database(scenarios: dict[str, ScenarioDescription], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    report = export(scenarios.values(), tmp_path_factory.mktemp("exported") / "db")
+    report = export(scenarios.values(), tmp_path_factory.mktemp("exported") / "db", original=False)
     assert report.num_scenarios == len(scenarios)
     return report.directory
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import tomllib
+
 import pytest
 
 from scenarionet_pipelines import machine
-from scenarionet_pipelines.doctor import local
+from scenarionet_pipelines.doctor import examine, local
+from scenarionet_pipelines.doctor.local import Requirement
 
 
 @pytest.fixture
@@ -55,15 +58,26 @@ def test_versions():
 def test_missing_packages_have_a_remedy(is_checkout, install, monkeypatch, tmp_path):
     (tmp_path / "checkout").touch()
     monkeypatch.setattr(local, "_PROJECT", tmp_path / ("checkout" if is_checkout else "nothing"))
-    wanted = ["nothing-like-it>=1", "numpy<2", "nor-this>=2; extra == 'sim'", "b>=1; python_version == '2.7'"]
+    wanted = ["nothing-like-it>=1", "click>=8", "numpy<2", "nor-this>=2; extra == 'sim'", "b; extra == 'docs'"]
+    wanted += ["c; python_version == '2.7' and extra == 'web'"]
     monkeypatch.setattr(local, "_requirements", lambda: wanted)
-    found = [(f.subject, f.state, f.remedy) for f in local.examine_installation() if f.topic == "packages"]
-    assert found == [
-        ("nothing-like-it", "bad", "pip install 'nothing-like-it>=1'"),
-        ("numpy", "bad", "pip install 'numpy<2'"),
-        ("nor-this", "missing", install),
-        ("b", "missing", ""),
-    ]
+    found = {f.subject: (f.state, f.found, f.remedy) for f in local.examine_installation() if f.topic == "packages"}
+    assert [*found] == ["required", *local.EXTRAS]
+    state, text, remedy = found["required"]
+    assert (state, remedy) == ("bad", "pip install 'nothing-like-it>=1' 'numpy<2'")
+    assert text.startswith("3 packages: nothing-like-it is not installed, numpy is 2")
+    assert found["sim"] == ("missing", "for the simulator: nor-this is not installed", install)
+    assert found["web"] == ("missing", "for scenarionet browse: c needs Python 2.7", "")
+    assert found["plots"] == ("ok", "for pictures and reports", "")
+
+
+def test_every_extra_of_users_is_examined():
+    project = tomllib.loads(local._PROJECT.read_text())["project"]
+    assert local.EXTRAS.keys() == project["optional-dependencies"].keys() - {"dev", "docs"}
+
+
+def test_findings_fit_on_a_screen(tmp_path):
+    assert len(examine(str(tmp_path))) <= 24
 
 
 def test_requirements_of_a_checkout_match_the_package(monkeypatch):
@@ -73,9 +87,10 @@ def test_requirements_of_a_checkout_match_the_package(monkeypatch):
         raise PackageNotFoundError(name)
 
     monkeypatch.setattr("importlib.metadata.requires", absent)
-    found = [local._parse(text) for text in local._requirements()]
-    assert ("pyarrow", ">=19,<27", "") in found
-    assert ("pybullet", ">=3.2.7,<4", " python_version == '3.11' and extra == 'sim'") in found
+    found = [local.parse(text) for text in local._requirements()]
+    assert Requirement("pyarrow", ">=19,<27", "", "") in found
+    assert Requirement("pybullet", ">=3.2.7,<4", "sim", "3.11.") in found
+    assert [f for f in local.examine_installation() if "scenarionet-lake is not" in f.found] == []
 
 
 def test_converter_that_fails_to_load_is_named(monkeypatch):

@@ -1,7 +1,7 @@
 """The ``scenarionet`` command. Each verb is a module in ``verbs/`` that parses, makes one library call and prints.
 
-Exit codes: 0 success, 1 problems with the data, 2 usage errors, 130 interrupted. Results are written to standard
-output; progress, warnings and errors to standard error.
+Exit codes: 0 success, 1 problems with the data, 2 usage errors, 130 after Ctrl-C, 143 after
+SIGTERM. Results are written to standard output; progress, warnings and errors to standard error.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from io import TextIOWrapper
 import click
 
 from scenarionet_pipelines.cli.group import Verbs
-from scenarionet_pipelines.cli.interrupt import handle_signals
+from scenarionet_pipelines.cli.interrupt import finish, handle_signals
 
 VERBS = {
     "Convert recordings": ("convert", "converters"),
@@ -54,4 +54,8 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):  # names of files may have bytes or letters that the terminal has not
             stream.reconfigure(errors="backslashreplace")
-    cli(prog_name="scenarionet")
+    try:
+        cli(prog_name="scenarionet")
+    except SystemExit as end:
+        finish(end.code)
+        raise

@@ -51,7 +51,8 @@ def executor_from_options(cluster: str | None, workers: int | None, *, quiet: bo
     with open_cluster(cluster, workers) as executor:
         if not quiet:
             where = f"{count(executor.workers, 'worker')} at {executor.address}"
-            click.echo(f"cluster {cluster}: {where}, dashboard {executor.dashboard}", err=True)
+            dashboard = executor.dashboard
+            click.echo(f"cluster {cluster}: {where}{f', dashboard {dashboard}' if dashboard else ''}", err=True)
         measured = MeasuringExecutor(executor)
         yield Execution(executor, measured, measured.stats)
 

@@ -20,7 +20,7 @@ from scenarionet_data.errors import (
 )
 from scenarionet_pipelines.cli.advice import one_line
 from scenarionet_pipelines.cli.deprecated import current_spelling
-from scenarionet_pipelines.cli.interrupt import Interrupted
+from scenarionet_pipelines.cli.interrupt import Interrupted, received
 
 _USAGE_ERRORS = (QueryError, SourceNotFound, DatabaseNotFound, UserColumnNotFound)
 """Usage errors (exit code 2); all other errors concern data (exit code 1)."""
@@ -88,15 +88,18 @@ class Verbs(click.Group):
                 formatter.write_dl([(name, found.get_short_help_str(90)) for name, found in verbs if found])
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run a verb; an error raised by the project becomes one line on standard error and an exit code."""
+        """Run a verb; a signal or an error raised by the project becomes one line on standard error and an exit code."""
         with warnings.catch_warnings():
             warnings.showwarning = _show_warning  # type: ignore[assignment]  # its other parameters are not needed
             try:
                 return super().invoke(ctx)
-            except KeyboardInterrupt as error:
-                raise Interrupted("stopped before the end") from error
-            except (ScenarioNetError, OSError) as error:
-                if ctx.params["debug"] or getattr(error, "errno", None) == errno.EPIPE:
+            except (Interrupted, click.exceptions.Exit):
+                raise
+            except BaseException as error:
+                if isinstance(error, KeyboardInterrupt) or received():  # errors after a signal are its consequences
+                    raise Interrupted("stopped before the end") from error
+                is_explained = isinstance(error, (ScenarioNetError, OSError)) and getattr(error, "errno", 0) != errno.EPIPE
+                if ctx.params["debug"] or not is_explained:
                     raise
                 click.echo(f"error: {one_line(error)}", err=True)
                 ctx.exit(2 if isinstance(error, _USAGE_ERRORS) else 1)

@@ -1,33 +1,145 @@
-"""Handling of Ctrl-C and SIGTERM: both end the command immediately and keep finished work."""
+"""Ctrl-C and SIGTERM: both end the command in one line on standard error and keep finished work.
+
+Python runs signal handlers between two bytecodes of the main thread, so a handler alone would wait for a DuckDB query
+or a compilation. A thread that reads Python's wakeup pipe therefore ends the process if the handler does not run.
+"""
 
 from __future__ import annotations
 
+import os
 import signal
+import sys
+import threading
+import time
 from types import FrameType
-from typing import Any, NoReturn
+from typing import Any
 
 import click
+
+_PATIENCE = 1.0
+"""How long compiled code may keep the handler from running, and repeated signals are taken for one [s]."""
+
+_ENDINGS = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
+
+
+class _Received:
+    """The signal that ends this process, if any."""
+
+    number: signal.Signals | None = None
+    is_handled = threading.Event()
 
 
 class Interrupted(click.ClickException):
     """The command was interrupted; the message states the kept work."""
 
-    exit_code = 130
+    @property
+    def exit_code(self) -> int:  # type: ignore[override]  # depends on the signal
+        """128 and the number of the signal."""
+        return 128 + (received() or signal.SIGINT)
 
     def show(self, file: Any = None) -> None:
         """Print the message as one line."""
-        click.echo(f"interrupted: {self.message}", file=file, err=True)
+        click.echo(f"{_ENDINGS[received() or signal.SIGINT]}: {self.message}", file=file, err=True)
+
+
+def received() -> signal.Signals | None:
+    """Return the signal that ends this process; None while it runs undisturbed."""
+    return _Received.number
+
+
+def stop(message: str) -> None:
+    """Print that a verb that runs until it is stopped has stopped; Ctrl-C is success.
+
+    Raises:
+        Interrupted: It was stopped by SIGTERM.
+    """
+    if received() == signal.SIGTERM:
+        raise Interrupted(message)
+    click.echo(message, err=True)
 
 
 def handle_signals() -> None:
-    """Make SIGINT and SIGTERM raise KeyboardInterrupt after terminating worker processes."""
-    for number in (signal.SIGINT, signal.SIGTERM):
+    """Make SIGINT and SIGTERM end the process: by KeyboardInterrupt, or at once if it cannot be raised."""
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+    threading.Thread(target=_guard, args=(reading,), daemon=True).start()
+    sys.unraisablehook = _end_if_interrupted
+    threading.excepthook = _explain_unless_interrupted
+    # The tracker of multiprocessing's semaphores outlives an ended process and removes them; it need not say so.
+    ignored = os.environ.get("PYTHONWARNINGS", "").split(",")
+    os.environ["PYTHONWARNINGS"] = ",".join(filter(None, [*ignored, "ignore:resource_tracker:UserWarning"]))
+    for number in _ENDINGS:
         signal.signal(number, _interrupt)
 
 
-def _interrupt(number: int, frame: FrameType | None) -> NoReturn:  # noqa: ARG001
+def finish(code: object) -> None:
+    """End a process that received a signal, without the interpreter's teardown, which may wait for threads.
+
+    Args:
+        code: Exit code of the command.
+
+    Otherwise let signals end the process at once from here on: nothing is left to keep.
+    """
+    if received():
+        sys.stdout.flush()
+        os._exit(code if isinstance(code, int) else 1)
+    for number in _ENDINGS:
+        signal.signal(number, lambda number, frame: _end(signal.Signals(number)))  # noqa: ARG005
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
+    if _Received.number is not None:  # a repeated signal must not interrupt the commit of finished work
+        return
+    _Received.number = signal.Signals(number)
+    _Received.is_handled.set()
+    _end_workers()
+    raise KeyboardInterrupt
+
+
+def _guard(pipe: int) -> None:
+    """End the process if the handler does not run, or at a second signal."""
+    number = _read(pipe)
+    begin = time.monotonic()
+    if not _Received.is_handled.wait(_PATIENCE):
+        _end(number)
+    while True:
+        number = _read(pipe)
+        if time.monotonic() - begin > _PATIENCE:
+            _end(number)
+
+
+def _read(pipe: int) -> signal.Signals:
+    """Wait for a signal that ends the process."""
+    while True:
+        number = os.read(pipe, 1)[0]
+        if number in _ENDINGS:
+            return signal.Signals(number)
+
+
+def _end_if_interrupted(unraisable: Any) -> None:
+    """Hook for exceptions that Python cannot raise, for example in a destructor."""
+    number = received()
+    if number is not None and issubclass(unraisable.exc_type, KeyboardInterrupt):
+        _end(number)
+    sys.__unraisablehook__(unraisable)
+
+
+def _explain_unless_interrupted(arguments: threading.ExceptHookArgs) -> None:
+    """Hook for exceptions of threads; those of a pool whose workers were ended are expected."""
+    if not received():
+        threading.__excepthook__(arguments)
+
+
+def _end(number: signal.Signals) -> None:
+    _end_workers()
+    # Not through sys.stderr, which the main thread may have locked.
+    os.write(2, f"{_ENDINGS[number]}: stopped before the end\n".encode())
+    os._exit(128 + number)
+
+
+def _end_workers() -> None:
     from multiprocessing import active_children
 
     for child in active_children():  # their unfinished files are not published yet, so no reader can see them
         child.terminate()
-    raise KeyboardInterrupt

@@ -53,9 +53,10 @@ class DaskExecutor:
         return str(self._client.scheduler_info(n_workers=0)["address"])
 
     @property
-    def dashboard(self) -> str:
-        """URL of Dask's dashboard."""
-        return str(self._client.dashboard_link)
+    def dashboard(self) -> str | None:
+        """URL of Dask's dashboard; None if the scheduler has none."""
+        has_dashboard = self._client.run_on_scheduler(_has_dashboard)  # Dask has a link for it in any case
+        return str(self._client.dashboard_link) if has_dashboard else None
 
     @property
     def workers(self) -> int:
@@ -185,6 +186,10 @@ class DaskExecutor:
         return ClusterLost(
             f"{self.address}: the scheduler is gone; finished work is kept: restart it and run the same command again"
         )
+
+
+def _has_dashboard(dask_scheduler: Any) -> bool:
+    return bool(dask_scheduler.http_application.applications)  # the pages of the dashboard are one
 
 
 @dataclass(frozen=True)

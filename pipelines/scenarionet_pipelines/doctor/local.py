@@ -8,6 +8,7 @@ import platform
 import re
 import tomllib
 from collections.abc import Iterator
+from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 from typing import Literal
@@ -20,8 +21,41 @@ from scenarionet_pipelines.doctor.finding import Finding
 
 _REQUIREMENT = re.compile(r"([A-Za-z0-9._-]+)(?:\[[^\]]*\])?\s*([^;]*)(?:;(.*))?")
 _ENOUGH_DISK = 10 * 10**9
+EXTRAS = {
+    "sim": "the simulator",
+    "plots": "pictures and reports",
+    "video": "videos (mp4)",
+    "web": "scenarionet browse",
+    "notebooks": "the notebooks",
+    "lyft": "recordings of Lyft",
+    "nuplan": "recordings of nuPlan",
+    "remote": "lakes and recordings in object stores",
+    "cluster": "Dask clusters",
+    "ssh": "Dask clusters over SSH",
+    "slurm": "Dask clusters on Slurm",
+    "kubernetes": "Dask clusters on Kubernetes",
+}
+"""The extras for users and what they are for; the others are for the development of this software."""
+
 _PROJECT = Path(__file__).parents[3] / "pyproject.toml"
 """Exists in a checkout only."""
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """A required package.
+
+    Attributes:
+        name: The package.
+        bounds: Bounds of its version.
+        extra: The extra that requires it; empty if it is always required.
+        python: The version of Python that it is required for, for example ``3.11.``; empty for any.
+    """
+
+    name: str
+    bounds: str
+    extra: str
+    python: str
 
 
 def examine_installation() -> Iterator[Finding]:
@@ -42,33 +76,43 @@ def _python() -> Iterator[Finding]:
 
 
 def _packages() -> Iterator[Finding]:
-    for text in _requirements():
-        name, wanted, marker = _parse(text)
-        extra = re.search(r"extra == ['\"](\w+)['\"]", marker)
-        python = re.search(r"python_version == ['\"]([\d.]+)['\"]", marker)
-        if python and not platform.python_version().startswith(python.group(1) + "."):
-            yield Finding("packages", name, "missing", f"not available for this Python, only for {python.group(1)}")
-        else:
-            yield _package(name, wanted, extra.group(1) if extra else None)
+    """Check the required packages together, and those of each extra."""
+    requirements = [parse(text) for text in _requirements()]
+    yield _together("required", [each for each in requirements if not each.extra])
+    for extra in EXTRAS:
+        yield _together(extra, [each for each in requirements if each.extra == extra and each.name != PACKAGE])
 
 
-def _package(name: str, wanted: str, extra: str | None) -> Finding:
-    absent: Literal["missing", "bad"] = "missing" if extra else "bad"
-    if extra:
-        remedy = f"pip install -e '.[{extra}]'" if _PROJECT.exists() else f"pip install '{PACKAGE}[{extra}]'"
+def _together(subject: str, requirements: list[Requirement]) -> Finding:
+    """The finding about packages that are installed together."""
+    is_extra = subject in EXTRAS
+    purpose = f"for {EXTRAS[subject]}" if is_extra else f"{len(requirements)} packages"
+    here = [each for each in requirements if platform.python_version().startswith(each.python)]
+    elsewhere = [f"{each.name} needs Python {each.python.rstrip('.')}" for each in requirements if each not in here]
+    problems = {each: problem for each in here if (problem := _problem(each))}
+    if not problems and not elsewhere:
+        return Finding("packages", subject, "ok", purpose)
+    if is_extra:
+        remedy = f"pip install -e '.[{subject}]'" if _PROJECT.exists() else f"pip install '{PACKAGE}[{subject}]'"
     else:
-        remedy = f"pip install '{name}{wanted}'"
+        remedy = "pip install " + " ".join(f"'{each.name}{each.bounds}'" for each in problems)
+    state: Literal["missing", "bad"] = "missing" if is_extra or not problems else "bad"
+    found = f"{purpose}: {', '.join([*problems.values(), *elsewhere])}"
+    return Finding("packages", subject, state, found, remedy if problems else "")
+
+
+def _problem(requirement: Requirement) -> str | None:
+    """Return what is wrong with a package; None if it is as required."""
+    name = requirement.name
     try:
         version = metadata.version(name)
-        if not extra:  # a required package must also be importable
+        if not requirement.extra:  # a required package must also be importable
             importlib.import_module(name.replace("-", "_"))
     except metadata.PackageNotFoundError:
-        return Finding("packages", name, absent, "not installed", remedy)
+        return f"{name} is not installed"
     except (ImportError, OSError) as error:
-        return Finding("packages", name, "bad", f"does not load: {error}", remedy)
-    if not is_within(version, wanted):
-        return Finding("packages", name, absent, f"{version}, wanted {wanted}", remedy)
-    return Finding("packages", name, "ok", version)
+        return f"{name} does not load: {error}"
+    return None if is_within(version, requirement.bounds) else f"{name} is {version}, wanted {requirement.bounds}"
 
 
 def _requirements() -> list[str]:
@@ -85,11 +129,18 @@ def _with_extra(text: str, extra: str) -> str:
     return f"{text}{' and' if ';' in text else ';'} extra == '{extra}'"
 
 
-def _parse(requirement: str) -> tuple[str, str, str]:
-    """Split a requirement into name, version bounds and marker."""
-    found = _REQUIREMENT.match(requirement)
-    name, wanted, marker = found.groups() if found else (requirement, "", "")
-    return name, wanted.strip(), marker or ""
+def parse(text: str) -> Requirement:
+    """Parse a requirement as package metadata have it.
+
+    Example:
+        >>> parse("pybullet<4,>=3.2.7; (python_version == '3.11') and extra == 'sim'")
+        Requirement(name='pybullet', bounds='<4,>=3.2.7', extra='sim', python='3.11.')
+    """
+    found = _REQUIREMENT.match(text)
+    name, bounds, marker = found.groups() if found else (text, "", "")
+    extra = re.search(r"extra == ['\"](\w+)['\"]", marker or "")
+    python = re.search(r"python_version == ['\"]([\d.]+)['\"]", marker or "")
+    return Requirement(name, bounds.strip(), extra[1] if extra else "", f"{python[1]}." if python else "")
 
 
 def is_within(version: str, wanted: str) -> bool:
@@ -116,14 +167,16 @@ def _numbers(version: str) -> tuple[int, ...]:
 
 
 def _converters() -> Iterator[Finding]:
+    loaded = []
     for name in converters.names():
         try:
-            found = converters.get(name)
+            converters.get(name)
+            loaded.append(name)
         except Exception as error:  # a third-party plug-in can fail in any way
             text = f"does not load: {type(error).__name__}: {error}"
             yield Finding("converters", name, "bad", text, "update or uninstall the package that provides it")
-        else:
-            yield Finding("converters", name, "ok", f"version {found.version} for {found.release}")
+    if loaded:
+        yield Finding("converters", "installed", "ok", ", ".join(loaded))
 
 
 def examine_machine(folder: str) -> Iterator[Finding]:

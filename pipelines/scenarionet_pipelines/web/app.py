@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import re
 import secrets
@@ -10,7 +9,6 @@ from dataclasses import asdict
 from pathlib import Path
 
 from starlette.applications import Starlette
-from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response
@@ -27,18 +25,18 @@ from scenarionet_data.errors import (
     ScenarioNotFound,
 )
 from scenarionet_pipelines.cli.advice import one_line
-from scenarionet_pipelines.web.guards import Guard
+from scenarionet_pipelines.cli.output import shorten
+from scenarionet_pipelines.web.guards import BodyTooLarge, Guard
 from scenarionet_pipelines.web.picture import PICTURE
-from scenarionet_pipelines.web.rows import MAX_ROWS, PageColumn, PageQuery, columns, plain, read_page
-from scenarionet_pipelines.web.scenes import LruCache, ScenarioCache
+from scenarionet_pipelines.web.question_workers import QuestionWorkers
+from scenarionet_pipelines.web.questions import RowsQuestion, SaveQuestion
+from scenarionet_pipelines.web.rows import MAX_ROWS, PageQuery, plain
+from scenarionet_pipelines.web.scenes import ScenarioCache
 
 STATIC = Path(__file__).with_name("static")
 
 _POSITION = re.compile(r"\bcharacter (\d+)")
-_MAX_VIEWS = 8
-_POLL_INTERVAL = 0.2
-"""Interval at which a running query checks whether its client has disconnected [s]."""
-
+_MAX_DIGITS = 10
 _THUMBNAIL_SIDES = range(32, 513)
 _IMMUTABLE = {"cache-control": "private, max-age=86400, immutable"}
 """For content of a snapshot, whose number is part of the address."""
@@ -50,22 +48,22 @@ class LakeRoutes:
 
     Args:
         lake: The lake.
+        workers: Answer the questions that contain SQL.
         is_writable: Whether databases may be saved.
         secret: Token that the page sends along with requests that save.
     """
 
-    def __init__(self, lake: Lake, *, is_writable: bool, secret: str) -> None:
+    def __init__(self, lake: Lake, workers: QuestionWorkers, *, is_writable: bool, secret: str) -> None:
         self.lake = lake
+        self._workers = workers
         self.is_writable = is_writable
         self._secret = secret
-        self._columns: dict[str, PageColumn] = {column.name: column for column in columns(lake)}
         self._count = len(lake)
         self._scenarios = ScenarioCache(lake)
-        self._views: LruCache[Lake] = LruCache(_MAX_VIEWS)
-        self._query_lock = asyncio.Lock()  # one query at a time, so that interrupt() stops only its own
 
     async def index(self, request: Request) -> Response:  # noqa: ARG002
-        """Serve the page."""
+        """Serve the page, and prepare for its first question."""
+        self._workers.start_spare()
         return FileResponse(STATIC / "index.html", headers=_NO_STORE)
 
     def about(self, request: Request) -> Response:  # noqa: ARG002
@@ -77,7 +75,7 @@ class LakeRoutes:
                 "snapshot": self.lake.snapshot.number,
                 "software": version.name_and_version(),
                 "scenarios": self._count,
-                "columns": [asdict(column) for column in self._columns.values()],
+                "columns": [asdict(column) for column in self._workers.columns.values()],
                 "databases": self.lake.databases,
                 "picture": PICTURE,
                 "isWritable": self.is_writable,
@@ -87,7 +85,7 @@ class LakeRoutes:
         )
 
     async def rows(self, request: Request) -> Response:
-        """Return one page of the table; the query is interrupted if the client disconnects."""
+        """Return one page of the table; the question is stopped if the client disconnects."""
         parameters = request.query_params
         wanted = tuple(name for name in parameters.get("columns", "").split(",") if name)
         query = PageQuery(
@@ -98,13 +96,8 @@ class LakeRoutes:
             count=_number(parameters.get("count", "50"), range(1, MAX_ROWS + 1)),
             columns=wanted,
         )
-        async with self._query_lock:
-            view = await run_in_threadpool(self._view, parameters.get("database", ""))
-            running = asyncio.ensure_future(run_in_threadpool(read_page, view, query, self._columns))
-            while not (await asyncio.wait([running], timeout=_POLL_INTERVAL))[0]:
-                if await request.is_disconnected():
-                    view.interrupt()
-            page = running.result()
+        question = RowsQuestion(query, parameters.get("database", ""))
+        page = await self._workers.ask(question, request.is_disconnected)
         self._scenarios.expect([row["scenario_id"] for row in page.rows])
         return JSONResponse(asdict(page), headers=_NO_STORE)
 
@@ -131,30 +124,24 @@ class LakeRoutes:
         if not self.is_writable:
             return JSONResponse({"error": "the server is read-only; start it with --write to save databases"}, 403)
         name, where, parent = _texts(await request.body(), "name", "where", "database")
-        async with self._query_lock:
-            created = await run_in_threadpool(
-                self.lake.filter, where.strip() or "true", name=name, database=parent or None
-            )
-        return JSONResponse({"reference": created.reference, "count": len(created), "databases": self.lake.databases})
-
-    def _view(self, database: str) -> Lake:
-        """The lake, restricted to a database if one is named."""
-        if not database:
-            return self.lake
-        reference = self.lake.database(database).reference  # a name alone means its newest version
-        return self._views.get_or(reference, lambda: self.lake.restrict_to(reference))
+        question = SaveQuestion(name, where.strip() or "true", parent)
+        reference, size = await self._workers.ask(question, request.is_disconnected)
+        return JSONResponse({"reference": reference, "count": size, "databases": self.lake.databases})
 
 
-def make_app(lake: Lake, *, is_writable: bool = False, names: frozenset[str] = frozenset()) -> Starlette:
+def make_app(
+    lake: Lake, workers: QuestionWorkers, *, is_writable: bool = False, names: frozenset[str] = frozenset()
+) -> Starlette:
     """Create the web application.
 
     Args:
         lake: The lake to show.
+        workers: Answer the questions that contain SQL.
         is_writable: Whether the page may save databases.
         names: Host names of this machine that requests may use, besides ``localhost`` and IP addresses.
     """
     secret = secrets.token_urlsafe()
-    routes = LakeRoutes(lake, is_writable=is_writable, secret=secret)
+    routes = LakeRoutes(lake, workers, is_writable=is_writable, secret=secret)
     return Starlette(
         routes=[
             Route("/", routes.index),
@@ -172,6 +159,7 @@ def make_app(lake: Lake, *, is_writable: bool = False, names: frozenset[str] = f
 
 
 _STATUS: tuple[tuple[type[Exception], int], ...] = (
+    (BodyTooLarge, 413),
     (ScenarioNotFound, 404),
     (DatabaseNotFound, 404),
     (QueryError, 400),
@@ -192,19 +180,20 @@ def _id(request: Request) -> str:
 
 
 def _texts(body: bytes, *names: str) -> list[str]:
-    """Read the named values of a JSON object, all of which have to be strings."""
+    """Read the named values of a JSON object, all of which have to be strings that UTF-8 can encode."""
     try:
         given = json.loads(body)
-    except ValueError:
+        json.dumps(given, ensure_ascii=False).encode()
+    except (ValueError, RecursionError):  # lone surrogates are a ValueError, too
         given = None
     found = [given.get(name) for name in names] if isinstance(given, dict) else []
     texts = [each for each in found if isinstance(each, str)]
     if len(texts) != len(names):
-        raise BadParameter(f"expected a JSON object with the strings {', '.join(names)}")
+        raise BadParameter(f"expected a JSON object with the strings {', '.join(names)}, in UTF-8")
     return texts
 
 
 def _number(text: str, allowed: range) -> int:
-    if not text.isdecimal() or int(text) not in allowed:
-        raise BadParameter(f"expected a number from {allowed[0]} to {allowed[-1]}, found {text!r}")
+    if not text.isdecimal() or len(text) > _MAX_DIGITS or int(text) not in allowed:
+        raise BadParameter(f"expected a number from {allowed[0]} to {allowed[-1]}, found {shorten(text, 40)!r}")
     return int(text)

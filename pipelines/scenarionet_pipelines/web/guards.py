@@ -16,7 +16,12 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from scenarionet_data.errors import ScenarioNetError
+
 SECRET_HEADER = "x-scenarionet-secret"  # noqa: S105  # the name of the header
+
+MAX_BODY = 10**6
+"""Maximum size of a request's body [bytes]."""
 
 _HEADERS = {
     "content-security-policy": (
@@ -29,8 +34,15 @@ _HEADERS = {
 }
 
 
+class BodyTooLarge(ScenarioNetError):
+    """A request's body exceeds :data:`MAX_BODY`."""
+
+    def __init__(self) -> None:
+        super().__init__(f"the request's body is larger than {MAX_BODY / 1e6:g} MB; use a shorter condition")
+
+
 class Guard:
-    """Middleware that rejects foreign requests and adds security headers to responses.
+    """Middleware that rejects foreign and large requests and adds security headers to responses.
 
     Args:
         app: The protected application.
@@ -56,9 +68,19 @@ class Guard:
                     headers[name] = value
             await send(message)
 
+        num_received = 0
+
+        async def receive_limited() -> Message:
+            nonlocal num_received
+            message = await receive()
+            num_received += len(message.get("body", b""))
+            if num_received > MAX_BODY:
+                raise BodyTooLarge
+            return message
+
         reason = self._refusal(scope["method"], Headers(scope=scope))
         answer = JSONResponse({"error": reason}, 403) if reason else self._app
-        await answer(scope, receive, send_with_headers)
+        await answer(scope, receive_limited, send_with_headers)
 
     def _refusal(self, method: str, headers: Headers) -> str | None:
         """Reason to reject a request, None to accept it."""

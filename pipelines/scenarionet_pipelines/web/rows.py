@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -97,7 +98,7 @@ def columns(lake: Lake) -> list[PageColumn]:
     return found
 
 
-def read_page(lake: Lake, query: PageQuery, known: dict[str, PageColumn]) -> Page:
+def read_page(lake: Lake, query: PageQuery, known: Mapping[str, PageColumn]) -> Page:
     """Read the rows of a page.
 
     Args:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import socket
+import threading
 
 from scenarionet_data import Lake
 from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_pipelines.web.app import make_app
+from scenarionet_pipelines.web.question_workers import Limits, QuestionWorkers
 
 DEFAULT_PORT = 8642
 """Used if it is free, so that the address can be bookmarked."""
@@ -25,6 +27,7 @@ class Server:
         host: Address to listen on; ``127.0.0.1`` accepts connections from this machine only.
         port: Port to listen on, 0 for any free one; None for the default port, or a free one if that is taken.
         is_writable: Whether the page may save databases.
+        limits: Limits of each question that the page asks.
 
     Raises:
         BadParameter: The address or port is not available.
@@ -36,10 +39,17 @@ class Server:
     """
 
     def __init__(
-        self, lake: Lake, host: str = "127.0.0.1", port: int | None = None, *, is_writable: bool = False
+        self,
+        lake: Lake,
+        host: str = "127.0.0.1",
+        port: int | None = None,
+        *,
+        is_writable: bool = False,
+        limits: Limits | None = None,
     ) -> None:
         self._socket = _listen(host, port)
-        app = make_app(lake, is_writable=is_writable, names=frozenset({host, socket.gethostname()}))
+        self._workers = QuestionWorkers(lake, limits or Limits())
+        app = make_app(lake, self._workers, is_writable=is_writable, names=frozenset({host, socket.gethostname()}))
         self._server = uvicorn.Server(
             uvicorn.Config(
                 app,
@@ -58,11 +68,14 @@ class Server:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._workers.close()
         self._socket.close()
 
     def run(self) -> None:
         """Serve requests until Ctrl-C or :meth:`stop`."""
-        self._server.run(sockets=[self._socket])
+        serving = threading.Thread(target=self._server.run, kwargs={"sockets": [self._socket]}, daemon=True)
+        serving.start()
+        serving.join()  # not in this thread, where uvicorn would make Ctrl-C wait for running requests
 
     def stop(self) -> None:
         """Make :meth:`run` return, from another thread."""

@@ -10,8 +10,8 @@ RAW is the folder of one split or of the whole dataset, with the maps of the HD 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from scenarionet_data.building import MapBuilder
@@ -22,12 +22,17 @@ from scenarionet_data.converters.argoverse1.map_features import (
     maps_by_city,
     read_city,
 )
+from scenarionet_data.converters.argoverse1.options import Argoverse1Options
+from scenarionet_data.converters.argoverse1.recording import read_recording
 from scenarionet_data.converters.argoverse1.scenario import describe
-from scenarionet_data.converters.argoverse1.table import city_of, is_recording, read_recording
+from scenarionet_data.converters.argoverse1.table import city_of, is_recording
 from scenarionet_data.converters.base import Budgets, Converter, find_files
+from scenarionet_data.converters.unused import unused_files
 from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario, SourceNotFound
+from scenarionet_data.ingest.defects import Defects
 from scenarionet_data.ingest.input_properties import InputProperties, LazyProperties, is_local
-from scenarionet_data.ingest.options import Frames, Options
+from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.passed_over import PassedOver
 from scenarionet_data.ingest.shard import RawItem, Shard, bucket, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription, make_scenario_id
 
@@ -35,28 +40,6 @@ _FINGERPRINT_SAMPLE = 4096
 """Bytes hashed at each end of a file: there are 300,000 files of 90 kB to list."""
 _PEEKED = 16
 """Number of files opened to recognise this dataset among other folders of CSV files."""
-
-
-@dataclass(frozen=True)
-class Argoverse1Options(Options):
-    """Timesteps, location of the maps, and the extent of a scenario's map."""
-
-    frames: Frames = field(
-        default="recorded",
-        metadata={"doc": "recorded: the 50 or 20 recorded times; resampled: every 0.1 s, interpolated."},
-    )
-
-    maps: str = field(
-        default="", metadata={"doc": "Folder of the *_vector_map.xml; empty: below RAW.", "is_path": True}
-    )
-    has_map: bool = field(default=True, metadata={"doc": "Whether scenarios get a map."})
-    radius: float = field(
-        default=100.0, metadata={"doc": "Margin of the map around the bounding box of the ego's path [m]."}
-    )
-
-    def __post_init__(self) -> None:
-        if not 0.0 <= self.radius < 1e5:
-            raise BadParameter(f"radius: expected 0 m or more, found {self.radius}")
 
 
 class Argoverse1(Converter[RawItem]):
@@ -76,7 +59,7 @@ class Argoverse1(Converter[RawItem]):
 
     def maps(self, raw: str, version: str, options: Argoverse1Options) -> Iterator[Shard]:
         """List the maps of the cities."""
-        for path in find_maps(options.maps or raw).values() if options.has_map else ():
+        for path in _maps_for(raw, options):
             item = RawItem(path.name, fingerprint([path]))
             yield Shard(self.name, version, "", map_id(path), str(path.parent), (item,), Options())
 
@@ -116,14 +99,23 @@ class Argoverse1(Converter[RawItem]):
         path = Path(shard.root) / record.name
         # Files are numbered from 1 in every split.
         scenario_id = make_scenario_id(shard.dataset, shard.version, f"{shard.split}-{path.stem}")
+        defects = Defects()
         try:
-            recording = read_recording(path)
+            recording = read_recording(path, record.name, defects)
             city = _city(recording.city, path, options) if options.has_map else None
         except CorruptSource as error:  # of this file or its map: continue with the other files
             raise InvalidScenario(scenario_id, "source", str(error)) from error
         return describe(
-            shard, scenario_id, record.name, recording, city, options.radius, options.frames, self.licence
+            shard, scenario_id, record.name, recording, city, options, self.licence, defects.found()
         )
+
+    def passed_over(
+        self, raw: str, split: str, options: Argoverse1Options, shards: Sequence[Shard]
+    ) -> Iterable[PassedOver]:
+        """Files that are neither recordings nor the newest map of a city."""
+        used = {path for shard in shards for path in shard.paths}
+        used.update(find_maps(options.maps or raw).values() if options.has_map else ())
+        return unused_files(Path(raw), used.__contains__, split)
 
 
 def _options(shard: Shard) -> Argoverse1Options:
@@ -156,7 +148,7 @@ def _maps_for(raw: str, options: Argoverse1Options) -> list[Path]:
     """Find the map files; none if scenarios are converted without maps.
 
     Raises:
-        SourceNotFound: No map files.
+        SourceNotFound: No map files, or a folder in place of one.
     """
     if not options.has_map:
         return []
@@ -167,6 +159,9 @@ def _maps_for(raw: str, options: Argoverse1Options) -> list[Path]:
             f"{places}: no pruned_argoverse_*_vector_map.xml in it; download the HD maps and set the option maps "
             "to their folder, or has_map to false"
         )
+    folders = [path for path in found if path.is_dir()]
+    if folders:
+        raise SourceNotFound(f"{folders[0]}: expected a map, found a folder; download the HD maps again")
     return found
 
 

@@ -21,8 +21,10 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import METRES, MapBuilder, meets, rounded
+from scenarionet_data.converters.argoverse1.lanes import Argoverse1Lane, read_lanes
 from scenarionet_data.converters.argoverse1.neighbors import LaneNeighbors, sort_sides
 from scenarionet_data.errors import CorruptSource
+from scenarionet_data.ingest.defects import Defects
 from scenarionet_data.scenario.description import MapFeatures
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 
@@ -30,7 +32,6 @@ WIDTH = 3.8
 """Width of a lane [m], as assumed in argoverse-api (``utils/centerline_utils.py``, ``utils/manhattan_search.py``)."""
 
 _NAME = re.compile(r"pruned_argoverse_([A-Za-z]+)_(\d+)_vector_map\.xml")
-_BOOLEANS = {"True": True, "False": False}
 _KEPT_CITIES = 2
 
 
@@ -70,27 +71,6 @@ class Argoverse1City:
         return replace(self._flat.take(rows), polyline=Ragged(near.offsets, points))
 
 
-@dataclass
-class Argoverse1Lane:
-    """A way of the file with its tags."""
-
-    id: str
-    tags: dict[str, str]
-    entries: list[str]
-    exits: list[str]
-
-    def is_true(self, key: str) -> bool:
-        """Parse a tag that is True or False."""
-        if self.tags.get(key) not in _BOOLEANS:
-            raise ValueError(f"lane {self.id}: expected True or False for {key}, found {self.tags.get(key)!r}")
-        return _BOOLEANS[self.tags[key]]
-
-    def neighbor(self, key: str) -> str | None:
-        """Parse a tag that is a lane or None."""
-        found = self.tags[key]
-        return None if found == "None" else str(int(found))
-
-
 def find_maps(places: str) -> dict[str, Path]:
     """Find vector maps in folders, at any depth, by city; the newest if a city has several.
 
@@ -122,7 +102,7 @@ def read_city(path: Path) -> Argoverse1City:
     """Read a city's map; a process caches a few.
 
     Raises:
-        CorruptSource: The map is missing, damaged or of another format.
+        CorruptSource: The map is missing, no XML, or without lanes.
     """
     if not path.is_file():
         raise CorruptSource(f"{path}: no such map; download the HD maps again")
@@ -134,46 +114,15 @@ def read_city(path: Path) -> Argoverse1City:
 def _read_city(path: Path, state: tuple[int, int]) -> Argoverse1City:  # noqa: ARG001  # a changed file is read again
     try:
         root = ElementTree.fromstring(path.read_bytes())  # noqa: S314  # expat refuses entities that explode
-        lanes, centers = _read_lanes(root)
-        features = _features(lanes, centers)
-    except (OSError, ElementTree.ParseError, ValueError, KeyError) as error:
-        reason = f"no {error}" if isinstance(error, KeyError) else str(error)
-        raise CorruptSource(f"{path}: expected an Argoverse 1 vector map ({reason}); download it again") from error
+    except (OSError, ElementTree.ParseError, ValueError, LookupError) as error:
+        raise CorruptSource(f"{path}: expected an Argoverse 1 vector map ({error}); download it again") from error
+    defects = Defects()
+    lanes, centers = read_lanes(root, path.name, defects)
+    if not lanes:
+        raise CorruptSource(f"{path}: expected an Argoverse 1 vector map, found no lane in it; download it again")
+    features = _features(lanes, centers)
+    features.defects = defects.found()
     return Argoverse1City(map_id(path), features, centers)
-
-
-def _read_lanes(root: ElementTree.Element) -> tuple[list[Argoverse1Lane], Ragged]:
-    """Return ways as lanes, and their centrelines as points (P, 2) float64."""
-    node_ids = {node.attrib["id"]: row for row, node in enumerate(root.iter("node"))}
-    flat = [float(node.attrib[axis]) for node in root.iter("node") for axis in "xy"]
-    points = np.array(flat, np.float64).reshape(-1, 2)
-    lanes, rows, lengths = [], [], []
-    for way in root.iter("way"):
-        lane = _lane(way)
-        refs = [reference.attrib["ref"] for reference in way.iter("nd")]
-        missing = [ref for ref in refs if ref not in node_ids]
-        if missing or len(refs) < 2:
-            what = f"node {missing[0]}, which the file lacks" if missing else f"{len(refs)} nodes"
-            raise ValueError(f"lane {lane.id} consists of {what}")
-        lanes.append(lane)
-        rows += [node_ids[ref] for ref in refs]
-        lengths.append(len(refs))
-    distinct = len({lane.id for lane in lanes})
-    if not lanes or distinct < len(lanes) or not np.isfinite(points).all():
-        raise ValueError(f"{len(lanes)} lanes with {distinct} ids, {np.isnan(points).sum()} unknown coordinates")
-    return lanes, Ragged.from_flat(lengths, points[rows])
-
-
-def _lane(way: ElementTree.Element) -> Argoverse1Lane:
-    lane = Argoverse1Lane(str(int(way.attrib["lane_id"])), {}, [], [])
-    lists = {"predecessor": lane.entries, "successor": lane.exits}
-    for tag in way.iter("tag"):
-        key, value = tag.attrib["k"], tag.attrib["v"]
-        if key not in lists:
-            lane.tags[key] = value
-        elif value != "None":
-            lists[key].append(str(int(value)))
-    return lane
 
 
 def _features(lanes: list[Argoverse1Lane], centers: Ragged) -> MapBuilder:
@@ -200,7 +149,7 @@ def _features(lanes: list[Argoverse1Lane], centers: Ragged) -> MapBuilder:
 def _extras(lane: Argoverse1Lane, sides: LaneNeighbors, known: dict[str, int]) -> Iterator[tuple[str, object]]:
     yield "is_width_assumed", True
     yield "has_traffic_control", lane.is_true("has_traffic_control")
-    yield "turn_direction", lane.tags["turn_direction"]
+    yield "turn_direction", lane.tags.get("turn_direction", "NONE")
     if sides.opposite:
         yield "opposite_neighbors", sides.opposite
     if sides.moved:

@@ -55,7 +55,9 @@ class Motion:
     is_interpolated: Bool
 
 
-def estimate_motion(track: Int64, frame: Int64, position: Float64, times: Float64, frames: Frames) -> Motion:
+def estimate_motion(
+    track: Int64, frame: Int64, position: Float64, times: Float64, frames: Frames, is_interpolated: Bool
+) -> Motion:
     """Estimate the motion of tracks recorded at uneven times.
 
     Args:
@@ -63,6 +65,7 @@ def estimate_motion(track: Int64, frame: Int64, position: Float64, times: Float6
         position: (R, 2) [m].
         times: (S,) [s] of each frame, from 0.
         frames: ``recorded`` for timesteps at ``times``, ``resampled`` for timesteps of 0.1 s.
+        is_interpolated: (R,) rows that the file lacks.
     """
     shape = (int(track[-1]) + 1, len(times))
     points = position[:, 0] + 1j * position[:, 1]
@@ -70,7 +73,8 @@ def estimate_motion(track: Int64, frame: Int64, position: Float64, times: Float6
     place[track, frame] = points
     piece = np.full(shape, -1)
     piece[track, frame] = _pieces(track, times[frame], points)
-    seen = piece >= 0
+    seen, filled = piece >= 0, np.zeros(shape, np.bool_)
+    filled[track, frame] = is_interpolated
     velocity, certainty = _fitted_velocity(place, piece, times)
     velocity = _from_nearest(velocity, certainty > 0)
     speed = np.abs(velocity)
@@ -79,7 +83,7 @@ def estimate_motion(track: Int64, frame: Int64, position: Float64, times: Float6
     ahead = _from_nearest(velocity, is_moving)
     if frames == "recorded":
         course = np.where(has_course[:, None], np.angle(ahead), 0.0)
-        return Motion(times, _xy(place), _xy(velocity), course, has_course, seen, np.zeros_like(seen))
+        return Motion(times, _xy(place), _xy(velocity), course, has_course, seen, filled)
     steps = Resampling(times, seen, DT, _LONGEST_STEP)
     return Motion(
         timestamps=steps.timestamps,
@@ -88,7 +92,7 @@ def estimate_motion(track: Int64, frame: Int64, position: Float64, times: Float6
         course=np.where(has_course[:, None], np.angle(steps.between(ahead)), 0.0),
         has_course=has_course,
         valid=steps.valid,
-        is_interpolated=steps.is_interpolated,
+        is_interpolated=steps.is_interpolated | (steps.valid & steps.nearest(filled)),
     )
 
 

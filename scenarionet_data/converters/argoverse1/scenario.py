@@ -11,9 +11,11 @@ from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import make_origin, make_tracks
 from scenarionet_data.converters.argoverse1.map_features import Argoverse1City
 from scenarionet_data.converters.argoverse1.motion import DT, Motion, estimate_motion, step_of
-from scenarionet_data.converters.argoverse1.table import EGO, FOCAL, NUM_OBSERVED, Argoverse1Recording
-from scenarionet_data.ingest.options import Frames
+from scenarionet_data.converters.argoverse1.options import Argoverse1Options
+from scenarionet_data.converters.argoverse1.recording import Argoverse1Recording
+from scenarionet_data.converters.argoverse1.table import EGO, FOCAL, NUM_OBSERVED
 from scenarionet_data.ingest.shard import Shard
+from scenarionet_data.scenario.defects import Defect
 from scenarionet_data.scenario.description import Lights, MapFeatures, ScenarioDescription, Source, Tracks
 from scenarionet_data.scenario.vocabulary import ObjectType
 
@@ -30,9 +32,9 @@ def describe(
     file: str,
     recording: Argoverse1Recording,
     city: Argoverse1City | None,
-    radius: float,
-    frames: Frames,
+    options: Argoverse1Options,
     licence: str,
+    defects: tuple[Defect, ...],
 ) -> ScenarioDescription:
     """Convert a recording to a scenario.
 
@@ -42,15 +44,18 @@ def describe(
         file: Its raw file, relative to the raw folder.
         recording: The content of the file.
         city: The map; None for no map.
-        radius: Margin of the map around the ego's path [m].
-        frames: Timesteps at the recorded times, or every 0.1 s.
+        options: Timesteps, and the margin of the map.
         licence: Licence of the dataset.
+        defects: What was dropped or assumed.
     """
-    motion = estimate_motion(recording.track, recording.frame, recording.position, recording.times, frames)
-    ego, focal = recording.only(EGO), recording.only(FOCAL)
+    times, frames = recording.times, options.frames
+    motion = estimate_motion(
+        recording.track, recording.frame, recording.position, times, frames, recording.is_interpolated
+    )
+    ego, targets = recording.ego, [recording.ids[row] for row in recording.targets]
     position = np.concatenate([motion.position, np.zeros((*motion.valid.shape, 1))], axis=-1)
     origin = make_origin(position[ego], motion.valid[ego], has_z=False)
-    crop = None if city is None else _window(motion, ego, origin, radius)
+    crop = None if city is None else _window(motion, ego, origin, options.radius)
     roads = None if city is None or crop is None else _roads(city, crop, origin)
     return ScenarioDescription(
         id=scenario_id,
@@ -59,7 +64,7 @@ def describe(
         split=shard.split,
         timestamps=motion.timestamps,
         dt=DT,
-        current_timestep=NUM_OBSERVED - 1 if frames == "recorded" else step_of(recording.times[NUM_OBSERVED - 1]),
+        current_timestep=NUM_OBSERVED - 1 if frames == "recorded" else step_of(times[NUM_OBSERVED - 1]),
         ego_id=recording.ids[ego],
         origin=origin,
         has_z=False,
@@ -75,13 +80,14 @@ def describe(
         map=roads,
         map_id=None if city is None else city.map_id,
         map_crop=crop,
-        objects_of_interest=(recording.ids[focal],),
-        tracks_to_predict=((recording.ids[focal], 0),),
+        objects_of_interest=tuple(targets),
+        tracks_to_predict=tuple((target, 0) for target in targets),
         extras={
             "start_timestamp": recording.start,
-            "num_recorded_times": len(recording.times),
-            "longest_step": float(np.diff(recording.times).max()),
+            "num_recorded_times": len(times),
+            "longest_step": float(np.diff(times).max()),
         },
+        defects=defects,
     )
 
 

@@ -16,14 +16,14 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 
-from scenarionet_data.arrays.dtypes import Float64, Int64
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64, Object
 from scenarionet_data.errors import CorruptSource
+from scenarionet_data.ingest.defects import Defects
 
 EGO = "AV"
 FOCAL = "AGENT"
+OTHER = "OTHERS"
 NUM_OBSERVED = 20
-_LENGTHS = (NUM_OBSERVED, 50)
-"""Recorded times: the test split ends with the history."""
 
 _TYPES = {
     "TIMESTAMP": pa.float64(),
@@ -36,34 +36,30 @@ _TYPES = {
 _CONVERT = pa.csv.ConvertOptions(column_types=_TYPES, include_columns=list(_TYPES))
 _HEADER = ",".join(_TYPES).encode()
 _TWO_LINES = 512
+_UNREADABLE = "\N{REPLACEMENT CHARACTER}"
 
 
 @dataclass(frozen=True, eq=False)
-class Argoverse1Recording:
-    """One file: N tracks, S recorded times, R rows sorted by track and time.
+class CsvRows:
+    """The rows of a file, in its order.
 
     Attributes:
-        city: MIA or PIT.
-        ids: (N,) tracks in order of first appearance.
-        types: (N,) AV, AGENT or OTHERS.
-        start: Time of the first row [s], on the source's clock.
-        times: (S,) [s] from the start, strictly increasing.
-        track, frame: (R,) indices of each row.
-        position: (R, 2) [m].
+        line: (R,) line of each row in the file, from 1.
+        time, x, y: (R,) [s], [m]; NaN where the file has no number.
+        track, word, city: (R,) text; empty where the file has none.
     """
 
-    city: str
-    ids: list[str]
-    types: list[str]
-    start: float
-    times: Float64
-    track: Int64
-    frame: Int64
-    position: Float64
+    line: Int64
+    time: Float64
+    x: Float64
+    y: Float64
+    track: Object
+    word: Object
+    city: Object
 
-    def only(self, word: str) -> int:
-        """Row of the only track of a type."""
-        return self.types.index(word)
+    def take(self, mask: Bool) -> CsvRows:
+        """Rows where ``mask`` (R,) is True."""
+        return CsvRows(*(values[mask] for values in vars(self).values()))
 
 
 def is_recording(path: Path) -> bool:
@@ -79,86 +75,80 @@ def city_of(path: Path) -> str:
     return row.rpartition(b",")[2].decode("ascii", "replace")
 
 
-def read_recording(path: Path) -> Argoverse1Recording:
-    """Read one file.
+def read_rows(path: Path, file: str, defects: Defects) -> CsvRows:
+    """Read a file; lines of another number of cells are dropped.
+
+    Args:
+        path: The file.
+        file: Its name relative to the raw folder, for ``defects``.
+        defects: Collects the lines that are dropped.
 
     Raises:
-        CorruptSource: Missing, damaged, incomplete, or of another format.
+        CorruptSource: Missing, without rows, or without these columns.
     """
-    rows = _read(path)
-    stamps, frame = np.unique(rows["TIMESTAMP"].to_numpy(), return_inverse=True)
-    ids, track = _words(rows, "TRACK_ID")
-    types = _one_word_each(rows, track, len(ids), path)
-    _check(path, stamps, types)
-    order = np.lexsort((frame, track))
-    track, frame = track[order], frame[order].astype(np.int64)
-    twice = np.flatnonzero((track[1:] == track[:-1]) & (frame[1:] == frame[:-1]))
-    if len(twice):
-        raise CorruptSource(f"{path}: track {ids[track[twice[0]]]} has two rows with the same time; download it again")
-    return Argoverse1Recording(
-        city=_city(rows, path),
-        ids=ids,
-        types=types,
-        start=float(stamps[0]),
-        times=stamps - stamps[0],
-        track=track,
-        frame=frame,
-        position=np.column_stack([rows["X"].to_numpy(), rows["Y"].to_numpy()])[order],
-    )
-
-
-def _read(path: Path) -> dict[str, Any]:
-    """Read the columns as arrays, with finite numbers."""
     try:
         data = path.read_bytes()
-        table = pa.csv.read_csv(
-            pa.BufferReader(data),
-            pa.csv.ReadOptions(use_threads=False, block_size=max(len(data), 1)),
-            convert_options=_CONVERT,
-        )
-    except (OSError, KeyError, pa.ArrowException) as error:
-        reason = str(error).splitlines()[0].strip("'") if str(error) else type(error).__name__
-        raise CorruptSource(f"{path} cannot be read ({reason}); download it again") from error
-    if not table.num_rows:
+    except OSError as error:
+        raise CorruptSource(f"{path} cannot be read ({error.strerror}); download it again") from error
+    try:
+        rows = _read_fast(data)
+    except (KeyError, pa.ArrowException):  # something in it is damaged
+        rows = _read_line_by_line(data, path, file, defects)
+    if not len(rows.line):
         raise CorruptSource(f"{path}: expected rows, found none; download it again")
-    rows = {name: table.column(name).combine_chunks() for name in _TYPES}
-    for name, column in rows.items():
-        is_whole = not column.null_count and (name not in _NUMBERS or np.isfinite(column.to_numpy()).all())
-        if not is_whole:
-            raise CorruptSource(f"{path}: column {name}: expected a value in every row; download it again")
     return rows
 
 
-_NUMBERS = ("TIMESTAMP", "X", "Y")
+def _read_fast(data: bytes) -> CsvRows:
+    """Read a file in which every value has the type of its column; otherwise Arrow raises."""
+    options = pa.csv.ReadOptions(use_threads=False, block_size=max(len(data), 1))
+    parsing = pa.csv.ParseOptions(ignore_empty_lines=False)
+    table = pa.csv.read_csv(pa.BufferReader(data), options, parsing, _CONVERT)
+    numbers = [table[name].to_numpy() for name in ("TIMESTAMP", "X", "Y")]
+    words = [_words(table[name].combine_chunks()) for name in ("TRACK_ID", "OBJECT_TYPE", "CITY_NAME")]
+    return CsvRows(np.arange(2, table.num_rows + 2), *numbers, *words)
 
 
-def _words(rows: dict[str, Any], name: str) -> tuple[list[str], Int64]:
-    """Distinct words in order of first appearance, and the index of each row's word."""
-    encoded = rows[name].dictionary_encode()
-    return encoded.dictionary.to_pylist(), encoded.indices.to_numpy().astype(np.int64)
+def _words(column: Any) -> Object:
+    """(R,) text; one object for each distinct word, so that comparisons are quick."""
+    encoded = column.dictionary_encode()
+    distinct = np.array([*encoded.dictionary.to_pylist(), ""], object)
+    words: Object = distinct[encoded.indices.fill_null(len(distinct) - 1).to_numpy()]
+    return words
 
 
-def _one_word_each(rows: dict[str, Any], track: Int64, count: int, path: Path) -> list[str]:
-    """(N,) type of each track."""
-    words, code = _words(rows, "OBJECT_TYPE")
-    code_of_track = np.zeros(count, np.int64)
-    code_of_track[track] = code
-    if (code_of_track[track] != code).any():
-        raise CorruptSource(f"{path}: a track changes its OBJECT_TYPE; download it again")
-    return [words[number] for number in code_of_track]
+def _read_line_by_line(data: bytes, path: Path, file: str, defects: Defects) -> CsvRows:
+    lines = data.decode("utf-8", "replace").splitlines()
+    names = lines[0].split(",") if lines else []
+    missing = [name for name in _TYPES if name not in names]
+    if missing:
+        raise CorruptSource(
+            f"{path}, line 1: expected the columns {', '.join(_TYPES)}, found no {missing[0]}; download it again"
+        )
+    cells = [line.split(",") for line in lines[1:]]
+    is_complete = np.array([len(row) == len(names) for row in cells], np.bool_)
+    numbers = np.arange(2, len(cells) + 2)
+    if not is_complete.all():
+        first = cells[int(np.argmin(is_complete))]
+        reason = f"expected {len(names)} cells, found {len(first)}"
+        defects.drop("tracks", file, numbers[~is_complete].tolist(), "row", reason)
+    table = np.array([row for row in cells if len(row) == len(names)], object).reshape(-1, len(names))
+    time, track, word, x, y, city = (table[:, names.index(name)] for name in _TYPES)
+    return CsvRows(numbers[is_complete], _floats(time), _floats(x), _floats(y), _texts(track), word, city)
 
 
-def _city(rows: dict[str, Any], path: Path) -> str:
-    words, _ = _words(rows, "CITY_NAME")
-    if len(words) != 1:
-        raise CorruptSource(f"{path}: expected one CITY_NAME, found {', '.join(words[:3])}; download it again")
-    return words[0]
+def _floats(cells: Array) -> Float64:
+    """(R,) numbers; NaN for other text."""
+
+    def number(cell: str) -> float:
+        try:
+            return float(cell)
+        except ValueError:
+            return np.nan
+
+    return np.array([number(cell) for cell in cells], np.float64)
 
 
-def _check(path: Path, stamps: Float64, types: list[str]) -> None:
-    if len(stamps) not in _LENGTHS:
-        wanted = f"expected {_LENGTHS[0]} or {_LENGTHS[1]} times, found {len(stamps)}"
-        raise CorruptSource(f"{path}: {wanted}; download it again")
-    for word in (EGO, FOCAL):
-        if types.count(word) != 1:
-            raise CorruptSource(f"{path}: expected one {word}, found {types.count(word)}; download it again")
+def _texts(cells: Array) -> Object:
+    """(R,) text; empty where it is not UTF-8."""
+    return np.array(["" if _UNREADABLE in cell else cell for cell in cells], object)

@@ -4,20 +4,25 @@ RAW is a folder that contains either or both, at any depth:
 
     <split>/<scenario>/scenario_<id>.parquet + log_map_archive_<id>.json                      motion forecasting
     <split>/<log>/annotations.feather + city_SE3_egovehicle.feather + map/log_map_archive_*.json          sensor
+
+The logs of the scenario mining dataset have ``annotations_with_ego.feather`` instead, with the ego's boxes, which are
+left out: the ego comes from its poses.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from scenarionet_data.ingest.listing import walk
 from scenarionet_data.converters.argoverse2.forecasting import read_scenario
 from scenarionet_data.converters.argoverse2.sensor import (
+    ANNOTATIONS,
     DT,
     Argoverse2Window,
+    annotations_in,
     city_of,
     describe,
     log_files,
@@ -27,9 +32,11 @@ from scenarionet_data.converters.argoverse2.sensor import (
 )
 from scenarionet_data.converters.argoverse2.table import word_in_footer
 from scenarionet_data.converters.base import Budgets, Converter
+from scenarionet_data.converters.unused import unused_files
 from scenarionet_data.errors import BadParameter, SourceNotFound
 from scenarionet_data.ingest.input_properties import InputProperties, LazyProperties
 from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.passed_over import PassedOver
 from scenarionet_data.ingest.shard import RawItem, Shard, bucket, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription
 
@@ -65,7 +72,7 @@ class Argoverse2(Converter[RawItem | Argoverse2Window]):
     """The motion forecasting dataset in buckets of scenarios, the sensor dataset with one log per shard."""
 
     name = "argoverse2"
-    version = "1"
+    version = "2"
     release = "v2"
     licence = "CC BY-NC-SA 4.0"
     raw = "folder of motion forecasting scenarios (scenario_*.parquet) or sensor logs (annotations.feather)"
@@ -94,6 +101,14 @@ class Argoverse2(Converter[RawItem | Argoverse2Window]):
         read = [log_patterns(path) if _is_log(path) else _scenario_pair(path) for path in paths]
         yield [file.as_posix() for files in read for file in files]
 
+    def passed_over(
+        self, raw: str, split: str, options: Argoverse2Options, shards: Sequence[Shard]
+    ) -> Iterator[PassedOver]:
+        """List other splits, and images, point clouds, calibrations and other files of the recordings."""
+        read = {path for shard in shards for path in shard.paths}
+        used = {file for path in read for file in (log_files(path) if _is_log(path) else _scenario_files(path))}
+        yield from unused_files(Path(raw), lambda path: path in used, split, self.ignored)
+
     def records(self, shard: Shard) -> Iterator[RawItem | Argoverse2Window]:
         """Yield scenario folders, or the windows of a sensor log."""
         options = shard.options
@@ -101,7 +116,7 @@ class Argoverse2(Converter[RawItem | Argoverse2Window]):
             raise BadParameter(f"expected Argoverse2Options, found {type(options).__name__}")
         for item, path in zip(shard.items, shard.paths, strict=True):
             if _is_log(path):
-                yield from windows(read_log(path), options.window, options.stride or options.window)
+                yield from windows(read_log(path, item.name), options.window, options.stride or options.window)
             else:
                 yield item
 
@@ -125,14 +140,15 @@ def _find(raw: Path, split: str, kind: str) -> tuple[list[Path], list[Path]]:
     scenarios: list[Path] = []
     logs: list[Path] = []
     for folder, subfolders, files in walk(raw):
-        if "annotations.feather" in files:
-            logs.append(Path(folder, "annotations.feather"))
-        subfolders[:] = sorted(set(subfolders) - others) if "annotations.feather" not in files else []
+        annotations = annotations_in(files)
+        if annotations:
+            logs.append(Path(folder, annotations))
+        subfolders[:] = [] if annotations else sorted(set(subfolders) - others)
         found = (name for name in files if name.startswith("scenario_") and name.endswith(".parquet"))
         scenarios += (Path(folder, name) for name in found)
     scenarios, logs = ([] if kind == "sensor" else scenarios), ([] if kind == "forecasting" else logs)
     if not scenarios and not logs:
-        wanted = "no scenario_*.parquet and no annotations.feather"
+        wanted = f"no scenario_*.parquet and no {' or '.join(ANNOTATIONS)}"
         hint = f"give the folder of split {split}, or of the whole dataset" + (
             "" if kind == "auto" else f", or another kind than {kind}"
         )
@@ -162,4 +178,4 @@ def _scenario_pair(path: Path) -> list[Path]:
 
 
 def _is_log(path: Path) -> bool:
-    return path.name == "annotations.feather"
+    return path.name in ANNOTATIONS

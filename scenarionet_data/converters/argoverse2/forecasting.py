@@ -6,17 +6,27 @@ sizes, which are assumed by type, and no heights of objects, which are placed on
 
 from __future__ import annotations
 
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
-from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int64
 from scenarionet_data.building import make_origin, make_tracks
+from scenarionet_data.building.plausible import find_bad_rows, find_repeated_rows
 from scenarionet_data.converters.argoverse2.map_features import Argoverse2Map, read_map
 from scenarionet_data.converters.argoverse2.polylines import ground_height
-from scenarionet_data.converters.argoverse2.table import TrackGrid, column, numbers, read_parquet, text
+from scenarionet_data.converters.argoverse2.table import (
+    TrackGrid,
+    first_number,
+    first_word,
+    integers,
+    numbers,
+    read_parquet,
+    text,
+)
 from scenarionet_data.converters.argoverse2.types import (
     EGO,
     EGO_SIZE,
@@ -26,6 +36,7 @@ from scenarionet_data.converters.argoverse2.types import (
     TypeMapping,
 )
 from scenarionet_data.errors import CorruptSource, InvalidScenario
+from scenarionet_data.ingest.defects import Defects
 from scenarionet_data.ingest.shard import RawItem, Shard
 from scenarionet_data.scenario.description import (
     Lights,
@@ -34,6 +45,10 @@ from scenarionet_data.scenario.description import (
     Tracks,
     make_scenario_id,
 )
+
+_FIELDS = {"position": "position_x", "heading": "heading", "velocity": "velocity_x"}
+_MAX_TIMESTEPS = 10_000
+"""Largest accepted number of timesteps; the dataset has 110."""
 
 
 def read_scenario(shard: Shard, item: RawItem, licence: str) -> ScenarioDescription:
@@ -47,12 +62,11 @@ def read_scenario(shard: Shard, item: RawItem, licence: str) -> ScenarioDescript
     name = path.stem.removeprefix("scenario_")
     scenario_id = make_scenario_id(shard.dataset, shard.version, name)
     try:
-        table = _Table(path)
-        roads = read_map(path.with_name(f"log_map_archive_{name}.json"))
+        table = _Table(path, item.name)
+        map_name = f"log_map_archive_{name}.json"
+        roads = read_map(path.with_name(map_name), (PurePosixPath(item.name).parent / map_name).as_posix())
     except CorruptSource as error:
         raise InvalidScenario(scenario_id, "source", str(error)) from error
-    if EGO not in table.grid.ids:
-        raise InvalidScenario(scenario_id, "ego_id", f"expected a track {EGO!r}, found {table.grid.ids[:3]} ...")
     source = Source(
         scenario_id=name,
         file=item.name,
@@ -66,7 +80,7 @@ def read_scenario(shard: Shard, item: RawItem, licence: str) -> ScenarioDescript
 
 
 class _Table:
-    """One scenario's Parquet file, validated: constant columns, and rows on a grid of tracks and timesteps.
+    """One scenario's Parquet file: constant columns, and the usable rows on a grid of tracks and timesteps.
 
     Attributes:
         city, focal: City and id of the focal track.
@@ -78,46 +92,79 @@ class _Table:
         grid: N tracks by T timesteps.
         motion: (R, 5) x, y [m], heading [rad], velocity x, y [m/s] of each row.
         types, categories: (N,) values of the source.
+        defects: The other rows, and those with assumed values.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, file: str) -> None:
         rows = read_parquet(path)
-        shared = _Shared(rows, path)
-        if shared.word("scenario_id") != path.stem.removeprefix("scenario_"):
-            raise CorruptSource(f"{path}: contains scenario {shared.word('scenario_id')}; restore its original name")
-        self.city, self.focal = shared.word("city"), shared.word("focal_track_id")
-        self.slice, self.map = shared.optional("slice_id"), shared.optional("map_id")
-        self.start, end = shared.number("start_timestamp"), shared.number("end_timestamp")
-        count = int(shared.number("num_timestamps"))
+        self.defects = Defects()
+        name = first_word(rows, path, "scenario_id")
+        if name != path.stem.removeprefix("scenario_"):
+            raise CorruptSource(f"{path}: contains scenario {name}; restore its original name")
+        self.city, self.focal = first_word(rows, path, "city"), first_word(rows, path, "focal_track_id")
+        self.slice, self.map = _optional(rows, "slice_id", str), _optional(rows, "map_id", int)
+        count = first_number(rows, path, "num_timestamps", 1, _MAX_TIMESTEPS)
+        self.start = first_number(rows, path, "start_timestamp", -(2.0**62), 2.0**62)
+        end = first_number(rows, path, "end_timestamp", -(2.0**62), 2.0**62)
         self.timestamps = np.linspace(0.0, (end - self.start) * 1e-9, count)
-        timestep = numbers(rows, path, "timestep")
-        observed = numbers(rows, path, "observed").astype(bool)
-        self.current_timestep = int(timestep[observed].max(initial=0))
-        self.grid = TrackGrid(text(rows, path, "track_id"), timestep, count, path)
-        self.motion = numbers(rows, path, "position_x", "position_y", "heading", "velocity_x", "velocity_y")
-        types: list[str] = text(rows, path, "object_type").take(self.grid.first).to_pylist()
-        self.types = types
-        categories = numbers(rows, path, "object_category")[self.grid.first]
-        self.categories = [TRACK_CATEGORIES.get(int(number), str(number)) for number in categories]
+        timestep, has_time = integers(rows, path, "timestep")
+        tracks, has_track = text(rows, path, "track_id")
+        motion = numbers(rows, path, "position_x", "position_y", "heading", "velocity_x", "velocity_y")
+        observed, _ = integers(rows, path, "observed")
+        kept = self._usable(file, path, timestep, has_time & (timestep >= 0) & (timestep < count), tracks, has_track, motion)
+        self.current_timestep = int(timestep[kept][observed[kept] != 0].max(initial=0))
+        self.grid = TrackGrid(tracks.take(kept), timestep[kept], count)
+        self.motion = motion[kept]
+        first = kept[self.grid.first]
+        types, _ = text(rows, path, "object_type")
+        self.types: list[str] = types.take(first).to_pylist()
+        unknown = [track for track, word in zip(self.grid.ids, self.types, strict=True) if word not in OBJECTS]
+        wanted = "expected an object type of the dataset, found another or none"
+        self.defects.assume("tracks", file, [f"track {track}" for track in unknown], "object_type", wanted)
+        if self.focal not in self.grid.ids:
+            wanted = "expected rows of the focal track, found none: it is not to be predicted"
+            self.defects.assume("tracks", file, [f"track {self.focal}"], "focal_track_id", wanted)
+        categories, _ = integers(rows, path, "object_category")
+        self.categories = [TRACK_CATEGORIES.get(number, str(number)) for number in categories[first].tolist()]
+
+    def _usable(
+        self, file: str, path: Path, timestep: Int64, has_time: Bool, tracks: Any, has_track: Bool, motion: Float64
+    ) -> Int64:
+        """Numbers of the rows that can be used; the others are added to the defects.
+
+        Raises:
+            CorruptSource: No row of the ego can be used.
+        """
+        kept = np.ones(len(timestep), np.bool_)
+
+        def drop(mask: Bool, field: str, reason: str) -> None:
+            nonlocal kept
+            self.defects.drop("tracks", file, np.flatnonzero(mask & kept).tolist(), field, reason)
+            kept &= ~mask
+
+        drop(~has_time, "timestep", "expected a timestep of the scenario, found another")
+        drop(~has_track, "track_id", "expected the id of a track, found null")
+        is_ego = np.asarray(pc.equal(tracks, EGO).to_numpy(zero_copy_only=False), np.bool_)
+        ego = is_ego & kept & np.isfinite(motion).all(axis=1)
+        middle = np.median(motion[ego, :2], axis=0) if ego.any() else np.zeros(2)
+        position = np.pad(motion[:, :2], ((0, 0), (0, 1)))
+        for bad in find_bad_rows(position, motion[:, 2], motion[:, 3:5], None, middle):
+            drop(bad.mask, _FIELDS[bad.field], bad.reason)
+        (rows,) = np.nonzero(kept)
+        repeated = find_repeated_rows(tracks.indices.to_numpy()[rows], timestep[rows])
+        if repeated:
+            twice = np.zeros(len(kept), np.bool_)
+            twice[rows[repeated.mask]] = True
+            drop(twice, "timestep", repeated.reason)
+        if not (is_ego & kept).any():
+            raise CorruptSource(f"{path}: expected usable rows of the track {EGO!r}, found none; download it again")
+        return np.flatnonzero(kept)
 
 
-class _Shared:
-    """Read columns with a single value in all rows of a scenario."""
-
-    def __init__(self, rows: pa.Table, path: Path) -> None:
-        if not rows.num_rows:
-            raise CorruptSource(f"{path}: expected rows, found none; download it again")
-        self._rows, self._path = rows, path
-
-    def number(self, name: str) -> float:
-        return float(numbers(self._rows, self._path, name)[0])
-
-    def word(self, name: str) -> str:
-        return str(column(self._rows, self._path, name)[0])
-
-    def optional(self, name: str) -> Any:
-        """Return None for a missing column: some files lack optional ones."""
-        return self._rows.column(name)[0].as_py() if name in self._rows.column_names else None
+def _optional(rows: pa.Table, name: str, kind: type) -> Any:
+    """The value of a column that some files lack; None if it is missing, null or of another type."""
+    found = rows.column(name)[0].as_py() if rows.column_names.count(name) == 1 and rows.num_rows else None
+    return found if isinstance(found, kind) else None
 
 
 def _describe(
@@ -143,8 +190,8 @@ def _describe(
         tracks=_tracks(table, kinds, position, origin),
         lights=Lights.empty(len(table.timestamps)),
         map=roads.features(origin),
-        objects_of_interest=(table.focal,),
-        tracks_to_predict=tuple((track, 0) for track in dict.fromkeys([table.focal, *scored])),
+        objects_of_interest=tuple(scored),
+        tracks_to_predict=((table.focal, 0),) if table.focal in table.grid.ids else (),
         extras={
             "kind": "forecasting",
             "start_timestamp_ns": int(table.start),
@@ -152,6 +199,7 @@ def _describe(
             "num_completed_links": roads.num_completed_links,
             "track_z": "the map's ground",
         },
+        defects=(*table.defects.found(), *roads.defects),
     )
 
 

@@ -7,7 +7,6 @@ may be of the opposite direction: then each lane has the other on its left.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
@@ -20,10 +19,12 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import MapBuilder
+from scenarionet_data.building.plausible import MAX_MAP_DISTANCE
+from scenarionet_data.converters.argoverse2.archive import Archive
 from scenarionet_data.converters.argoverse2.areas import outline, road_edges
 from scenarionet_data.converters.argoverse2.polylines import between, midlines
 from scenarionet_data.converters.argoverse2.types import INEXACT_MARKS, LANES, MARKS, NO_MARK
-from scenarionet_data.errors import CorruptSource
+from scenarionet_data.ingest.defects import Defect
 from scenarionet_data.scenario.description import MapFeatures
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 
@@ -54,6 +55,7 @@ class Argoverse2Map:
         areas: Outline (n, 3) of each drivable area, counter-clockwise, by id.
         crossings: Outline (n, 3) of each pedestrian crossing, by id.
         num_completed_links: Number of links listed by one of the two lanes only.
+        defects: Elements that cannot be used.
     """
 
     lanes: list[Argoverse2Lane]
@@ -64,6 +66,7 @@ class Argoverse2Map:
     areas: dict[str, Float64]
     crossings: dict[str, Float64]
     num_completed_links: int
+    defects: tuple[Defect, ...]
 
     @property
     def ground(self) -> Float64:
@@ -122,33 +125,34 @@ class _Boundaries:
         return (feature_id,)
 
 
-def read_map(path: Path) -> Argoverse2Map:
-    """Read one map archive.
+def read_map(path: Path, file: str) -> Argoverse2Map:
+    """Read one map archive; elements that cannot be used are left out and listed.
+
+    Args:
+        path: The archive.
+        file: Its name relative to the raw folder.
 
     Raises:
-        CorruptSource: The file is missing, not JSON, or not a map archive.
+        CorruptSource: The file is missing, not a map archive, or has no lane that can be used.
     """
+    archive = Archive(path, file)
     try:
-        return _parse(json.loads(path.read_bytes()))
-    except FileNotFoundError as error:
-        raise CorruptSource(f"{path}: no such map; download the folder it belongs to again") from error
-    except (OSError, ValueError, TypeError, KeyError) as error:
-        wanted = "expected an Argoverse 2 map archive"
-        raise CorruptSource(f"{path}: {wanted}, found {error!r}; download it again") from error
+        return _parse(archive)
+    except (ValueError, TypeError, KeyError, OverflowError):
+        archive.leave_out_bad_lines()
+    return _parse(archive)
 
 
-def _parse(archive: dict[str, Any]) -> Argoverse2Map:
-    segments = list(archive["lane_segments"].values())
-    if not segments:
-        raise ValueError("no lanes")
+def _parse(archive: Archive) -> Argoverse2Map:
+    segments = archive.elements("lane_segments")
     left = _lines(segment["left_lane_boundary"] for segment in segments)
     right = _lines(segment["right_lane_boundary"] for segment in segments)
     is_given = all("centerline" in segment for segment in segments)
     given = _lines(segment["centerline"] for segment in segments) if is_given else midlines(left, right)
     centers, widths = between(given, left, right)
-    areas = archive["drivable_areas"].values()
+    areas = archive.elements("drivable_areas")
     outlines = _lines(area["area_boundary"] for area in areas)
-    crossings = archive["pedestrian_crossings"].values()
+    crossings = archive.elements("pedestrian_crossings")
     edges = _lines(crossing[edge] for crossing in crossings for edge in ("edge1", "edge2"))
     lanes = [_lane(segment) for segment in segments]
     return Argoverse2Map(
@@ -164,6 +168,7 @@ def _parse(archive: dict[str, Any]) -> Argoverse2Map:
             for row, crossing in enumerate(crossings)
         },
         num_completed_links=_complete_links(lanes),
+        defects=archive.defects.found(),
     )
 
 
@@ -181,14 +186,18 @@ def _lane(segment: Mapping[str, Any]) -> Argoverse2Lane:
 
 
 def _lines(lists: Iterable[Points]) -> Ragged:
-    """Convert lists of {x, y, z} to a ragged array; ValueError for a line with fewer than two points or NaN."""
+    """Convert lists of {x, y, z} to a ragged array.
+
+    Raises:
+        ValueError: A line has fewer than two points, or a coordinate that is NaN or far outside of a city.
+    """
     lists = list(lists)
     lengths = [len(points) for points in lists]
     if min(lengths, default=2) < 2:
         raise ValueError(f"a line of {min(lengths)} points")
     values = np.array([*map(_XYZ, chain.from_iterable(lists))], np.float64).reshape(-1, 3)
-    if not np.isfinite(values).all():
-        raise ValueError("a coordinate that is not finite")
+    if not (np.abs(values) <= MAX_MAP_DISTANCE).all():
+        raise ValueError("a coordinate that is not finite or not in a city")
     return Ragged(np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32), values)
 
 

@@ -8,12 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Float64, Int64
-from scenarionet_data.converters.argoverse2.table import numbers, read_feather
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int64
+from scenarionet_data.building.plausible import MAX_DISTANCE
+from scenarionet_data.converters.argoverse2.table import integers, numbers, read_feather
 from scenarionet_data.errors import CorruptSource
 
 QUATERNION = ("qw", "qx", "qy", "qz")
 TRANSLATION = ("tx_m", "ty_m", "tz_m")
+_MARGIN = 100_000_000
+"""Time [ns] by which sweeps may precede the first pose or follow the last."""
+_LONGEST = 3_600_000_000_000
+"""Time [ns] from the middle of a log beyond which a pose is not part of it; logs last about 16 s."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,42 +40,79 @@ class Poses:
         return rotated(self.turn[at], points) + self.shift[at]
 
 
-def read_poses(path: Path, times: Int64) -> Poses:
-    """Return the poses at ``times`` (S,) [ns]: recorded ones, or interpolated between the adjacent two.
+@dataclass(frozen=True, eq=False)
+class RecordedPoses:
+    """The recorded poses of a log, without those that cannot be used.
+
+    Attributes:
+        times: (P,) int64 [ns], strictly increasing; at least one.
+        turn: (P, 4) unit quaternions.
+        shift: (P, 3) [m].
+        bad_rows: Rows of the file that cannot be used.
+    """
+
+    times: Int64
+    turn: Float64
+    shift: Float64
+    bad_rows: Int64
+
+    def covers(self, times: Int64) -> Bool:
+        """Whether each of some times (R,) [ns] is within the recorded ones, or at most 0.1 s before or after them."""
+        inside: Bool = (times >= self.times[0] - _MARGIN) & (times <= self.times[-1] + _MARGIN)
+        return inside
+
+    def at(self, times: Int64) -> Poses:
+        """Return the poses at ``times`` (S,) [ns]: recorded, interpolated between the adjacent two, or the nearest."""
+        near = np.clip(times, self.times[0], self.times[-1])
+        after = np.searchsorted(self.times, near)
+        is_exact = self.times[after] == near
+        before = np.where(is_exact, after, after - 1)
+        span = np.where(is_exact, 1, self.times[after] - self.times[before])
+        share = ((near - self.times[before]) / span)[:, None]
+        # A quaternion and its negative are the same rotation: interpolate the nearer one. Poses are 6 ms apart, so that
+        # normalised linear interpolation equals slerp.
+        turn, shift = self.turn, self.shift
+        sign = np.where((turn[before] * turn[after]).sum(axis=1, keepdims=True) < 0, -1.0, 1.0)
+        blended = (1 - share) * turn[before] + share * sign * turn[after]
+        blended /= np.linalg.norm(blended, axis=1, keepdims=True)
+        num_interpolated = int((self.times[after] != times).sum())
+        return Poses(blended, (1 - share) * shift[before] + share * shift[after], num_interpolated)
+
+
+def read_poses(path: Path) -> RecordedPoses:
+    """Read the poses of a log.
 
     Raises:
-        CorruptSource: The file is missing or damaged, or does not cover a time.
+        CorruptSource: The file is missing or damaged, or has no pose that can be used.
     """
     rows = read_feather(path, ("timestamp_ns", *QUATERNION, *TRANSLATION))
-    recorded, first = np.unique(numbers(rows, path, "timestamp_ns"), return_index=True)
-    if not len(recorded) or times[0] < recorded[0] or times[-1] > recorded[-1]:
-        raise CorruptSource(f"{path}: expected poses around every annotated sweep; download the log again")
-    turn, shift = quaternions(rows, path)[first], numbers(rows, path, *TRANSLATION)[first]
-    after = np.searchsorted(recorded, times)
-    is_exact = recorded[after] == times
-    before = np.where(is_exact, after, after - 1)
-    span = np.where(is_exact, 1, recorded[after] - recorded[before])
-    share = ((times - recorded[before]) / span)[:, None]
-    # A quaternion and its negative are the same rotation: interpolate the nearer one. Poses are 6 ms apart, so that
-    # normalised linear interpolation equals slerp.
-    sign = np.where((turn[before] * turn[after]).sum(axis=1, keepdims=True) < 0, -1.0, 1.0)
-    blended = (1 - share) * turn[before] + share * sign * turn[after]
-    blended /= np.linalg.norm(blended, axis=1, keepdims=True)
-    return Poses(blended, (1 - share) * shift[before] + share * shift[after], int((~is_exact).sum()))
+    times, known = integers(rows, path, "timestamp_ns")
+    turn, is_turn = quaternions(rows, path)
+    shift = numbers(rows, path, *TRANSLATION)
+    known &= is_turn & np.isfinite(shift).all(axis=1)
+    for values, furthest in ((shift, MAX_DISTANCE), (times[:, None], _LONGEST)):
+        if known.any():
+            middle = np.median(values[known], axis=0)
+            known &= (np.abs(np.where(known[:, None], values - middle, 0.0)) <= furthest).all(axis=1)
+    (kept,) = np.nonzero(known)
+    recorded, first = np.unique(times[kept], return_index=True)
+    if not len(recorded):
+        raise CorruptSource(f"{path}: expected poses of the ego, found none; download the log again")
+    return RecordedPoses(recorded, turn[kept[first]], shift[kept[first]], np.flatnonzero(~known))
 
 
-def quaternions(rows: Any, path: Path) -> Float64:
-    """Read quaternions (R, 4) of a table, normalised.
+def quaternions(rows: Any, path: Path) -> tuple[Float64, Bool]:
+    """Read quaternions (R, 4) of a table, normalised, and whether each is one: known, and of length 1 within 1 %.
 
     Raises:
-        CorruptSource: One is far from unit length.
+        CorruptSource: A column is missing or does not contain numbers.
     """
     columns = numbers(rows, path, *QUATERNION)
-    norm = np.linalg.norm(columns, axis=1, keepdims=True)
-    if (np.abs(norm - 1.0) > 1e-2).any():
-        raise CorruptSource(f"{path}: columns qw, qx, qy, qz: expected quaternions of length 1; download it again")
-    unit: Float64 = columns / norm
-    return unit
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+        norm = np.linalg.norm(columns, axis=1, keepdims=True)
+        is_turn: Bool = np.abs(norm[:, 0] - 1.0) <= 1e-2
+        unit: Float64 = columns / norm
+    return unit, is_turn
 
 
 def rotated(turn: Float64, vectors: Float64) -> Float64:

@@ -1,4 +1,4 @@
-"""Read Argoverse 2's Parquet and Feather files as validated columns and (track, timestep) grids."""
+"""Read Argoverse 2's Parquet and Feather files as columns of checked types and (track, timestep) grids."""
 
 from __future__ import annotations
 
@@ -7,11 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.feather
 import pyarrow.parquet
+import pyarrow.types as kinds
 
-from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64
 from scenarionet_data.errors import CorruptSource
+
+_LARGEST = 2.0**62
 
 
 def read_parquet(path: Path) -> pa.Table:
@@ -22,8 +26,8 @@ def read_parquet(path: Path) -> pa.Table:
     """
     try:
         return pa.parquet.ParquetFile(pa.BufferReader(path.read_bytes())).read(use_threads=False)
-    except (OSError, pa.ArrowException) as error:
-        raise _unreadable(path, error) from error
+    except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
+        raise _unreadable(path, "Parquet", error) from error
 
 
 def word_in_footer(path: Path, column: str) -> str:
@@ -32,92 +36,140 @@ def word_in_footer(path: Path, column: str) -> str:
         group = pa.parquet.read_metadata(path).row_group(0)
         names = [group.column(number).path_in_schema for number in range(group.num_columns)]
         statistics = group.column(names.index(column)).statistics
+        return str(statistics.min) if statistics and statistics.has_min_max else ""
     except (OSError, ValueError, IndexError, pa.ArrowException):  # reported when the file is converted
         return ""
-    return str(statistics.min) if statistics and statistics.has_min_max else ""
 
 
 def read_feather(path: Path, columns: Iterable[str]) -> pa.Table:
-    """Read columns of a Feather file.
+    """Read columns of a Feather file; those that it lacks are missing in the result, too.
 
     Raises:
-        CorruptSource: The file is missing, lacks a column, or cannot be read to its end.
+        CorruptSource: The file is missing, or cannot be read to its end.
     """
     try:
-        return pa.feather.read_table(path, columns=list(columns), use_threads=False, memory_map=False)
-    except (OSError, KeyError, pa.ArrowException) as error:
-        raise _unreadable(path, error) from error
+        rows = pa.feather.read_table(path, use_threads=False, memory_map=False)
+        wanted = set(columns)
+        return rows.select([number for number, name in enumerate(rows.column_names) if name in wanted])
+    except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
+        raise _unreadable(path, "Feather", error) from error
 
 
-def _unreadable(path: Path, error: Exception) -> CorruptSource:
-    reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-    return CorruptSource(f"{path} cannot be read ({reason}); download it again")
+def _unreadable(path: Path, form: str, error: Exception) -> CorruptSource:
+    if isinstance(error, OSError) and error.strerror:
+        return CorruptSource(f"{path}: cannot be read ({error.strerror}); download it again")
+    return CorruptSource(f"{path}: expected a complete {form} file, found other bytes; download it again")
 
 
-def column(table: pa.Table, path: Path, name: str) -> pa.ChunkedArray:
-    """Return one column.
+def column(table: pa.Table, path: Path, name: str) -> pa.Array:
+    """Return one column, with nulls.
 
     Raises:
-        CorruptSource: The column is missing or has nulls.
+        CorruptSource: The column is missing, or there are several.
     """
-    if name not in table.column_names:
+    if table.column_names.count(name) != 1:
         names = ", ".join(table.column_names)
-        raise CorruptSource(f"{path}: expected a column {name}, found {names}; is this an Argoverse 2 file?")
-    found = table.column(name)
-    if found.null_count:
-        raise CorruptSource(f"{path}: column {name}: expected no nulls, found {found.null_count}")
-    return found
+        raise CorruptSource(f"{path}: expected one column {name}, found {names}; is this an Argoverse 2 file?")
+    return table.column(name).combine_chunks()
 
 
-def numbers(table: pa.Table, path: Path, *names: str) -> Array:
-    """One column as (R,), or several as (R, len(names)) float64.
+def numbers(table: pa.Table, path: Path, *names: str) -> Float64:
+    """One column as (R,), or several as (R, len(names)) float64; nulls are NaN.
 
     Raises:
-        CorruptSource: A column is missing, or has nulls, NaN or infinities.
+        CorruptSource: A column is missing or does not contain numbers.
     """
-    arrays = [column(table, path, name).to_numpy() for name in names]
-    for name, array in zip(names, arrays, strict=True):
-        if array.dtype.kind not in "biuf" or not np.isfinite(array).all():
-            raise CorruptSource(f"{path}: column {name}: expected finite numbers; download it again")
-    return arrays[0] if len(arrays) == 1 else np.stack(arrays, axis=-1).astype(np.float64, copy=False)
+    arrays = [_numeric(table, path, name).cast(pa.float64(), safe=False) for name in names]
+    values = [np.asarray(array.to_numpy(zero_copy_only=False), np.float64) for array in arrays]
+    return values[0] if len(values) == 1 else np.stack(values, axis=-1)
 
 
-def text(table: pa.Table, path: Path, name: str) -> pa.DictionaryArray:
-    """Return a text column as a dictionary, with words in order of first appearance.
+def integers(table: pa.Table, path: Path, name: str) -> tuple[Int64, Bool]:
+    """A column of whole numbers as (R,) int64, and whether each is known; 0 where it is not.
 
     Raises:
-        CorruptSource: The column is missing or has nulls.
+        CorruptSource: The column is missing or does not contain numbers.
     """
-    return column(table, path, name).combine_chunks().dictionary_encode()
+    found = _numeric(table, path, name)
+    known = np.asarray(pc.is_valid(found).to_numpy(zero_copy_only=False), np.bool_)
+    if not kinds.is_signed_integer(found.type):
+        real = numbers(table, path, name)
+        with np.errstate(invalid="ignore"):
+            known &= (np.abs(real) < _LARGEST) & (np.floor(real) == real)
+        return np.where(known, real, 0.0).astype(np.int64), known
+    return np.asarray(found.fill_null(0).cast(pa.int64()).to_numpy(zero_copy_only=False), np.int64), known
+
+
+def _numeric(table: pa.Table, path: Path, name: str) -> pa.Array:
+    found = column(table, path, name)
+    is_number = kinds.is_integer(found.type) or kinds.is_floating(found.type) or kinds.is_boolean(found.type)
+    if not is_number:
+        raise CorruptSource(f"{path}: column {name}: expected numbers, found {found.type}; download it again")
+    return found.cast(pa.uint8()) if kinds.is_boolean(found.type) else found
+
+
+def text(table: pa.Table, path: Path, name: str) -> tuple[pa.DictionaryArray, Bool]:
+    """A text column as a dictionary, with words in order of first appearance, and whether each row has one.
+
+    Raises:
+        CorruptSource: The column is missing or does not contain text.
+    """
+    found = column(table, path, name)
+    form = found.type.value_type if kinds.is_dictionary(found.type) else found.type
+    try:
+        words = found.cast(form) if kinds.is_dictionary(found.type) else found
+        if not (kinds.is_string(form) or kinds.is_large_string(form)):
+            raise CorruptSource(f"{path}: column {name}: expected text, found {found.type}; download it again")
+        words.validate(full=True)
+    except pa.ArrowException as error:
+        raise CorruptSource(f"{path}: column {name}: expected text, found other bytes; download it again") from error
+    known = np.asarray(pc.is_valid(words).to_numpy(zero_copy_only=False), np.bool_)
+    return words.fill_null("").dictionary_encode(), known
+
+
+def first_word(table: pa.Table, path: Path, name: str) -> str:
+    """The first word of a text column with the same value in all rows.
+
+    Raises:
+        CorruptSource: The column is missing, does not contain text, or has none.
+    """
+    words, known = text(table, path, name)
+    if not known.any():
+        raise CorruptSource(f"{path}: column {name}: expected text, found only nulls; download it again")
+    return str(words[int(np.argmax(known))].as_py())
+
+
+def first_number(table: pa.Table, path: Path, name: str, low: float, high: float) -> int:
+    """The first whole number of a column with the same value in all rows.
+
+    Raises:
+        CorruptSource: The column is missing, or its first known number is not between ``low`` and ``high``.
+    """
+    values, known = integers(table, path, name)
+    first = int(values[int(np.argmax(known))]) if known.any() else None
+    if first is None or not low <= first <= high:
+        found = "nothing" if first is None else first
+        raise CorruptSource(f"{path}: column {name}: expected {low:g} to {high:g}, found {found}; download it again")
+    return first
 
 
 class TrackGrid:
-    """Grid of N tracks and T timesteps, with the cell of each row.
+    """Grid of N tracks and T timesteps, with the cell of each row; at most one row for a track and timestep.
 
     Attributes:
         ids: (N,) tracks in order of first appearance.
         first: (N,) int64 first row of each track.
+        track: (R,) index of each row's track.
         valid: (N, T) bool: whether the cell has a row.
-
-    Raises:
-        CorruptSource: A timestep is outside 0 to T - 1, or a track has two rows for one timestep.
     """
 
-    def __init__(self, tracks: pa.DictionaryArray, timesteps: Array, num_timesteps: int, path: Path) -> None:
-        outside = timesteps[(timesteps < 0) | (timesteps >= num_timesteps)]
-        if len(outside):
-            wanted = f"expected timesteps 0 to {num_timesteps - 1}, found {outside[0]}"
-            raise CorruptSource(f"{path}: {wanted}; download it again")
+    def __init__(self, tracks: pa.DictionaryArray, timesteps: Int64, num_timesteps: int) -> None:
         words = tracks.dictionary.to_pylist()
-        used, self.first, row = np.unique(tracks.indices.to_numpy(), return_index=True, return_inverse=True)
+        used, self.first, self.track = np.unique(tracks.indices.to_numpy(), return_index=True, return_inverse=True)
         self.ids = [words[code] for code in used]
-        self._cell = row * num_timesteps + timesteps
-        counts = np.bincount(self._cell, minlength=len(self.ids) * num_timesteps)
-        if counts.max(initial=0) > 1:
-            track, step = divmod(int(counts.argmax()), num_timesteps)
-            found = f"found {counts.max()} of track {self.ids[track]} at timestep {step}"
-            raise CorruptSource(f"{path}: expected one row per track and timestep, {found}")
-        self.valid = (counts > 0).reshape(len(self.ids), num_timesteps)
+        self._cell = self.track * num_timesteps + timesteps
+        self.valid = np.zeros((len(self.ids), num_timesteps), np.bool_)
+        self.valid.reshape(-1)[self._cell] = True
 
     def place(self, values: Array) -> Array:
         """Scatter values (R, ...) of rows to (N, T, ...), 0 elsewhere."""

@@ -24,6 +24,8 @@ from scenarionet_data.converters.formats.protowire_kernels import (
 
 _WIRE_TYPES = {"v": VARINT, "d": DOUBLE, "f": FLOAT, "-": -1}
 _ROOM = 4096
+_LONGEST = 2**31 - 1
+"""Bytes of a message, by protobuf's own limit; positions are int32."""
 
 
 class DamagedMessage(ValueError):
@@ -55,7 +57,13 @@ class Messages:
 
     @classmethod
     def of(cls, payload: bytes) -> Messages:
-        """A single message."""
+        """A single message.
+
+        Raises:
+            DamagedMessage: It is longer than protobuf allows.
+        """
+        if len(payload) > _LONGEST:
+            raise DamagedMessage(f"{len(payload)} bytes")
         zero = np.zeros(1, np.int32)
         return cls(np.frombuffer(payload, dtype=np.uint8), zero, np.array([len(payload)], np.int32), zero)
 

@@ -39,19 +39,19 @@ class ChunkedTable:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        try:
-            described = json.loads((path / ".zarray").read_bytes())
-            self.dtype = _dtype(described["dtype"])
-            (self._length,), (self._chunk,) = map(_sizes, (described["shape"], described["chunks"]))
-            wanted = {"zarr_format": 2, "filters": None, "order": "C"}
-            found = {name: described[name] for name in wanted}
-            compressor = described["compressor"]
-        except (OSError, ValueError, TypeError, KeyError) as error:
-            wanted_text = "expected the metadata of a one-dimensional zarr array"
-            raise CorruptSource(f"{path}/.zarray: {wanted_text}, found {error!r}; download it again") from error
-        if found != wanted or not 0 < self._chunk * self.dtype.itemsize <= _MAX_CHUNK:
-            raise CorruptSource(f"{path}/.zarray: expected {wanted} and chunks up to 1 GiB, found {found}")
-        self._is_blosc = bool(compressor) and compressor.get("id") == "blosc"
+        described = _read_json(path / ".zarray")
+        wanted = {"zarr_format": 2, "filters": None, "order": "C"}
+        found = {name: described.get(name) for name in wanted}
+        if found != wanted:
+            raise CorruptSource(f"{path}/.zarray: expected {wanted}, found {found}; download it again")
+        self.dtype = _dtype(described.get("dtype"), path)
+        self._length, self._chunk = (_size(described.get(name), name, path) for name in ("shape", "chunks"))
+        if not 0 < self._chunk * self.dtype.itemsize <= _MAX_CHUNK:
+            raise CorruptSource(f"{path}/.zarray: expected chunks of 1 row to 1 GiB, found {self._chunk} rows")
+        compressor = described.get("compressor")
+        if not isinstance(compressor, dict | None):
+            raise CorruptSource(f"{path}/.zarray: compressor: expected its settings by name, found {compressor!r}")
+        self._is_blosc = compressor is not None and compressor.get("id") == "blosc"
         self._codec = _codec(compressor, path)
         self._kept: tuple[int, Array] | None = None
 
@@ -90,12 +90,14 @@ class ChunkedTable:
         except FileNotFoundError as error:
             # zarr reads a missing chunk as zeros; Lyft's writer stores all of them.
             raise CorruptSource(f"{file}: this chunk is missing; download it again") from error
+        except OSError as error:
+            raise CorruptSource(f"{file}: this chunk cannot be read ({error.strerror}); download it again") from error
         if self._is_blosc and not _is_blosc(data, size):
             raise CorruptSource(f"{file}: expected a complete Blosc chunk of {size} bytes; download it again")
         try:
             decoded = bytes(self._codec.decode(data)) if self._codec else data
-        except (RuntimeError, ValueError) as error:
-            raise CorruptSource(f"{file}: cannot be decoded ({error}); download it again") from error
+        except (RuntimeError, ValueError, OSError, EOFError) as error:
+            raise CorruptSource(f"{file}: expected a compressed chunk, found other bytes; download it again") from error
         if len(decoded) != size:
             raise CorruptSource(f"{file}: expected {size} bytes, found {len(decoded)}; download it again")
         return np.frombuffer(decoded, self.dtype)
@@ -107,29 +109,39 @@ def read_attributes(folder: Path) -> dict[str, Any]:
     Raises:
         CorruptSource: Missing or damaged attributes.
     """
+    return _read_json(folder / ".zattrs")
+
+
+def _read_json(path: Path) -> dict[str, Any]:
     try:
-        attributes = json.loads((folder / ".zattrs").read_bytes())
-    except (OSError, ValueError) as error:
-        raise CorruptSource(f"{folder}/.zattrs: cannot be read ({error}); download it again") from error
-    if not isinstance(attributes, dict):
-        raise CorruptSource(f"{folder}/.zattrs: expected attributes by name, found {type(attributes).__name__}")
-    return attributes
+        content = json.loads(path.read_bytes())
+    except OSError as error:
+        raise CorruptSource(f"{path}: cannot be read ({error.strerror}); download it again") from error
+    except (ValueError, RecursionError) as error:
+        raise CorruptSource(f"{path}: expected JSON, found other text; download it again") from error
+    if not isinstance(content, dict):
+        raise CorruptSource(f"{path}: expected a JSON object, found {content!r:.60}; download it again")
+    return content
 
 
-def _dtype(fields: Any) -> np.dtype[Any]:
+def _dtype(fields: Any, path: Path) -> np.dtype[Any]:
     """Parse a record type from its JSON form, with lists in place of tuples."""
-    if not isinstance(fields, list):
-        raise ValueError(f"expected the fields of a record, found {fields!r}")
-    dtype = np.dtype([(name, kind, *(tuple(shape) for shape in rest)) for name, kind, *rest in fields])
-    if dtype.hasobject:
-        raise ValueError("a record that contains Python objects")
+    try:
+        dtype = np.dtype([(name, kind, *(tuple(shape) for shape in rest)) for name, kind, *rest in fields])
+    except (ValueError, TypeError, SyntaxError, OverflowError) as error:
+        wanted = "expected the name, type and shape of each field of a record"
+        raise CorruptSource(f"{path}/.zarray: dtype: {wanted}, found {fields!r:.200}; download it again") from error
+    if dtype.hasobject or not dtype.names or not dtype.itemsize:
+        raise CorruptSource(f"{path}/.zarray: dtype: expected a record of numbers and text, found {fields!r:.200}")
     return dtype
 
 
-def _sizes(sizes: Any) -> list[int]:
-    if not all(isinstance(size, int) and size >= 0 for size in sizes):
-        raise ValueError(f"expected sizes, found {sizes!r}")
-    return list(sizes)
+def _size(sizes: Any, name: str, path: Path) -> int:
+    """The size of a one-dimensional array or chunk."""
+    is_one = isinstance(sizes, list) and len(sizes) == 1 and type(sizes[0]) is int
+    if not (is_one and 0 <= sizes[0] < 2**48):
+        raise CorruptSource(f"{path}/.zarray: {name}: expected a list of one size, found {sizes!r:.60}")
+    return int(sizes[0])
 
 
 def _codec(compressor: Mapping[str, Any] | None, path: Path) -> Any:
@@ -142,8 +154,9 @@ def _codec(compressor: Mapping[str, Any] | None, path: Path) -> Any:
         raise MissingDependency("Lyft's zarr chunks need numcodecs", "lyft") from error
     try:
         return numcodecs.get_codec(dict(compressor))
-    except (ValueError, TypeError) as error:
-        raise CorruptSource(f"{path}/.zarray: no decoder for {compressor}: {error}") from error
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        wanted = "expected a compressor that numcodecs has"
+        raise CorruptSource(f"{path}/.zarray: {wanted}, found {compressor!r:.200}; download it again") from error
 
 
 def _is_blosc(data: bytes, size: int) -> bool:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -22,6 +22,7 @@ from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.base import Budgets, Converter
 from scenarionet_data.converters.lyft.files import (
     DESCRIPTIONS,
+    MAP_FILES,
     damaged_item,
     dataset_folder,
     description_files,
@@ -32,10 +33,12 @@ from scenarionet_data.converters.lyft.files import (
 )
 from scenarionet_data.converters.lyft.map_features import LyftCity, read_city
 from scenarionet_data.converters.lyft.options import LyftOptions
-from scenarionet_data.converters.lyft.recording import LyftRecording, LyftScene
+from scenarionet_data.converters.lyft.recording import TABLES, LyftRecording, LyftScene
 from scenarionet_data.converters.lyft.scenario import CITY, MAP_ID, LyftWindow, describe, windows
 from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario
+from scenarionet_data.converters.unused import unused_files
 from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.passed_over import PassedOver
 from scenarionet_data.ingest.shard import RawItem, Shard, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription
 
@@ -49,7 +52,7 @@ class Lyft(Converter[LyftWindow]):
     """One shard per block of scenes of a recording; the semantic map is shared by all."""
 
     name = "lyft"
-    version = "1"
+    version = "2"
     release = "v1.0"
     licence = "CC BY-NC-SA 4.0"
     raw = "folder with scenes/*.zarr, semantic_map/semantic_map.pb and meta.json, or one of the zarr folders"
@@ -114,6 +117,25 @@ class Lyft(Converter[LyftWindow]):
             folder = Path(os.path.commonpath(files)) if options.maps else root
             items = (RawItem(path.relative_to(folder).as_posix(), fingerprint([path])) for path in files)
             yield Shard(self.name, version, "", MAP_ID, str(folder), tuple(items), Options())
+
+    def passed_over(
+        self, raw: str, split: str, options: LyftOptions, shards: Sequence[Shard]
+    ) -> Iterator[PassedOver]:
+        """List recordings of other splits, tables that are not read, a map that is not wanted, and other files."""
+        taken = {Path(shard.root, scene_of(item)[0]) for shard in shards for item in shard.items}
+        others = [path for path in find_recordings(Path(raw), split="") if path not in taken]
+        if others:
+            names = ", ".join(path.name for path in others)
+            yield PassedOver(f"recordings {names}", len(others), f"of another split than {split}")
+
+        def is_used(path: Path) -> bool:
+            recording = next((parent for parent in path.parents if parent.suffix == ".zarr"), None)
+            if recording is None:
+                return options.has_map and path.name in MAP_FILES
+            is_described = path.parent == recording and path.name.startswith(".z")
+            return recording in others or is_described or path.parent.name in TABLES
+
+        yield from unused_files(Path(raw), is_used)
 
     def map_features(self, shard: Shard) -> MapBuilder:
         """Read the semantic map."""

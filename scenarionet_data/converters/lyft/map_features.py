@@ -18,11 +18,14 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import MapBuilder
+from scenarionet_data.building.plausible import find_bad_geometry
 from scenarionet_data.converters.argoverse2.polylines import between, midlines
+from scenarionet_data.converters.lyft.geodesy import SEMI_MAJOR_AXIS
 from scenarionet_data.converters.lyft.lanes import LaneSide, LaneSides, in_driving_direction
 from scenarionet_data.converters.lyft.wire import LyftWireMap, WireControls, WireLanes, read_map
 from scenarionet_data.converters.lyft.wire import WireSide as WireSide
 from scenarionet_data.errors import CorruptSource
+from scenarionet_data.ingest.defects import Defects
 from scenarionet_data.scenario.vocabulary import LightState
 from scenarionet_data.scenario.vocabulary import MapFeatureType as Type
 
@@ -96,12 +99,17 @@ def read_city(map_file: Path, meta_file: Path, fingerprint: str) -> LyftCity:  #
         CorruptSource: A file is missing or damaged.
     """
     ecef_to_world = np.linalg.inv(_read_world_to_ecef(meta_file)).astype(np.float64)
-    wire = read_map(map_file)
-    lanes = _lanes(wire.lanes, ecef_to_world)
+    wire, file, defects = read_map(map_file), f"{map_file.parent.name}/{map_file.name}", Defects()
+    for number, reason in wire.damaged:
+        defects.drop("maps", file, [f"element {number}"], "element", f"expected a sound map element, found {reason}")
+    defects.drop("maps", file, wire.repeated, "id", "expected elements with ids of their own, found one repeated")
+    lanes = _lanes(wire.lanes, ecef_to_world, file, defects)
     builder = MapBuilder()
     exits = _add_lanes(builder, wire, lanes)
     controlled = _controlled_lanes(wire)
-    _add_controls(builder, wire.controls, ecef_to_world, controlled)
+    centre = np.median(list(exits.values()), axis=0)
+    _add_controls(builder, wire.controls, ecef_to_world, controlled, centre, file, defects)
+    builder.defects = defects.found()
     kinds = zip(wire.controls.ids, wire.controls.kinds.tolist(), strict=True)
     faces = {name: (FACES[kind], controlled.get(name, [])) for name, kind in kinds if kind in FACES}
     return LyftCity(builder, builder.bounds, exits, faces)
@@ -111,12 +119,21 @@ def _read_world_to_ecef(path: Path) -> Float64:
     """(4, 4) transform from the world to earth-centred coordinates."""
     try:
         matrix = np.array(json.loads(path.read_bytes())["world_to_ecef"], dtype=np.float64)
-    except (OSError, ValueError, TypeError, KeyError) as error:
-        raise CorruptSource(f"{path}: expected world_to_ecef, found {error!r}; download it again") from error
-    is_turn = matrix.shape == (4, 4) and np.abs(matrix[:3, :3] @ matrix[:3, :3].T - np.eye(3)).max() < 1e-3
-    if not (is_turn and np.isfinite(matrix).all()):
+    except OSError as error:
+        raise CorruptSource(f"{path}: cannot be read ({error.strerror}); download it again") from error
+    except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
+        raise CorruptSource(f"{path}: expected JSON with the matrix world_to_ecef; download it again") from error
+    if not _is_rigid(matrix):
         raise CorruptSource(f"{path}: world_to_ecef: expected a 4 x 4 rigid transform; download it again")
     return matrix
+
+
+def _is_rigid(matrix: Float64) -> bool:
+    """Whether a matrix is a rotation and a translation by less than two radii of the earth."""
+    if matrix.shape != (4, 4) or not (np.abs(matrix) < 2 * SEMI_MAJOR_AXIS).all():
+        return False
+    is_turn = np.abs(matrix[:3, :3] @ matrix[:3, :3].T - np.eye(3)).max() < 1e-3
+    return bool(is_turn and np.array_equal(matrix[3], [0.0, 0.0, 0.0, 1.0]))
 
 
 def _in_world(points: Float64, ecef_to_world: Float64) -> Float64:
@@ -128,11 +145,19 @@ def _in_world(points: Float64, ecef_to_world: Float64) -> Float64:
 # --- lanes ----------------------------------------------------------------------------------------------
 
 
-def _lanes(wire: WireLanes, ecef_to_world: Float64) -> dict[str, LaneSides]:
-    """Lanes with geometry, by id, in driving direction."""
+def _lanes(wire: WireLanes, ecef_to_world: Float64, file: str, defects: Defects) -> dict[str, LaneSides]:
+    """Lanes with geometry, by id, in driving direction; the others are added to ``defects``."""
     left, right = (_sides(side, ecef_to_world) for side in (wire.left, wire.right))
-    pairs = zip(wire.ids, left, right, strict=True)
-    found = {name: LaneSides(*pair) for name, *pair in pairs if min(len(side.points) for side in pair) > 1}
+    centre = np.median(_in_world(wire.left.lines.values, ecef_to_world), axis=0)
+    found = {}
+    for name, *pair in zip(wire.ids, left, right, strict=True):
+        fewest = min(len(side.points) for side in pair)
+        reason = find_bad_geometry(np.concatenate([side.points for side in pair]), centre)
+        if fewest > 1 and not reason:
+            found[name] = LaneSides(*pair)
+        else:
+            reason = reason or f"expected at least 2 points on each side, found {fewest}"
+            defects.drop("maps", file, [f"lane {name}"], "boundary", reason)
     is_backward = dict(zip(wire.ids, (wire.orientations == _BACKWARD).tolist(), strict=True))
     return in_driving_direction(found, is_backward, dict(zip(wire.ids, wire.ahead, strict=True)))
 
@@ -244,13 +269,23 @@ def _controlled_lanes(wire: LyftWireMap) -> dict[str, list[str]]:
 
 
 def _add_controls(
-    builder: MapBuilder, controls: WireControls, ecef_to_world: Float64, controlled: Mapping[str, Sequence[str]]
+    builder: MapBuilder,
+    controls: WireControls,
+    ecef_to_world: Float64,
+    controlled: Mapping[str, Sequence[str]],
+    centre: Float64,
+    file: str,
+    defects: Defects,
 ) -> None:
     """Add areas, stop signs and stop lines; other signs have no feature type."""
     places = Ragged(controls.points.offsets, _in_world(controls.points.values, ecef_to_world))
     for name, kind, points in zip(controls.ids, controls.kinds.tolist(), places, strict=True):
         lanes = controlled.get(name, ())
-        if kind in _AREAS and len(points) > 2:
+        is_used = kind in _AREAS or kind in (_STOP_SIGN, _STOP_LINE)
+        reason = find_bad_geometry(points, centre) if is_used else None
+        if reason:
+            defects.drop("maps", file, [f"traffic control {name}"], "points", reason)
+        elif kind in _AREAS and len(points) > 2:
             builder.add(name, _AREAS[kind], polygon=points, controlled_lanes=lanes)
         elif kind == _STOP_SIGN:
             builder.add(name, Type.STOP_SIGN, polyline=points.mean(axis=0, keepdims=True), controlled_lanes=lanes)

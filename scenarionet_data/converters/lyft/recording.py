@@ -10,27 +10,49 @@ Format version 1 has no lights and narrower numbers. Ranges are half open and co
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Float64, Int64
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64
 from scenarionet_data.converters.formats.zarr2 import ChunkedTable, read_attributes
 from scenarionet_data.errors import CorruptSource, InvalidScenario
 
-_FIELDS = {
-    "scenes": {"frame_index_interval": (2,), "host": (), "start_time": (), "end_time": ()},
-    "frames": {
-        "timestamp": (),
-        "agent_index_interval": (2,),
-        "ego_translation": (3,),
-        "ego_rotation": (3, 3),
+_Field = tuple[tuple[int, ...] | None, str]
+"""Shape, None for any, and kinds of dtype."""
+_INTEGER, _REAL, _TEXT = "iu", "f", "U"
+_FIELDS: dict[str, dict[str, _Field]] = {
+    "scenes": {
+        "frame_index_interval": ((2,), _INTEGER),
+        "host": ((), _TEXT),
+        "start_time": ((), _INTEGER),
+        "end_time": ((), _INTEGER),
     },
-    "agents": {"centroid": (2,), "extent": (3,), "yaw": (), "velocity": (2,), "track_id": ()},
-    "traffic_light_faces": {"face_id": (), "traffic_light_id": (), "traffic_light_face_status": (3,)},
+    "frames": {
+        "timestamp": ((), _INTEGER),
+        "agent_index_interval": ((2,), _INTEGER),
+        "ego_translation": ((3,), _REAL),
+        "ego_rotation": ((3, 3), _REAL),
+    },
+    "agents": {
+        "centroid": ((2,), _REAL),
+        "extent": ((3,), _REAL),
+        "yaw": ((), _REAL),
+        "velocity": ((2,), _REAL),
+        "track_id": ((), _INTEGER),
+        "label_probabilities": (None, _REAL),
+    },
+    "traffic_light_faces": {
+        "face_id": ((), _TEXT),
+        "traffic_light_id": ((), _TEXT),
+        "traffic_light_face_status": ((3,), _REAL),
+    },
 }
+TABLES = frozenset(_FIELDS)
+"""Names of the tables."""
 _LIGHTS = "traffic_light_faces_index_interval"
 _RANGES = {"agents": "agent_index_interval", "traffic_light_faces": _LIGHTS}
 """Column of the frames with their range of rows, by table."""
@@ -75,18 +97,23 @@ class LyftContent:
     """Rows of consecutive frames: T frames, R agents, K faces.
 
     Attributes:
+        first: Row of the first frame.
         times: (T,) int64 [ns].
         ego: (T, 3) x, y [m], yaw [rad].
         frame, faces_frame: (R,) and (K,) frame of each row, from 0.
         agents, faces: (R,) and (K,) records.
+        agents_row, faces_row: (R,) and (K,) row of each record in its table.
     """
 
+    first: int
     times: Int64
     ego: Float64
     frame: Int64
     agents: Array
+    agents_row: Int64
     faces_frame: Int64
     faces: Array
+    faces_row: Int64
 
 
 class LyftRecording:
@@ -104,7 +131,7 @@ class LyftRecording:
     def __init__(self, path: Path) -> None:
         self.path = path
         attributes = read_attributes(path)
-        self.labels = tuple(map(str, attributes.get("labels", LABELS)))
+        self.labels = _labels(path, attributes)
         self._tables = {name: _table(path, name) for name in ("scenes", "frames", "agents")}
         self._has_lights = _LIGHTS in self._names("frames")
         if self._has_lights:
@@ -113,7 +140,10 @@ class LyftRecording:
         if shape != (len(self.labels),):
             raise CorruptSource(f"{path}: expected a probability for each of {len(self.labels)} labels, found {shape}")
         table = self._tables["scenes"]
-        self.scenes = [_scene(index, row) for index, row in enumerate(table.rows(0, len(table)))]
+        rows = table.rows(0, len(table))
+        if not is_text(rows["host"]).all():
+            raise CorruptSource(f"{path / 'scenes'}: expected host to be text; download it again")
+        self.scenes = [_scene(index, row) for index, row in enumerate(rows)]
 
     def _names(self, table: str) -> tuple[str, ...]:
         return self._tables[table].dtype.names or ()
@@ -140,19 +170,22 @@ class LyftRecording:
             CorruptSource: A chunk is missing or damaged.
         """
         frames = self._frames(first, last, where)
-        frame, agents = self._parts("agents", frames, where)
-        faces_frame, faces = np.zeros(0, np.int64), np.zeros(0)
+        frame, agents, agents_row = self._parts("agents", frames, where)
+        faces_frame, faces, faces_row = np.zeros(0, np.int64), np.zeros(0), np.zeros(0, np.int64)
         if self._has_lights:
-            faces_frame, faces = self._parts("traffic_light_faces", frames, where)
+            faces_frame, faces, faces_row = self._parts("traffic_light_faces", frames, where)
         turn = frames["ego_rotation"].astype(np.float64)
         yaw = np.arctan2(turn[:, 1, 0], turn[:, 0, 0])
         return LyftContent(
+            first=first,
             times=frames["timestamp"].astype(np.int64),
             ego=np.column_stack([frames["ego_translation"][:, :2], yaw]),
             frame=frame,
             agents=agents,
+            agents_row=agents_row,
             faces_frame=faces_frame,
             faces=faces,
+            faces_row=faces_row,
         )
 
     def content_files(self, first: int, last: int, where: str) -> list[Path]:
@@ -169,10 +202,10 @@ class LyftRecording:
             raise InvalidScenario(where, "frame_index_interval", f"{wanted}, found {first} ... {last}")
         return self._tables["frames"].rows(first, last)
 
-    def _parts(self, name: str, frames: Array, where: str) -> tuple[Int64, Array]:
-        """Rows of consecutive frames in a table, with the frame of each."""
+    def _parts(self, name: str, frames: Array, where: str) -> tuple[Int64, Array, Int64]:
+        """The frame of each row of consecutive frames in a table, the row, and its number."""
         lengths, first, last = self._range(name, frames, where)
-        return np.repeat(np.arange(len(lengths)), lengths), self._tables[name].rows(first, last)
+        return np.repeat(np.arange(len(lengths)), lengths), self._tables[name].rows(first, last), np.arange(first, last)
 
     def _range(self, name: str, frames: Array, where: str) -> tuple[Int64, int, int]:
         """Number of rows of each consecutive frame in a table, the first row, and the one after the last."""
@@ -188,12 +221,32 @@ class LyftRecording:
 
 def _table(path: Path, name: str) -> ChunkedTable:
     table = ChunkedTable(path / name)
-    wanted = dict(_FIELDS[name])
-    found = {field: table.dtype[field].shape for field in table.dtype.names or ()}
-    wrong = [field for field, shape in wanted.items() if found.get(field) != shape]
-    if wrong or (name == "agents" and "label_probabilities" not in found):
-        raise CorruptSource(f"{path / name}: expected {list(wanted)}, found {list(found)}; is this a Lyft recording?")
+    for field, (shape, kinds) in _FIELDS[name].items():
+        names = table.dtype.names or ()
+        if field not in names:
+            raise CorruptSource(f"{path / name}: expected a field {field}, found {list(names)}; is this a Lyft recording?")
+        found = table.dtype[field]
+        if found.base.kind not in kinds or shape not in (None, found.shape):
+            wanted = {"iu": "integers", "f": "real numbers", "U": "text"}[kinds]
+            wanted += "" if shape in (None, ()) else f" of shape {shape}"
+            raise CorruptSource(f"{path / name}: field {field}: expected {wanted}, found {found}; is this a Lyft recording?")
     return table
+
+
+def _labels(path: Path, attributes: Mapping[str, Any]) -> tuple[str, ...]:
+    labels = attributes.get("labels", LABELS)
+    if not isinstance(labels, list | tuple) or not all(isinstance(label, str) for label in labels):
+        raise CorruptSource(f"{path}/.zattrs: labels: expected a list of names, found {labels!r}; download it again")
+    return tuple(labels)
+
+
+def is_text(words: Array) -> Bool:
+    """Whether each of some words (K,) of a record is text: damaged ones contain numbers that are not characters."""
+    codes = np.ascontiguousarray(words).view(np.uint32).reshape(len(words), -1)
+    is_control = (codes > 0) & (codes < 0x20)  # 0 is padding
+    is_character: Array = ~is_control & (codes < 0xD800) | ((codes > 0xDFFF) & (codes < 0x110000))
+    known: Bool = np.logical_and.reduce(is_character, axis=1)
+    return known
 
 
 def _scene(index: int, row: Any) -> LyftScene:

@@ -7,13 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.arrays.dtypes import Bool, Float64
 from scenarionet_data.building import make_origin
+from scenarionet_data.building.plausible import find_bad_rows
 from scenarionet_data.converters.lyft.lights import lights
 from scenarionet_data.converters.lyft.map_features import LyftCity
 from scenarionet_data.converters.lyft.options import DT, LyftOptions
 from scenarionet_data.converters.lyft.recording import LyftContent, LyftRecording, LyftScene
-from scenarionet_data.converters.lyft.tracks import EGO, tracks
+from scenarionet_data.converters.lyft.tracks import EGO, drop_bad_rows, tracks
+from scenarionet_data.errors import InvalidScenario
+from scenarionet_data.ingest.defects import Defects
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.description import ScenarioDescription, Source, make_scenario_id
 
@@ -66,8 +69,11 @@ def describe(shard: Shard, window: LyftWindow, licence: str) -> ScenarioDescript
     scene, recording, options = window.scene, window.recording, window.options
     where = make_scenario_id(shard.dataset, shard.version, scene.name, f"frame{window.first}")
     content = recording.read(window.first, window.last, where)
-    origin = make_origin(content.ego, np.ones(len(content.times), np.bool_), has_z=False)
-    objects, num_repaired = tracks(content, recording.labels, origin, where, options.keep_unknown)
+    file, defects = recording.path.relative_to(shard.root).as_posix(), Defects()
+    has_ego = _known_egos(content, where, file, defects)
+    content = drop_bad_rows(content, has_ego, file, defects)
+    origin = make_origin(content.ego, has_ego, has_z=False)
+    objects, num_repaired = tracks(content, has_ego, recording.labels, origin, options.keep_unknown)
     box, city = _map_window(content, options.radius), window.city
     return ScenarioDescription(
         id=make_scenario_id(shard.dataset, shard.version, scene.name, int(content.times[0])),
@@ -82,7 +88,7 @@ def describe(shard: Shard, window: LyftWindow, licence: str) -> ScenarioDescript
         has_z=False,
         source=Source(
             scenario_id=scene.name,
-            file=recording.path.relative_to(shard.root).as_posix(),
+            file=file,
             licence=licence,
             log=scene.name,
             city=CITY,
@@ -100,7 +106,29 @@ def describe(shard: Shard, window: LyftWindow, licence: str) -> ScenarioDescript
             "start_timestamp_ns": int(content.times[0]),
             "num_repaired_velocities": num_repaired,
         },
+        defects=defects.found(),
     )
+
+
+def _known_egos(content: LyftContent, where: str, file: str, defects: Defects) -> Bool:
+    """(T,) whether the ego's pose is known; the others are dropped and interpolated, as a reference for agents.
+
+    Raises:
+        InvalidScenario: No pose can be used.
+    """
+    finite: Bool = np.logical_and.reduce(np.isfinite(content.ego), axis=1)
+    if not finite.any():
+        raise InvalidScenario(where, "frames.ego_translation", "expected poses of the ego, found none that is finite")
+    position = np.pad(content.ego[:, :2], ((0, 0), (0, 1)))
+    middle = np.median(content.ego[finite, :2], axis=0)
+    known = np.ones(len(finite), np.bool_)
+    for bad in find_bad_rows(position, content.ego[:, 2], None, None, middle):
+        rows = content.first + np.flatnonzero(bad.mask)
+        defects.drop("tracks", f"{file}/frames", rows.tolist(), f"ego_{bad.field}", bad.reason)
+        known &= ~bad.mask
+    for column in content.ego.T:
+        column[~known] = np.interp(np.flatnonzero(~known), np.flatnonzero(known), column[known])
+    return known
 
 
 def _map_window(content: LyftContent, radius: float) -> LyftBox:

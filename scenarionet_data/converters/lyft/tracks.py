@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
+from dataclasses import replace
 
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64
 from scenarionet_data.arrays.geometry import estimate_velocity
 from scenarionet_data.building import make_tracks_of_rows
-from scenarionet_data.converters.lyft.recording import LyftContent
-from scenarionet_data.errors import InvalidScenario
+from scenarionet_data.building.plausible import find_bad_rows, find_repeated_rows
+from scenarionet_data.converters.lyft.recording import LyftContent, is_text
+from scenarionet_data.ingest.defects import Defects
 from scenarionet_data.scenario.description import Tracks
 from scenarionet_data.scenario.vocabulary import ObjectType
 
@@ -33,13 +35,60 @@ _GROUPS = {
     ObjectType.PEDESTRIAN: "PEDESTRIAN",
 }
 _TYPES = {f"PERCEPTION_LABEL_{word}": kind for kind, words in _GROUPS.items() for word in words.split()}
+_FIELDS = {"position": "centroid", "heading": "yaw", "velocity": "velocity", "size": "extent"}
+"""Names in the agents' records."""
 _UNTOLD = frozenset(
     {*(f"PERCEPTION_LABEL_{word}" for word in ("NOT_SET", "UNKNOWN", "DONTCARE")), "AVRESEARCH_LABEL_DONTCARE"}
 )
 
 
+def drop_bad_rows(content: LyftContent, has_ego: Bool, file: str, defects: Defects) -> LyftContent:
+    """Return the content without agents and faces that cannot be used.
+
+    Args:
+        content: T frames.
+        has_ego: (T,) whether the ego's pose is known, not interpolated.
+        file: The recording.
+        defects: The dropped rows are added to it.
+    """
+    agents = content.agents
+    position = np.pad(agents["centroid"], ((0, 0), (0, 1))).astype(np.float64)
+    found = find_bad_rows(
+        position, agents["yaw"], agents["velocity"], agents["extent"], content.ego[content.frame, :2]
+    )
+    is_good = np.ones(len(agents), np.bool_)
+    for bad in found:
+        rows = content.agents_row[bad.mask].tolist()
+        defects.drop("tracks", f"{file}/agents", rows, _FIELDS[bad.field], bad.reason)
+        is_good &= ~bad.mask
+    (kept,) = np.nonzero(is_good)
+    repeated = find_repeated_rows(agents["track_id"][kept], content.frame[kept])
+    if repeated:
+        rows = content.agents_row[kept[repeated.mask]].tolist()
+        defects.drop("tracks", f"{file}/agents", rows, "track_id", repeated.reason)
+        kept = kept[~repeated.mask]
+    is_told = np.isfinite(agents["label_probabilities"]).all(axis=1)
+    rows = content.agents_row[is_good & ~is_told].tolist()
+    defects.assume("tracks", f"{file}/agents", rows, "label_probabilities", "expected probabilities, found NaN")
+    faces = content.faces
+    is_named = np.ones(len(faces), np.bool_)
+    if len(faces):
+        is_named = is_text(faces["face_id"]) & is_text(faces["traffic_light_id"])
+        rows = content.faces_row[~is_named].tolist()
+        defects.drop("lights", f"{file}/traffic_light_faces", rows, "face_id", "expected text, found other bytes")
+    return replace(
+        content,
+        frame=content.frame[kept],
+        agents=agents[kept],
+        agents_row=content.agents_row[kept],
+        faces_frame=content.faces_frame[is_named],
+        faces=faces[is_named],
+        faces_row=content.faces_row[is_named],
+    )
+
+
 def tracks(
-    content: LyftContent, labels: Sequence[str], origin: Float64, where: str, keep_unknown: bool
+    content: LyftContent, has_ego: Bool, labels: Sequence[str], origin: Float64, keep_unknown: bool
 ) -> tuple[Tracks, int]:
     """Build the agents followed by the ego; return the number of repaired velocities as well.
 
@@ -47,32 +96,29 @@ def tracks(
     estimate, even for moving road users; their velocity is estimated from positions.
 
     Args:
-        content: T frames.
+        content: T frames, without unusable rows.
+        has_ego: (T,) whether the ego's pose is known.
         labels: Names of the labels.
         origin: (3,) [m].
-        where: Name of the scenario in errors.
         keep_unknown: Whether to keep objects of unknown type.
-
-    Raises:
-        InvalidScenario: A track has two rows in one frame.
     """
-    rows = _Rows(content, labels, where)
+    rows = _Rows(content, labels)
     if not keep_unknown:
         rows = rows.known()
     times = (content.times - content.times[0]) * 1e-9
     kinds = np.array([_TYPES.get(word, ObjectType.OTHER) for word in rows.words], np.uint8)
     velocity, is_repaired = _repaired(rows, np.isin(kinds, list(_GROUPS)), times)
-    agents, ego, count, steps = rows.agents, content.ego, len(rows.ids), len(times)
-    ego_velocity = estimate_velocity(ego[None, :, :2], np.ones((1, steps), np.bool_), times)[0]
+    agents, ego, count, steps = rows.agents, content.ego[has_ego], len(rows.ids), len(times)
+    ego_velocity = estimate_velocity(content.ego[None, :, :2], has_ego[None], times)[0, has_ego]
     made = make_tracks_of_rows(
         [*map(str, rows.ids.tolist()), EGO],
         [*kinds, ObjectType.VEHICLE],
         np.pad(np.concatenate([agents["centroid"], ego[:, :2]]), ((0, 0), (0, 1))),
         np.concatenate([agents["yaw"], ego[:, 2]]),
         np.concatenate([velocity, ego_velocity]),
-        np.concatenate([agents["extent"], np.tile(np.array(EGO_SIZE, np.float32), (steps, 1))]),
-        np.concatenate([rows.track, np.full(steps, count)]),
-        np.concatenate([rows.frame, np.arange(steps)]),
+        np.concatenate([agents["extent"], np.tile(np.array(EGO_SIZE, np.float32), (len(ego), 1))]),
+        np.concatenate([rows.track, np.full(len(ego), count)]),
+        np.concatenate([rows.frame, np.flatnonzero(has_ego)]),
         steps,
         origin=origin,
         source_type=[*rows.words, "EGO"],
@@ -94,15 +140,11 @@ class _Rows:
         is_word_varied: (N,) whether the label varies over a track's frames.
     """
 
-    def __init__(self, content: LyftContent, labels: Sequence[str], where: str) -> None:
+    def __init__(self, content: LyftContent, labels: Sequence[str]) -> None:
         order = np.lexsort((content.frame, content.agents["track_id"]))
         self.agents, self.frame = content.agents[order], content.frame[order]
         self.ids, first, self.track = np.unique(self.agents["track_id"], return_index=True, return_inverse=True)
-        (twice,) = np.nonzero((np.diff(self.track) == 0) & (np.diff(self.frame) == 0))
-        if len(twice):
-            found = f"found more of track {self.agents['track_id'][twice[0]]} at timestep {self.frame[twice[0]]}"
-            raise InvalidScenario(where, "agents.track_id", f"expected one row per track and frame, {found}")
-        probabilities = self.agents["label_probabilities"]
+        probabilities = np.nan_to_num(self.agents["label_probabilities"], posinf=0.0, neginf=0.0).clip(0.0, 1.0)
         total = np.add.reduceat(probabilities, first, axis=0) if len(first) else np.zeros((0, len(labels)))
         label = total.argmax(axis=1)
         differs = probabilities.argmax(axis=1) != label[self.track]

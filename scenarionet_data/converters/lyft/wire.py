@@ -6,7 +6,7 @@ to the lake's vocabulary; ``protowire`` decodes bytes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -23,6 +23,8 @@ T = TypeVar("T")
 
 _SEGMENT, _LANE, _CONTROL, _JUNCTION = 1, 3, 4, 5
 """Kinds of map elements, by field number in MapElement.Element."""
+_MAX_DAMAGED = 0.2
+"""Share of damaged elements above which a map cannot be used."""
 _CONTROL_DATA = (2, 3, 4, 5, 6, 48)
 """Fields of a TrafficControlElement other than its kind."""
 
@@ -96,36 +98,76 @@ class LyftWireMap:
         lanes, controls: As above.
         segments: Speed limit forwards and backwards [m/s] (0 if unknown) and RoadClass, by id.
         junctions: Whether it is a real intersection, by id.
+        damaged: Numbers of the elements that cannot be decoded, and were left out, each with the reason.
+        repeated: Ids of elements that an earlier one has, left out as well.
     """
 
     lanes: WireLanes
     controls: WireControls
     segments: dict[str, tuple[float, float, int]]
     junctions: dict[str, bool]
+    damaged: tuple[tuple[int, str], ...] = ()
+    repeated: tuple[str, ...] = ()
 
 
 def read_map(path: Path) -> LyftWireMap:
-    """Read a semantic map.
+    """Read a semantic map, without the elements that cannot be decoded.
 
     Raises:
-        CorruptSource: The file is missing, not such a message, or has no lanes.
+        CorruptSource: The file is missing, not such a message, or more than one in five elements cannot be decoded.
     """
     try:
-        found = _decode(path.read_bytes())
-    except (OSError, DamagedMessage, UnicodeDecodeError, ValueError) as error:
-        wanted = "expected Lyft's semantic map"
-        raise CorruptSource(f"{path}: {wanted}, found {error}; download it again") from error
+        elements = Messages.of(path.read_bytes()).fields().parts(2)
+    except OSError as error:
+        raise CorruptSource(f"{path}: cannot be read ({error.strerror}); download it again") from error
+    except DamagedMessage as error:
+        raise CorruptSource(f"{path}: expected Lyft's semantic map, found {error}; download it again") from error
+    damaged: list[tuple[int, str]] = []
+    try:
+        found = _decode(elements)
+    except ValueError as error:
+        damaged = _damaged(elements)
+        if len(damaged) > len(elements) * _MAX_DAMAGED:
+            share = f"{len(damaged):,} of {len(elements):,} elements damaged"
+            raise CorruptSource(f"{path}: expected Lyft's semantic map, found {share}; download it again") from error
+        elements = elements[np.delete(np.arange(len(elements)), [number for number, _ in damaged])]
+        found = _decode(elements)
+    names = _single_ids(elements.fields(), 1, len(elements))
+    _, first = np.unique(names, return_index=True)
+    repeated = [names[row] for row in np.delete(np.arange(len(names)), first)]
+    if repeated:
+        found = _decode(elements[np.sort(first)])
     if not found.lanes.ids:
         raise CorruptSource(f"{path}: expected Lyft's semantic map, found no lanes in it; download it again")
+    return replace(found, damaged=tuple(damaged), repeated=tuple(repeated))
+
+
+def _damaged(elements: Messages) -> list[tuple[int, str]]:
+    """Numbers of the elements that cannot be decoded, found by halving, each with the reason."""
+    waiting, found = [np.arange(len(elements))], list[tuple[int, str]]()
+    while waiting and len(found) <= len(elements) * _MAX_DAMAGED:
+        rows = waiting.pop()
+        try:
+            _decode(elements[rows])
+        except ValueError as error:
+            if len(rows) == 1:
+                found.append((int(rows[0]), "no text" if isinstance(error, UnicodeError) else str(error)))
+            else:
+                waiting += [rows[len(rows) // 2 :], rows[: len(rows) // 2]]
     return found
 
 
-def _decode(payload: bytes) -> LyftWireMap:
-    elements = Messages.of(payload).fields().parts(2)
+def _decode(elements: Messages) -> LyftWireMap:
+    """Decode some elements.
+
+    Raises:
+        ValueError: One of them is damaged.
+    """
+    count = len(elements)
     fields = elements.fields()
-    ids = _single_ids(fields, 1, len(elements))
-    if "" in ids or len(set(ids)) < len(ids):
-        raise ValueError("elements without an id")
+    ids = _single_ids(fields, 1, count)
+    if "" in ids:
+        raise ValueError("an element without an id")
     bodies = fields.parts(2)
     inside = bodies.fields()
 

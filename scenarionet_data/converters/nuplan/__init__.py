@@ -12,9 +12,11 @@ UTM zone. Heights are dropped, as the maps have none.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
+from typing import ClassVar, get_args
 
 import numpy as np
 
@@ -34,8 +36,10 @@ from scenarionet_data.converters.nuplan.log import NuPlanLog, opened, read_log
 from scenarionet_data.converters.nuplan.map_features import read_city
 from scenarionet_data.converters.nuplan.scenario import Cut, describe
 from scenarionet_data.converters.nuplan.windows import NuPlanWindow, scenes, tag_windows
+from scenarionet_data.converters.unused import counted, unused_files
 from scenarionet_data.errors import BadParameter, CorruptSource
-from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.options import Frames, Options
+from scenarionet_data.ingest.passed_over import PassedOver
 from scenarionet_data.ingest.shard import RawItem, Shard, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription
 
@@ -54,7 +58,10 @@ class NuPlanOptions(Options):
     )
     past: float = field(default=2.0, metadata={"doc": "History [s]: before a tag, or from the start of a scene."})
     future: float = field(default=8.0, metadata={"doc": "With by=tag: future after the tag [s]."})
-    rate: int = field(default=10, metadata={"doc": "Timesteps per second: 10, or 20 as recorded."})
+    frames: Frames = field(
+        default="resampled",
+        metadata={"doc": "resampled: every second recorded sweep, 10 per second; recorded: every sweep, 20."},
+    )
     radius: float = field(
         default=100.0, metadata={"doc": "Margin of the map around the bounding box of the ego's path [m]."}
     )
@@ -66,16 +73,23 @@ class NuPlanOptions(Options):
         },
     )
 
+    removed: ClassVar[Mapping[str, str]] = MappingProxyType({"rate": "set frames to 'recorded' for 20 per second"})
+
     def __post_init__(self) -> None:
         if self.by not in ("scene", "tag"):
             raise BadParameter(f"by: expected scene or tag, found {self.by!r}")
         if self.tags and self.by != "tag":
             raise BadParameter("tags: only used with by=tag; with by=scene all scenes are converted")
-        if self.rate not in (10, 20):
-            raise BadParameter(f"rate: expected 10 or 20 per second, found {self.rate}")
+        if self.frames not in get_args(Frames):
+            raise BadParameter(f"frames: expected recorded or resampled, found {self.frames!r}")
         if not (0.0 <= self.past < 1e6 and 0.0 <= self.future < 1e6 and 0.0 <= self.radius < 1e6):
             found = f"{self.past}, {self.future} and {self.radius}"
             raise BadParameter(f"past, future, radius: expected values of 0 or more, found {found}")
+
+    @property
+    def stride(self) -> int:
+        """Number of sweeps per timestep."""
+        return 1 if self.frames == "recorded" else 2
 
     @property
     def wanted(self) -> frozenset[str]:
@@ -87,7 +101,7 @@ class NuPlan(Converter[Cut]):
     """One shard per log; the maps of the cities are shared."""
 
     name = "nuplan"
-    version = "1"
+    version = "2"
     release = "v1.1"
     licence = "CC BY-NC-SA 4.0"
     raw = "folder of nuPlan logs (*.db), with the maps in it or in $NUPLAN_MAPS_ROOT"
@@ -108,6 +122,16 @@ class NuPlan(Converter[Cut]):
             name = re.sub(r"[^A-Za-z0-9._-]", "-", log.stem)
             yield Shard(self.name, version, split, name, raw, (item,), resolved, properties_of(log, places[log]))
 
+    def passed_over(self, raw: str, split: str, options: NuPlanOptions, shards: Sequence[Shard]) -> Iterator[PassedOver]:
+        """List maps of cities without logs, and the files that are not read."""
+        atlas = find_atlas(Path(raw), options.maps)
+        known = {atlas.root / name / version / "map.gpkg" for name, version in atlas.versions.items()}
+        used = {path for _, path in (atlas.find(place_of(path)) or ("", path) for s in shards for path in s.paths)}
+        idle = {path for path in known if path.is_file() and path not in used}
+        yield from counted("maps", len(idle), "no log of the split was recorded there")
+        logs = {path for shard in shards for path in shard.paths}
+        yield from unused_files(Path(raw), {*logs, *known, atlas.manifest}.__contains__, split, self.ignored)
+
     def files(self, shard: Shard) -> Iterator[list[str]]:
         """The log and, if below the same root, the map of its city."""
         (item,), (path,), root, maps = shard.items, shard.paths, Path(shard.root), Path(_options(shard).maps)
@@ -124,8 +148,9 @@ class NuPlan(Converter[Cut]):
         (path,) = shard.paths
         with opened(path) as database:
             log = read_log(database, path)
-        map_id, place = find_atlas(path.parent, options.maps).map_of(log.place, path)
-        city = read_city(place)
+        atlas = find_atlas(path.parent, options.maps)
+        map_id, place = atlas.map_of(log.place, path)
+        city = read_city(place, atlas.root)
         if log.epsg is not None and city.projection.lower() != f"epsg:{log.epsg}":
             raise CorruptSource(f"{path}: recorded in epsg:{log.epsg}, but its map {place} is in {city.projection}")
         windows = _windows(log, options)
@@ -134,7 +159,7 @@ class NuPlan(Converter[Cut]):
             is_wanted[window.sweeps] = True
         content = read_content(path, log, is_wanted)
         for window in windows:
-            yield Cut(log, content, window, city, map_id, options.radius, 20 // options.rate)
+            yield Cut(log, content, window, city, map_id, options.radius, options.stride)
 
     def scenario(self, shard: Shard, record: Cut) -> ScenarioDescription:
         """Convert a window."""
@@ -149,7 +174,7 @@ class NuPlan(Converter[Cut]):
 
     def map_features(self, shard: Shard) -> MapBuilder:
         """Read a city's map."""
-        return read_city(shard.paths[0]).features
+        return read_city(shard.paths[0], Path(shard.root)).features
 
 
 def _options(shard: Shard) -> NuPlanOptions:
@@ -159,7 +184,6 @@ def _options(shard: Shard) -> NuPlanOptions:
 
 
 def _windows(log: NuPlanLog, options: NuPlanOptions) -> list[NuPlanWindow]:
-    stride = 20 // options.rate
     if options.by == "scene":
-        return list(scenes(log, stride, options.past))
-    return list(tag_windows(log, stride, options.past, options.future, options.wanted))
+        return list(scenes(log, options.stride, options.past))
+    return list(tag_windows(log, options.stride, options.past, options.future, options.wanted))

@@ -19,6 +19,7 @@ SENSORS = frozenset({"sensor_blobs"})
 """Folders with millions of images and point clouds, which are not searched."""
 MANIFESTS = "nuplan-maps-v*.json"
 """File with the list of map versions."""
+_NAME = re.compile(r"[A-Za-z0-9._-]{1,128}")
 _MANIFEST = re.compile(r"nuplan-maps-v[\d.]+\.json")
 
 
@@ -144,11 +145,21 @@ def find_atlas(root: Path, maps: str) -> Atlas:
 
 
 def _versions(manifest: Path) -> dict[str, str]:
+    """Version of each location with a usable entry."""
+    wanted = "expected map versions"
     try:
         entries = json.loads(manifest.read_bytes())
-        return {location: str(entry["version"]) for location, entry in entries.items()}
-    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
-        raise CorruptSource(f"{manifest}: expected map versions, found {error!r}; download the maps again") from error
+    except (OSError, ValueError, RecursionError) as error:
+        raise CorruptSource(f"{manifest}: {wanted}, found no JSON; download the maps again") from error
+    stated = {
+        location: str(entry["version"])
+        for location, entry in (entries.items() if isinstance(entries, dict) else ())
+        if isinstance(entry, dict) and isinstance(entry.get("version"), str | int | float)
+    }
+    found = {place: version for place, version in stated.items() if _NAME.fullmatch(f"{place}-{version}")}
+    if not found:
+        raise CorruptSource(f"{manifest}: {wanted} by location, found none; download the maps again")
+    return found
 
 
 def _walk(root: Path) -> Iterator[Path]:

@@ -6,8 +6,9 @@ read faster than GDAL, with one dependency less. Only the projection needs pypro
 
 from __future__ import annotations
 
+import re
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,7 +19,10 @@ import numpy as np
 import shapely
 
 from scenarionet_data.arrays.dtypes import Float64, Int64, Object
+from scenarionet_data.building.plausible import MAX_MAP_DISTANCE
+from scenarionet_data.converters.nuplan.log import as_text, finding, uri
 from scenarionet_data.errors import CorruptSource, MissingDependency
+from scenarionet_data.ingest.defects import Defects
 
 _ENVELOPE = (0, 32, 48, 48, 64)
 """Size of the envelope in a geometry's header [bytes], by its type."""
@@ -43,13 +47,33 @@ class Layer:
     def __getitem__(self, column: str) -> list[Any]:
         return self.columns[column]
 
+    def take(self, rows: Sequence[int]) -> Layer:
+        """The features at ``rows``."""
+        columns = {name: [values[row] for row in rows] for name, values in self.columns.items()}
+        points = [self.points[row] for row in rows]
+        return Layer([self.fids[row] for row in rows], points, self.num_holes[list(rows)], columns)
+
 
 class GeoPackage:
-    """An open GeoPackage with its projected coordinate system in the table ``meta``, as in nuPlan."""
+    """An open GeoPackage with its projected coordinate system in the table ``meta``, as in nuPlan.
 
-    def __init__(self, database: sqlite3.Connection, path: Path) -> None:
+    Attributes:
+        defects: Features that were dropped or assumed.
+    """
+
+    def __init__(self, database: sqlite3.Connection, path: Path, file: str) -> None:
+        self.defects = Defects()
         self._database = database
         self._path = path
+        self._file = file
+
+    def drop(self, layer: str, ids: Sequence[object], reason: str) -> None:
+        """Count features of a layer that are left out."""
+        self.defects.drop("maps", self._file, [f"{layer} {each}" for each in ids], layer, reason)
+
+    def assume(self, layer: str, ids: Sequence[object], reason: str) -> None:
+        """Count features of a layer that are kept without a part."""
+        self.defects.assume("maps", self._file, [f"{layer} {each}" for each in ids], layer, reason)
 
     @cached_property
     def projection(self) -> str:
@@ -72,29 +96,43 @@ class GeoPackage:
         if not place:
             raise CorruptSource(f"{self._path}: no layer {name}; is this a nuPlan map?")
         geometry, system = place[0]
-        rows = self._select(f"SELECT {', '.join(['fid', geometry, *columns])} FROM {name} ORDER BY fid")
-        fids, blobs, *values = list(zip(*rows, strict=True)) or [()] * (2 + len(columns))
-        shapes = shapely.from_wkb(np.array([_wkb(blob) for blob in blobs], dtype=object), on_invalid="ignore")
-        is_wrong = shapely.get_type_id(shapes) != kind
-        if is_wrong.any():
-            fid = fids[int(np.argmax(is_wrong))]
-            raise CorruptSource(f"{self._path}: {name} {fid}: expected a {kind.name}; download the maps again")
+        if not re.fullmatch(r"\w+", str(geometry)):
+            raise CorruptSource(f"{self._path}: no geometry of layer {name}; download the maps again")
+        found = self._select(f"SELECT {', '.join(['fid', geometry, *columns])} FROM {name} ORDER BY fid")
+        rows = list({row[0]: row for row in reversed(found) if isinstance(row[0], int)}.values())[::-1]
+        self.drop(name, ["without id"] * (len(found) - len(rows)), "expected an id of its own, found another")
+        shapes = shapely.from_wkb(np.array([_wkb(row[1]) for row in rows], dtype=object), on_invalid="ignore")
+        is_good = (shapely.get_type_id(shapes) == kind) & ~shapely.is_empty(shapes)
+        wanted = f"expected a {kind.name}, found none that can be read"
+        self.drop(name, [row[0] for row, good in zip(rows, is_good, strict=True) if not good], wanted)
+        rows = [row for row, good in zip(rows, is_good, strict=True) if good]
+        points = self._projected(shapes[is_good], system)
+        holes = shapely.get_num_interior_rings(shapes[is_good])
+        kept = self._inside(name, [row[0] for row in rows], points)
         return Layer(
-            fids=list(fids),
-            points=self._projected(name, shapes, system),
-            num_holes=shapely.get_num_interior_rings(shapes),
-            columns={column: list(cells) for column, cells in zip(columns, values, strict=True)},
+            fids=[rows[k][0] for k in kept],
+            points=[points[k] for k in kept],
+            num_holes=holes[kept],
+            columns={column: [rows[k][2 + place] for k in kept] for place, column in enumerate(columns)},
         )
 
-    def _projected(self, name: str, shapes: Object, system: int) -> list[Float64]:
-        """Coordinates of lines, or of polygons' exterior rings without the closing point."""
+    def _inside(self, name: str, fids: list[int], points: list[Float64]) -> list[int]:
+        """Positions of the features whose points are on the map."""
+        middles = np.array([each.mean(axis=0) for each in points]).reshape(-1, 2)
+        finite = middles[np.isfinite(middles).all(axis=1)]
+        centre = np.median(finite, axis=0) if len(finite) else np.zeros(2)
+        is_on = [bool((np.abs(each - centre) <= MAX_MAP_DISTANCE).all()) for each in points]
+        lost = [fid for fid, on in zip(fids, is_on, strict=True) if not on]
+        self.drop(name, lost, "expected coordinates on the map, found others")
+        return [k for k, on in enumerate(is_on) if on]
+
+    def _projected(self, shapes: Object, system: int) -> list[Float64]:
+        """Coordinates of lines, or of polygons' exterior rings without the closing point; not finite off the map."""
         rings = shapely.get_exterior_ring(shapes)
         lines = np.where(shapely.is_missing(rings), shapes, rings)
         degrees = shapely.get_coordinates(lines)
         counts = shapely.get_num_coordinates(lines)
         points = np.stack(_transformer(f"epsg:{system}", self.projection).transform(*degrees.T), axis=-1)
-        if not np.isfinite(points).all():
-            raise CorruptSource(f"{self._path}: {name} has coordinates outside the map; download the maps again")
         parts = np.split(points, np.cumsum(counts)[:-1]) if len(counts) else []
         return [part if ring is None else part[:-1] for part, ring in zip(parts, rings, strict=True)]
 
@@ -107,8 +145,8 @@ class GeoPackage:
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[GeoPackage]:
-    """Open a GeoPackage for reading.
+def opened(path: Path, file: str) -> Iterator[GeoPackage]:
+    """Open a GeoPackage for reading; ``file`` is its path relative to the maps folder, for reports.
 
     Raises:
         CorruptSource: Missing, damaged, or without a required table or column.
@@ -116,11 +154,11 @@ def opened(path: Path) -> Iterator[GeoPackage]:
     if not path.is_file():
         raise CorruptSource(f"{path}: no such map; download the nuPlan maps")
     try:
-        # immutable: needs neither locks nor a writable folder for them
-        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)) as database:
-            yield GeoPackage(database, path)
+        with closing(sqlite3.connect(uri(path), uri=True)) as database:
+            database.text_factory = as_text
+            yield GeoPackage(database, path, file)
     except sqlite3.Error as error:
-        raise CorruptSource(f"{path} cannot be read as a nuPlan map ({error}); download the maps again") from error
+        raise CorruptSource(f"{path}: expected a nuPlan map, found {finding(error)}; download the maps again") from error
 
 
 def _wkb(blob: Any) -> bytes | None:
@@ -145,4 +183,5 @@ def _transformer(source: str, target: str) -> Any:
     try:
         return Transformer.from_crs(source, target, always_xy=True)
     except CRSError as error:
-        raise CorruptSource(f"no projection from {source} to {target}; download the maps again") from error
+        wanted = "expected known coordinate systems of a map"
+        raise CorruptSource(f"{wanted}, found {source[:32]!r} and {target[:32]!r}; download the maps again") from error

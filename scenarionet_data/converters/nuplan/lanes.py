@@ -10,13 +10,14 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 import shapely
 
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.building import MapBuilder
+from scenarionet_data.building.plausible import MAX_SPEED
 from scenarionet_data.converters.nuplan.geopackage import GeoPackage, Layer
 from scenarionet_data.converters.nuplan.types import LANES, TURNS
-from scenarionet_data.errors import CorruptSource
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 
 
@@ -31,8 +32,7 @@ def add_lanes(builder: MapBuilder, package: GeoPackage, boundaries: Layer) -> di
     Returns:
         Start point (2,) [m] of each by id.
 
-    Raises:
-        CorruptSource: A lane has no centreline, or two have the same id.
+    A lane without an id of its own is dropped; one without a centreline is kept.
     """
     lanes = package.polygons(
         "lanes_polygons",
@@ -48,36 +48,54 @@ def add_lanes(builder: MapBuilder, package: GeoPackage, boundaries: Layer) -> di
         *("lane_connector_fid", "left_boundary_fid", "right_boundary_fid"),
     )
     paths = package.lines("baseline_paths", "lane_fid", "lane_connector_fid")
-    lane_ids = [identifier(fid) for fid in lanes["lane_fid"]]
-    connector_ids = [identifier(fid) for fid in connectors.fids]
-    lane_centers = _centers("lane", lane_ids, paths["lane_fid"], paths)
-    connector_centers = _centers("lane connector", connector_ids, paths["lane_connector_fid"], paths)
-    centers = dict(zip([*lane_ids, *connector_ids], [*lane_centers, *connector_centers], strict=True))
-    if len(centers) < len(lane_ids) + len(connector_ids):
-        raise CorruptSource("two lanes or lane connectors of a nuPlan map have one id; download the maps again")
+    lanes, lane_ids = _unique(package, "lanes_polygons", lanes, lanes["lane_fid"], set())
+    connectors, connector_ids = _unique(package, "lane_connectors", connectors, connectors.fids, set(lane_ids))
+    lane_centers = _centers(package, "lanes_polygons", lane_ids, paths["lane_fid"], paths)
+    connector_centers = _centers(package, "lane_connectors", connector_ids, paths["lane_connector_fid"], paths)
     sides = _Sides(boundaries)
     _add_lanes(builder, lanes, lane_ids, lane_centers, connectors, sides)
     _add_connectors(builder, connectors, connector_ids, connector_centers, shapes, sides)
-    return {lane: points[0] for lane, points in centers.items()}
+    centers = zip([*lane_ids, *connector_ids], [*lane_centers, *connector_centers], strict=True)
+    return {lane: points[0] for lane, points in centers if len(points)}
+
+
+def _unique(
+    package: GeoPackage, name: str, layer: Layer, references: Sequence[Any], taken: set[str]
+) -> tuple[Layer, list[str]]:
+    """The features of a layer with an id of their own, and these ids."""
+    ids = set(taken)
+    kept: list[int] = []
+    lost: list[int] = []
+    for row, reference in enumerate(references):
+        each = identifier(reference)
+        (lost if not each or each in ids else kept).append(row)
+        ids.add(each)
+    package.drop(name, [layer.fids[row] for row in lost], "expected an id of its own, found another")
+    return layer.take(kept), [identifier(references[row]) for row in kept]
 
 
 def identifier(value: Any) -> str:
-    """Return a reference as an id; layers store them as integers, floats or text, or NULL."""
-    return "" if value in (None, "") else str(int(float(value)))
+    """Return a reference as an id; layers store them as integers, floats or text. Empty for NULL and other values."""
+    try:
+        return str(int(float(value)))
+    except (TypeError, ValueError, OverflowError):
+        return ""
 
 
-def identifiers(text: str | None) -> list[str]:
+def identifiers(text: Any) -> list[str]:
     """Ids in a comma-separated list."""
-    return [identifier(part.strip()) for part in (text or "").split(",") if part.strip()]
+    found = (identifier(part.strip()) for part in str(text or "").split(","))
+    return [each for each in found if each]
 
 
-def _centers(what: str, ids: Sequence[str], owners: Sequence[Any], paths: Layer) -> list[Float64]:
-    """(n, 2) centreline of each lane."""
+def _centers(
+    package: GeoPackage, name: str, ids: Sequence[str], owners: Sequence[Any], paths: Layer
+) -> list[Float64]:
+    """(n, 2) centreline of each lane; empty if it has none."""
     by_owner = {identifier(owner): points for owner, points in zip(owners, paths.points, strict=True)}
-    lost = [lane for lane in ids if lane not in by_owner]
-    if lost:
-        raise CorruptSource(f"{what} {lost[0]} of a nuPlan map has no baseline path; download the maps again")
-    return [by_owner[lane] for lane in ids]
+    reason = "expected a baseline path, found none; the lane has no centreline"
+    package.assume(name, [lane for lane in ids if lane not in by_owner], reason)
+    return [by_owner.get(lane, np.zeros((0, 2))) for lane in ids]
 
 
 class _Sides:
@@ -90,8 +108,8 @@ class _Sides:
         }
 
     def width(self, center: Float64, left: str, right: str) -> Float64 | None:
-        """(2,) distance from the middle of a centreline to both sides [m]; None if a side is not in the map."""
-        if left not in self._lines or right not in self._lines:
+        """(2,) distance from the middle of a centreline to both sides [m]; None if one of them is not in the map."""
+        if left not in self._lines or right not in self._lines or not len(center):
             return None
         middle = shapely.Point(center[len(center) // 2])
         width: Float64 = shapely.distance(middle, [self._lines[left], self._lines[right]])
@@ -127,7 +145,7 @@ def _add_lanes(
             left_boundaries=_boundary(left),
             right_boundaries=_boundary(right),
             is_intersection=False,
-            extras={"roadblock_id": group, "lane_index": index},
+            extras={"roadblock_id": group, "lane_index": index if isinstance(index, int) else None},
         )
 
 
@@ -175,7 +193,7 @@ def _ends(connectors: Layer) -> tuple[Mapping[str, list[str]], Mapping[str, list
 
 def _at(lane_at: Mapping[tuple[str, Any], str], group: str, index: Any, side: int) -> list[str]:
     """Lane next to the one at ``index`` of a group, if any."""
-    beside = None if index is None else lane_at.get((group, index + side))
+    beside = lane_at.get((group, index + side)) if isinstance(index, int) else None
     return [beside] if beside else []
 
 
@@ -187,5 +205,6 @@ def _boundary(fid: str) -> list[str]:
     return [f"boundary-{fid}"] if fid else []
 
 
-def _speed(value: float | None) -> float:
-    return float("nan") if value is None else float(value)
+def _speed(value: Any) -> float:
+    """Speed limit [m/s]; NaN if it is unknown or none that a road has."""
+    return float(value) if isinstance(value, int | float) and 0.0 <= value <= MAX_SPEED else float("nan")

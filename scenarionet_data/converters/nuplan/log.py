@@ -6,20 +6,30 @@ Tables and columns as in nuplan-devkit, ``nuplan/database/nuplan_db_orm``. Token
 
 from __future__ import annotations
 
+import re
 import sqlite3
-from collections.abc import Iterator, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Float64, Int64
-from scenarionet_data.arrays.geometry import rotate, yaw_from_quaternion
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int64
+from scenarionet_data.arrays.geometry import rotate, wrap_angle, yaw_from_quaternion
+from scenarionet_data.building.plausible import find_bad_rows, find_jumps
 from scenarionet_data.converters.nuplan.types import REAR_AXLE_TO_CENTER
 from scenarionet_data.errors import CorruptSource
 
+SWEEP = 50_000
+"""Nominal time between sweeps [us]."""
+_GAP = 1_000_000
+"""Longest gap between poses over which the ego is interpolated [us]."""
+_SLACK = 1_000_000
+"""Time beyond its length within which the sweeps of a scene are [us]."""
 _SWEEPS = """
     SELECT lower(hex(p.token)), p.timestamp, lower(hex(p.scene_token)), e.epsg,
         e.x, e.y, e.qw, e.qx, e.qy, e.qz, e.vx, e.vy, e.angular_rate_z
@@ -33,6 +43,7 @@ _TAGS = """
     SELECT CAST(ifnull(t.type, '') AS TEXT), lower(hex(t.lidar_pc_token)), lower(hex(t.agent_track_token))
     FROM scenario_tag t LEFT JOIN lidar_pc p ON p.token = t.lidar_pc_token ORDER BY p.timestamp, t.type, t.token
 """
+_PLACE = "SELECT CAST(location AS TEXT), CAST(map_version AS TEXT), CAST(date AS TEXT) FROM log"
 _TAG_TYPES = "SELECT DISTINCT CAST(type AS TEXT) AS word FROM scenario_tag WHERE type IS NOT NULL ORDER BY word"
 
 
@@ -89,9 +100,11 @@ class NuPlanLog:
         scene: (S,) row in ``scenes``; -1 for a sweep without scene.
         ego: (S, 5) x, y [m] and heading [rad] of the ego's box, vx, vy [m/s] of its centre; NaN without
             pose.
+        bad_poses: (S,) whether the recorded pose cannot be used, so that ``ego`` is interpolated or NaN.
         epsg: Code of the UTM zone, or None.
         scenes: Scenes of the sweeps, sorted by time.
         tags: Sorted by time.
+        lost_sweeps: Sweeps without a usable time, by the token of their scene: their tokens and reasons.
     """
 
     name: str
@@ -100,9 +113,11 @@ class NuPlanLog:
     times: Int64
     scene: Int64
     ego: Float64
+    bad_poses: Bool
     epsg: int | None
     scenes: list[NuPlanScene]
     tags: list[Tag]
+    lost_sweeps: Mapping[str, list[tuple[str, str]]]
 
 
 def uri(path: Path) -> str:
@@ -112,7 +127,20 @@ def uri(path: Path) -> str:
 
 def unreadable(path: Path, error: Exception) -> CorruptSource:
     """Error for a log that SQLite cannot read."""
-    return CorruptSource(f"{path} cannot be read as a nuPlan log ({error}); download it again")
+    return CorruptSource(f"{path}: expected a nuPlan log, found {finding(error)}; download it again")
+
+
+def finding(error: Exception) -> str:
+    """What is wrong with a database that SQLite cannot read; its own messages may contain bytes of the file."""
+    lacking = re.search(r"no such (table|column): ([\w.]+)", str(error))
+    if lacking:
+        return f"no {lacking[1]} {lacking[2]}"
+    return "another format" if "not a database" in str(error) else "a damaged file"
+
+
+def as_text(data: bytes) -> str:
+    """Text of a database, with U+FFFD for bytes that are not UTF-8."""
+    return data.decode("utf-8", "replace")
 
 
 @contextmanager
@@ -124,6 +152,7 @@ def opened(path: Path) -> Iterator[sqlite3.Connection]:
     """
     try:
         with closing(sqlite3.connect(uri(path), uri=True)) as database:
+            database.text_factory = as_text
             yield database
     except sqlite3.Error as error:
         raise unreadable(path, error) from error
@@ -135,9 +164,9 @@ def read_place(database: sqlite3.Connection, path: Path) -> LogLocation:
     Raises:
         CorruptSource: Its table ``log`` is empty.
     """
-    row = database.execute("SELECT location, map_version, date FROM log").fetchone()
+    row = database.execute(_PLACE).fetchone()
     if row is None:
-        raise CorruptSource(f"{path}: table log has no row; download it again")
+        raise CorruptSource(f"{path}: expected a row of table log, found none; download it again")
     city, map_version, date = row
     return LogLocation(city or "", (map_version or city or "").removesuffix(".gpkg"), date)
 
@@ -151,28 +180,77 @@ def read_log(database: sqlite3.Connection, path: Path) -> NuPlanLog:
     """Read everything except boxes and light states.
 
     Raises:
-        CorruptSource: No sweeps, or one without timestamp.
+        CorruptSource: No sweeps with a time.
     """
-    rows = database.execute(_SWEEPS).fetchall()
+    lost: defaultdict[str, list[tuple[str, str]]] = defaultdict(list)
+    rows = _usable_sweeps(database.execute(_SWEEPS).fetchall(), lost)
     if not rows:
-        raise CorruptSource(f"{path}: table lidar_pc has no rows; download it again")
+        raise CorruptSource(f"{path}: expected rows of table lidar_pc with a timestamp, found none; download it again")
     tokens, times, scene_tokens, epsg = list(zip(*rows, strict=True))[:4]
-    timeless = [token for token, time in zip(tokens, times, strict=True) if not isinstance(time, int)]
-    if timeless:
-        raise CorruptSource(f"{path}: lidar_pc {timeless[0]} has no timestamp; download it again")
     known = {scene.token: scene for scene in _read_scenes(database)}
-    used = {token: row for row, token in enumerate(dict.fromkeys(filter(None, scene_tokens)))}
+    used = {token: row for row, token in enumerate(dict.fromkeys(filter(None, (*scene_tokens, *lost))))}
+    ego, bad_poses = _repaired(_ego(_floats([row[4:] for row in rows])), np.array(times, np.int64))
     return NuPlanLog(
         name=path.stem,
         place=read_place(database, path),
         tokens=list(tokens),
         times=np.array(times, np.int64),
         scene=np.array([used.get(token, -1) for token in scene_tokens], np.int64),
-        ego=_ego(_floats([row[4:] for row in rows])),
-        epsg=next((code for code in epsg if code), None),
+        ego=ego,
+        bad_poses=bad_poses,
+        epsg=next((code for code, _ in Counter(code for code in epsg if type(code) is int).most_common(1)), None),
         scenes=[known.get(token, NuPlanScene(token)) for token in used],
         tags=[Tag(*row) for row in database.execute(_TAGS)],
+        lost_sweeps=lost,
     )
+
+
+def _usable_sweeps(rows: list[Any], lost: dict[str, list[tuple[str, str]]]) -> list[Any]:
+    """Rows of sweeps with a time of their own that fits those of their scene; the others are added to ``lost``."""
+
+    def drop(bad: set[int], reason: str) -> None:
+        nonlocal rows
+        for number in sorted(bad):
+            lost[rows[number][2]].append((rows[number][0], reason))
+        rows = [row for number, row in enumerate(rows) if number not in bad]
+
+    drop({k for k, row in enumerate(rows) if type(row[1]) is not int}, "expected microseconds, found no integer")
+    members: dict[str, list[int]] = {}
+    for number, row in enumerate(rows):
+        members.setdefault(row[2], []).append(number)
+    far: set[int] = set()
+    for scene, numbers in members.items():
+        middle, reach = rows[numbers[len(numbers) // 2]][1], SWEEP * len(numbers) + _SLACK
+        far |= {number for number in numbers if scene and abs(rows[number][1] - middle) > reach}
+    drop(far, "expected a time during the scene, found another")
+    repeats = {k for k, (before, after) in enumerate(pairwise(rows), start=1) if before[1] == after[1]}
+    drop(repeats, "expected one sweep at a time, found another")
+    return rows
+
+
+def _repaired(ego: Float64, times: Int64) -> tuple[Float64, Bool]:
+    """Interpolate the ego (S, 5) where its pose is missing or implausible, over short gaps; and where that is."""
+    good = np.asarray(np.isfinite(ego).all(axis=1))
+    if good.any():
+        for fault in find_bad_rows(ego[:, :2], ego[:, 2], ego[:, 3:], None, np.median(ego[good, :2], axis=0)):
+            good &= ~fault.mask
+        rows = np.flatnonzero(good)
+        jumps = find_jumps(ego[None, rows, :2], np.ones((1, len(rows)), np.bool_), times[rows] * 1e-6)[0]
+        good[rows[jumps]] = False
+    if good.all() or not good.any():
+        return np.where(good[:, None], ego, np.nan), ~good
+    known, lost = np.flatnonzero(good), np.flatnonzero(~good)
+    after = np.searchsorted(known, lost)
+    is_inside = (after > 0) & (after < len(known))
+    before, after = known[np.maximum(after - 1, 0)], known[np.minimum(after, len(known) - 1)]
+    span = (times[after] - times[before]).astype(np.float64)
+    is_bridged = is_inside & (span <= _GAP)
+    share = ((times[lost] - times[before]) / np.where(span > 0, span, 1.0))[:, None]
+    change = ego[after] - ego[before]
+    change[:, 2] = wrap_angle(change[:, 2])
+    filled: Float64 = ego.copy()
+    filled[lost] = np.where(is_bridged[:, None], ego[before] + share * change, np.nan)
+    return filled, ~good
 
 
 def _read_scenes(database: sqlite3.Connection) -> Iterator[NuPlanScene]:

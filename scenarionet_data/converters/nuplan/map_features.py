@@ -50,23 +50,23 @@ class NuPlanCity:
     projection: str
 
 
-def read_city(path: Path) -> NuPlanCity:
-    """Read a city's map; a process caches a few.
+def read_city(path: Path, root: Path) -> NuPlanCity:
+    """Read a city's map below the maps folder ``root``; a process caches a few.
 
     Raises:
-        CorruptSource: The map is missing, damaged or incomplete.
+        CorruptSource: The map is missing, damaged or lacks a layer.
         MissingDependency: pyproj is not installed.
     """
     if not path.is_file():
         raise CorruptSource(f"{path}: no such map; download the nuPlan maps")
     stat = path.stat()
-    return _read_city(path, (stat.st_mtime_ns, stat.st_size))
+    return _read_city(path, path.relative_to(root).as_posix(), (stat.st_mtime_ns, stat.st_size))
 
 
 @lru_cache(maxsize=_KEPT_CITIES)
-def _read_city(path: Path, state: tuple[int, int]) -> NuPlanCity:  # noqa: ARG001  # a changed file is read again
+def _read_city(path: Path, file: str, state: tuple[int, int]) -> NuPlanCity:  # noqa: ARG001  # a changed file is read again
     builder = MapBuilder()
-    with opened(path) as package:
+    with opened(path, file) as package:
         boundaries = package.lines("boundaries", "boundary_type_fid")
         starts = add_lanes(builder, package, boundaries)
         _add_lines(builder, boundaries)
@@ -74,13 +74,14 @@ def _read_city(path: Path, state: tuple[int, int]) -> NuPlanCity:  # noqa: ARG00
         _add_stops(builder, package)
         _add_areas(builder, package)
         projection = package.projection
+        builder.defects = package.defects.found()
     return NuPlanCity(builder, builder.bounds, starts, projection)
 
 
 def _add_lines(builder: MapBuilder, boundaries: Layer) -> None:
     for fid, points, kind in zip(boundaries.fids, boundaries.points, boundaries["boundary_type_fid"], strict=True):
         line = LINES.get(kind, MapFeatureType.UNKNOWN_LINE)
-        builder.add(f"boundary-{fid}", line, polyline=points, extras={"boundary_type": kind})
+        builder.add(f"boundary-{fid}", line, polyline=points, extras={"boundary_type": kind if isinstance(kind, int) else None})
 
 
 def _add_road_blocks(builder: MapBuilder, package: GeoPackage) -> None:
@@ -88,11 +89,12 @@ def _add_road_blocks(builder: MapBuilder, package: GeoPackage) -> None:
     groups = package.polygons("lane_groups_polygons")
     connectors = package.polygons("lane_group_connectors", "intersection_fid")
     shared = set(groups.fids) & set(connectors.fids)
-    if shared:
-        raise CorruptSource(f"road block {min(shared)} occurs twice in a nuPlan map; download the maps again")
+    package.drop("lane_group_connectors", sorted(shared), "expected an id of its own, found that of a lane group")
     for fid, points in zip(groups.fids, groups.points, strict=True):
         builder.add(f"roadblock-{fid}", MapFeatureType.ROADBLOCK, polygon=points, is_intersection=False)
     for fid, points, crossing in zip(connectors.fids, connectors.points, connectors["intersection_fid"], strict=True):
+        if fid in shared:
+            continue
         extras = {"intersection_id": identifier(crossing)}
         builder.add(f"roadblock-{fid}", MapFeatureType.ROADBLOCK, polygon=points, is_intersection=True, extras=extras)
 

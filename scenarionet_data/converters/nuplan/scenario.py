@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,12 +12,14 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64, Int64
 from scenarionet_data.arrays.geometry import estimate_velocity
 from scenarionet_data.building import make_origin, make_tracks_of_rows
+from scenarionet_data.building.plausible import MAX_SPEED, find_bad_rows, find_repeated_rows
 from scenarionet_data.converters.nuplan.content import NuPlanContent
-from scenarionet_data.converters.nuplan.log import NuPlanLog, NuPlanScene
+from scenarionet_data.converters.nuplan.log import SWEEP, NuPlanLog, NuPlanScene
 from scenarionet_data.converters.nuplan.map_features import NuPlanCity
 from scenarionet_data.converters.nuplan.types import EGO, EGO_SIZE, OBJECTS, STATIC
-from scenarionet_data.converters.nuplan.windows import SWEEP, NuPlanWindow
+from scenarionet_data.converters.nuplan.windows import NuPlanWindow
 from scenarionet_data.errors import InvalidScenario
+from scenarionet_data.ingest.defects import Defects, merge_defects
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.description import (
     Lights,
@@ -28,6 +30,15 @@ from scenarionet_data.scenario.description import (
     strings,
 )
 from scenarionet_data.scenario.vocabulary import LightState, ObjectType, Provenance
+
+
+_COLUMNS = {"position": "x, y", "heading": "yaw", "size": "length, width, height"}
+"""Columns of ``lidar_box`` by the field at fault."""
+_LIGHT_FIELDS = (
+    ("connector", "lane_connector_id", "a lane connector"),
+    ("state", "status", "green, yellow, red or unknown"),
+)
+"""Fields of light states: name, column, expected values."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,17 +67,19 @@ def describe(shard: Shard, cut: Cut, licence: str) -> ScenarioDescription:
     """Convert one window to a scenario.
 
     Raises:
-        InvalidScenario: The window has a row that is damaged or refers to a missing one.
+        InvalidScenario: The window has no sweeps, or no pose of the ego.
     """
     log, window = cut.log, cut.window
     scenario_id = make_scenario_id(shard.dataset, shard.version, log.name, window.token)
-    ego, scene = _checked(scenario_id, cut)
+    report = _Report(shard.items[0].name, cut)
+    ego, scene = _ego_of(scenario_id, cut, report), _scene_of(cut, report)
     timestamps = (log.times[window.sweeps] - log.times[window.sweeps[0]]) * 1e-6
-    is_there = np.ones(len(ego), np.bool_)
+    is_there = np.asarray(np.isfinite(ego).all(axis=1))
     origin = make_origin(np.column_stack([ego[:, :2], np.zeros(len(ego))]), is_there, has_z=False)
-    low, high = ego[:, :2].min(axis=0) - cut.radius, ego[:, :2].max(axis=0) + cut.radius
+    path = ego[is_there, :2]
+    low, high = path.min(axis=0) - cut.radius, path.max(axis=0) + cut.radius
     crop = cut.city.features.crop((low[0], low[1], high[0], high[1]), cut.city.bounds)
-    tracks = _tracks(scenario_id, cut, ego, timestamps, origin)
+    tracks = _tracks(cut, report, ego, timestamps, origin)
     known = set(tracks.ids)
     return ScenarioDescription(
         id=scenario_id,
@@ -89,7 +102,7 @@ def describe(shard: Shard, cut: Cut, licence: str) -> ScenarioDescription:
             crs=cut.city.projection.upper(),
         ),
         tracks=tracks,
-        lights=_lights(scenario_id, cut, origin),
+        lights=_lights(cut, report, origin),
         map=crop.build(origin, has_z=False),
         map_id=cut.map_id,
         map_crop=(
@@ -100,25 +113,66 @@ def describe(shard: Shard, cut: Cut, licence: str) -> ScenarioDescription:
         ),
         objects_of_interest=tuple(track for track in window.tracks if track in known),
         extras=_extras(cut, scene, origin),
+        defects=merge_defects([*report.defects.found(), *cut.content.lost_rows(shard.items[0].name, window.sweeps)]),
     )
 
 
-def _checked(scenario_id: str, cut: Cut) -> tuple[Float64, NuPlanScene | None]:
-    """(T, 5) poses of the ego, and the scene of the current timestep; InvalidScenario if missing."""
+class _Report:
+    """Collects the defects of a window; rows are named by their track and sweep."""
+
+    def __init__(self, file: str, cut: Cut) -> None:
+        self.defects = Defects()
+        self._file = file
+        self._cut = cut
+
+    def drop_rows(self, table: str, rows: Array, field: str, reason: str) -> None:
+        """Count rows of boxes or light states that are left out."""
+        self.defects.drop(table, self._file, [self._name(row) for row in rows], field, reason)
+
+    def assume(self, table: str, places: Sequence[object], field: str, reason: str) -> None:
+        """Count rows that are kept with an assumed value."""
+        self.defects.assume(table, self._file, places, field, reason)
+
+    def drop(self, places: Sequence[object], field: str, reason: str) -> None:
+        """Count poses that are left out."""
+        self.defects.drop("tracks", self._file, places, field, reason)
+
+    def _name(self, row: Any) -> str:
+        sweep = self._cut.log.tokens[row["sweep"]]
+        if "track" not in row.dtype.names:
+            return f"connector {row['connector']} at {sweep}"
+        track = self._cut.content.tracks[row["track"]] if row["track"] >= 0 else "a box"
+        return f"{track} at {sweep}"
+
+
+def _ego_of(scenario_id: str, cut: Cut, report: _Report) -> Float64:
+    """(T, 5) poses of the ego; NaN where unknown.
+
+    Raises:
+        InvalidScenario: No sweeps or no poses.
+    """
     log, sweeps = cut.log, cut.window.sweeps
     if not len(sweeps):
-        wanted = f"expected a row of lidar_pc for the tagged sweep {cut.window.token}, found none"
-        raise InvalidScenario(scenario_id, "scenario_tag", wanted)
-    ego = log.ego[sweeps]
-    lost = sweeps[~np.isfinite(ego).all(axis=1)]
-    if len(lost):
-        wanted = f"expected numbers in a row of ego_pose for sweep {log.tokens[lost[0]]}, found none"
+        wanted = f"expected a row of lidar_pc with a time for {cut.window.token}, found none"
+        raise InvalidScenario(scenario_id, "lidar_pc", wanted)
+    ego, bad = log.ego[sweeps], sweeps[log.bad_poses[sweeps]]
+    if not np.isfinite(ego).all(axis=1).any():
+        wanted = f"expected numbers in a row of ego_pose for the sweeps from {log.tokens[sweeps[0]]}, found none"
         raise InvalidScenario(scenario_id, "ego_pose", wanted)
-    row = int(log.scene[sweeps[cut.window.current]])
-    scene = log.scenes[row] if row >= 0 else None
+    reason = "expected a pose on the ego's path for each sweep, found none; interpolated between its neighbours"
+    report.drop([log.tokens[row] for row in bad], "ego_pose", reason)
+    return ego
+
+
+def _scene_of(cut: Cut, report: _Report) -> NuPlanScene | None:
+    """The scene of the current timestep, if it has one."""
+    row = int(cut.log.scene[cut.window.sweeps[cut.window.current]])
+    scene = cut.log.scenes[row] if row >= 0 else None
+    for token, reason in cut.log.lost_sweeps.get(scene.token if scene else "", ()):
+        report.drop([token], "lidar_pc.timestamp", reason)
     if scene is not None and scene.name is None:
-        raise InvalidScenario(scenario_id, "scene", f"expected a row of scene for token {scene.token}, found none")
-    return ego, scene
+        report.assume("tracks", [scene.token], "scene", "expected a row of scene, found none; it has no name and route")
+    return scene
 
 
 def _date(log: NuPlanLog) -> str:
@@ -139,65 +193,75 @@ def _extras(cut: Cut, scene: NuPlanScene | None, origin: Float64) -> Mapping[str
         if scene.goal is not None:
             x, y, heading = scene.goal
             extras["goal"] = {"x": float(x - origin[0]), "y": float(y - origin[1]), "heading": heading}
-    num_lost = cut.content.boxes.num_lost + cut.content.lights.num_lost
-    return extras | ({"num_lost_rows": num_lost} if num_lost else {})
+    return extras
 
 
 # --- tracks ---------------------------------------------------------------------------------------------
 
 
-def _tracks(scenario_id: str, cut: Cut, ego: Float64, timestamps: Float64, origin: Float64) -> Tracks:
+def _tracks(cut: Cut, report: _Report, ego: Float64, timestamps: Float64, origin: Float64) -> Tracks:
     """Build the tracks of the window, followed by the ego."""
     content, steps = cut.content, len(timestamps)
-    boxes, step = content.boxes.of(cut.window.sweeps)
+    known = np.flatnonzero(np.isfinite(ego).all(axis=1))
+    boxes, step = _usable_boxes(cut, report, np.median(ego[known, :2], axis=0))
     used, row = np.unique(boxes["track"], return_inverse=True)
-    words = _categories(scenario_id, content, used)
-    _check_boxes(scenario_id, boxes, row * steps + step)
+    categories = [content.categories[track] for track in used]
+    unnamed = [content.tracks[track] for track, word in zip(used, categories, strict=True) if word is None]
+    reason = "expected a row of category, found none; the type is OTHER"
+    report.assume("tracks", unnamed, "track.category_token", reason)
+    words = [word or "" for word in categories]
     is_static = np.array([word in STATIC for word in words], np.bool_)
     velocity, is_estimated = _velocity(boxes, row, step, timestamps, is_static)
-    own = np.column_stack([ego[:, 2], np.broadcast_to(EGO_SIZE, (steps, 3))])
+    own = np.column_stack([ego[known, 2], np.broadcast_to(EGO_SIZE, (len(known), 3))])
     state = np.concatenate([boxes["state"][:, :4], own])
+    is_between = cut.log.bad_poses[cut.window.sweeps][known]
     return make_tracks_of_rows(
         [*(content.tracks[track] for track in used), EGO],
         [*(OBJECTS.get(word, ObjectType.OTHER) for word in words), ObjectType.VEHICLE],
-        np.pad(np.concatenate([boxes["position"], ego[:, :2]]), ((0, 0), (0, 1))),
+        np.pad(np.concatenate([boxes["position"], ego[known, :2]]), ((0, 0), (0, 1))),
         state[:, 0],
-        np.concatenate([velocity, ego[:, 3:]]),
+        np.concatenate([velocity, ego[known, 3:]]),
         state[:, 1:],
-        np.concatenate([row, np.full(steps, len(used))]),
-        np.concatenate([step, np.arange(steps)]),
+        np.concatenate([row, np.full(len(known), len(used))]),
+        np.concatenate([step, known]),
         steps,
         origin=origin,
-        source_type=[*words, EGO],
+        source_type=[*categories, EGO],
         is_size_assumed=[False] * len(words) + [True],
         is_type_assumed=[word not in OBJECTS for word in words] + [False],
         is_velocity_estimated=[*is_estimated.tolist(), False],
+        is_interpolated=np.concatenate([np.zeros(len(step), np.bool_), is_between]),
     )
 
 
-def _categories(scenario_id: str, content: NuPlanContent, used: Int64) -> list[str]:
-    """Category of each track; InvalidScenario if a box or its track refers to a missing row."""
-    if len(used) and used[0] < 0:
-        raise InvalidScenario(scenario_id, "lidar_box", "expected a row of track for every box, found none for one")
-    words = []
-    for track in used:
-        word = content.categories[track]
-        if word is None:
-            wanted = f"expected a row of category for track {content.tracks[track]}, found none"
-            raise InvalidScenario(scenario_id, "track", wanted)
-        words.append(word)
-    return words
+def _usable_boxes(cut: Cut, report: _Report, centre: Float64) -> tuple[Array, Int64]:
+    """Boxes of the window and their timesteps, without rows that cannot be; an implausible velocity becomes NaN."""
+    boxes, step = cut.content.boxes.of(cut.window.sweeps)
+    good = np.ones(len(boxes), np.bool_)
 
+    def drop(mask: Bool, field: str, reason: str) -> None:
+        report.drop_rows("tracks", boxes[mask & good], field, reason)
+        good[mask] = False
 
-def _check_boxes(scenario_id: str, boxes: Array, cell: Int64) -> None:
-    is_whole = np.isfinite(boxes["position"]).all(axis=1) & np.isfinite(boxes["state"][:, :4]).all(axis=1)
-    if not is_whole.all():
-        wanted = "expected numbers for the position, heading and size of every box"
-        raise InvalidScenario(scenario_id, "lidar_box", f"{wanted}, found {(~is_whole).sum()} without")
-    taken = np.zeros(cell.max(initial=-1) + 1, np.bool_)
-    taken[cell] = True
-    if np.count_nonzero(taken) < len(cell):
-        raise InvalidScenario(scenario_id, "lidar_box", "expected one box per track and sweep, found two")
+    drop(boxes["track"] < 0, "lidar_box.track_token", "expected a known track, found none")
+    state = boxes["state"]
+    for fault in find_bad_rows(boxes["position"], state[:, 0], None, state[:, 1:4], centre):
+        drop(fault.mask, f"lidar_box.{_COLUMNS[fault.field]}", fault.reason)
+    if len(np.unique(boxes["track"][good].astype(np.int64) * len(cut.window.sweeps) + step[good])) < good.sum():
+        repeated = find_repeated_rows(boxes["track"][good], step[good])
+        mask = np.zeros(len(good), np.bool_)
+        mask[np.flatnonzero(good)[repeated.mask if repeated else []]] = True
+        drop(mask, "lidar_box.track_token", "expected one box for a track and sweep, found another")
+    if not good.all():
+        boxes, step, state = boxes[good], step[good], state[good]
+    is_fast = (np.abs(state[:, 4:]) > MAX_SPEED).any(axis=1)
+    if is_fast.any():
+        boxes = boxes.copy()
+        boxes["state"][is_fast, 4:] = np.nan
+        tracks = [cut.content.tracks[track] for track in boxes["track"][is_fast]]
+        reason = f"expected velocities of up to {MAX_SPEED:.0f} m/s, found another; estimated from positions"
+        report.assume("tracks", tracks, "lidar_box.vx, vy", reason)
+    return boxes, step
 
 
 def _velocity(boxes: Array, row: Int64, step: Int64, timestamps: Float64, is_static: Bool) -> tuple[Float32, Bool]:
@@ -229,12 +293,13 @@ def _velocity(boxes: Array, row: Int64, step: Int64, timestamps: Float64, is_sta
 # --- lights ---------------------------------------------------------------------------------------------
 
 
-def _lights(scenario_id: str, cut: Cut, origin: Float64) -> Lights:
+def _lights(cut: Cut, report: _Report, origin: Float64) -> Lights:
     """Build one light per lane connector, with the stop point at its start."""
     rows, step = cut.content.lights.of(cut.window.sweeps)
-    if (rows["connector"] < 0).any() or (rows["state"] < 0).any():
-        wanted = "expected a lane connector and green, yellow, red or unknown in every row, found something else"
-        raise InvalidScenario(scenario_id, "traffic_light_status", wanted)
+    for field, column, wanted in _LIGHT_FIELDS:
+        bad = rows[field] < 0
+        report.drop_rows("lights", rows[bad], f"traffic_light_status.{column}", f"expected {wanted}, found another")
+        rows, step = rows[~bad], step[~bad]
     connectors, light = np.unique(rows["connector"], return_inverse=True)
     state = np.full((len(connectors), len(cut.window.sweeps)), LightState.ABSENT, np.uint8)
     state[light, step] = rows["state"]

@@ -8,10 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Int64
-from scenarionet_data.converters.nuplan.log import NuPlanLog
-
-SWEEP = 50_000
-"""Nominal time between sweeps [us]."""
+from scenarionet_data.converters.nuplan.log import SWEEP, NuPlanLog
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,7 +16,8 @@ class NuPlanWindow:
     """The sweeps of one scenario.
 
     Attributes:
-        sweeps: (T,) int64 rows of the log's sweeps, increasing; empty for a tag of a missing sweep.
+        sweeps: (T,) int64 rows of the log's sweeps, increasing; empty for a tag of a missing sweep, or a scene without
+            usable sweeps.
         current: Index of the last sweep of the history.
         token: Token of the scene, or of the tag's sweep.
         tags: Types of the tags of that sweep, or of all sweeps of the scene.
@@ -42,7 +40,7 @@ def scenes(log: NuPlanLog, stride: int, past: float) -> Iterator[NuPlanWindow]:
         types.setdefault(int(log.scene[sweep]), set()).add(kind)
     for row, scene in enumerate(log.scenes):
         sweeps = np.flatnonzero(log.scene == row)[::stride]
-        current = _last_before(log, sweeps, past)
+        current = _last_before(log, sweeps, past) if len(sweeps) else 0
         yield NuPlanWindow(sweeps, current, scene.token, tuple(sorted(types.get(row, ()))))
 
 

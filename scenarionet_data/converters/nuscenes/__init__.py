@@ -15,15 +15,16 @@ map unless ``has_map`` is False.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import Any, ClassVar, get_args
 
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.base import Budgets, Converter
-from scenarionet_data.converters.nuscenes.can_bus import CanBusMessages, can_bus_files, can_bus_mark, read_can_bus
+from scenarionet_data.converters.nuscenes.can_bus import can_bus_files, can_bus_mark, read_can_bus
 from scenarionet_data.converters.nuscenes.files import (
     CHALLENGE,
     EXPANSION,
@@ -46,13 +47,18 @@ from scenarionet_data.converters.nuscenes.windows import (
     read_challenge,
     whole,
 )
-from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario, SourceNotFound
-from scenarionet_data.ingest.options import Options
+from scenarionet_data.converters.unused import counted, unused_files
+from scenarionet_data.errors import BadParameter, InvalidScenario, SourceNotFound
+from scenarionet_data.ingest.defects import Defects
+from scenarionet_data.ingest.options import Frames, Options
+from scenarionet_data.ingest.passed_over import PassedOver
 from scenarionet_data.ingest.shard import RawItem, Shard, bucket, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription, make_scenario_id
 
 _GET_MAPS = "download nuScenes' map expansion v1.3, or set the option has_map to false"
 _SCENES_PER_SHARD = {"scene": 64, "window": 8}
+_RATE = 10
+"""Resampled timesteps per second, as in ScenarioNet."""
 _SUFFIX = {"scene": "", "window": "@window"}
 """Suffix of items, so that one lake can contain both scenes and windows of a split."""
 
@@ -70,8 +76,9 @@ class NuScenesOptions(Options):
         metadata={"doc": "Time before the current timestep of a window or scene [s]."},
     )
     future: float = field(default=6.0, metadata={"doc": "Time after the current timestep of a window [s]."})
-    rate: int = field(
-        default=10, metadata={"doc": "Timesteps per second, interpolated between keyframes; 2: keyframes only."}
+    frames: Frames = field(
+        default="resampled",
+        metadata={"doc": "resampled: 10 timesteps per second, interpolated; recorded: the annotated keyframes, 2 or 5."},
     )
     radius: float = field(
         default=200.0, metadata={"doc": "Margin of the map around the ego's path [m]; features are not cut."}
@@ -82,13 +89,15 @@ class NuScenesOptions(Options):
         metadata={"doc": "Whether the ego's extras contain speed, steering, ... from can_bus/, if available."},
     )
 
+    removed: ClassVar[Mapping[str, str]] = MappingProxyType({"rate": "set frames to 'recorded' for the keyframes, or resample when loading"})
+
     def __post_init__(self) -> None:
+        if self.frames not in get_args(Frames):
+            raise BadParameter(f"frames: expected recorded or resampled, found {self.frames!r}")
         if self.by not in ("scene", "window"):
             raise BadParameter(f"by: expected scene or window, found {self.by!r}")
         if not (0 <= self.past < 1000 and 0 <= self.future < 1000):
             raise BadParameter(f"past, future: expected seconds, found {self.past} and {self.future}")
-        if not 2 <= self.rate <= 20:
-            raise BadParameter(f"rate: expected 2 to 20 timesteps per second, found {self.rate}")
         if not 0 <= self.radius < 1e5:
             raise BadParameter(f"radius: expected metres, found {self.radius}")
 
@@ -97,7 +106,7 @@ class NuScenes(Converter[NuScenesWindow | InvalidScenario]):
     """Scenes in shards of one location; the maps of locations are shared."""
 
     name = "nuscenes"
-    version = "1"
+    version = "2"
     release = "v1.0"
     licence = "CC BY-NC-SA 4.0"
     raw = "the dataroot: v1.0-*/*.json and maps/expansion/*.json"
@@ -117,7 +126,7 @@ class NuScenes(Converter[NuScenesWindow | InvalidScenario]):
 
     def map_features(self, shard: Shard) -> MapBuilder:
         """Read the map of one location."""
-        return read_map(shard.paths[0])
+        return read_map(shard.paths[0], shard.items[0].name)
 
     def shards(self, raw: str, split: str, version: str, options: NuScenesOptions) -> Iterator[Shard]:
         """List the split's scenes in buckets of one location."""
@@ -144,6 +153,25 @@ class NuScenes(Converter[NuScenesWindow | InvalidScenario]):
         """The dataroot."""
         return dataroot(raw)
 
+    def passed_over(
+        self, raw: str, split: str, options: NuScenesOptions, shards: Sequence[Shard]
+    ) -> Iterator[PassedOver]:
+        """List the scenes that are not converted, maps without scenes, and the files that are not read."""
+        root, folder = dataroot(Path(raw)), find_release(Path(raw), split)
+        scenes, _, num_unnamed = read_scenes(folder)
+        names = {_scene_of(item, options) for shard in shards for item in shard.items}
+        yield from counted("scenes", len(scenes) - len(names), f"of another split than {split}")
+        yield from counted(f"entries of {folder.name}/scene.json", num_unnamed, "without a token and name of their own")
+        places = {str(shard.properties["location"]) for shard in shards}
+        maps = {path for path in (root / EXPANSION).glob("*.json") if path.stem not in places}
+        reason = "no scene of the split was recorded there" if options.has_map else "the option has_map is false"
+        yield from counted(f"maps in {EXPANSION.as_posix()}", len(maps), reason)
+        used = {*(folder / f"{table}.json" for table in TABLES), *maps}
+        used |= {map_file(root, place) for place in places} if options.has_map else set()
+        used |= {root / file for name in names for file in can_bus_files(name)} if options.has_can_bus else set()
+        used |= {root / CHALLENGE} if options.by == "window" else set()
+        yield from unused_files(root, used.__contains__, split, self.ignored)
+
     def files(self, shard: Shard) -> Iterator[list[str]]:
         """The tables, the location's map and the CAN bus messages."""
         options, release = _options(shard), shard.items[0].name.split("/")[0]
@@ -168,7 +196,7 @@ class NuScenes(Converter[NuScenesWindow | InvalidScenario]):
             name = _scene_of(item, options)
             scenario_id = make_scenario_id(shard.dataset, shard.version, name)
             try:
-                recording = read_recording(release, tokens[name], scenario_id)
+                recording = read_recording(release, tokens[name], scenario_id, folder.name)
                 entries = None if challenge is None else challenge.get(name, ())
                 yield from _windows(recording, options, entries, scenario_id)
             except InvalidScenario as error:  # continue with the other scenes of the shard
@@ -180,12 +208,24 @@ class NuScenes(Converter[NuScenesWindow | InvalidScenario]):
             raise record
         options = _options(shard)
         city = self._city(shard, record) if options.has_map else None
-        messages = _can_bus_messages(shard, record) if options.has_can_bus else {}
-        return describe(shard, record, city, messages, rate=options.rate, radius=options.radius, licence=self.licence)
+        defects = Defects()
+        messages = read_can_bus(Path(shard.root), record.recording.name, defects) if options.has_can_bus else {}
+        return describe(
+            shard,
+            record,
+            city,
+            messages,
+            rate=_RATE if options.frames == "resampled" else None,
+            radius=options.radius,
+            licence=self.licence,
+            defects=defects.found(),
+        )
 
     def _city(self, shard: Shard, window: NuScenesWindow) -> NuScenesCity | None:
         """The map of a window's location; None for a location outside nuScenes without a map."""
         place = window.recording.log["location"]
+        if place is None:
+            return None
         path = map_file(Path(shard.root), place)
         if path.is_file():
             return _read_city(path, path.stat().st_size, path.stat().st_mtime_ns)
@@ -195,16 +235,6 @@ class NuScenes(Converter[NuScenesWindow | InvalidScenario]):
                 scenario_id, "map", f"expected {path.name} in maps/expansion, found none; {_GET_MAPS}"
             )
         return None
-
-
-def _can_bus_messages(shard: Shard, window: NuScenesWindow) -> Mapping[str, CanBusMessages]:
-    """CAN bus messages of the ego during the window's scene."""
-    name = window.recording.name
-    try:
-        return read_can_bus(Path(shard.root), name)
-    except CorruptSource as error:  # continue with the other scenes of the shard
-        scenario_id = make_scenario_id(shard.dataset, shard.version, name)
-        raise InvalidScenario(scenario_id, "can_bus", str(error)) from error
 
 
 def _options(shard: Shard) -> NuScenesOptions:
@@ -221,31 +251,46 @@ def _scene_of(item: RawItem, options: NuScenesOptions) -> str:
 @lru_cache(maxsize=2)
 def _read_city(path: Path, _size: int, _changed: int) -> NuScenesCity:
     """Read a location's map; the last two are cached, as a worker's scenes are sorted by location."""
-    builder = read_map(path)
+    builder = read_map(path, (EXPANSION / path.name).as_posix())
     return NuScenesCity(map_id(path.stem), builder, builder.bounds)
 
 
 def _windows(
-    recording: NuScenesRecording, options: NuScenesOptions, entries: Sequence[str] | None, scenario_id: str
-) -> Iterator[NuScenesWindow]:
+    recording: NuScenesRecording, options: NuScenesOptions, entries: Any, scenario_id: str
+) -> Iterator[NuScenesWindow | InvalidScenario]:
     period = nominal_period(recording.times)
     past, future = round(options.past / period), round(options.future / period)
     if options.by == "scene":
         yield whole(recording, past)
     elif entries is None:
-        yield from moving_windows(recording, past, future)
+        yield from _reported_once(moving_windows(recording, past, future))
+    elif isinstance(entries, (list, tuple)):
+        yield from _reported_once(challenge_windows(recording, past, future, entries, scenario_id))
     else:
-        yield from challenge_windows(recording, past, future, entries, scenario_id)
+        yield InvalidScenario(scenario_id, "prediction_scenes", "expected a list of <instance>_<sample>, found another")
+
+
+def _reported_once(
+    windows: Iterable[NuScenesWindow | InvalidScenario],
+) -> Iterator[NuScenesWindow | InvalidScenario]:
+    """Yield windows of a scene, the first with the scene's defects, so that each is counted once."""
+    has_first = False
+    for window in windows:
+        if has_first and isinstance(window, NuScenesWindow):
+            yield replace(window, recording=replace(window.recording, defects=()))
+        else:
+            has_first = has_first or isinstance(window, NuScenesWindow)
+            yield window
 
 
 def _scenes_by_place(folder: Path, split: str, options: NuScenesOptions) -> dict[str, dict[str, dict[str, Any]]]:
     """Names of the scenes of each location, with the records of their logs."""
-    scenes, logs = read_scenes(folder)
+    scenes, logs, _ = read_scenes(folder)
     found: dict[str, dict[str, dict[str, Any]]] = defaultdict(dict)
     for scene in scenes.values():
         if is_in_split(scene["name"], split, is_challenge=options.by == "window"):
-            log = logs.get(scene["log_token"], {"location": "unknown"})
-            found[log["location"]][scene["name"]] = log
+            log = logs.get(scene["log_token"], {})
+            found[log.get("location") or "unknown"][scene["name"]] = log
     if not found:
         raise SourceNotFound(f"{folder}: none of its scenes belongs to split {split!r}; give another split")
     return {place: found[place] for place in sorted(found)}

@@ -2,7 +2,8 @@
 
 Each file is a list of messages sorted by ``utime`` [us]. Names and units are those of nuscenes-devkit
 (``python-sdk/nuscenes/can_bus/README.md``); values are resampled to the timesteps of the scenario. Kinds of messages
-that repeat others are skipped. About twenty scenes have no messages.
+that repeat others are skipped. About twenty scenes have no messages. A damaged message is left out, and so is a file
+without two usable ones.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from typing import Any
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64
-from scenarionet_data.errors import CorruptSource
+from scenarionet_data.converters.formats.json_blocks import is_number
+from scenarionet_data.ingest.defects import Defects
 from scenarionet_data.ingest.shard import fingerprint
 
 FOLDER = "can_bus"
@@ -30,9 +32,14 @@ MEASURED = {
 SWITCHED = {"vehicle_monitor": ("gear_position", "brake_switch", "left_signal", "right_signal")}
 """Positions of switches, taken from the last message."""
 
+_WIDTHS = {"pose": 3}
+"""Length of vectors by kind; the others are numbers."""
+
 _GAP = 1.5e6
 """Longest gap between messages that is bridged [us]; the rarest are sent every 0.5 s."""
 _DIGITS = 4
+_LARGEST = 1e18
+"""Above the microseconds since 1970 of any recording, and any signal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,16 +70,23 @@ def can_bus_files(scene: str) -> list[str]:
     return [f"{FOLDER}/{scene}_{kind}.json" for kind in MEASURED]
 
 
-def read_can_bus(root: Path, scene: str) -> Mapping[str, CanBusMessages]:
+def read_can_bus(root: Path, scene: str, defects: Defects) -> Mapping[str, CanBusMessages]:
     """Read a scene's messages by kind; empty if it has none. Cached for the scene's windows.
 
-    Raises:
-        CorruptSource: A file is damaged.
+    What cannot be used is added to ``defects``.
     """
     found = {}
     for path in _files(root, scene):
         kind, state = path.stem.removeprefix(f"{scene}_"), path.stat()
-        found[kind] = _read(path, kind, state.st_size, state.st_mtime_ns)
+        messages, bad = _read(path, kind, state.st_size, state.st_mtime_ns)
+        file = f"{FOLDER}/{path.name}"
+        if messages is None:
+            reason = "expected two messages or more with finite numbers, found fewer; the signal is left out"
+            defects.assume("tracks", file, [kind], kind, reason)
+        else:
+            found[kind] = messages
+            reason = "expected finite numbers, found others; interpolated from the other messages"
+            defects.assume("tracks", file, bad, kind, reason)
     return found
 
 
@@ -100,17 +114,39 @@ def _listed(values: Float64, is_known: Bool) -> list[Any]:
 
 
 @lru_cache(maxsize=len(MEASURED))
-def _read(path: Path, kind: str, _size: int, _changed: int) -> CanBusMessages:
+def _read(path: Path, kind: str, _size: int, _changed: int) -> tuple[CanBusMessages | None, list[int]]:
+    """Messages of a file (None if there are not two), and the positions of those that are damaged."""
     try:
-        messages = json.loads(path.read_bytes())
-        times, first = np.unique(np.array([message["utime"] for message in messages], np.float64), return_index=True)
-        fields = {
-            name: np.array([message[name] for message in messages], np.float64).reshape(len(messages), -1)[first]
-            for name in (*MEASURED[kind], *SWITCHED.get(kind, ()))
-        }
-        is_whole = len(times) > 1 and all(np.isfinite(values).all() for values in (times, *fields.values()))
-    except (OSError, ValueError, TypeError, KeyError) as error:
-        raise CorruptSource(f"{path} cannot be read ({error!r}); download the CAN bus expansion again") from error
-    if not is_whole:
-        raise CorruptSource(f"{path}: expected two messages or more, of finite numbers; download the expansion again")
-    return CanBusMessages(times, fields)
+        entries = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return None, []
+    if not isinstance(entries, list):
+        return None, []
+    widths = {"utime": 1} | {name: _WIDTHS.get(kind, 1) for name in (*MEASURED[kind], *SWITCHED.get(kind, ()))}
+    columns, bad = _columns(entries, widths), []
+    if columns is None:
+        is_good = [all(_is_numbers(entry, name, width) for name, width in widths.items()) for entry in entries]
+        bad = [number for number, good in enumerate(is_good) if not good]
+        columns = _columns([entry for entry, good in zip(entries, is_good, strict=True) if good], widths)
+    times, first = np.unique([] if columns is None else columns.pop("utime"), return_index=True)
+    if columns is None or len(times) < 2:
+        return None, bad
+    return CanBusMessages(times, {name: values[first] for name, values in columns.items()}), bad
+
+
+def _columns(entries: list[Any], widths: Mapping[str, int]) -> dict[str, Float64] | None:
+    """Fields of messages as columns (M, width); None unless all values are finite numbers."""
+    try:
+        columns = {name: np.array([entry[name] for entry in entries]) for name in widths}
+        shaped = {name: values.reshape(len(entries), widths[name]) for name, values in columns.items()}
+    except (ValueError, TypeError, KeyError):  # one message without the field, or with a list of another length
+        return None
+    is_finite = all(values.dtype.kind in "if" and np.isfinite(values).all() for values in shaped.values())
+    return {name: values.astype(np.float64) for name, values in shaped.items()} if is_finite else None
+
+
+def _is_numbers(entry: Any, name: str, width: int) -> bool:
+    """Whether a field of a message is a finite number, or a list of ``width`` of them."""
+    value = entry.get(name) if isinstance(entry, dict) else None
+    values = value if isinstance(value, list) else [value]
+    return len(values) == width and all(is_number(each, _LARGEST) for each in values)

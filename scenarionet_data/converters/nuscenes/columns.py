@@ -47,9 +47,10 @@ class TableRows:
 def gather(
     blocks: Iterable[pa.Table], convert: Callable[[pa.Table], dict[str, Array]], schema: pa.Schema
 ) -> dict[str, Array]:
-    """Concatenate the arrays that ``convert`` returns for each block."""
+    """Concatenate the arrays that ``convert`` returns for each block, and number the rows as ``row``."""
     parts = [convert(block) for block in blocks] or [convert(schema.empty_table())]
-    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    found = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    return found | {"row": np.arange(len(next(iter(found.values()))))}
 
 
 def by_scene(columns: dict[str, Array], num_scenes: int) -> TableRows:
@@ -61,9 +62,18 @@ def by_scene(columns: dict[str, Array], num_scenes: int) -> TableRows:
     return TableRows(start, {name: column[order] for name, column in columns.items() if name != "scene"})
 
 
+def filled(scene: Int64) -> Int64:
+    """(R,) scenes, where a row without scene (-1) has that of the last row before it, or of the first row after it."""
+    known = scene >= 0
+    if known.all() or not known.any():
+        return scene
+    last = np.maximum.accumulate(np.where(known, np.arange(len(scene)), -1))
+    return scene[np.where(last < 0, np.argmax(known), last)]
+
+
 def index(tokens: pa.Array | pa.ChunkedArray, known: Sequence[str] | Array) -> Int64:
     """(R,) position of each token among the ``known`` ones, or -1."""
-    place = pc.fill_null(pc.index_in(tokens, value_set=pa.array(known, TEXT)), -1)
+    place = pc.fill_null(pc.index_in(tokens, value_set=pa.array(known, TEXT), skip_nulls=True), -1)
     return np.asarray(place.to_numpy(), dtype=np.int64)
 
 

@@ -6,7 +6,6 @@ types; adjacent lanes may define them. A divider with several types is split int
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import groupby, pairwise
 from typing import Any
@@ -48,41 +47,53 @@ def places(points: Float64) -> list[Point]:
 
 def read_dividers(expansion: Expansion) -> list[Divider]:
     """Return all dividers of a map."""
-    stated = {
-        edge: kind
-        for lane in expansion.layer("lane")
-        for side in ("left", "right")
-        for edge, kind in _typed(expansion, lane[f"{side}_lane_divider_segments"])
-    }
+    stated: dict[Edge, str] = {}
+    for lane in expansion.layer("lane"):
+        for side in ("left", "right"):
+            stated.update(_typed(expansion, "lane", lane, f"{side}_lane_divider_segments"))
     found: list[Divider] = []
     for record in expansion.layer("lane_divider"):
-        types = dict(_typed(expansion, record["lane_divider_segments"]))
-        found += _lines(expansion, record, types, is_lane_divider=True)
+        with expansion.dropping("lane_divider", record):
+            types = dict(_typed(expansion, "lane_divider", record, "lane_divider_segments"))
+            found += _lines(expansion, "lane_divider", record, types)
     for record in expansion.layer("road_divider"):
-        found += _lines(expansion, record, stated, is_lane_divider=False)
+        with expansion.dropping("road_divider", record):
+            found += _lines(expansion, "road_divider", record, stated)
     return found
 
 
-def _typed(expansion: Expansion, segments: list[LayerRecord]) -> Iterator[tuple[Edge, str]]:
+def _typed(expansion: Expansion, layer: str, record: LayerRecord, field: str) -> list[tuple[Edge, str]]:
     """Edges and their types; a lane lists both ends of every edge, a lane divider each node once."""
-    spots = places(expansion.points([segment["node_token"] for segment in segments]))
-    for (start, end), segment in zip(pairwise(spots), segments, strict=False):
-        if start != end:
-            yield frozenset((start, end)), segment["segment_type"]
+    segments = record.get(field)
+    spots: list[Point | None] = []
+    kinds: list[str | None] = []
+    for segment in segments if isinstance(segments, list) else ():
+        stated = segment if isinstance(segment, dict) else {}
+        place, kind = expansion.node(stated.get("node_token")), stated.get("segment_type")
+        spots.append(None if place is None else places(np.array([place]))[0])
+        kinds.append(kind if isinstance(kind, str) else None)
+    if not isinstance(segments, list) or None in spots or None in kinds:
+        expansion.assume(layer, record["token"], f"expected nodes and types in {field}, found others; left out")
+    edges = zip(pairwise(spots), kinds, strict=False)
+    return [
+        (frozenset((start, end)), kind)
+        for (start, end), kind in edges
+        if start is not None and end is not None and kind is not None and start != end
+    ]
 
 
-def _lines(
-    expansion: Expansion, record: LayerRecord, types: dict[Edge, str], is_lane_divider: bool
-) -> Iterable[Divider]:
+def _lines(expansion: Expansion, layer: str, record: LayerRecord, types: dict[Edge, str]) -> list[Divider]:
     """Split a divider into lines of one type; none if it has no nodes."""
-    points = expansion.points(expansion.nodes(record["line_token"]))
+    points, is_lane_divider = expansion.line(layer, record), layer == "lane_divider"
     unstated = "NIL" if is_lane_divider else None
     kinds = [types.get(frozenset(edge), unstated) for edge in pairwise(places(points))]
     runs = [(kind, [index for index, _ in run]) for kind, run in groupby(enumerate(kinds), key=lambda item: item[1])]
+    found = []
     for number, (kind, edges) in enumerate(runs):
         name = record["token"] if len(runs) == 1 else f"{record['token']}-{number}"
         kind_of_line, extras = _type(kind)
-        yield Divider(name, kind_of_line, points[edges[0] : edges[-1] + 2], is_lane_divider, extras)
+        found.append(Divider(name, kind_of_line, points[edges[0] : edges[-1] + 2], is_lane_divider, extras))
+    return found
 
 
 def _type(word: str | None) -> tuple[MapFeatureType, dict[str, Any]]:

@@ -14,12 +14,17 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int64
 from scenarionet_data.arrays.ragged import Ragged
+from scenarionet_data.converters.formats.json_blocks import is_number
 
 DubinsPath = Mapping[str, Any]
 
 SPACING = 1.0
 """Maximum distance between points of a centreline [m]; on the tightest turns (4 m) chords deviate by 3 cm."""
 
+_LONGEST = 10_000.0
+"""Longest segment [m], so that the number of points is bounded."""
+_LARGEST = 1e7
+"""Largest coordinate or radius [m]."""
 _TURNS = {"L": 1.0, "S": 0.0, "R": -1.0}
 
 
@@ -27,14 +32,12 @@ def centerlines(lanes: Sequence[Sequence[DubinsPath]], spacing: float = SPACING)
     """Sample points along lanes, including the first and last point.
 
     Args:
-        lanes: K lists of paths, as in ``arcline_path_3``; an empty list gives no points.
+        lanes: K lists of paths, as in ``arcline_path_3``, see :func:`is_path`; an empty list gives no points.
         spacing: Maximum distance between points of a path [m].
 
     Returns:
         K lines of (n, 2) float64 [m].
 
-    Raises:
-        KeyError, TypeError, ValueError: Invalid path.
     """
     paths = [path for lane in lanes for path in lane]
     if not paths:
@@ -53,6 +56,37 @@ def centerlines(lanes: Sequence[Sequence[DubinsPath]], spacing: float = SPACING)
     return Ragged.from_flat(np.bincount(lane[path][kept], minlength=len(lanes)).tolist(), points[kept])
 
 
+def are_paths(paths: Sequence[Any]) -> bool:
+    """Whether all values are paths, as :func:`is_path`, ten times as fast."""
+    try:
+        poses, lengths, radius = (
+            np.array([path[name] for path in paths]) for name in ("start_pose", "segment_length", "radius")
+        )
+        shapes = {path["shape"] for path in paths}
+    except (TypeError, KeyError, ValueError):
+        return False
+    numbers = (poses, lengths, radius)
+    return (
+        [each.shape[1:] for each in numbers] == [(3,), (3,), ()]
+        and all(each.dtype.kind in "if" and (np.abs(each) < _LARGEST).all() for each in numbers)
+        and bool((radius > 0).all() and (lengths >= 0).all() and (lengths <= _LONGEST).all())
+        and all(isinstance(shape, str) and len(shape) == 3 and set(shape) <= set(_TURNS) for shape in shapes)
+    )
+
+
+def is_path(path: Any) -> bool:
+    """Whether a value is a path with finite numbers of a plausible size."""
+    if not isinstance(path, dict):
+        return False
+    pose, lengths, radius, shape = path.get("start_pose"), path.get("segment_length"), path.get("radius"), path.get("shape")
+    if not (isinstance(pose, list) and isinstance(lengths, list) and isinstance(shape, str)):
+        return False
+    if not [len(pose), len(lengths), len(shape)] == [3, 3, 3] or not set(shape) <= set(_TURNS):
+        return False
+    is_finite = all(is_number(each, _LARGEST) for each in (*pose, *lengths, radius))
+    return is_finite and radius is not None and radius > 0 and all(0 <= each <= _LONGEST for each in lengths)
+
+
 def _segments(paths: Sequence[DubinsPath]) -> tuple[Float64, Float64, Float64]:
     """Start pose (P, 3, 3), length (P, 3) [m] and curvature (P, 3) [1/m] of the three segments of each path."""
     lengths = np.array([path["segment_length"] for path in paths], np.float64).reshape(-1, 3)
@@ -60,8 +94,6 @@ def _segments(paths: Sequence[DubinsPath]) -> tuple[Float64, Float64, Float64]:
     turns = np.array([[_TURNS[letter] for letter in path["shape"]] for path in paths]).reshape(-1, 3)
     poses = np.zeros((len(paths), 3, 3))
     poses[:, 0] = np.array([path["start_pose"] for path in paths], np.float64)
-    if not (np.isfinite(poses).all() and (radius > 0).all() and ((lengths >= 0) & (lengths < np.inf)).all()):
-        raise ValueError("a path that is not finite, or has a negative length or radius")
     curvature = turns / radius[:, None]
     for number in (0, 1):  # each segment starts at the end of the previous one
         poses[:, number + 1] = advance(poses[:, number], curvature[:, number], lengths[:, number])

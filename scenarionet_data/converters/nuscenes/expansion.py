@@ -2,88 +2,199 @@
 
 A layer is a list of records, which refer to polygons and lines, which refer to nodes with coordinates in the
 location's plane frame [m]. The first polygon of a file has no token and is unused, and a few lines have no nodes.
-There are no heights.
+There are no heights. Lines and outlines go on without nodes that cannot be used; a feature that cannot be read is
+dropped, and both are reported.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from shapely.errors import ShapelyError
 
 from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.building.plausible import MAX_MAP_DISTANCE
+from scenarionet_data.converters.formats.json_blocks import is_number
+from scenarionet_data.converters.nuscenes.dubins import are_paths, is_path
+from scenarionet_data.ingest.defects import Defects
 
 LayerRecord = dict[str, Any]
 
 _VERSION = "1.3"
+_LISTS = """node line polygon drivable_area road_segment road_block lane ped_crossing walkway stop_line carpark_area
+    road_divider lane_divider traffic_light lane_connector""".split()
+_GEOMETRY = ("node", "line", "polygon")
+_LARGEST = 1e15
+"""Bound of a number [m] from which distances can be computed."""
+_MAPPINGS = ("arcline_path_3", "connectivity")
+
+
+class BadFeature(ValueError):
+    """A feature that cannot be read: what was expected and found."""
 
 
 class Expansion:
-    """A map expansion; unknown layers and tokens raise KeyError.
+    """A map expansion.
+
+    Attributes:
+        defects: Features that were dropped or assumed.
 
     Args:
         content: The parsed file.
+        file: Its path relative to the raw folder, for reports.
 
     Raises:
-        KeyError, TypeError, ValueError: Not a map expansion, or of another version.
+        ValueError: Not a map expansion, or of another version; the message has what was found.
     """
 
-    def __init__(self, content: LayerRecord) -> None:
+    def __init__(self, content: Any, file: str) -> None:
+        if not isinstance(content, dict) or not isinstance(content.get("version", "1.0"), str):
+            raise ValueError("no JSON object with a version")
         if content.get("version") != _VERSION:
-            raise ValueError(f"version {content.get('version', '1.0')!r}, expected {_VERSION!r}")
-        self._content = content
-        self._nodes = {node["token"]: (float(node["x"]), float(node["y"])) for node in content["node"]}
-        self._lines = {line["token"]: line["node_tokens"] for line in content["line"]}
-        self._polygons = {polygon["token"]: polygon for polygon in content["polygon"]}
-        if not np.isfinite(np.array(list(self._nodes.values()))).all():
-            raise ValueError("a node whose coordinates are not finite")
+            raise ValueError(f"version {content.get('version', '1.0')[:16]!r}")
+        for kind, names in ((list, _LISTS), (dict, _MAPPINGS)):
+            lost = [name for name in names if not isinstance(content.get(name), kind)]
+            if lost:
+                raise ValueError(f"no layer {lost[0]!r}")
+        self.defects = Defects()
+        self._file = file
+        self._paths, self._links = content["arcline_path_3"], content["connectivity"]
+        self._has_good_paths = are_paths([path for paths in self._paths.values() for path in _listed(paths)])
+        self._nodes = _nodes(content["node"])
+        self._lines = {record["token"]: record for record in _named(content["line"])}
+        self._polygons = {record["token"]: record for record in _named(content["polygon"])}
+        self._layers = {name: self._features(name, content[name]) for name in _LISTS if name not in _GEOMETRY}
+
+    def _features(self, layer: str, entries: list[Any]) -> list[LayerRecord]:
+        """Records of a layer with a token of their own; a record without one (None) is unused."""
+        found = {record["token"]: record for record in reversed(list(_named(entries)))}
+        unused = sum(isinstance(entry, dict) and entry.get("token", "") is None for entry in entries)
+        lost = len(entries) - unused - len(found)
+        self.defects.drop("maps", self._file, [layer] * lost, "token", "expected a token of its own, found none")
+        return list(reversed(found.values()))
 
     def layer(self, name: str) -> list[LayerRecord]:
         """Records of a layer that have a token."""
-        return [record for record in self._content[name] if record["token"]]
+        return self._layers[name]
+
+    @contextmanager
+    def dropping(self, layer: str, record: LayerRecord) -> Iterator[None]:
+        """Drop and report the feature of a record if it cannot be read."""
+        try:
+            yield
+        except BadFeature as error:
+            self.defects.drop("maps", self._file, [record["token"]], layer, str(error))
+        except (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError, ShapelyError):
+            wanted = "expected the fields of the layer, found others"
+            self.defects.drop("maps", self._file, [record["token"]], layer, wanted)
+
+    def assume(self, layer: str, token: str, reason: str) -> None:
+        """Report a feature that is kept without a part of it."""
+        self.defects.assume("maps", self._file, [token], layer, reason)
 
     def paths(self, lane: str) -> Sequence[LayerRecord]:
         """Dubins paths of a lane's centreline; some lanes have none."""
-        paths: Sequence[LayerRecord] = self._content["arcline_path_3"].get(lane, ())
+        stated = self._paths.get(lane, [])
+        if self._has_good_paths:
+            return list(stated)
+        paths = [path for path in stated if is_path(path)] if isinstance(stated, list) else []
+        if not isinstance(stated, list) or len(paths) < len(stated):
+            self.assume("arcline_path_3", lane, "expected Dubins paths, found others; the centreline is without them")
         return paths
 
     def links(self, lane: str) -> tuple[list[str], list[str]]:
         """Predecessors and successors of a lane."""
-        links = self._content["connectivity"].get(lane, {"incoming": [], "outgoing": []})
-        return list(links["incoming"]), list(links["outgoing"])
+        stated = self._links.get(lane, {})
+        lists = [stated.get(name, []) for name in ("incoming", "outgoing")] if isinstance(stated, dict) else [None, None]
+        entries, exits = (words(each) for each in lists)
+        if [entries, exits] != lists:
+            self.assume("connectivity", lane, "expected lists of lanes, found others; left out")
+        return entries, exits
 
-    def nodes(self, line: str) -> list[str]:
-        """Tokens of a line's nodes."""
-        return list(self._lines[line])
+    def line(self, layer: str, record: LayerRecord) -> Float64:
+        """(n, 2) points of the line of a record [m]; n may be 0."""
+        line = self._lines.get(_reference(record, "line_token"))
+        if line is None:
+            raise BadFeature("expected a known line, found none")
+        return self._points(layer, record["token"], line.get("node_tokens"), least=2)
 
-    def points(self, nodes: Sequence[str]) -> Float64:
-        """(n, 2) coordinates of nodes [m]."""
-        return np.array([self._nodes[node] for node in nodes], np.float64).reshape(-1, 2)
+    def node(self, token: Any) -> tuple[float, float] | None:
+        """x, y of a node [m]; None if it cannot be used."""
+        return self._nodes.get(token) if isinstance(token, str) else None
 
-    def polygon(self, token: str) -> tuple[Float64, list[Float64]]:
-        """Exterior (n, 2) and holes (k, 2) of a polygon [m]; n is 0 for a polygon without nodes.
-
-        Raises:
-            ValueError: It has one or two nodes.
-        """
-        record = self._polygons[token]
-        exterior = self.points(record["exterior_node_tokens"])
-        if 0 < len(exterior) < 3:
-            raise ValueError(f"polygon {token} of {len(exterior)} nodes")
-        holes = [self.points(hole["node_tokens"]) for hole in record["holes"]]
+    def polygon(self, layer: str, record: LayerRecord, token: Any = None) -> tuple[Float64, list[Float64]]:
+        """Exterior (n, 2) and holes (k, 2) of the polygon of a record [m], or of a token; n may be 0."""
+        polygon = self._polygons.get(_reference(record, "polygon_token") if token is None else token)
+        if polygon is None:
+            raise BadFeature("expected a known polygon, found none")
+        exterior = self._points(layer, record["token"], polygon.get("exterior_node_tokens"), least=3)
+        holes = []
+        for hole in polygon.get("holes") or ():
+            try:
+                holes.append(self._points(layer, record["token"], hole.get("node_tokens"), least=0))
+            except (BadFeature, AttributeError):
+                self.assume(layer, record["token"], "expected holes as lists of nodes, found others; left out")
         return exterior, [hole for hole in holes if len(hole) >= 3]
 
+    def _points(self, layer: str, token: str, nodes: Any, least: int) -> Float64:
+        if not isinstance(nodes, list):
+            raise BadFeature("expected a list of nodes, found none")
+        found = [place for place in map(self.node, nodes) if place is not None]
+        if 0 < len(nodes) and len(found) < least:
+            raise BadFeature(f"expected {least} nodes or more, found {len(found)} that can be used")
+        if len(found) < len(nodes):
+            self.assume(layer, token, "expected known nodes with finite coordinates, found others; left out")
+        return np.array(found, np.float64).reshape(-1, 2)
 
-def read_expansion(path: Path) -> Expansion:
-    """Read one location's map expansion.
+
+def read_expansion(path: Path, file: str) -> Expansion:
+    """Read one location's map expansion; ``file`` is its path relative to the raw folder.
 
     Raises:
-        OSError, KeyError, TypeError, ValueError: Missing or damaged.
+        OSError, ValueError: Missing or damaged.
     """
-    content = json.loads(path.read_bytes())
-    if not isinstance(content, dict):
-        raise TypeError("no JSON object")
-    return Expansion(content)
+    try:
+        content = json.loads(path.read_bytes())
+    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        raise ValueError("no JSON") from error
+    return Expansion(content, file)
+
+
+def words(value: Any) -> list[str]:
+    """The texts in a list."""
+    return [each for each in value if isinstance(each, str)] if isinstance(value, list) else []
+
+
+def _listed(value: Any) -> list[Any]:
+    """A list, or a list of a value that is none."""
+    return value if isinstance(value, list) else [value]
+
+
+def _reference(record: LayerRecord, field: str) -> str:
+    token = record.get(field)
+    return token if isinstance(token, str) else ""
+
+
+def _named(entries: Iterable[Any]) -> Iterator[LayerRecord]:
+    """Records with a text as token."""
+    for entry in entries:
+        if isinstance(entry, dict) and isinstance(entry.get("token"), str) and entry["token"]:
+            yield entry
+
+
+def _nodes(entries: list[Any]) -> Mapping[str, tuple[float, float]]:
+    """x, y [m] of the usable nodes by token."""
+    found = {
+        node["token"]: (float(node["x"]), float(node["y"]))
+        for node in _named(entries)
+        if is_number(node.get("x"), _LARGEST) and is_number(node.get("y"), _LARGEST)
+    }
+    places = np.array(list(found.values()), np.float64).reshape(-1, 2)
+    centre = np.median(places, axis=0) if found else np.zeros(2)
+    distance = np.abs(places - centre).max(axis=1, initial=0.0)
+    return {token: place for (token, place), d in zip(found.items(), distance, strict=True) if d <= MAX_MAP_DISTANCE}

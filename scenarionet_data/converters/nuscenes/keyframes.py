@@ -19,6 +19,8 @@ HEADING = 3
 """Column of boxes and poses with an angle."""
 _GAP = 1e6
 """Shortest gap between poses over which the ego is not interpolated [us]; their usual spacing is 0.05 s."""
+_REACH = 1e5
+"""Longest time from a step before the first pose, or after the last, over which the ego keeps that pose [us]."""
 _PERIOD = 0.5
 """Time between keyframes assumed for a scene with a single one [s]."""
 
@@ -52,12 +54,18 @@ def nominal_period(times: Float64) -> float:
     return max(round(float(np.median(np.diff(times))) * 20e-6), 1) / 20 if len(times) > 1 else _PERIOD
 
 
-def make_steps(times: Float64, period: float, rate: int) -> Steps:
-    """Return steps over keyframes at ``times`` (K,) [us], about ``rate`` per second, including every keyframe."""
+def make_steps(times: Float64, period: float, rate: int | None) -> Steps:
+    """Return steps over keyframes at ``times`` (K,) [us], including every keyframe.
+
+    Args:
+        times: (K,) [us].
+        period: Nominal time between keyframes [s].
+        rate: Steps per second; None: only the keyframes.
+    """
     spans = np.diff(times)
-    num_parts = max(1, round(rate * period))
+    num_parts = 1 if rate is None else max(1, round(rate * period))
     num_periods = np.maximum(1, np.round(spans * 1e-6 / period).astype(np.int64))
-    counts = np.append(num_periods * num_parts, 1)
+    counts = np.append(np.ones_like(num_periods) if rate is None else num_periods * num_parts, 1)
     keyframe = np.repeat(np.arange(len(times)), counts)
     share = (np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[keyframe]
     return Steps(
@@ -76,13 +84,24 @@ def boxes_at(steps: Steps, boxes: Float64, seen: Bool) -> tuple[Float64, Bool]:
     return _blend(boxes[:, before], boxes[:, after], steps.share), valid
 
 
-def poses_at(times: Float64, pose_times: Float64, poses: Float64) -> tuple[Float64, Bool]:
-    """Interpolate poses (P, 4) at ``pose_times`` (P,) to (T, 4) and validity (T,) at ``times`` (T,) [us]."""
+def poses_at(times: Float64, pose_times: Float64, poses: Float64) -> tuple[Float64, Bool, Bool]:
+    """Interpolate poses (P, 4) at ``pose_times`` (P,) to ``times`` (T,) [us].
+
+    Returns:
+        (T, 4) poses, (T,) whether they are valid, (T,) whether they are between recorded ones.
+    """
     after = np.searchsorted(pose_times, times).clip(0, len(pose_times) - 1)
     before = np.where(pose_times[after] > times, np.maximum(after - 1, 0), after)
     span = pose_times[after] - pose_times[before]
     share = np.where(span > 0, (times - pose_times[before]) / np.where(span > 0, span, 1.0), 0.0)
-    return _blend(poses[before], poses[after], share), span <= _GAP
+    valid = (span <= _GAP) & is_covered(times, pose_times)
+    return _blend(poses[before], poses[after], share), valid, pose_times[before] != times
+
+
+def is_covered(times: Float64, pose_times: Float64) -> Bool:
+    """(T,) whether ``times`` are from the first to the last of ``pose_times``, or near."""
+    covered: Bool = (times >= pose_times[0] - _REACH) & (times <= pose_times[-1] + _REACH)
+    return covered
 
 
 def _blend(before: Float64, after: Float64, share: Float64) -> Float64:

@@ -12,7 +12,7 @@ import shapely
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.converters.nuscenes.dividers import Divider, Point, places
 from scenarionet_data.converters.nuscenes.dubins import centerlines
-from scenarionet_data.converters.nuscenes.expansion import Expansion
+from scenarionet_data.converters.nuscenes.expansion import BadFeature, Expansion, LayerRecord
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +21,8 @@ class NuScenesLane:
 
     Attributes:
         id: Its token.
-        kind: ``CAR``, ``BIKE``; None for a connector between lanes.
+        layer: ``lane``, or ``lane_connector`` for a connector between lanes.
+        kind: ``CAR`` or ``BIKE`` for a lane.
         center: (n, 2) [m] in driving direction; empty without centreline.
         outline: (k, 2) [m]; empty without a polygon.
         entries, exits: Ids of predecessors and successors.
@@ -29,7 +30,8 @@ class NuScenesLane:
     """
 
     id: str
-    kind: str | None
+    layer: str
+    kind: str
     center: Float64
     outline: Float64
     entries: list[str]
@@ -40,17 +42,27 @@ class NuScenesLane:
 
 def read_lanes(expansion: Expansion, dividers: list[Divider]) -> list[NuScenesLane]:
     """Return all lanes and connectors of a map, with mutual links."""
-    records = [*expansion.layer("lane"), *expansion.layer("lane_connector")]
-    centers = centerlines([expansion.paths(record["token"]) for record in records])
+    records = [(layer, record) for layer in ("lane", "lane_connector") for record in expansion.layer(layer)]
+    centers = centerlines([expansion.paths(record["token"]) for _, record in records])
     lanes = []
-    for row, record in enumerate(records):
-        polygon = record.get("polygon_token")
-        outline = expansion.polygon(polygon)[0] if polygon else np.zeros((0, 2))
+    for row, (layer, record) in enumerate(records):
+        kind = record.get("lane_type") if layer == "lane" else None
         entries, exits = expansion.links(record["token"])
-        lanes.append(NuScenesLane(record["token"], record.get("lane_type"), centers[row], outline, entries, exits))
+        outline = _outline(expansion, layer, record)
+        lanes.append(NuScenesLane(record["token"], layer, str(kind), centers[row], outline, entries, exits))
     _complete_links(lanes)
     _find_sides(lanes, dividers)
     return lanes
+
+
+def _outline(expansion: Expansion, layer: str, record: LayerRecord) -> Float64:
+    """(k, 2) outline of a lane [m], empty if it has none."""
+    if record.get("polygon_token"):
+        try:
+            return expansion.polygon(layer, record)[0]
+        except BadFeature as error:
+            expansion.assume(layer, record["token"], f"{error}; the lane has no outline")
+    return np.zeros((0, 2))
 
 
 def _complete_links(lanes: list[NuScenesLane]) -> None:

@@ -6,7 +6,7 @@ estimated from positions.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +15,7 @@ from scenarionet_data.arrays.dtypes import Bool, Float64
 from scenarionet_data.arrays.geometry import estimate_velocity
 from scenarionet_data.building import MapBuilder, make_origin, make_tracks
 from scenarionet_data.converters.nuscenes.can_bus import CanBusMessages, signals_at
+from scenarionet_data.converters.nuscenes.files import CHALLENGE
 from scenarionet_data.converters.nuscenes.keyframes import Steps, boxes_at, make_steps, nominal_period, poses_at
 from scenarionet_data.converters.nuscenes.tables import log_name
 from scenarionet_data.converters.nuscenes.types import (
@@ -26,6 +27,8 @@ from scenarionet_data.converters.nuscenes.types import (
     RENAULT_ZOE,
 )
 from scenarionet_data.converters.nuscenes.windows import NuScenesWindow
+from scenarionet_data.errors import InvalidScenario
+from scenarionet_data.ingest.defects import Defect, Defects, merge_defects
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.description import (
     Lights,
@@ -33,7 +36,6 @@ from scenarionet_data.scenario.description import (
     ScenarioDescription,
     Source,
     Tracks,
-    make_scenario_id,
 )
 from scenarionet_data.scenario.vocabulary import ObjectType
 
@@ -60,9 +62,10 @@ def describe(
     city: NuScenesCity | None,
     can_bus: Mapping[str, CanBusMessages],
     *,
-    rate: int,
+    rate: int | None,
     radius: float,
     licence: str,
+    defects: Iterable[Defect] = (),
 ) -> ScenarioDescription:
     """Convert one window to a scenario.
 
@@ -71,21 +74,24 @@ def describe(
         window: Keyframes of a scene.
         city: The location's map, or None.
         can_bus: CAN bus messages of the ego.
-        rate: Timesteps per second.
+        rate: Timesteps per second; None: the keyframes.
         radius: Margin of the map around the ego's path [m].
         licence: Licence of the recordings.
+        defects: What was dropped or assumed beside the window's.
     """
     recording, part = window.recording, slice(window.first, window.last + 1)
     name, place = recording.name, recording.log["location"]
     start = float(recording.times[window.first])
     steps = make_steps(recording.times[part] - start, nominal_period(recording.times), rate)
-    ego, has_pose = _ego(window, steps, place)
+    ego, has_pose, is_between = _ego(window, steps, place)
+    if not has_pose.any():
+        raise InvalidScenario(window.id(shard), "ego_pose", "expected ego poses during the window, found none")
     origin = make_origin(ego[:, :3], has_pose, has_z=True)
     current = int(steps.at_keyframes[window.current - window.first])
-    moment = None if window.is_whole else round(recording.times[window.current])
+    known = [token for token in window.targets if token in recording.objects.tokens]
     crop = _around(ego, radius)
     return ScenarioDescription(
-        id=make_scenario_id(shard.dataset, shard.version, name, moment),
+        id=window.id(shard),
         dataset=shard.dataset,
         version=shard.version,
         split=shard.split,
@@ -102,14 +108,14 @@ def describe(
             log=log_name(recording.log),
             city=place,
             date=recording.log["date_captured"],
-            crs=f"nuscenes {place}",
+            crs=f"nuscenes {place or 'unknown'}",
         ),
-        tracks=_tracks(window, steps, ego, has_pose, origin, signals_at(can_bus, start + steps.times)),
+        tracks=_tracks(window, steps, (ego, has_pose, is_between), origin, signals_at(can_bus, start + steps.times)),
         lights=Lights.empty(len(steps.times)),
         map=_crop(city, crop, origin),
         map_id=city.id if city else None,
         map_crop=_shifted(crop, origin) if city else None,
-        tracks_to_predict=tuple((token, 0) for token in window.targets),
+        tracks_to_predict=tuple((token, 0) for token in known),
         extras={
             "kind": "scene" if window.is_whole else "window",
             "scene_token": recording.scene["token"],
@@ -118,36 +124,37 @@ def describe(
             "keyframe_timesteps": steps.at_keyframes.tolist(),
             "start_timestamp_us": round(start),
         },
+        defects=merge_defects([*recording.defects, *defects, *_unknown_targets(window, len(known))]),
     )
 
 
-def _ego(window: NuScenesWindow, steps: Steps, place: str) -> tuple[Float64, Bool]:
-    """The ego's box (T, 7), and whether its pose is known (T,)."""
-    vehicle = RENAULT_ZOE if place in PLACES else FORD_FUSION
+def _ego(window: NuScenesWindow, steps: Steps, place: str | None) -> tuple[Float64, Bool, Bool]:
+    """The ego's box (T, 7), whether its pose is known (T,), and whether it is between recorded ones (T,)."""
+    vehicle = RENAULT_ZOE if place is None or place in PLACES else FORD_FUSION
     recording = window.recording
     pose_times = recording.pose_times - recording.times[window.first]
-    pose, has_pose = poses_at(steps.times, pose_times, recording.poses)
+    pose, has_pose, is_between = poses_at(steps.times, pose_times, recording.poses)
     ahead = vehicle.ahead * np.stack([np.cos(pose[:, 3]), np.sin(pose[:, 3])], axis=-1)
     size = np.broadcast_to(np.array(vehicle.size), (len(pose), 3))
     center = np.column_stack([pose[:, :2] + ahead, pose[:, 2] + vehicle.size[2] / 2.0])
-    return np.column_stack([center, pose[:, 3], size]), has_pose
+    return np.column_stack([center, pose[:, 3], size]), has_pose, is_between
 
 
 def _tracks(
     window: NuScenesWindow,
     steps: Steps,
-    ego: Float64,
-    has_pose: Bool,
+    path: tuple[Float64, Bool, Bool],
     origin: Float64,
     signals: Mapping[str, list[Any]],
 ) -> Tracks:
-    """Build the objects annotated in the window, followed by the ego."""
+    """Build the objects annotated in the window, followed by the ego with its ``path`` as of :func:`_ego`."""
+    ego, has_pose, is_between = path
     part, objects = slice(window.first, window.last + 1), window.recording.objects
     rows = np.flatnonzero(objects.seen[:, part].any(axis=1))
     boxes, valid = boxes_at(steps, objects.boxes[rows, part], objects.seen[rows, part])
     boxes, valid = np.concatenate([boxes, ego[None]]), np.concatenate([valid, has_pose[None]])
-    words = [*objects.categories[rows], EGO_CATEGORY]
-    kinds = [*(CATEGORIES.get(word, ObjectType.OTHER) for word in words[:-1]), ObjectType.VEHICLE]
+    words: list[str | None] = [*objects.categories[rows], EGO_CATEGORY]
+    kinds = [*(CATEGORIES.get(word or "", ObjectType.OTHER) for word in words[:-1]), ObjectType.VEHICLE]
     attributes = [objects.attributes[row] for row in rows]
     return make_tracks(
         [*objects.tokens[rows], EGO],
@@ -162,11 +169,21 @@ def _tracks(
         is_size_assumed=[*[False] * len(rows), True],
         is_type_assumed=[*(word not in CATEGORIES for word in words[:-1]), False],
         is_velocity_estimated=True,
+        is_interpolated=np.concatenate([np.broadcast_to(steps.share > 0, (len(rows), len(steps.share))), is_between[None]]),
         extras=[
             *({"attributes": counts} if counts else None for counts in attributes),
             {"can_bus": signals} if signals else None,
         ],
     )
+
+
+def _unknown_targets(window: NuScenesWindow, num_known: int) -> tuple[Defect, ...]:
+    """Report the objects to predict that are not annotated in the scene."""
+    defects = Defects()
+    unknown = [token for token in window.targets if token not in window.recording.objects.tokens]
+    reason = "expected objects of the scene, found another; it is not among the tracks to predict"
+    defects.assume("tracks", CHALLENGE.as_posix(), unknown, window.recording.name, reason)
+    return defects.found()
 
 
 def _around(path: Float64, radius: float) -> NuScenesBox:

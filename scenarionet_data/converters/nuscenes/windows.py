@@ -12,19 +12,22 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from scenarionet_data.converters.nuscenes.recording import NuScenesRecording
 from scenarionet_data.converters.nuscenes.types import CATEGORIES
 from scenarionet_data.errors import CorruptSource, InvalidScenario
+from scenarionet_data.ingest.shard import Shard
+from scenarionet_data.scenario.description import make_scenario_id
 from scenarionet_data.scenario.vocabulary import ObjectType
 
 _MOVES = 1.0
 """Minimum distance travelled in the future by a moving vehicle [m]."""
 
-Challenge = Mapping[str, Sequence[str]]
-"""``<instance token>_<sample token>`` of each requested prediction, by scene name."""
+Challenge = Mapping[str, Any]
+"""``<instance token>_<sample token>`` of each requested prediction, by scene name; lists of text unless damaged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +48,11 @@ class NuScenesWindow:
     targets: tuple[str, ...] = ()
     is_whole: bool = False
 
+    def id(self, shard: Shard) -> str:
+        """Id of its scenario."""
+        moment = None if self.is_whole else round(self.recording.times[self.current])
+        return make_scenario_id(shard.dataset, shard.version, self.recording.name, moment)
+
 
 def whole(recording: NuScenesRecording, past: int) -> NuScenesWindow:
     """Return the scene as one window with a history of ``past`` keyframes."""
@@ -58,33 +66,33 @@ def read_challenge(path: Path) -> Challenge:
     Raises:
         CorruptSource: The file is damaged.
     """
+    wanted = "expected lists of <instance>_<sample> by scene"
     try:
         content = json.loads(path.read_bytes())
-        return {str(scene): [str(entry) for entry in entries] for scene, entries in content.items()}
-    except (OSError, ValueError, TypeError, AttributeError) as error:
-        wanted = "expected lists of <instance>_<sample> by scene"
-        raise CorruptSource(f"{path}: {wanted}, found {error!r}; download the map expansion again") from error
+    except (OSError, ValueError, RecursionError) as error:
+        raise CorruptSource(f"{path}: {wanted}, found no JSON; download the map expansion again") from error
+    if not isinstance(content, dict):
+        raise CorruptSource(f"{path}: {wanted}, found no JSON object; download the map expansion again")
+    return content
 
 
 def challenge_windows(
-    recording: NuScenesRecording, past: int, future: int, entries: Sequence[str], scenario_id: str
-) -> Iterator[NuScenesWindow]:
+    recording: NuScenesRecording, past: int, future: int, entries: Sequence[Any], scenario_id: str
+) -> Iterator[NuScenesWindow | InvalidScenario]:
     """Return a window around each keyframe in ``entries``, with all of its targets; shorter at the scene's ends.
 
-    Raises:
-        InvalidScenario: An entry has a keyframe that is not in the scene.
+    An entry that is no text, or has a keyframe that is not in the scene, gives an error in place of its window.
     """
     targets: dict[str, list[str]] = defaultdict(list)
-    for entry in entries:
-        instance, _, sample = entry.partition("_")
-        targets[sample].append(instance)
     keyframes = {sample: number for number, sample in enumerate(recording.samples)}
-    unknown = [sample for sample in targets if sample not in keyframes]
-    if unknown:
-        raise InvalidScenario(
-            scenario_id, "prediction_scenes", f"expected keyframes of the scene, found {unknown[0]!r}"
-        )
-    for current in sorted(keyframes[sample] for sample in targets):
+    for entry in entries:
+        instance, _, sample = entry.partition("_") if isinstance(entry, str) else ("", "", "")
+        targets[sample].append(instance)
+    for sample in targets:
+        if sample not in keyframes:
+            reason = f"expected keyframes of the scene, found {sample[:64]!r}"
+            yield InvalidScenario(scenario_id, "prediction_scenes", reason)
+    for current in sorted(keyframes[sample] for sample in targets if sample in keyframes):
         last = min(current + future, len(recording.times) - 1)
         asked = tuple(dict.fromkeys(targets[recording.samples[current]]))
         yield NuScenesWindow(recording, max(current - past, 0), current, last, asked)
@@ -93,7 +101,7 @@ def challenge_windows(
 def moving_windows(recording: NuScenesRecording, past: int, future: int) -> Iterator[NuScenesWindow]:
     """Return a window around each keyframe with complete past and future, for moving vehicles annotated throughout."""
     objects = recording.objects
-    is_vehicle = np.array([CATEGORIES.get(word) is ObjectType.VEHICLE for word in objects.categories], np.bool_)
+    is_vehicle = np.array([CATEGORIES.get(word or "") is ObjectType.VEHICLE for word in objects.categories], np.bool_)
     for current in range(past, len(recording.times) - future):
         window, ahead = slice(current - past, current + future + 1), slice(current, current + future + 1)
         step = np.diff(objects.boxes[:, ahead, :2], axis=1)

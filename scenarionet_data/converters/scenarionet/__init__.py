@@ -14,48 +14,19 @@ MetaDrive 0.4.3 and the converters of ScenarioNet (2025-03), whose output deviat
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
-from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.converters.base import Converter, find_files
-from scenarionet_data.converters.scenarionet.frame import Frame, find_frame
-from scenarionet_data.converters.scenarionet.lights import make_lights
-from scenarionet_data.converters.scenarionet.map_features import make_map
+from scenarionet_data.converters.scenarionet.scenario import UNKNOWN_LICENCE, make_scenario
 from scenarionet_data.converters.scenarionet.summary import SUMMARISED, properties_of
-from scenarionet_data.converters.scenarionet.tracks import (
-    States,
-    count_unstored_states,
-    make_pickled_tracks,
-    read_states,
-    restore_ego_size,
-)
 from scenarionet_data.converters.scenarionet.unpickling import load
 from scenarionet_data.errors import CorruptSource, InvalidScenario, SourceNotFound
 from scenarionet_data.ingest.options import Options
 from scenarionet_data.ingest.shard import ABSENT, RawItem, Shard, bucket, fingerprint
-from scenarionet_data.scenario.description import ScenarioDescription, Source, make_scenario_id
+from scenarionet_data.scenario.description import ScenarioDescription
 
-_DT = 0.1
 _MAPPING = "dataset_mapping.pkl"
-_LICENCES = {
-    "waymo": "Waymo Dataset License Agreement for Non-Commercial Use",
-    "nuscenes": "CC BY-NC-SA 4.0",
-    "nuplan": "CC BY-NC-SA 4.0",
-    "av2": "CC BY-NC-SA 4.0",
-    "lyft": "CC BY-NC-SA 4.0",
-    "metadrive": "Apache-2.0",
-}
-# Stored in the scenario's arrays or its source already.
-_STORED = {
-    "id", "dataset", "scenario_id", "sdc_id", "sdc_track_index", "ts", "sample_rate", "track_length",
-    "current_time_index", "objects_of_interest", "tracks_to_predict", "origin", "has_z", "split", "scenario_uid",
-    "old_origin_in_current_coordinate", "object_summary", "number_summary", "extras", "licence", "log_name", "map",
-    "date", "crs", "omitted_map_features", "omitted_polygons",
-}  # fmt: skip
 
 
 class ScenarioNetPickles(Converter[RawItem]):
@@ -64,7 +35,7 @@ class ScenarioNetPickles(Converter[RawItem]):
     name = "scenarionet"
     version = "2"
     release = "v1"
-    licence = "licence of the original dataset"
+    licence = UNKNOWN_LICENCE
     raw = "folder of ScenarioNet pickles (sd_*.pkl), or of such folders"
     listed = (_MAPPING,)
     properties = tuple(SUMMARISED)
@@ -94,103 +65,10 @@ class ScenarioNetPickles(Converter[RawItem]):
             if key not in description:
                 raise InvalidScenario(record.name, key, "is missing")
         try:
-            return _make_scenario(shard, record.name, description)
+            return make_scenario(shard, record.name, description)
         except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
             # A field is missing or of the wrong type, anywhere in third-party data.
             raise InvalidScenario(record.name, "pickle", f"expected ScenarioNet's form, found {error!r}") from error
-
-
-def _make_scenario(shard: Shard, where: str, description: dict[str, Any]) -> ScenarioDescription:
-    metadata, tracks = description["metadata"], description["tracks"]
-    states = read_states(tracks, description["length"], where)
-    ego_id = str(metadata["sdc_id"])
-    ego = [str(track_id) for track_id in tracks].index(ego_id)
-    frame = find_frame(description, states.position[ego], states.valid[ego], _has_heights(states, description))
-    if frame.dataset == "nuscenes" or description["version"].startswith("nuscenesv1.0"):
-        restore_ego_size(states, ego)
-    map_features, unknown_features = make_map(description["map_features"], frame)
-    times = np.asarray(metadata["ts"], dtype=np.float64)
-    name = str(description.get("id", metadata.get("scenario_id")))
-    return ScenarioDescription(
-        id=make_scenario_id(shard.dataset, shard.version, f"{frame.dataset}_{name}"),
-        dataset=shard.dataset,
-        version=shard.version,
-        split=shard.split,
-        timestamps=times - times[0],
-        dt=_time_step(metadata, times),
-        current_timestep=int(metadata.get("current_time_index", np.argmax(states.valid[ego]))),
-        ego_id=ego_id,
-        origin=frame.origin,
-        has_z=frame.has_z,
-        source=_make_source(metadata, where, frame.dataset, name),
-        tracks=make_pickled_tracks(tracks, states, frame.local_origin, frame.dataset, ego),
-        lights=make_lights(description, frame, where),
-        map=map_features,
-        objects_of_interest=tuple(str(track_id) for track_id in metadata.get("objects_of_interest", ())),
-        tracks_to_predict=_tracks_to_predict(metadata.get("tracks_to_predict", {})),
-        extras=_make_extras(description, frame, name, unknown_features),
-    )
-
-
-def _has_heights(states: States, description: Mapping[str, Any]) -> bool:
-    if states.position[..., 2][states.valid].any():
-        return True
-    lines = (feature.get("polyline", ()) for feature in description["map_features"].values())
-    return any(len(line) and len(line[0]) == 3 and np.asarray(line)[:, 2].any() for line in lines)
-
-
-def _time_step(metadata: Mapping[str, Any], times: Float64) -> float:
-    """Return the nominal timestep [s]: of the pickle, else the median rounded to a millisecond."""
-    if metadata.get("sample_rate"):
-        return float(metadata["sample_rate"])
-    return round(float(np.median(np.diff(times))), 3) if len(times) > 1 else _DT
-
-
-def _tracks_to_predict(predicted: Any) -> tuple[tuple[str, int], ...]:
-    """Return pairs of track and difficulty, from Waymo's records by track id or from a list of ids."""
-    if isinstance(predicted, Mapping):
-        return tuple((str(i), int(record.get("difficulty") or 0)) for i, record in predicted.items())
-    return tuple((str(track_id), 0) for track_id in predicted)
-
-
-def _make_source(metadata: Mapping[str, Any], where: str, dataset: str, name: str) -> Source:
-    def told(key: str) -> str | None:
-        return str(metadata[key]) if metadata.get(key) is not None else None
-
-    return Source(
-        scenario_id=told("source_scenario_id") or name,
-        file=where,
-        licence=told("licence") or _LICENCES.get(dataset, ScenarioNetPickles.licence),
-        log=told("log_name"),
-        city=told("map"),
-        date=told("date"),
-        crs=told("crs"),
-    )
-
-
-def _make_extras(
-    description: Mapping[str, Any], frame: Frame, name: str, unknown_features: dict[str, int]
-) -> dict[str, Any]:
-    """Return extras: the pickle's name, metadata without a field in the schema, and dropped values."""
-    metadata = description["metadata"]
-    rest = {str(key): value for key, value in metadata.items() if key not in _STORED and _is_simple(value)}
-    unstored = {
-        "states": count_unstored_states(description["tracks"]),
-        "map_features": unknown_features,
-        "metadata": sorted(str(k) for k, value in metadata.items() if k not in _STORED and not _is_simple(value)),
-    }
-    return {
-        **(metadata.get("extras", {}) if frame.is_ours else {}),
-        "dataset": frame.dataset,
-        "version": str(description["version"]),
-        "id": name,
-        **({"metadata": rest} if rest and not frame.is_ours else {}),
-        **({"unstored": found} if (found := {key: value for key, value in unstored.items() if value}) else {}),
-    }
-
-
-def _is_simple(value: Any) -> bool:
-    return value is None or type(value) in (str, int, float, bool)
 
 
 def _list_pickles(raw: str) -> list[str]:

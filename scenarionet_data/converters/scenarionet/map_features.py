@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from itertools import chain
 from typing import Any
@@ -14,6 +13,7 @@ from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import flat_points, make_features
 from scenarionet_data.converters.boundary_segments import to_rows
 from scenarionet_data.converters.scenarionet.frame import Frame
+from scenarionet_data.converters.scenarionet.layout import LAYOUT
 from scenarionet_data.scenario.canonical_json import to_json
 from scenarionet_data.scenario.description import MapFeatures, strings
 from scenarionet_data.scenario.vocabulary import MapFeatureType
@@ -37,38 +37,44 @@ _ID_KEYS = ("feature_id", "boundary_feature_id", "id")
 Feature = Mapping[str, Any]
 
 
-def make_map(features: Mapping[Any, Feature], frame: Frame) -> tuple[MapFeatures | None, dict[str, int]]:
+def is_known(feature: Feature) -> bool:
+    """Whether the lake has the type of a map feature."""
+    return str(feature["type"]) in _FEATURE_TYPES
+
+
+def make_map(features: Mapping[Any, Feature], frame: Frame, own: Sequence[dict[str, Any]]) -> MapFeatures | None:
     """Build canonical map features.
 
     Args:
-        features: ``description["map_features"]``.
+        features: Those of ``description["map_features"]`` whose type is known.
         frame: Their frame.
+        own: (M,) what the layout keeps with them.
 
     Returns:
-        The map, or None; and the number of dropped features by unknown type.
+        The map, or None if there are no features.
     """
-    words = [str(feature["type"]) for feature in features.values()]
-    unknown = Counter(word for word in words if word not in _FEATURE_TYPES)
-    ids = [feature_id for feature_id, word in zip(features, words, strict=True) if word in _FEATURE_TYPES]
-    if not ids:
-        return None, dict(sorted(unknown.items()))
-    known = [features[feature_id] for feature_id in ids]
+    if not features:
+        return None
+    known = list(features.values())
     keys: set[str] = set().union(*known)  # most datasets have few of the keys, and each takes a pass over the map
     links = {key: [_listed(feature.get(key)) for feature in known] for key in _ID_LISTS if key in keys}
-    made = make_features(
-        ids,
-        [_FEATURE_TYPES[word] for word in words if word in _FEATURE_TYPES],
+    extras = _extras(known, links, frame.is_ours)
+    return make_features(
+        list(features),
+        [_FEATURE_TYPES[str(feature["type"])] for feature in known],
         polyline=_lines(known, frame),
         polygon=_polygons(known, frame),
-        width=_widths(known) if "width" in keys else Ragged.empty(len(ids), width=2),
+        width=_widths(known) if "width" in keys else Ragged.empty(len(known), width=2),
         speed_limit=_speed_limits(known, frame.quirks),
         links={_ID_LISTS[key]: _ids(lists) for key, lists in links.items()},
         is_intersection=[-1 if (told := feature.get("is_intersection")) is None else int(told) for feature in known],
-        extras=[to_json(to_rows(extras)) for extras in _extras(known, links, frame.is_ours)],
+        extras=[
+            to_json(to_rows(found) | ({LAYOUT: kept} if kept else {}))
+            for found, kept in zip(extras, own, strict=True)
+        ],
         origin=frame.local_origin,
         has_z=frame.has_z,
     )
-    return made, dict(sorted(unknown.items()))
 
 
 def _lines(features: Sequence[Feature], frame: Frame) -> Ragged:
@@ -105,7 +111,7 @@ def _is_point(line: Any) -> bool:
 
 def _widths(features: Sequence[Feature]) -> Ragged:
     """Widths; dropped if all are 0, as in Argoverse 2 pickles."""
-    widths = [_pairs(feature.get("width")) for feature in features]
+    widths = [_pairs(feature.get("width"))[: 1 if feature.get("is_width_constant") else None] for feature in features]
     pairs = Ragged.from_flat(list(map(len, widths)), np.concatenate(widths, dtype=np.float64))
     wide = np.zeros(len(features), np.bool_)
     is_set = (pairs.values[:, 0] != 0) | (pairs.values[:, 1] != 0)

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Bool, Float64, UInt8
+from scenarionet_data.arrays.dtypes import Array, Bool, UInt8
 from scenarionet_data.building import make_tracks
+from scenarionet_data.converters.scenarionet.frame import Frame
+from scenarionet_data.converters.scenarionet.layout import LAYOUT
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.scenario.description import Tracks
 from scenarionet_data.scenario.vocabulary import ObjectType
 
-_STORED = {"position", "heading", "velocity", "valid", "length", "width", "height"}
 # Length, width, height [m] of objects that MetaDrive pickles without size: a typical cone, and MetaDrive's barrier.
 _ASSUMED_SIZES: dict[int, tuple[float, float, float]] = {
     ObjectType.VEHICLE: (4.5, 1.9, 1.6),
@@ -25,6 +25,7 @@ _ASSUMED_SIZES: dict[int, tuple[float, float, float]] = {
     ObjectType.TRAFFIC_BARRIER: (2.0, 0.3, 1.0),
 }
 _ASSUMED_SIZE = (1.0, 1.0, 1.0)
+_MINUS_PI = np.float32(-np.pi)
 
 TrackDicts = Mapping[Any, Mapping[str, Any]]
 
@@ -76,12 +77,17 @@ def read_states(tracks: TrackDicts, length: int, where: str) -> States:
     return States(
         object_type=types,
         position=stack.points("position", 3),
-        heading=stack.scalars("heading"),
+        heading=_headings(stack.scalars("heading")),
         velocity=stack.points("velocity", 2),
         size=size,
         valid=valid,
         is_size_assumed=unknown,
     )
+
+
+def _headings(heading: Array) -> Array:
+    """Headings with -pi in place of float32's -pi, which is below -pi and would be wrapped to +pi."""
+    return np.where(heading == _MINUS_PI, np.float64(-np.pi), heading) if (heading == _MINUS_PI).any() else heading
 
 
 def _object_type(track: Mapping[str, Any]) -> int:
@@ -135,6 +141,11 @@ class _Stack:
         return InvalidScenario(self.where, f"tracks[{str(track_id)!r}].state.{name}", reason)
 
 
+def is_wider(states: States, ego: int) -> bool:
+    """Whether the ego is wider than long at any timestep."""
+    return bool((states.size[ego, :, 1] > states.size[ego, :, 0]).any())
+
+
 def restore_ego_size(states: States, ego: int) -> None:
     """Swap the ego's length and width in place, which ScenarioNet's nuScenes converter exchanges."""
     length, width = states.size[ego, :, 0], states.size[ego, :, 1]
@@ -142,15 +153,17 @@ def restore_ego_size(states: States, ego: int) -> None:
     length[wider], width[wider] = width[wider], length[wider]
 
 
-def make_pickled_tracks(tracks: TrackDicts, states: States, origin: Float64, dataset: str, ego: int) -> Tracks:
+def make_pickled_tracks(
+    tracks: TrackDicts, states: States, frame: Frame, ego: int, own: Sequence[Mapping[str, Any]]
+) -> Tracks:
     """Build canonical tracks.
 
     Args:
         tracks: ``description["tracks"]``.
         states: Their stacked states.
-        origin: (3,) the scenario's origin in the pickle's frame [m].
-        dataset: The original dataset, which determines what is assumed, estimated or interpolated.
+        frame: The pickle's; its dataset determines what is assumed, estimated or interpolated.
         ego: Row of the ego.
+        own: (N,) what the layout keeps with them.
     """
     metadata = [track["metadata"] for track in tracks.values()]
     return make_tracks(
@@ -161,18 +174,21 @@ def make_pickled_tracks(tracks: TrackDicts, states: States, origin: Float64, dat
         states.velocity,
         states.size,
         states.valid,
-        origin=origin,
+        origin=frame.local_origin,
         source_type=[_source_type(track) for track in tracks.values()],
-        is_size_assumed=states.is_size_assumed | _flags(metadata, "is_size_assumed", dataset == "av2"),
+        is_size_assumed=states.is_size_assumed | _flags(metadata, "is_size_assumed", frame.quirks == "av2"),
         is_type_assumed=_flags(metadata, "is_type_assumed", False),
-        is_velocity_estimated=_flags(metadata, "is_velocity_estimated", dataset == "nuscenes"),
+        is_velocity_estimated=_flags(metadata, "is_velocity_estimated", frame.quirks == "nuscenes"),
         is_interpolated=np.stack(
             [
-                _interpolated(described, states.valid.shape[1], dataset == "nuscenes" and row != ego)
+                _interpolated(described, states.valid.shape[1], frame.quirks == "nuscenes" and row != ego)
                 for row, described in enumerate(metadata)
             ]
         ),
-        extras=[described.get("extras") for described in metadata],
+        extras=[
+            described.get("extras") if frame.is_ours else {LAYOUT: kept} if kept else None
+            for described, kept in zip(metadata, own, strict=True)
+        ],
     )
 
 
@@ -197,14 +213,6 @@ def _interpolated(described: Mapping[str, Any], length: int, is_between_keyframe
     flags = np.zeros(length, np.bool_)
     if "is_interpolated" in described:
         flags |= np.asarray(described["is_interpolated"]) > 0.5
-    elif is_between_keyframes and "is_size_assumed" not in described:  # which this project's export writes
+    elif is_between_keyframes:
         flags[np.arange(length) % _KEYFRAME_STEPS > 0] = True
     return flags
-
-
-def count_unstored_states(tracks: TrackDicts) -> dict[str, int]:
-    """Names of the states that are not stored (steering, action, ...), with the number of tracks."""
-    found: Counter[str] = Counter()
-    for track in tracks.values():
-        found.update(name for name in track["state"] if name not in _STORED)
-    return {str(name): found[name] for name in sorted(found)}

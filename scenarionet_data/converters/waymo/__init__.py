@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -17,11 +17,17 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.building import make_origin, make_tracks
 from scenarionet_data.converters.base import Converter, find_files
+from scenarionet_data.converters.formats.protowire import DamagedMessage, Messages
 from scenarionet_data.converters.formats.tfrecord import TfRecord, read_records
+from scenarionet_data.converters.waymo.cleaning import UsableTracks, find_bad_features, usable_lights, usable_tracks
+from scenarionet_data.converters.waymo.files import EXAMPLE, scenario_files, shard_name, unused_fields
 from scenarionet_data.converters.waymo.map_features import map_features
 from scenarionet_data.converters.waymo.wire import WireLights, WireScenario, WireTracks, decode
-from scenarionet_data.errors import InvalidScenario
+from scenarionet_data.errors import CorruptSource, InvalidScenario, SourceNotFound
+from scenarionet_data.ingest.defects import Defects
+from scenarionet_data.ingest.input_properties import is_local
 from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.passed_over import PassedOver
 from scenarionet_data.ingest.shard import RawItem, Shard, fingerprint
 from scenarionet_data.scenario.description import (
     Lights,
@@ -33,11 +39,6 @@ from scenarionet_data.scenario.description import (
     strings,
 )
 from scenarionet_data.scenario.vocabulary import LightState, ObjectType, Provenance
-
-_EXAMPLE = "training.tfrecord-00000-of-01000"
-
-_SIDECARS = (".gstmp", ".crc", ".crc32c", ".md5", ".sha256", ".json", ".idx", ".index")
-"""Endings of files beside recordings: unfinished downloads of gsutil, checksums, descriptions and indices."""
 
 _OBJECT_TYPES = np.array(
     [ObjectType.UNSET, ObjectType.VEHICLE, ObjectType.PEDESTRIAN, ObjectType.CYCLIST, ObjectType.OTHER], np.uint8
@@ -65,27 +66,32 @@ class Waymo(Converter[TfRecord]):
     """One shard per file; a record is one scenario, in file order."""
 
     name = "waymo"
-    version = "1"
+    version = "2"
     release = "v1.2"
     licence = "Waymo Dataset License Agreement for Non-Commercial Use"
-    raw = f"a folder with files like {_EXAMPLE} (the dataset's `scenario` format), or one of them"
+    raw = f"a folder with files like {EXAMPLE} (the dataset's `scenario` format), or one of them"
 
     def shards(self, raw: str, split: str, version: str, options: Options) -> Iterator[Shard]:
         """List one shard per TFRecord file."""
         root = Path(raw)
         folder = root.parent if root.is_file() else root
-        what = f"files like {_EXAMPLE} (the dataset's `scenario` format)"
-        for path in find_files(raw, "*.tfrecord*", what, split, _SIDECARS):
+        for path in scenario_files(raw, split):
             item = RawItem(path.relative_to(folder).as_posix(), fingerprint([path]))
             yield Shard(
                 dataset=self.name,
                 version=version,
                 split=split,
-                name=_shard_name(item.name),
+                name=shard_name(item.name),
                 root=str(folder),
                 items=(item,),
                 options=options,
             )
+
+    def passed_over(self, raw: str, split: str, options: Options, shards: Sequence[Shard]) -> Iterable[PassedOver]:
+        """Files that hold no scenarios, and the sensor data in those that do."""
+        yield from super().passed_over(raw, split, options, shards)
+        path = next((path for shard in shards for path in shard.paths if is_local(path)), None)
+        yield from unused_fields(path) if path else ()
 
     def records(self, shard: Shard) -> Iterator[TfRecord]:
         """Yield the file's records."""
@@ -105,13 +111,14 @@ class Waymo(Converter[TfRecord]):
 
     def _describe(self, shard: Shard, file: str, message: WireScenario) -> ScenarioDescription:
         scenario_id = make_scenario_id(self.name, shard.version, message.scenario_id)
-        ego = message.sdc_track_index
-        tracks = message.tracks
-        if not 0 <= ego < len(tracks.ids):
-            wanted = f"expected a track, 0 to {len(tracks.ids) - 1}"
-            raise InvalidScenario(scenario_id, "sdc_track_index", f"{wanted}, found {ego if ego >= 0 else 'none'}")
+        defects = Defects()
+        usable = usable_tracks(message, file, scenario_id, defects)
+        tracks, ego = usable.tracks, usable.ego
         origin = make_origin(tracks.center[ego], tracks.valid[ego], has_z=True)
-        features = map_features(message.map, origin)
+        features = map_features(message.map, find_bad_features(message.map, file, defects), origin)
+        unknown = ["features"] * message.map.num_unknown
+        defects.drop("maps", file, unknown, "feature_data", "expected a kind that map.proto of v1.2 has, found another")
+        lights = usable_lights(message.lights, len(message.timestamps), origin, file, defects)
         return ScenarioDescription(
             id=scenario_id,
             dataset=self.name,
@@ -124,38 +131,29 @@ class Waymo(Converter[TfRecord]):
             origin=origin,
             has_z=True,
             source=Source(scenario_id=message.scenario_id, file=file, licence=self.licence),
-            tracks=_tracks(tracks, origin),
-            lights=_lights(message.lights, len(message.timestamps), features, origin),
+            tracks=_tracks(usable, origin),
+            lights=_lights(lights, len(message.timestamps), features, origin),
             map=features,
-            objects_of_interest=tuple(str(i) for i in message.objects_of_interest.tolist()),
-            tracks_to_predict=_tracks_to_predict(message, scenario_id),
+            objects_of_interest=_objects_of_interest(message, tracks, file, defects),
+            tracks_to_predict=_tracks_to_predict(message, tracks, file, defects),
             extras={"num_unknown_map_features": message.map.num_unknown} if message.map.num_unknown else {},
+            defects=defects.found(),
         )
 
 
-def _shard_name(item: str) -> str:
-    """Return ``item`` if it is a valid file name, else a cleaned name with a hash.
-
-    Example:
-        >>> _shard_name("training.tfrecord-00000-of-01000"), _shard_name("a b/c.tfrecord")
-        ('training.tfrecord-00000-of-01000', 'a_b_c.tfrecord-8663cf28')
-    """
-    clean = re.sub(r"[^A-Za-z0-9._-]", "_", item)
-    if clean == item:
-        return item
-    return f"{clean}-{hashlib.blake2b(item.encode(), digest_size=4).hexdigest()}"
-
-
-def _tracks(tracks: WireTracks, origin: Float64) -> Tracks:
+def _tracks(usable: UsableTracks, origin: Float64) -> Tracks:
+    tracks = usable.tracks
     return make_tracks(
         ids=tracks.ids.tolist(),
-        object_type=_OBJECT_TYPES[tracks.types],
+        object_type=np.where(tracks.is_type_known, _OBJECT_TYPES[tracks.types], ObjectType.OTHER),
         position=tracks.center,
         heading=tracks.heading,
         velocity=tracks.velocity,
         size=tracks.size,
         valid=tracks.valid,
         origin=origin,
+        is_type_assumed=~tracks.is_type_known,
+        is_interpolated=usable.is_interpolated,
     )
 
 
@@ -178,11 +176,21 @@ def _lights(lights: WireLights, num_timesteps: int, features: MapFeatures | None
     )
 
 
-def _tracks_to_predict(message: WireScenario, scenario_id: str) -> tuple[tuple[str, int], ...]:
-    ids = message.tracks.ids.tolist()
-    chosen = []
-    for index, difficulty in message.tracks_to_predict.tolist():
-        if not 0 <= index < len(ids):
-            raise InvalidScenario(scenario_id, "tracks_to_predict", f"expected 0 ... {len(ids) - 1}, found {index}")
-        chosen.append((str(ids[index]), difficulty))
-    return tuple(chosen)
+_TARGETS = "expected tracks of the scenario, found others, which are left out"
+
+
+def _objects_of_interest(message: WireScenario, tracks: WireTracks, file: str, defects: Defects) -> tuple[str, ...]:
+    is_there = np.isin(message.objects_of_interest, tracks.ids)
+    lost = [f"track {name}" for name in message.objects_of_interest[~is_there]]
+    defects.assume("tracks", file, lost, "objects_of_interest", _TARGETS)
+    return tuple(str(name) for name in message.objects_of_interest[is_there])
+
+
+def _tracks_to_predict(
+    message: WireScenario, tracks: WireTracks, file: str, defects: Defects
+) -> tuple[tuple[str, int], ...]:
+    names = dict(zip(tracks.row.tolist(), tracks.ids.tolist(), strict=True))
+    wanted = message.tracks_to_predict.tolist()
+    lost = [f"track_index {row}" for row, _ in wanted if row not in names]
+    defects.assume("tracks", file, lost, "tracks_to_predict", _TARGETS)
+    return tuple((str(names[row]), difficulty) for row, difficulty in wanted if row in names)

@@ -53,18 +53,19 @@ _TYPES = {
 _BOUNDARY_CODES = np.array([int(Type.UNKNOWN), *map(int, _TYPES[ROAD_LINE][1:])])
 
 
-def map_features(features: WaymoWireMap, origin: Float64) -> MapFeatures | None:
-    """Build the features in the scenario frame; None if there are none.
+def map_features(features: WaymoWireMap, is_bad: Bool, origin: Float64) -> MapFeatures | None:
+    """Build the usable features in the scenario frame; None if there are none.
 
     A speed limit of 0, as on bike lanes, means unknown. The segments of boundaries and neighbours go to ``extras``, see
     ``boundary_segments``.
 
     Args:
         features: As decoded, in the source frame.
+        is_bad: (M,) features to leave out.
         origin: (3,) [m].
     """
     count = len(features.ids)
-    if not count:
+    if is_bad.all():
         return None
     points = rounded(offsets_from(origin, features.points), METRES)
     is_line = features.kinds <= STOP_SIGN
@@ -73,7 +74,7 @@ def map_features(features: WaymoWireMap, origin: Float64) -> MapFeatures | None:
     def ids(links: Int64, column: int) -> Ragged:
         return Ragged(_offsets(np.bincount(links[:, 0], minlength=count)), strings(links[:, column].tolist()))
 
-    return MapFeatures(
+    found = MapFeatures(
         ids=strings(features.ids.tolist()),
         feature_type=_codes(features.kinds, features.types),
         polyline=_geometry(points, features.num_points, is_line),
@@ -90,6 +91,7 @@ def map_features(features: WaymoWireMap, origin: Float64) -> MapFeatures | None:
         is_intersection=np.full(count, -1, np.int8),
         extras=write_extras(features, _BOUNDARY_CODES),
     )
+    return found.take(np.flatnonzero(~is_bad)) if is_bad.any() else found
 
 
 def _codes(kinds: Int64, types: Int64) -> UInt8:

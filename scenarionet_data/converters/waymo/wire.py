@@ -36,24 +36,32 @@ _POINTS_FIELD[[CROSSWALK, SPEED_BUMP, DRIVEWAY]] = 1
 
 @dataclass(frozen=True, eq=False)
 class WireTracks:
-    """N tracks over T steps.
+    """N tracks over T steps: those with a state for each step.
 
     Attributes:
-        ids, types: (N,) int64.
+        row: (N,) int64 index of each track in the message.
+        ids, types: (N,) int64; 0 for an unknown type.
+        is_type_known: (N,) bool.
         center: (N, T, 3) float64 [m].
         size: (N, T, 3) float32 [m] length, width, height.
         heading: (N, T) float32 [rad].
         velocity: (N, T, 2) float32 [m/s].
         valid: (N, T) bool; other arrays are undefined where False.
+        total: Number of tracks in the message.
+        incomplete: Id and number of states of each track with another number of states than steps.
     """
 
+    row: Int64
     ids: Int64
     types: Int64
+    is_type_known: Bool
     center: Float64
     size: Float32
     heading: Float32
     velocity: Float32
     valid: Bool
+    total: int
+    incomplete: list[tuple[int, int]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,13 +69,15 @@ class WireLights:
     """K observations of lanes' lights, in order of time.
 
     Attributes:
-        step, lane, state: (K,) int64.
+        step, lane, state: (K,) int64; steps may exceed those of the tracks, states are 0 if unknown.
+        is_state_known: (K,) bool.
         stop_point: (K, 3) float64 [m], NaN if missing.
     """
 
     step: Int64
     lane: Int64
     state: Int64
+    is_state_known: Bool
     stop_point: Float64
 
 
@@ -141,7 +151,7 @@ def decode(payload: bytes, where: str, identify: Callable[[str], str] = str) -> 
         identify: Returns the name used in errors for a scenario_id.
 
     Raises:
-        InvalidScenario: Not a Scenario message, damaged, or with parts of different lengths.
+        InvalidScenario: Not a Scenario message, damaged, or without times.
     """
     try:
         root = Messages.of(payload)
@@ -177,41 +187,52 @@ def _scenario(root: Messages, fields: Fields, scenario_id: str, where: str) -> W
         sdc_track_index=int(int32s(root.scalars("-----v", missing=-1))[0, 5]),
         objects_of_interest=int32s(fields.lists(4, "v")[1]),
         tracks_to_predict=np.stack([int32s(predictions[:, 0]), enums(predictions[:, 1], 3)], axis=1),
-        tracks=_tracks(fields.parts(2), len(timestamps), where),
-        lights=_lights(fields.parts(7), len(timestamps), where),
+        tracks=_tracks(fields.parts(2), len(timestamps)),
+        lights=_lights(fields.parts(7)),
         map=_map(fields.parts(8)),
     )
 
 
-def _tracks(tracks: Messages, num_steps: int, where: str) -> WireTracks:
+def _tracks(tracks: Messages, num_steps: int) -> WireTracks:
     heads = tracks.scalars("vv")
     states = tracks.fields().parts(3)
     counts = np.bincount(states.owner, minlength=len(tracks))
-    if (counts != num_steps).any():
-        row = int(np.argmax(counts != num_steps))
-        raise InvalidScenario(where, "tracks.states", f"expected {num_steps}, found {counts[row]} in track {row}")
-    bits = states.scalars("-dddffffffv").reshape(len(tracks), num_steps, 11)
+    is_whole = counts == num_steps
+    ids, types = int32s(heads[:, 0]), int32s(heads[:, 1])
+    if not is_whole.all():
+        states = states[np.flatnonzero(is_whole[states.owner])]
+    (row,) = np.nonzero(is_whole)
+    bits = states.scalars("-dddffffffv").reshape(len(row), num_steps, 11)
     rest = floats(bits[..., 4:10])
     return WireTracks(
-        ids=int32s(heads[:, 0]),
-        types=enums(heads[:, 1], 5),
+        row=row,
+        ids=ids[row],
+        types=enums(heads[row, 1], 5),
+        is_type_known=(types[row] >= 0) & (types[row] < 5),
         center=doubles(bits[..., 1:4]),
         size=rest[..., :3],
         heading=rest[..., 3],
         velocity=rest[..., 4:],
         valid=bits[..., 10] != 0,
+        total=len(tracks),
+        incomplete=list(zip(ids[~is_whole].tolist(), counts[~is_whole].tolist(), strict=True)),
     )
 
 
-def _lights(steps: Messages, num_steps: int, where: str) -> WireLights:
-    if len(steps) not in (0, num_steps):
-        raise InvalidScenario(where, "dynamic_map_states", f"expected {num_steps} or none, found {len(steps)}")
+def _lights(steps: Messages) -> WireLights:
     lights = steps.fields().parts(1)
     bits = lights.scalars("vv")
     points = lights.fields().parts(3)
     stop_point = np.full((len(lights), 3), np.nan)
     stop_point[points.owner] = doubles(points.scalars("ddd"))
-    return WireLights(lights.owner.astype(np.int64), int64s(bits[:, 0]), enums(bits[:, 1], 9), stop_point)
+    states = int32s(bits[:, 1])
+    return WireLights(
+        step=lights.owner.astype(np.int64),
+        lane=int64s(bits[:, 0]),
+        state=enums(bits[:, 1], 9),
+        is_state_known=(states >= 0) & (states < 9),
+        stop_point=stop_point,
+    )
 
 
 def _map(features: Messages) -> WaymoWireMap:

@@ -29,6 +29,18 @@ def test_every_spelling_selects_the_split_in_every_folder(dataset: Path, folder:
     assert shard.items[0].name.endswith("validation.tfrecord-00000-of-00001")
 
 
+@pytest.mark.parametrize("split", ["training_20s", "validation_interactive", "testing_interactive"])
+@pytest.mark.parametrize("is_inside", [False, True])
+def test_every_folder_of_waymo_is_selected_by_its_name(dataset: Path, split: str, is_inside: bool) -> None:
+    name = f"{split}.tfrecord-00000-of-00001"
+    waymo.write_tfrecord(dataset / split / name, [waymo.scenario_bytes(3)])
+    raw = dataset / split if is_inside else dataset
+    for given in (split, None) if is_inside else (split,):
+        (shard,) = plan_conversion("waymo", raw, dataset.parent / "lake", split=given).shards
+        assert shard.split == {"training_20s": "train"}.get(split, split)
+        assert shard.items[0].name.endswith(name)
+
+
 def test_a_second_run_with_the_other_spelling_converts_nothing(dataset: Path, tmp_path: Path) -> None:
     report = convert("waymo", dataset, tmp_path / "lake", split="validation")
     assert report.partitions == {("waymo", "v1.2", "val")}

@@ -15,7 +15,7 @@ def motion_of(*tracks: tuple[np.ndarray, np.ndarray], times: np.ndarray, how: Fr
     """Motion of tracks given by frame indices and positions."""
     track = np.repeat(np.arange(len(tracks)), [len(frames) for frames, _ in tracks])
     frames, positions = (np.concatenate([part[k] for part in tracks]) for k in range(2))
-    return estimate_motion(track, frames, positions, times, how)
+    return estimate_motion(track, frames, positions, times, how, np.zeros(len(track), np.bool_))
 
 
 def uneven(rng: np.random.Generator, count: int = 50, step: float = 0.1) -> np.ndarray:

@@ -19,6 +19,7 @@ from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.scenario.vocabulary import ObjectType
 from tests.fixtures import argoverse2 as fixture
 from tests.fixtures import argoverse2_world as world
+from scenarionet_data.testing import differences
 from tests.fixtures.reading import scenarios, shards
 
 CONVERTER = Argoverse2()
@@ -34,7 +35,7 @@ def test_forecasting_keeps_source_values(forecasting: Path) -> None:
     (scenario,) = scenarios(CONVERTER, forecasting.parent)
     tracks = scenario.tracks
     assert scenario.ego_id == "AV"
-    assert scenario.tracks_to_predict == (("138902", 0), ("138909", 0))
+    assert (scenario.tracks_to_predict, scenario.objects_of_interest) == ((("138902", 0),), ("138909",))
     kinds = {word: ObjectType(code) for word, code in zip(tracks.source_type, tracks.object_type, strict=True)}
     assert kinds["bus"] is ObjectType.VEHICLE
     assert kinds["motorcyclist"] is ObjectType.CYCLIST
@@ -98,34 +99,82 @@ def without_ego(table: pa.Table) -> pa.Table:
     return table.filter(pa.compute.field("track_id") != "AV")
 
 
-BAD_ROWS: dict[str, tuple[Callable[[pa.Table], pa.Table], str]] = {
-    "NaN": (lambda t: with_value(t, "position_x", 7, float("nan")), "position_x.*finite"),
-    "infinite": (lambda t: with_value(t, "velocity_y", 7, float("inf")), "finite"),
-    "null": (lambda t: with_value(t, "heading", 7, None), "heading: expected no nulls"),
-    "null id": (lambda t: with_value(t, "track_id", 7, None), "track_id: expected no nulls"),
-    "no ego": (without_ego, "ego_id: expected a track 'AV'"),
-    "duplicate": (lambda t: pa.concat_tables([t, t.slice(3, 1)]), "found 2 of track 138902 at timestep 3"),
-    "late": (lambda t: with_value(t, "timestep", 7, 110), r"expected timesteps 0 to 109, found 110"),
-    "early": (lambda t: with_value(t, "timestep", 7, -1), r"expected timesteps 0 to 109, found -1"),
-    "column": (lambda t: t.drop_columns(["heading"]), "expected a column heading"),
-    "no rows": (lambda t: t.slice(0, 0), "expected rows, found none"),
-    "words for numbers": (lambda t: t.set_column(8, "velocity_x", t["track_id"]), "expected finite numbers"),
+BAD_ROWS: dict[str, tuple[Callable[[pa.Table], pa.Table], str, str]] = {
+    "NaN": (lambda t: with_value(t, "position_x", 7, float("nan")), "position_x", "finite metres, found nan"),
+    "infinite": (lambda t: with_value(t, "velocity_y", 7, float("inf")), "velocity_x", "up to 150 m/s"),
+    "far": (lambda t: with_value(t, "position_y", 7, 1e12), "position_x", "within 10,000 m of the ego"),
+    "null": (lambda t: with_value(t, "heading", 7, None), "heading", "finite radians, found nan"),
+    "null id": (lambda t: with_value(t, "track_id", 7, None), "track_id", "the id of a track, found null"),
+    "late": (lambda t: with_value(t, "timestep", 7, 110), "timestep", "a timestep of the scenario"),
+    "early": (lambda t: with_value(t, "timestep", 7, -1), "timestep", "a timestep of the scenario"),
 }
 
 
 @pytest.mark.parametrize("name", BAD_ROWS)
-def test_bad_rows_are_refused(forecasting: Path, name: str) -> None:
-    change, message = BAD_ROWS[name]
+def test_bad_row_is_dropped(forecasting: Path, name: str) -> None:
+    change, field, reason = BAD_ROWS[name]
+    (whole,) = scenarios(CONVERTER, forecasting.parent)
+    change_rows(forecasting, change)
+    (scenario,) = scenarios(CONVERTER, forecasting.parent)
+    scenario.validate()
+    (defect,) = scenario.defects
+    assert (defect.table, defect.location, defect.field, defect.action) == ("tracks", "row 7", field, "dropped")
+    assert reason in defect.reason
+    assert defect.file == f"{forecasting.name}/scenario_{forecasting.name}.parquet"
+    assert scenario.tracks.valid.sum() == whole.tracks.valid.sum() - 1
+
+
+def test_repeated_row_is_dropped(forecasting: Path) -> None:
+    (whole,) = scenarios(CONVERTER, forecasting.parent)
+    change_rows(forecasting, lambda t: pa.concat_tables([t, t.slice(3, 1)]))
+    (scenario,) = scenarios(CONVERTER, forecasting.parent)
+    assert scenario.defects[0].reason == "expected one row for an object and time, found another"
+    assert differences(whole, scenario) == []
+
+
+BAD_TABLES: dict[str, tuple[Callable[[pa.Table], pa.Table], str]] = {
+    "no ego": (without_ego, "usable rows of the track 'AV'"),
+    "column": (lambda t: t.drop_columns(["heading"]), "expected one column heading"),
+    "no rows": (lambda t: t.slice(0, 0), "expected text, found only nulls"),
+    "words for numbers": (
+        lambda t: t.set_column(t.column_names.index("velocity_x"), "velocity_x", t["track_id"]),
+        "column velocity_x: expected numbers, found",
+    ),
+    "objects for words": (
+        lambda t: t.set_column(t.column_names.index("object_type"), "object_type", pa.array([{"a": 1}] * len(t))),
+        "column object_type: expected text, found struct",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD_TABLES)
+def test_bad_tables_are_refused(forecasting: Path, name: str) -> None:
+    change, message = BAD_TABLES[name]
     change_rows(forecasting, change)
     with pytest.raises(InvalidScenario, match=message) as caught:
         scenarios(CONVERTER, forecasting.parent)
     assert caught.value.scenario_id == f"argoverse2/v2/{forecasting.name}"
 
 
-def test_missing_focal_track_is_refused(forecasting: Path) -> None:
+def test_scored_tracks_are_of_interest_and_the_focal_one_is_to_be_predicted(forecasting: Path) -> None:
+    """As in ScenarioNet's converter."""
+    (path,) = forecasting.glob("*.parquet")
+    rows = pa.parquet.read_table(path).to_pylist()
+    scored = dict.fromkeys(row["track_id"] for row in rows if row["object_category"] == 2)
+    (scenario,) = scenarios(CONVERTER, forecasting.parent)
+    assert set(scenario.objects_of_interest) == set(scored)
+    assert scored
+    assert scenario.tracks_to_predict == ((rows[0]["focal_track_id"], 0),)
+
+
+def test_missing_focal_track_is_reported(forecasting: Path) -> None:
     change_rows(forecasting, lambda table: table.filter(pa.compute.field("track_id") != "138902"))
-    with pytest.raises(InvalidScenario, match="objects_of_interest"):
-        scenarios(CONVERTER, forecasting.parent)[0].validate()
+    (scenario,) = scenarios(CONVERTER, forecasting.parent)
+    scenario.validate()
+    assert scenario.tracks_to_predict == ()
+    assert [(d.action, d.location, d.field) for d in scenario.defects] == [
+        ("assumed", "track 138902", "focal_track_id")
+    ]
 
 
 def test_ego_missing_at_current_timestep_is_refused(forecasting: Path) -> None:
@@ -143,12 +192,44 @@ def test_copied_file_is_refused(forecasting: Path) -> None:
 
 
 BAD_MAPS: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
-    "no lanes": (lambda m: m | {"lane_segments": {}}, "no lanes"),
+    "no lanes": (lambda m: m | {"lane_segments": {}}, "found no usable one"),
     "a list": (lambda m: [m], "map archive"),
     "no key": (lambda m: {k: m[k] for k in m if k != "drivable_areas"}, "drivable_areas"),
-    "one point": (lambda m: _with_left_side(m, slice(0, 1)), "a line of 1 points"),
-    "NaN": (lambda m: _with_left_side(m, slice(None), float("nan")), "not finite"),
 }
+BAD_LANES: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
+    "one point": (lambda m: _with_left_side(m, slice(0, 1)), "at least 2 points, found 1"),
+    "NaN": (lambda m: _with_left_side(m, slice(None), float("nan")), "points of finite x, y and z"),
+    "far": (lambda m: _with_left_side(m, slice(None), 1e12), "within 200,000 m"),
+    "an object": (lambda m: _with(m, "lane_type", {}), "lane_type to be str, found dict"),
+    "no id": (lambda m: _with(m, "id", None), "id to be int or str, found NoneType"),
+    "odd links": (lambda m: _with(m, "successors", [[]]), "ids of lanes as predecessors"),
+    "no centreline": (lambda m: _with(m, "centerline", None, is_kept=False), "expected a centerline"),
+}
+
+
+def _with(archive: dict[str, Any], field: str, value: Any, *, is_kept: bool = True) -> dict[str, Any]:
+    lane = next(iter(archive["lane_segments"].values()))
+    if is_kept:
+        lane[field] = value
+    else:
+        del lane[field]
+    return archive
+
+
+@pytest.mark.parametrize("name", BAD_LANES)
+def test_bad_lane_is_left_out(forecasting: Path, name: str) -> None:
+    change, reason = BAD_LANES[name]
+    (path,) = forecasting.glob("*.json")
+    archive = json.loads(path.read_text())
+    lost = next(iter(archive["lane_segments"]))
+    (whole,) = scenarios(CONVERTER, forecasting.parent)
+    path.write_text(json.dumps(change(archive)))
+    (scenario,) = scenarios(CONVERTER, forecasting.parent)
+    scenario.validate()
+    (defect,) = scenario.defects
+    assert (defect.table, defect.location) == ("maps", f"lane_segments {lost}")
+    assert reason in defect.reason
+    assert len(whole.map) - 3 <= len(scenario.map) < len(whole.map)
 
 
 def _with_left_side(archive: dict[str, Any], part: slice, z: float = 0.0) -> dict[str, Any]:

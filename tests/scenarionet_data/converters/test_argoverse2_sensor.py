@@ -25,13 +25,6 @@ from tests.fixtures.reading import scenarios
 CONVERTER = Argoverse2()
 
 
-def with_value(table: pa.Table, column: str, row: int, value: Any) -> pa.Table:
-    values = table[column].to_pylist()
-    values[row] = value
-    index = table.column_names.index(column)
-    return table.set_column(index, column, pa.array(values, table.schema.field(column).type))
-
-
 @pytest.fixture
 def log(tmp_path: Path) -> Path:
     return fixture.write_sensor_log(tmp_path / "raw", seconds=3.5)
@@ -139,18 +132,21 @@ def test_log_without_poses_or_map_is_refused(log: Path, name: str) -> None:
         scenarios(CONVERTER, log.parent)
 
 
-def test_sweeps_outside_the_poses_are_refused(log: Path) -> None:
+def test_boxes_outside_the_poses_are_dropped(log: Path) -> None:
+    (whole,) = scenarios(CONVERTER, log.parent)
     path = log / "city_SE3_egovehicle.feather"
-    pa.feather.write_feather(pa.feather.read_table(path).slice(0, 100), path)
-    with pytest.raises(CorruptSource, match="poses around every annotated sweep"):
-        scenarios(CONVERTER, log.parent)
+    poses = pa.feather.read_table(path)
+    pa.feather.write_feather(poses.slice(0, len(poses) // 2), path)
+    (scenario,) = scenarios(CONVERTER, log.parent)
+    assert scenario.num_timesteps < whole.num_timesteps
+    (defect,) = scenario.defects
+    assert defect.reason == "expected a time with a pose of the ego, found another"
 
 
-def test_invalid_quaternions_are_refused(log: Path) -> None:
+def test_log_without_usable_poses_is_refused(log: Path) -> None:
     path = log / "city_SE3_egovehicle.feather"
-    table = pa.feather.read_table(path)
-    pa.feather.write_feather(with_value(table, "qw", 3, 5.0), path)
-    with pytest.raises(CorruptSource, match="quaternions of length 1"):
+    pa.feather.write_feather(pa.feather.read_table(path).slice(0, 0), path)
+    with pytest.raises(CorruptSource, match="expected poses of the ego, found none"):
         scenarios(CONVERTER, log.parent)
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from scenarionet_data import converters
 from scenarionet_data.converters.base import find_files
-from scenarionet_data.converters.splits import guess_split, lake_spelling
+from scenarionet_data.converters.splits import ACCEPTED, guess_split, lake_spelling, split_folder
 from scenarionet_data.errors import BadParameter, SourceNotFound
 
 
@@ -35,7 +36,7 @@ def test_files_of_another_split_are_excluded(raw):
     assert names == ["motion/validation/a/x.made", "motion/validation/b/x.made", "other/x.made"]
     names = [path.relative_to(raw).as_posix() for path in find_files(str(raw), "*.made", "made files", "train")]
     assert names == ["other/x.made"]
-    with pytest.raises(SourceNotFound, match=r"nothing named \*\.made of split train"):
+    with pytest.raises(SourceNotFound, match=r"nothing named \*\.made of split train in it; it has the splits val$"):
         find_files(str(raw / "motion"), "*.made", "made files", "train")
 
 
@@ -56,3 +57,33 @@ def test_the_lakes_names_of_splits_are_unchanged(name):
 def test_other_names_of_splits_are_unchanged():
     assert lake_spelling("validation_interactive") == "validation_interactive"
     assert lake_spelling("v1.0-trainval") == "v1.0-trainval"
+
+
+@pytest.mark.parametrize("name", ["validation_interactive", "testing_interactive"])
+def test_interactive_scenarios_are_splits_of_their_own(raw, name):
+    (raw / f"motion/{name}").mkdir()
+    (raw / f"motion/{name}/y.made").touch()
+    assert guess_split(str(raw / "motion" / name)) == name
+    assert [path.name for path in find_files(str(raw / "motion"), "*.made", "made files", name)] == ["y.made"]
+    found = find_files(str(raw / "motion"), "*.made", "made files", "val")
+    assert {path.parent.parent.name for path in found} == {"validation"}
+
+
+def test_one_of_two_folders_of_a_split_is_selected_by_its_name(raw):
+    (raw / "motion/training_20s").mkdir()
+    assert split_folder(str(raw), "train") == str(raw)
+    (raw / "motion/training").mkdir()
+    for name in ("training", "training_20s"):
+        assert split_folder(str(raw), name) == str(raw / "motion" / name)
+        assert split_folder(str(raw / "motion" / name), name) == str(raw / "motion" / name)
+    assert split_folder(str(raw), "validation") == str(raw)
+    with pytest.raises(BadParameter, match="contains the folders training and training_20s, all of them split train"):
+        split_folder(str(raw), "train")
+
+
+def test_accepted_names_of_splits():
+    assert ACCEPTED.keys() == set(converters.names()) - {"pg", "scenarionet"}
+    assert {lake_spelling(name) for names in ACCEPTED.values() for name in names} == {
+        "train", "val", "test", "mini", "mini_train", "mini_val", "train_val",
+        "validation_interactive", "testing_interactive",
+    }  # fmt: skip

@@ -214,24 +214,33 @@ def test_most_restrictive_lit_face_wins(tmp_path: Path) -> None:
 # --- invalid input --------------------------------------------------------------------------------------
 
 
-def test_map_without_ids_or_lanes_is_refused(tmp_path: Path) -> None:
-    nameless, twice, empty = (world.semantic_map() for _ in range(3))
+def test_map_without_lanes_or_of_damaged_elements_is_refused(tmp_path: Path) -> None:
+    nameless, empty = world.semantic_map(), world.semantic_map()
+    for element in nameless.elements[: len(nameless.elements) // 4]:
+        element.ClearField("id")
+    del empty.elements[:]
+    for message, reason in ((nameless, "elements damaged"), (empty, "no lanes")):
+        with pytest.raises(CorruptSource, match=reason):
+            _read(tmp_path, message, reason)
+
+
+def test_damaged_element_is_left_out(tmp_path: Path) -> None:
+    nameless, twice, uneven = (world.semantic_map() for _ in range(3))
     nameless.elements[3].ClearField("id")
     twice.elements[3].id.id = twice.elements[4].id.id
-    del empty.elements[:]
-    for message, reason in ((nameless, "without an id"), (twice, "without an id"), (empty, "no lanes")):
-        _refused(tmp_path, message, reason)
-
-
-def test_line_with_missing_coordinates_is_refused(tmp_path: Path) -> None:
-    message = world.semantic_map()
-    lane = next(element.element.lane for element in message.elements if element.element.HasField("lane"))
+    lane = next(element.element.lane for element in uneven.elements if element.element.HasField("lane"))
     del lane.left_boundary.vertex_deltas_y_cm[3:]
-    _refused(tmp_path, message, "different numbers of x, y and z")
+    for message, reason in (
+        (nameless, "found an element without an id"),
+        (twice, "found one repeated"),
+        (uneven, "different numbers of x, y and z"),
+    ):
+        first = _read(tmp_path, message, reason).features.defects[0]
+        assert (first.count, first.action) == (1, "dropped")
+        assert reason in first.reason
 
 
-def _refused(folder: Path, message: MapFragment, reason: str) -> None:
+def _read(folder: Path, message: MapFragment, mark: str) -> LyftCity:
     (folder / "semantic_map.pb").write_bytes(message.SerializeToString())
     world.write_meta(folder / "meta.json")
-    with pytest.raises(CorruptSource, match=reason):
-        read_city(folder / "semantic_map.pb", folder / "meta.json", reason)
+    return read_city(folder / "semantic_map.pb", folder / "meta.json", mark)

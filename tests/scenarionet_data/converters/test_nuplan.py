@@ -55,7 +55,7 @@ class TestScenes(Conformance):
 
 
 class TestScenesAsRecorded(Conformance):
-    options = {"rate": 20}  # noqa: RUF012
+    options = {"frames": "recorded"}  # noqa: RUF012
     damaged_glob = "*.gpkg"
 
 
@@ -65,7 +65,7 @@ class TestTags(Conformance):
 
 
 class TestTagsAsRecorded(Conformance):
-    options = {"by": "tag", "rate": 20, "future": 1.0, "tags": "unprotected_left,lead"}  # noqa: RUF012
+    options = {"by": "tag", "frames": "recorded", "future": 1.0, "tags": "unprotected_left,lead"}  # noqa: RUF012
     damaged_glob = None
 
 
@@ -145,7 +145,7 @@ def test_duplicate_log_is_refused(written: Path, tmp_path: Path) -> None:
     [
         {"by": "window"},
         {"tags": "unprotected_left"},
-        {"rate": 5},
+        {"frames": "all"},
         {"past": -1.0},
         {"future": float("nan"), "by": "tag"},
         {"radius": float("inf")},

@@ -36,7 +36,7 @@ def path(built: world.City, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def city(path: Path) -> NuPlanCity:
-    return read_city(path)
+    return read_city(path, path.parent)
 
 
 @pytest.fixture(scope="module")
@@ -167,7 +167,7 @@ def test_holes_are_counted(built: world.City, tmp_path: Path) -> None:
     path = fixture.write_maps(tmp_path, built)
     geometry = shapely.Polygon(to_degrees(ring), [to_degrees(hole)])
     geopackage.set_geometry(path, "generic_drivable_areas", geometry)
-    features = read_city(path).features.build(ORIGIN, has_z=False)
+    features = read_city(path, path.parent).features.build(ORIGIN, has_z=False)
     fid = built.rows["generic_drivable_areas"][0]["fid"]
     assert extras_of(features, f"drivable-{fid}") == {"num_holes": 1}
     assert len(features.polygon[row_of(features, f"drivable-{fid}")]) == len(ring) - 1
@@ -175,13 +175,13 @@ def test_holes_are_counted(built: world.City, tmp_path: Path) -> None:
 
 def test_changed_map_file_is_read_again(built: world.City, tmp_path: Path) -> None:
     path = fixture.write_maps(tmp_path, built)
-    assert read_city(path) is read_city(path)
-    first = read_city(path)
+    assert read_city(path, path.parent) is read_city(path, path.parent)
+    first = read_city(path, path.parent)
     other = world.City(drives.invented(seconds=4.0), CONNECTORS)
     path.unlink()
     world.write_map(path, other)
-    assert len(read_city(path).features) == len(first.features)
-    assert not np.array_equal(read_city(path).bounds, first.bounds)
+    assert len(read_city(path, path.parent).features) == len(first.features)
+    assert not np.array_equal(read_city(path, path.parent).bounds, first.bounds)
 
 
 # --- projection -----------------------------------------------------------------------------------------

@@ -49,7 +49,7 @@ def raw(drive: drives.Drive, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def scenario(raw: Path) -> ScenarioDescription:
     """At 20 Hz, timestep t is sweep t of the log."""
-    return only(raw, rate=20)
+    return only(raw, frames="recorded")
 
 
 # --- identity -------------------------------------------------------------------------------------------
@@ -89,7 +89,7 @@ def test_timestamps_match_the_sweeps(scenario: ScenarioDescription, raw: Path, d
     np.testing.assert_array_equal(slow.timestamps, scenario.timestamps[::2])
 
 
-def test_rate_of_10_hz_uses_every_second_sweep(scenario: ScenarioDescription, raw: Path) -> None:
+def test_resampled_frames_are_every_second_sweep(scenario: ScenarioDescription, raw: Path) -> None:
     slow = only(raw)
     for name in ("position", "heading", "velocity", "size", "valid"):
         kept = [scenario.tracks.index(track) for track in slow.tracks.ids]
@@ -172,7 +172,7 @@ def test_missing_velocity_is_estimated(drive: drives.Drive, tmp_path: Path) -> N
     hidden = drive.boxes.with_columns(
         pl.when(~is_hidden).then(pl.col("vx")).alias("vx"), pl.when(~is_hidden).then(pl.col("vy")).alias("vy")
     )
-    scenario = only(fixture.write_raw(tmp_path / "raw", [replace(drive, boxes=hidden)]), rate=20)
+    scenario = only(fixture.write_raw(tmp_path / "raw", [replace(drive, boxes=hidden)]), frames="recorded")
     row = scenario.tracks.index(vehicle.hex())
     assert scenario.tracks.is_velocity_estimated[row]
     truth = drive.boxes.filter(is_hidden)
@@ -226,7 +226,7 @@ def test_light_with_two_states_is_unknown(drive: drives.Drive, tmp_path: Path) -
     rows = drive.lights.filter(pl.col("connector") == 64001)
     green = rows.filter(pl.col("status") == "green")
     both = pl.concat([drive.lights, green.with_columns(pl.lit("red").alias("status"))])
-    lights = only(fixture.write_raw(tmp_path / "raw", [replace(drive, lights=both)]), rate=20).lights
+    lights = only(fixture.write_raw(tmp_path / "raw", [replace(drive, lights=both)]), frames="recorded").lights
     assert set(lights.state[0, green["step"].to_numpy()]) == {LightState.TRAFFIC_LIGHT_UNKNOWN}
     other = rows.filter(pl.col("status") == "red")["step"].to_numpy()
     assert set(lights.state[0, other]) == {LightState.TRAFFIC_LIGHT_RED}
@@ -237,7 +237,7 @@ def test_light_with_two_states_is_unknown(drive: drives.Drive, tmp_path: Path) -
 
 def test_scenes_cover_the_log(drive: drives.Drive, tmp_path: Path) -> None:
     raw = fixture.write_raw(tmp_path / "raw", [drive], scene_seconds=2.5, tags=[(0, "b", None), (70, "a", None)])
-    found = scenarios(CONVERTER, raw, "mini", rate=20)
+    found = scenarios(CONVERTER, raw, "mini", frames="recorded")
     assert [scenario.num_timesteps for scenario in found] == [50, 50, 21]
     assert [scenario.current_timestep for scenario in found] == [40, 40, 20]
     assert [scenario.extras["scene"] for scenario in found] == ["scene-000", "scene-001", "scene-002"]
@@ -252,7 +252,7 @@ def test_sweep_without_a_scene_is_excluded(drive: drives.Drive, tmp_path: Path) 
     with closing(sqlite3.connect(log)) as database, database:
         late = int(drive.timestamps[100])
         database.execute("UPDATE lidar_pc SET scene_token = NULL WHERE timestamp >= ?", (late,))
-    assert only(raw, rate=20).num_timesteps == 100
+    assert only(raw, frames="recorded").num_timesteps == 100
 
 
 TAGS = [(5, "starting", None), (60, "unprotected_left", 0), (60, "near_bicycle", None), (61, "stopping", 3)]
@@ -265,9 +265,9 @@ def tagged(drive: drives.Drive, tmp_path_factory: pytest.TempPathFactory) -> Pat
     return fixture.write_raw(tmp_path_factory.mktemp("nuplan") / "raw", [drive], tags=tags)
 
 
-@pytest.mark.parametrize(("rate", "stride"), [(20, 1), (10, 2)])
-def test_tag_windows_surround_their_sweep(tagged: Path, drive: drives.Drive, rate: int, stride: int) -> None:
-    found = scenarios(CONVERTER, tagged, "mini", by="tag", past=1.0, future=1.5, rate=rate)
+@pytest.mark.parametrize(("frames", "stride"), [("recorded", 1), ("resampled", 2)])
+def test_tag_windows_surround_their_sweep(tagged: Path, drive: drives.Drive, frames: str, stride: int) -> None:
+    found = scenarios(CONVERTER, tagged, "mini", by="tag", past=1.0, future=1.5, frames=frames)
     assert [scenario.extras["tags"] for scenario in found] == [
         ["starting"],
         ["near_bicycle", "unprotected_left"],
@@ -317,7 +317,7 @@ def test_row_order_does_not_matter(
     shuffled = replace(
         drive, boxes=drive.boxes.sample(fraction=1.0, shuffle=True, seed=1), lights=drive.lights.reverse()
     )
-    other = only(fixture.write_raw(tmp_path / "raw", [shuffled]), rate=20)
+    other = only(fixture.write_raw(tmp_path / "raw", [shuffled]), frames="recorded")
     rows = [other.tracks.index(track) for track in scenario.tracks.ids]
     np.testing.assert_array_equal(other.tracks.position[rows], scenario.tracks.position)
     np.testing.assert_array_equal(other.lights.state, scenario.lights.state)

@@ -13,10 +13,12 @@ import pytest
 
 from scenarionet_data.conversion import convert
 from scenarionet_data.converters.nuscenes import NuScenes, NuScenesOptions
+from scenarionet_data.converters.nuscenes.map_features import read_map
 from scenarionet_data.converters.nuscenes.types import is_in_split
 from scenarionet_data.converters.splits import guess_split
 from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario, SourceNotFound
 from scenarionet_data.loader import ScenarioLoader
+from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.testing import ConverterConformance
 from tests.fixtures import nuscenes as fixture
 from tests.fixtures.nuscenes_world import write_district
@@ -159,7 +161,7 @@ def test_user_defined_location_may_have_a_map(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "options", [{"by": "tag"}, {"past": -1.0}, {"future": float("nan")}, {"rate": 1}, {"radius": -5.0}]
+    "options", [{"by": "tag"}, {"past": -1.0}, {"future": float("nan")}, {"frames": "all"}, {"radius": -5.0}]
 )
 def test_invalid_options_are_refused(options: dict[str, Any]) -> None:
     with pytest.raises(BadParameter):
@@ -207,16 +209,15 @@ def test_scenes_and_windows_share_one_lake(written: Path, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("table", TABLES)
-@pytest.mark.parametrize("how", ["missing", "empty", "truncated", "foreign", "corrupt inside"])
+@pytest.mark.parametrize("how", ["missing", "empty", "truncated", "foreign", "folder"])
 def test_damaged_table_is_named(raw: Path, table: str, how: str) -> None:
     path = raw / "v1.0-mini" / f"{table}.json"
     content = path.read_bytes()
-    if how == "missing":
-        path.unlink()
-    else:
-        second = content.index(b'"token"', content.index(b'"token"') + 1)
+    path.unlink()
+    if how == "folder":
+        path.mkdir()
+    elif how != "missing":
         damaged = {"empty": b"", "truncated": content[:-40], "foreign": b'[{"name": "x"}]'}
-        damaged["corrupt inside"] = content[:second] + content[second + 1 :]
         path.write_bytes(damaged[how])
     with pytest.raises((CorruptSource, SourceNotFound, InvalidScenario), match=table):
         scenarios(CONVERTER, raw, "mini")
@@ -229,54 +230,155 @@ def edit(path: Path, change: Callable[[Any], object]) -> None:
 
 
 Change = Callable[[list[dict[str, Any]]], object]
-BROKEN_ROWS: dict[str, tuple[str, Change, str]] = {
-    "unknown sample": ("sample_annotation", lambda rows: rows[7].update(sample_token="f" * 32), "nbr_annotations"),
-    "unknown instance": ("sample_annotation", lambda rows: rows[7].update(instance_token="f" * 32), "instance_token"),
-    "unknown attribute": ("sample_annotation", lambda rows: rows[7].update(attribute_tokens=["f"]), "attribute_tok"),
-    "missing row": ("sample_annotation", lambda rows: rows.pop(7), "nbr_annotations"),
-    "doubled row": ("sample_annotation", lambda rows: rows.insert(7, rows[7]), "found two"),
-    "no translation": ("sample_annotation", lambda rows: rows[7].pop("translation"), "finite"),
-    "short translation": ("sample_annotation", lambda rows: rows[7].update(translation=[1.0]), "finite"),
-    "no number": ("sample_annotation", lambda rows: rows[7].update(size=[1.0, None, 2.0]), "finite"),
-    "not finite": ("sample_annotation", lambda rows: rows[7].update(size=[1.0, float("nan"), 2.0]), "finite"),
-    "no size": ("sample_annotation", lambda rows: rows[7].update(size=[1.0, 0.0, 2.0]), "above 0"),
-    "no rotation": ("sample_annotation", lambda rows: rows[7].update(rotation=[0.0] * 4), "length 1"),
-    "unknown category": ("instance", lambda rows: rows[0].update(category_token="f"), "category_token"),
-    "missing instance": ("instance", lambda rows: rows.pop(0), "instance_token"),
-    "missing sample": ("sample", lambda rows: rows.pop(3), "expected 25"),
-    "unknown scene": ("sample", lambda rows: rows[3].update(scene_token="f"), "expected 25"),
-    "samples at one time": ("sample", lambda rows: rows[3].update(timestamp=rows[2]["timestamp"]), "increasing"),
-    "unknown log": ("scene", lambda rows: rows[0].update(log_token="f"), "expected a log"),
-    "missing pose": ("ego_pose", lambda rows: rows.pop(7), "expected a finite pose"),
-    "unknown pose": ("sample_data", lambda rows: rows[7].update(ego_pose_token="f"), "expected a finite pose"),
-    "no sweeps": ("sample_data", lambda rows: rows.__delitem__(slice(0, 400)), "lidar sweeps"),
+FOREIGN = "f" * 32
+BAD_BOXES: dict[str, tuple[dict[str, Any], str]] = {
+    "unknown sample": ({"sample_token": FOREIGN}, "sample_token: expected a known keyframe"),
+    "a number as sample": ({"sample_token": 5}, "sample_token: expected a known keyframe"),
+    "unknown instance": ({"instance_token": FOREIGN}, "instance_token: expected a known object"),
+    "no translation": ({"translation": None}, "translation: expected finite metres"),
+    "short translation": ({"translation": [1.0]}, "translation: expected finite metres"),
+    "a text in translation": ({"translation": ["here", 1.0, 2.0]}, "translation: expected finite metres"),
+    "far away": ({"translation": [1e12, 0.0, 0.0]}, "translation: expected a position within"),
+    "a jump": ({"translation": [1900.0, 1200.0, 0.0]}, "translation: expected less than 150 m/s"),
+    "no number": ({"size": [1.0, None, 2.0]}, "size: expected a size above 0"),
+    "not finite": ({"size": [1.0, float("nan"), 2.0]}, "size: expected a size above 0"),
+    "no size": ({"size": [1.0, 0.0, 2.0]}, "size: expected a size above 0"),
+    "large": ({"size": [1.0, 1e9, 2.0]}, "size: expected a size above 0"),
+    "no rotation": ({"rotation": [0.0] * 4}, "rotation: expected finite radians"),
 }
+BAD_ROWS: dict[str, tuple[str, Change, list[str]]] = {
+    "no record": ("sample_annotation", lambda rows: rows.insert(7, 5), ["dropped 1 sample_token"]),
+    "missing row": ("sample_annotation", lambda rows: rows.pop(7), ["assumed 1 nbr_annotations"]),
+    "doubled row": (
+        "sample_annotation",
+        lambda rows: rows.insert(7, rows[7]),
+        ["dropped 1 sample_token", "assumed 1 nbr_annotations"],
+    ),
+    "unknown attribute": (
+        "sample_annotation",
+        lambda rows: rows[7].update(attribute_tokens=[FOREIGN]),
+        ["assumed 1 attribute_tokens"],
+    ),
+    "no attributes": ("sample_annotation", lambda rows: rows[7].update(attribute_tokens=None), []),
+    "unknown category": ("instance", lambda rows: rows[0].update(category_token="f"), ["assumed 1 category_token"]),
+    "a list as category": ("instance", lambda rows: rows[0].update(category_token=[]), ["assumed 1 category_token"]),
+    "no number of annotations": (
+        "instance",
+        lambda rows: rows[0].update(nbr_annotations="many"),
+        ["assumed 1 nbr_annotations"],
+    ),
+    "missing instance": ("instance", lambda rows: rows.pop(0), ["dropped 25 instance_token"]),
+    "missing sample": ("sample", lambda rows: rows.pop(3), ["assumed 1 nbr_samples", "dropped 26 sample_token"]),
+    "unknown scene": ("sample", lambda rows: rows[3].update(scene_token="f"), ["dropped 1 scene_token", "dropped 26 s"]),
+    "a sample without time": (
+        "sample",
+        lambda rows: rows[3].update(timestamp=None),
+        ["dropped 1 timestamp", "dropped 26 sample_token"],
+    ),
+    "a sample long ago": (
+        "sample",
+        lambda rows: rows[3].update(timestamp=5),
+        ["dropped 1 timestamp", "dropped 26 sample_token"],
+    ),
+    "samples at one time": (
+        "sample",
+        lambda rows: rows[3].update(timestamp=rows[2]["timestamp"]),
+        ["dropped 1 timestamp", "dropped 26 sample_token"],
+    ),
+    "unknown log": ("scene", lambda rows: rows[0].update(log_token="f"), ["assumed 1 log_token"]),
+    "no location": ("log", lambda rows: rows[0].update(location=None), ["assumed 1 location"]),
+    "a number of samples": ("scene", lambda rows: rows[0].update(nbr_samples=[]), []),
+    "missing pose": ("ego_pose", lambda rows: rows.pop(7), ["dropped 1 timestamp"]),
+    "a text in a pose": ("ego_pose", lambda rows: rows[7].update(translation=["x", 0, 0]), ["dropped 1 translation, r"]),
+    "a pose far away": ("ego_pose", lambda rows: rows[7].update(translation=[1e9, 0, 0]), ["dropped 1 translation"]),
+    "a pose beside": ("ego_pose", lambda rows: rows[7].update(translation=[0, 0, 0]), ["dropped 1 translation"]),
+    "the first pose": ("ego_pose", lambda rows: rows[0].update(rotation=None), ["dropped 1 translation, rotation"]),
+    "unknown pose": ("sample_data", lambda rows: rows[7].update(ego_pose_token="f"), ["dropped 1 timestamp"]),
+    "unknown lidar": (
+        "sample_data",
+        lambda rows: rows[7].update(calibrated_sensor_token=None),
+        ["assumed 1 calibrated_sensor_token"],
+    ),
+    "no lidar": (
+        "sensor",
+        lambda rows: rows[0].update(channel=None),
+        ["assumed 2"],
+    ),
+    "unnamed category": ("category", lambda rows: [row.update(name=7) for row in rows if row["name"] == "animal"], [
+        "assumed 1 category_token"]),
+}  # fmt: skip
 
 
-@pytest.mark.parametrize("what", BROKEN_ROWS)
-def test_bad_row_quarantines_only_its_scene(raw: Path, what: str) -> None:
-    """The first rows of each table belong to the first scene: it is quarantined, the other is converted."""
-    table, change, reason = BROKEN_ROWS[what]
+def told(scenario: ScenarioDescription) -> list[str]:
+    return [f"{defect.action} {defect.count} {defect.field}" for defect in scenario.defects]
+
+
+@pytest.mark.parametrize("what", BAD_BOXES)
+def test_bad_box_costs_that_box(raw: Path, written: Path, what: str) -> None:
+    """The first rows are of the first object of scene-0061; all other states arrive unchanged."""
+    change, reason = BAD_BOXES[what]
+    edit(raw / "v1.0-mini" / "sample_annotation.json", lambda rows: rows[7].update(change))
+    whole, scenario = (
+        next(s for s in scenarios(CONVERTER, folder, "mini", frames="recorded") if s.source.scenario_id == "scene-0061")
+        for folder in (written, raw)
+    )
+    defect = scenario.defects[0]
+    assert (defect.table, defect.file, defect.action) == ("tracks", "v1.0-mini/sample_annotation.json", "dropped")
+    assert (defect.location, defect.count) == ("row 7", 1)
+    assert f"{defect.field}: {defect.reason}".startswith(reason)
+    lost = np.argwhere(whole.tracks.valid & ~scenario.tracks.valid)
+    assert lost.tolist() == [[0, 7]]
+    for name in ("position", "heading", "size"):
+        before, after = (getattr(each.tracks, name)[scenario.tracks.valid] for each in (whole, scenario))
+        assert np.array_equal(before, after)
+
+
+@pytest.mark.parametrize("what", BAD_ROWS)
+def test_bad_row_costs_that_row(raw: Path, what: str) -> None:
+    """The first rows of each table belong to the first scene, and are reported there."""
+    table, change, wanted = BAD_ROWS[what]
     edit(raw / "v1.0-mini" / f"{table}.json", change)
-    reasons, converted = [], []
-    for shard in shards(CONVERTER, raw, "mini"):
-        for record in CONVERTER.records(shard):
-            try:
-                converted.append(CONVERTER.scenario(shard, record).source.scenario_id)
-            except InvalidScenario as error:
-                reasons.append(str(error))
-    assert converted == ["scene-0103"]
-    assert len(reasons) == 1
-    assert "scene-0061" in reasons[0]
-    assert reason in reasons[0]
+    found = {s.source.scenario_id: s for s in scenarios(CONVERTER, raw, "mini")}
+    assert set(found) == {"scene-0061", "scene-0103"}
+    for scenario in found.values():
+        scenario.validate()
+        assert len(scenario.tracks) in (27, 28)
+    told_of = told(found["scene-0061"])
+    assert len(told_of) == len(wanted)
+    assert all(line.startswith(start) for line, start in zip(told_of, wanted, strict=True))
+    assert bool(told(found["scene-0103"])) == (table in ("sensor", "category"))
+    assert (found["scene-0061"].map is None) == (what in ("unknown log", "no location"))
 
 
-@pytest.mark.parametrize("content", ["", "[]", '{"scene-0061": 5}'])
+def test_scene_without_ego_is_quarantined(raw: Path) -> None:
+    edit(raw / "v1.0-mini" / "sample_data.json", lambda rows: rows.__delitem__(slice(0, 400)))
+    shard, other = reversed(shards(CONVERTER, raw, "mini"))
+    (record,) = CONVERTER.records(shard)
+    with pytest.raises(InvalidScenario, match="scene-0061: .*expected ego poses at the lidar sweeps"):
+        CONVERTER.scenario(shard, record)
+    assert len([CONVERTER.scenario(other, record) for record in CONVERTER.records(other)]) == 1
+
+
+@pytest.mark.parametrize("name", [None, 5, "../scene", "", "scene-0103"])
+def test_scene_without_a_name_of_its_own_is_passed_over(raw: Path, name: object) -> None:
+    edit(raw / "v1.0-mini" / "scene.json", lambda rows: rows[0].update(name=name))
+    assert len(scenarios(CONVERTER, raw, "mini")) == 1
+
+
+@pytest.mark.parametrize("content", ["", "[]", "5"])
 def test_damaged_prediction_list_is_named(raw: Path, content: str) -> None:
     path = raw / "maps" / "prediction" / "prediction_scenes.json"
     path.parent.mkdir()
     path.write_text(content)
     with pytest.raises(CorruptSource, match=r"prediction_scenes\.json: expected lists of"):
+        scenarios(CONVERTER, raw, "mini", by="window")
+
+
+def test_damaged_predictions_of_a_scene_are_named(raw: Path) -> None:
+    path = raw / "maps" / "prediction" / "prediction_scenes.json"
+    path.parent.mkdir()
+    path.write_text('{"scene-0061": 5, "scene-0103": []}')
+    with pytest.raises(InvalidScenario, match="prediction_scenes: expected a list of <instance>_<sample>"):
         scenarios(CONVERTER, raw, "mini", by="window")
 
 
@@ -295,29 +397,65 @@ def test_damaged_scenes_are_quarantined_and_the_rest_converted(raw: Path, tmp_pa
     assert [s.map for s in scenarios(CONVERTER, raw, "mini", has_map=False)] == [None, None]
 
 
-def drop_node(content: dict[str, Any]) -> None:
-    del content["node"][5]
+def change_path(content: dict[str, Any], **change: object) -> None:
+    next(iter(content["arcline_path_3"].values()))[0].update(change)
+
+
+BAD_FEATURES: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
+    "a missing node": (lambda c: c["node"].__delitem__(5), "assumed"),
+    "an infinite node": (lambda c: c["node"][3].update(x=float("inf")), "assumed"),
+    "a distant node": (lambda c: c["node"][3].update(x=1e12), "assumed"),
+    "a node in words": (lambda c: c["node"][3].update(y="north"), "assumed"),
+    "a node that is none": (lambda c: c["node"].__setitem__(3, [1]), "assumed"),
+    "a polygon of two nodes": (
+        lambda c: c["polygon"][1].update(exterior_node_tokens=c["polygon"][1]["exterior_node_tokens"][:2]),
+        "assumed",
+    ),
+    "an unknown shape of path": (lambda c: change_path(c, shape="LXL"), "assumed"),
+    "a path of negative radius": (lambda c: change_path(c, radius=-1.0), "assumed"),
+    "an unhashable segment": (
+        lambda c: c["lane_divider"][0]["lane_divider_segments"][0].update(segment_type={}),
+        "assumed",
+    ),
+    "links in words": (lambda c: next(iter(c["connectivity"].values())).update(incoming="all"), "assumed"),
+    "an unknown line": (lambda c: c["lane_divider"][0].update(line_token="nowhere"), "dropped"),
+    "an unknown polygon": (lambda c: c["walkway"][0].update(polygon_token="nowhere"), "dropped"),
+    "a token twice": (lambda c: c["walkway"].append(c["walkway"][0]), "dropped"),
+    "a record that is none": (lambda c: c["walkway"].append("path"), "dropped"),
+    "a light nowhere": (lambda c: c["traffic_light"][0].update(pose=None), "dropped"),
+    "a light in words": (lambda c: c["traffic_light"][0]["pose"].update(tx="x"), "dropped"),
+    "a block as a list": (lambda c: c["stop_line"][0].update(road_block_token=[]), "dropped"),
+}
+
+
+@pytest.mark.parametrize("what", BAD_FEATURES)
+def test_bad_map_feature_costs_that_feature(raw: Path, written: Path, what: str) -> None:
+    change, action = BAD_FEATURES[what]
+    name = "maps/expansion/boston-seaport.json"
+    edit(raw / name, change)
+    builder, whole = (read_map(folder / name, name) for folder in (raw, written))
+    assert {(defect.table, defect.file, defect.action) for defect in builder.defects} == {("maps", name, action)}
+    assert sum(defect.count for defect in builder.defects) <= 8  # features with the node
+    assert abs(len(whole) - len(builder)) <= 5  # a divider is split into lines
+    builder.build(np.zeros(3))
+    assert len(scenarios(CONVERTER, raw, "mini")) == 2
 
 
 @pytest.mark.parametrize(
-    "change",
+    ("change", "found"),
     [
-        drop_node,
-        lambda content: content.pop("lane"),
-        lambda content: content.update(version="1.2"),
-        lambda content: content["node"][3].update(x=float("inf")),
-        lambda content: content["polygon"][1].update(
-            exterior_node_tokens=content["polygon"][1]["exterior_node_tokens"][:2]
-        ),
-        lambda content: next(iter(content["arcline_path_3"].values()))[0].update(shape="LXL"),
-        lambda content: next(iter(content["arcline_path_3"].values()))[0].update(radius=-1.0),
-        lambda content: content["lane_divider"][0].update(line_token="nowhere"),
-        lambda content: content["walkway"][0].update(polygon_token="nowhere"),
+        (lambda content: content.pop("lane"), "no layer 'lane'"),
+        (lambda content: content.update(connectivity=[]), "no layer 'connectivity'"),
+        (lambda content: content.update(version="1.2"), "version '1.2'"),
+        (lambda content: content.update(version=1.3), "no JSON object with a version"),
     ],
 )
-def test_damaged_map_fails_only_its_location(raw: Path, tmp_path: Path, change: Callable[[Any], object]) -> None:
+def test_other_map_fails_only_its_location(
+    raw: Path, tmp_path: Path, change: Callable[[Any], object], found: str
+) -> None:
     edit(raw / "maps" / "expansion" / "boston-seaport.json", change)
     report = convert("nuscenes", str(raw), tmp_path / "lake", split="mini")
     assert report.converted == 1
     assert len(report.failed) == 2  # the map, and the location's scenes
-    assert all("boston-seaport.json: expected a nuScenes map expansion v1.3" in reason for _, reason in report.failed)
+    reason = f"boston-seaport.json: expected a nuScenes map expansion v1.3, found {found}; download it again"
+    assert all(reason in text for _, text in report.failed)

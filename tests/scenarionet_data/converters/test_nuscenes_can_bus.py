@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from scenarionet_data.converters.nuscenes import NuScenes
-from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.scenario.canonical_json import from_json
 from scenarionet_data.scenario.description import ScenarioDescription
 from tests.fixtures import nuscenes as fixture
@@ -92,16 +91,27 @@ def test_missing_messages_are_unknown(raw: Path) -> None:
 @pytest.mark.parametrize(
     "text", ["", "{", "[]", "[1]", '[{"utime": 1}]', '[{"utime": 1, "value": 0}]', '[{"utime": 1, "value": NaN}]']
 )
-def test_damaged_file_quarantines_its_scene(raw: Path, text: str) -> None:
+def test_damaged_file_costs_its_signal(raw: Path, text: str) -> None:
     (raw / "can_bus" / "scene-0061_steeranglefeedback.json").write_text(text)
-    outcomes = []
-    for shard in shards(CONVERTER, raw, "mini"):
-        for record in CONVERTER.records(shard):
-            try:
-                outcomes.append(CONVERTER.scenario(shard, record).source.scenario_id)
-            except InvalidScenario as error:
-                outcomes.append((error.field, "steeranglefeedback" in error.reason))
-    assert sorted(map(str, outcomes)) == ["('can_bus', True)", "scene-0103"]
+    found = by_name(raw)
+    assert "steeranglefeedback.value" not in said(found["scene-0061"])
+    assert "pose.vel" in said(found["scene-0061"])
+    (defect,) = found["scene-0061"].defects
+    assert (defect.file, defect.action) == ("can_bus/scene-0061_steeranglefeedback.json", "assumed")
+    assert found["scene-0103"].defects == ()
+
+
+@pytest.mark.parametrize("value", [None, "fast", [1.0, 2.0], [1.0, 2.0, float("nan")], {}])
+def test_damaged_message_is_interpolated(raw: Path, value: object) -> None:
+    path = raw / "can_bus" / "scene-0061_pose.json"
+    whole = said(by_name(raw)["scene-0061"])["pose.vel"]
+    messages = json.loads(path.read_text())
+    messages[40]["vel"] = value
+    path.write_text(json.dumps(messages))
+    scenario = by_name(raw)["scene-0061"]
+    np.testing.assert_allclose(np.array(said(scenario)["pose.vel"]), np.array(whole), atol=0.05)
+    (defect,) = scenario.defects
+    assert (defect.count, defect.location, defect.action) == (1, "row 40", "assumed")
 
 
 def test_can_bus_added_later_changes_only_its_scene(raw: Path) -> None:

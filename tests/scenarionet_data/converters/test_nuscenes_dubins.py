@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarionet_data.converters.nuscenes.dubins import SPACING, centerlines
+from scenarionet_data.converters.nuscenes.dubins import are_paths, SPACING, centerlines, is_path
 from tests.fixtures.nuscenes_world import drive
 
 LENGTHS = st.lists(st.one_of(st.just(0.0), st.floats(0.01, 40.0)), min_size=3, max_size=3)
@@ -63,8 +63,14 @@ def test_paths_of_a_lane_are_joined() -> None:
         {"start_pose": [0.0, 0.0]},
         {"start_pose": [0.0, float("inf"), 0.0]},
         {"start_pose": None},
+        {"radius": "10"},
+        {"segment_length": [1.0, 1e12, 1.0]},
     ],
 )
-def test_invalid_paths_are_refused(change: dict[str, Any]) -> None:
-    with pytest.raises((KeyError, TypeError, ValueError)):
-        centerlines([[path((0, 0, 0), "LSL", 10.0, [1.0, 2.0, 3.0]) | change]])
+def test_invalid_paths_are_found(change: dict[str, Any]) -> None:
+    good = path((0, 0, 0), "LSL", 10.0, [1.0, 2.0, 3.0])
+    assert is_path(good)
+    assert not is_path(good | change)
+    assert are_paths([good, good])
+    assert not are_paths([good, good | change])
+    assert not is_path({key: value for key, value in good.items() if key not in change})

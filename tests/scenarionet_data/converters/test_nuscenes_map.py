@@ -30,7 +30,7 @@ PLACE = "singapore-onenorth"
 def read(tmp_path_factory: pytest.TempPathFactory) -> tuple[District, MapBuilder, MapFeatures]:
     folder = tmp_path_factory.mktemp("map")
     district = write_district(folder, PLACE)
-    builder = read_map(folder / f"{PLACE}.json")
+    builder = read_map(folder / f"{PLACE}.json", "maps/expansion")
     return district, builder, builder.build(np.zeros(3))
 
 
@@ -233,7 +233,7 @@ def test_self_intersecting_outline_is_accepted() -> None:
 
 def test_scenario_map_is_the_crop_around_its_path(tmp_path: Path) -> None:
     (scene,) = fixture.write_invented(tmp_path, num_scenes=1, num_keyframes=11)
-    whole = read_map(tmp_path / "maps" / "expansion" / f"{PLACE}.json")
+    whole = read_map(tmp_path / "maps" / "expansion" / f"{PLACE}.json", "maps/expansion")
     converter = NuScenes()
     (wide,) = scenarios(converter, tmp_path, "mini")
     (narrow,) = scenarios(converter, tmp_path, "mini", radius=10.0)

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from scenarionet_data.building import METRES
 from scenarionet_data.converters.nuscenes import NuScenes
 from scenarionet_data.converters.nuscenes.keyframes import boxes_at, make_steps, nominal_period, poses_at
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.vocabulary import ObjectType
 from tests.fixtures import nuscenes as fixture
-from tests.fixtures.reading import scenarios
+from tests.fixtures.reading import scenarios, shards
 
 CONVERTER = NuScenes()
 Recorded = tuple[Path, fixture.Scene, ScenarioDescription]
@@ -51,14 +52,30 @@ def test_every_keyframe_is_a_timestep(recorded: Recorded) -> None:
     np.testing.assert_allclose(step.reshape(-1, 5), np.repeat(np.diff(seconds)[:, None] / 5, 5, axis=1), atol=1e-9)
 
 
-@pytest.mark.parametrize(("rate", "parts"), [(2, 1), (4, 2), (10, 5), (20, 10)])
-def test_rate_option(recorded: Recorded, rate: int, parts: int) -> None:
-    root, _, whole = recorded
-    (scenario,) = scenarios(CONVERTER, root, "mini", rate=rate)
-    assert scenario.num_timesteps == 40 * parts + 1
-    assert scenario.dt == pytest.approx(0.5 / parts)
-    assert scenario.current_timestep == 4 * parts
-    assert np.array_equal(scenario.tracks.position[:, ::parts], whole.tracks.position[:, ::5])
+def test_recorded_frames_are_the_keyframes(recorded: Recorded) -> None:
+    """Their times and states equal the raw ones, and nothing is interpolated."""
+    root, scene, whole = recorded
+    (scenario,) = scenarios(CONVERTER, root, "mini", frames="recorded")
+    scenario.validate()
+    assert (scenario.num_timesteps, scenario.dt, scenario.current_timestep) == (41, 0.5, 4)
+    assert np.array_equal(scenario.timestamps, (scene.times - scene.times[0]) * 1e-6)
+    tracks = scenario.tracks
+    assert not tracks.is_interpolated.any()
+    for name in ("position", "heading", "size", "valid"):
+        assert np.array_equal(getattr(tracks, name), getattr(whole.tracks, name)[:, ::5])
+    for thing in scene.things:
+        row, seen = tracks.index(thing.token), thing.seen
+        assert np.array_equal(tracks.valid[row], seen)
+        assert np.abs(tracks.position[row, seen] + scenario.origin - thing.boxes[seen, :3]).max() <= METRES
+
+
+def test_interpolated_states_are_flagged(recorded: Recorded) -> None:
+    _, _, scenario = recorded
+    tracks = scenario.tracks
+    at_keyframe = np.arange(scenario.num_timesteps) % 5 == 0
+    objects = np.arange(len(tracks)) != scenario.ego_index  # the ego has a recorded pose at some steps in between
+    assert np.array_equal(tracks.is_interpolated[objects], (tracks.valid & ~at_keyframe)[objects])
+    assert not tracks.is_interpolated[:, at_keyframe].any()
 
 
 def test_annotated_values_are_kept(recorded: Recorded) -> None:
@@ -134,8 +151,9 @@ def test_poses_are_interpolated_except_over_long_gaps() -> None:
     pose_times = np.array([0.0, 5e4, 10e4, 200e4, 205e4])
     poses = np.column_stack([pose_times / 1e4, np.zeros((5, 2)), [3.1, -3.1, -3.0, 0.0, 0.0]])
     times = np.array([-1e4, 0.0, 2.5e4, 10e4, 100e4, 200e4, 230e4])
-    found, valid = poses_at(times, pose_times, poses)
-    assert valid.tolist() == [True, True, True, True, False, True, True]
+    found, valid, is_between = poses_at(times, pose_times, poses)
+    assert valid.tolist() == [True, True, True, True, False, True, False]
+    assert is_between.tolist() == [True, False, True, False, True, False, True]
     np.testing.assert_allclose(found[[0, 1, 2, 3, 5, 6], 0], [0.0, 0.0, 2.5, 10.0, 200.0, 205.0])
     assert turned(found[2, 3] - np.pi) < 0.01
 
@@ -240,13 +258,22 @@ def test_windows_of_the_challenge(recorded: Recorded, tmp_path: Path) -> None:
 
 
 def test_prediction_of_an_unknown_keyframe_is_quarantined(recorded: Recorded, tmp_path: Path) -> None:
-    root, _, _ = recorded
+    """Only its own window is."""
+    root, scene, _ = recorded
     _linked(root, tmp_path / "dataroot")
     path = tmp_path / "dataroot" / "maps" / "prediction" / "prediction_scenes.json"
     path.parent.mkdir()
-    path.write_text(json.dumps({"scene-0061": ["x_y"]}))
-    with pytest.raises(InvalidScenario, match="expected keyframes of the scene, found 'y'"):
-        scenarios(CONVERTER, tmp_path / "dataroot", "mini", by="window")
+    path.write_text(json.dumps({"scene-0061": ["x_y", 5, f"nobody_{scene.samples[9]}"]}))
+    (shard,) = shards(CONVERTER, tmp_path / "dataroot", "mini", by="window")
+    *refused, good = CONVERTER.records(shard)
+    for record, found in zip(refused, ("'y'", "''"), strict=True):
+        with pytest.raises(InvalidScenario, match=f"expected keyframes of the scene, found {found}"):
+            CONVERTER.scenario(shard, record)
+    scenario = CONVERTER.scenario(shard, good)
+    assert scenario.tracks_to_predict == ()
+    assert [(d.file, d.action, d.location) for d in scenario.defects] == [
+        ("maps/prediction/prediction_scenes.json", "assumed", "nobody")
+    ]
 
 
 def test_windows_around_moving_vehicles(recorded: Recorded) -> None:

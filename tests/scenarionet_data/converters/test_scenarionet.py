@@ -120,15 +120,13 @@ def test_names_in_the_pickle_are_kept(tmp_path: Path) -> None:
     assert (source.log, source.licence) == ("2021.06.14.13.27.42_veh-35_00001", "CC BY-NC-SA 4.0")
 
 
-def test_omitted_values_are_counted(tmp_path: Path) -> None:
-    assert convert(made.metadrive(3), tmp_path / "pg").extras["unstored"] == {
-        "states": {"action": 2, "steering": 2},
-        "metadata": ["agent_to_object"],
-    }
-    assert convert(made.nuplan("d1"), tmp_path / "nuplan").extras["unstored"] == {
-        "map_features": {"SOMETHING_NEW": 1},
-        "metadata": ["scenario_extraction_info"],
-    }
+def test_values_without_a_column_are_kept_with_their_track_or_scenario(tmp_path: Path) -> None:
+    scenario = convert(made.metadrive(3), tmp_path / "pg")
+    own = json.loads(scenario.tracks.extras[0])["pickle"]
+    assert set(own["state"]) == {"steering", "action"} and set(own["metadata"]) == {"spawn_info"}
+    assert scenario.extras["pickle"]["layout"]["metadata"]["agent_to_object"] == {"agent": "10"}
+    nuplan = convert(made.nuplan("d1"), tmp_path / "nuplan").extras["pickle"]["layout"]
+    assert list(nuplan["unknown_features"]) == ["odd"]
 
 
 def test_assumed_and_estimated_values_are_flagged(tmp_path: Path) -> None:

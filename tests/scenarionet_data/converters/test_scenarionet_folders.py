@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from scenarionet_data import converters
+from scenarionet_data.conversion import convert
 from scenarionet_data.converters.scenarionet import ScenarioNetPickles
 from scenarionet_data.errors import CorruptSource, InvalidScenario, SourceNotFound
 from scenarionet_data.ingest.options import Options
@@ -95,3 +96,15 @@ def test_unreadable_file_costs_its_scenario(tmp_path: Path, monkeypatch: pytest.
     with pytest.raises(InvalidScenario, match=r"sd_a\.pkl: pickle: cannot be read \(Permission denied\)"):
         CONVERTER.scenario(shard, shard.items[0])
     assert CONVERTER.scenario(shard, shard.items[1]).id == "scenarionet/v1/waymo_b"
+
+
+@pytest.mark.parametrize("place", ["version", "map", "note", "scenario_id"])
+def test_text_that_is_not_utf8_costs_its_scenario(tmp_path: Path, place: str) -> None:
+    bad = made.waymo("bad")
+    (bad if place == "version" else bad["metadata"])[place] = "x\udcff"
+    if place == "scenario_id":
+        bad["id"] = "x\udcff"
+    made.write_pickle(bad, tmp_path / "raw" / "sd_bad.pkl")
+    made.write_pickle(made.waymo("good"), tmp_path / "raw" / "sd_good.pkl")
+    report = convert("scenarionet", tmp_path / "raw", tmp_path / "lake")
+    assert (report.converted, report.quarantined, report.failed) == (1, 1, [])

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from scenarionet_data.converters.waymo import Waymo
-from scenarionet_data.errors import CorruptSource, InvalidScenario
+from scenarionet_data.errors import CorruptSource, InvalidScenario, SourceNotFound
+from scenarionet_data.scenario.description import ScenarioDescription
+from scenarionet_data.scenario.vocabulary import LightState
 from tests.fixtures.reading import scenarios, shards
 from tests.fixtures.waymo import field, frame, renamed, scenario_bytes, state, write_tfrecord
 
@@ -39,6 +41,38 @@ def test_damaged_record_does_not_affect_the_others(tmp_path: Path):
     assert caught.value.scenario_id == f"{NAME}@{len(frame(payloads[0]))}"
 
 
+def test_damaged_length_costs_that_record(tmp_path: Path) -> None:
+    payloads = [renamed(PAYLOAD, letter) for letter in "abc"]
+    path = write_tfrecord(tmp_path / NAME, payloads)
+    data = bytearray(path.read_bytes())
+    data[len(frame(payloads[0])) + 2] ^= 0x10
+    path.write_bytes(data)
+    (shard,) = shards(CONVERTER, tmp_path)
+    records = list(CONVERTER.records(shard))
+    assert [record.is_intact for record in records] == [True, False, True]
+    assert CONVERTER.scenario(shard, records[2]).source.scenario_id == "c"
+
+
+def test_files_without_scenarios_are_passed_over(tmp_path: Path) -> None:
+    laser = renamed(PAYLOAD, "a") + field(12, b"laser") * 2  # of which the fixture has one, and one camera token
+    write_tfrecord(tmp_path / "scenario" / "training" / NAME, [laser])
+    write_tfrecord(tmp_path / "tf_example" / "training" / "training_tfexample.tfrecord-00000-of-01000", [b""])
+    write_tfrecord(tmp_path / "lidar_and_camera" / "training" / "637f20cafde22ff8.tfrecord", [b""])
+    (tmp_path / "scenario" / "training" / f"{NAME[:-1]}1_.gstmp").write_bytes(b"half")
+    found = shards(CONVERTER, tmp_path)
+    assert [item.name for shard in found for item in shard.items] == [f"scenario/training/{NAME}"]
+    listed = list(CONVERTER.passed_over(str(tmp_path), "train", CONVERTER.Options(), found))
+    assert [(each.count, each.reason) for each in listed] == [
+        (1, "an unfinished download"),
+        (1, "not read by this converter"),
+        (1, "not read by this converter"),
+        (3, "sensor data is not stored"),
+        (1, "sensor data is not stored"),
+    ]
+    with pytest.raises(SourceNotFound, match="belongs to another part of the dataset"):
+        shards(CONVERTER, tmp_path / "tf_example")
+
+
 def test_other_message_type_does_not_affect_the_others(tmp_path: Path):
     write_tfrecord(tmp_path / NAME, [b"not protobuf", PAYLOAD, field(1, field(1, b"tf.Example"))])
     (shard,) = shards(CONVERTER, tmp_path)
@@ -57,16 +91,6 @@ def test_truncated_file(tmp_path: Path, keep: int):
         scenarios(CONVERTER, tmp_path)
 
 
-@pytest.mark.parametrize(
-    ("number", "wanted"),
-    [(2, "origin"), (7, "tracks.size"), (8, "tracks.heading"), (9, "tracks.velocity")],
-)
-@pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_non_finite_numbers_are_refused(tmp_path: Path, number: int, wanted: str, value: float):
-    bad = field(number, value if number == 2 else np.float32(value))
-    assert refused(tmp_path, single(state(1.0)[2:] + bad)).field == wanted
-
-
 def single(content: bytes) -> bytes:
     """A scenario with a single state of the ego."""
     return b"".join(
@@ -74,9 +98,116 @@ def single(content: bytes) -> bytes:
     )
 
 
-def test_coordinate_beyond_float32(tmp_path: Path):
-    other = field(2, field(1, 9) + field(3, state(1.0)[2:] + field(2, 1e300)))
-    assert refused(tmp_path, single(state(1.0)[2:]) + other).field == "tracks.position"
+def found(tmp_path: Path, payload: bytes) -> ScenarioDescription:
+    """The scenario of a message; it is valid."""
+    write_tfrecord(tmp_path / NAME, [payload])
+    (scenario,) = scenarios(CONVERTER, tmp_path)
+    scenario.validate()
+    return scenario
+
+
+STEPS = b"".join(field(1, 0.1 * k) for k in range(5))
+EGO = field(2, field(1, 8) + field(2, 1) + b"".join(state(float(k)) for k in range(5)))
+
+
+@pytest.mark.parametrize(
+    ("number", "value", "wanted", "reason"),
+    [
+        (2, np.nan, "position", "expected finite metres"),
+        (2, 1e300, "position", "expected a position within 10,000 m"),
+        (3, 2e4, "position", "expected a position within 10,000 m"),
+        (5, np.float32(0), "size", "expected a size above 0"),
+        (7, np.float32(1e9), "size", "expected a size above 0 and up to 200 m"),
+        (8, np.float32(np.inf), "heading", "expected finite radians"),
+        (9, np.float32(np.nan), "velocity", "expected a velocity of up to 150 m/s"),
+    ],
+)
+def test_bad_state_costs_that_state(tmp_path: Path, number: int, value: float, wanted: str, reason: str) -> None:
+    states = [state(float(k)) for k in range(5)]
+    states[2] = field(3, states[2][2:] + field(number, value))
+    other = field(2, field(1, 9) + field(2, 2) + b"".join(states))
+    scenario = found(tmp_path, STEPS + EGO + other + field(5, "x") + field(6, 0))
+    assert scenario.tracks.valid.tolist() == [[True] * 5, [True, True, False, True, True]]
+    (defect,) = scenario.defects
+    assert (defect.table, defect.field, defect.action, defect.count) == ("tracks", wanted, "dropped", 1)
+    assert (defect.file, defect.location) == (NAME, "track 9 step 2")
+    assert defect.reason.startswith(reason)
+
+
+def test_bad_state_of_the_ego_is_interpolated_and_flagged(tmp_path: Path) -> None:
+    states = [state(float(k)) for k in range(5)]
+    states[2] = field(3, states[2][2:] + field(2, np.nan))
+    ego = field(2, field(1, 8) + field(2, 1) + b"".join(states))
+    scenario = found(tmp_path, STEPS + ego + field(5, "x") + field(6, 0) + field(10, 2))
+    assert scenario.tracks.valid.all()
+    assert scenario.tracks.is_interpolated.tolist() == [[False, False, True, False, False]]
+    assert scenario.tracks.position[0, 2].tolist() == pytest.approx(scenario.tracks.position[0, [1, 3]].mean(axis=0))
+    assert [(each.action, each.location) for each in scenario.defects] == [
+        ("dropped", "track 8 step 2"),
+        ("assumed", "step 2"),
+    ]
+
+
+def test_tracks_that_cannot_be_used_cost_themselves(tmp_path: Path) -> None:
+    short = field(2, field(1, 9) + field(2, 1) + state(1.0) * 3)
+    again = field(2, field(1, 8) + field(2, 1) + state(50.0) * 5)
+    strange = field(2, field(1, 10) + field(2, 77) + state(20.0) * 5)
+    targets = b"".join(field(11, field(1, row)) for row in (0, 1, 3, 9))
+    of_interest = field(4, 8) + field(4, 9)
+    scenario = found(tmp_path, STEPS + EGO + short + again + strange + field(5, "x") + field(6, 0) + targets + of_interest)
+    assert scenario.tracks.ids.tolist() == ["8", "10"]
+    assert scenario.tracks.is_type_assumed.tolist() == [False, True]
+    assert scenario.tracks_to_predict == (("8", 0), ("10", 0))
+    assert scenario.objects_of_interest == ("8",)
+    assert {(each.field, each.action): each.count for each in scenario.defects} == {
+        ("states", "dropped"): 3,
+        ("id", "dropped"): 5,
+        ("object_type", "assumed"): 1,
+        ("objects_of_interest", "assumed"): 1,
+        ("tracks_to_predict", "assumed"): 2,
+    }
+
+
+def test_lights_that_cannot_be_used_are_flagged(tmp_path: Path) -> None:
+    def light(state: int, x: float) -> bytes:
+        return field(1, field(1, 5) + field(2, state) + field(3, field(1, x) + field(2, 0.0) + field(3, 0.0)))
+
+    steps = b"".join(field(7, light(4, 1e12)) for _ in range(4)) + field(7, light(99, 1.0)) + field(7, light(4, 1.0))
+    scenario = found(tmp_path, STEPS + EGO + field(5, "x") + field(6, 0) + steps)
+    assert scenario.lights.state.tolist() == [[LightState.LANE_STATE_STOP] * 4 + [LightState.LANE_STATE_UNKNOWN]]
+    assert np.isnan(scenario.lights.stop_point).all()
+    assert {(each.table, each.field, each.action): each.count for each in scenario.defects} == {
+        ("lights", "dynamic_map_states", "dropped"): 1,
+        ("lights", "state", "assumed"): 1,
+        ("lights", "stop_point", "assumed"): 4,
+    }
+
+
+def test_bad_feature_costs_that_feature(tmp_path: Path) -> None:
+    def feature(name: int, *xs: float, limit: float = 0.0) -> bytes:
+        points = b"".join(field(8, field(1, x) + field(2, 0.0) + field(3, 0.0)) for x in xs)
+        return field(8, field(1, name) + field(3, field(1, limit) + points))
+
+    features = [
+        feature(1, 0.0, 5.0, limit=25.0),
+        feature(2, 0.0, np.nan),
+        feature(1, 7.0, 9.0),
+        feature(3, 5.0, 1e9),
+        feature(4, 5.0, 9.0, limit=1e9),
+        field(8, field(1, 6) + field(15, b"later")),
+    ]
+    scenario = found(tmp_path, STEPS + EGO + field(5, "x") + field(6, 0) + b"".join(features))
+    assert scenario.map is not None
+    assert scenario.map.ids.tolist() == ["1", "4"]
+    assert scenario.map.polyline[0][:, 0].tolist() == [0.0, 5.0]
+    assert np.isnan(scenario.map.speed_limit).tolist() == [False, True]
+    assert [(each.table, each.field, each.action, each.location) for each in scenario.defects] == [
+        ("maps", "id", "dropped", "feature 1"),
+        ("maps", "points", "dropped", "feature 2"),
+        ("maps", "points", "dropped", "feature 3"),
+        ("maps", "speed_limit_mph", "assumed", "feature 4"),
+        ("maps", "feature_data", "dropped", "features"),
+    ]
 
 
 @pytest.mark.parametrize("index", [14, 99, -3])
@@ -97,10 +228,6 @@ def test_ego_invalid_at_current_timestep(tmp_path: Path):
 
 def test_current_time_out_of_range(tmp_path: Path):
     assert refused(tmp_path, PAYLOAD + field(10, 91)).field == "current_timestep"
-
-
-def test_prediction_out_of_range(tmp_path: Path):
-    assert refused(tmp_path, PAYLOAD + field(11, field(1, 14))).field == "tracks_to_predict"
 
 
 def test_timestamps_that_do_not_increase(tmp_path: Path):

@@ -16,7 +16,7 @@ SETUP = """
 import sys, time, random
 from pathlib import Path
 from scenarionet_data import Lake, ScenarioLoader, convert
-from scenarionet_data.codec.content_hash import content_hash
+from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.errors import NoSuchSnapshot
 from scenarionet_data.maintenance import compact, fsck, vacuum
 from scenarionet_data.storage.write import layouts

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from scenarionet_data import Lake, ScenarioLoader
-from scenarionet_data.codec.content_hash import content_hash
+from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.errors import LakeError
 from scenarionet_data.maintenance import fsck, upgrade
 from scenarionet_data.storage import seals

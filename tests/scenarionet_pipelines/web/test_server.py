@@ -5,17 +5,20 @@ from __future__ import annotations
 import http.client
 import json
 import socket
+from contextlib import contextmanager
 from urllib.parse import quote, urlsplit
 
+import psutil
 import pytest
 
 from scenarionet_data import Lake
 from scenarionet_data.errors import BadParameter
+from scenarionet_pipelines.web.question_workers import Limits
 from scenarionet_pipelines.web.server import Server
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.pages import HOSTILE, serving
 from tests.fixtures.scenarios import make_scenario
-from tests.fixtures.waiting import HANGS_AFTER
+from tests.fixtures.waiting import HANGS_AFTER, until
 
 
 def request(address, path, method="GET", body=None, **headers):
@@ -116,16 +119,91 @@ def test_database_shows_only_its_members(served, lake):
     assert answer["total"] == len(lake.database("several"))
 
 
-def test_abandoned_filter_is_interrupted(served):
-    """Its client has disconnected, so it is stopped and the next request is answered."""
-    endless = quote("(SELECT sum(a.range * b.range) FROM range(10000000) a, range(10000000) b) > 0")
-    place = urlsplit(served)
+UNENDING = "levenshtein(repeat('a', 1000000), repeat('b', 1000000)) > 0"
+"""A condition within which DuckDB does not check for interrupts."""
+
+
+def ask(address, where):
+    return said(request(address, f"/api/rows?where={quote(where)}"))
+
+
+@contextmanager
+def asking(address, where):
+    """Ask a question whose answer nothing waits for; afterwards its client has disconnected."""
+    place = urlsplit(address)
     with socket.create_connection((place.hostname, place.port)) as client:
-        client.sendall(f"GET /api/rows?where={endless} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
-        client.settimeout(0.5)
-        with pytest.raises(TimeoutError):
-            client.recv(1)
-    assert said(request(served, "/api/rows"))[1]["total"] == 59
+        client.sendall(f"GET /api/rows?where={quote(where)} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
+        yield client
+
+
+def busy_workers():
+    """Question workers that have used three seconds of processor time, more than an ordinary question needs."""
+    return [child for child in psutil.Process().children() if child.cpu_times().user > 3.0]
+
+
+def test_unending_question_is_stopped_at_the_time_limit(lake):
+    with serving(lake, limits=Limits(seconds=1.0)) as address:
+        status, answer = ask(address, UNENDING)
+        assert status == 400
+        assert answer["error"].startswith("the question took more than 1 s and was stopped; make the condition simpler")
+        assert request(address, "/api/about")[0] == 200
+
+
+@pytest.mark.long
+def test_unending_question_blocks_no_other(lake):
+    with serving(lake, limits=Limits(seconds=HANGS_AFTER)) as address:
+        with asking(address, UNENDING) as first, asking(address, UNENDING) as second:
+            until(lambda: len(busy_workers()) == 2, "both are being answered")
+            assert ask(address, "true")[1]["total"] == 59
+            for client in (first, second):
+                client.setblocking(False)
+                with pytest.raises(BlockingIOError):
+                    client.recv(1)
+        until(lambda: not busy_workers(), "abandoned questions are stopped")
+        assert ask(address, "true")[1]["total"] == 59
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "where",
+    [
+        "length(repeat('a', 4000000000)) > 0",
+        "list_sum(range(1000000000)) > 0",
+        "(SELECT count(DISTINCT hash(range)) FROM range(1000000000)) > 0",
+        "length(list_reduce(list_transform(range(40), x -> 'a'), (a, b) -> a || a || b)) > 0",
+    ],
+)
+def test_question_that_needs_too_much_memory_is_stopped(lake, where):
+    with serving(lake, limits=Limits(seconds=HANGS_AFTER, memory=10**8)) as address:
+        status, answer = ask(address, where)
+        assert status == 400
+        assert "emory" in answer["error"] or "max_temp_directory_size" in answer["error"]
+        assert ask(address, "true")[1]["total"] == 59
+
+
+@pytest.mark.parametrize(
+    ("body", "status", "says"),
+    [
+        (b"[" * 100_000, 400, "expected a JSON object with the strings name, where, database, in UTF-8"),
+        (b'{"name": "\\ud800", "where": "true", "database": ""}', 400, "in UTF-8"),
+        (b'{"name": "\xff", "where": "true", "database": ""}', 400, "in UTF-8"),
+        (b" " * 1_000_001, 413, "larger than 1 MB"),
+        ([b" " * 500_001] * 2, 413, "larger than 1 MB"),
+    ],
+    ids=["deep", "surrogate", "not UTF-8", "large", "large in chunks"],
+)
+def test_unreadable_bodies_are_refused(lake, monkeypatch, body, status, says):
+    monkeypatch.setattr("secrets.token_urlsafe", lambda: "known")
+    with serving(lake, is_writable=True) as address:
+        place = urlsplit(address)
+        connection = http.client.HTTPConnection(place.hostname, place.port, timeout=HANGS_AFTER)
+        own = {"Origin": address, "X-Scenarionet-Secret": "known"}
+        connection.request("POST", "/api/databases", body, own, encode_chunked=isinstance(body, list))
+        response = connection.getresponse()
+        assert response.status == status
+        assert says in json.loads(response.read())["error"]
+        connection.close()
+        assert request(address, "/api/about")[0] == 200
 
 
 SAVED = {"name": "mine", "where": "num_objects > 5", "database": "several"}

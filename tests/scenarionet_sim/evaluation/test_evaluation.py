@@ -11,9 +11,11 @@ from scenarionet_data.conversion import convert
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.evaluation import evaluation as evaluations
 from scenarionet_sim.evaluation.evaluation import EvaluationReport, evaluate, find_broken, plan_evaluation
+from scenarionet_sim.evaluation.recording import record
 from scenarionet_sim.policies import ConstantVelocity
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import write_lake
+from tests.fixtures.made import NAME, write_raw
 
 SCENARIOS = [make_drive(f"d{k}", speed=8.0 + k, others=(Other(15.0 + 5 * k, vx=4.0),)) for k in range(5)]
 
@@ -54,6 +56,23 @@ def lake(tmp_path, monkeypatch) -> Lake:
 
 def own(name: str) -> str:
     return f"{__name__}:{name}"
+
+
+def test_run_over_a_database_goes_on_after_the_lake_has_grown(lake, tmp_path):
+    raw = str(write_raw(tmp_path / "raw", {"a": [1]}))
+    database = lake.filter("true", name="drives")
+    evaluate(lake, database, policy="replay", name="first")
+    convert(NAME, raw, lake.root)
+    grown = Lake(lake.root)
+    assert (grown.snapshot.number, len(grown)) == (2, 6)
+    assert evaluate(grown, "drives", policy="replay", name="first").skipped == 5
+    assert record(grown, "drives", name="seen") == 0
+    write_raw(tmp_path / "raw", {"b": [2]})
+    convert(NAME, raw, lake.root)
+    assert record(Lake(lake.root), "drives", name="seen") == 5
+    evaluate(grown, policy="replay", name="all")
+    with pytest.raises(BadParameter, match="a run 'all' exists with snapshot 2, not 3"):
+        evaluate(Lake(lake.root), policy="replay", name="all")
 
 
 def test_results_and_rollouts_are_in_the_lake(lake):

@@ -12,7 +12,7 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_pipelines.cli.conversion_report import passed_over_rows, print_report, stale_row
 from scenarionet_pipelines.cli.execution import executor_from_options
 from scenarionet_pipelines.cli.group import verb
-from scenarionet_pipelines.cli.interrupt import Interrupted
+from scenarionet_pipelines.cli.interrupt import Interrupted, stop
 from scenarionet_pipelines.cli.output import count, duration, print_json, print_table
 from scenarionet_pipelines.cli.parameters import (
     cluster_option,
@@ -45,7 +45,13 @@ _MAX_LISTED = 20
 @click.argument("dataset")
 @click.argument("raw")
 @lake_argument
-@click.option("--split", help="Split of the dataset: train, val, ... [default: inferred from the folder's name]")
+@click.option(
+    "--split",
+    metavar="NAME",
+    help="Split, named as in the lake (train, val, test, mini) or as in the dataset's folders (training, "
+    "validation_interactive, test_obs, ...); `scenarionet converters DATASET` lists them. [default: inferred from the "
+    "folder's name]",
+)
 @click.option("--version", help="Release of the dataset. [default: the converter's]")
 @workers_option
 @cluster_option
@@ -162,7 +168,7 @@ def _convert(dataset: str, raw: str, lake: str, quiet: bool, **how: Any) -> Conv
 
 
 def _watch(dataset: str, raw: str, lake: str, every: float, as_json: bool, **how: Any) -> bool:
-    """Convert new recordings until Ctrl-C; return whether every report was clean."""
+    """Convert new recordings until a signal; return whether every report was clean."""
     from scenarionet_data.conversion import watch
 
     click.echo(f"watching {raw} every {duration(every)}; stop with Ctrl-C", err=True)
@@ -172,7 +178,7 @@ def _watch(dataset: str, raw: str, lake: str, every: float, as_json: bool, **how
             print_report(report, lake, as_json)
             is_clean = is_clean and report.is_clean
     except KeyboardInterrupt:
-        click.echo(f"stopped watching {raw}; finished shards are kept in {lake}", err=True)
+        stop(f"stopped watching {raw}; finished shards are kept in {lake}")
     return is_clean
 
 

@@ -50,6 +50,7 @@ def _describe(name: str) -> dict[str, Any]:
 
 
 def _explain(name: str, as_json: bool) -> None:
+    from scenarionet_data.converters.splits import ACCEPTED
     from scenarionet_pipelines.cli import converter
 
     found = converter.find(name)
@@ -58,11 +59,12 @@ def _explain(name: str, as_json: bool) -> None:
         for option in converter.options(found)
     ]
     properties = {"name": name} | {key: getattr(found, key) for key in _PROPERTIES}
+    properties["split"] = ACCEPTED.get(name, ("any label",))
     properties["where"] = ["file", "name", *found.properties]
     if as_json:
         print_json(properties | {"options": options})
         return
-    print_table((properties | {"where": ", ".join(properties["where"])}).items())
+    print_table((properties | {key: ", ".join(properties[key]) for key in ("split", "where")}).items())
     click.echo()
     if options:
         print_table([option.values() for option in options], ("option", "type", "default", ""))

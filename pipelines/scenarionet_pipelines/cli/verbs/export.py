@@ -36,6 +36,11 @@ _FORMATS = ("scenarionet",)
 @click.option("--workers", type=click.IntRange(1), metavar="N", help="Number of processes. [default: 1]")
 @cluster_option
 @replace_option
+@click.option(
+    "--current-format",
+    is_flag=True,
+    help="Write scenarios that were converted from older pickles in the format of MetaDrive 0.4.3, not as these were.",
+)
 @json_option
 @quiet_option
 def command(
@@ -46,6 +51,7 @@ def command(
     workers: int | None,
     cluster: str | None,
     replace: bool,
+    current_format: bool,
     as_json: bool,
     quiet: bool,
 ) -> None:
@@ -69,6 +75,7 @@ def command(
             scenarios,
             directory,
             replace=replace,
+            original=not current_format,
             executor=execution.measured or (ProcessExecutor(workers) if workers else None),
             on_progress=progress.update,
         )

@@ -17,7 +17,7 @@ def content_hash(scenario: ScenarioDescription) -> int:
     """64-bit XXH3 hash of the scenario's arrays and description; detects changes, not forgery.
 
     Scenarios of equal content have equal hashes, regardless of id, split and lake. A shared map contributes its id and
-    window, not its features.
+    window, not its features; ``extras["pickle"]``, which tells how a pickle was written, does not contribute.
     """
     source = scenario.source
     description = [
@@ -29,7 +29,7 @@ def content_hash(scenario: ScenarioDescription) -> int:
         [scenario.map_id, scenario.map_crop],
         scenario.objects_of_interest,
         scenario.tracks_to_predict,
-        dict(scenario.extras),
+        {key: value for key, value in scenario.extras.items() if key not in _NOT_HASHED},
     ]
     digest = xxh3_64(json.dumps(description, sort_keys=True).encode())
     digest.update(scenario.timestamps.data)
@@ -41,6 +41,7 @@ def content_hash(scenario: ScenarioDescription) -> int:
     return digest.intdigest()
 
 
+_NOT_HASHED = ("pickle",)
 _HASHED_NAMES = {"feature_type": "types"}
 """Names of renamed fields in hashes, which must not change."""
 _HASHED_IF_SET = ("is_interpolated",)

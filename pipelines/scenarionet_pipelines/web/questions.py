@@ -1,0 +1,142 @@
+"""Questions of the page about the lake, and the worker process that answers them.
+
+A process can be stopped at any time. A query of DuckDB cannot: it checks for interrupts between blocks of rows, so one
+expression such as ``length(repeat('a', 4000000000))`` occupies it for minutes, with memory that its limit does not
+count.
+"""
+
+from __future__ import annotations
+
+import resource
+import sys
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Protocol
+
+from scenarionet_data import Lake
+from scenarionet_data.errors import ScenarioNetError
+from scenarionet_data.execution.worker import follow_parent
+from scenarionet_pipelines.web.rows import Page, PageColumn, PageQuery, read_page
+
+_MAX_VIEWS = 8
+_ROOM = 2**29
+"""Memory of a question beside DuckDB's, for expressions and the rows of its answer [bytes]."""
+
+
+class OpenLake:
+    """A lake as a worker has opened it.
+
+    Args:
+        lake: The lake.
+        columns: Its columns by name.
+        memory: Memory of a question [bytes].
+    """
+
+    def __init__(self, lake: Lake, columns: Mapping[str, PageColumn], memory: int) -> None:
+        self.lake = lake
+        self.columns = columns
+        self._memory = memory
+        self._views: dict[str, Lake] = {}
+        self._open(lake)
+
+    def restricted(self, database: str) -> Lake:
+        """The lake, restricted to a database if one is named."""
+        if not database:
+            return self.lake
+        reference = self.lake.database(database).reference  # a name alone means its newest version
+        if reference not in self._views:
+            if len(self._views) == _MAX_VIEWS:
+                del self._views[next(iter(self._views))]
+            self._views[reference] = self._open(self.lake.restrict_to(reference))
+        return self._views[reference]
+
+    def _open(self, lake: Lake) -> Lake:
+        """Open the connection of a lake, and limit the memory that the process may have in addition from here on."""
+        len(lake)
+        if sys.platform == "linux":
+            status = Path("/proc/self/status").read_text()
+            used = 1024 * int(status.split("VmData:")[1].split()[0])
+            _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+            resource.setrlimit(resource.RLIMIT_DATA, (used + self._memory + _ROOM, hard))
+        return lake
+
+
+class Question(Protocol):
+    """Something to find out about a lake; picklable, as is its answer."""
+
+    def answer(self, opened: OpenLake) -> object:
+        """Return the answer."""
+        ...
+
+
+@dataclass(frozen=True)
+class RowsQuestion:
+    """Which rows does a page of the table show?
+
+    Attributes:
+        query: The page.
+        database: Database that the table is restricted to; empty for the whole lake.
+    """
+
+    query: PageQuery
+    database: str
+
+    def answer(self, opened: OpenLake) -> Page:
+        """Read the rows; see :func:`read_page`."""
+        return read_page(opened.restricted(self.database), self.query, opened.columns)
+
+
+@dataclass(frozen=True)
+class SaveQuestion:
+    """Which database results from saving the scenarios that satisfy a condition?
+
+    Attributes:
+        name: Name of the new database.
+        where: The condition.
+        database: Database to filter; empty for the whole lake.
+    """
+
+    name: str
+    where: str
+    database: str
+
+    def answer(self, opened: OpenLake) -> tuple[str, int]:
+        """Save the database; return its reference and number of scenarios."""
+        created = opened.lake.filter(self.where, name=self.name, database=self.database or None)
+        return created.reference, len(created)
+
+
+def answer_questions(
+    connection: Connection, lake: Lake, columns: Mapping[str, PageColumn], memory: int, folder: str
+) -> None:
+    """Answer the questions that arrive at a connection until it is closed; the target of a worker process.
+
+    The first message is None: the lake is open. Any message may instead be an error, for the other end to raise.
+
+    Args:
+        connection: Questions arrive and answers leave here.
+        lake: The lake.
+        columns: Its columns by name.
+        memory: Memory of a question [bytes].
+        folder: Folder for temporary files; the other end removes it.
+    """
+    follow_parent()
+    tempfile.tempdir = folder
+    try:
+        opened = OpenLake(lake, columns, memory)
+    except (ScenarioNetError, OSError) as error:
+        connection.send(error)
+        return
+    connection.send(None)
+    while True:
+        try:
+            question: Question = connection.recv()
+        except EOFError:
+            return
+        try:
+            connection.send(question.answer(opened))
+        except (ScenarioNetError, OSError) as error:
+            connection.send(error)

@@ -1,0 +1,90 @@
+"""nuPlan's closed-loop score, and the parts of it that are a few lines.
+
+Source: nuplan-devkit, ``config/simulation/metric_aggregator/closed_loop_*_agents_weighted_average.yaml`` (multipliers
+and weights; the owner's documentation lists driving direction among the weights, the configuration that runs does not)
+and ``planning/metrics/evaluation_metrics/common`` (definitions).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from itertools import accumulate
+
+import numpy as np
+
+from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.errors import BadParameter
+
+MULTIPLIERS = (
+    "no_ego_at_fault_collisions",
+    "drivable_area_compliance",
+    "driving_direction_compliance",
+    "ego_is_making_progress",
+)
+WEIGHTS: Mapping[str, float] = {
+    "ego_progress_along_expert_route": 5.0,
+    "time_to_collision_within_bound": 5.0,
+    "speed_limit_compliance": 4.0,
+    "ego_is_comfortable": 2.0,
+}
+
+MIN_PROGRESS_RATIO = 0.2
+"""Share of the recorded progress from which the ego makes progress."""
+
+_MAX_OVERSPEED = 2.23  # [m/s]
+_DIRECTION_WINDOW = 1.0  # [s]
+
+
+def closed_loop_score(parts: Mapping[str, float | None]) -> float:
+    """The score of a scenario: the product of the multipliers times the weighted mean of the other parts.
+
+    Args:
+        parts: Scores from 0 to 1 by the names of MULTIPLIERS and WEIGHTS; None where a part cannot be decided, for
+            example without a map, which leaves it out.
+
+    Raises:
+        BadParameter: A name is unknown.
+
+    Example:
+        >>> closed_loop_score({"ego_is_making_progress": 1, "ego_is_comfortable": 0, "speed_limit_compliance": 1})
+        0.6666666666666666
+    """
+    unknown = sorted(set(parts) - {*MULTIPLIERS, *WEIGHTS})
+    if unknown:
+        raise BadParameter(f"no part {unknown[0]!r}; there are {', '.join([*MULTIPLIERS, *WEIGHTS])}")
+    known = {name: value for name, value in parts.items() if value is not None}
+    factor = float(np.prod([known[name] for name in MULTIPLIERS if name in known]))
+    weights = {name: weight for name, weight in WEIGHTS.items() if name in known}
+    total = sum(weight * known[name] for name, weight in weights.items())
+    return factor * total / sum(weights.values()) if weights else 0.0
+
+
+def speed_limit_score(overspeed: Float64, time: Float64) -> float:
+    """1 without speeding, 0 when it averages 2.23 m/s (5 mph) over the drive.
+
+    Args:
+        overspeed: (T,) speed above the limit, else 0 [m/s].
+        time: (T,) [s].
+    """
+    duration = float(time[-1] - time[0])
+    if duration <= 0.0:
+        return 1.0
+    return max(0.0, 1.0 - float(overspeed.sum()) * float(np.diff(time).mean()) / (_MAX_OVERSPEED * duration))
+
+
+def driving_direction(progress: Iterable[float], dt: float) -> tuple[float, float]:
+    """Score of driving against the traffic, and the smallest progress within one second [m].
+
+    The score is 1 below 2 m, 0.5 below 6 m, else 0. As in the owner's code, the absolute value of the smallest
+    progress counts, which also concerns a drive that makes more than 2 m in its very first moment.
+
+    Args:
+        progress: (T,) movement along the lane since the moment before [m].
+        dt: [s].
+    """
+    total = np.array([0.0, *accumulate(progress)])
+    window = int(_DIRECTION_WINDOW / dt)
+    ends = np.arange(1, len(total))
+    smallest = float((total[ends] - total[np.maximum(0, ends - 1 - window)]).min())
+    distance = abs(smallest)
+    return 1.0 if distance < 2.0 else 0.5 if distance < 6.0 else 0.0, -distance

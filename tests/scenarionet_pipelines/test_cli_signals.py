@@ -1,0 +1,151 @@
+"""Ctrl-C and SIGTERM end every verb in one line, with 130 and 143, whatever it is doing."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import shutil
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+
+from scenarionet_data import Lake
+from scenarionet_pipelines.cli import interrupt
+from tests.fixtures.waiting import HANGS_AFTER, until
+from tests.scenarionet_pipelines.conftest import run
+from tests.scenarionet_pipelines.test_cli import ALL_VERBS, verb
+from tests.scenarionet_pipelines.test_cli_convert import start
+
+UNENDING = "levenshtein(repeat('a', 1000000), repeat('b', 1000000)) > 0"
+"""A condition within which DuckDB checks neither signals nor interrupts."""
+
+
+@pytest.fixture
+def _signals() -> Iterator[None]:
+    yield
+    interrupt._Received.number = None
+    interrupt._Received.is_handled.clear()
+
+
+def when_handled(process: subprocess.Popen) -> None:
+    """Wait until the process has a handler of SIGTERM, or has ended."""
+    status = Path(f"/proc/{process.pid}/status")
+
+    def is_handled() -> bool:
+        if process.poll() is not None:
+            return True
+        (caught,) = (line for line in status.read_text().splitlines() if line.startswith("SigCgt:"))
+        return bool(int(caught.split()[1], 16) >> (signal.SIGTERM - 1) & 1)
+
+    until(is_handled, "the process handles SIGTERM")
+
+
+@pytest.mark.usefixtures("_signals")
+@pytest.mark.parametrize("name", ALL_VERBS)
+@pytest.mark.parametrize(
+    ("number", "code", "word"), [(signal.SIGTERM, 143, "terminated"), (signal.SIGINT, 130, "interrupted")]
+)
+def test_signal_becomes_one_line_and_an_exit_code(name, number, code, word, monkeypatch):
+    command = verb(name)
+    monkeypatch.setattr(command, "callback", lambda **_: interrupt._interrupt(number, None))
+    result = run(*shlex.split(command.examples[0])[1:])
+    assert (result.exit_code, result.stdout, result.stderr) == (code, "", f"{word}: stopped before the end\n")
+
+
+@pytest.mark.usefixtures("_signals")
+def test_errors_after_a_signal_are_its_consequence(monkeypatch):
+    def lose_workers(**_: object) -> None:
+        try:
+            interrupt._interrupt(signal.SIGTERM, None)
+        except KeyboardInterrupt:
+            raise RuntimeError("a worker ended") from None
+
+    monkeypatch.setattr(verb("check"), "callback", lose_workers)
+    result = run("check", "lake")
+    assert (result.exit_code, result.stderr) == (143, "terminated: stopped before the end\n")
+
+
+def test_sigterm_ends_a_query_that_duckdb_cannot_interrupt(lake):
+    running = start("filter", lake, "--where", UNENDING, "--name", "x")
+    when_handled(running)
+    process = psutil.Process(running.pid)
+    until(lambda: process.cpu_times().user > 2 or running.poll() is not None, "the query runs")
+    running.send_signal(signal.SIGTERM)
+    output, errors = running.communicate(timeout=HANGS_AFTER)
+    assert (running.returncode, output, errors) == (143, "", "terminated: stopped before the end\n")
+    assert Lake(lake).databases == []
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["sql", "LAKE", f"SELECT {UNENDING}"],
+        ["sql", "LAKE", "SELECT sum(a.range * b.range) FROM range(10000000) a, range(10000000) b"],
+        ["compile"],
+        ["convert", "pg", "0:2000", "LAKE", "--workers", "2"],
+        ["convert", "pg", "0:2000", "LAKE", "--workers", "2", "--cluster", "local"],
+    ],
+)
+def test_no_process_is_left(words, number, lake, tmp_path):
+    cache = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    running = start(*(str(lake) if word == "LAKE" else word for word in words), env=cache)
+    process = psutil.Process(running.pid)
+    until(lambda: process.cpu_times().user > 4 or running.poll() is not None, "it works")
+    children = process.children(recursive=True)
+    running.send_signal(number)
+    _, errors = running.communicate(timeout=HANGS_AFTER)
+    assert running.returncode == 128 + number, errors
+    lines = [line for line in errors.splitlines() if not line.startswith(("compile", "convert", "cluster"))]
+    assert len(lines) == 1, errors
+    assert lines[0].startswith({signal.SIGINT: "interrupted: ", signal.SIGTERM: "terminated: "}[number])
+    assert psutil.wait_procs(children, timeout=HANGS_AFTER)[1] == []
+
+
+COMMANDS = {
+    "convert": "pg 0:3 new", "converters": "", "list": "lake", "show": "lake made/v1/1", "sql": "lake summary",
+    "mine": "lake hard_braking", "stats": "lake one", "files": "lake tracks", "render": "lake made/v1/1 -o a.png",
+    "browse": "lake --port 0", "report": "lake -o report.html", "filter": "lake --name x", "filters": "",
+    "split": "lake --fractions a=0.5 b=0.5", "sample": "lake --size 2 --name x", "tag": "lake rows.csv --name x",
+    "merge": "lake one two --name x", "intersect": "lake one two --name x", "subtract": "lake one two --name x",
+    "diff": "lake one two", "overlap": "lake one two", "lineage": "lake one", "rebuild": "lake one",
+    "rebase": "lake one", "copy": "lake one x", "rename": "lake one x", "drop": "lake one",
+    "checkout": "lake one", "sim": "lake --policy replay --workers 2", "record": "lake --workers 1",
+    "export": "lake one out", "pack": "lake one packed", "check": "lake", "fsck": "lake --deep", "compact": "lake",
+    "vacuum": "lake --dry-run", "doctor": "lake", "compile": "",
+}  # fmt: skip
+"""Real work of every verb in a folder with the lake ``lake`` and its databases ``one`` and ``two``."""
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ALL_VERBS)
+def test_sigterm_at_any_time_ends_every_verb(name, lake, tmp_path):
+    opened = Lake(lake)
+    opened.filter("true", name="one")
+    opened.filter("num_objects > 2", name="two")
+    ids = opened.sql("SELECT scenario_id FROM metadata")["scenario_id"]
+    num_ended = 0
+    for index, delay in enumerate((0.0, 0.2, 0.5, 1.0, 2.0, 4.0)):
+        place = Path(shutil.copytree(lake, tmp_path / str(index) / "lake")).parent
+        (place / "rows.csv").write_text("scenario_id,mark\n" + "".join(f"{each},1\n" for each in ids))
+        words = COMMANDS[name].replace("made/v1/1", ids[0])
+        running = start(name, *shlex.split(words), cwd=place)
+        when_handled(running)
+        time.sleep(delay)  # any moment will do
+        running.send_signal(signal.SIGTERM)
+        _, errors = running.communicate(timeout=HANGS_AFTER)
+        assert "Traceback" not in errors
+        if running.returncode == 143:
+            num_ended += 1
+            assert errors.splitlines()[-1].startswith("terminated: "), errors
+            assert errors.count("\n") - errors.count("warning: ") == 1, errors
+        else:
+            assert "terminated: " not in errors
+        assert Lake(place / "lake").sql("SELECT count(*) FROM metadata").item() == len(ids)
+    assert num_ended, "at least the first signal came in time"

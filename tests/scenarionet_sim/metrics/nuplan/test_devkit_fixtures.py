@@ -1,0 +1,244 @@
+"""The cases of nuplan-devkit's own tests: 18 that need no map, and 12 that boxes decide.
+
+They are read from a checkout of the devkit named by ``NUPLAN_DEVKIT``. In the cases that boxes decide, the answer of the
+map whether the vehicle is within one lane is given here.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from scenarionet_data.scenario.vocabulary import ObjectType
+from scenarionet_sim.metrics.comfort import measure_comfort
+from scenarionet_sim.metrics.nuplan import collisions as colliding
+from scenarionet_sim.metrics.nuplan import errors
+from scenarionet_sim.metrics.nuplan.drive import EgoDrive, SurroundingBoxes
+from scenarionet_sim.metrics.nuplan.time_to_collision import time_to_collision
+from scenarionet_sim.metrics.smoothing import savitzky_golay
+
+FOLDER = "nuplan/planning/metrics/evaluation_metrics/common/test/json"
+LENGTH, WIDTH, REAR = 5.176, 2.297, 1.461
+"""nuPlan's vehicle, a Chrysler Pacifica [m]."""
+
+TYPES = {"vehicles": ObjectType.VEHICLE, "bicycles": ObjectType.CYCLIST, "pedestrians": ObjectType.PEDESTRIAN}
+
+
+@pytest.fixture(scope="module")
+def cases() -> Path:
+    checkout = os.environ.get("NUPLAN_DEVKIT")
+    if not checkout:
+        pytest.skip("the devkit's cases: set NUPLAN_DEVKIT to a checkout of nuplan-devkit")
+    return Path(checkout) / FOLDER
+
+
+def read(cases: Path, name: str) -> dict[str, Any]:
+    return json.loads((cases / f"{name}.json").read_text())
+
+
+def drive(states: list[dict[str, Any]]) -> EgoDrive:
+    """The devkit's states are of the rear axle."""
+    pose = np.array([state["pose"] for state in states], float)
+    axis = np.column_stack((np.cos(pose[:, 2]), np.sin(pose[:, 2])))
+    velocity = np.array([state["velocity"] for state in states], float)
+    return EgoDrive(
+        time=np.array([state["time_us"] for state in states]) * 1e-6,
+        position=pose[:, :2] + REAR * axis,
+        heading=pose[:, 2],
+        speed=np.hypot(*velocity.T),
+        acceleration=np.array([state["acceleration"] for state in states], float),
+        length=LENGTH,
+        width=WIDTH,
+        rear=REAR,
+    )
+
+
+def ego(case: dict[str, Any]) -> EgoDrive:
+    return drive([case["ego"], *case.get("ego_future_states", [])])
+
+
+def boxes(case: dict[str, Any]) -> SurroundingBoxes:
+    """Objects of all moments; one object keeps its token over time."""
+    worlds = [case["world"], *case.get("world_future_states", [])]
+    rows: dict[tuple[str, Any], int] = {}
+    found = []
+    for step, world in enumerate(worlds):
+        for kind in ("vehicles", "bicycles", "pedestrians", "genericobjects"):
+            for item in world.get(kind, []):
+                found.append((step, rows.setdefault((kind, item["id"]), len(rows)), kind, item))
+    shape = (len(worlds), len(rows))
+    position, heading, speed, present = np.zeros((*shape, 2)), np.zeros(shape), np.zeros(shape), np.zeros(shape, bool)
+    size, types = np.ones((len(rows), 2)), np.zeros(len(rows), np.uint8)
+    for step, row, kind, item in found:
+        *position[step, row], heading[step, row] = item["box"]["pose"]
+        size[row] = item["box"]["size"][::-1]
+        speed[step, row] = item["speed"] if kind != "genericobjects" else 0.0
+        types[row], present[step, row] = TYPES.get(kind, ObjectType.TRAFFIC_OBJECT), True
+    return SurroundingBoxes(position, heading, speed, size, types, present)
+
+
+def agree(case: dict[str, Any], *values: float) -> None:
+    expected = [value for _, value in case["expected"]["statistics"]]
+    assert [round(float(value), 2) for value in values] == pytest.approx(expected, abs=0.0101)
+
+
+def series(case: dict[str, Any], values: np.ndarray) -> None:
+    assert np.round(values, 2) == pytest.approx(np.array(case["expected"]["time_series"]["values"], float), abs=1e-9)
+
+
+SIGNALS = {
+    "ego_acceleration": lambda e: smooth(np.hypot(*e.acceleration.T), e.dt),
+    "ego_lon_acceleration": lambda e: smooth(e.acceleration[:, 0], e.dt),
+    "ego_lat_acceleration": lambda e: smooth(e.acceleration[:, 1], e.dt),
+    "ego_jerk": lambda e: slope(smooth(np.hypot(*e.acceleration.T), e.dt), 15, 2, e.dt, 1),
+    "ego_lon_jerk": lambda e: slope(smooth(e.acceleration[:, 0], e.dt), 15, 2, e.dt, 1),
+    "ego_lat_jerk": lambda e: slope(smooth(e.acceleration[:, 1], e.dt), 15, 2, e.dt, 1),
+    "ego_yaw_rate": lambda e: slope(np.unwrap(e.heading), 5, 2, e.dt, 1),
+    "ego_yaw_acceleration": lambda e: slope(np.unwrap(e.heading), 5, 3, e.dt, 2),
+}
+
+
+def smooth(values: np.ndarray, dt: float) -> np.ndarray:
+    return np.round(savitzky_golay(values, 8, 2, dt), 8)
+
+
+def slope(values: np.ndarray, window: int, order: int, dt: float, derivative: int) -> np.ndarray:
+    return np.round(savitzky_golay(values, window, order, dt, derivative), 8)
+
+
+@pytest.mark.parametrize("name", SIGNALS)
+def test_dynamics(cases: Path, name: str):
+    case = read(cases, f"{name}/{name}")
+    values = SIGNALS[name](ego(case))
+    series(case, values)
+    found = {"MAX": values.max(), "MIN": values.min(), "MEAN": values.mean(), "P90": np.percentile(values, 90, method="inverted_cdf")}
+    for kind, expected in case["expected"]["statistics"]:
+        if kind in found:
+            assert found[kind] == pytest.approx(expected, abs=0.0101), kind
+
+
+def test_comfort(cases: Path):
+    """The devkit expects False, because its test never computes the six metrics that are combined; all are in bounds."""
+    moved = ego(read(cases, "ego_is_comfortable/ego_is_comfortable"))
+    comfort = measure_comfort(moved.acceleration, moved.heading, moved.dt)
+    assert comfort.is_comfortable
+    assert 0.0 < comfort.max_lon_acceleration < 1.0
+
+
+def test_mean_speed(cases: Path):
+    case = read(cases, "ego_mean_speed/ego_mean_speed")
+    agree(case, ego(case).speed.mean())
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "ego_expert_l2_error/ego_expert_l2_error",
+        "ego_expert_l2_error_with_yaw/ego_expert_l2_error_with_yaw",
+        "ego_expert_l2_error_with_yaw/ego_expert_l2_error_with_yaw_zero",
+    ],
+)
+def test_distance_from_the_expert(cases: Path, name: str):
+    case = read(cases, name)
+    moved, expert = ego(case), drive(case["expert_ego_states"])
+    values = errors.expert_distance(moved.position, expert.position)
+    if "yaw" in name:
+        values = errors.expert_distance_with_yaw(moved.position, moved.heading, expert.position, expert.heading)
+    agree(case, values.max(), values.mean(), np.percentile(values, 90, method="inverted_cdf"))
+
+
+@pytest.mark.parametrize(
+    "name", [f"{kind}_collision" for kind in ("active_front", "active_lateral", "active_rear", "stopped_ego", "stopped_track")]
+    + ["multiple_collisions", "no_collision"],
+)
+def test_collisions(cases: Path, name: str):
+    case = read(cases, f"no_ego_at_fault_collision/{name}")
+    moved, others = ego(case), boxes(case)
+    expected = [value for _, value in case["expected"]["statistics"]]
+    outcomes = []
+    for is_in_lane in (True, False):
+        found = colliding.find_collisions(moved, others, np.full(len(moved.time), is_in_lane))
+        fault = [each for each in found if each.is_at_fault]
+        values: list[float] = [not fault, len(fault)]
+        groups = [[each.energy for each in fault if each.group is group] for group in colliding.CollisionGroup]
+        values += [len(energies) for energies in groups]
+        for energies in filter(None, groups):
+            values += [max(energies), min(energies), np.mean(energies)]
+        outcomes.append(len(values) == len(expected) and values == pytest.approx(expected, abs=0.0101))
+    assert any(outcomes)
+
+
+@pytest.mark.parametrize(
+    "name", ["time_to_collision_above_threshold", "in_collision", "ego_stopped", "no_collisions", "no_relevant_tracks"]
+)
+def test_time_to_collision(cases: Path, name: str):
+    case = read(cases, f"time_to_collision_within_bound/{name}")
+    moved, others = ego(case), boxes(case)
+    is_in_lane = np.ones(len(moved.time), bool)
+    crossing = np.zeros(len(moved.time), bool)
+    parameters = case["metric_parameters"]
+    found = time_to_collision(
+        moved,
+        others,
+        colliding.find_collisions(moved, others, is_in_lane),
+        is_in_lane,
+        crossing,
+        parameters["time_step_size"],
+        parameters["time_horizon"],
+    )
+    expected = [value for _, value in case["expected"]["statistics"]]
+    assert round(float(found.min()), 2) == pytest.approx(expected[0], abs=0.0101)
+    assert bool((found > parameters["least_min_ttc"]).all()) == bool(expected[1])
+
+
+PLANS = {
+    "planner_expert_average_l2_error_within_bound/high_average_l2_error": ("average_distance", 8.0),
+    "planner_expert_final_l2_error_within_bound/high_final_l2_error": ("final_distance", 8.0),
+    "planner_expert_average_heading_error_within_bound/low_average_heading_error": ("average_heading", 0.8),
+    "planner_expert_final_heading_error_within_bound/low_final_heading_error": ("final_heading", 0.8),
+}
+
+
+def simple_plan(forward: float, left: float) -> np.ndarray:
+    """Way (8,) of the devkit's simple planner after 1 ... 8 s [m]: it brakes above 5 m/s and keeps on braking."""
+    way, acceleration, found = 0.0, 0.0, []
+    for _ in range(8):
+        speed = np.hypot(forward, left)
+        acceleration = 5.0 - speed if speed > 5.0 else acceleration
+        way, forward, left = way + forward, forward + acceleration, 0.0
+        found.append(way)
+    return np.array(found)
+
+
+def plans(case: dict[str, Any]) -> errors.PlanErrors:
+    """Errors of the devkit's simple planner at every moment, 8 s ahead."""
+    states = [case["ego"], *case["ego_future_states"]]
+    moved, expert = drive(states), drive(case["expert_ego_states"])
+    way = np.array([simple_plan(*state["velocity"]) for state in states])
+    axis = np.column_stack((np.cos(moved.heading), np.sin(moved.heading)))
+    plan = moved.position[:, None] + way[..., None] * axis[:, None]
+    later = np.arange(len(moved.time))[:, None] + np.arange(1, 9)
+    distance = np.linalg.norm(plan - expert.position[later], axis=-1)
+    return errors.plan_errors(distance, errors.heading_error(moved.heading[:, None], expert.heading[later]))
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_errors_of_plans(cases: Path, name: str):
+    case = read(cases, name)
+    field, limit = PLANS[name]
+    found = getattr(plans(case), field)
+    (expected,) = case["expected"] if isinstance(case["expected"], list) else [case["expected"]]
+    means = found.mean(axis=1)
+    values = [*means, bool((means <= limit).all()), means.mean()]
+    assert values == pytest.approx([value for _, value in expected["statistics"]], abs=0.0101)
+
+
+def test_miss_rates_of_plans(cases: Path):
+    found = plans(read(cases, "planner_miss_rate_within_bound/high_miss_rate"))
+    assert found.miss_rates.tolist() == [1.0, 1.0, 1.0]
+    assert not found.is_hit
