@@ -63,7 +63,8 @@ class Committer:
         finished = self._finished
         while True:
             ready, removed = self._plan.settle(finished)
-            refused = commits.commit(self._files, ready, self._operation, removed).refused
+            done = commits.commit(self._files, ready, self._operation, removed)
+            refused = done.refused
             for record, scenario_id in refused:
                 self._leave_out(
                     record,
@@ -76,7 +77,10 @@ class Committer:
             keys = {record.key for record, _ in refused}
             finished = [record for record in finished if record.key not in keys]
         settled = {record.key for record in ready}
-        kept = [record for record in ready if record not in [left_out for left_out, _ in refused]]
+        reduced = {old.key: new for old, new in done.reduced}
+        self._count_duplicates(done.reduced)
+        refused_keys = {record.key for record, _ in refused}
+        kept = [reduced.get(record.key, record) for record in ready if record.key not in refused_keys]
         self._report.add_defects(defect for record in kept for defect in read_defects(self._files, record))
         for record in finished:
             if record.key not in settled:
@@ -84,6 +88,13 @@ class Committer:
         self._report.replaced += len(removed)
         self._finished = []
         self._committed_at = time.monotonic()
+
+    def _count_duplicates(self, reduced: commits.Reduced) -> None:
+        for old, new in reduced:
+            number = old.num_scenarios - new.num_scenarios
+            self._report.converted -= number
+            self._report.quarantined += number
+            self._report.duplicates += number
 
     def _leave_out(self, record: ShardRecord, reason: str) -> None:
         self._report.failed.append((record.name, reason))

@@ -18,6 +18,7 @@ class ConversionReport:
     Attributes:
         converted: Scenarios written.
         quarantined: Scenarios rejected.
+        duplicates: Of these, scenarios whose id the lake has already, from another source or split.
         defects: What was dropped or assumed in the scenarios and maps that were written, by file and reason.
         passed_over: Raw files that were recognised and not used.
         shards: Shards converted.
@@ -35,6 +36,7 @@ class ConversionReport:
 
     converted: int = 0
     quarantined: int = 0
+    duplicates: int = 0
     defects: tuple[Defect, ...] = ()
     passed_over: tuple[PassedOver, ...] = ()
     shards: int = 0

@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     from scenarionet_data.building import MapBuilder
 
 
+_RAYLEIGH_75, _RAYLEIGH_995, _NORMAL_995 = 1.665, 3.255, 2.576
+"""Quantiles of the length of a normal vector in the plane (75 %, 99.5 %), and of a normal number (99 % both sides)."""
+
+
 @dataclass(frozen=True)
 class Budgets:
     """Tolerances for implausible motion: the thresholds of the soft rules in ``sql/checks``.
@@ -47,6 +51,28 @@ class Budgets:
     step_speed: float = 60.0
     link_gap: float = 5.0
     outliers: float = 0.01
+
+    @classmethod
+    def from_noise(
+        cls, usual: float, rare: float, *, velocity: float = 0.0, dt: float = 0.1, outliers: float = 0.01
+    ) -> Budgets:
+        """Derive the budgets for motion from the noise of a sensor, see ``docs/guides/checks.md``.
+
+        The defaults of the class are those of ``usual=0.025, rare=0.25``.
+
+        Args:
+            usual, rare: Distances from the true position that 75 % and 99.5 % of the recorded ones do not exceed [m].
+            velocity: Standard deviation of each component of the velocities [m/s].
+            dt: Timestep [s].
+            outliers: As in the class.
+        """
+        return cls(
+            velocity_median=round(2.0 * usual / dt + _RAYLEIGH_75 * velocity, 2),
+            velocity_p99=round(2.0 * rare / dt + _RAYLEIGH_995 * velocity, 2),
+            heading_p99=round(_NORMAL_995 * velocity, 2) if velocity else cls.heading_p99,
+            step_speed=round(cls.step_speed + 2.0 * rare / dt, 1),
+            outliers=outliers,
+        )
 
 
 Record = TypeVar("Record")

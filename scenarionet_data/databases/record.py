@@ -163,13 +163,22 @@ def read(files: LakeFiles, name: str, version: int | None = None) -> DatabaseRec
     Raises:
         DatabaseNotFound: The message lists the existing ones.
     """
+    check_exists(files, name, version)
+    return read_version(files, name, version or versions(files, name)[-1])
+
+
+def check_exists(files: LakeFiles, name: str, version: int | None = None) -> None:
+    """Raise if a database, or a version of it, does not exist.
+
+    Raises:
+        DatabaseNotFound: The message lists the existing ones.
+    """
     check_name(name)
     existing = versions(files, name)
     if not existing or (version is not None and version not in existing):
         have = f"versions {existing}" if existing else f"databases: {', '.join(names(files)) or 'none yet'}"
         wanted = name if version is None else f"{name}@{version}"
         raise DatabaseNotFound(f"{files.root}: no database {wanted!r}; {have}")
-    return read_version(files, name, version or existing[-1])
 
 
 def read_version(files: LakeFiles, name: str, version: int) -> DatabaseRecord:
@@ -207,12 +216,12 @@ def resolve(files: LakeFiles, database: DatabaseRecord | str) -> DatabaseRecord:
 def children(files: LakeFiles, name: str, version: int | None = None) -> list[str]:
     """Return ``name@version`` of the databases made from a database, or from one version of it."""
     wanted = {f"{name}@{number}" for number in ([version] if version else versions(files, name))}
-    return [other.reference for other in all_records(files) if other.name != name and wanted & {*other.lineage.parents}]
+    return [other.reference for other in all_records(files, besides=name) if wanted & {*other.lineage.parents}]
 
 
-def all_records(files: LakeFiles) -> Iterator[DatabaseRecord]:
-    """Read every version of every database, by name."""
-    for name in names(files):
+def all_records(files: LakeFiles, besides: str | None = None) -> Iterator[DatabaseRecord]:
+    """Read every version of every database, by name, except one database."""
+    for name in (name for name in names(files) if name != besides):
         for number in versions(files, name):
             yield read_version(files, name, number)
 

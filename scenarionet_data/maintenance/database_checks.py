@@ -6,7 +6,9 @@ import json
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
+import numpy as np
 import pyarrow as pa
 
 from scenarionet_data.databases import pack_origins
@@ -15,16 +17,17 @@ from scenarionet_data.databases.record import Lineage
 from scenarionet_data.errors import LakeError
 from scenarionet_data.maintenance.findings import Findings
 from scenarionet_data.schema import tables
+from scenarionet_data.storage import seals
 from scenarionet_data.storage.file_checks import Damage, Written, check_file
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
 
 _MEMBER = ["scenario_id", "content_hash"]
-_BATCH = 1_000_000
-"""Members that are compared with a snapshot at once; most of a comparison's cost is reading the snapshot's rows."""
+_MAX_WAITING = 1_000_000
+"""Members that are compared with a snapshot at once; a comparison costs as much for one as for many."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class StoredDatabase:
     """A readable version of a database.
 
@@ -32,22 +35,26 @@ class StoredDatabase:
         file: Its file.
         lineage: How it was made.
         count: Members in the file.
+        num_changed: Members missing or changed in the newest snapshot.
     """
 
     file: str
     lineage: Lineage
     count: int
+    num_changed: int = 0
 
 
-def read_all(files: LakeFiles, found: Findings, *, is_deep: bool) -> list[StoredDatabase]:
-    """Check the files of all databases and user columns; return the readable databases."""
-    stored: list[StoredDatabase] = []
-    for file in _versions(files, "databases", found):
-        with found.of(file):
-            intact = check_file(files, file, Written(), table="members", is_deep=is_deep)
-            lineage = Lineage.from_dict(json.loads(intact.footer[b"scenarionet.lineage"]))
-            stored.append(StoredDatabase(file, lineage, int(intact.groups.sum())))
-            found.saw(file, is_sealed=intact.is_sealed)
+def read_all(
+    files: LakeFiles, readable: Mapping[int, Snapshot], found: Findings, *, is_deep: bool
+) -> list[StoredDatabase]:
+    """Check the files of all databases and user columns; return the readable databases.
+
+    Args:
+        files: The lake.
+        readable: Its readable snapshots by number.
+        found: What has been found so far; comparisons that need damaged files are left out.
+        is_deep: Whether to verify every byte.
+    """
     for file in _versions(files, "layers", found):
         with found.of(file):
             intact = check_file(files, file, Written(), table=None, is_deep=is_deep)
@@ -55,7 +62,23 @@ def read_all(files: LakeFiles, found: Findings, *, is_deep: bool) -> list[Stored
             if f"layers/{column['name']}/{column['version']}.parquet" != file:
                 raise LakeError(f"holds the column {column['name']}@{column['version']}")
             found.saw(file, is_sealed=intact.is_sealed)
-    return stored
+    stored: dict[str, StoredDatabase] = {}
+    newest = _Scenarios(files, readable, max(readable, default=0), found)
+    batch = _Batch(newest)
+    for file in _versions(files, "databases", found):
+        with found.of(file):
+            if is_deep:
+                files.verify(file)
+            members = files.read(file, _MEMBER)
+            footer = members.schema.metadata
+            tables.load("members").check_version(footer, file)
+            lineage = Lineage.from_dict(json.loads(footer[b"scenarionet.lineage"]))
+            stored[file] = StoredDatabase(file, lineage, members.num_rows)
+            found.saw(file, is_sealed=seals.MARK in footer)
+            batch.add(file, members)
+    for file, count in batch.lost().items():
+        stored[file].num_changed = count
+    return list(stored.values())
 
 
 def check(
@@ -69,73 +92,84 @@ def check(
         readable: Its readable snapshots by number.
         found: What has been found so far; comparisons that need damaged files are left out.
     """
-    contents = _Contents(files, readable, found)
-    listed = list(stored)
-    for each in listed:
-        found.damages += (Damage(each.file, reason) for reason in _contradictions(files, each))
-    changed = contents.lost(listed, max(readable, default=0))
     made_on: dict[int, list[StoredDatabase]] = defaultdict(list)
-    for each in listed:  # a database with changed members is read from the snapshot it was made on
-        if changed.get(each.file):
+    for each in stored:
+        found.damages += (Damage(each.file, reason) for reason in _contradictions(files, each))
+        if each.num_changed:  # such a database is read from the snapshot it was made on
             made_on[each.lineage.snapshot].append(each)
     for number, group in made_on.items():
         if number not in readable:
             reason = f"members have changed, and snapshot {number}, which it was made on, is gone"
             found.damages += (Damage(each.file, reason) for each in group)
-        lost = contents.lost(group, number) if number in readable else {}
+            continue
+        batch = _Batch(_Scenarios(files, readable, number, found))
+        for each in group:
+            batch.add(each.file, files.read(each.file, _MEMBER))
+        lost = batch.lost()
         found.damages += (
             Damage(
                 each.file,
                 f"{lost[each.file]:,} of {each.count:,} members are not in snapshot {number}, which it was made on",
             )
             for each in group
-            if lost.get(each.file)
+            if each.file in lost
         )
     with found.of(pack_origins.FILE):
         if files.has(pack_origins.FILE):
             found.saw(pack_origins.FILE, is_sealed=pack_origins.parse(files)[1])
 
 
-class _Contents:
-    """Scenarios of snapshots."""
+class _Scenarios:
+    """Scenarios of a snapshot."""
 
-    def __init__(self, files: LakeFiles, readable: Mapping[int, Snapshot], found: Findings) -> None:
+    def __init__(self, files: LakeFiles, readable: Mapping[int, Snapshot], number: int, found: Findings) -> None:
         self._files = files
-        self._readable = readable
-        self._found = found
-        self._broken = found.broken
+        self._names = readable[number].metadata if number in readable else ()
+        self._is_damaged = not found.broken.isdisjoint(self._names)
 
-    def lost(self, stored: Iterable[StoredDatabase], number: int) -> dict[str, int]:
-        """Number of members missing or changed in a snapshot, by file; empty if the snapshot is damaged."""
-        names = self._readable[number].metadata if number in self._readable else ()
+    @cached_property
+    def rows(self) -> pa.Table | None:
+        """Ids and content hashes; None if the snapshot is damaged."""
+        if self._is_damaged:
+            return None
         empty = tables.load("metadata").schema.empty_table().select(_MEMBER)
-        scenarios = None
-        lost: dict[str, int] = {}
-        if self._broken.intersection(names):
-            return lost
-        for members in self._members(stored):
-            if scenarios is None:
-                scenarios = pa.concat_tables([empty, *self._files.read_all(names, _MEMBER)])
-            missing = members.join(scenarios, _MEMBER, join_type="left anti")
-            counts = missing["file"].combine_chunks().value_counts()
-            lost |= zip(counts.field("values").to_pylist(), counts.field("counts").to_pylist(), strict=True)
-        return lost
+        return pa.concat_tables([empty, *self._files.read_all(self._names, _MEMBER)])
 
-    def _members(self, stored: Iterable[StoredDatabase]) -> Iterator[pa.Table]:
-        """Members of databases with the file of each, in batches."""
-        waiting: list[pa.Table] = []
-        num_waiting = 0
-        for each in stored:
-            with self._found.of(each.file):
-                rows = self._files.read(each.file, _MEMBER).replace_schema_metadata(None)
-                file = pa.repeat(pa.scalar(each.file), rows.num_rows)
-                waiting.append(rows.append_column("file", file))
-                num_waiting += rows.num_rows
-            if num_waiting > _BATCH:
-                yield pa.concat_tables(waiting)
-                waiting, num_waiting = [], 0
-        if waiting:
-            yield pa.concat_tables(waiting)
+
+class _Batch:
+    """Compares members of many databases with a snapshot, many at once.
+
+    Args:
+        scenarios: The snapshot.
+    """
+
+    def __init__(self, scenarios: _Scenarios) -> None:
+        self._scenarios = scenarios
+        self._lost: dict[str, int] = {}
+        self._waiting: list[tuple[str, pa.Table]] = []
+        self._num_waiting = 0
+
+    def add(self, file: str, members: pa.Table) -> None:
+        """Add the members of a database."""
+        self._waiting.append((file, members.replace_schema_metadata(None)))
+        self._num_waiting += members.num_rows
+        if self._num_waiting > _MAX_WAITING:
+            self._compare()
+
+    def lost(self) -> dict[str, int]:
+        """Number of members missing or changed in the snapshot, for each database that has any."""
+        self._compare()
+        return self._lost
+
+    def _compare(self) -> None:
+        waiting, self._waiting, self._num_waiting = self._waiting, [], 0
+        if not waiting or self._scenarios.rows is None:
+            return
+        numbers = np.repeat(np.arange(len(waiting), dtype=np.int32), [rows.num_rows for _, rows in waiting])
+        members = pa.concat_tables([rows for _, rows in waiting]).append_column("database", pa.array(numbers))
+        missing = members.join(self._scenarios.rows, _MEMBER, join_type="left anti")["database"].to_numpy()
+        counts = np.bincount(missing, minlength=len(waiting))
+        self._lost |= {waiting[k][0]: int(counts[k]) for k in np.flatnonzero(counts)}
 
 
 def _contradictions(files: LakeFiles, stored: StoredDatabase) -> Iterator[str]:

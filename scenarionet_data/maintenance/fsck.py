@@ -10,9 +10,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from scenarionet_data.execution.progress import Progress
-from scenarionet_data.maintenance import database_checks, run_checks
+from scenarionet_data.maintenance import content_checks, database_checks, run_checks
 from scenarionet_data.maintenance.findings import Findings
 from scenarionet_data.maintenance.repair_advice import Inputs, remedy
 from scenarionet_data.maintenance.vacuuming import list_files
@@ -104,22 +105,25 @@ def fsck(
     found = Findings()
     readable = _read_snapshots(files, found)
     lists = _read_manifests(files, readable, found, is_deep=is_deep)
-    written = _written(lists.values())
+    written = _written(lists)
     merged = dict.fromkeys((name for snapshot in readable.values() for name in snapshot.metadata), Written())
     verifier = Verifier(files, is_deep=is_deep, workers=workers or os.cpu_count() or 1)
     found.damages += verifier.files(merged | written, on_progress and (lambda done, total: on_progress(done, total, 0)))
     found.unsealed.update(name for name, intact in verifier.intact.items() if not intact.is_sealed)
-    stored = database_checks.read_all(files, found, is_deep=is_deep)
+    stored = database_checks.read_all(files, readable, found, is_deep=is_deep)
     _check_references(files, readable, {each.lineage.snapshot for each in stored}, verifier, found)
     database_checks.check(files, stored, readable, found)
     run_checks.check(files, found, is_deep=is_deep)
-    newest = [lists[name] for name in (readable[max(readable)].manifests if readable else ()) if name in lists]
-    inputs = Inputs(newest)
+    if is_deep and readable:
+        with found.of(snapshots.file_name(max(readable))):
+            content_checks.check(files, readable[max(readable)], found)
+    newest = [name for name in (readable[max(readable)].manifests if readable else ()) if name in lists]
+    inputs = Inputs(manifests.read(files, name) for name in (newest if found.damages else ()))
     problems = dict.fromkeys(
         Problem(each.file, _reason(each), remedy(each.file, inputs)) for each in found.damages
     )
     named = set(merged).union(written, lists) if len(lists) == len(_manifest_names(readable)) else None
-    notes, unsealed = _notes(files, named), _unverified(found.unsealed, written, newest)
+    notes, unsealed = _notes(files, named), _unverified(found.unsealed, written, listed(_together(lists, newest)))
     return Fsck(tuple(readable), len(merged | written), tuple(problems), notes, unsealed)
 
 
@@ -163,13 +167,14 @@ def _read_snapshots(files: LakeFiles, found: Findings) -> dict[int, Snapshot]:
 def _read_manifests(
     files: LakeFiles, readable: dict[int, Snapshot], found: Findings, *, is_deep: bool
 ) -> dict[str, pa.Table]:
-    """Read all manifests; return the shards of each intact one."""
+    """Read all manifests; return the files that each intact one lists."""
     lists: dict[str, pa.Table] = {}
     for name in _manifest_names(readable):
         with found.of(name):
-            intact = check_file(files, name, Written(), table="shards", is_deep=is_deep)
-            lists[name] = manifests.read(files, name)
-            found.saw(name, is_sealed=intact.is_sealed)
+            if is_deep:
+                files.verify(name)
+            lists[name], is_sealed = manifests.read_files(files, name)
+            found.saw(name, is_sealed=is_sealed)
     return lists
 
 
@@ -189,13 +194,16 @@ def _check_references(
                 found.damages += verifier.references(readable[number], shards)
 
 
-def _written(lists: Iterable[pa.Table]) -> dict[str, Written]:
+def _written(lists: Mapping[str, pa.Table]) -> dict[str, Written]:
     """Recorded properties of every file of a shard."""
-    written: dict[str, Written] = {}
-    for shards in lists:
-        written |= listed(shards)
-        written |= dict.fromkeys(shards["metadata_file"].drop_null().to_pylist(), Written())
-    return written
+    together = _together(lists, lists)
+    metadata = pc.unique(together["metadata_file"]).drop_null()
+    return listed(together) | dict.fromkeys(metadata.to_pylist(), Written())
+
+
+def _together(lists: Mapping[str, pa.Table], names: Iterable[str]) -> pa.Table:
+    """Files listed by several manifests."""
+    return pa.concat_tables([manifests.NO_FILES, *(lists[name] for name in names)])
 
 
 def _reason(damage: Damage) -> str:
@@ -203,9 +211,9 @@ def _reason(damage: Damage) -> str:
     return damage.reason.partition("; ")[0]
 
 
-def _unverified(unsealed: set[str], written: Mapping[str, Written], newest: Iterable[pa.Table]) -> tuple[str, ...]:
+def _unverified(unsealed: set[str], written: Mapping[str, Written], newest: Iterable[str]) -> tuple[str, ...]:
     """Unsealed files without a recorded checksum, and data files of the newest snapshot, which are read in parts."""
-    current = {name for shards in newest for name in listed(shards) if name.split("/")[0] in TABLES}
+    current = {name for name in newest if name.split("/")[0] in TABLES}
     return tuple(sorted(name for name in unsealed if name in current or not written.get(name, Written()).checksum))
 
 

@@ -9,9 +9,9 @@ import pyarrow as pa
 
 _SHOWN = 3
 _OF_FOLDER = {
-    "databases": "restore it from a copy of the lake, or drop this version and create it again "
+    "databases": "restore it from a copy of the lake, or `scenarionet drop LAKE {reference} --force` and create it again "
     "(`scenarionet rebase` does, if its members have changed)",
-    "layers": "restore it from a copy of the lake, or tag again with replace=True",
+    "layers": "restore it from a copy of the lake, or `scenarionet tag LAKE --drop {reference} --force` and tag again",
     "results": "remove the run's folder and simulate again",
     "origins.json": "restore it from a copy of the pack",
 }
@@ -61,4 +61,5 @@ def remedy(file: str, newest: Inputs) -> str:
             "restore it from a copy of the lake, or `scenarionet fsck LAKE --repair` and convert again "
             f"{', '.join(listed[:_SHOWN])}{more}"
         )
-    return _OF_FOLDER.get(folder, _OLDER)
+    name, _, version = rest.removesuffix(".parquet").partition("/")
+    return _OF_FOLDER.get(folder, _OLDER).format(reference=f"{name}@{version}")

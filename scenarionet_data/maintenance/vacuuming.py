@@ -19,6 +19,7 @@ from scenarionet_data.storage.files.lake_files import LakeFiles, Listed
 from scenarionet_data.storage.files.opening import LakeFilesLike, open_files
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
+from scenarionet_data.storage.snapshots.snapshot import Snapshot
 
 UNCOMMITTED_FOR = 24 * 3600.0
 """Minimum age of unreferenced files before deletion [s]: a running job may be about to commit them."""
@@ -74,15 +75,20 @@ def plan_vacuum(lake: LakeFilesLike, *, keep_last: int | None = None, older_than
         BadParameter: Neither is given, or nothing would be kept.
         NoSuchSnapshot: Not a lake.
     """
+    return _plan(open_files(lake), keep_last, older_than)[0]
+
+
+def _plan(files: LakeFiles, keep_last: int | None, older_than: float | None) -> tuple[Vacuum, dict[int, Snapshot]]:
+    """The plan, and the existing snapshots."""
     if keep_last is None and older_than is None:
         raise BadParameter("give keep_last or older_than: the number of newest snapshots to keep, or their maximum age")
     if (keep_last is not None and keep_last < 1) or (older_than is not None and older_than < 0):
         raise BadParameter("keep at least the newest snapshot, the current content of the lake")
-    files = open_files(lake)
     snapshots.newest(files)
     # List files before reading snapshots: a file committed in between is either referenced or not listed.
     listed, published = list_files(files), snapshots.published(files)
-    numbers = snapshots.numbers(files)
+    existing = snapshots.read_all(files)
+    numbers = sorted(existing)
     now = time.time()
     young = {n for n in numbers if older_than is not None and now - published.get(n, now) <= older_than}
     recent = set(numbers[-(keep_last or 1) :])
@@ -90,9 +96,10 @@ def plan_vacuum(lake: LakeFilesLike, *, keep_last: int | None = None, older_than
     going = set(numbers) - young - recent
     needed = {number: tuple(used[number]) for number in sorted(going & set(used))}
     expired = going - set(needed)
-    named, held_until = _named(files, numbers, {number: published.get(number, 0.0) for number in expired})
+    named, held_until = _named(files, existing, {number: published.get(number, 0.0) for number in expired})
     deleted, waiting = _unnamed(listed, named, held_until)
-    return Vacuum(tuple(sorted(expired)), tuple(sorted(set(numbers) - expired)), needed, deleted, waiting)
+    plan = Vacuum(tuple(sorted(expired)), tuple(sorted(set(numbers) - expired)), needed, deleted, waiting)
+    return plan, existing
 
 
 def vacuum(
@@ -119,17 +126,16 @@ def vacuum(
         LakeError: The lake cannot be written.
     """
     files = open_files(lake)
-    plan = plan_vacuum(lake, keep_last=keep_last, older_than=older_than)
+    plan, existing = _plan(files, keep_last, older_than)
     files.sweep()
     snapshots.sweep_marks(files, UNCOMMITTED_FOR)
-    removed = {number: snapshots.read(files, number) for number in plan.expired}
+    removed = {number: existing[number] for number in plan.expired}
     for number in plan.expired:
         snapshots.expire(files, number)
     # Restore a snapshot that a database was made on in the meantime. A commit may refer to listed files again.
     for number in sorted(set(removed) & set(_made_on(files))):
         snapshots.restore(files, removed.pop(number))
-    names = manifests.NamedFiles(files)
-    named = set().union(*(names.of(number) for number in set(snapshots.numbers(files)) - set(plan.kept)))
+    named = manifests.NamedFiles(files).of(snapshots.read_all(files, known=set(plan.kept)).values())
     deleted = []
     for done, listed in enumerate(plan.files, start=1):
         if listed.name not in named and files.remove_unchanged(listed):
@@ -150,27 +156,31 @@ def list_files(files: LakeFiles) -> list[Listed]:
 def _made_on(files: LakeFiles) -> dict[int, list[str]]:
     """``name@version`` of the databases that were made on each snapshot."""
     found: dict[int, list[str]] = defaultdict(list)
-    for name in databases.names(files):
-        for version in databases.versions(files, name):
-            database = databases.read(files, name, version)
-            found[database.lineage.snapshot].append(database.reference)
+    for database in databases.all_records(files):
+        found[database.lineage.snapshot].append(database.reference)
     return found
 
 
-def _named(files: LakeFiles, numbers: Iterable[int], expired: Mapping[int, float]) -> tuple[set[str], dict[str, float]]:
+def _named(
+    files: LakeFiles, existing: Mapping[int, Snapshot], expired: Mapping[int, float]
+) -> tuple[set[str], dict[str, float]]:
     """Return the files of the kept snapshots, and for files of expired ones when the last of these was published.
 
-    A file that was published or renewed later than that may be about to be committed again.
+    A file that was published or renewed later than that may be about to be committed again. Snapshots share most of
+    their manifests, so the files of each manifest are visited once.
     """
-    named: set[str] = set()
-    held_until: dict[str, float] = {}
     names = manifests.NamedFiles(files)
-    for number in numbers:
-        found = names.of(number)
-        if number in expired:
-            held_until |= {name: max(expired[number], held_until.get(name, 0.0)) for name in found}
-        else:
-            named |= found
+    named = names.of(snapshot for number, snapshot in existing.items() if number not in expired)
+    lists_until: dict[str, float] = {}
+    held_until: dict[str, float] = {}
+    for number, published in expired.items():
+        for name in existing[number].manifests:
+            lists_until[name] = max(published, lists_until.get(name, 0.0))
+        for name in existing[number].metadata:
+            held_until[name] = max(published, held_until.get(name, 0.0))
+    for manifest, published in lists_until.items():
+        for name in (manifest, *names.listed(manifest)):
+            held_until[name] = max(published, held_until.get(name, 0.0))
     return named, held_until
 
 

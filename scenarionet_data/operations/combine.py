@@ -84,7 +84,7 @@ def drop(lake: LakeLike, database: DatabaseRecord | str, *, force: bool = False)
     view = open_view(lake)
     reference = database if isinstance(database, str) else database.reference
     name, version = records.parse_reference(reference)
-    view.record(reference)
+    records.check_exists(view.files, name, version)  # a damaged one is dropped as well
     if not force:
         _check_unused(view, name, version, "drop those first, or force=True", "--force")
     records.drop(view.files, name, version)

@@ -53,8 +53,13 @@ def verify(
 
 def listed(shards: pa.Table) -> dict[str, Written]:
     """Sizes and checksums of the files of some shards, by name; shards may share files."""
-    columns = (pc.list_flatten(shards[name]).to_pylist() for name in ("files", "sizes", "checksums"))
-    return {name: Written(size, checksum) for name, size, checksum in zip(*columns, strict=True)}
+    columns = ["files", "sizes", "checksums"]
+    flat = pa.table([pc.list_flatten(shards[name]) for name in columns], columns)
+    distinct = flat.group_by(columns, use_threads=False).aggregate([])  # merged manifests repeat most of the others
+    return {
+        name: Written(size, checksum)
+        for name, size, checksum in zip(*(distinct[name].to_pylist() for name in columns), strict=True)
+    }
 
 
 class Verifier:
@@ -96,7 +101,8 @@ class Verifier:
             on_progress: Called with files read and files to read.
         """
         with ThreadPoolExecutor(self._workers) as pool:
-            for done, (name, result) in enumerate(pool.map(self._file, written.items()), start=1):
+            results = map(self._file, written.items()) if self._workers == 1 else pool.map(self._file, written.items())
+            for done, (name, result) in enumerate(results, start=1):
                 if isinstance(result, Damage):
                     self.broken.add(name)
                     yield result

@@ -46,6 +46,8 @@ def _rows(report: ConversionReport, reasons: list[dict[str, Any]], rate: float) 
     rows = [("converted", f"{count(report.converted, 'scenario')} in {shards}, {size(report.size)}")]
     rows += [("into", "/".join(parts)) for parts in sorted(report.partitions)]
     rows += [("quarantined", count(report.quarantined, "scenario"))] if report.quarantined else []
+    duplicates = count(report.duplicates, "scenario")
+    rows += [("duplicates", f"{duplicates} of these: the lake has their ids already")] if report.duplicates else []
     rows += [("", f"{r['scenarios']} x {r['error']}: {one_line(r['example'])}") for r in reasons[:_MAX_REASONS]]
     rows += _defect_rows(report)
     rows += passed_over_rows(report.passed_over)

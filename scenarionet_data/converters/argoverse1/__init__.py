@@ -36,6 +36,11 @@ from scenarionet_data.ingest.passed_over import PassedOver
 from scenarionet_data.ingest.shard import RawItem, Shard, bucket, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription, make_scenario_id
 
+USUAL_NOISE, RARE_NOISE = 0.21, 1.33
+"""Errors of positions that 75 % and 99.5 % of the rows do not exceed [m], measured: see ``docs/guides/checks.md``."""
+VELOCITY_NOISE = 0.12
+"""Standard deviation of fitted velocities [m/s]: that of a position (0.21 / 1.665 m) over the root of the summed
+squared times of eleven frames (1.05 s)."""
 _FINGERPRINT_SAMPLE = 4096
 """Bytes hashed at each end of a file: there are 300,000 files of 90 kB to list."""
 _PEEKED = 16
@@ -52,10 +57,9 @@ class Argoverse1(Converter[RawItem]):
     raw = "folder of forecasting files (*.csv), with the maps (*_vector_map.xml) in it or in the option maps"
     Options = Argoverse1Options
     properties = ("location",)
-    # Recorded positions have 0.1 m of noise, freezes and jumps, which differences amplify tenfold; velocities are
-    # fitted to one second of them. In 40 recordings: medians of 0.4 to 1.6 m/s, 99th percentiles of 7 to 24 m/s
-    # (one 36) and 0.3 rad (one 0.6), and five jumps above 60 m/s.
-    budgets = Budgets(velocity_median=1.7, velocity_p99=25.0, heading_p99=0.3, step_speed=100.0, outliers=0.1)
+    budgets = Budgets.from_noise(
+        USUAL_NOISE, RARE_NOISE, velocity=VELOCITY_NOISE, outliers=0.1
+    )  # noise differs between recordings
 
     def maps(self, raw: str, version: str, options: Argoverse1Options) -> Iterator[Shard]:
         """List the maps of the cities."""

@@ -14,19 +14,30 @@ MetaDrive 0.4.3 and the converters of ScenarioNet (2025-03), whose output deviat
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from scenarionet_data.converters.base import Converter, find_files
 from scenarionet_data.converters.scenarionet.scenario import UNKNOWN_LICENCE, make_scenario
-from scenarionet_data.converters.scenarionet.summary import SUMMARISED, properties_of
+from scenarionet_data.converters.scenarionet.summary import SUMMARISED, SUMMARY, properties_of
 from scenarionet_data.converters.scenarionet.unpickling import load
+from scenarionet_data.converters.scenarionet.usable import UNREADABLE, explain
+from scenarionet_data.converters.unused import unused_files
 from scenarionet_data.errors import CorruptSource, InvalidScenario, SourceNotFound
 from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.passed_over import PassedOver
 from scenarionet_data.ingest.shard import ABSENT, RawItem, Shard, bucket, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription
 
 _MAPPING = "dataset_mapping.pkl"
+_FORM = {
+    "version": str,
+    "length": int,
+    "tracks": dict,
+    "dynamic_map_states": dict,
+    "map_features": dict,
+    "metadata": dict,
+}
 
 
 class ScenarioNetPickles(Converter[RawItem]):
@@ -61,14 +72,36 @@ class ScenarioNetPickles(Converter[RawItem]):
             advice = f"is missing, although {_MAPPING} lists it; restore it and run the same command again"
             raise InvalidScenario(record.name, "pickle", advice)
         description = load(path, record.name)
-        for key in ("version", "length", "tracks", "dynamic_map_states", "map_features", "metadata"):
+        for key, kind in _FORM.items():
             if key not in description:
                 raise InvalidScenario(record.name, key, "is missing")
+            if not isinstance(description[key], kind):
+                found = type(description[key]).__name__
+                raise InvalidScenario(record.name, key, f"expected {kind.__name__}, found {found}")
         try:
             return make_scenario(shard, record.name, description)
-        except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
-            # A field is missing or of the wrong type, anywhere in third-party data.
-            raise InvalidScenario(record.name, "pickle", f"expected ScenarioNet's form, found {error!r}") from error
+        except InvalidScenario:
+            raise
+        except UNREADABLE as error:
+            raise InvalidScenario(record.name, "pickle", explain(error)[1]) from error
+
+    def passed_over(
+        self, raw: str, split: str, options: Options, shards: Sequence[Shard]
+    ) -> Iterable[PassedOver]:
+        """List files that are not pickles of scenarios, and pickles that the mapping does not name."""
+        folder = Path(raw)
+        if not (folder / _MAPPING).is_file():
+            yield from super().passed_over(raw, split, options, shards)
+            return
+        inputs = {path.resolve() for shard in shards for path in shard.paths}
+        others = [path for path in folder.rglob("*.pkl") if _is_scenario(path) and path.resolve() not in inputs]
+        if others:
+            example = min(others).relative_to(folder).as_posix()
+            yield PassedOver(f"pickles of scenarios, for example {example}", len(others), f"{_MAPPING} does not name them")
+        taken = inputs | {path.resolve() for path in others}
+        yield from unused_files(
+            folder, lambda path: path.resolve() in taken or path.name in (_MAPPING, SUMMARY), split, self.ignored
+        )
 
 
 def _list_pickles(raw: str) -> list[str]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import groupby
 from typing import Any
 
@@ -17,12 +18,19 @@ OWN = "own"
 """Form of a field that is stored with its track or map feature, because it is large or differs between them."""
 
 _LITERAL = "="
+_SIMPLE = (str, int, bool, type(None))
 _ENCODER = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False, allow_nan=False)
 
 
 def literal(value: Any) -> str:
     """Form of a field that has this value."""
-    return _LITERAL + _ENCODER.encode(to_plain(value))
+    return _simple_literal(type(value).__name__, value) if type(value) in _SIMPLE else _LITERAL + _ENCODER.encode(to_plain(value))
+
+
+@lru_cache(maxsize=1024)
+def _simple_literal(_: str, value: Any) -> str:
+    """Most fields have one of few values; the type is an argument because 1, 1.0 and True are equal."""
+    return _LITERAL + _ENCODER.encode(value)
 
 
 def is_literal(form: str) -> bool:

@@ -9,13 +9,12 @@ that are large or differ between tracks or features are kept in the extras of th
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from scenarionet_data.converters.scenarionet.columns import OWN, literal, pack
-from scenarionet_data.converters.scenarionet.frame import Frame
 from scenarionet_data.converters.scenarionet.values import to_plain
 
 LAYOUT = "pickle"
@@ -43,40 +42,10 @@ _ID_KINDS = {int: "int", np.int64: "int", np.int32: "int", str: "str", np.str_: 
 Members = Mapping[Any, Mapping[str, Any]]
 
 
-@dataclass(frozen=True)
-class Own:
-    """Values that are kept with their track or map feature, filled by :func:`describe_layout`.
-
-    Attributes:
-        tracks: (N,) JSON-able.
-        features: (M,) JSON-able.
-    """
-
-    tracks: list[dict[str, Any]]
-    features: list[dict[str, Any]]
-
-    @classmethod
-    def of(cls, tracks: Members, features: Members) -> Own:
-        """Nothing yet."""
-        return cls([{} for _ in tracks], [{} for _ in features])
-
-
-def describe_layout(
-    description: Mapping[str, Any], features: Members, frame: Frame, is_size_unknown: Iterable[bool], own: Own
-) -> dict[str, Any]:
-    """Return the layout of a pickle, but for its summary of objects.
-
-    Args:
-        description: The pickle.
-        features: Those of its map features whose type is known.
-        frame: Its frame.
-        is_size_unknown: (N,) whether the lake's size of a track is an assumption.
-        own: To be filled.
-    """
+def describe_pickle(description: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the layout of everything but tracks, lights, known map features and the summary of objects."""
     metadata = description["metadata"]
     times = np.asarray(metadata["ts"])
-    unknown = {key: feature for key, feature in description["map_features"].items() if key not in features}
-    has_headings = frame.quirks == "nuscenes"
     return {
         "description": to_plain({key: value for key, value in description.items() if key not in _MEMBERS}),
         "metadata": to_plain({key: value for key, value in metadata.items() if key not in _DERIVED}),
@@ -85,10 +54,6 @@ def describe_layout(
             "first": float(times[0]),
             "is_list": not isinstance(metadata["ts"], np.ndarray),
         },
-        "tracks": describe_tracks(description["tracks"], is_size_unknown, own.tracks),
-        "lights": describe_lights(description["dynamic_map_states"]),
-        "map": describe_features(features, has_headings, own.features) | {"moved": frame.moved.tolist()},
-        "unknown_features": to_plain(unknown),
     }
 
 
@@ -139,9 +104,9 @@ def describe_features(features: Members, has_thirds: bool, own: list[dict[str, A
     for feature, kept in zip(features.values(), own, strict=True):
         found = {name: _feature_form(name, value, feature) for name, value in feature.items()}
         _keep(kept, "feature", feature, found)
-        if has_thirds:
-            kept.update(_thirds(feature))
         forms.append(found)
+    if has_thirds:
+        _keep_thirds(features, own)
     return {"ids": _id_kinds(features), "feature": _columns(forms)}
 
 
@@ -230,7 +195,12 @@ def _state_form(name: str, value: Any, is_size_unknown: bool) -> str:
 
 def array_form(array: np.ndarray[Any, Any]) -> str:
     """Dtype and number of coordinates of an array (n,), (n, 1), (n, 2) or (n, 3): ``<f8``, ``<f8 1``, ..."""
-    return " ".join([array.dtype.str, *map(str, array.shape[1:])])
+    return _array_form(array.dtype, array.shape[1:])
+
+
+@lru_cache(maxsize=256)
+def _array_form(dtype: np.dtype[Any], shape: tuple[int, ...]) -> str:
+    return " ".join([dtype.str, *map(str, shape)])
 
 
 def _light_form(name: str, value: Any, key: Any) -> str:
@@ -296,13 +266,21 @@ def _links_form(items: Any) -> str:
     return "none" if not items else kinds.pop() if len(kinds) == 1 else OWN
 
 
-def _thirds(feature: Mapping[str, Any]) -> dict[str, Any]:
-    """Third coordinates of lines in millionths, as differences: nuScenes' lanes have a heading [rad] there."""
-    thirds = {}
+def _keep_thirds(features: Members, own: list[dict[str, Any]]) -> None:
+    """Add third coordinates of lines in millionths, as differences: nuScenes' lanes have a heading [rad] there."""
     for name in LINES:
-        line = feature.get(name)
-        if line is not None and len(line) and np.ndim(line[0]) == 1 and len(line[0]) == 3:
-            column = np.array([point[2] for point in line], np.float64)
-            if column.any():
-                thirds[name] = np.diff(np.rint(column * 1e6).astype(np.int64), prepend=0).tolist()
-    return {"thirds": thirds} if thirds else {}
+        rows = [(feature[name], kept) for feature, kept in zip(features.values(), own, strict=True) if name in feature]
+        rows = [(line, kept) for line, kept in rows if line is not None and len(line) and _width(line[0]) == 3]
+        thirds = np.fromiter((point[2] for line, _ in rows for point in line), np.float64)
+        starts = np.cumsum([0, *(len(line) for line, _ in rows)])
+        millionths = np.rint(thirds * 1e6).astype(np.int64)
+        steps = np.diff(millionths, prepend=0)
+        steps[starts[:-1]] = millionths[starts[:-1]]
+        listed = steps.tolist()
+        for (_, kept), start, end in zip(rows, starts[:-1].tolist(), starts[1:].tolist(), strict=True):
+            if any(listed[start:end]):
+                kept.setdefault("thirds", {})[name] = listed[start:end]
+
+
+def _width(point: Any) -> int:
+    return len(point) if isinstance(point, list | tuple | np.ndarray) else 0

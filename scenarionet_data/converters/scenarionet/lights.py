@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -17,22 +17,23 @@ from scenarionet_data.scenario.vocabulary import LightState, Provenance
 _LIGHT_STATES: dict[str | None, int] = {None: LightState.ABSENT, **{s.name: s for s in LightState if s}}
 
 
-def make_lights(description: Mapping[str, Any], frame: Frame, where: str) -> Lights:
+def make_lights(states: Mapping[Any, Any], length: int, features: Iterable[Any], frame: Frame, where: str) -> Lights:
     """Build canonical traffic lights.
 
     Args:
-        description: The pickle; lights have the ids of their lanes.
-        frame: Its frame.
+        states: ``description["dynamic_map_states"]``; lights have the ids of their lanes.
+        length: T.
+        features: Ids of the map features.
+        frame: The pickle's frame.
         where: Name of the pickle in errors.
 
     Raises:
         InvalidScenario: A light does not have T states, or has states unknown to ScenarioNet.
     """
-    length, states = description["length"], description["dynamic_map_states"]
     if not states:
         return Lights.empty(length)
     lanes = [str(lane_id) for lane_id in states]
-    in_map = {str(feature_id) for feature_id in description["map_features"]}
+    in_map = {str(feature_id) for feature_id in features}
     metadata = [light.get("metadata", {}) for light in states.values()]
     ids = [described.get("light_ids", []) for described in metadata]
     codes = [_codes(light, lane, length, where) for lane, light in zip(lanes, states.values(), strict=True)]

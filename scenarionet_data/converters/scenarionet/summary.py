@@ -10,6 +10,7 @@ from scenarionet_data.converters.scenarionet.unpickling import load
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.ingest.input_properties import InputProperties, LazyProperties
 
+SUMMARY = "dataset_summary.pkl"
 SUMMARISED = {"dataset": "dataset", "location": "map", "log": "log_name", "date": "date"}
 """Input properties by name, and their keys in the summary."""
 
@@ -28,7 +29,7 @@ def _fact(pickle: Path, key: str) -> str | tuple[str, ...]:
 @lru_cache(maxsize=2)
 def _summary(folder: Path) -> dict[str, Any]:
     """Metadata by file name; empty if the summary is missing or unreadable."""
-    path = folder / "dataset_summary.pkl"
+    path = folder / SUMMARY
     try:
         return load(path, path.name)
     except InvalidScenario:  # the scenarios can be converted without a summary

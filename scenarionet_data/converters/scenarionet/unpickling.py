@@ -17,6 +17,7 @@ import numpy as np
 
 from scenarionet_data.errors import InvalidScenario
 
+_UNREADABLE = "expected a readable pickle, found bytes that are damaged or of another format ({}); copy it again"
 _CODES = re.compile(r"[?biufcSUO]\d*")
 
 
@@ -84,12 +85,6 @@ _ALLOWED: dict[tuple[str, str], Any] = {
 }
 
 
-def _reason(error: Exception) -> str:
-    """What is wrong, in at most one short line; some errors of damaged bytes have no message, others the whole text."""
-    text = " ".join(str(error).split())[:200]
-    return text if text and isinstance(error, pickle.UnpicklingError) else f"{type(error).__name__} {text}".rstrip()
-
-
 class _Unpickler(pickle.Unpickler):
     def find_class(self, module: str, name: str) -> Any:
         """Look up a name in the table."""
@@ -116,7 +111,8 @@ def load(path: Path, name: str) -> dict[str, Any]:
         raise InvalidScenario(name, "pickle", f"cannot be read ({error.strerror or error}); repair the file") from error
     # Damaged bytes are executed as instructions and can raise anything.
     except Exception as error:
-        raise InvalidScenario(name, "pickle", f"expected a readable pickle, found {_reason(error)}") from error
+        reason = str(error) if str(error).startswith("expected ") else _UNREADABLE.format(type(error).__name__)
+        raise InvalidScenario(name, "pickle", reason) from error
     if not isinstance(content, dict):
         raise InvalidScenario(name, "pickle", f"expected a dictionary, found {type(content).__name__}")
     return content

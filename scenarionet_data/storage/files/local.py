@@ -9,6 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from scenarionet_data.errors import LakeError
+from scenarionet_data.storage.files.durability import flush, make_folder
 from scenarionet_data.storage.files.errors import reading, writing
 from scenarionet_data.storage.files.lake_files import LakeFiles, Listed, sha256
 from scenarionet_data.storage.files.temporary import TemporaryFolder, delete
@@ -91,10 +92,10 @@ class LocalLakeFiles(LakeFiles):
         """Rename a complete temporary file, after its bytes have reached the disk."""
         target = self.path(name)
         with writing(target, temporary):
-            _make_folder(target.parent)
-            _sync(temporary)
+            make_folder(target.parent)
+            flush(temporary)
             temporary.replace(target)
-            _sync(target.parent)
+            flush(target.parent)
 
     def publish_new(self, name: str, data: bytes | Path) -> bool:
         """Publish bytes or a temporary file unless a file of that name exists; see :class:`LakeFiles`."""
@@ -103,15 +104,15 @@ class LocalLakeFiles(LakeFiles):
         with writing(target, temporary):
             if isinstance(data, bytes):
                 temporary.write_bytes(data)
-            _sync(temporary)
-            _make_folder(target.parent)
+            flush(temporary)
+            make_folder(target.parent)
             try:
                 os.link(temporary, target)
             except FileExistsError:
                 if isinstance(data, bytes):
                     temporary.unlink()
                 return False
-            _sync(target.parent)
+            flush(target.parent)
             temporary.unlink()
         return True
 
@@ -120,7 +121,7 @@ class LocalLakeFiles(LakeFiles):
         target = self.path(name)
         with writing(target):
             for path in (*temporary.iterdir(), temporary):
-                _sync(path)
+                flush(path)
             try:
                 temporary.rename(target)
             except OSError as error:
@@ -128,14 +129,18 @@ class LocalLakeFiles(LakeFiles):
                 if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
                     raise
                 return False
-            _sync(target.parent)
+            flush(target.parent)
         return True
 
     def remove(self, name: str) -> None:
         """Remove a file or folder; a folder disappears as a whole."""
-        removed = self.temporary()
-        with writing(self.path(name)):
-            self.path(name).rename(removed)
+        path = self.path(name)
+        with writing(path):
+            if not path.is_dir():
+                path.unlink()
+                return
+            removed = self.temporary()
+            path.rename(removed)
             with suppress(FileNotFoundError):  # swept by another job, because it is old
                 delete(removed)
 
@@ -171,20 +176,3 @@ class LocalLakeFiles(LakeFiles):
     def sweep(self) -> None:
         """Remove temporary files that a killed job left more than a day ago."""
         self._temporary.sweep()
-
-
-def _make_folder(path: Path) -> None:
-    """Create a folder, and those above it, so that they survive a power failure."""
-    if not path.is_dir():
-        _make_folder(path.parent)
-        path.mkdir(exist_ok=True)
-        _sync(path.parent)
-
-
-def _sync(path: Path) -> None:
-    """Flush a file, or the names in a folder, to the disk: a renamed or linked file has its name only then."""
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

@@ -9,6 +9,7 @@ import uuid
 from contextlib import suppress
 from pathlib import Path
 
+from scenarionet_data.storage.files.durability import make_folder
 from scenarionet_data.storage.files.errors import writing
 
 _ABANDONED_AFTER = 24 * 3600.0
@@ -27,7 +28,7 @@ class TemporaryFolder:
     def new(self) -> Path:
         """A new path, unique among all processes."""
         with writing(self._folder):
-            self._folder.mkdir(parents=True, exist_ok=True)
+            make_folder(self._folder)
         return self._folder / f"{os.getpid()}-{uuid.uuid4().hex}"
 
     def sweep(self) -> None:

@@ -20,6 +20,7 @@ from scenarionet_data.storage.snapshots.shard_record import ShardRecord
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
 from scenarionet_data.storage.write import rewriting
 from scenarionet_data.storage.write.layouts import layout_of, unit_of
+from scenarionet_data.storage.write.repeated import leave_out
 
 _ATTEMPTS = 50
 
@@ -28,6 +29,9 @@ _READ: WeakKeyDictionary[LakeFiles, dict[str, pa.Array]] = WeakKeyDictionary()
 
 Outcome = TypeVar("Outcome")
 
+Refused = tuple[tuple[ShardRecord, str], ...]
+Reduced = tuple[tuple[ShardRecord, ShardRecord], ...]
+
 
 @dataclass(frozen=True)
 class Committed:
@@ -35,11 +39,14 @@ class Committed:
 
     Attributes:
         snapshot: The snapshot that holds the shards.
-        refused: Shards that repeat a scenario id already in the lake: record, scenario id.
+        refused: Shards that repeat a scenario id already in the lake: record, scenario id. Only shards that replace
+            others are refused as a whole: a scenario left out might be one that moves between shards still to come.
+        reduced: Shards committed without the scenarios whose ids the lake has already: as finished, as committed.
     """
 
     snapshot: Snapshot
-    refused: tuple[tuple[ShardRecord, str], ...] = ()
+    refused: Refused = ()
+    reduced: Reduced = ()
 
 
 @dataclass(frozen=True)
@@ -60,6 +67,8 @@ def commit(
 ) -> Committed:
     """Publish a snapshot with finished shards added and others removed.
 
+    Scenarios whose ids the lake has already are left out, and listed in their shard's quarantine.
+
     Args:
         files: The lake's files.
         added: Finished shards; those already in the lake are skipped.
@@ -73,16 +82,21 @@ def commit(
     """
     wanted = list(added)
 
-    def change(base: Snapshot) -> tuple[Snapshot | None, tuple[tuple[ShardRecord, str], ...]]:
+    def change(base: Snapshot) -> tuple[Snapshot | None, tuple[Refused, Reduced]]:
         present = set(manifests.column(files, base, "key").to_pylist())
         replaced = frozenset(removed & present)
         fresh = [record for record in wanted if record.key not in present - replaced]
         _renew(files, fresh)
         existing = manifests.shards(files, base) if replaced else []
         remaining = metadata_files.current_metadata(base, existing, replaced)
-        fresh, refused = _refuse_duplicates(files, remaining, fresh)
-        if (refused and replaced) or not (fresh or replaced):
-            return None, refused
+        refused: Refused = ()
+        reduced: Reduced = ()
+        if replaced:
+            fresh, refused = _refuse_duplicates(files, remaining, fresh)
+        else:
+            fresh, reduced = _leave_out_duplicates(files, remaining, fresh)
+        if refused or not (fresh or replaced):
+            return None, (refused, reduced)
         rewritten = _rewrite_neighbours(files, existing, replaced)
         following = Snapshot(
             number=base.number + 1,
@@ -94,9 +108,10 @@ def commit(
             ),
             manifests=manifests.write(files, base, [*fresh, *rewritten], replaced | {one.key for one in rewritten}),
         )
-        return following, refused
+        return following, (refused, reduced)
 
-    return Committed(*_publish(files, change))
+    snapshot, (refused, reduced) = _publish(files, change)
+    return Committed(snapshot, refused, reduced)
 
 
 def replace_files(files: LakeFiles, rewritten: Sequence[Rewritten], operation: str) -> tuple[Snapshot, list[Rewritten]]:
@@ -123,7 +138,7 @@ def replace_files(files: LakeFiles, rewritten: Sequence[Rewritten], operation: s
             number=base.number + 1,
             created_at=snapshots.now(),
             operation=operation,
-            metadata=metadata_files.merge(files, metadata_files.shard_files(now)),
+            metadata=metadata_files.merge(files, base, metadata_files.shard_files(now)),
             manifests=manifests.write(files, base, new.values(), frozenset(new)),
         )
         return following, late
@@ -143,7 +158,7 @@ def consolidate(files: LakeFiles) -> Snapshot:
             number=base.number + 1,
             created_at=snapshots.now(),
             operation="consolidate metadata",
-            metadata=metadata_files.merge(files, names),
+            metadata=metadata_files.merge(files, base, names),
         )
         return following, None
 
@@ -207,24 +222,44 @@ def _renew(files: LakeFiles, records: Iterable[ShardRecord]) -> None:
 
 def _refuse_duplicates(
     files: LakeFiles, remaining: tuple[str, ...], fresh: list[ShardRecord]
-) -> tuple[list[ShardRecord], tuple[tuple[ShardRecord, str], ...]]:
+) -> tuple[list[ShardRecord], Refused]:
     """Split shards into accepted ones and ones that repeat a scenario id already in the lake."""
+    repeated = _repeated(files, remaining, fresh)
+    refused = tuple((record, next(iter(ids))) for record, ids in zip(fresh, repeated, strict=True) if ids)
+    return [record for record, ids in zip(fresh, repeated, strict=True) if not ids], refused
+
+
+def _leave_out_duplicates(
+    files: LakeFiles, remaining: tuple[str, ...], fresh: list[ShardRecord]
+) -> tuple[list[ShardRecord], Reduced]:
+    """Shards without the scenarios that repeat an id already in the lake, and which shards these changed."""
+    repeated = _repeated(files, remaining, fresh)
+    now = [
+        leave_out(files, record, ids) if ids else record for record, ids in zip(fresh, repeated, strict=True)
+    ]
+    return now, tuple((old, new) for old, new in zip(fresh, now, strict=True) if old is not new)
+
+
+def _repeated(files: LakeFiles, remaining: tuple[str, ...], fresh: list[ShardRecord]) -> list[dict[str, str]]:
+    """Ids in each shard that the lake or an earlier one of the shards has already, and where."""
     if not fresh:
-        return [], ()
+        return []
     releases = {(record.dataset, record.version) for record in fresh}
     ids = [_ids(files, metadata_files.shard_files([record])) for record in fresh]
     wanted = pa.concat_arrays(ids)
-    rivals = _ids(files, [name for name in remaining if _release(name) in releases])
-    taken = set(rivals.filter(pc.is_in(rivals, value_set=wanted)).to_pylist())
-    accepted, refused = [], []
+    rivals = [name for name in remaining if _release(name) in releases]
+    taken: dict[str, str] = {}
+    if pc.any(pc.is_in(_ids(files, rivals), value_set=wanted)).as_py():
+        for rows in files.read_all(rivals, ["scenario_id", "split", "source_file", "tracks_file"]):
+            for row in rows.filter(pc.is_in(rows["scenario_id"], value_set=wanted)).to_pylist():
+                place = f"split {row['split']}, recording {row['source_file']} ({row['tracks_file']})"
+                taken[row["scenario_id"]] = place
+    repeated = []
     for record, own in zip(fresh, map(pa.Array.to_pylist, ids), strict=True):
-        again = next((identifier for identifier in own if identifier in taken), None)
-        if again is None:
-            accepted.append(record)
-            taken.update(own)
-        else:
-            refused.append((record, str(again)))
-    return accepted, tuple(refused)
+        repeated.append({identifier: taken[identifier] for identifier in own if identifier in taken})
+        for identifier in own:
+            taken.setdefault(identifier, f"split {record.split}, shard {record.name}")
+    return repeated
 
 
 def _ids(files: LakeFiles, names: list[str]) -> pa.Array:

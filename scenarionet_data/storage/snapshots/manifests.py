@@ -10,8 +10,9 @@ from functools import cache
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from scenarionet_data.errors import NoSuchSnapshot, SchemaMismatch
+from scenarionet_data.errors import SchemaMismatch
 from scenarionet_data.schema import tables
+from scenarionet_data.storage import seals
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord
@@ -19,6 +20,9 @@ from scenarionet_data.storage.snapshots.snapshot import Snapshot
 from scenarionet_data.storage.write.table_file import publish_table
 
 _MAX_MANIFESTS = 16
+
+NO_FILES = tables.load("shards").schema.empty_table().select(["metadata_file", "files", "sizes", "checksums"])
+"""No rows of those columns of a manifest that name files."""
 
 
 def shard_table(files: LakeFiles, snapshot: Snapshot) -> pa.Table:
@@ -51,6 +55,18 @@ def read(files: LakeFiles, name: str, columns: list[str] | None = None) -> pa.Ta
         LakeError: The manifest is missing or damaged, or has a schema version that cannot be read.
     """
     return _read_all(files, [name], columns)[0]
+
+
+def read_files(files: LakeFiles, name: str) -> tuple[pa.Table, bool]:
+    """Files of the shards listed in a manifest, as rows of NO_FILES, and whether the manifest is sealed.
+
+    Raises:
+        LakeError: The manifest is missing or damaged, or has a schema version that cannot be read.
+    """
+    rows = files.read(name, NO_FILES.column_names)
+    footer = rows.schema.metadata
+    tables.load("shards").check_version(footer, name)
+    return rows.cast(NO_FILES.schema), seals.MARK in footer
 
 
 def _read_all(files: LakeFiles, names: Sequence[str], columns: list[str] | None = None) -> list[pa.Table]:
@@ -108,16 +124,17 @@ class NamedFiles:
         self._files = files
         self._listed = cache(self._read)
 
-    def of(self, number: int) -> set[str]:
-        """All files that a snapshot needs, including those that its next consolidation reads.
+    def of(self, needed: Iterable[Snapshot]) -> set[str]:
+        """All files that some snapshots need, including those that their next consolidations read."""
+        lists, named = set[str](), set[str]()
+        for snapshot in needed:
+            lists.update(snapshot.manifests)
+            named.update(snapshot.metadata)
+        return named.union(lists, *map(self.listed, lists))
 
-        Empty if the snapshot has expired in the meantime.
-        """
-        try:
-            snapshot = snapshots.read(self._files, number)
-        except NoSuchSnapshot:
-            return set()
-        return set().union(snapshot.metadata, snapshot.manifests, *map(self._listed, snapshot.manifests))
+    def listed(self, manifest: str) -> frozenset[str]:
+        """Files of the shards in a manifest."""
+        return self._listed(manifest)
 
     def _read(self, manifest: str) -> frozenset[str]:
         """Files of the shards in a manifest."""

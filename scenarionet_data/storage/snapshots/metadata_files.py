@@ -13,6 +13,7 @@ from pathlib import PurePosixPath
 
 import pyarrow as pa
 
+from scenarionet_data.errors import LakeError
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.snapshots import manifests
@@ -61,26 +62,35 @@ def layout(names: Iterable[str]) -> dict[str, list[str]]:
     return wanted
 
 
-def merge(files: LakeFiles, names: Iterable[str]) -> tuple[str, ...]:
+def merge(files: LakeFiles, base: Snapshot, names: Iterable[str]) -> tuple[str, ...]:
     """Publish merged metadata files that do not exist yet, and return all metadata files of the lake.
 
     Args:
         files: The lake's files.
+        base: The newest snapshot; its metadata files are used as they are.
         names: Metadata files that the shards were written with.
     """
     wanted = layout(names)
     for name, sources in wanted.items():
-        if sources != [name] and files.renew([name]):
+        if sources != [name] and (files.renew([name]) or not (name in base.metadata or _is_intact(files, name))):
             _merge(files, name, sources)
     return tuple(wanted)
 
 
+def _is_intact(files: LakeFiles, name: str) -> bool:
+    """Whether a file that an earlier job has written is intact."""
+    try:
+        return files.verify(name)
+    except LakeError:
+        return False
+
+
 def merge_again(files: LakeFiles, names: Iterable[str]) -> None:
-    """Publish merged metadata files of the newest snapshot again, for example after damage."""
-    base = snapshots.read(files)
+    """Publish damaged merged metadata files of the newest snapshot again, except those whose sources are damaged."""
+    base, damaged = snapshots.read(files), set(names)
     wanted = layout(snapshot_shard_files(files, base))
-    for name in set(names) & set(wanted) & set(base.metadata):
-        if wanted[name] != [name]:
+    for name in damaged & set(wanted) & set(base.metadata):
+        if damaged.isdisjoint(wanted[name]):
             _merge(files, name, wanted[name])
 
 

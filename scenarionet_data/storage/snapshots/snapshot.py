@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
@@ -71,6 +71,22 @@ def read(files: LakeFiles, number: int | None = None) -> Snapshot:
         if files.has(file_name(number)):
             raise
         return read(files, wanted)  # expired since it was listed
+
+
+def read_all(files: LakeFiles, known: Collection[int] = ()) -> dict[int, Snapshot]:
+    """Read all snapshots except known ones, by number; one that expires in the meantime is left out.
+
+    Raises:
+        LakeError: A snapshot is damaged.
+    """
+    found = {}
+    for number in (number for number in numbers(files) if number not in known):
+        try:
+            found[number] = parse(files, number)[0]
+        except LakeError:
+            if files.has(file_name(number)):
+                raise
+    return found
 
 
 def newest(files: LakeFiles) -> Snapshot:

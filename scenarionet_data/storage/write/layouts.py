@@ -72,7 +72,7 @@ def rewritten_name(record: ShardRecord, layout: Layout, unit: str) -> str:
     return f"{folder}/{record.name}-{record.key}-{layout.name}-{unit}.parquet"
 
 
-def new_unit(records: Iterable[ShardRecord], layout: Layout) -> str:
-    """Identifier for shards that are rewritten together, derived from their present metadata files."""
-    names = "\n".join((layout.name, *(str(record.metadata_file) for record in records)))
+def new_unit(records: Iterable[ShardRecord], layout: Layout, left_out: Iterable[str] = ()) -> str:
+    """Identifier for shards that are rewritten together, from their present metadata files and what is left out."""
+    names = "\n".join((layout.name, *(str(record.metadata_file) for record in records), *sorted(left_out)))
     return hashlib.blake2b(names.encode(), digest_size=8).hexdigest()

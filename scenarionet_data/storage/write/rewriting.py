@@ -44,7 +44,7 @@ def rewrite(files: LakeFiles, records: Sequence[ShardRecord], layout: Layout) ->
     metadata = pa.concat_tables(
         (_numbered(files, number, record) for number, record in enumerate(records)), promote_options="default"
     )
-    writer = _FileWriter(files, records[0], layout, unit)
+    writer = FileWriter(files, records[0], layout, unit)
     size = -(-metadata.num_rows // layout.num_files(metadata.num_rows))
     chunks = [writer.write(metadata.slice(start, size)) for start in range(0, metadata.num_rows, size)]
     return list(_publish(files, records, names, pa.concat_tables(chunks), writer.published))
@@ -101,7 +101,7 @@ def _publish(
         yield moved
 
 
-class _FileWriter:
+class FileWriter:
     """Writes files of scenarios, one of each table at a time.
 
     Attributes:

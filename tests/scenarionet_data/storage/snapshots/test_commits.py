@@ -9,8 +9,10 @@ import time
 
 import pytest
 
-from scenarionet_data import Lake
+from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.errors import SnapshotConflict
+from scenarionet_data.maintenance.fsck import fsck
+from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
@@ -44,18 +46,74 @@ def test_committing_again_changes_nothing(files, template):
     assert snapshots.numbers(files) == [1]
 
 
-def test_duplicate_is_refused_and_the_rest_committed(files, template):
+def test_duplicates_are_left_out_and_the_rest_committed(files, template):
     commits.commit(files, [write_shard(files.root, [template], name="old")], "test")
     again = write_shard(files.root, [renamed(template, "x"), template], name="again")
     twice = [write_shard(files.root, [renamed(template, "y")], name=name) for name in ("one", "two")]
     fresh = write_shard(files.root, [renamed(template, "z")], name="fresh")
     done = commits.commit(files, [again, *twice, fresh], "test")
-    assert [(record.name, scenario_id) for record, scenario_id in done.refused] == [
-        ("again", template.id),
-        ("two", "made/v1/y"),
+    assert done.refused == ()
+    assert [(old.name, old.num_scenarios, new.num_scenarios) for old, new in done.reduced] == [
+        ("again", 2, 1),
+        ("two", 1, 0),
     ]
-    assert names_of(files) == ["fresh", "old", "one"]
-    assert stored_ids(files) == sorted([template.id, "made/v1/y", "made/v1/z"])
+    assert names_of(files) == ["again", "fresh", "old", "one", "two"]
+    assert stored_ids(files) == sorted([template.id, *(f"made/v1/{name}" for name in "xyz")])
+    quarantine = Lake(files.root).sql("SELECT shard, scenario_id, position, error, field, message FROM quarantine")
+    rows = {row["shard"]: row for row in quarantine.to_dicts()}
+    assert {(row["error"], row["field"]) for row in rows.values()} == {("DuplicateScenario", "id")}
+    assert (rows["again"]["scenario_id"], rows["again"]["position"]) == (template.id, 1)
+    assert "found it in split train, recording" in rows["again"]["message"] and "/old-000-" in rows["again"]["message"]
+    assert "found it in split train, shard one" in rows["two"]["message"]
+    assert commits.commit(files, [again, *twice, fresh], "test").snapshot == done.snapshot
+
+
+def test_one_of_64_scenarios_is_left_out_and_the_others_are_unchanged(files, template):
+    scenarios = [renamed(template, f"s{k}") for k in range(64)]
+    commits.commit(files, [write_shard(files.root, [scenarios[40]], name="old")], "test")
+    commits.commit(files, [write_shard(files.root, scenarios, name="new")], "test")
+    loaded = {scenario.id: scenario for scenario in ScenarioLoader(files.root)}
+    assert loaded.keys() == {scenario.id for scenario in scenarios}
+    assert all(content_hash(loaded[scenario.id]) == content_hash(scenario) for scenario in scenarios)
+    assert fsck(files.root, is_deep=True).problems == ()
+
+
+def test_reduced_shard_is_written_once(files, template, monkeypatch):
+    """A retry after another job's commit, or after a kill between writing and committing, uses what is there."""
+    commits.commit(files, [write_shard(files.root, [template], name="old")], "test")
+    again = write_shard(files.root, [renamed(template, "x"), template], name="again")
+    with monkeypatch.context() as patched:
+        patched.setattr(snapshots, "publish", killed)
+        with pytest.raises(KeyboardInterrupt):
+            commits.commit(files, [again], "test")
+    present = {path: path.stat().st_ino for path in files.root.rglob("*.parquet")}
+    commits.commit(files, [again], "test")
+    tables = ("tracks", "maps", "metadata", "quarantine")
+    now = {path: path.stat().st_ino for path in files.root.rglob("*.parquet") if path.relative_to(files.root).parts[0] in tables}
+    assert now.items() <= present.items()
+    assert stored_ids(files) == sorted([template.id, "made/v1/x"])
+
+
+def killed(*_):
+    raise KeyboardInterrupt
+
+
+def test_of_two_jobs_with_the_same_scenario_one_has_it(files, template, monkeypatch):
+    """Another job commits the scenario after this one has looked for it."""
+    mine = write_shard(files.root, [renamed(template, "x"), template], name="mine")
+    theirs = write_shard(files.root, [template, renamed(template, "y")], name="theirs")
+    publish, calls = snapshots.publish, []
+
+    def raced(*arguments):
+        calls.append(1)
+        if len(calls) == 1:
+            commits.commit(files, [theirs], "test")
+        return publish(*arguments)
+
+    monkeypatch.setattr(snapshots, "publish", raced)
+    done = commits.commit(files, [mine], "test")
+    assert [(old.name, new.num_scenarios) for old, new in done.reduced] == [("mine", 1)]
+    assert stored_ids(files) == sorted([template.id, "made/v1/x", "made/v1/y"])
 
 
 def test_same_id_is_duplicate_in_other_split_but_not_in_other_version(files):
@@ -63,7 +121,7 @@ def test_same_id_is_duplicate_in_other_split_but_not_in_other_version(files):
     other_split = write_shard(files.root, [small(1, split="val")], name="b")
     other_version = write_shard(files.root, [small(1, version="v2")], name="c")
     done = commits.commit(files, [other_split, other_version], "test")
-    assert [record.name for record, _ in done.refused] == ["b"]
+    assert [old.name for old, _ in done.reduced] == ["b"]
     assert stored_ids(files) == ["made/v1/s000001", "made/v2/s000001"]
 
 
