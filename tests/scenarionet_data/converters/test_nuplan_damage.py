@@ -5,7 +5,7 @@ from __future__ import annotations
 import sqlite3
 from contextlib import closing
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ VALUES = ("NULL", "0", "-1", "1e308", "9223372036854775807", "'text'", "''", "x'
 class TestNuPlanDamage(DamageConformance):
     converter = NuPlan()
     split = "mini"
-    options: ClassVar[dict[str, Any]] = {"frames": "recorded"}  # each state is a row
+    options = {"frames": "recorded"}  # noqa: RUF012  # each state is a row
 
     @pytest.fixture(scope="class")
     @classmethod

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ ROWS: tuple[Callable[[dict[str, Any]], object], ...] = (
 class TestNuScenesDamage(DamageConformance):
     converter = NuScenes()
     split = "mini"
-    options: ClassVar[dict[str, Any]] = {"frames": "recorded"}  # each state is a row
+    options = {"frames": "recorded"}  # noqa: RUF012  # each state is a row
 
     @pytest.fixture(scope="class")
     @classmethod
