@@ -13,7 +13,7 @@ LAKE ?= lake
 RAW ?= $(if $(SCENARIONET_RAW),$(SCENARIONET_RAW)/$(DATASET),$(if $(filter nuplan,$(DATASET)),$(NUPLAN_DATA_ROOT)))
 
 .DEFAULT_GOAL := help
-.PHONY: help install install-browser demo compile test test-all bench bench-cluster bench-maintenance bench-remote bench-sim build check \
+.PHONY: help install install-browser demo compile test test-all test-damage bench bench-cluster bench-maintenance bench-remote bench-sim build check \
 	clean convert docs docs-site notebooks test-devkits test-metadrive
 
 help:  ## List the targets.
@@ -50,7 +50,10 @@ test: install  ## Run the tests, about five minutes of processor time (ARGS="-k 
 	$(PYTEST) $(ARGS)
 
 test-all: install  ## Run the tests, including those marked as long.
-	SCENARIONET_HYPOTHESIS=thorough $(PYTEST) -m 'not metadrive and not devkits' $(ARGS)
+	SCENARIONET_HYPOTHESIS=thorough $(PYTEST) -m 'not damage and not metadrive and not devkits' $(ARGS)
+
+test-damage: install  ## Read thousands of damaged lakes, about an hour of processor time.
+	$(PYTEST) -m damage tests/scenarionet_data/damage $(ARGS)
 
 test-duckdb15: install .duckdb15/.installed  ## Run the tests that query DuckDB with the oldest supported version (1.5).
 	PYTHONPATH=.duckdb15 $(PYTEST) $(DUCKDB_TESTS) $(ARGS)

@@ -16,10 +16,13 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from scenarionet_data import errors, plots
     from scenarionet_data.building import MapBuilder, make_features, make_origin, make_tracks, resample
+    from scenarionet_data.building.plausible import find_bad_rows
     from scenarionet_data.conversion import convert, plan_conversion
     from scenarionet_data.converters.base import Budgets, Converter, find_files
     from scenarionet_data.export import export_database
+    from scenarionet_data.ingest.defects import Defects
     from scenarionet_data.ingest.options import Options
+    from scenarionet_data.ingest.passed_over import PassedOver
     from scenarionet_data.ingest.shard import RawItem, Shard, bucket, fingerprint
     from scenarionet_data.lake.database import Database
     from scenarionet_data.lake.lake import Lake
@@ -41,6 +44,7 @@ _HOME = {
     "Budgets": "scenarionet_data.converters.base",
     "Converter": "scenarionet_data.converters.base",
     "Database": "scenarionet_data.lake.database",
+    "Defects": "scenarionet_data.ingest.defects",
     "Lake": "scenarionet_data.lake.lake",
     "LightState": "scenarionet_data.scenario.vocabulary",
     "Lights": "scenarionet_data.scenario.parts",
@@ -49,6 +53,7 @@ _HOME = {
     "MapFeatures": "scenarionet_data.scenario.parts",
     "ObjectType": "scenarionet_data.scenario.vocabulary",
     "Options": "scenarionet_data.ingest.options",
+    "PassedOver": "scenarionet_data.ingest.passed_over",
     "RawItem": "scenarionet_data.ingest.shard",
     "ScenarioDescription": "scenarionet_data.scenario.description",
     "ScenarioLoader": "scenarionet_data.loader",
@@ -59,6 +64,7 @@ _HOME = {
     "compact": "scenarionet_data.maintenance",
     "convert": "scenarionet_data.conversion",
     "export_database": "scenarionet_data.export",
+    "find_bad_rows": "scenarionet_data.building.plausible",
     "find_files": "scenarionet_data.converters.base",
     "fingerprint": "scenarionet_data.ingest.shard",
     "fsck": "scenarionet_data.maintenance",
@@ -80,6 +86,7 @@ __all__ = [
     "Budgets",
     "Converter",
     "Database",
+    "Defects",
     "Lake",
     "LightState",
     "Lights",
@@ -88,6 +95,7 @@ __all__ = [
     "MapFeatures",
     "ObjectType",
     "Options",
+    "PassedOver",
     "RawItem",
     "ScenarioDescription",
     "ScenarioLoader",
@@ -100,6 +108,7 @@ __all__ = [
     "convert",
     "errors",
     "export_database",
+    "find_bad_rows",
     "find_files",
     "fingerprint",
     "fsck",

@@ -18,6 +18,7 @@ from scenarionet_data.errors import LakeError
 from scenarionet_data.query.lake_view import LakeLike, open_view
 from scenarionet_data.scenario.description import MapFeatures, ScenarioDescription, Tracks
 from scenarionet_data.storage.read.map_cache import MapCache
+from scenarionet_data.storage.read.older_lakes import check_ids, comparing
 from scenarionet_data.storage.read.row_table import RowTable
 from scenarionet_data.storage.read.scenario_reader import TABLES, ScenarioReader
 from scenarionet_data.storage.snapshots import snapshot as snapshots
@@ -56,15 +57,22 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
         self._snapshot = view.snapshot
         self._rows = RowTable(rows)
         self._maps = MapCache(self._files, view.shared_maps())
+        self._is_sealed = view.files.are_verified(view.snapshot.metadata)
         self.scenario_ids: list[str] = self._rows.table["scenario_id"].to_pylist()
         self._local = threading.local()
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"files": self._files, "snapshot": self._snapshot, "rows": self._rows, "maps": self._maps}
+        return {
+            "files": self._files,
+            "snapshot": self._snapshot,
+            "rows": self._rows,
+            "maps": self._maps,
+            "is_sealed": self._is_sealed,
+        }
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self._files, self._snapshot = state["files"], state["snapshot"]
-        self._rows, self._maps = state["rows"], state["maps"]
+        self._rows, self._maps, self._is_sealed = state["rows"], state["maps"], state["is_sealed"]
         self.scenario_ids = self._rows.table["scenario_id"].to_pylist()
         self._local = threading.local()
 
@@ -124,13 +132,24 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
         return [self._rows[index % len(self)] for index in indices]
 
     def _scenarios(self, metadata: Sequence[Metadata]) -> list[ScenarioDescription]:
+        if self._is_sealed:
+            return self._decode(metadata)
+        with comparing(self._files, metadata) as loaded:
+            loaded += self._decode(metadata)
+        return loaded
+
+    def _decode(self, metadata: Sequence[Metadata]) -> list[ScenarioDescription]:
         rows = self._reader.read(metadata, TABLES)
         if rows["tracks"] is None:
             raise _without_tracks(metadata)
+        if not self._is_sealed:
+            check_ids(self._files, metadata, rows["tracks"])
         crops = [None if row["map_crop"] is None else self._crop(row) for row in metadata]
         return codec.decode_many(metadata, rows["tracks"], rows["lights"], rows["maps"], crops)
 
     def _tracks(self, metadata: Sequence[Metadata]) -> list[Tracks]:
+        if not self._is_sealed:  # tracks alone cannot be compared with what was converted
+            return [scenario.tracks for scenario in self._scenarios(metadata)]
         rows = self._reader.read(metadata, ("tracks",))["tracks"]
         if rows is None:
             raise _without_tracks(metadata)
@@ -146,7 +165,7 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
     def _reader(self) -> ScenarioReader:
         """This thread's reader."""
         if not hasattr(self._local, "reader"):
-            self._local.reader = ScenarioReader(self._files, self._snapshot)
+            self._local.reader = ScenarioReader(self._files, self._snapshot, with_ids=not self._is_sealed)
         reader: ScenarioReader = self._local.reader
         return reader
 

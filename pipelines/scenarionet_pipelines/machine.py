@@ -29,7 +29,7 @@ def memory() -> int:
 
 def free_disk(folder: str | Path) -> int:
     """Return the free disk space for a folder, which need not exist yet [bytes]."""
-    place = Path(folder).resolve()
+    place = Path(os.path.realpath(folder))
     while not place.exists():
         place = place.parent
     return shutil.disk_usage(place).free

@@ -9,12 +9,14 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from scenarionet_data.converters.splits import is_of_split, splits_of
 from scenarionet_data.converters.unused import unused_files
 from scenarionet_data.errors import SourceNotFound
+from scenarionet_data.ingest.listing import walk
 from scenarionet_data.ingest.options import Options
 from scenarionet_data.ingest.passed_over import PassedOver
 from scenarionet_data.ingest.shard import Shard
@@ -201,7 +203,8 @@ def find_files(
         return [root]
     if not root.is_dir():
         raise SourceNotFound(f"{raw}: no such folder; give the folder with {what}")
-    matching = [path for path in root.rglob(pattern) if not path.name.endswith(sidecars) and path.is_file()]
+    named = (Path(folder, name) for folder, _, names in walk(root) for name in names if fnmatchcase(name, pattern))
+    matching = [path for path in named if not path.name.endswith(sidecars) and path.is_file()]
     found = [path for path in matching if not split or is_of_split(path, root, split)]
     if matching and not found:
         raise SourceNotFound(

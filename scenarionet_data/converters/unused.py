@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 
+from scenarionet_data.ingest.listing import walk
 from scenarionet_data.converters.splits import is_of_split
 from scenarionet_data.ingest.passed_over import PassedOver
 
@@ -28,7 +28,7 @@ def unused_files(
     """
     groups: Counter[tuple[str, str]] = Counter()
     examples: dict[tuple[str, str], str] = {}
-    for place, folders, files in os.walk(raw):
+    for place, folders, files in walk(raw):
         inside = [f"folders {name}" for name in folders if name in ignored]
         folders[:] = sorted(name for name in folders if name not in ignored)
         found = [(what, "its content is not read", what.removeprefix("folders ")) for what in inside]

@@ -57,9 +57,22 @@ class Lineage:
 
     @classmethod
     def from_dict(cls, content: dict[str, Any]) -> Lineage:
-        """Return the lineage of a dictionary that :meth:`to_dict` returned."""
+        """Return the lineage of a dictionary that :meth:`to_dict` returned.
+
+        Raises:
+            TypeError: An entry is missing, unknown, or of another type.
+        """
         fields = dict(content)
-        return cls(user_columns=fields.pop("layers", []), **fields)
+        found = cls(user_columns=fields.pop("layers", []), **fields)
+        texts = (found.operation, found.sql, found.created_at, found.created_with, *found.parents, *found.user_columns)
+        if not (
+            all(isinstance(text, str) for text in texts)
+            and isinstance(found.parameters, dict)
+            and isinstance(found.snapshot, int)
+            and isinstance(found.count, int)
+        ):
+            raise TypeError("an entry has another type")
+        return found
 
 
 @dataclass(frozen=True)

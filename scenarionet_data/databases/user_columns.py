@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 
 import pyarrow as pa
@@ -60,6 +60,9 @@ class UserColumn:
         return f"{self.name}@{self.version}"
 
 
+_TYPES = {field.name: field.type for field in fields(UserColumn)}
+
+
 def current(files: LakeFiles, pinned: Mapping[str, int]) -> dict[str, int]:
     """Return the version of each user column of a lake, by name: the pinned one, else the newest.
 
@@ -103,12 +106,19 @@ def users(files: LakeFiles, name: str, version: int | None = None) -> list[tuple
 
 
 def read(files: LakeFiles, name: str, version: int) -> UserColumn:
-    """Read the record of a version of a user column."""
-    footer = files.footer(_path(name, version)).metadata
+    """Read the record of a version of a user column.
+
+    Raises:
+        LakeError: Its file is missing or damaged.
+    """
+    footer = files.footer(_path(name, version)).metadata or {}
     try:
-        return UserColumn(**json.loads(footer[b"scenarionet.layer"]))
+        column = UserColumn(**json.loads(footer[b"scenarionet.layer"]))
+        if {field.name: type(getattr(column, field.name)).__name__ for field in fields(column)} != _TYPES:
+            raise TypeError("an entry has another type")
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise damaged(files.url(_path(name, version)), "its footer does not describe a user column") from error
+    return column
 
 
 def parse(references: Iterable[str]) -> dict[str, int]:

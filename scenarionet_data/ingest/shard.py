@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from scenarionet_data.errors import CorruptSource
 from scenarionet_data.ingest.input_properties import InputProperties
+from scenarionet_data.ingest.listing import check_name
 from scenarionet_data.ingest.options import Options
 
 ABSENT = "absent"
-"""Fingerprint of a listed input without a file; it is quarantined, and converted once it has one."""
+"""Fingerprint of a listed input without a readable file; it is quarantined, and converted once it has one."""
 
 
 @dataclass(frozen=True)
@@ -23,11 +26,17 @@ class RawItem:
         name: Relative to the raw folder; the same on every machine.
         fingerprint: Changes with the content, see :func:`fingerprint`; ``ABSENT`` without a file.
         properties: Its properties, in addition to the shard's.
+
+    Raises:
+        CorruptSource: The name is not UTF-8.
     """
 
     name: str
     fingerprint: str
     properties: InputProperties = field(default_factory=dict, hash=False)
+
+    def __post_init__(self) -> None:
+        check_name(self.name)
 
 
 @dataclass(frozen=True)
@@ -73,16 +82,22 @@ def fingerprint(paths: Iterable[Path], sample: int = 65536) -> str:
     """16 hex digits that change with the files' names, sizes, and first or last ``sample`` bytes.
 
     Hashing whole recordings would cost as much as converting them.
+
+    Raises:
+        CorruptSource: A file cannot be opened: no permission, or a link that leads nowhere.
     """
     digest = hashlib.blake2b(digest_size=8)
     for path in paths:
-        size = path.stat().st_size
-        digest.update(f"{path.name}:{size}\n".encode())
-        with path.open("rb") as file:
-            digest.update(file.read(sample))
-            if size > sample:
-                file.seek(max(sample, size - sample))
+        try:
+            with path.open("rb") as file:
+                size = os.fstat(file.fileno()).st_size
+                digest.update(os.fsencode(f"{path.name}:{size}\n"))
                 digest.update(file.read(sample))
+                if size > sample:
+                    file.seek(max(sample, size - sample))
+                    digest.update(file.read(sample))
+        except OSError as error:
+            raise CorruptSource(f"{path}: cannot be read ({error.strerror}); repair or remove it") from error
     return digest.hexdigest()
 
 

@@ -159,7 +159,7 @@ def _changed_columns(view: LakeView, before: _Side, after: _Side) -> tuple[Colum
 
 def _metadata_rows(view: LakeView, names: Sequence[str]) -> str:
     """Return SQL for the rows of metadata files; of no rows without files."""
-    paths = ", ".join(quoted(str(path)) for path in view.files.paths(names))
+    paths = ", ".join(map(quoted, view.files.scans(names)))
     return scan_files("metadata", f"[{paths}]") if names else "(FROM metadata_rows LIMIT 0)"
 
 

@@ -209,7 +209,7 @@ class PackWriter:
         """Write the database, the manifest, and the snapshot, with its number in the lake for the lineage."""
         temporary = self._target.temporary()
         with writing(temporary, temporary):
-            shutil.copyfile(self._view.files.path(self._database.file), temporary)
+            shutil.copyfile(self._view.files.verified(self._database.file), temporary)
         self._publish(temporary, self._database.file)
         following = Snapshot(
             number=self._view.snapshot.number,

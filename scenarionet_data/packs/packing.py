@@ -16,20 +16,21 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from scenarionet_data.scenario.content_hash import content_hash
+from scenarionet_data.databases import pack_origins
 from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter, LakeError
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.loader import ScenarioLoader
 from scenarionet_data.packs.contents import SUMS, PackWriter
 from scenarionet_data.query.lake_view import LakeLike, LakeView, open_view
+from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.files.opening import is_url, local_path
 from scenarionet_data.storage.files.uploading import RemoteFolder
 
-_UPLOADED_FIRST = ("tracks/", "lights/", "maps/", "metadata/", "layers/", "databases/", "snapshots/manifest-")
-"""Files at a URL without a snapshot and SHA256SUMS are left from an interrupted upload."""
+_UPLOADED_FIRST = ("tracks/", "lights/", "maps/", "metadata/", "layers/", "databases/", pack_origins.FILE, SUMS)
+"""Without a snapshot, these files at a URL are left from an interrupted upload."""
 
 
 @dataclass(frozen=True)
@@ -89,8 +90,8 @@ def _pack_to_url(view: LakeView, database: DatabaseRecord | str, url: str, on_pr
         raise BadParameter(f"{url}: exists; choose another name, or remove it first")
     with tempfile.TemporaryDirectory(prefix="scenarionet-") as folder:
         report = pack(view, database, Path(folder, "pack"), on_progress=on_progress)
-        snapshot = LocalLakeFiles(report.path).names("snapshots", ".json")
-        remote.upload(Path(report.path), last=[SUMS, *snapshot])
+        snapshots = LocalLakeFiles(report.path).names("snapshots")
+        remote.upload(Path(report.path), last=[SUMS, *reversed(snapshots)])  # the manifest, then the snapshot
     return replace(report, path=url)
 
 

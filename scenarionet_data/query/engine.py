@@ -17,6 +17,7 @@ import duckdb
 import pyarrow as pa
 
 from scenarionet_data.errors import LakeError, QueryError
+from scenarionet_data.query.damage import damage
 from scenarionet_data.query.statements import error_position, only_select, quoted
 from scenarionet_data.query.views import Views
 from scenarionet_data.storage.files.lake_files import LakeFiles
@@ -191,15 +192,16 @@ class Engine:
                 self._connection.register(name, rows)
             try:
                 yield
-            except duckdb.IOException as error:
-                remedy = f"`scenarionet check {self._files.root}` lists missing and damaged files"
-                message, _, excerpt = str(error).partition("\n")
-                raise LakeError(f"{message}; {remedy}\n{excerpt}".rstrip()) from error
             except duckdb.ParserException as error:
                 message, _, excerpt = str(error).partition("\n")
                 raise QueryError(f"{message}{error_position(sql)}\n{excerpt}") from error
             except duckdb.Error as error:
                 failure = self._filesystem and self._filesystem.pop_failure()
+                failure = failure or damage(self._files, self._views.scanned, error, sql)
+                if failure is None and isinstance(error, duckdb.IOException):
+                    remedy = f"`scenarionet check {self._files.root}` lists missing and damaged files"
+                    message, _, excerpt = str(error).partition("\n")
+                    failure = LakeError(f"{message}; {remedy}\n{excerpt}".rstrip())
                 raise failure or QueryError(str(error)) from error
             except RuntimeError as error:
                 if str(error) == "Query interrupted":  # how DuckDB reports an exception of a signal handler

@@ -24,7 +24,7 @@ def relation(database: DatabaseRecord, table: str = "selected") -> tuple[str, di
         table: Name of that table.
     """
     if database.selected is None:
-        return f"read_parquet({quoted(str(database.files.path(database.file)))})", {}
+        return f"read_parquet({quoted(str(database.files.verified(database.file)))})", {}
     return table, {table: database.selected}
 
 
@@ -56,7 +56,7 @@ def locate(engine: Engine, wanted: pa.Table) -> pa.Table:
     """
     numbered = wanted.append_column("_row", pa.array(range(wanted.num_rows), pa.int64()))
     same = " AND m.content_hash = w.content_hash" if "content_hash" in wanted.column_names else ""
-    columns = ", ".join(f"m.{name}" for name in (*DESCRIPTION_COLUMNS[1:], *ADDRESS_COLUMNS))
+    columns = ", ".join(f"m.{name}" for name in (*DESCRIPTION_COLUMNS[1:], "content_hash", *ADDRESS_COLUMNS))
     query = (
         f"SELECT w.scenario_id, {columns}, m.scenario_id IS NOT NULL AS is_found "
         f"FROM wanted w LEFT JOIN metadata_rows m ON m.scenario_id = w.scenario_id{same} ORDER BY w._row"

@@ -26,6 +26,7 @@ def only_select(connection: duckdb.DuckDBPyConnection, sql: str, given: Mapping[
         UnsafeSql: It is not exactly one SELECT.
         QueryError: A parameter has no value.
     """
+    _check_text(sql)
     statements = connection.extract_statements(sql)
     if len(statements) != 1:
         raise UnsafeSql(f"wanted one SELECT, found {len(statements)} statements")
@@ -45,6 +46,7 @@ def check_expression(where: str) -> None:
     Raises:
         UnsafeSql: It is not one expression; the message is from DuckDB.
     """
+    _check_text(where)
     try:
         duckdb.SQLExpression(where)
     except duckdb.Error as error:
@@ -52,6 +54,13 @@ def check_expression(where: str) -> None:
         raise UnsafeSql(
             f"wanted one condition such as ego_distance > 10, found {where!r}: {error}{position}"
         ) from error
+
+
+def _check_text(sql: str) -> None:
+    try:
+        sql.encode()
+    except UnicodeEncodeError as error:
+        raise QueryError(f"wanted SQL as UTF-8 text, found {sql[error.start : error.end]!r}; write it as an escape") from error
 
 
 def error_position(sql: str, before: str = "") -> str:

@@ -51,6 +51,9 @@ class Views:
         given: Tables that every query passes in place of the snapshot's.
         user_columns: Version of each user column that the view metadata has for queries that use it.
         chosen: Scenarios that the views show, with their addresses; all of the snapshot for None.
+
+    Attributes:
+        scanned: Files that the views read, in order.
     """
 
     def __init__(
@@ -67,6 +70,7 @@ class Views:
         self._connection = connection
         self._files = files
         self._snapshot = snapshot
+        self.scanned: dict[str, None] = {}
         self._without = set(without)
         self._made = set(given)
         self._commented = set(given)
@@ -117,7 +121,7 @@ class Views:
         if name == "metadata":
             joins = []
             for column in sorted(self._joined):
-                path = self._files.path(f"layers/{column}/{self._user_columns[column]}.parquet")
+                path = self._files.verified(f"layers/{column}/{self._user_columns[column]}.parquet")
                 joins.append(f"LEFT JOIN read_parquet({quoted(str(path))}) AS user_{column} USING (scenario_id)")
             text = text.replace("{user_columns}", " ".join(joins))
         self._connection.execute(text)
@@ -146,6 +150,7 @@ class Views:
             columns = [f"NULL::{_sql_type(c)} AS {c.name}" for c in tables.load(table).columns]
             folders = ["NULL::VARCHAR AS " + name for name in _hive_columns(table)]
             return f"(SELECT {', '.join(columns + folders)} WHERE false)"
+        self.scanned |= dict.fromkeys(names)
         paths = self._files.scans(names)
         self._connection.execute(f"SET VARIABLE {table}_files = $paths", {"paths": paths})
         scan = scan_files(table, f"getvariable('{table}_files')")

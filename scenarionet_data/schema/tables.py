@@ -177,6 +177,8 @@ class Table:
             "version": "2.6",
             # One page per column chunk: the kernels of the loader require it, and queries are as fast.
             "data_page_size": 2**26,
+            # Compared when scenarios are loaded.
+            "write_page_checksum": True,
             # Arrow's copy of the schema is half of a small file's footer and redundant.
             "store_schema": False,
         }
@@ -206,7 +208,7 @@ class Table:
         Raises:
             SchemaMismatch: The message names the file, both versions and the remedy.
         """
-        found = (footer or {}).get(b"scenarionet.schema", b"none").decode()
+        found = (footer or {}).get(b"scenarionet.schema", b"none").decode(errors="replace")
         if not self.reads(found):
             raise SchemaMismatch(f"{path}: written under schema {found}, this version reads {self.tag}; {_REMEDY}")
 

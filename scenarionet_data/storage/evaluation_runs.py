@@ -112,10 +112,13 @@ def parse(files: LakeFiles, name: str) -> tuple[dict[str, Any], bool]:
     path = files.path(file_name(name))
     try:
         with reading(path):
-            return sealed_json.read(path.read_bytes(), file_name(name))
+            content, is_sealed = sealed_json.read(path.read_bytes(), file_name(name))
+        if not all(isinstance(tag, str) for tag in content["tables"]):
+            raise ValueError("its tables are no texts")
+        return content, is_sealed
     except NewerFormat as error:
         raise LakeError(f"{path}: {error}, by a newer version of this software; update it") from error
-    except ValueError as error:
+    except (ValueError, KeyError, TypeError) as error:
         raise LakeError(
             f"{path}: damaged, it is no description of a run; restore it from a copy of the lake, or remove the folder "
             "of the run and simulate again"

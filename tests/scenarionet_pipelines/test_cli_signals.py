@@ -116,11 +116,15 @@ COMMANDS = {
     "merge": "lake one two --name x", "intersect": "lake one two --name x", "subtract": "lake one two --name x",
     "diff": "lake one two", "overlap": "lake one two", "lineage": "lake one", "rebuild": "lake one",
     "rebase": "lake one", "copy": "lake one x", "rename": "lake one x", "drop": "lake one",
-    "checkout": "lake one", "sim": "lake --policy replay --workers 2", "record": "lake --workers 1",
+    "checkout": "lake one", "score": "lake --rollouts rows.csv", "sim": "lake --policy replay --workers 2", "record": "lake --workers 1",
     "export": "lake one out", "pack": "lake one packed", "check": "lake", "fsck": "lake --deep", "compact": "lake",
     "vacuum": "lake --dry-run", "doctor": "lake", "compile": "",
 }  # fmt: skip
 """Real work of every verb in a folder with the lake ``lake`` and its databases ``one`` and ``two``."""
+
+
+def test_work_of_every_verb_is_known():
+    assert COMMANDS.keys() == set(ALL_VERBS)
 
 
 @pytest.mark.long

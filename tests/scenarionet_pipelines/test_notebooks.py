@@ -77,6 +77,16 @@ def generated(tmp_path_factory):
     return folder
 
 
+def _html(notebook):
+    """HTML in the outputs of a notebook."""
+    return [
+        output["data"]["text/html"]
+        for cell in notebook.cells
+        for output in cell.get("outputs", [])
+        if "text/html" in output.get("data", {})
+    ]
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("name", names())
 def test_notebooks_run_on_generated_scenarios(name, generated, tmp_path):
@@ -85,6 +95,9 @@ def test_notebooks_run_on_generated_scenarios(name, generated, tmp_path):
     page = render(ran, name, tmp_path / "pages", generated).read_text("utf-8")
     assert str(generated) not in page
     assert "Traceback" not in page
+    shown = {kind for cell in ran.cells for output in cell.get("outputs", []) for kind in output.get("data", {})}
+    assert shown <= {"text/plain", "text/html", "image/png"}, "an export to HTML shows the rest only with JavaScript"
+    assert "<script" not in "".join(_html(ran))
 
 
 @pytest.fixture(scope="module")

@@ -6,6 +6,9 @@ SIGTERM. Results are written to standard output; progress, warnings and errors t
 
 from __future__ import annotations
 
+import sys
+from io import TextIOWrapper
+
 import click
 
 from scenarionet_pipelines.cli.group import Verbs
@@ -48,6 +51,9 @@ def cli(debug: bool) -> None:
 def main() -> None:
     """Run the command line; the entry point of the installed script."""
     handle_signals()
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):  # names of files may have bytes or letters that the terminal has not
+            stream.reconfigure(errors="backslashreplace")
     try:
         cli(prog_name="scenarionet")
     except SystemExit as end:

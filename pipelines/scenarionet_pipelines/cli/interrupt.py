@@ -21,6 +21,9 @@ _PATIENCE = 1.0
 
 _ENDINGS = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
 
+_WAKING = signal.SIGURG
+"""Sent to the main thread to wake it. Polars installs its own handler of SIGINT, after which waits are resumed."""
+
 
 class _Received:
     """The signal that ends this process, if any."""
@@ -69,6 +72,7 @@ def handle_signals() -> None:
     # The tracker of multiprocessing's semaphores outlives an ended process and removes them; it need not say so.
     ignored = os.environ.get("PYTHONWARNINGS", "").split(",")
     os.environ["PYTHONWARNINGS"] = ",".join(filter(None, [*ignored, "ignore:resource_tracker:UserWarning"]))
+    signal.signal(_WAKING, lambda number, frame: None)  # noqa: ARG005
     for number in _ENDINGS:
         signal.signal(number, _interrupt)
 
@@ -101,8 +105,10 @@ def _guard(pipe: int) -> None:
     """End the process if the handler does not run, or at a second signal."""
     number = _read(pipe)
     begin = time.monotonic()
-    if not _Received.is_handled.wait(_PATIENCE):
-        _end(number)
+    while not _Received.is_handled.wait(_PATIENCE / 10):
+        if time.monotonic() - begin > _PATIENCE:
+            _end(number)
+        signal.pthread_kill(threading.main_thread().ident or 0, _WAKING)
     while True:
         number = _read(pipe)
         if time.monotonic() - begin > _PATIENCE:

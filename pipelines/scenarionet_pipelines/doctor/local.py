@@ -195,7 +195,7 @@ def examine_lake(root: str) -> Iterator[Finding]:
     """Check that a lake on a local disk can be read and written."""
     from scenarionet_data import Lake
 
-    path = Path(root).resolve()
+    path = Path(os.path.realpath(root))
     if not (path / "snapshots").is_dir():
         yield Finding("lake", root, "missing", "not a lake yet", f"scenarionet convert DATASET RAW {root}")
     else:

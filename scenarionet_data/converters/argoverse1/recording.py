@@ -166,10 +166,13 @@ class _Cleaning:
         self, ego: int, times: Float64, track: Int64, frame: Int64, position: Float64
     ) -> tuple[Int64, Int64, Float64, Bool]:
         """Interpolate the ego's rows that were dropped; every whole recording has one at each time."""
-        own = np.argsort(np.where(track == ego, frame, len(times)))[: np.count_nonzero(track == ego)]
+        (own,) = np.nonzero(track == ego)
+        own = own[np.argsort(frame[own])]
         known = np.zeros(len(times), np.bool_)
         known[frame[own]] = True
         (missing,) = np.nonzero(short_gaps(times, known, _LONGEST_STEP))
+        if not len(missing):
+            return track, frame, position, np.zeros(len(track), np.bool_)
         filled = np.column_stack([np.interp(times[missing], times[frame[own]], position[own, axis]) for axis in range(2)])
         reason = "expected the ego at every time, found times without it, which are interpolated"
         self.defects.assume("tracks", self.file, [f"{times[each]:.3f} s" for each in missing], "X", reason)

@@ -11,12 +11,12 @@ left out: the ego comes from its poses.
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from scenarionet_data.ingest.listing import walk
 from scenarionet_data.converters.argoverse2.forecasting import read_scenario
 from scenarionet_data.converters.argoverse2.sensor import (
     ANNOTATIONS,
@@ -139,7 +139,7 @@ def _find(raw: Path, split: str, kind: str) -> tuple[list[Path], list[Path]]:
     others = _SPLITS - {split} if split in _SPLITS else set()
     scenarios: list[Path] = []
     logs: list[Path] = []
-    for folder, subfolders, files in os.walk(raw):
+    for folder, subfolders, files in walk(raw):
         annotations = annotations_in(files)
         if annotations:
             logs.append(Path(folder, annotations))

@@ -28,12 +28,12 @@ class Poses:
     Attributes:
         turn: (S, 4) unit quaternions.
         shift: (S, 3) [m].
-        num_interpolated: Number of times without a recorded pose.
+        is_interpolated: (S,) whether there is no recorded pose at this time.
     """
 
     turn: Float64
     shift: Float64
-    num_interpolated: int
+    is_interpolated: Bool
 
     def to_city(self, points: Float64, at: Int64) -> Float64:
         """Transform points (R, 3) from the ego frame to the city frame with poses ``at`` (R,)."""
@@ -75,8 +75,7 @@ class RecordedPoses:
         sign = np.where((turn[before] * turn[after]).sum(axis=1, keepdims=True) < 0, -1.0, 1.0)
         blended = (1 - share) * turn[before] + share * sign * turn[after]
         blended /= np.linalg.norm(blended, axis=1, keepdims=True)
-        num_interpolated = int((self.times[after] != times).sum())
-        return Poses(blended, (1 - share) * shift[before] + share * shift[after], num_interpolated)
+        return Poses(blended, (1 - share) * shift[before] + share * shift[after], self.times[after] != times)
 
 
 def read_poses(path: Path) -> RecordedPoses:

@@ -68,7 +68,7 @@ class Argoverse2Log:
         name: The log's id.
         file: Its annotations, relative to the raw folder.
         sweeps: (S,) int64 [ns], strictly increasing.
-        num_interpolated: Number of sweeps without a recorded pose.
+        is_interpolated: (S,) sweeps without a recorded pose.
         ego: (S, 4) x, y, z of the ego's box centre [m], heading [rad].
         sweep: (R,) sweep of each box.
         tracks, categories: (R,) values of the source.
@@ -82,7 +82,7 @@ class Argoverse2Log:
     name: str
     file: str
     sweeps: Int64
-    num_interpolated: int
+    is_interpolated: Bool
     ego: Float64
     sweep: Int64
     tracks: Any
@@ -171,7 +171,7 @@ def read_log(annotations: Path, file: str) -> Argoverse2Log:
         name=folder.resolve().name,
         file=file,
         sweeps=boxes.sweeps,
-        num_interpolated=poses.num_interpolated,
+        is_interpolated=poses.is_interpolated,
         ego=np.column_stack([center, heading(forward(poses.turn))]),
         sweep=boxes.sweep,
         tracks=boxes.tracks,
@@ -291,7 +291,7 @@ def describe(shard: Shard, window: Argoverse2Window, licence: str) -> ScenarioDe
         extras={
             "kind": "sensor",
             "start_timestamp_ns": int(times[0]),
-            "num_interpolated_poses": log.num_interpolated,
+            "num_interpolated_poses": int(log.is_interpolated.sum()),
             "num_completed_links": log.roads.num_completed_links,
         },
         defects=_defects(window),
@@ -321,6 +321,8 @@ def _tracks(window: Argoverse2Window, ego: Float64, timestamps: Float64, origin:
     boxes = np.concatenate([grid.place(log.boxes[rows]), np.column_stack([ego, _ego_sizes(ego)])[None]])
     valid = np.concatenate([grid.valid, np.ones((1, len(timestamps)), np.bool_)])
     kinds = [SENSOR_CATEGORIES.get(word, ObjectType.OTHER) for word in words]
+    is_interpolated = np.zeros(valid.shape, np.bool_)
+    is_interpolated[-1] = log.is_interpolated[window.first : window.last]
     return make_tracks(
         [*grid.ids, EGO],
         [*kinds, ObjectType.VEHICLE],
@@ -334,6 +336,7 @@ def _tracks(window: Argoverse2Window, ego: Float64, timestamps: Float64, origin:
         is_size_assumed=[False] * len(words) + [True],
         is_type_assumed=[word not in SENSOR_CATEGORIES for word in words] + [False],
         is_velocity_estimated=True,
+        is_interpolated=is_interpolated,
     )
 
 

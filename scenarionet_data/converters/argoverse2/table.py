@@ -50,7 +50,9 @@ def read_feather(path: Path, columns: Iterable[str]) -> pa.Table:
     try:
         rows = pa.feather.read_table(path, use_threads=False, memory_map=False)
         wanted = set(columns)
-        return rows.select([number for number, name in enumerate(rows.column_names) if name in wanted])
+        chosen = rows.select([number for number, name in enumerate(rows.column_names) if name in wanted])
+        chosen.validate(full=True)  # Arrow would read beyond the end of damaged columns
+        return chosen
     except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
         raise _unreadable(path, "Feather", error) from error
 

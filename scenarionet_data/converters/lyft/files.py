@@ -6,6 +6,7 @@ import hashlib
 import os
 from pathlib import Path
 
+from scenarionet_data.ingest.listing import walk
 from scenarionet_data.converters.lyft.recording import LyftRecording
 from scenarionet_data.errors import SourceNotFound
 from scenarionet_data.ingest.shard import RawItem, fingerprint
@@ -43,7 +44,7 @@ def find_recordings(raw: Path, split: str) -> list[Path]:
 def _find(folder: Path, ending: str) -> list[Path]:
     """Find folders and files by suffix, sorted, without looking inside recordings."""
     found = []
-    for place, folders, files in os.walk(folder):
+    for place, folders, files in walk(folder):
         found += [Path(place, name) for name in (*folders, *files) if name.endswith(ending)]
         folders[:] = sorted(name for name in folders if not name.endswith(".zarr"))
     return sorted(found)

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from scenarionet_data.ingest.listing import walk
 from scenarionet_data.converters.nuplan.log import LogLocation, opened, read_place, read_tag_types
 from scenarionet_data.errors import CorruptSource, SourceNotFound
 from scenarionet_data.ingest.input_properties import InputProperties, LazyProperties, is_local
@@ -162,6 +163,6 @@ def _versions(manifest: Path) -> dict[str, str]:
 
 
 def _walk(root: Path) -> Iterator[Path]:
-    for folder, subfolders, files in os.walk(root):
+    for folder, subfolders, files in walk(root):
         subfolders[:] = [name for name in subfolders if name not in SENSORS]
         yield from (Path(folder, name) for name in files)

@@ -122,7 +122,7 @@ class NuPlanLog:
 
 def uri(path: Path) -> str:
     """Open mode of SQLite for an immutable file: without locks and without a writable folder for them."""
-    return f"{path.resolve().as_uri()}?mode=ro&immutable=1"
+    return f"{path.absolute().as_uri()}?mode=ro&immutable=1"
 
 
 def unreadable(path: Path, error: Exception) -> CorruptSource:

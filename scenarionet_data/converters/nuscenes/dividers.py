@@ -70,7 +70,7 @@ def _typed(expansion: Expansion, layer: str, record: LayerRecord, field: str) ->
     for segment in segments if isinstance(segments, list) else ():
         stated = segment if isinstance(segment, dict) else {}
         place, kind = expansion.node(stated.get("node_token")), stated.get("segment_type")
-        spots.append(None if place is None else places(np.array([place]))[0])
+        spots.append(None if place is None else (round(place[0] * 1000.0), round(place[1] * 1000.0)))
         kinds.append(kind if isinstance(kind, str) else None)
     if not isinstance(segments, list) or None in spots or None in kinds:
         expansion.assume(layer, record["token"], f"expected nodes and types in {field}, found others; left out")

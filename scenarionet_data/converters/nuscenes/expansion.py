@@ -19,7 +19,6 @@ from shapely.errors import ShapelyError
 
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.building.plausible import MAX_MAP_DISTANCE
-from scenarionet_data.converters.formats.json_blocks import is_number
 from scenarionet_data.converters.nuscenes.dubins import are_paths, is_path
 from scenarionet_data.ingest.defects import Defects
 
@@ -144,11 +143,14 @@ class Expansion:
     def _points(self, layer: str, token: str, nodes: Any, least: int) -> Float64:
         if not isinstance(nodes, list):
             raise BadFeature("expected a list of nodes, found none")
+        if len(nodes) >= least or not nodes:
+            try:
+                return np.array([self._nodes[node] for node in nodes], np.float64).reshape(-1, 2)
+            except (KeyError, TypeError):  # a node is unknown, or its reference is no text
+                self.assume(layer, token, "expected known nodes with finite coordinates, found others; left out")
         found = [place for place in map(self.node, nodes) if place is not None]
-        if 0 < len(nodes) and len(found) < least:
+        if len(found) < least:
             raise BadFeature(f"expected {least} nodes or more, found {len(found)} that can be used")
-        if len(found) < len(nodes):
-            self.assume(layer, token, "expected known nodes with finite coordinates, found others; left out")
         return np.array(found, np.float64).reshape(-1, 2)
 
 
@@ -190,11 +192,14 @@ def _named(entries: Iterable[Any]) -> Iterator[LayerRecord]:
 def _nodes(entries: list[Any]) -> Mapping[str, tuple[float, float]]:
     """x, y [m] of the usable nodes by token."""
     found = {
-        node["token"]: (float(node["x"]), float(node["y"]))
+        node["token"]: (node["x"], node["y"])
         for node in _named(entries)
-        if is_number(node.get("x"), _LARGEST) and is_number(node.get("y"), _LARGEST)
+        if type(node.get("x")) in (int, float) and type(node.get("y")) in (int, float)
     }
-    places = np.array(list(found.values()), np.float64).reshape(-1, 2)
-    centre = np.median(places, axis=0) if found else np.zeros(2)
-    distance = np.abs(places - centre).max(axis=1, initial=0.0)
-    return {token: place for (token, place), d in zip(found.items(), distance, strict=True) if d <= MAX_MAP_DISTANCE}
+    places = np.array([place for place in found.values()]).reshape(-1, 2)
+    if places.dtype == object:  # integers beyond 64 bits
+        places = np.where(np.abs(places) < _LARGEST, places, np.inf).astype(np.float64)
+    is_finite = np.isfinite(places).all(axis=1)
+    centre = np.median(places[is_finite], axis=0) if is_finite.any() else np.zeros(2)
+    is_near = np.abs(places - centre).max(axis=1, initial=0.0) <= MAX_MAP_DISTANCE
+    return {token: (float(x), float(y)) for (token, (x, y)), near in zip(found.items(), is_near.tolist(), strict=True) if near}

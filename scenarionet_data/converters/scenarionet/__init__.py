@@ -57,7 +57,7 @@ class ScenarioNetPickles(Converter[RawItem]):
         items = []
         for name in _list_pickles(raw):
             path = root / name
-            items.append(RawItem(name, fingerprint([path]) if path.is_file() else ABSENT, properties_of(path)))
+            items.append(RawItem(name, _fingerprint(path), properties_of(path)))
         for name, members in bucket(items).items():
             yield Shard(self.name, version, split, name, str(root), members, options)
 
@@ -129,6 +129,13 @@ def _list_pickles(raw: str) -> list[str]:
     if names and not any((Path(raw) / name).is_file() for name in names):
         raise SourceNotFound(f"{raw}: all {len(names)} files that its mapping lists are missing, such as {names[0]}")
     return names
+
+
+def _fingerprint(path: Path) -> str:
+    try:
+        return fingerprint([path])
+    except CorruptSource:  # missing, or unreadable: one scenario in quarantine
+        return ABSENT
 
 
 def _is_scenario(path: Path) -> bool:

@@ -107,6 +107,8 @@ def load(path: Path, name: str) -> dict[str, Any]:
     try:
         with path.open("rb") as file:
             content = _Unpickler(file).load()
+    except OSError as error:
+        raise InvalidScenario(name, "pickle", f"cannot be read ({error.strerror or error}); repair the file") from error
     # Damaged bytes are executed as instructions and can raise anything.
     except Exception as error:
         reason = str(error) if str(error).startswith("expected ") else _UNREADABLE.format(type(error).__name__)

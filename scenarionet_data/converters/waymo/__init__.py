@@ -76,14 +76,14 @@ class Waymo(Converter[TfRecord]):
         root = Path(raw)
         folder = root.parent if root.is_file() else root
         for path in scenario_files(raw, split):
-            item = path.relative_to(folder).as_posix()
+            item = RawItem(path.relative_to(folder).as_posix(), fingerprint([path]))
             yield Shard(
                 dataset=self.name,
                 version=version,
                 split=split,
-                name=shard_name(item),
+                name=shard_name(item.name),
                 root=str(folder),
-                items=(RawItem(item, fingerprint([path])),),
+                items=(item,),
                 options=options,
             )
 

@@ -64,6 +64,14 @@ class LocalCopies:
             make_room(self.folder.parent, room())
         return path
 
+    def discard(self, name: str, mark: str) -> bool:
+        """Remove the cached copy of a file; returns whether there was one."""
+        try:
+            self._path(name, mark).unlink()
+        except FileNotFoundError:
+            return False
+        return True
+
     def _path(self, name: str, mark: str) -> Path:
         digest = hashlib.blake2b(mark.encode(), digest_size=6).hexdigest()
         return self.folder / "copies" / digest / name

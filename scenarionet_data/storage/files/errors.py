@@ -39,7 +39,7 @@ def reading(path: Path | str) -> Iterator[None]:
         yield
     except FileGone:
         raise
-    except (OSError, pa.ArrowInvalid) as error:
+    except (OSError, pa.ArrowException) as error:
         raise damaged(path, _reason(error)) from error
 
 

@@ -11,6 +11,7 @@ from fsspec import AbstractFileSystem
 from fsspec.spec import AbstractBufferedFile
 
 from scenarionet_data.errors import LakeError
+from scenarionet_data.storage.seals import FileEnd
 
 _READ_AHEAD = 2**20
 """Read-ahead [bytes]: DuckDB requests the adjacent columns of a row group one after the other."""
@@ -23,8 +24,8 @@ class RangeFiles(Protocol):
     def root(self) -> object:
         """URL of the lake."""
 
-    def end(self, name: str) -> tuple[int, bytes]:
-        """Size and last bytes of a Parquet file, including its footer."""
+    def last(self, name: str) -> tuple[int, bytes, FileEnd]:
+        """Size and last bytes of a Parquet file, with its verified footer."""
 
     def range(self, name: str, start: int, end: int) -> memoryview:
         """Bytes ``start`` to ``end`` (exclusive) of a file."""
@@ -87,7 +88,8 @@ class RemoteFilesystem(AbstractFileSystem):  # type: ignore[misc]  # fsspec has 
 
     def _end(self, path: str) -> tuple[int, bytes]:
         with self._noting_failure():
-            return self._files.end(self._name(path))
+            size, end, _ = self._files.last(self._name(path))
+            return size, end
 
     @contextmanager
     def _noting_failure(self) -> Iterator[None]:

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import hashlib
 from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,8 +18,12 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from scenarionet_data.storage import seals
+from scenarionet_data.storage import seals, verified_files
 from scenarionet_data.storage.files.errors import reading
+from scenarionet_data.storage.seals import FileEnd
+
+READ_IN_PLACE = ("tracks/", "lights/", "maps/")
+"""Large tables, of which readers need a few row groups."""
 
 
 @dataclass(frozen=True)
@@ -97,27 +103,61 @@ class LakeFiles(ABC):
         """
         return seals.verify(self.path(name), name)
 
+    def verified(self, name: str) -> Path:
+        """Local path of a file of which every byte that can be is verified, once a process.
+
+        Raises:
+            LakeError: It is missing or damaged.
+        """
+        path = self.path(name)
+        verified_files.verify(path, name)
+        return path
+
+    def are_verified(self, names: Iterable[str]) -> bool:
+        """Whether every byte of some small files is verified; False if one of them is of an older lake.
+
+        Raises:
+            LakeError: A file is missing or damaged.
+        """
+        listed = list(names)
+        return all([verified_files.verify(path, name) for path, name in zip(self.paths(listed), listed, strict=True)])
+
+    def end(self, name: str) -> FileEnd:
+        """The verified end of a Parquet file, with its footer.
+
+        Raises:
+            LakeError: It is missing or damaged.
+        """
+        return verified_files.open_end(self.path(name), name)
+
+    def footer(self, name: str) -> pq.FileMetaData:
+        """Footer of a Parquet file, verified.
+
+        Raises:
+            LakeError: The file is missing or damaged.
+        """
+        return verified_files.parsed(self.end(name), self.url(name))
+
     def read(self, name: str, columns: list[str] | None = None) -> pa.Table:
         """Rows of a Parquet file."""
         return self.read_all([name], columns)[0]
 
     def read_all(self, names: Sequence[str], columns: list[str] | None = None) -> list[pa.Table]:
         """Rows of each of several Parquet files."""
-        found = []
-        for path in self.paths(names):
-            with reading(path):
-                found.append(pq.ParquetFile(path).read(columns))
-        return found
-
-    def footer(self, name: str) -> pq.FileMetaData:
-        """Footer of a Parquet file."""
-        path = self.path(name)
-        with reading(path):
-            return pq.read_metadata(path)
+        return [_read(path, name, columns) for path, name in zip(self.paths(names), names, strict=True)]
 
     def scans(self, names: Sequence[str]) -> list[str]:
-        """Paths or URLs under which SQL scans files; all are below :attr:`scanned_folders`."""
-        return [str(path) for path in self.paths(names)]
+        """Paths or URLs under which SQL scans files; all are below :attr:`scanned_folders`.
+
+        Every byte of small files is verified, and the footers of the large tables.
+
+        Raises:
+            LakeError: A file is missing or damaged.
+        """
+        paths = self.paths(names)
+        with ThreadPoolExecutor() as pool:  # digests are computed without the interpreter lock
+            deque(pool.map(_verify_scanned, paths, names), maxlen=0)
+        return [str(path) for path in paths]
 
     @property
     @abstractmethod
@@ -175,6 +215,22 @@ class LakeFiles(ABC):
     @abstractmethod
     def sweep(self) -> None:
         """Remove temporary files that a killed job left more than a day ago."""
+
+
+def _read(path: Path, name: str, columns: list[str] | None) -> pa.Table:
+    is_whole = verified_files.verify(path, name)
+    with reading(path):
+        rows = pq.ParquetFile(path).read(columns)
+        if not is_whole:
+            rows.validate(full=True)  # texts of older lakes may be damaged
+    return rows
+
+
+def _verify_scanned(path: Path, name: str) -> None:
+    if name.startswith(READ_IN_PLACE):
+        verified_files.open_end(path, name)
+    else:
+        verified_files.verify(path, name)
 
 
 def sha256(path: Path) -> str:

@@ -23,7 +23,7 @@ class LocalLakeFiles(LakeFiles):
     """
 
     def __init__(self, root: str | Path) -> None:
-        self.root = self._folder = Path(root).resolve()
+        self.root = self._folder = Path(os.path.realpath(root))
         self._temporary = TemporaryFolder(self._folder)
 
     # --- listing ----------------------------------------------------------------------------------------

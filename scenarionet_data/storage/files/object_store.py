@@ -30,7 +30,7 @@ _MAY_EXIST = (
     "there when the object store is available, and run the same command again if not"
 )
 
-Result = TypeVar("Result")
+Answer = TypeVar("Answer")
 
 @dataclass(frozen=True)
 class Stored:
@@ -204,7 +204,7 @@ class ObjectStore:
 
     # --- errors -----------------------------------------------------------------------------------------
 
-    def _request(self, name: str, send: Callable[[], Result], remedy: str = _RUN_AGAIN) -> Result:
+    def _request(self, name: str, send: Callable[[], Answer], remedy: str = _RUN_AGAIN) -> Answer:
         """Send a request until it succeeds; errors are those of :meth:`_translated_errors`."""
         attempts = Attempts()
         with self._translated_errors(name, remedy):

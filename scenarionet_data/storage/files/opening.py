@@ -74,5 +74,5 @@ def _path(place: str | Path, remedy: str) -> Path:
     try:
         str(path).encode()
     except UnicodeEncodeError as error:
-        raise BadParameter(f"{path}: the path is not UTF-8, as file names in a lake are; rename the folder") from error
+        raise BadParameter(f"{path}: the path is not UTF-8; rename the folder, or give another one") from error
     return path

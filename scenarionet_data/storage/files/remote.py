@@ -15,25 +15,21 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
-import pyarrow as pa
-import pyarrow.parquet as pq
-
-from scenarionet_data.errors import FileGone
-from scenarionet_data.storage import seals
+from scenarionet_data.errors import FileGone, LakeError
+from scenarionet_data.storage import seals, verified_files
 from scenarionet_data.storage.files import store_client
 from scenarionet_data.storage.files.cache import LocalCopies, folder_of
-from scenarionet_data.storage.files.errors import reading, writing
-from scenarionet_data.storage.files.lake_files import LakeFiles, Listed
+from scenarionet_data.storage.files.errors import writing
+from scenarionet_data.storage.files.lake_files import READ_IN_PLACE, LakeFiles, Listed
 from scenarionet_data.storage.files.object_store import ObjectStore, Stored
 from scenarionet_data.storage.files.temporary import TemporaryFolder, delete
+from scenarionet_data.storage.seals import FileEnd
 
 FOOTER = 2**17
 """Bytes requested from the end of a file for its footer; one with 64 row groups is 60-100 kB."""
 
 _BY_CONTENT = ("tracks/", "lights/", "maps/", "quarantine/", "defects/")
 """Tables whose file names contain a digest of the content; other files may be dropped and re-created."""
-
-_READ_IN_PLACE = ("tracks/", "lights/", "maps/")
 
 _CONCURRENT_REQUESTS = 16
 """Measured: adapting this number to the latency of the store gains at most 17 % (0 to 50 ms)."""
@@ -152,7 +148,7 @@ class RemoteLakeFiles(LakeFiles):
 
     def verify(self, name: str) -> bool:
         """Verify a Parquet file by its seal; one of the large tables is downloaded without caching."""
-        if not name.startswith(_READ_IN_PLACE):
+        if not name.startswith(READ_IN_PLACE):
             return super().verify(name)
         temporary = self.temporary()
         self._store.download(name, temporary)
@@ -161,18 +157,31 @@ class RemoteLakeFiles(LakeFiles):
         finally:
             temporary.unlink()
 
-    def footer(self, name: str) -> pq.FileMetaData:
-        """Footer of a Parquet file."""
-        if not name.startswith(_READ_IN_PLACE):
-            return super().footer(name)
-        with reading(self.url(name)):
-            return pq.read_metadata(pa.BufferReader(self.end(name)[1]))
+    def end(self, name: str) -> FileEnd:
+        """The verified end of a Parquet file; of the large tables no more is downloaded."""
+        return self.last(name)[2] if name.startswith(READ_IN_PLACE) else super().end(name)
 
-    def end(self, name: str) -> tuple[int, bytes]:
-        """Size and last bytes, including the whole footer, of a Parquet file of one of the large tables."""
+    def verified(self, name: str) -> Path:
+        """Path of a verified copy; one that is damaged is downloaded again."""
+        try:
+            return super().verified(name)
+        except LakeError:
+            if not self._copies.discard(name, self._mark(name)):
+                raise
+        return super().verified(name)
+
+    def last(self, name: str) -> tuple[int, bytes, FileEnd]:
+        """Size and last bytes of a Parquet file of one of the large tables, with its verified footer."""
         size, end = self._last(name, FOOTER)
-        needed = int.from_bytes(end[-8:-4], "little") + 8
-        return (size, end) if needed <= len(end) or len(end) == size else self._last(name, needed)
+        needed = min(seals.needed(end), size)
+        if needed > len(end):
+            size, end = self._last(name, needed)
+        try:
+            return size, end, verified_files.check_end(end, size, name, self.url(name))
+        except LakeError:  # not kept, so that a file that has been restored is read
+            self._copies.discard(f"{name}.end", str(FOOTER))
+            self._copies.discard(f"{name}.end", str(needed))
+            raise
 
     def _last(self, name: str, length: int) -> tuple[int, bytes]:
         """Size and at most the last ``length`` bytes; cached with the size in front."""
@@ -194,8 +203,9 @@ class RemoteLakeFiles(LakeFiles):
 
     def scans(self, names: Sequence[str]) -> list[str]:
         """URLs of files of the large tables, paths of cached copies of the others."""
-        small = [name for name in names if not name.startswith(_READ_IN_PLACE)]
-        copies = dict(zip(small, self.paths(small), strict=True))
+        small = [name for name in names if not name.startswith(READ_IN_PLACE)]
+        copies = dict(zip(small, self.map(self.verified, small), strict=True))
+        self.map(self.end, [name for name in names if name not in copies])
         return [str(copies[name]) if name in copies else self.url(name) for name in names]
 
     @property
@@ -222,7 +232,7 @@ class RemoteLakeFiles(LakeFiles):
         except BaseException:
             temporary.unlink(missing_ok=True)
             raise
-        if name.startswith(_READ_IN_PLACE):
+        if name.startswith(READ_IN_PLACE):
             temporary.unlink()
         else:  # small files are soon read again: cache the upload
             self._sizes[name] = temporary.stat().st_size

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -30,20 +30,19 @@ class RemoteFolder:
         """Every file below the URL."""
         return [each.name for each in self._store.walk()]
 
-    def upload(self, folder: Path, last: Collection[str]) -> None:
+    def upload(self, folder: Path, last: Sequence[str]) -> None:
         """Make the folder's content equal to that of a local one.
 
         Args:
             folder: The local folder.
-            last: Files to upload when all others are there: those by which readers recognise a complete folder. Earlier
-                ones are removed first, so that readers never find them with other files.
+            last: Files to upload in this order when all others are there: those by which readers recognise a complete
+                folder. Earlier ones are removed first, so that readers never find them with other files.
         """
         before = self.names()
         names = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
         self._store.delete([name for name in before if name in last])
         with ThreadPoolExecutor(_CONNECTIONS) as pool:
             list(pool.map(lambda name: self._store.put(name, folder / name), (n for n in names if n not in last)))
-        for name in names:
-            if name in last:
-                self._store.put(name, folder / name)
+        for name in last:
+            self._store.put(name, folder / name)
         self._store.delete([*{*before} - {*names}])

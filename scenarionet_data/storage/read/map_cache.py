@@ -5,11 +5,9 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow.parquet as pq
 
 from scenarionet_data import codec
 from scenarionet_data.arrays.columns import Columns
@@ -83,18 +81,18 @@ class MapCache:
             raise ScenarioNotFound(f"no map {map_id!r} of {dataset} {version} in the lake; convert it with its maps")
         with self._lock:
             if key not in self._maps:
-                self._maps[key] = _read(self._files.path(self._names[key]))
+                self._maps[key] = _read(self._files, self._names[key])
                 if len(self._maps) > _MAX_MAPS:
                     self._maps.popitem(last=False)
             self._maps.move_to_end(key)
             return self._maps[key]
 
 
-def _read(path: Path) -> SharedMap:
+def _read(files: LakeFiles, name: str) -> SharedMap:
     """Read a shared map from its file."""
-    file = pq.ParquetFile(path)
-    tables.load("maps").check_version(file.metadata.metadata, str(path))
-    whole = tables.load("maps").conform(file.read(use_threads=False))
+    found = files.read(name)
+    tables.load("maps").check_version(found.schema.metadata, files.url(name))
+    whole = tables.load("maps").conform(found)
     (rows,) = whole.sort_by("feature_index").combine_chunks().to_batches()
     origins = np.column_stack([rows.column(f"origin_{axis}").to_numpy() for axis in "xyz"])
     boxes = [rows.column(name).to_numpy(zero_copy_only=False) for name in ("min_x", "min_y", "max_x", "max_y")]

@@ -10,15 +10,14 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
-
 from scenarionet_data.arrays.dtypes import Array, UInt8
 from scenarionet_data.schema import tables
+from scenarionet_data.storage import verified_files
 from scenarionet_data.storage.files.errors import reading
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.files.remote import RemoteLakeFiles
 from scenarionet_data.storage.read.parquet import ColumnReader, Footer, RowGroup
+from scenarionet_data.storage.seals import FileEnd
 
 _MAX_OPEN_FILES = 32
 _MAX_FOOTERS = 512
@@ -65,19 +64,19 @@ class LocalRowGroups:
         found = []
         for table, name, number in addresses:
             if name not in self._open:
-                path = self._files.path(name)
-                with reading(path):
-                    metadata = pq.read_metadata(path, memory_map=True)
-                    footer = _footer(self._readers, table, metadata, str(path))
-                    with path.open("rb") as file:
-                        content = np.frombuffer(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ), np.uint8)
-                self._open[name] = footer, content
+                self._open[name] = self._opened(table, name)
                 if len(self._open) > _MAX_OPEN_FILES:
                     self._open.popitem(last=False)
             self._open.move_to_end(name)
             footer, content = self._open[name]
             found.append(RowGroup(footer, number, content))
         return found
+
+    def _opened(self, table: str, name: str) -> tuple[Footer, UInt8]:
+        path = self._files.path(name)
+        footer = _footer(self._readers, table, self._files.end(name), str(path))
+        with reading(path), path.open("rb") as file:
+            return footer, np.frombuffer(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ), np.uint8)
 
 
 @dataclass(frozen=True)
@@ -111,7 +110,7 @@ class RemoteRowGroups:
         if not missing:
             return
         self._read_footers(missing)
-        runs = _runs([(*self._footers[address.file].span(address.number), address) for address in missing])
+        runs = _runs([(*self._span(address), address) for address in missing])
         for run in sorted(runs, key=lambda run: min(missing[address] for _, _, address in run)):
             (start, _, address), end = run[0], run[-1][1]
             answer = self._files.submit(self._range, address.file, start, end)
@@ -129,6 +128,10 @@ class RemoteRowGroups:
             found.append(RowGroup(self._footers[address.file], address.number, pending.answer.result(), pending.start))
         return found
 
+    def _span(self, address: RowGroupAddress) -> tuple[int, int]:
+        with reading(self._files.url(address.file)):
+            return self._footers[address.file].span(address.number)
+
     def _range(self, name: str, start: int, end: int) -> Array:
         return np.frombuffer(self._files.range(name, start, end), np.uint8)
 
@@ -136,19 +139,19 @@ class RemoteRowGroups:
         """Read footers that are not cached, concurrently."""
         unknown = sorted({(table, name) for table, name, _ in addresses if name not in self._footers})
         ends = self._files.map(self._files.end, [name for _, name in unknown])
-        for (table, name), (_, end) in zip(unknown, ends, strict=True):
-            url = self._files.url(name)
-            with reading(url):
-                self._footers[name] = _footer(self._readers, table, pq.read_metadata(pa.BufferReader(end)), url)
+        for (table, name), end in zip(unknown, ends, strict=True):
+            self._footers[name] = _footer(self._readers, table, end, self._files.url(name))
         for _, name, _ in addresses:
             self._footers.move_to_end(name)
         while len(self._footers) > max(_MAX_FOOTERS, len(addresses)):
             self._footers.popitem(last=False)
 
 
-def _footer(readers: Mapping[str, ColumnReader], table: str, metadata: pq.FileMetaData, url: str) -> Footer:
+def _footer(readers: Mapping[str, ColumnReader], table: str, end: FileEnd, url: str) -> Footer:
+    metadata = verified_files.parsed(end, url)
     tables.load(table).check_version(metadata.metadata, url)
-    return readers[table].footer(url, metadata)
+    with reading(url):
+        return readers[table].footer(url, metadata, has_checksums=end.is_sealed)
 
 
 def _runs(

@@ -35,13 +35,15 @@ class ScenarioReader:
     Args:
         files: The lake's files.
         snapshot: The snapshot of the scenarios.
+        with_ids: Whether to read scenario_id as well.
     """
 
-    def __init__(self, files: LakeFiles, snapshot: Snapshot) -> None:
+    def __init__(self, files: LakeFiles, snapshot: Snapshot, *, with_ids: bool = False) -> None:
         self._files = files
         self._snapshot = snapshot
+        unused = _UNUSED - {"scenario_id"} if with_ids else _UNUSED
         self._readers = {
-            table: ColumnReader([column for column in tables.load(table).columns if column.name not in _UNUSED])
+            table: ColumnReader([column for column in tables.load(table).columns if column.name not in unused])
             for table in TABLES
         }
         self._remote = RemoteRowGroups(files, self._readers) if isinstance(files, RemoteLakeFiles) else None

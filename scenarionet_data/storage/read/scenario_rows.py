@@ -44,7 +44,7 @@ class ScenarioRows:
             SchemaMismatch: The file has a schema version that cannot be read.
         """
         name, number, first, num_rows = address
-        path = self._files.path(name)
+        path = self._files.verified(name)
         with reading(path):
             if name != self._name:
                 self._file = pq.ParquetFile(path)

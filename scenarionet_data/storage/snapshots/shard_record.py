@@ -64,6 +64,7 @@ def find_record(files: LakeFiles, name: str) -> ShardRecord | None:
     """
     if not files.has(name):
         return None
+    files.path(name)  # raises if the store does not answer
     try:
         files.verify(name)
         record = record_of(files.footer(name).metadata)

@@ -74,7 +74,7 @@ def copy_groups(files: LakeFiles, table: str, source: str, numbers: Iterable[int
         path: Path of the new file.
         keys: Entries of the footer to copy.
     """
-    declared, place = tables.load(table), files.path(source)
+    declared, place = tables.load(table), files.verified(source)
     with reading(place), pq.ParquetFile(place) as file:
         words = file.metadata.metadata
         footer = {key: words[key.encode()].decode() for key in keys if key.encode() in words}

@@ -95,7 +95,12 @@ class ShardWriter:
                 raise InvalidScenario(scenario.id, name, f"wanted {wanted!r}, its shard's, found {found!r}")
         if scenario.id in self._ids:
             raise InvalidScenario(scenario.id, "id", "expected a unique id, found it twice in this shard")
-        encoded = codec.encode(scenario, self._version)
+        try:
+            encoded = codec.encode(scenario, self._version)
+            "".join(value for value in encoded.metadata.values() if isinstance(value, str)).encode()
+        except UnicodeEncodeError as error:
+            found = str(error.object)[error.start : error.end]
+            raise InvalidScenario(scenario.id, "text", f"expected UTF-8 in all texts, found {found!a}") from error
         position = len(self._ids) + len(self._rejected)
         self._ids.add(scenario.id)
         self._defects[scenario.id] = defect_rows(self._shard, scenario.defects, scenario_id=scenario.id)

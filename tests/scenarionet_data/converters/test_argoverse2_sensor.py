@@ -62,6 +62,8 @@ def test_missing_sweep_poses_are_interpolated(tmp_path: Path) -> None:
     (first,), (second,) = scenarios(CONVERTER, exact.parent), scenarios(CONVERTER, between.parent)
     assert first.extras["num_interpolated_poses"] == 0
     assert second.extras["num_interpolated_poses"] == first.num_timesteps
+    assert not first.tracks.is_interpolated.any()
+    assert (second.tracks.is_interpolated.sum(axis=1) == first.num_timesteps * (second.tracks.ids == "AV")).all()
     assert np.abs(first.tracks.position - second.tracks.position).max() < 1e-3
     turn = np.abs(first.tracks.heading - second.tracks.heading)
     assert np.minimum(turn, 2 * np.pi - turn).max() < 1e-5

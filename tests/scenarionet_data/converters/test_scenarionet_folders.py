@@ -8,9 +8,11 @@ from pathlib import Path
 import pytest
 
 from scenarionet_data import converters
+from scenarionet_data.conversion import convert
 from scenarionet_data.converters.scenarionet import ScenarioNetPickles
-from scenarionet_data.errors import CorruptSource, SourceNotFound
+from scenarionet_data.errors import CorruptSource, InvalidScenario, SourceNotFound
 from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.shard import ABSENT
 from tests.fixtures import scenarionet_pickles as made
 
 CONVERTER = ScenarioNetPickles()
@@ -75,3 +77,34 @@ def test_moved_folder_gives_equal_shards(tmp_path: Path) -> None:
 
 def test_converter_is_registered() -> None:
     assert isinstance(converters.get("scenarionet"), ScenarioNetPickles)
+
+
+def test_unreadable_file_costs_its_scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As if it were missing: it is converted by a later run, when it can be read."""
+    for name in ("a", "b"):
+        made.write_pickle(made.waymo(name), tmp_path / f"sd_{name}.pkl")
+    open_ = Path.open
+
+    def refusing(path: Path, *arguments: object) -> object:
+        if path.name == "sd_a.pkl":
+            raise PermissionError(13, "Permission denied", str(path))
+        return open_(path, *arguments)  # type: ignore[call-overload]
+
+    monkeypatch.setattr(Path, "open", refusing)  # the tests may run as root, who may read everything
+    (shard,) = CONVERTER.shards(str(tmp_path), "train", "v1", Options())
+    assert [item.fingerprint == ABSENT for item in shard.items] == [True, False]
+    with pytest.raises(InvalidScenario, match=r"sd_a\.pkl: pickle: cannot be read \(Permission denied\)"):
+        CONVERTER.scenario(shard, shard.items[0])
+    assert CONVERTER.scenario(shard, shard.items[1]).id == "scenarionet/v1/waymo_b"
+
+
+@pytest.mark.parametrize("place", ["version", "map", "note", "scenario_id"])
+def test_text_that_is_not_utf8_costs_its_scenario(tmp_path: Path, place: str) -> None:
+    bad = made.waymo("bad")
+    (bad if place == "version" else bad["metadata"])[place] = "x\udcff"
+    if place == "scenario_id":
+        bad["id"] = "x\udcff"
+    made.write_pickle(bad, tmp_path / "raw" / "sd_bad.pkl")
+    made.write_pickle(made.waymo("good"), tmp_path / "raw" / "sd_good.pkl")
+    report = convert("scenarionet", tmp_path / "raw", tmp_path / "lake")
+    assert (report.converted, report.quarantined, report.failed) == (1, 1, [])

@@ -98,3 +98,17 @@ def test_names_of_numpy_1_and_2_are_read(protocol: int, core: str, tmp_path: Pat
     found = load(path, "x")
     assert found["a"].tolist() == value["a"].tolist()
     assert found["b"] == value["b"] and found["c"].tolist() == ["x", None]
+
+
+@pytest.mark.parametrize("content", [b"", pickle.dumps({"a": list(range(99))})[:-20], b"\xff garbage", b"\x80\x63}.", b"c"])
+def test_unreadable_pickle_says_what_was_found(content: bytes, tmp_path: Path) -> None:
+    (tmp_path / "sd_x.pkl").write_bytes(content)
+    with pytest.raises(InvalidScenario, match=r"expected .*, found \w+") as caught:
+        load(tmp_path / "sd_x.pkl", "sd_x.pkl")
+    assert "\n" not in str(caught.value)
+
+
+def test_file_that_cannot_be_opened_says_why(tmp_path: Path) -> None:
+    (tmp_path / "sd_x.pkl").symlink_to(tmp_path / "sd_x.pkl")
+    with pytest.raises(InvalidScenario, match=r"cannot be read \(Too many levels of symbolic links\); repair the file"):
+        load(tmp_path / "sd_x.pkl", "sd_x.pkl")

@@ -6,6 +6,7 @@ import threading
 from collections.abc import Iterator
 
 import pytest
+from distributed import Client, LocalCluster
 
 from scenarionet_data import convert
 from scenarionet_data.errors import LakeError, WorkerLost
@@ -34,6 +35,12 @@ def dask_executor(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaskExec
     path.write_text(THREADS)
     with open_cluster(str(path)) as opened:
         yield opened
+
+
+def test_dashboard_is_named_if_there_is_one(dask_executor):
+    assert dask_executor.dashboard.endswith("/status")
+    with LocalCluster(n_workers=0, processes=False, dashboard_address=None) as without, Client(without) as client:
+        assert DaskExecutor(client).dashboard is None
 
 
 def half(number: int) -> int:

@@ -169,15 +169,13 @@ def test_unending_question_blocks_no_other(lake):
     [
         "length(repeat('a', 4000000000)) > 0",
         "list_sum(range(1000000000)) > 0",
-        "(SELECT count(DISTINCT hash(range)) FROM range(1000000000)) > 0",
-        "length(list_reduce(list_transform(range(40), x -> 'a'), (a, b) -> a || a || b)) > 0",
     ],
 )
 def test_question_that_needs_too_much_memory_is_stopped(lake, where):
     with serving(lake, limits=Limits(seconds=HANGS_AFTER, memory=10**8)) as address:
         status, answer = ask(address, where)
         assert status == 400
-        assert "emory" in answer["error"] or "max_temp_directory_size" in answer["error"]
+        assert "emory" in answer["error"]
         assert ask(address, "true")[1]["total"] == 59
 
 

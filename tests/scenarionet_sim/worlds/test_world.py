@@ -10,12 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarionet_data.arrays.geometry import wrap_angle
+from scenarionet_data.converters.argoverse1 import Argoverse1
 from scenarionet_data.converters.scenarionet import ScenarioNetPickles
 from scenarionet_sim.policies import Replay
 from scenarionet_sim.simulation import Simulation
 from scenarionet_sim.worlds.paths import SPACING
 from scenarionet_sim.worlds.world import World
+from tests.fixtures import argoverse1
 from tests.fixtures.drives import Other, make_drive
+from tests.fixtures.reading import scenarios
 from tests.fixtures.scenarios import make_scenario
 
 
@@ -51,6 +54,16 @@ def test_worlds_replay_recordings_at_their_own_timestep(steps, dt, scale):
     for k in range(1, world.num_steps):
         simulation.step()
         assert simulation.state.position[0, 0, 0] == pytest.approx(9.0 * dt * k, abs=2e-3)
+
+
+def test_recorded_and_resampled_lakes_give_the_same_world(tmp_path):
+    argoverse1.write_recordings(tmp_path, 3)
+    drives = [scenarios(Argoverse1(), tmp_path, has_map=False, frames=frames) for frames in ("recorded", "resampled")]
+    for recorded, resampled in zip(*drives, strict=True):
+        world, wanted = World.from_scenario(recorded), World.from_scenario(resampled)
+        assert (world.log_valid == wanted.log_valid).all()
+        np.testing.assert_allclose(world.log_position, wanted.log_position, atol=1e-3)
+        np.testing.assert_allclose(world.log_velocity, wanted.log_velocity, atol=1e-3)
 
 
 def test_yaw_rate_is_the_central_difference_of_the_heading():

@@ -36,6 +36,7 @@ def _describe(lake: Lake) -> dict[str, Any]:
         "snapshot": lake.snapshot.number,
         "splits": lake.summary().to_dicts(),
         "quarantined": int(lake.named_query("quarantine_reasons")["scenarios"].sum()),
+        "defects": int(lake.named_query("defect_reasons")["rows"].sum()),
         "databases": [_database(lake, name) for name in lake.databases],
         "snapshots": [
             {"number": found.number, "created_at": found.created_at, "operation": found.operation}
@@ -60,6 +61,9 @@ def _print(found: dict[str, Any]) -> None:
     if found["quarantined"]:
         number = count(found["quarantined"], "scenario")
         click.echo(f"\n{number} in quarantine: scenarionet sql LAKE quarantine_reasons")
+    if found["defects"]:
+        number = count(found["defects"], "row")
+        click.echo(f"\n{number} or features dropped or assumed: scenarionet sql LAKE defect_reasons")
     if found["databases"]:
         click.echo()
         databases = [(d["reference"], d["count"], _origin(d), d["created_at"]) for d in found["databases"]]

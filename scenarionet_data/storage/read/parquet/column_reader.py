@@ -21,8 +21,10 @@ import zstandard
 
 from scenarionet_data.arrays.columns import Columns, ColumnType, Lists
 from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.storage.footers.thrift import Malformed
 from scenarionet_data.storage.read.parquet import page_kernels as kernels
 from scenarionet_data.storage.read.parquet.footer import Footer, RowGroup, UnreadableFile
+from scenarionet_data.storage.read.parquet.page_checks import check_pages
 from scenarionet_data.storage.read.parquet.thrift_kernels import UNKNOWN
 
 COMPILE_AFTER = 64
@@ -60,17 +62,18 @@ class ColumnReader:
         self._zstd = zstandard.ZstdDecompressor()
         self._left_to_arrow = compile_after
 
-    def footer(self, url: str, metadata: pq.FileMetaData) -> Footer:
+    def footer(self, url: str, metadata: pq.FileMetaData, *, has_checksums: bool = False) -> Footer:
         """Locate the columns in a file.
 
         Args:
             url: The file, for errors.
             metadata: Its footer.
+            has_checksums: Whether every page has a checksum; it is verified.
 
         Raises:
             UnreadableFile: A required column is missing.
         """
-        return Footer(url, metadata, self._columns)
+        return Footer(url, metadata, self._columns, has_checksums)
 
     def read(self, groups: Sequence[RowGroup]) -> Columns:
         """Rows of some row groups, concatenated.
@@ -116,7 +119,7 @@ class ColumnReader:
     def _load_pages(self, groups: Sequence[RowGroup]) -> tuple[Array, Array]:
         """Pages by column and row group, (columns, groups, NUM_PAGE_FIELDS) int64, and their decompressed bytes."""
         chunks = [group.footer.chunks(group.number) for group in groups]
-        size = sum(int(each[:, kernels.CHUNK_SIZE].sum()) for each in chunks)
+        size = sum(int(each[each[:, kernels.CODEC] != kernels.OTHER_CODEC, kernels.CHUNK_SIZE].sum()) for each in chunks)
         data = np.empty(size + kernels.SPARE, np.uint8)
         pages = np.zeros((len(self._columns), len(groups), kernels.NUM_PAGE_FIELDS), np.int64)
         end = 0
@@ -245,9 +248,22 @@ def _read_by_arrow(groups: Sequence[RowGroup], columns: Sequence[ColumnType]) ->
         together = list(run)
         footer = together[0].footer
         names = [column.name for column in columns if column.name not in footer.missing]
+        names = names or [name for name in footer.names if name not in footer.missing][:1]  # for the number of rows
+        _check_pages(together, names)
         try:
             file = together[0].open()
             tables.append(file.read_row_groups([group.number for group in together], names, use_threads=False))
-        except (OSError, pa.ArrowInvalid) as error:
+        except (OSError, pa.ArrowException) as error:
             raise UnreadableFile(footer.url, str(error)) from error
     return Columns.from_arrow(pa.concat_tables(tables, promote_options="default"), columns)
+
+
+def _check_pages(groups: Sequence[RowGroup], names: Sequence[str]) -> None:
+    """Check the page headers of columns before Arrow reads them."""
+    for group in groups:
+        chunks = dict(zip(group.footer.names, group.footer.chunks(group.number).tolist(), strict=True))
+        for name in names:
+            try:
+                check_pages(group.content, group.base, chunks[name])
+            except Malformed as error:
+                raise UnreadableFile(group.footer.url, f"column {name}: {error}") from error

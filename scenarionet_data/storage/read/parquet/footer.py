@@ -25,8 +25,28 @@ _KNOWN = {
     "dictionary": 1 << kernels.INDICES,
 }
 """Encodings that the kernels decode, one bit each, by type."""
+_PHYSICAL = {
+    "bool": "BOOLEAN",
+    "int8": "INT32",
+    "int32": "INT32",
+    "int64": "INT64",
+    "uint64": "INT64",
+    "float32": "FLOAT",
+    "float64": "DOUBLE",
+    "string": "BYTE_ARRAY",
+    "json": "BYTE_ARRAY",
+    "dictionary": "BYTE_ARRAY",
+}
+_ENCODINGS = {
+    "RLE_DICTIONARY": kernels.INDICES,
+    "BYTE_STREAM_SPLIT": kernels.BYTE_STREAM_SPLIT,
+    "DELTA_BINARY_PACKED": 5,
+    "DELTA_LENGTH_BYTE_ARRAY": 6,
+    "DELTA_BYTE_ARRAY": 7,
+}
+"""Encodings of data pages other than PLAIN, by the names of pyarrow; columns with one of them list PLAIN as well."""
 _MAX_CHUNK = 2**30
-"""Bytes of a column chunk that are allocated on the word of a footer; larger ones are left to Arrow."""
+"""Bytes of a column chunk that the kernels read; larger ones are left to Arrow."""
 
 
 class UnreadableFile(OSError):
@@ -48,22 +68,37 @@ class Footer:
         url: The file, for errors.
         metadata: Its footer.
         columns: The columns to read; nullable ones may be missing.
+        has_checksums: Whether every page has a checksum.
 
     Raises:
         UnreadableFile: A required column is missing.
     """
 
-    def __init__(self, url: str, metadata: pq.FileMetaData, columns: Sequence[ColumnType]) -> None:
+    def __init__(
+        self, url: str, metadata: pq.FileMetaData, columns: Sequence[ColumnType], has_checksums: bool = False
+    ) -> None:
         self.url = url
         self.metadata = metadata
+        self.has_checksums = has_checksums
         positions = {metadata.schema.column(index).path: index for index in range(metadata.num_columns)}
         missing = [column.name for column in columns if column.path not in positions]
         self.missing = frozenset(missing)
         required = [column.name for column in columns if column.name in self.missing and not column.nullable]
         if required:
             raise UnreadableFile(url, f"it has no column {required[0]}")
+        wrong = [c.name for c in columns if c.path in positions and not _holds(metadata.schema.column(positions[c.path]), c)]
+        if wrong:
+            raise UnreadableFile(url, f"its column {wrong[0]} has another type")
+        self.names = [column.name for column in columns]
         self._columns = [(positions.get(column.path), _known_encodings(column)) for column in columns]
+        self._encodings = self._read_encodings()
         self._chunks: dict[int, Int64] = {}
+
+    def _read_encodings(self) -> list[int]:
+        """Encoding of each column's data pages, which a writer chooses for a file."""
+        group = self.metadata.row_group(0) if self.metadata.num_row_groups else None
+        listed = [group.column(index).encodings if group and index is not None else () for index, _ in self._columns]
+        return [next((_ENCODINGS[name] for name in names if name in _ENCODINGS), kernels.PLAIN) for names in listed]
 
     def num_rows(self, number: int) -> int:
         """Rows of a row group."""
@@ -76,12 +111,30 @@ class Footer:
         return int(chunks[present, kernels.CHUNK_START].min()), int(chunks[:, kernels.CHUNK_END].max())
 
     def chunks(self, number: int) -> Int64:
-        """(columns, 7) positions of a row group's column chunks, see ``page_kernels``; 0 for missing columns."""
+        """(columns, NUM_CHUNK_FIELDS) a row group's column chunks, see ``page_kernels``; 0 for missing columns.
+
+        Raises:
+            UnreadableFile: There is no such row group.
+        """
+        if not 0 <= number < self.metadata.num_row_groups:
+            raise UnreadableFile(self.url, f"it has no row group {number}")
         if number not in self._chunks:
             group = self.metadata.row_group(number)
-            rows = [_chunk(group, index, known) for index, known in self._columns]
+            rows = [
+                _chunk(group, index, known, encoding, self.has_checksums)
+                for (index, known), encoding in zip(self._columns, self._encodings, strict=True)
+            ]
             self._chunks[number] = np.array(rows, np.int64)
         return self._chunks[number]
+
+
+def _holds(stored: pq.ColumnSchema, column: ColumnType) -> bool:
+    """Whether a stored column has the type of a declared one."""
+    levels = (stored.max_repetition_level, stored.max_definition_level)
+    return bool(
+        stored.physical_type == _PHYSICAL[column.element]
+        and levels == (column.is_list, column.is_list + column.nullable)
+    )
 
 
 def _known_encodings(column: ColumnType) -> int:
@@ -90,15 +143,17 @@ def _known_encodings(column: ColumnType) -> int:
     return 0 if is_float else _KNOWN.get(column.element, 0)
 
 
-def _chunk(group: pq.RowGroupMetaData, index: int | None, known: int) -> tuple[int, int, int, int, int, int, int]:
+def _chunk(
+    group: pq.RowGroupMetaData, index: int | None, known: int, encoding: int, has_checksums: bool
+) -> tuple[int, ...]:
     if index is None:
-        return 0, 0, 0, 0, kernels.OTHER_CODEC, 0, 0
+        return (0,) * kernels.NUM_CHUNK_FIELDS
     chunk = group.column(index)
     data, size = chunk.data_page_offset, chunk.total_uncompressed_size
     start = min(data, chunk.dictionary_page_offset or data)
     codec = _CODECS.get(chunk.compression, kernels.OTHER_CODEC) if 0 <= size < _MAX_CHUNK else kernels.OTHER_CODEC
     end = start + chunk.total_compressed_size
-    return start, data, end, chunk.num_values, codec, size if codec else 0, known
+    return start, data, end, chunk.num_values, codec, size, encoding, known >> encoding & 1, has_checksums
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +180,9 @@ class RowGroup:
     def open(self) -> pq.ParquetFile:
         """Open the bytes with Arrow; other row groups that they contain can be read, too."""
         source = pa.PythonFile(_Window(self.content, self.base), "r") if self.base else pa.BufferReader(self.content)
-        return pq.ParquetFile(source, metadata=self.footer.metadata, pre_buffer=False)
+        return pq.ParquetFile(
+            source, metadata=self.footer.metadata, pre_buffer=False, page_checksum_verification=self.footer.has_checksums
+        )
 
 
 class _Window(io.RawIOBase):

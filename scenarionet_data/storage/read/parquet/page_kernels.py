@@ -2,8 +2,8 @@
 
 Format: https://parquet.apache.org/docs/file-format/ (data pages of version 1; levels and dictionary indices in the
 RLE/bit-packed hybrid; values PLAIN or in BYTE_STREAM_SPLIT) and LZ4 blocks,
-https://github.com/lz4/lz4/blob/dev/doc/lz4_Block_format.md. Damaged bytes result in ``UNKNOWN``;
-nothing is read or written out of bounds.
+https://github.com/lz4/lz4/blob/dev/doc/lz4_Block_format.md. Pages of sealed files are compared with their
+CRC-32. Damaged bytes result in ``UNKNOWN`` or ``DAMAGED``; nothing is read or written out of bounds.
 
 The kernels release the interpreter lock, so that threads decode in parallel.
 
@@ -18,6 +18,7 @@ import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.storage.read.parquet.crc_kernels import crc32
 from scenarionet_data.storage.read.parquet.thrift_kernels import (
     DATA_PAGE,
     DICTIONARY_PAGE,
@@ -28,9 +29,12 @@ from scenarionet_data.storage.read.parquet.thrift_kernels import (
 
 DAMAGED = -2
 
-# Columns of an array of chunks: position of the chunk and of its data page in the file, end, number of levels, codec,
-# uncompressed size, and the encodings that can be decoded, one bit each.
-CHUNK_START, _DATA, CHUNK_END, _LEVELS, _CODEC, CHUNK_SIZE, _KNOWN = range(7)
+# Columns of an array of chunks: position of the chunk and of its data page in the file, end, number of values with nulls
+# and empty lists, codec, uncompressed size, encoding of the data page, whether the kernels can decode it, and whether
+# pages must have a checksum.
+NUM_CHUNK_FIELDS = 9
+CHUNK_START, DATA_START, CHUNK_END, NUM_VALUES, CODEC = range(5)
+CHUNK_SIZE, EXPECTED, CAN_DECODE, IS_CHECKED = range(5, NUM_CHUNK_FIELDS)
 OTHER_CODEC, LZ4, ZSTD = 0, 1, 2
 
 # Columns of an array of pages: start (or UNKNOWN, DAMAGED) and end of the uncompressed page, number of levels,
@@ -59,17 +63,18 @@ def load_pages(data: Array, base: int, chunks: Array, pages: Array, number: int,
 
     Args:
         data: (n,) uint8 bytes of the file, starting at position ``base``.
-        chunks: (C, 7) int64, see CHUNK_START.
+        chunks: (C, NUM_CHUNK_FIELDS) int64, see CHUNK_START.
         pages: (C, k, NUM_PAGE_FIELDS) int64 zeros, filled for row group ``number``; UNKNOWN for a column with more than
             one page or of another kind.
         number: Index of the row group.
-        scratch: (m,) uint8, filled from ``at`` on; large enough for all chunks.
+        scratch: (m,) uint8, filled from ``at`` on; large enough for the chunks of known codecs.
 
     Returns:
         Start of the next row group's pages in ``scratch``.
     """
     for column in range(len(chunks)):
-        limit = min(at + chunks[column, CHUNK_SIZE], len(scratch))
+        size = chunks[column, CHUNK_SIZE] if chunks[column, CODEC] != OTHER_CODEC else 0
+        limit = min(at + size, len(scratch))
         page = pages[column, number]
         page[START] = _load_page(data, base, chunks[column], page, scratch, at, limit)
         at = limit
@@ -79,22 +84,26 @@ def load_pages(data: Array, base: int, chunks: Array, pages: Array, number: int,
 @device_function
 def _load_page(data: Array, base: int, chunk: Array, page: Array, scratch: Array, at: int, limit: int) -> int:
     """Load a column's page into ``scratch`` between ``at`` and ``limit``; returns its start."""
-    first, middle, end = chunk[CHUNK_START] - base, chunk[_DATA] - base, chunk[CHUNK_END] - base
-    codec = chunk[_CODEC]
+    first, middle, end = chunk[CHUNK_START] - base, chunk[DATA_START] - base, chunk[CHUNK_END] - base
+    codec = chunk[CODEC]
     if not 0 <= first <= middle <= end <= len(data) or codec == OTHER_CODEC:
         return UNKNOWN
     if first < middle:  # a dictionary before the data page
-        kind, size, stored_size, count, _ = read_header(data, first)
+        kind, size, stored_size, checksum, count, _ = read_header(data, first)
         if kind != DICTIONARY_PAGE or codec != LZ4 or stored_size > middle - first or size > limit - at:
             return UNKNOWN
+        if chunk[IS_CHECKED] and checksum != crc32(data, middle - stored_size, middle):
+            return DAMAGED
         if not _decompress(data, middle - stored_size, middle, scratch, at, at + size):
             return DAMAGED
         page[WORDS_START], page[WORDS_END], page[NUM_WORDS] = at, at + size, count
         at += size
-    kind, size, stored_size, count, encoding = read_header(data, middle)
-    is_known = kind == DATA_PAGE and count == chunk[_LEVELS] and encoding < 16 and chunk[_KNOWN] >> encoding & 1
+    kind, size, stored_size, checksum, count, encoding = read_header(data, middle)
+    is_known = kind == DATA_PAGE and count == chunk[NUM_VALUES] and encoding == chunk[EXPECTED] and chunk[CAN_DECODE]
     if not is_known or stored_size > end - middle or size > limit - at:  # one of several pages does not hold all levels
         return UNKNOWN
+    if chunk[IS_CHECKED] and checksum != crc32(data, end - stored_size, end):
+        return DAMAGED
     page[END], page[LEVELS], page[ENCODING] = at + size, count, encoding
     if codec == ZSTD:
         page[STORED], page[STORED_END] = end - stored_size, end

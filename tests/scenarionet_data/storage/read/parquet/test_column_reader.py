@@ -15,6 +15,7 @@ from scenarionet_data.errors import LakeError
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.read.parquet import ColumnReader, RowGroup, UnreadableFile
 from scenarionet_data.storage.read.parquet import page_kernels as kernels
+from scenarionet_data.storage.read.parquet.column_reader import _read_by_arrow
 
 READ = ("tracks", "lights", "maps")
 WORDS = ["VEHICLE", "PEDESTRIAN", "", "straße", "自動車", "x" * 300]
@@ -27,6 +28,8 @@ def some(kind, count, draw):
         return [WORDS[number] for number in draw.integers(len(WORDS), size=count)]
     if kind == "bool":
         return draw.integers(2, size=count).astype(bool).tolist()
+    if kind == "uint64":
+        return draw.integers(9, size=count).tolist()
     return draw.integers(-5, 5, count).tolist() if kind.startswith("int") else draw.normal(size=count).tolist()
 
 
@@ -60,10 +63,10 @@ def reader_of(table):
     return ColumnReader(tables.load(table).columns, compile_after=0)
 
 
-def row_groups(path, table, content=None):
+def row_groups(path, table, content=None, has_checksums=False):
     """Row groups of a file, optionally with its bytes replaced."""
     metadata = pq.read_metadata(path)
-    footer = reader_of(table).footer(str(path), metadata)
+    footer = reader_of(table).footer(str(path), metadata, has_checksums=has_checksums)
     if content is None:
         with path.open("rb") as file:
             content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
@@ -174,6 +177,44 @@ def test_damaged_pages_raise_error_and_never_crash(tmp_path_factory, table, data
     assert found.num_rows == 29
     for column in found.lists.values():
         assert 0 <= column.offsets[-1] <= len(column.values)
+
+
+@pytest.mark.parametrize("table", READ)
+def test_pages_with_checksums_are_read(tmp_path, table):
+    batches = [rows_of(table, 20, 4), rows_of(table, 9, 5)]
+    path = written(tmp_path / "f.parquet", table, batches, write_page_checksum=True)
+    groups = row_groups(path, table, has_checksums=True)
+    expected = by_arrow(table, [path])
+    assert_same(table, read(table, groups), expected)
+    assert_same(table, _read_by_arrow(groups, tables.load(table).columns), expected)
+
+
+@pytest.mark.parametrize("table", READ)
+@pytest.mark.parametrize("by", ["kernels", "arrow"])
+@settings(max_examples=settings.default.max_examples // 2)
+@given(data=st.data())
+def test_damaged_pages_with_checksums_never_yield_wrong_values(tmp_path_factory, table, by, data):
+    batches = [rows_of(table, 20, 4), rows_of(table, 9, 5)]
+    path = written(tmp_path_factory.mktemp("t") / "f.parquet", table, batches, write_page_checksum=True)
+    expected, content = by_arrow(table, [path]), bytearray(path.read_bytes())
+    start, end = row_groups(path, table)[0].footer.span(0)
+    for _ in range(data.draw(st.integers(1, 4))):
+        content[data.draw(st.integers(start, end - 1))] ^= 1 << data.draw(st.integers(0, 7))
+    groups = row_groups(path, table, content, has_checksums=True)
+    try:
+        found = read(table, groups) if by == "kernels" else _read_by_arrow(groups, tables.load(table).columns)
+    except UnreadableFile:
+        return
+    assert_same(table, found, expected)  # only bytes that no value depends on were changed
+
+
+def test_pages_without_checksums_are_damaged_where_they_must_have_some(tmp_path):
+    path = written(tmp_path / "f.parquet", "tracks", [rows_of("tracks", 20, 4)], write_page_checksum=False)
+    groups = row_groups(path, "tracks", has_checksums=True)
+    with pytest.raises(UnreadableFile, match="without a checksum|is damaged"):
+        read("tracks", groups)
+    with pytest.raises(UnreadableFile, match="without a checksum"):
+        _read_by_arrow(groups, tables.load("tracks").columns)
 
 
 def test_error_names_the_damaged_file(tmp_path):

@@ -15,35 +15,47 @@ def read_header(data, at):
     return kernels.read_header(data, at)
 
 
-def varint(value):
+def varint(value, is_zigzag=False):
     """Encode a non-negative number as a zigzag varint of Thrift's compact protocol."""
-    value, parts = value << 1, []
+    value, parts = value if is_zigzag else value << 1, []
     while value > 127:
         parts.append(value & 127 | 128)
         value >>= 7
     return bytes([*parts, value])
 
 
-def header_of(kind, numbers):
-    """Encode a page header: type, sizes, and a struct with the number of values and the encoding."""
+def header_of(kind, numbers, checksum=None):
+    """Encode a page header: type, sizes, checksum, and a struct with the number of values and the encoding."""
     size, stored_size, values, encoding = (b"\x15" + varint(number) for number in numbers)
-    struct = b"\x4c" if kind == kernels.DICTIONARY_PAGE else b"\x2c"  # field 7 (or 5) follows field 3
-    return b"\x15" + varint(kind) + size + stored_size + struct + values + encoding + b"\x15\x06\x00\x00"
+    struct = 0x4C if kind == kernels.DICTIONARY_PAGE else 0x2C  # field 7 (or 5) follows field 3
+    crc = b""
+    if checksum is not None:
+        signed = checksum - (checksum >> 31 << 32)
+        crc, struct = b"\x15" + varint(signed << 1 ^ signed >> 63, is_zigzag=True), struct - 0x10
+    inner = bytes([struct]) + values + encoding
+    return b"\x15" + varint(kind) + size + stored_size + crc + inner + b"\x15\x06\x00\x00"
 
 
 @given(header=st.binary(max_size=60))
 def test_arbitrary_bytes_are_rejected(header):
     kind, *others = read_header(np.frombuffer(header, np.uint8), 0)
     assert kind in (kernels.UNKNOWN, kernels.DATA_PAGE, kernels.DICTIONARY_PAGE)
+    checksum = others.pop(2)
     assert [value == kernels.UNKNOWN for value in others] == [kind == kernels.UNKNOWN] * 4
     assert kind == kernels.UNKNOWN or min(others) >= 0
+    assert kernels.UNKNOWN <= checksum < 2**32
 
 
-@given(numbers=st.lists(st.integers(0, 2**31 - 1), min_size=4, max_size=4), is_dictionary=st.booleans())
-def test_required_header_fields_are_read(numbers, is_dictionary):
+@given(
+    numbers=st.lists(st.integers(0, 2**31 - 1), min_size=4, max_size=4),
+    checksum=st.none() | st.integers(0, 2**32 - 1),
+    is_dictionary=st.booleans(),
+)
+def test_required_header_fields_are_read(numbers, checksum, is_dictionary):
     kind = kernels.DICTIONARY_PAGE if is_dictionary else kernels.DATA_PAGE
-    header = header_of(kind, numbers)
-    assert read_header(np.frombuffer(header, np.uint8), 0) == (kind, *numbers)
+    header = header_of(kind, numbers, checksum)
+    found = kernels.UNKNOWN if checksum is None else checksum
+    assert read_header(np.frombuffer(header, np.uint8), 0) == (kind, *numbers[:2], found, *numbers[2:])
     cut = np.frombuffer(header[: len(header) - 5], np.uint8)  # truncated before the encoding
     assert read_header(cut, 0)[0] == kernels.UNKNOWN
 

@@ -1,0 +1,52 @@
+"""Damaged lakes: no wrong value, no end of the process, no error without file and remedy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.scenarionet_data.damage import trial
+from tests.scenarionet_data.damage.lakes import copy_older, write_newer, write_small
+from tests.scenarionet_data.damage.trial import Outcome
+from tests.scenarionet_data.damage.worker import load, loaded
+
+
+@pytest.fixture(scope="module")
+def lakes(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Older and newer lakes, as many of both."""
+    folder = tmp_path_factory.mktemp("lakes")
+    newer = write_newer(folder / "newer")
+    return [path for older in copy_older(folder) for path in (older, newer)]
+
+
+def assert_harmless(outcome: Outcome, count: int) -> None:
+    assert outcome.aborts == []
+    assert outcome.findings == []
+    assert outcome.num_trials == count
+    assert outcome.counts["error"] > count // 4
+
+
+@pytest.mark.damage
+def test_no_wrong_value_is_loaded(lakes):
+    assert_harmless(trial.run("load", 6000, lakes), 6000)
+
+
+@pytest.mark.damage
+def test_no_footer_ends_the_process(lakes):
+    assert_harmless(trial.run("footer", 12_000, lakes), 12_000)
+
+
+@pytest.mark.damage
+def test_every_error_is_a_sentence(lakes):
+    assert_harmless(trial.run("verbs", 2400, lakes), 2400)
+
+
+def test_some_damaged_lakes(tmp_path):
+    """A sample of the trial, in this process."""
+    lakes = [write_small(tmp_path / "newer"), copy_older(tmp_path)[0]]
+    for root in lakes:
+        whole = loaded(root)
+        outcomes = [load(root, seed, whole) for seed in range(12)]
+        assert set(outcomes) <= {"same", "error"}
+        assert "error" in outcomes
