@@ -3,7 +3,7 @@
 Data files of the newest snapshot are rewritten, because their pages need checksums and the manifest states their sizes.
 The other files without a seal are sealed and replaced one by one, atomically: metadata, manifests, snapshots, databases,
 user columns and evaluation results. Data files that only older snapshots refer to stay as they are: their checksums are
-in the manifests.
+in the manifests. The checksums of a pack are written again.
 
 Readers and writers may work on. A killed upgrade continues where it was when it is run again.
 """
@@ -22,6 +22,7 @@ from scenarionet_data.execution.progress import Progress
 from scenarionet_data.maintenance.bin_packing import Bin
 from scenarionet_data.maintenance.compaction import COMMIT_EVERY, ROUNDS, BinResult, lost_bin
 from scenarionet_data.maintenance.fsck import Fsck, fsck
+from scenarionet_data.packs.contents import SUMS, renew_sums
 from scenarionet_data.storage import sealed_json, seals
 from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
@@ -83,6 +84,8 @@ def upgrade(lake: LakeFilesLike, *, workers: int = 1, on_progress: Progress | No
             if not report.left:
                 break
         _seal_others(files, report, on_progress)
+        if files.has(SUMS):
+            renew_sums(files)
     report.snapshot = snapshots.read(files).number
     report.seconds = time.monotonic() - started
     return report

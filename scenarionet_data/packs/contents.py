@@ -6,7 +6,7 @@ import hashlib
 import json
 import shutil
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -35,6 +35,19 @@ from scenarionet_data.storage.write.table_file import publish_data, publish_tabl
 SUMS = "SHA256SUMS"
 _SHARD = ("dataset", "version", "split", "converter_version", "options")
 _ROWS_PER_GROUP = 65_536
+
+
+def renew_sums(pack: LakeFiles) -> None:
+    """Write SHA256SUMS again, after files of a pack have been replaced or added."""
+    names = sorted(listed.name.removeprefix("./") for listed in pack.listing("."))
+    _write_sums(pack, {name: pack.digest(name) for name in names if name != SUMS and not name.startswith(".tmp/")})
+
+
+def _write_sums(pack: LakeFiles, sums: Mapping[str, str]) -> None:
+    temporary = pack.temporary()
+    with writing(temporary, temporary):
+        temporary.write_text("".join(f"{digest}  {name}\n" for name, digest in sorted(sums.items())), "utf-8")
+    pack.publish(temporary, SUMS)
 
 
 class PackWriter:
@@ -74,10 +87,8 @@ class PackWriter:
         ancestors = lineage_tree(self._view, self._database).ancestors()
         lineages = {each.reference: each.lineage for each in ancestors if each.lineage is not None}
         self._publish(pack_origins.write(self._target, self._database.reference, lineages), pack_origins.FILE)
+        _write_sums(self._target, self.sums)
         shutil.rmtree(self._target.path(".tmp"))
-        lines = "".join(f"{digest}  {name}\n" for name, digest in sorted(self.sums.items()))
-        with writing(self._target.path(SUMS)):
-            self._target.path(SUMS).write_text(lines, "utf-8")
 
     def _report(self, num_scenarios: int) -> None:
         """Report progress."""

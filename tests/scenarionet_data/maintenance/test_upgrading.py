@@ -14,6 +14,7 @@ from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.errors import LakeError
 from scenarionet_data.maintenance import fsck, upgrade
+from scenarionet_data.packs.verifying import verify_pack
 from scenarionet_data.storage import seals
 from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import snapshot as snapshots
@@ -57,6 +58,8 @@ def test_upgraded_lake_is_sealed_and_has_the_same_content(tmp_path, name):
     assert done.sealed > 5
     check_upgraded(root)
     assert contents(root) == before
+    if name == "packed":
+        assert verify_pack(root).is_whole
     after = snapshots.published(LocalLakeFiles(root))
     assert {number: after[number] for number in published} == published
     again = upgrade(root)
@@ -133,7 +136,7 @@ def test_changed_value_in_unsealed_metadata_is_found_by_its_content_hash(tmp_pat
         writer.write_table(moved)
     found = fsck(root, is_deep=True)
     assert {problem.file for problem in found.problems} == {path.relative_to(root).as_posix()}
-    assert "differs from what was written" in found.problems[0].reason
+    assert "content differs from what was converted" in found.problems[0].reason
     assert not upgrade(root).is_complete
 
 
