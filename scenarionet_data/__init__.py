@@ -121,6 +121,7 @@ __all__ = [
     "plots",
     "resample",
     "run_checks",
+    "upgrade",
     "vacuum",
     "verify_pack",
 ]

@@ -45,6 +45,6 @@ def _differences(expected: Any, found: Any, place: str) -> list[str]:
         pairs = enumerate(zip(expected, found, strict=True))
         return [d for number, (one, other) in pairs for d in _differences(one, other, f"{place}/{number}")]
     is_near = expected == found or place == REDEFINED
-    if isinstance(expected, float) and isinstance(found, (int, float)):
+    if not is_near and isinstance(expected, float) and isinstance(found, (int, float)):
         is_near = found == pytest.approx(expected, rel=1e-9, abs=1e-6)  # computed in SQL
     return [] if is_near else [f"{place}: wanted {expected!r}, found {found!r}"]

@@ -79,7 +79,7 @@ def test_version():
         ("convert wymo {raw} new", 2, "did you mean waymo"),
         ("convert tests.fixtures.made:Made nowhere new", 2, "nowhere: no such folder"),
         ("convert tests.fixtures.made:Made {raw} new --split a/b", 2, "use letters, digits"),
-        ("convert tests.fixtures.made:Made {raw} new -O colour=red", 2, "it has num_objects"),
+        ("convert tests.fixtures.made:Made {raw} new -O colour=red", 2, "it has max_bad_rows, num_objects"),
         ("convert tests.fixtures.made:Made {raw} new -O num_objects=many", 2, "wants int"),
         ("convert tests.fixtures.made:Made {raw} new -O num_objects", 2, "expects name=value"),
         ("convert tests.fixtures.made:Made {raw} {raw}/a.made --quiet", 1, "choose a folder"),

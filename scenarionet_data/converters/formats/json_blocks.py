@@ -23,8 +23,8 @@ BLOCK = 8 << 20
 """Bytes per block; larger blocks use more memory and are not faster."""
 
 _BETWEEN = re.compile(rb"\}\s*,\s*\{")
-_ENTRY = re.compile(rb"\{[^{}]*\}|[^\s,{}][^{}]*")
-"""A flat record, or what is between two records besides a comma."""
+_ENTRY = re.compile(rb"\{[^{}]*(?:\{[^{}]*\}[^{}]*)*\}|[^\s,{}][^{}]*")
+"""A record, in which a value may be an object by mistake, or what is between two records besides a comma."""
 _LARGEST = {"integer": 1 << 63, "float": 1e300}
 
 

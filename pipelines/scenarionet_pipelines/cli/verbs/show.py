@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import click
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.storage.files.opening import local_path
 from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import print_json, print_table
 from scenarionet_pipelines.cli.parameters import json_option, lake_argument, replace_option, snapshot_option
@@ -59,6 +58,7 @@ def command(
 def _draw(lake: Lake, scenario_id: str, picture: str, *, replace: bool) -> None:
     from scenarionet_data import ScenarioLoader
     from scenarionet_data.plots import scenario_figure, write_figure
+    from scenarionet_data.storage.files.opening import local_path
 
     if local_path(picture, "a picture").exists() and not replace:
         raise BadParameter(f"{picture} exists; choose another name, or --replace")
