@@ -23,7 +23,7 @@ from scenarionet_data.export.pickling import WrittenPickle, dump, twice, write_s
 from scenarionet_data.loader import ScenarioLoader
 from scenarionet_data.query.lake_view import LakeLike
 from scenarionet_data.scenario.description import ScenarioDescription
-from scenarionet_data.storage.files.opening import is_url, local_path
+from scenarionet_data.storage.files.places import is_url, local_path
 
 @dataclass(frozen=True)
 class ExportReport:

@@ -13,7 +13,7 @@ from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_data.plots.drawing import Drawing
 from scenarionet_data.plots.scene import Moment, Scene
 from scenarionet_data.scenario.description import ScenarioDescription
-from scenarionet_data.storage.files.opening import local_path
+from scenarionet_data.storage.files.places import local_path
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from scenarionet_data.arrays.dtypes import UInt8
 from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_data.plots.palette import MEANINGFUL
-from scenarionet_data.storage.files.opening import local_path
+from scenarionet_data.storage.files.places import local_path
 
 PICTURES = (".png", ".pdf", ".svg")
 VIDEOS = (".gif", ".mp4")

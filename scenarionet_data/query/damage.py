@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from scenarionet_data.errors import LakeError
 from scenarionet_data.storage.files.lake_files import READ_IN_PLACE, LakeFiles
-from scenarionet_data.storage.files.opening import is_url
+from scenarionet_data.storage.files.places import is_url
 
 _READING = re.compile(
     "parquet|thrift|zstd|lz4|compress|utf-?8|unicode|memory|dictionary|corrupt|internal|invalidated|page|io error|"

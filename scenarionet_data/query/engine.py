@@ -21,7 +21,7 @@ from scenarionet_data.query.damage import damage
 from scenarionet_data.query.statements import error_position, only_select, quoted
 from scenarionet_data.query.views import Views
 from scenarionet_data.storage.files.lake_files import LakeFiles
-from scenarionet_data.storage.files.opening import is_url
+from scenarionet_data.storage.files.places import is_url
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.snapshot import Snapshot

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.storage.files.opening import local_path
+from scenarionet_data.storage.files.places import local_path
 
 if TYPE_CHECKING:
     import polars as pl

@@ -13,7 +13,7 @@ def examine(lake: str | None = None) -> list[Finding]:
     Args:
         lake: Folder or URL of a lake; it need not exist.
     """
-    from scenarionet_data.storage.files.opening import is_url
+    from scenarionet_data.storage.files.places import is_url
     from scenarionet_pipelines.doctor import local
 
     found = [*local.examine_installation()]

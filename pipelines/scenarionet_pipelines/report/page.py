@@ -9,7 +9,7 @@ from pathlib import Path
 import scenarionet_pipelines.web
 from scenarionet_data import version
 from scenarionet_data.plots.palette import EGO, NAMES, OBJECTS, OTHER
-from scenarionet_data.storage.files.opening import local_path
+from scenarionet_data.storage.files.places import local_path
 from scenarionet_pipelines.report.charts import histogram, likeliest
 from scenarionet_pipelines.report.contents import PICTURE_SIZE, DatabaseSection, ReportContents, ScenarioPicture
 from scenarionet_pipelines.report.markup import Markup, joined, tag

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Protocol, TypeAlias
-from urllib.parse import unquote, urlsplit
 
-from scenarionet_data.errors import BadParameter
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.files.local import LocalLakeFiles
+from scenarionet_data.storage.files.places import is_url, path_of
 
 
 class HasFiles(Protocol):
@@ -24,10 +22,6 @@ class HasFiles(Protocol):
 LakeFilesLike: TypeAlias = HasFiles | str | Path
 """An open lake, or a lake's folder or URL."""
 
-_FILE_URL = re.compile(r"file://(localhost)?/")
-_SHORTENED_URL = re.compile(r"[a-z][a-z0-9]+:/")
-"""How ``pathlib`` writes a URL."""
-
 
 def open_files(lake: LakeFilesLike) -> LakeFiles:
     """Files of a lake: an open one, or by its folder or URL (``lake``, ``file:///data/lake``, ``s3://bucket/lake``).
@@ -39,40 +33,7 @@ def open_files(lake: LakeFilesLike) -> LakeFiles:
     if not isinstance(lake, str | Path):
         return lake.files
     if not is_url(lake):
-        return LocalLakeFiles(_path(lake, "give a URL as text"))
+        return LocalLakeFiles(path_of(lake, "give a URL as text"))
     from scenarionet_data.storage.files.remote import RemoteLakeFiles  # lazy: local lakes do not need it
 
     return RemoteLakeFiles(str(lake))
-
-
-def is_url(place: str | Path) -> bool:
-    """Whether a place is a URL in an object store, as opposed to a path or a ``file://`` URL."""
-    return isinstance(place, str) and "://" in place and not _FILE_URL.match(place)
-
-
-def local_path(place: str | Path, what: str) -> Path:
-    """Path of a file to write on this machine.
-
-    Args:
-        place: The path, or its ``file://`` URL.
-        what: What is written, for the message, for example ``"a report"``.
-
-    Raises:
-        BadParameter: It is a URL in an object store.
-    """
-    remedy = f"{what} is written to this machine: give a path, then copy the file to the object store"
-    if is_url(place):
-        raise BadParameter(f"{place}: {remedy}")
-    return _path(place, remedy)
-
-
-def _path(place: str | Path, remedy: str) -> Path:
-    if isinstance(place, Path) and _SHORTENED_URL.match(place.as_posix()):
-        raise BadParameter(f"{place}: a URL that became a path, which has lost a slash; {remedy}")
-    url = _FILE_URL.match(str(place))
-    path = Path(unquote(urlsplit(str(place)).path)) if url else Path(place)
-    try:
-        str(path).encode()
-    except UnicodeEncodeError as error:
-        raise BadParameter(f"{path}: the path is not UTF-8; rename the folder, or give another one") from error
-    return path

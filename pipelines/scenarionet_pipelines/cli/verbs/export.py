@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.storage.files.opening import is_url
+from scenarionet_data.storage.files.places import is_url
 from scenarionet_pipelines.cli.advice import one_line
 from scenarionet_pipelines.cli.execution import executor_from_options, worker_facts, worker_rows
 from scenarionet_pipelines.cli.group import verb

@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.storage.files.opening import local_path
+from scenarionet_data.storage.files.places import local_path
 from scenarionet_pipelines.cli import output
 from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.parameters import (

@@ -58,7 +58,7 @@ def command(
 def _draw(lake: Lake, scenario_id: str, picture: str, *, replace: bool) -> None:
     from scenarionet_data import ScenarioLoader
     from scenarionet_data.plots import scenario_figure, write_figure
-    from scenarionet_data.storage.files.opening import local_path
+    from scenarionet_data.storage.files.places import local_path
 
     if local_path(picture, "a picture").exists() and not replace:
         raise BadParameter(f"{picture} exists; choose another name, or --replace")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from scenarionet_data.storage.files.opening import local_path
+from scenarionet_data.storage.files.places import local_path
 from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import cell, print_json, print_table
 from scenarionet_pipelines.cli.parameters import json_option, lake_argument, snapshot_option
