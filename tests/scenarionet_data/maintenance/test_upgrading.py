@@ -75,7 +75,8 @@ def test_open_readers_go_on(tmp_path):
     assert content_hash(loader[len(loader) - 1]) == content_hash(ScenarioLoader(root)[len(loader) - 1])
 
 
-@pytest.mark.parametrize("name", ["packed", pytest.param("recorded", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["packed", "recorded"])
 def test_killed_upgrade_continues(tmp_path, monkeypatch, name):
     """Killed after every file that it publishes."""
     expected = contents(copy_of(name, tmp_path / "lake"))

@@ -36,6 +36,7 @@ def download(tmp_path):
     return download
 
 
+@pytest.mark.long
 def test_pack_at_a_url(lake, url, tmp_path, download):
     report, local = lake.pack("all", url), lake.pack("all", tmp_path / "pack")
     assert (report.path, report.num_files, report.num_bytes) == (url, local.num_files, local.num_bytes)

@@ -82,6 +82,7 @@ def test_areas_and_off_road_are_unchanged(features, is_reversed, seed):
         np.testing.assert_array_equal(is_off_road(corners, before), is_off_road(corners, after))
 
 
+@pytest.mark.long
 @settings(max_examples=20)
 @given(maps(), st.lists(st.booleans(), min_size=8, max_size=8))
 def test_pictures_are_unchanged(features, is_reversed):
