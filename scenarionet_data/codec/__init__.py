@@ -15,11 +15,11 @@ import pyarrow as pa
 from scenarionet_data.arrays.columns import Columns
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.codec.columns import ScenarioColumns
-from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.codec.lights import decode_lights, encode_lights
 from scenarionet_data.codec.maps import decode_maps, encode_map
 from scenarionet_data.codec.tracks import decode_tracks, encode_tracks
 from scenarionet_data.scenario.canonical_json import from_json, to_json
+from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.scenario.description import Lights, MapFeatures, ScenarioDescription, Source, Tracks
 from scenarionet_data.schema import tables
 from scenarionet_data.statistics import summarise

@@ -174,7 +174,9 @@ def _plan(
         version = version or converter.release
         is_guessed, split = not split, split or guess_split(folder, top)
         folder = split_folder(folder, split)
-        if not is_guessed and (converter.name, version, split) not in {(each.dataset, each.version, each.split) for each in existing}:
+        if not is_guessed and (converter.name, version, split) not in {
+            (each.dataset, each.version, each.split) for each in existing
+        }:
             split = lake_spelling(split)  # a lake that has a partition of the given name keeps it
         for name, value in (("split", split), ("version", version)):
             if not _WORD.fullmatch(value):

@@ -156,7 +156,11 @@ class Converter(ABC, Generic[Record]):
         return ()
 
     def passed_over(
-        self, raw: str, split: str, options: Any, shards: Sequence[Shard]  # noqa: ARG002
+        self,
+        raw: str,
+        split: str,
+        options: Any,  # noqa: ARG002
+        shards: Sequence[Shard],
     ) -> Iterable[PassedOver]:
         """List what is below ``raw`` and not used, with reasons, for the report of a conversion.
 

@@ -57,7 +57,7 @@ def lake_spelling(split: str) -> str:
 
 
 def split_folder(raw: str, split: str) -> str:
-    """Return the folder in ``raw`` named exactly ``split`` if another one is of the same split of the lake, else ``raw``.
+    """Return the folder in ``raw`` named ``split`` if another one is of the same split of the lake, else ``raw``.
 
     Waymo has two such folders, ``training`` with windows of nine seconds and ``training_20s`` with whole recordings.
 

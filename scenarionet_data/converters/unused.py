@@ -7,8 +7,8 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 
-from scenarionet_data.ingest.listing import walk
 from scenarionet_data.converters.splits import is_of_split
+from scenarionet_data.ingest.listing import walk
 from scenarionet_data.ingest.passed_over import PassedOver
 
 _CHECKSUMS = (".md5", ".sha1", ".sha256", ".crc32", ".crc32c", ".sig", ".asc")

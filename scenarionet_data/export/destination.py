@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from scenarionet_data.errors import DatabaseExists, LakeError, ScenarioNetError
-from scenarionet_data.storage.files.places import is_url, local_path
+from scenarionet_data.storage.files.places import is_url
 from scenarionet_data.storage.files.uploading import RemoteFolder
 
 SUMMARY_FILE = "dataset_summary.pkl"

@@ -13,13 +13,13 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Float64
 from scenarionet_data.arrays.ragged import Ragged
-from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.converters.boundary_segments import to_records
 from scenarionet_data.converters.scenarionet.columns import OWN, is_literal, unpack, value_of
 from scenarionet_data.converters.scenarionet.layout import LAYOUT, LINES, SIZES
 from scenarionet_data.converters.scenarionet.values import from_plain
 from scenarionet_data.export.summary import summarize_object
 from scenarionet_data.scenario.canonical_json import from_json
+from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.scenario.description import MapFeatures, ScenarioDescription
 from scenarionet_data.scenario.vocabulary import LightState, MapFeatureType, names
 

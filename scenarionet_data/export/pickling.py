@@ -19,7 +19,6 @@ from scenarionet_data.export.original import to_original_dict
 from scenarionet_data.export.sanity import sanity_check
 from scenarionet_data.scenario.description import ScenarioDescription
 
-
 _NO_NAME = (errno.ENAMETOOLONG, errno.EINVAL, errno.EILSEQ)
 
 

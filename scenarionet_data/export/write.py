@@ -25,6 +25,7 @@ from scenarionet_data.query.lake_view import LakeLike
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.storage.files.places import is_url, local_path
 
+
 @dataclass(frozen=True)
 class ExportReport:
     """Result of :func:`export`.
@@ -58,8 +59,8 @@ def export(
         scenarios: Scenarios, in the order of MetaDrive's scenario index.
         directory: Folder of the database, or its URL; new or empty unless ``replace``.
         replace: Replace an existing database of pickles.
-        original: Write unchanged scenarios that were converted from pickles as these were, whatever their version; False
-            for the current format, which MetaDrive 0.4.3 reads.
+        original: Write unchanged scenarios that were converted from pickles as these were, whatever their version;
+            False for the current format, which MetaDrive 0.4.3 reads.
         executor: Writes it in parts, for example on a cluster, which shares the file system of the folder (for a URL,
             of ``$TMPDIR``); requires ``scenarios`` to be a picklable sequence.
         on_progress: Called after each scenario; the total is 0 if ``scenarios`` has no length.
@@ -113,9 +114,7 @@ def export_database(
         directory, replace, original, executor, on_progress: See :func:`export`.
     """
     loader = ScenarioLoader(lake, database)
-    return export(
-        loader, directory, replace=replace, original=original, executor=executor, on_progress=on_progress
-    )
+    return export(loader, directory, replace=replace, original=original, executor=executor, on_progress=on_progress)
 
 
 def _take(entry: WrittenPickle | InvalidScenario, draft: Path, summary: dict[str, Any]) -> int:

@@ -1,4 +1,4 @@
-"""Maintenance of a lake in use: rewrite files (compact), delete unused ones (vacuum), check integrity (fsck, upgrade)."""
+"""Maintenance of a lake in use: rewrite files (compact), delete unused ones (vacuum), verify (fsck, upgrade)."""
 
 from __future__ import annotations
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.loader import ScenarioLoader
 from scenarionet_data.maintenance.findings import Findings
+from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.storage.file_checks import Damage
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.snapshots.snapshot import Snapshot

@@ -12,7 +12,6 @@ import numpy as np
 import pyarrow as pa
 
 from scenarionet_data.databases import pack_origins
-from scenarionet_data.databases import record as databases
 from scenarionet_data.databases.record import Lineage
 from scenarionet_data.errors import LakeError
 from scenarionet_data.maintenance.findings import Findings

@@ -17,7 +17,7 @@ from scenarionet_data.maintenance import content_checks, database_checks, run_ch
 from scenarionet_data.maintenance.findings import Findings
 from scenarionet_data.maintenance.repair_advice import Inputs, remedy
 from scenarionet_data.maintenance.vacuuming import list_files
-from scenarionet_data.storage.file_checks import Damage, Written, check_file
+from scenarionet_data.storage.file_checks import Damage, Written
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.files.opening import LakeFilesLike, open_files
 from scenarionet_data.storage.snapshots import commit as commits
@@ -119,9 +119,7 @@ def fsck(
             content_checks.check(files, readable[max(readable)], found)
     newest = [name for name in (readable[max(readable)].manifests if readable else ()) if name in lists]
     inputs = Inputs(manifests.read(files, name) for name in (newest if found.damages else ()))
-    problems = dict.fromkeys(
-        Problem(each.file, _reason(each), remedy(each.file, inputs)) for each in found.damages
-    )
+    problems = dict.fromkeys(Problem(each.file, _reason(each), remedy(each.file, inputs)) for each in found.damages)
     named = set(merged).union(written, lists) if len(lists) == len(_manifest_names(readable)) else None
     notes, unsealed = _notes(files, named), _unverified(found.unsealed, written, listed(_together(lists, newest)))
     return Fsck(tuple(readable), len(merged | written), tuple(problems), notes, unsealed)

@@ -9,7 +9,8 @@ import pyarrow as pa
 
 _SHOWN = 3
 _OF_FOLDER = {
-    "databases": "restore it from a copy of the lake, or `scenarionet drop LAKE {reference} --force` and create it again "
+    "databases": "restore it from a copy of the lake, or `scenarionet drop LAKE {reference} --force` and create it "
+    "again "
     "(`scenarionet rebase` does, if its members have changed)",
     "layers": "restore it from a copy of the lake, or `scenarionet tag LAKE --drop {reference} --force` and tag again",
     "results": "remove the run's folder and simulate again",

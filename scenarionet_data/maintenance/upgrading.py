@@ -1,9 +1,9 @@
 """Upgrade a lake of an older version of this software, so that every byte of it can be verified.
 
 Data files of the newest snapshot are rewritten, because their pages need checksums and the manifest states their sizes.
-The other files without a seal are sealed and replaced one by one, atomically: metadata, manifests, snapshots, databases,
-user columns and evaluation results. Data files that only older snapshots refer to stay as they are: their checksums are
-in the manifests. The checksums of a pack are written again.
+The other files without a seal are sealed and replaced one by one, atomically: metadata, manifests, snapshots,
+databases, user columns and evaluation results. Data files that only older snapshots refer to stay as they are: their
+checksums are in the manifests. The checksums of a pack are written again.
 
 Readers and writers may work on. A killed upgrade continues where it was when it is run again.
 """

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from scenarionet_data.databases import pack_origins, user_columns
 from scenarionet_data.databases.record import DatabaseRecord
@@ -21,14 +20,21 @@ from scenarionet_data.operations.lineage import lineage_tree
 from scenarionet_data.packs import tiles
 from scenarionet_data.query.lake_view import LakeView
 from scenarionet_data.schema import tables
-from scenarionet_data.storage.files.errors import reading, writing
+from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.lake_files import LakeFiles, sha256
 from scenarionet_data.storage.read.scenario_rows import ScenarioRows
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord, partition
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
-from scenarionet_data.storage.write.relocation import MAP_FOOTER, addresses, copy_groups, copy_rows, provenance, with_addresses
+from scenarionet_data.storage.write.relocation import (
+    MAP_FOOTER,
+    addresses,
+    copy_groups,
+    copy_rows,
+    provenance,
+    with_addresses,
+)
 from scenarionet_data.storage.write.shard_writer import SCENARIOS_PER_FILE
 from scenarionet_data.storage.write.table_file import publish_data, publish_table
 

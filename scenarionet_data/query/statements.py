@@ -60,7 +60,9 @@ def _check_text(sql: str) -> None:
     try:
         sql.encode()
     except UnicodeEncodeError as error:
-        raise QueryError(f"wanted SQL as UTF-8 text, found {sql[error.start : error.end]!r}; write it as an escape") from error
+        raise QueryError(
+            f"wanted SQL as UTF-8 text, found {sql[error.start : error.end]!r}; write it as an escape"
+        ) from error
 
 
 def error_position(sql: str, before: str = "") -> str:

@@ -119,6 +119,6 @@ def finding(name: str, damages: list[Damage]) -> Iterator[None]:
     """
     try:
         yield
-    except Exception as error:  # noqa: BLE001
+    except Exception as error:
         reason = str(error) if isinstance(error, LakeError) else f"cannot be read: {type(error).__name__}: {error}"
         damages.append(Damage(name, reason))

@@ -1,8 +1,8 @@
 """Files are verified before Arrow, DuckDB or our decoder read them.
 
 Sealed files are compared with their seals: the footer whenever it is opened, the whole file once a process. Files of
-older lakes have no seals: those of tables that are named by their content are compared with the digest in the name, once
-a process; of the others, the footer is checked against itself and the size of the file.
+older lakes have no seals: those of tables that are named by their content are compared with the digest in the
+name, once a process; of the others, the footer is checked against itself and the size of the file.
 """
 
 from __future__ import annotations

@@ -72,7 +72,14 @@ def test_dry_run_writes_nothing(raw, lake, tmp_path, ok, as_json):
     write_raw(raw, {"c": ["21"]})
     found = as_json("convert", NAME, raw, lake, "--dry-run")
     assert found.pop("seconds") > 0
-    assert found == {"shards": ["made/v1/train/c"], "inputs": 1, "skipped": 2, "replaced": 0, "stale": 0, "passed_over": []}
+    assert found == {
+        "shards": ["made/v1/train/c"],
+        "inputs": 1,
+        "skipped": 2,
+        "replaced": 0,
+        "stale": 0,
+        "passed_over": [],
+    }
     assert Lake(lake).snapshot.number == 1
 
 

@@ -52,12 +52,18 @@ def test_names_that_the_terminal_cannot_show_are_escaped(lake, tmp_path, monkeyp
     monkeypatch.setattr(sys, "argv", ["scenarionet", "list", os.fsdecode(b"/nowhere/caf\xe9")])
     with pytest.raises(SystemExit, match="2"):
         main()
-    assert shown.getvalue() == b"error: /nowhere/caf\\udce9: the path is not UTF-8; rename the folder, or give another one\n"
+    assert (
+        shown.getvalue()
+        == b"error: /nowhere/caf\\udce9: the path is not UTF-8; rename the folder, or give another one\n"
+    )
 
 
 @pytest.mark.parametrize("text", [os.fsdecode(b"caf\xe9"), "\ud800"])
 def test_sql_that_is_not_utf8_is_refused(lake, text):
-    for words in (["sql", lake, f"SELECT '{text}'"], ["filter", lake, "--where", f"scenario_id = '{text}'", "--name", "x"]):
+    for words in (
+        ["sql", lake, f"SELECT '{text}'"],
+        ["filter", lake, "--where", f"scenario_id = '{text}'", "--name", "x"],
+    ):
         result = run(*words)
         assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
         assert "wanted SQL as UTF-8 text" in result.stderr

@@ -1,4 +1,4 @@
-"""Verbs on a lake in a faulty object store: the results of a folder, although a fifth of the answers does not arrive."""
+"""Verbs on a lake in a faulty object store: the results of a folder, although a fifth of the answers is lost."""
 
 from __future__ import annotations
 

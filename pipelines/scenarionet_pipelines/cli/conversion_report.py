@@ -74,7 +74,9 @@ def _defect_rows(report: ConversionReport) -> list[tuple[str, str]]:
             ("", f"{d.count:,} in {d.file}: {d.field}: {one_line(d.reason)} ({d.location})")
             for d in found[:_MAX_REASONS]
         ]
-        rows += [("", f"{len(found) - _MAX_REASONS:,} more kinds; --json lists all")] if len(found) > _MAX_REASONS else []
+        rows += (
+            [("", f"{len(found) - _MAX_REASONS:,} more kinds; --json lists all")] if len(found) > _MAX_REASONS else []
+        )
     return rows
 
 

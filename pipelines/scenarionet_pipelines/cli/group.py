@@ -88,7 +88,7 @@ class Verbs(click.Group):
                 formatter.write_dl([(name, found.get_short_help_str(90)) for name, found in verbs if found])
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run a verb; a signal or an error raised by the project becomes one line on standard error and an exit code."""
+        """Run a verb; a signal or an error of the project becomes one line on standard error and an exit code."""
         with warnings.catch_warnings():
             warnings.showwarning = _show_warning  # type: ignore[assignment]  # its other parameters are not needed
             try:
@@ -98,7 +98,9 @@ class Verbs(click.Group):
             except BaseException as error:
                 if isinstance(error, KeyboardInterrupt) or received():  # errors after a signal are its consequences
                     raise Interrupted("stopped before the end") from error
-                is_explained = isinstance(error, (ScenarioNetError, OSError)) and getattr(error, "errno", 0) != errno.EPIPE
+                is_explained = (
+                    isinstance(error, (ScenarioNetError, OSError)) and getattr(error, "errno", 0) != errno.EPIPE
+                )
                 if ctx.params["debug"] or not is_explained:
                     raise
                 click.echo(f"error: {one_line(error)}", err=True)

@@ -14,7 +14,10 @@ class Argoverse1Options(Options):
 
     frames: Frames = field(
         default="recorded",
-        metadata={"doc": "recorded: the 50 or 20 recorded times; resampled: every 0.1 s, interpolated.", "is_added": True},
+        metadata={
+            "doc": "recorded: the 50 or 20 recorded times; resampled: every 0.1 s, interpolated.",
+            "is_added": True,
+        },
     )
 
     maps: str = field(

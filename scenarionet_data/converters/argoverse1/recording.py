@@ -173,7 +173,9 @@ class _Cleaning:
         (missing,) = np.nonzero(short_gaps(times, known, _LONGEST_STEP))
         if not len(missing):
             return track, frame, position, np.zeros(len(track), np.bool_)
-        filled = np.column_stack([np.interp(times[missing], times[frame[own]], position[own, axis]) for axis in range(2)])
+        filled = np.column_stack(
+            [np.interp(times[missing], times[frame[own]], position[own, axis]) for axis in range(2)]
+        )
         reason = "expected the ego at every time, found times without it, which are interpolated"
         self.defects.assume("tracks", self.file, [f"{times[each]:.3f} s" for each in missing], "X", reason)
         return (

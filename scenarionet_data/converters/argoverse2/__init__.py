@@ -16,7 +16,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from scenarionet_data.ingest.listing import walk
 from scenarionet_data.converters.argoverse2.forecasting import read_scenario
 from scenarionet_data.converters.argoverse2.sensor import (
     ANNOTATIONS,
@@ -35,6 +34,7 @@ from scenarionet_data.converters.base import Budgets, Converter
 from scenarionet_data.converters.unused import unused_files
 from scenarionet_data.errors import BadParameter, SourceNotFound
 from scenarionet_data.ingest.input_properties import InputProperties, LazyProperties
+from scenarionet_data.ingest.listing import walk
 from scenarionet_data.ingest.options import Options
 from scenarionet_data.ingest.passed_over import PassedOver
 from scenarionet_data.ingest.shard import RawItem, Shard, bucket, fingerprint
@@ -102,7 +102,11 @@ class Argoverse2(Converter[RawItem | Argoverse2Window]):
         yield [file.as_posix() for files in read for file in files]
 
     def passed_over(
-        self, raw: str, split: str, options: Argoverse2Options, shards: Sequence[Shard]
+        self,
+        raw: str,
+        split: str,
+        options: Argoverse2Options,  # noqa: ARG002
+        shards: Sequence[Shard],
     ) -> Iterator[PassedOver]:
         """List other splits, and images, point clouds, calibrations and other files of the recordings."""
         read = {path for shard in shards for path in shard.paths}

@@ -111,7 +111,9 @@ class _Table:
         tracks, has_track = text(rows, path, "track_id")
         motion = numbers(rows, path, "position_x", "position_y", "heading", "velocity_x", "velocity_y")
         observed, _ = integers(rows, path, "observed")
-        kept = self._usable(file, path, timestep, has_time & (timestep >= 0) & (timestep < count), tracks, has_track, motion)
+        kept = self._usable(
+            file, path, timestep, has_time & (timestep >= 0) & (timestep < count), tracks, has_track, motion
+        )
         self.current_timestep = int(timestep[kept][observed[kept] != 0].max(initial=0))
         self.grid = TrackGrid(tracks.take(kept), timestep[kept], count)
         self.motion = motion[kept]

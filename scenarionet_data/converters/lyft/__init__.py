@@ -35,8 +35,8 @@ from scenarionet_data.converters.lyft.map_features import LyftCity, read_city
 from scenarionet_data.converters.lyft.options import LyftOptions
 from scenarionet_data.converters.lyft.recording import TABLES, LyftRecording, LyftScene
 from scenarionet_data.converters.lyft.scenario import CITY, MAP_ID, LyftWindow, describe, windows
-from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario
 from scenarionet_data.converters.unused import unused_files
+from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario
 from scenarionet_data.ingest.options import Options
 from scenarionet_data.ingest.passed_over import PassedOver
 from scenarionet_data.ingest.shard import RawItem, Shard, fingerprint
@@ -118,9 +118,7 @@ class Lyft(Converter[LyftWindow]):
             items = (RawItem(path.relative_to(folder).as_posix(), fingerprint([path])) for path in files)
             yield Shard(self.name, version, "", MAP_ID, str(folder), tuple(items), Options())
 
-    def passed_over(
-        self, raw: str, split: str, options: LyftOptions, shards: Sequence[Shard]
-    ) -> Iterator[PassedOver]:
+    def passed_over(self, raw: str, split: str, options: LyftOptions, shards: Sequence[Shard]) -> Iterator[PassedOver]:
         """List recordings of other splits, tables that are not read, a map that is not wanted, and other files."""
         taken = {Path(shard.root, scene_of(item)[0]) for shard in shards for item in shard.items}
         others = [path for path in find_recordings(Path(raw), split="") if path not in taken]

@@ -6,9 +6,9 @@ import hashlib
 import os
 from pathlib import Path
 
-from scenarionet_data.ingest.listing import walk
 from scenarionet_data.converters.lyft.recording import LyftRecording
 from scenarionet_data.errors import SourceNotFound
+from scenarionet_data.ingest.listing import walk
 from scenarionet_data.ingest.shard import RawItem, fingerprint
 
 MAP_FILES = ("semantic_map.pb", "meta.json")

@@ -224,12 +224,16 @@ def _table(path: Path, name: str) -> ChunkedTable:
     for field, (shape, kinds) in _FIELDS[name].items():
         names = table.dtype.names or ()
         if field not in names:
-            raise CorruptSource(f"{path / name}: expected a field {field}, found {list(names)}; is this a Lyft recording?")
+            raise CorruptSource(
+                f"{path / name}: expected a field {field}, found {list(names)}; is this a Lyft recording?"
+            )
         found = table.dtype[field]
         if found.base.kind not in kinds or shape not in (None, found.shape):
             wanted = {"iu": "integers", "f": "real numbers", "U": "text"}[kinds]
             wanted += "" if shape in (None, ()) else f" of shape {shape}"
-            raise CorruptSource(f"{path / name}: field {field}: expected {wanted}, found {found}; is this a Lyft recording?")
+            raise CorruptSource(
+                f"{path / name}: field {field}: expected {wanted}, found {found}; is this a Lyft recording?"
+            )
     return table
 
 

@@ -71,7 +71,7 @@ def describe(shard: Shard, window: LyftWindow, licence: str) -> ScenarioDescript
     content = recording.read(window.first, window.last, where)
     file, defects = recording.path.relative_to(shard.root).as_posix(), Defects()
     has_ego = _known_egos(content, where, file, defects)
-    content = drop_bad_rows(content, has_ego, file, defects)
+    content = drop_bad_rows(content, file, defects)
     origin = make_origin(content.ego, has_ego, has_z=False)
     objects, num_repaired = tracks(content, has_ego, recording.labels, origin, options.keep_unknown)
     box, city = _map_window(content, options.radius), window.city

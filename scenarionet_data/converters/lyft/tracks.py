@@ -42,20 +42,17 @@ _UNTOLD = frozenset(
 )
 
 
-def drop_bad_rows(content: LyftContent, has_ego: Bool, file: str, defects: Defects) -> LyftContent:
+def drop_bad_rows(content: LyftContent, file: str, defects: Defects) -> LyftContent:
     """Return the content without agents and faces that cannot be used.
 
     Args:
         content: T frames.
-        has_ego: (T,) whether the ego's pose is known, not interpolated.
         file: The recording.
         defects: The dropped rows are added to it.
     """
     agents = content.agents
     position = np.pad(agents["centroid"], ((0, 0), (0, 1))).astype(np.float64)
-    found = find_bad_rows(
-        position, agents["yaw"], agents["velocity"], agents["extent"], content.ego[content.frame, :2]
-    )
+    found = find_bad_rows(position, agents["yaw"], agents["velocity"], agents["extent"], content.ego[content.frame, :2])
     is_good = np.ones(len(agents), np.bool_)
     for bad in found:
         rows = content.agents_row[bad.mask].tolist()

@@ -122,7 +122,9 @@ class NuPlan(Converter[Cut]):
             name = re.sub(r"[^A-Za-z0-9._-]", "-", log.stem)
             yield Shard(self.name, version, split, name, raw, (item,), resolved, properties_of(log, places[log]))
 
-    def passed_over(self, raw: str, split: str, options: NuPlanOptions, shards: Sequence[Shard]) -> Iterator[PassedOver]:
+    def passed_over(
+        self, raw: str, split: str, options: NuPlanOptions, shards: Sequence[Shard]
+    ) -> Iterator[PassedOver]:
         """List maps of cities without logs, and the files that are not read."""
         atlas = find_atlas(Path(raw), options.maps)
         known = {atlas.root / name / version / "map.gpkg" for name, version in atlas.versions.items()}

@@ -9,10 +9,10 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from scenarionet_data.ingest.listing import walk
 from scenarionet_data.converters.nuplan.log import LogLocation, opened, read_place, read_tag_types
 from scenarionet_data.errors import CorruptSource, SourceNotFound
 from scenarionet_data.ingest.input_properties import InputProperties, LazyProperties, is_local
+from scenarionet_data.ingest.listing import walk
 
 _SPLITS = {"mini", "train", "val", "test"}
 SENSORS = frozenset({"sensor_blobs"})

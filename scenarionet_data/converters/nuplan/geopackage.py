@@ -158,7 +158,9 @@ def opened(path: Path, file: str) -> Iterator[GeoPackage]:
             database.text_factory = as_text
             yield GeoPackage(database, path, file)
     except sqlite3.Error as error:
-        raise CorruptSource(f"{path}: expected a nuPlan map, found {finding(error)}; download the maps again") from error
+        raise CorruptSource(
+            f"{path}: expected a nuPlan map, found {finding(error)}; download the maps again"
+        ) from error
 
 
 def _wkb(blob: Any) -> bytes | None:

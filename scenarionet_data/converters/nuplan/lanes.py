@@ -88,9 +88,7 @@ def identifiers(text: Any) -> list[str]:
     return [each for each in found if each]
 
 
-def _centers(
-    package: GeoPackage, name: str, ids: Sequence[str], owners: Sequence[Any], paths: Layer
-) -> list[Float64]:
+def _centers(package: GeoPackage, name: str, ids: Sequence[str], owners: Sequence[Any], paths: Layer) -> list[Float64]:
     """(n, 2) centreline of each lane; empty if it has none."""
     by_owner = {identifier(owner): points for owner, points in zip(owners, paths.points, strict=True)}
     reason = "expected a baseline path, found none; the lane has no centreline"

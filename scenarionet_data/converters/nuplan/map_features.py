@@ -81,7 +81,9 @@ def _read_city(path: Path, file: str, state: tuple[int, int]) -> NuPlanCity:  # 
 def _add_lines(builder: MapBuilder, boundaries: Layer) -> None:
     for fid, points, kind in zip(boundaries.fids, boundaries.points, boundaries["boundary_type_fid"], strict=True):
         line = LINES.get(kind, MapFeatureType.UNKNOWN_LINE)
-        builder.add(f"boundary-{fid}", line, polyline=points, extras={"boundary_type": kind if isinstance(kind, int) else None})
+        builder.add(
+            f"boundary-{fid}", line, polyline=points, extras={"boundary_type": kind if isinstance(kind, int) else None}
+        )
 
 
 def _add_road_blocks(builder: MapBuilder, package: GeoPackage) -> None:

@@ -31,7 +31,6 @@ from scenarionet_data.scenario.description import (
 )
 from scenarionet_data.scenario.vocabulary import LightState, ObjectType, Provenance
 
-
 _COLUMNS = {"position": "x, y", "heading": "yaw", "size": "length, width, height"}
 """Columns of ``lidar_box`` by the field at fault."""
 _LIGHT_FIELDS = (

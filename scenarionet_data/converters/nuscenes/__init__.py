@@ -78,7 +78,9 @@ class NuScenesOptions(Options):
     future: float = field(default=6.0, metadata={"doc": "Time after the current timestep of a window [s]."})
     frames: Frames = field(
         default="resampled",
-        metadata={"doc": "resampled: 10 timesteps per second, interpolated; recorded: the annotated keyframes, 2 or 5."},
+        metadata={
+            "doc": "resampled: 10 timesteps per second, interpolated; recorded: the annotated keyframes, 2 or 5."
+        },
     )
     radius: float = field(
         default=200.0, metadata={"doc": "Margin of the map around the ego's path [m]; features are not cut."}
@@ -89,7 +91,9 @@ class NuScenesOptions(Options):
         metadata={"doc": "Whether the ego's extras contain speed, steering, ... from can_bus/, if available."},
     )
 
-    removed: ClassVar[Mapping[str, str]] = MappingProxyType({"rate": "set frames to 'recorded' for the keyframes, or resample when loading"})
+    removed: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {"rate": "set frames to 'recorded' for the keyframes, or resample when loading"}
+    )
 
     def __post_init__(self) -> None:
         if self.frames not in get_args(Frames):

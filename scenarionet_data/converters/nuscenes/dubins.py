@@ -78,10 +78,15 @@ def is_path(path: Any) -> bool:
     """Whether a value is a path with finite numbers of a plausible size."""
     if not isinstance(path, dict):
         return False
-    pose, lengths, radius, shape = path.get("start_pose"), path.get("segment_length"), path.get("radius"), path.get("shape")
+    pose, lengths, radius, shape = (
+        path.get("start_pose"),
+        path.get("segment_length"),
+        path.get("radius"),
+        path.get("shape"),
+    )
     if not (isinstance(pose, list) and isinstance(lengths, list) and isinstance(shape, str)):
         return False
-    if not [len(pose), len(lengths), len(shape)] == [3, 3, 3] or not set(shape) <= set(_TURNS):
+    if [len(pose), len(lengths), len(shape)] != [3, 3, 3] or not set(shape) <= set(_TURNS):
         return False
     is_finite = all(is_number(each, _LARGEST) for each in (*pose, *lengths, radius))
     return is_finite and radius is not None and radius > 0 and all(0 <= each <= _LONGEST for each in lengths)

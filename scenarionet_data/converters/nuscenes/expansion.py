@@ -25,8 +25,23 @@ from scenarionet_data.ingest.defects import Defects
 LayerRecord = dict[str, Any]
 
 _VERSION = "1.3"
-_LISTS = """node line polygon drivable_area road_segment road_block lane ped_crossing walkway stop_line carpark_area
-    road_divider lane_divider traffic_light lane_connector""".split()
+_LISTS = [
+    "node",
+    "line",
+    "polygon",
+    "drivable_area",
+    "road_segment",
+    "road_block",
+    "lane",
+    "ped_crossing",
+    "walkway",
+    "stop_line",
+    "carpark_area",
+    "road_divider",
+    "lane_divider",
+    "traffic_light",
+    "lane_connector",
+]
 _GEOMETRY = ("node", "line", "polygon")
 _LARGEST = 1e15
 """Bound of a number [m] from which distances can be computed."""
@@ -109,7 +124,9 @@ class Expansion:
     def links(self, lane: str) -> tuple[list[str], list[str]]:
         """Predecessors and successors of a lane."""
         stated = self._links.get(lane, {})
-        lists = [stated.get(name, []) for name in ("incoming", "outgoing")] if isinstance(stated, dict) else [None, None]
+        lists = (
+            [stated.get(name, []) for name in ("incoming", "outgoing")] if isinstance(stated, dict) else [None, None]
+        )
         entries, exits = (words(each) for each in lists)
         if [entries, exits] != lists:
             self.assume("connectivity", lane, "expected lists of lanes, found others; left out")
@@ -196,10 +213,14 @@ def _nodes(entries: list[Any]) -> Mapping[str, tuple[float, float]]:
         for node in _named(entries)
         if type(node.get("x")) in (int, float) and type(node.get("y")) in (int, float)
     }
-    places = np.array([place for place in found.values()]).reshape(-1, 2)
+    places = np.array(list(found.values())).reshape(-1, 2)
     if places.dtype == object:  # integers beyond 64 bits
         places = np.where(np.abs(places) < _LARGEST, places, np.inf).astype(np.float64)
     is_finite = np.isfinite(places).all(axis=1)
     centre = np.median(places[is_finite], axis=0) if is_finite.any() else np.zeros(2)
     is_near = np.abs(places - centre).max(axis=1, initial=0.0) <= MAX_MAP_DISTANCE
-    return {token: (float(x), float(y)) for (token, (x, y)), near in zip(found.items(), is_near.tolist(), strict=True) if near}
+    return {
+        token: (float(x), float(y))
+        for (token, (x, y)), near in zip(found.items(), is_near.tolist(), strict=True)
+        if near
+    }

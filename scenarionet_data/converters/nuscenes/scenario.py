@@ -124,7 +124,7 @@ def describe(
             "keyframe_timesteps": steps.at_keyframes.tolist(),
             "start_timestamp_us": round(start),
         },
-        defects=merge_defects([*recording.defects, *defects, *_unknown_targets(window, len(known))]),
+        defects=merge_defects([*recording.defects, *defects, *_unknown_targets(window)]),
     )
 
 
@@ -169,7 +169,9 @@ def _tracks(
         is_size_assumed=[*[False] * len(rows), True],
         is_type_assumed=[*(word not in CATEGORIES for word in words[:-1]), False],
         is_velocity_estimated=True,
-        is_interpolated=np.concatenate([np.broadcast_to(steps.share > 0, (len(rows), len(steps.share))), is_between[None]]),
+        is_interpolated=np.concatenate(
+            [np.broadcast_to(steps.share > 0, (len(rows), len(steps.share))), is_between[None]]
+        ),
         extras=[
             *({"attributes": counts} if counts else None for counts in attributes),
             {"can_bus": signals} if signals else None,
@@ -177,7 +179,7 @@ def _tracks(
     )
 
 
-def _unknown_targets(window: NuScenesWindow, num_known: int) -> tuple[Defect, ...]:
+def _unknown_targets(window: NuScenesWindow) -> tuple[Defect, ...]:
     """Report the objects to predict that are not annotated in the scene."""
     defects = Defects()
     unknown = [token for token in window.targets if token not in window.recording.objects.tokens]

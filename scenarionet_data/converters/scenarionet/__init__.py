@@ -85,9 +85,7 @@ class ScenarioNetPickles(Converter[RawItem]):
         except UNREADABLE as error:
             raise InvalidScenario(record.name, "pickle", explain(error)[1]) from error
 
-    def passed_over(
-        self, raw: str, split: str, options: Options, shards: Sequence[Shard]
-    ) -> Iterable[PassedOver]:
+    def passed_over(self, raw: str, split: str, options: Options, shards: Sequence[Shard]) -> Iterable[PassedOver]:
         """List files that are not pickles of scenarios, and pickles that the mapping does not name."""
         folder = Path(raw)
         if not (folder / _MAPPING).is_file():
@@ -97,7 +95,9 @@ class ScenarioNetPickles(Converter[RawItem]):
         others = [path for path in folder.rglob("*.pkl") if _is_scenario(path) and path.resolve() not in inputs]
         if others:
             example = min(others).relative_to(folder).as_posix()
-            yield PassedOver(f"pickles of scenarios, for example {example}", len(others), f"{_MAPPING} does not name them")
+            yield PassedOver(
+                f"pickles of scenarios, for example {example}", len(others), f"{_MAPPING} does not name them"
+            )
         taken = inputs | {path.resolve() for path in others}
         yield from unused_files(
             folder, lambda path: path.resolve() in taken or path.name in (_MAPPING, SUMMARY), split, self.ignored

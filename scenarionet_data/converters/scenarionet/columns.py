@@ -24,7 +24,11 @@ _ENCODER = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False, allow_nan
 
 def literal(value: Any) -> str:
     """Form of a field that has this value."""
-    return _simple_literal(type(value).__name__, value) if type(value) in _SIMPLE else _LITERAL + _ENCODER.encode(to_plain(value))
+    return (
+        _simple_literal(type(value).__name__, value)
+        if type(value) in _SIMPLE
+        else _LITERAL + _ENCODER.encode(to_plain(value))
+    )
 
 
 @lru_cache(maxsize=1024)

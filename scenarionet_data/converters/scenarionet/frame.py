@@ -70,7 +70,7 @@ def find_frame(description: Mapping[str, Any], ego_position: Array, ego_valid: B
         origin = np.asarray(metadata["origin"], dtype=np.float64)
         shift = origin - moved
     else:
-        # Rounded as in the lake: a position next to half a metre has the same origin when it is exported and read again.
+        # Rounded as in the lake: a position next to half a metre has the same origin when exported and read again.
         origin = make_origin(np.round((ego_position + shift) / METRES) * METRES, ego_valid, has_z)
     dataset = str(metadata.get("dataset", description["version"]))
     return Frame(dataset, "scenario_uid" in metadata, has_z, shift, origin, moved)

@@ -1,9 +1,9 @@
 """How a pickle writes each field, recorded on import so that the export can write the same pickle again.
 
-The lake has one form for all datasets: float32 arrays, ids as str, speeds in m/s, null for what is unknown. ScenarioNet's
-converters and versions differ in dtypes, shapes, containers, names and placeholders. A layout holds what the lake's form
-does not tell: a form per field (see :mod:`.columns`), and the values of fields that the lake does not represent. Values
-that are large or differ between tracks or features are kept in the extras of these (``own``).
+The lake has one form for all datasets: float32 arrays, ids as str, speeds in m/s, null for what is unknown.
+ScenarioNet's converters and versions differ in dtypes, shapes, containers, names and placeholders. A layout holds what
+the lake's form does not state: a form per field (see :mod:`.columns`), and the values of fields that the lake does not
+represent. Values that are large or differ between tracks or features are kept in the extras of these (``own``).
 """
 
 from __future__ import annotations
@@ -84,7 +84,9 @@ def describe_lights(lights: Members) -> dict[str, Any]:
     """Return the columns of traffic lights."""
     forms = []
     for key, light in lights.items():
-        found = {name: _light_form(name, value, key) for name, value in light.items() if name not in ("state", "metadata")}
+        found = {
+            name: _light_form(name, value, key) for name, value in light.items() if name not in ("state", "metadata")
+        }
         found |= {f"state.{name}": _states_form(name, value) for name, value in light["state"].items()}
         metadata = light.get("metadata", {})
         found |= {f"metadata.{name}": _id_form(value, key) or literal(value) for name, value in metadata.items()}

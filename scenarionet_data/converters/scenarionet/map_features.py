@@ -69,8 +69,7 @@ def make_map(features: Mapping[Any, Feature], frame: Frame, own: Sequence[dict[s
         links={_ID_LISTS[key]: _ids(lists) for key, lists in links.items()},
         is_intersection=[-1 if (told := feature.get("is_intersection")) is None else int(told) for feature in known],
         extras=[
-            to_json(to_rows(found) | ({LAYOUT: kept} if kept else {}))
-            for found, kept in zip(extras, own, strict=True)
+            to_json(to_rows(found) | ({LAYOUT: kept} if kept else {})) for found, kept in zip(extras, own, strict=True)
         ],
         origin=frame.local_origin,
         has_z=frame.has_z,

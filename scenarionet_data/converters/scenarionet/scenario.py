@@ -82,7 +82,9 @@ def make_scenario(shard: Shard, where: str, description: dict[str, Any]) -> Scen
     ids = [str(track_id) for track_id in tracks]
     ego_id = str(metadata["sdc_id"])
     if ego_id not in ids:
-        raise InvalidScenario(where, "metadata.sdc_id", f"expected a track that can be read, found none named {ego_id!r}")
+        raise InvalidScenario(
+            where, "metadata.sdc_id", f"expected a track that can be read, found none named {ego_id!r}"
+        )
     ego = ids.index(ego_id)
     _assume_types(tracks, where, defects)
     drop_bad_states(states, ids, ego, where, defects)
@@ -160,9 +162,7 @@ def _read_times(metadata: Mapping[str, Any], length: int, where: str) -> Float64
     return times
 
 
-def _make_map(
-    members: Mapping[Any, Any], frame: Frame, where: str
-) -> tuple[dict[str, Any], MapFeatures | None]:
+def _make_map(members: Mapping[Any, Any], frame: Frame, where: str) -> tuple[dict[str, Any], MapFeatures | None]:
     """Columns of the layout, and the map features."""
     own: list[dict[str, Any]] = [{} for _ in members]
     columns = {} if frame.is_ours else describe_features(members, frame.quirks == "nuscenes", own)
@@ -188,7 +188,7 @@ def _make_lights(
 def _have_heights(features: Mapping[Any, Any]) -> bool:
     """Whether any line has heights; raises an error for a feature without a type, or whose line cannot be read."""
     typed = [(feature["type"], feature.get("polyline", ())) for feature in features.values()]
-    return any([len(line) and len(line[0]) == 3 and np.asarray(line)[:, 2].any() for _, line in typed])
+    return any(len(line) and len(line[0]) == 3 and np.asarray(line)[:, 2].any() for _, line in typed)
 
 
 def _assume_types(tracks: Mapping[Any, Any], where: str, defects: Defects) -> None:
@@ -266,5 +266,3 @@ def _make_extras(description: Mapping[str, Any], frame: Frame, name: str) -> dic
 
 def _is_simple(value: Any) -> bool:
     return value is None or type(value) in (str, int, bool) or (type(value) is float and math.isfinite(value))
-
-

@@ -6,8 +6,6 @@ Neither TensorFlow nor a protobuf runtime is needed. The frame is Waymo's, with 
 
 from __future__ import annotations
 
-import hashlib
-import re
 from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
@@ -16,14 +14,13 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.building import make_origin, make_tracks
-from scenarionet_data.converters.base import Converter, find_files
-from scenarionet_data.converters.formats.protowire import DamagedMessage, Messages
+from scenarionet_data.converters.base import Converter
 from scenarionet_data.converters.formats.tfrecord import TfRecord, read_records
 from scenarionet_data.converters.waymo.cleaning import UsableTracks, find_bad_features, usable_lights, usable_tracks
 from scenarionet_data.converters.waymo.files import EXAMPLE, scenario_files, shard_name, unused_fields
 from scenarionet_data.converters.waymo.map_features import map_features
 from scenarionet_data.converters.waymo.wire import WireLights, WireScenario, WireTracks, decode
-from scenarionet_data.errors import CorruptSource, InvalidScenario, SourceNotFound
+from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.ingest.defects import Defects
 from scenarionet_data.ingest.input_properties import is_local
 from scenarionet_data.ingest.options import Options

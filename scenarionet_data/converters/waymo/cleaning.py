@@ -134,7 +134,9 @@ def _complete_ego(tracks: WireTracks, ego: int, is_bad: Bool, times: Float64) ->
     filled = is_bad & short_gaps(times, known, _LONGEST_GAP)
     if not filled.any():
         return tracks, filled
-    tracks = replace(tracks, **{name: getattr(tracks, name).copy() for name in ("center", "size", "heading", "velocity")})
+    tracks = replace(
+        tracks, **{name: getattr(tracks, name).copy() for name in ("center", "size", "heading", "velocity")}
+    )
     for values in (tracks.center[ego], tracks.size[ego], tracks.velocity[ego]):
         for axis in range(values.shape[1]):
             values[filled, axis] = np.interp(times[filled], times[known], values[known, axis])
@@ -162,7 +164,9 @@ def usable_lights(lights: WireLights, num_steps: int, origin: Float64, file: str
     """
     is_late = lights.step >= num_steps
     if is_late.any():
-        names = [f"lane {lane} step {step}" for lane, step in zip(lights.lane[is_late], lights.step[is_late], strict=True)]
+        names = [
+            f"lane {lane} step {step}" for lane, step in zip(lights.lane[is_late], lights.step[is_late], strict=True)
+        ]
         defects.drop("lights", file, names, "dynamic_map_states", f"expected {num_steps} steps, found more")
         lights = replace(lights, **{name: values[~is_late] for name, values in vars(lights).items()})
     unknown = [f"lane {lane}" for lane in lights.lane[~lights.is_state_known]]

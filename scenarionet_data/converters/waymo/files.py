@@ -70,5 +70,3 @@ def scenario_files(raw: str, split: str) -> list[Path]:
 def _is_other_part(path: Path) -> bool:
     """Whether a file below RAW is of the dataset's other formats, by the names that the owner gives them."""
     return not _OTHER_PARTS.isdisjoint(path.parts[:-1]) or "tfexample" in path.name
-
-

@@ -120,7 +120,7 @@ class LakeFiles(ABC):
             LakeError: A file is missing or damaged.
         """
         listed = list(names)
-        return all([verified_files.verify(path, name) for path, name in zip(self.paths(listed), listed, strict=True)])
+        return all(verified_files.verify(path, name) for path, name in zip(self.paths(listed), listed, strict=True))
 
     def end(self, name: str) -> FileEnd:
         """The verified end of a Parquet file, with its footer.

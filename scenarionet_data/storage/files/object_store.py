@@ -32,6 +32,7 @@ _MAY_EXIST = (
 
 Answer = TypeVar("Answer")
 
+
 @dataclass(frozen=True)
 class Stored:
     """A file in an object store.
@@ -120,7 +121,10 @@ class ObjectStore:
     def download(self, name: str, path: Path) -> Stored:
         """Download a file to a local path."""
         with writing(path, path), path.open("wb") as file:
-            for stored, piece in self._stream(name):
+            pieces = self._stream(name)  # at least one
+            stored, first = next(pieces)
+            file.write(first)
+            for _, piece in pieces:
                 file.write(piece)
         return stored
 
@@ -134,7 +138,9 @@ class ObjectStore:
         with self._reading(name), self._translated_errors(name):
             while stored is None or position < stored.size:
                 try:
-                    got = self._obstore.get(self._store, name, options={"range": {"offset": position}} if position else {})
+                    got = self._obstore.get(
+                        self._store, name, options={"range": {"offset": position}} if position else {}
+                    )
                     stored = self._same(stored, _stored(got.meta))
                     for piece in got.stream() if stored.size else [b""]:
                         position += len(piece)

@@ -1,7 +1,7 @@
 """Structs of Parquet footers and page headers, as far as files of this package use them.
 
-Format: https://github.com/apache/parquet-format/blob/master/src/main/thrift/parquet.thrift. StructFields for encryption, for
-other files and for geometries are missing here on purpose: a footer that has them is refused.
+Format: https://github.com/apache/parquet-format/blob/master/src/main/thrift/parquet.thrift. StructFields for
+encryption, for other files and for geometries are missing here on purpose: a footer that has them is refused.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from scenarionet_data.storage.footers.thrift import (
     TRUTH,
     Decoder,
     Field,
-    StructFields,
     Malformed,
+    StructFields,
     integers,
     lists,
     one_of,

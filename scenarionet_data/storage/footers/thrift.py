@@ -1,7 +1,7 @@
 """Bounds-checked decoder of structs in Thrift's compact protocol, by declared fields.
 
-Format: https://github.com/apache/thrift/blob/master/doc/specs/thrift-compact-protocol.md. Everything that is not declared
-is refused: other fields, other types, values out of range, lists and texts longer than the bytes that are left.
+Format: https://github.com/apache/thrift/blob/master/doc/specs/thrift-compact-protocol.md. Everything that is not
+declared is refused: other fields, other types, values out of range, lists and texts longer than the bytes left.
 """
 
 from __future__ import annotations

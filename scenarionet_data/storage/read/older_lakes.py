@@ -12,8 +12,8 @@ from functools import lru_cache
 from typing import Any
 
 from scenarionet_data.codec import ScenarioColumns
-from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.errors import LakeError
+from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.storage.files.errors import damaged
 from scenarionet_data.storage.files.lake_files import LakeFiles

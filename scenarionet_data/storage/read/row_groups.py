@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
+
 from scenarionet_data.arrays.dtypes import Array, UInt8
 from scenarionet_data.schema import tables
 from scenarionet_data.storage import verified_files

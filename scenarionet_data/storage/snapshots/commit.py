@@ -234,9 +234,7 @@ def _leave_out_duplicates(
 ) -> tuple[list[ShardRecord], Reduced]:
     """Shards without the scenarios that repeat an id already in the lake, and which shards these changed."""
     repeated = _repeated(files, remaining, fresh)
-    now = [
-        leave_out(files, record, ids) if ids else record for record, ids in zip(fresh, repeated, strict=True)
-    ]
+    now = [leave_out(files, record, ids) if ids else record for record, ids in zip(fresh, repeated, strict=True)]
     return now, tuple((old, new) for old, new in zip(fresh, now, strict=True) if old is not new)
 
 

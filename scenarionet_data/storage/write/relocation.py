@@ -63,7 +63,9 @@ def copy_rows(
     return copied
 
 
-def copy_groups(files: LakeFiles, table: str, source: str, numbers: Iterable[int], path: Path, keys: Iterable[str]) -> None:
+def copy_groups(
+    files: LakeFiles, table: str, source: str, numbers: Iterable[int], path: Path, keys: Iterable[str]
+) -> None:
     """Copy row groups of a file to a new file.
 
     Args:

@@ -22,7 +22,14 @@ from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.read.scenario_rows import RowAddress, ScenarioRows
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord, find_record, partition
 from scenarionet_data.storage.write.layouts import Layout, new_unit, rewritten_name
-from scenarionet_data.storage.write.relocation import MAP_FOOTER, addresses, copy_groups, copy_rows, provenance, with_addresses
+from scenarionet_data.storage.write.relocation import (
+    MAP_FOOTER,
+    addresses,
+    copy_groups,
+    copy_rows,
+    provenance,
+    with_addresses,
+)
 from scenarionet_data.storage.write.table_file import publish_data, publish_table
 
 TABLES = ("tracks", "lights", "maps")

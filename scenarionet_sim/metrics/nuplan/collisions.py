@@ -104,7 +104,7 @@ def find_collisions(ego: EgoDrive, others: SurroundingBoxes, is_in_lane: Bool) -
 
 
 def collision_score(collisions: Iterable[EgoCollision]) -> float:
-    """nuPlan's score: 1 without a collision at fault, 0.5 with one static object, else 0."""
+    """NuPlan's score: 1 without a collision at fault, 0.5 with one static object, else 0."""
     score = 1.0
     at_fault = [each.group for each in collisions if each.is_at_fault]
     for group, allowed in _ALLOWED.items():

@@ -70,7 +70,7 @@ class PlanErrors:
 
     @property
     def open_loop_score(self) -> float:
-        """nuPlan's open-loop score: 0 if plans miss, else the mean of four errors' scores, the headings' doubled."""
+        """NuPlan's open-loop score: 0 if plans miss, else the mean of four errors' scores, the headings' doubled."""
         parts = (
             (1.0, self.average_distance, MAX_AVERAGE_DISTANCE),
             (1.0, self.final_distance, MAX_FINAL_DISTANCE),

@@ -54,7 +54,8 @@ def time_to_collision(
     found = np.full(len(ego.time), np.inf)
     _project(
         ego.position, ego.heading, ego.speed, ego.rear_axle, np.array([ego.length, ego.width]),
-        others.position, others.heading, others.speed, others.size, counts, ~is_in_lane | is_in_intersection, times, found,
+        others.position, others.heading, others.speed, others.size, counts, ~is_in_lane | is_in_intersection,
+        times, found,
     )  # fmt: skip
     found[[each.step for each in collisions if each.is_at_fault]] = 0.0
     return found
@@ -86,8 +87,15 @@ def _project(
                 if ahead >= found[t]:
                     break
                 if is_overlapping(
-                    dx + vx * ahead, dy + vy * ahead, cos, sin, size[0], size[1], c, s, other_size[n, 0], other_size[n, 1]
+                    dx + vx * ahead,
+                    dy + vy * ahead,
+                    cos,
+                    sin,
+                    size[0],
+                    size[1],
+                    c,
+                    s,
+                    other_size[n, 0],
+                    other_size[n, 1],
                 ):
                     found[t] = ahead
-
-

@@ -1,6 +1,7 @@
 """Compiled distances of WOSAC's features: between rounded boxes, to the vehicle ahead, to road edges, to lanes.
 
-R rollouts, N objects, T steps, E evaluated objects. Frames: any, the same for objects and map; metres, radians, seconds.
+R rollouts, N objects, T steps, E evaluated objects. Frames: any, the same for objects and map; metres, radians,
+seconds.
 """
 
 from __future__ import annotations
@@ -208,10 +209,9 @@ def signed_distance(
             sign = _corner_sign(points, before, segment, side, _beside(x, y, points, before)[1])
         else:
             sign = _corner_sign(points, last, segment, side, side)
-    elif share > 1.0:
-        if segment < last or is_cyclic[edge]:
-            after = segment + 1 if segment < last else first
-            sign = _corner_sign(points, segment, after, side, _beside(x, y, points, after)[1])
+    elif share > 1.0 and (segment < last or is_cyclic[edge]):
+        after = segment + 1 if segment < last else first
+        sign = _corner_sign(points, segment, after, side, _beside(x, y, points, after)[1])
     return sign * flat, where
 
 

@@ -1,4 +1,4 @@
-"""Score submissions against the recordings in a lake, in processes, with the ceiling and the floor of their scenarios."""
+"""Score submissions against the recordings in a lake, with the ceiling and the floor of their scenarios."""
 
 from __future__ import annotations
 
@@ -100,8 +100,7 @@ def score_submission(
     done: dict[int, ScoredScenario] = {}
     total = count_scenarios(rollouts)
     jobs = (
-        _Job(str(lake), number, each, configuration, official)
-        for number, each in enumerate(read_submission(rollouts))
+        _Job(str(lake), number, each, configuration, official) for number, each in enumerate(read_submission(rollouts))
     )
     for number, scored in executor(jobs, _score):
         done[number] = scored

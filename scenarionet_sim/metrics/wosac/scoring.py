@@ -51,8 +51,7 @@ SIM_AGENTS_2024: Configuration = {
 """The challenge of 2024, without traffic lights."""
 
 SCENARIO_GENERATION_2025: Configuration = {
-    name: replace(feature, joins_objects=name != "traffic_light_violation")
-    for name, feature in SIM_AGENTS_2025.items()
+    name: replace(feature, joins_objects=name != "traffic_light_violation") for name, feature in SIM_AGENTS_2025.items()
 }
 """The challenge on scenario generation: whole scenarios of 9.1 s, distributions over all objects together."""
 
@@ -214,7 +213,9 @@ def _motions(
     size = np.repeat(tracks.size[rows, now, None], scenario.num_timesteps, axis=1)[None]
     if not start:
         size = tracks.size[rows][None]
-    recorded = RolloutMotion(position, heading, np.ascontiguousarray(size), valid[None] if start else np.ones_like(valid)[None])
+    recorded = RolloutMotion(
+        position, heading, np.ascontiguousarray(size), valid[None] if start else np.ones_like(valid)[None]
+    )
     count = len(rollouts.position)
     sizes = np.repeat(size, count, axis=0) if rollouts.size is None or start else rollouts.size
     simulated = RolloutMotion(

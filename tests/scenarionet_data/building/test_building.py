@@ -106,7 +106,8 @@ def test_interpolated_steps_are_flagged_where_valid():
     assert made.is_interpolated.tolist() == [[False, True, False], [False, True, False]]
     assert tracks(valid=valid).is_interpolated.tolist() == np.zeros((2, 3), bool).tolist()
     row = make_tracks_of_rows(
-        ["a"], 1, np.ones((2, 3)), np.zeros(2), np.zeros((2, 2)), np.ones((2, 3)), np.zeros(2, int), np.array([0, 2]), 3,
+        ["a"], 1, np.ones((2, 3)), np.zeros(2), np.zeros((2, 2)), np.ones((2, 3)), np.zeros(2, int), np.array([0,
+        2]), 3,
         origin=np.zeros(3), is_interpolated=[False, True],
     )  # fmt: skip
     assert row.is_interpolated.tolist() == [[False, False, True]]

@@ -74,7 +74,7 @@ def test_gaps_stay_gaps_and_short_ones_between_frames_are_bridged() -> None:
     valid = np.ones((2, 21), bool)
     valid[1, 5:9] = False
     found = resample(drive(np.arange(21) * 0.25, 0.25, valid), 0.1)
-    wanted = [t for t in range(51) if not 1.0 < t * 0.1 - 0.05 or t * 0.1 + 0.05 >= 2.25]
+    wanted = [t for t in range(51) if not t * 0.1 - 0.05 > 1.0 or t * 0.1 + 0.05 >= 2.25]
     assert np.flatnonzero(found.tracks.valid[1]).tolist() == wanted
     far = resample(drive(np.array([0.0, 0.5, 3.0, 3.5]), 0.5), 0.1)
     assert np.flatnonzero(~far.tracks.valid[0]).tolist() == list(range(6, 30))

@@ -28,7 +28,6 @@ import pytest
 from scenarionet_data.converters.base import Converter
 from scenarionet_data.errors import InvalidScenario, ScenarioNetError, SourceError
 from scenarionet_data.scenario.description import ScenarioDescription, Tracks
-from scenarionet_data.testing import differences
 
 RAW_MESSAGES = re.compile(
     r"unhashable|Expected bytes|object has no attribute|not subscriptable|not supported between|not iterable"
@@ -89,7 +88,10 @@ class DamageConformance:
             hit = {track for track in one.tracks.ids if {track, f"{one.source.scenario_id} {track}"} & damage.tracks}
             assert _of_others(one.tracks, hit) == _of_others(other.tracks, hit)
         num_dropped = sum(
-            defect.count for s in after for defect in s.defects if (defect.table, defect.action) == ("tracks", "dropped")
+            defect.count
+            for s in after
+            for defect in s.defects
+            if (defect.table, defect.action) == ("tracks", "dropped")
         )
         assert num_dropped
         assert _num_states(after) + num_dropped == _num_states(before) + damage.num_added
@@ -107,7 +109,8 @@ class DamageConformance:
             faults, was_refused = self._faults(damaged)
             wrong += [f"{number}: {target.name}, {how}: {fault}" for fault in faults]
             refused += was_refused
-        print(f"{self.converter.name}: {self.num_damaged_inputs} damaged inputs, {refused} refused, {len(wrong)} wrong")
+        counts = f"{self.num_damaged_inputs} damaged inputs, {refused} refused, {len(wrong)} wrong"
+        print(f"{self.converter.name}: {counts}")  # noqa: T201
         assert wrong == [], "\n".join(wrong)
 
     def _convert(self, raw: Path) -> Iterator[ScenarioDescription]:
@@ -209,7 +212,24 @@ def damage_file(path: Path, rng: np.random.Generator) -> str:
     return f"{how} at {place}"
 
 
-ODD_VALUES = (None, True, -1, 0, 1e308, -1e12, float("nan"), "", "text", [], [1, 2], {}, {"a": 1}, [None], 2**63, "\ud800")
+ODD_VALUES = (
+    None,
+    True,
+    -1,
+    0,
+    1e308,
+    -1e12,
+    float("nan"),
+    "",
+    "text",
+    [],
+    [1, 2],
+    {},
+    {"a": 1},
+    [None],
+    2**63,
+    "\ud800",
+)
 """Values in place of others in JSON."""
 
 
@@ -257,7 +277,9 @@ def damage_table(table: pa.Table, rng: np.random.Generator) -> tuple[pa.Table, s
         "int8": lambda: pa.array(number, pa.int8()),
         "huge": lambda: pa.array([1e300] * size),
         "uint64": lambda: pa.array([2**64 - 1] * size, pa.uint64()),
-        "some nulls": lambda: pa.array([v if n > 5 else None for v, n in zip(column.to_pylist(), number)], column.type),
+        "some nulls": lambda: pa.array(
+            [v if n > 5 else None for v, n in zip(column.to_pylist(), number, strict=True)], column.type
+        ),
     }
     how = str(rng.choice([*made, "gone", "twice", "no rows"]))
     if how == "gone":

@@ -17,9 +17,9 @@ import pytest
 from scenarionet_data.converters.argoverse2 import Argoverse2
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.scenario.vocabulary import ObjectType
+from scenarionet_data.testing import differences
 from tests.fixtures import argoverse2 as fixture
 from tests.fixtures import argoverse2_world as world
-from scenarionet_data.testing import differences
 from tests.fixtures.reading import scenarios, shards
 
 CONVERTER = Argoverse2()

@@ -119,7 +119,9 @@ class Dropped:
         self.dropped_features = sum(each.count for each in report.defects if each.table == "maps")
 
 
-def both(dataset: str, folder: Path, options: dict) -> tuple[list[ScenarioDescription], list[ScenarioDescription], Dropped]:
+def both(
+    dataset: str, folder: Path, options: dict
+) -> tuple[list[ScenarioDescription], list[ScenarioDescription], Dropped]:
     """The scenarios of the whole recordings and of the damaged ones, and the report of the latter."""
     convert(dataset, folder / "whole", folder / "first", split="train", options=options)
     report = convert(dataset, folder / "raw", folder / "second", split="train", options=options)

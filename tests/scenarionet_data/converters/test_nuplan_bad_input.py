@@ -84,7 +84,10 @@ NOWHERE = "x'0011223344556677'"
 BAD_ROWS = {
     "a number is missing": (f"UPDATE lidar_box SET x = NULL {ONE_BOX}", "dropped 1 lidar_box.x, y"),
     "a word for a number": (f"UPDATE lidar_box SET yaw = 'north' {ONE_BOX}", "dropped 1 lidar_box.yaw"),
-    "a blob for a number": (f"UPDATE lidar_box SET width = x'00' {ONE_BOX}", "dropped 1 lidar_box.length, width, height"),
+    "a blob for a number": (
+        f"UPDATE lidar_box SET width = x'00' {ONE_BOX}",
+        "dropped 1 lidar_box.length, width, height",
+    ),
     "a box without size": (f"UPDATE lidar_box SET height = 0.0 {ONE_BOX}", "dropped 1 lidar_box.length, width, height"),
     "a large box": (f"UPDATE lidar_box SET width = 1e9 {ONE_BOX}", "dropped 1 lidar_box.length, width, height"),
     "a box far away": (f"UPDATE lidar_box SET x = 1e12 {ONE_BOX}", "dropped 1 lidar_box.x, y"),
@@ -176,7 +179,9 @@ def test_scene_without_ego_is_quarantined(raw: Path) -> None:
 
 def test_scene_without_times_is_quarantined(raw: Path) -> None:
     scene = "(SELECT scene_token FROM lidar_pc WHERE token = ?)"
-    change(log_of(raw), f"UPDATE lidar_pc SET timestamp = 'noon' WHERE scene_token = {scene}", DRIVE.lidar_tokens[MIDDLE])
+    change(
+        log_of(raw), f"UPDATE lidar_pc SET timestamp = 'noon' WHERE scene_token = {scene}", DRIVE.lidar_tokens[MIDDLE]
+    )
     (shard,) = shards(CONVERTER, raw, "mini")
     *good, bad = CONVERTER.records(shard)
     with pytest.raises(InvalidScenario, match="lidar_pc: expected a row of lidar_pc with a time"):
@@ -335,7 +340,10 @@ BAD_MAPS: dict[str, tuple[Callable[[Path], None], str]] = {
     "truncated": (lambda p: p.write_bytes(p.read_bytes()[:20_000]), "found a damaged file"),
     "garbage": (lambda p: p.write_bytes(b"garbage" * 999), "found another format"),
     "no projection": (empty("meta"), "projectedCoordSystem"),
-    "no such projection": (lambda p: change(p, "UPDATE meta SET value = 'epsg:123456'"), "found .epsg:4326. and .epsg:123456."),
+    "no such projection": (
+        lambda p: change(p, "UPDATE meta SET value = 'epsg:123456'"),
+        "found .epsg:4326. and .epsg:123456.",
+    ),
     "no layer": (empty("gpkg_geometry_columns"), "no layer"),
     "no geometry column": (
         lambda p: change(p, "UPDATE gpkg_geometry_columns SET column_name = 'a b'"),

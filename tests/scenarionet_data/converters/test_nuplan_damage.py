@@ -5,7 +5,6 @@ from __future__ import annotations
 import sqlite3
 from contextlib import closing
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -27,7 +26,18 @@ ROWS = (
     "lidar_pc_token = x'0011223344556677'",
 )
 """Damages of rows of ``lidar_box``."""
-VALUES = ("NULL", "0", "-1", "1e308", "9223372036854775807", "'text'", "''", "x''", "x'ff00fe'", "CAST(x'ff41' AS TEXT)")
+VALUES = (
+    "NULL",
+    "0",
+    "-1",
+    "1e308",
+    "9223372036854775807",
+    "'text'",
+    "''",
+    "x''",
+    "x'ff00fe'",
+    "CAST(x'ff41' AS TEXT)",
+)
 
 
 class TestNuPlanDamage(DamageConformance):

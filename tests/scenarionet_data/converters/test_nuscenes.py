@@ -269,7 +269,7 @@ BAD_ROWS: dict[str, tuple[str, Change, list[str]]] = {
     ),
     "missing instance": ("instance", lambda rows: rows.pop(0), ["dropped 25 instance_token"]),
     "missing sample": ("sample", lambda rows: rows.pop(3), ["assumed 1 nbr_samples", "dropped 26 sample_token"]),
-    "unknown scene": ("sample", lambda rows: rows[3].update(scene_token="f"), ["dropped 1 scene_token", "dropped 26 s"]),
+    "unknown scene": ("sample", lambda rows: rows[3].update(scene_token="f"), ["dropped 1 scene_token", "dropped 26"],),
     "a sample without time": (
         "sample",
         lambda rows: rows[3].update(timestamp=None),
@@ -289,7 +289,7 @@ BAD_ROWS: dict[str, tuple[str, Change, list[str]]] = {
     "no location": ("log", lambda rows: rows[0].update(location=None), ["assumed 1 location"]),
     "a number of samples": ("scene", lambda rows: rows[0].update(nbr_samples=[]), []),
     "missing pose": ("ego_pose", lambda rows: rows.pop(7), ["dropped 1 timestamp"]),
-    "a text in a pose": ("ego_pose", lambda rows: rows[7].update(translation=["x", 0, 0]), ["dropped 1 translation, r"]),
+    "a text in a pose": ("ego_pose", lambda rows: rows[7].update(translation=["x", 0, 0]), ["dropped 1 translation"],),
     "a pose far away": ("ego_pose", lambda rows: rows[7].update(translation=[1e9, 0, 0]), ["dropped 1 translation"]),
     "a pose beside": ("ego_pose", lambda rows: rows[7].update(translation=[0, 0, 0]), ["dropped 1 translation"]),
     "the first pose": ("ego_pose", lambda rows: rows[0].update(rotation=None), ["dropped 1 translation, rotation"]),
@@ -354,7 +354,7 @@ def test_scene_without_ego_is_quarantined(raw: Path) -> None:
     edit(raw / "v1.0-mini" / "sample_data.json", lambda rows: rows.__delitem__(slice(0, 400)))
     shard, other = reversed(shards(CONVERTER, raw, "mini"))
     (record,) = CONVERTER.records(shard)
-    with pytest.raises(InvalidScenario, match="scene-0061: .*expected ego poses at the lidar sweeps"):
+    with pytest.raises(InvalidScenario, match=r"scene-0061: .*expected ego poses at the lidar sweeps"):
         CONVERTER.scenario(shard, record)
     assert len([CONVERTER.scenario(other, record) for record in CONVERTER.records(other)]) == 1
 

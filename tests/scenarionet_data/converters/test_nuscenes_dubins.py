@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarionet_data.converters.nuscenes.dubins import are_paths, SPACING, centerlines, is_path
+from scenarionet_data.converters.nuscenes.dubins import SPACING, are_paths, centerlines, is_path
 from tests.fixtures.nuscenes_world import drive
 
 LENGTHS = st.lists(st.one_of(st.just(0.0), st.floats(0.01, 40.0)), min_size=3, max_size=3)

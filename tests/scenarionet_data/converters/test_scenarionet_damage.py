@@ -17,7 +17,16 @@ from scenarionet_data.ingest.options import Options
 from scenarionet_data.ingest.shard import RawItem, Shard
 from tests.fixtures import scenarionet_pickles as made
 
-FOREIGN = ("object is not", "has no attribute", "NoneType", "unhashable", "must be", "argument", "stack underflow", "std::")
+FOREIGN = (
+    "object is not",
+    "has no attribute",
+    "NoneType",
+    "unhashable",
+    "must be",
+    "argument",
+    "stack underflow",
+    "std::",
+)
 """Words of messages of Python, NumPy and Arrow."""
 NUMBER = 400
 
@@ -25,7 +34,8 @@ NUMBER = 400
 def values(random: np.random.Generator) -> Any:
     found: list[Any] = [
         None, True, -1, 1e300, float("nan"), "text", "\udcff", b"bytes", [], {}, (1, 2), {1, 2}, [[1.0], [2.0, 3.0]],
-        np.zeros(0), np.full(41, np.nan), np.array(["a", "b"]), np.array([None, 1], object), np.zeros((41, 2, 2)), np.complex64(1),
+        np.zeros(0), np.full(41, np.nan), np.array(["a", "b"]), np.array([None, 1], object), np.zeros((41, 2, 2)),
+        np.complex64(1),
     ]  # fmt: skip
     return found[random.integers(len(found))]
 

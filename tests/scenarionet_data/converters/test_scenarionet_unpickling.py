@@ -100,7 +100,9 @@ def test_names_of_numpy_1_and_2_are_read(protocol: int, core: str, tmp_path: Pat
     assert found["b"] == value["b"] and found["c"].tolist() == ["x", None]
 
 
-@pytest.mark.parametrize("content", [b"", pickle.dumps({"a": list(range(99))})[:-20], b"\xff garbage", b"\x80\x63}.", b"c"])
+@pytest.mark.parametrize(
+    "content", [b"", pickle.dumps({"a": list(range(99))})[:-20], b"\xff garbage", b"\x80\x63}.", b"c"]
+)
 def test_unreadable_pickle_says_what_was_found(content: bytes, tmp_path: Path) -> None:
     (tmp_path / "sd_x.pkl").write_bytes(content)
     with pytest.raises(InvalidScenario, match=r"expected .*, found \w+") as caught:

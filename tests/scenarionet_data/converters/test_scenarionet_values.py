@@ -17,7 +17,8 @@ VALUES: list[Any] = [
     {1: "int", "!": "kind"}, {"!": "array"}, float("inf"), float("-inf"), defaultdict(int, {"VEHICLE": 2}),
 ]  # fmt: skip
 ARRAYS = [
-    np.zeros((3, 2), np.float32), np.arange(6.0).reshape(2, 3), np.array([True, False]), np.zeros((0, 3)), np.array(2.5),
+    np.zeros((3, 2), np.float32), np.arange(6.0).reshape(2, 3), np.array([True, False]), np.zeros((0, 3)),
+    np.array(2.5),
     np.array(["a", None], object), np.array(["ab", "c"]), np.arange(3, dtype=">i4"), np.array([np.nan, np.inf]),
 ]  # fmt: skip
 

@@ -154,7 +154,9 @@ def test_tracks_that_cannot_be_used_cost_themselves(tmp_path: Path) -> None:
     strange = field(2, field(1, 10) + field(2, 77) + state(20.0) * 5)
     targets = b"".join(field(11, field(1, row)) for row in (0, 1, 3, 9))
     of_interest = field(4, 8) + field(4, 9)
-    scenario = found(tmp_path, STEPS + EGO + short + again + strange + field(5, "x") + field(6, 0) + targets + of_interest)
+    scenario = found(
+        tmp_path, STEPS + EGO + short + again + strange + field(5, "x") + field(6, 0) + targets + of_interest
+    )
     assert scenario.tracks.ids.tolist() == ["8", "10"]
     assert scenario.tracks.is_type_assumed.tolist() == [False, True]
     assert scenario.tracks_to_predict == (("8", 0), ("10", 0))

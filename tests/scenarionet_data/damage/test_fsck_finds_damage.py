@@ -26,7 +26,9 @@ Change = Callable[[random.Random, bytes], bytes]
 def write_current(root: Path) -> None:
     """Shards with quarantine, a shared map, replaced shards, compacted ones, databases, user columns and runs."""
     raw = root.parent / "raw"
-    made.run(made.write_raw(raw / "a", {"a": [1, "2 invalid"], "b": [3, 4]}), root, options=made.MadeOptions(num_objects=2))
+    made.run(
+        made.write_raw(raw / "a", {"a": [1, "2 invalid"], "b": [3, 4]}), root, options=made.MadeOptions(num_objects=2)
+    )
     made.run(made.write_raw(raw / "c", {"c": [5, 6]}), root, made_city.NAME)
     lake = Lake(root)
     lake.tag_where("odd", "num_objects % 2 = 1")

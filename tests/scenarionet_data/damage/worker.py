@@ -168,13 +168,13 @@ def main(trial: str, first: str, step: str, count: str, *lakes: str) -> None:
         roots = [Path(shutil.copytree(lake, Path(folder) / str(k))) for k, lake in enumerate(lakes)]
         whole = [loaded(root) for root in roots] if trial != "verbs" else [{} for _ in roots]
         for seed in range(int(first), int(count), int(step)):
-            print(json.dumps({"begins": seed}), flush=True)
+            print(json.dumps({"begins": seed}), flush=True)  # noqa: T201
             lake = seed // int(step) % len(roots)
             try:
                 found = TRIALS[trial](roots[lake], seed, whole[lake])
             except Exception as error:  # whatever is no sentence is counted
                 found = f"traceback: {''.join(traceback.format_exception(error)[-2:])}"
-            print(json.dumps({"seed": seed, "lake": lakes[lake], "found": found}), flush=True)
+            print(json.dumps({"seed": seed, "lake": lakes[lake], "found": found}), flush=True)  # noqa: T201
 
 
 if __name__ == "__main__":

@@ -71,12 +71,19 @@ OTHERS = {"valid", "dataset_mapping.pkl", "dataset_summary.pkl", "numpy.float64"
 
 
 def prepared(description: dict[str, Any]) -> dict[str, Any]:
-    """As the table has it: 0 where a state is not valid, headings in [-pi, pi), builtins in place of NumPy's scalars."""
+    """As the table has it: 0 where a state is not valid, headings in [-pi, pi), builtins for NumPy's scalars."""
     wanted = copy.deepcopy(description)
     for track in wanted["tracks"].values():
         valid = np.asarray(track["state"]["valid"]).reshape(-1) > 0.5
         for name, values in track["state"].items():
-            if isinstance(values, np.ndarray) and name in ("position", "velocity", "heading", "length", "width", "height"):
+            if isinstance(values, np.ndarray) and name in (
+                "position",
+                "velocity",
+                "heading",
+                "length",
+                "width",
+                "height",
+            ):
                 values[~valid] = 0
         heading = track["state"]["heading"]
         if isinstance(heading, list):
@@ -132,7 +139,12 @@ def extent_of(description: dict[str, Any]) -> float:
     """Largest distance of a point from the ego's first position [m], where float32 is coarsest."""
     tracks = {str(key): track for key, track in description["tracks"].items()}
     ego = tracks[description["metadata"]["sdc_id"]]["state"]["position"][0][:2]
-    lines = [np.asarray(f[name])[:, :2] for f in description["map_features"].values() for name in f if name.startswith("poly")]
+    lines = [
+        np.asarray(f[name])[:, :2]
+        for f in description["map_features"].values()
+        for name in f
+        if name.startswith("poly")
+    ]
     points = [np.asarray(t["state"]["position"])[:, :2] for t in tracks.values()]
     return float(max(np.nanmax(np.abs(line - ego)) for line in [*lines, *points]))
 
@@ -187,7 +199,9 @@ CHANGES: dict[str, Callable[[dict[str, Any]], Any]] = {
     "keys that are int": lambda d: d.update(tracks={int(key): track for key, track in d["tracks"].items()}),
     "extra level": lambda d: d.update(comment="first try", none=None),
     "controls": lambda d: d["tracks"]["10"]["state"].update(steering=np.linspace(-1, 1, 41)[:, None]),
-    "big endian": lambda d: d["tracks"]["10"]["state"].update(position=d["tracks"]["10"]["state"]["position"].astype(">f4")),
+    "big endian": lambda d: d["tracks"]["10"]["state"].update(
+        position=d["tracks"]["10"]["state"]["position"].astype(">f4")
+    ),
     "limit of 0": lambda d: d["map_features"]["1"].update(speed_limit_mph=0.0, speed_limit_kmh=0.0),
     "wide lists": lambda d: d["map_features"]["1"].update(width=[[1.5, 1.75]] * 21),
     "other width": lambda d: d["map_features"]["1"].update(width=0),
@@ -253,7 +267,9 @@ def test_scenarios_of_the_lake_come_back_with_equal_content(dataset: str, tmp_pa
         assert content_hash(scenario) == content_hash(with_own_map)
     export(again, tmp_path / "again")
     for path in report.directory.glob("sd_*.pkl"):
-        wanted, found = (pickle.loads((folder / path.name).read_bytes()) for folder in (path.parent, tmp_path / "again"))
+        wanted, found = (
+            pickle.loads((folder / path.name).read_bytes()) for folder in (path.parent, tmp_path / "again")
+        )
         assert not list(exactly(wanted, found))
 
 

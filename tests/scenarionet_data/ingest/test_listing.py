@@ -17,7 +17,9 @@ NOT_UTF8 = os.fsdecode(b"caf\xe9.csv")
 
 
 def test_name_that_is_not_utf8_is_refused():
-    with pytest.raises(CorruptSource, match=r"^logs/caf\\udce9\.csv: the name is not UTF-8; rename the file or folder$"):
+    with pytest.raises(
+        CorruptSource, match=r"^logs/caf\\udce9\.csv: the name is not UTF-8; rename the file or folder$"
+    ):
         RawItem(f"logs/{NOT_UTF8}", "f")
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from scenarionet_data import Lake, ScenarioLoader, convert
-from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.maintenance import fsck
+from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.storage.write import layouts
 from scenarionet_data.storage.write.layouts import Layout
 from tests.fixtures import made

@@ -11,10 +11,10 @@ import pytest
 from click.testing import CliRunner
 
 from scenarionet_data import Lake, ScenarioLoader
-from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.errors import LakeError
 from scenarionet_data.maintenance import fsck, upgrade
 from scenarionet_data.packs.verifying import verify_pack
+from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.storage import seals
 from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import snapshot as snapshots
@@ -84,12 +84,12 @@ def test_killed_upgrade_continues(tmp_path, monkeypatch, name):
         root, count = copy_of(name, tmp_path / "lake"), 0
         with monkeypatch.context() as patch:
 
-            def stopping(publish):
+            def stopping(publish, last=step):
                 def published(*words):
                     nonlocal count
                     done = publish(*words)
                     count += 1
-                    if count == step:
+                    if count == last:
                         raise Killed
                     return done
 

@@ -50,7 +50,7 @@ def test_pack_at_a_url(lake, url, tmp_path, download):
 def test_interrupted_pack_is_no_lake_and_can_be_repeated(lake, url, store, monkeypatch):
     monkeypatch.setenv("SCENARIONET_PATIENCE", "0.2")
     store.set(failures=10_000, status=503, method="PUT", part="/snapshots/")
-    with pytest.raises(LakeError, match="503 .* run the same command again"):
+    with pytest.raises(LakeError, match=r"503 .* run the same command again"):
         lake.pack("all", url)
     store.set()
     with pytest.raises(LakeError, match="no lake there"):

@@ -95,7 +95,7 @@ def test_message_states_the_time_waited(fresh, store, monkeypatch, fault):
 def test_creation_that_was_given_up_may_have_happened(fresh, store, monkeypatch):
     monkeypatch.setenv("SCENARIONET_PATIENCE", "0.2")
     store.set(failures=10_000, fault="reset", method="PUT")
-    with pytest.raises(LakeError, match="may have been created .* see whether it is there"):
+    with pytest.raises(LakeError, match=r"may have been created .* see whether it is there"):
         fresh_name = ObjectStore(f"s3://{BUCKET}/{uuid.uuid4().hex}")
         fresh_name.create("x", CONTENT)
 
@@ -113,6 +113,6 @@ def test_truncated_copies_are_downloaded_again(url, store):
 def test_invalid_requests_are_not_repeated(fresh, store):
     bucket = fresh()
     store.set(failures=1, status=400)
-    with pytest.raises(LakeError, match="answers 400 .*doctor"):
+    with pytest.raises(LakeError, match=r"answers 400 .*doctor"):
         bucket.range("a", 0, 10)
     assert len(store.requests()) == 1

@@ -56,7 +56,8 @@ def test_file_of_another_schema_is_refused(lake, table):
     pq.write_table(rows.replace_schema_metadata(tag), path)
     seals.seal(path, path.relative_to(lake.root).as_posix())
     with pytest.raises(
-        SchemaMismatch, match=rf"{path.name}: written under schema {table}/99, this version reads {tables.load(table).tag}"
+        SchemaMismatch,
+        match=rf"{path.name}: written under schema {table}/99, this version reads {tables.load(table).tag}",
     ):
         ScenarioLoader(lake)[0]
 

@@ -21,18 +21,85 @@ from tests.fixtures.waiting import HANGS_AFTER
 NUM_REQUESTS = 2_500
 
 TEXTS = [
-    "", "\0", "a\0b", HOSTILE, "💥" * 50, "\ud800", "%", "%zz", "../" * 20, "'" * 99, '"' * 99, "(" * 5_000, "((((" , "--",
-    "/*", "$$", "$count", "$1", "?", ":x", "true; DROP VIEW metadata", "1 = 1 UNION SELECT 2", "x" * 9_000, "²", "٣",
-    "9" * 5_000, "-1", "1e999", "NaN", "nan", "[" * 3_000, "NOT " * 3_000, "1" + "+1" * 3_000, "scenario_id",
-    "read_csv('/etc/passwd') IS NULL", "(SELECT content FROM read_text('/etc/passwd')) IS NULL", "getenv('HOME') = ''",
-    "scenario_id LIKE '%'", "regexp_matches(scenario_id, '(a*)*b')", "error('x')", "1 / 0 > 0", "'a'::INT > 0",
-    "length(repeat('a', 4000000000)) > 0", "levenshtein(repeat('a', 1000000), repeat('b', 1000000)) > 0", "list_sum(range(1000000000)) > 0", "several", "several@1", "several@99",
-    "(SELECT count(*) FROM range(10000000) a, range(10000000) b) > 0", "🙂 = 1", "ego_distance > 3", "COLUMNS(*) IS NULL",
-    "scenario_id,ego_distance", "ego_distance; ATTACH 'x'", "(WITH x AS (SELECT 1) SELECT 1) = 1", "random() > 0.5",
-    "(SELECT max(position) FROM tracks) IS NULL", "current_setting('memory_limit') = ''", "pg_sleep(9)", "\r\nX: y\r\n",
-]  # fmt: skip
-PATHS = ["/", "/api/about", "/api/rows", "/api/facts", "/api/scene", "/api/thumbnail", "/api/databases", "/static/",
-         "/static/main.js", "/static/../app.py", "//", "/api", "/%00", "/api/rows/../about", "*", "http://x/"]  # fmt: skip
+    "",
+    "\0",
+    "a\0b",
+    HOSTILE,
+    "💥" * 50,
+    "\ud800",
+    "%",
+    "%zz",
+    "../" * 20,
+    "'" * 99,
+    '"' * 99,
+    "(" * 5_000,
+    "((((",
+    "--",
+    "/*",
+    "$$",
+    "$count",
+    "$1",
+    "?",
+    ":x",
+    "true; DROP VIEW metadata",
+    "1 = 1 UNION SELECT 2",
+    "x" * 9_000,
+    "²",
+    "٣",
+    "9" * 5_000,
+    "-1",
+    "1e999",
+    "NaN",
+    "nan",
+    "[" * 3_000,
+    "NOT " * 3_000,
+    "1" + "+1" * 3_000,
+    "scenario_id",
+    "read_csv('/etc/passwd') IS NULL",
+    "(SELECT content FROM read_text('/etc/passwd')) IS NULL",
+    "getenv('HOME') = ''",
+    "scenario_id LIKE '%'",
+    "regexp_matches(scenario_id, '(a*)*b')",
+    "error('x')",
+    "1 / 0 > 0",
+    "'a'::INT > 0",
+    "length(repeat('a', 4000000000)) > 0",
+    "levenshtein(repeat('a', 1000000), repeat('b', 1000000)) > 0",
+    "list_sum(range(1000000000)) > 0",
+    "several",
+    "several@1",
+    "several@99",
+    "(SELECT count(*) FROM range(10000000) a, range(10000000) b) > 0",
+    "🙂 = 1",
+    "ego_distance > 3",
+    "COLUMNS(*) IS NULL",
+    "scenario_id,ego_distance",
+    "ego_distance; ATTACH 'x'",
+    "(WITH x AS (SELECT 1) SELECT 1) = 1",
+    "random() > 0.5",
+    "(SELECT max(position) FROM tracks) IS NULL",
+    "current_setting('memory_limit') = ''",
+    "pg_sleep(9)",
+    "\r\nX: y\r\n",
+]
+PATHS = [
+    "/",
+    "/api/about",
+    "/api/rows",
+    "/api/facts",
+    "/api/scene",
+    "/api/thumbnail",
+    "/api/databases",
+    "/static/",
+    "/static/main.js",
+    "/static/../app.py",
+    "//",
+    "/api",
+    "/%00",
+    "/api/rows/../about",
+    "*",
+    "http://x/",
+]
 PARAMETERS = ["where", "sort", "order", "first", "count", "columns", "database", "id", "width", "height", "x"]
 METHODS = ["GET", "GET", "GET", "POST", "POST", "HEAD", "PUT", "DELETE", "OPTIONS", "BREW", "get", "G T", ""]
 
@@ -61,7 +128,7 @@ def hostile_request(random_: random.Random, host: str, secret: str) -> bytes:
     if random_.random() < 0.05:
         return random_.randbytes(random_.randrange(1, 3_000)) + b"\r\n\r\n"
     pairs = [
-        f"{name}={quote(random_.choice(TEXTS), safe=random_.choice(['', '%', '/:'] ), errors='surrogatepass')}"
+        f"{name}={quote(random_.choice(TEXTS), safe=random_.choice(['', '%', '/:']), errors='surrogatepass')}"
         for name in random_.sample(PARAMETERS, random_.randrange(4))
     ]
     method, path = random_.choice(METHODS), random_.choice(PATHS[:7] * 3 + PATHS)
@@ -113,11 +180,13 @@ def test_server_survives(tmp_path, monkeypatch, capfd):
             status = status_of((place.hostname, place.port), sent)
             assert status < 500 or status == 501, sent[:3_000]
             found[status] += 1
-        ordinary = f"GET /api/rows?where=num_objects%20%3E%201 HTTP/1.1\r\nHost: {place.netloc}\r\nConnection: close\r\n\r\n"
+        ordinary = (
+            f"GET /api/rows?where=num_objects%20%3E%201 HTTP/1.1\r\nHost: {place.netloc}\r\nConnection: close\r\n\r\n"
+        )
         assert status_of((place.hostname, place.port), ordinary.encode()) == 200
         assert len(psutil.Process().children()) <= 6, "question workers do not accumulate"
         assert "Traceback" not in capfd.readouterr().err
-    print(dict(found))
+    print(dict(found))  # noqa: T201
     assert found[200] > NUM_REQUESTS / 20
     assert found[400] > NUM_REQUESTS / 20
     assert sorted(path.name for path in tmp_path.iterdir()) == ["lake"]

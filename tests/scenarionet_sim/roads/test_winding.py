@@ -52,7 +52,9 @@ def maps(draw: st.DrawFn) -> MapFeatures:
 
 def reverse(features: MapFeatures, is_reversed: list[bool]) -> MapFeatures:
     """Reverse the order of the vertices of some polygons."""
-    outlines = [outline[::-1] if turn else outline for outline, turn in zip(features.polygon, is_reversed, strict=False)]
+    outlines = [
+        outline[::-1] if turn else outline for outline, turn in zip(features.polygon, is_reversed, strict=False)
+    ]
     return replace(features, polygon=Ragged.from_lists(outlines, 3))
 
 

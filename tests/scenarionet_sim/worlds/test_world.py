@@ -36,7 +36,9 @@ def test_log_equals_the_tracks(seed):
 
 
 @given(
-    steps=st.lists(st.floats(0.02, 0.6), min_size=20, max_size=40), dt=st.sampled_from([0.05, 0.1]), scale=st.floats(0, 1)
+    steps=st.lists(st.floats(0.02, 0.6), min_size=20, max_size=40),
+    dt=st.sampled_from([0.05, 0.1]),
+    scale=st.floats(0, 1),
 )
 def test_worlds_replay_recordings_at_their_own_timestep(steps, dt, scale):
     """Whatever the recorded times: where the ego is after k steps is where it was after k * dt seconds."""

@@ -52,9 +52,9 @@ def command(
     """Open a lake in the browser: filter and sort its scenarios, and play them.
 
     The page is served at http://127.0.0.1:8642/ until Ctrl-C. By default only this machine can connect and the lake
-    is read-only; the page loads nothing from other hosts. Up to four filters run at the same time, each in a process
-    of its own that is stopped at the limits of --timeout and --memory. With --json, the address is printed as one JSON object as
-    soon as the page is available. Requires the extra `web`.
+    is read-only; the page loads nothing from other hosts. Up to four filters run at the same time, each in a
+    process of its own that is stopped at the limits of --timeout and --memory. With --json, the address is printed
+    as one JSON object as soon as the page is available. Requires the extra `web`.
     """
     from scenarionet_data import Lake
     from scenarionet_pipelines.web.question_workers import Limits

@@ -65,7 +65,9 @@ def command(
     from scenarionet_data.export import export
 
     if cluster and is_url(directory):
-        raise BadParameter(f"{directory}: the workers of a cluster write to a folder that they share; give one, or leave out --cluster")
+        raise BadParameter(
+            f"{directory}: the workers of a cluster write to a folder that they share; give one, or leave out --cluster"
+        )
     scenarios = ScenarioLoader(lake, database)
     with (
         executor_from_options(cluster, workers, quiet=quiet) as execution,

@@ -94,7 +94,9 @@ def _upgrade(lake: str, *, is_repair: bool, workers: int | None, as_json: bool, 
         rows = [("rewritten", count(done.shards, "shard")), ("sealed", count(done.sealed, "other file"))]
         rows += [("failed", f"{name}: {one_line(reason)}") for name, reason in done.failed[:_SHOWN]]
         if done.left:
-            rows.append(("left", f"{count(done.left, 'shard')} that other jobs kept changing: run the same command again"))
+            rows.append(
+                ("left", f"{count(done.left, 'shard')} that other jobs kept changing: run the same command again")
+            )
         print_table(rows)
     click.get_current_context().exit(0 if done.is_complete else 1)
 

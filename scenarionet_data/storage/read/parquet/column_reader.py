@@ -119,7 +119,9 @@ class ColumnReader:
     def _load_pages(self, groups: Sequence[RowGroup]) -> tuple[Array, Array]:
         """Pages by column and row group, (columns, groups, NUM_PAGE_FIELDS) int64, and their decompressed bytes."""
         chunks = [group.footer.chunks(group.number) for group in groups]
-        size = sum(int(each[each[:, kernels.CODEC] != kernels.OTHER_CODEC, kernels.CHUNK_SIZE].sum()) for each in chunks)
+        size = sum(
+            int(each[each[:, kernels.CODEC] != kernels.OTHER_CODEC, kernels.CHUNK_SIZE].sum()) for each in chunks
+        )
         data = np.empty(size + kernels.SPARE, np.uint8)
         pages = np.zeros((len(self._columns), len(groups), kernels.NUM_PAGE_FIELDS), np.int64)
         end = 0

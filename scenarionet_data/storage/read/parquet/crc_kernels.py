@@ -44,7 +44,7 @@ def _tables() -> Array:
 
 
 def _power(exponent: int) -> np.uint64:
-    """x to a power modulo the polynomial, its bits in the order of the data."""
+    """X to a power modulo the polynomial, its bits in the order of the data."""
     power = 1
     for _ in range(exponent):
         power <<= 1
@@ -89,7 +89,8 @@ def _fold(_context: Any, data: Any, at: Any, stop: Any, first: Any) -> Any:
             builder, builder.add(begin, size), builder.sub(end, ir.Constant(index, 15)), size, index
         ) as (position, _):
             products = [
-                builder.call(multiply, [builder.load(folded), powers, ir.Constant(byte, halves)]) for halves in (0, 0x11)
+                builder.call(multiply, [builder.load(folded), powers, ir.Constant(byte, halves)])
+                for halves in (0, 0x11)
             ]
             builder.store(builder.xor(builder.xor(*products), block(position)), folded)
         halves = [builder.extract_element(builder.load(folded), ir.Constant(ir.IntType(32), k)) for k in (0, 1)]

@@ -86,7 +86,9 @@ class Footer:
         required = [column.name for column in columns if column.name in self.missing and not column.nullable]
         if required:
             raise UnreadableFile(url, f"it has no column {required[0]}")
-        wrong = [c.name for c in columns if c.path in positions and not _holds(metadata.schema.column(positions[c.path]), c)]
+        wrong = [
+            c.name for c in columns if c.path in positions and not _holds(metadata.schema.column(positions[c.path]), c)
+        ]
         if wrong:
             raise UnreadableFile(url, f"its column {wrong[0]} has another type")
         self.names = [column.name for column in columns]
@@ -181,7 +183,10 @@ class RowGroup:
         """Open the bytes with Arrow; other row groups that they contain can be read, too."""
         source = pa.PythonFile(_Window(self.content, self.base), "r") if self.base else pa.BufferReader(self.content)
         return pq.ParquetFile(
-            source, metadata=self.footer.metadata, pre_buffer=False, page_checksum_verification=self.footer.has_checksums
+            source,
+            metadata=self.footer.metadata,
+            pre_buffer=False,
+            page_checksum_verification=self.footer.has_checksums,
         )
 
 

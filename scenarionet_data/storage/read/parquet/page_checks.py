@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.storage.footers import structs
 from scenarionet_data.storage.footers.pages import check_headers

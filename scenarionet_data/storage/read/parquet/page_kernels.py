@@ -29,9 +29,9 @@ from scenarionet_data.storage.read.parquet.thrift_kernels import (
 
 DAMAGED = -2
 
-# Columns of an array of chunks: position of the chunk and of its data page in the file, end, number of values with nulls
-# and empty lists, codec, uncompressed size, encoding of the data page, whether the kernels can decode it, and whether
-# pages must have a checksum.
+# Columns of an array of chunks: position of the chunk and of its data page in the file, end, number of values with
+# nulls and empty lists, codec, uncompressed size, encoding of the data page, whether the kernels can decode it,
+# and whether pages must have a checksum.
 NUM_CHUNK_FIELDS = 9
 CHUNK_START, DATA_START, CHUNK_END, NUM_VALUES, CODEC = range(5)
 CHUNK_SIZE, EXPECTED, CAN_DECODE, IS_CHECKED = range(5, NUM_CHUNK_FIELDS)

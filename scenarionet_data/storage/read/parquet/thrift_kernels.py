@@ -23,7 +23,7 @@ _ONE_FIELD = 0x10
 
 @device_function
 def read_header(data: Array, at: int) -> tuple[int, int, int, int, int, int]:
-    """Read the first fields of a page header: type, uncompressed and compressed size, checksum, number of values, encoding.
+    """Read the first fields of a page header: type, both sizes, checksum, number of values, encoding.
 
     Args:
         data: (n,) uint8 bytes of the file.

@@ -17,8 +17,8 @@ def flushed(monkeypatch) -> list[tuple[str, set[str]]]:
     original = os.fsync
 
     def fsync(descriptor):
-        path = Path(os.readlink(f"/proc/self/fd/{descriptor}"))
-        seen.append((str(path), set(os.listdir(path)) if path.is_dir() else set()))
+        path = Path(f"/proc/self/fd/{descriptor}").readlink()
+        seen.append((str(path), {each.name for each in path.iterdir()} if path.is_dir() else set()))
         original(descriptor)
 
     monkeypatch.setattr(os, "fsync", fsync)

@@ -89,7 +89,11 @@ def test_reduced_shard_is_written_once(files, template, monkeypatch):
     present = {path: path.stat().st_ino for path in files.root.rglob("*.parquet")}
     commits.commit(files, [again], "test")
     tables = ("tracks", "maps", "metadata", "quarantine")
-    now = {path: path.stat().st_ino for path in files.root.rglob("*.parquet") if path.relative_to(files.root).parts[0] in tables}
+    now = {
+        path: path.stat().st_ino
+        for path in files.root.rglob("*.parquet")
+        if path.relative_to(files.root).parts[0] in tables
+    }
     assert now.items() <= present.items()
     assert stored_ids(files) == sorted([template.id, "made/v1/x"])
 

@@ -85,7 +85,9 @@ def test_score(groups: list[CollisionGroup], score: float):
     assert collision_score(EgoCollision(0, k, kind, group, False, 1.0) for k, group in enumerate(groups)) == 1.0
 
 
-@pytest.mark.parametrize(("kind", "group"), [(ObjectType.CYCLIST, "vulnerable_road_user"), (ObjectType.TRAFFIC_CONE, "object")])
+@pytest.mark.parametrize(
+    ("kind", "group"), [(ObjectType.CYCLIST, "vulnerable_road_user"), (ObjectType.TRAFFIC_CONE, "object")]
+)
 def test_groups(kind: ObjectType, group: str):
     (found,) = find_collisions(ego(5.0), one(4.0, 0.0, 0.0, 0.0, kind), np.array([True]))
     assert found.group == group

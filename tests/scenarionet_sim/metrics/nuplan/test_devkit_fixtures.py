@@ -1,6 +1,7 @@
 """The cases of nuplan-devkit's own tests: 18 that need no map, and 12 that boxes decide.
 
-They are read from a checkout of the devkit named by ``NUPLAN_DEVKIT``. In the cases that boxes decide, the answer of the
+They are read from a checkout of the devkit named by ``NUPLAN_DEVKIT``. In the cases that boxes decide, the answer
+of the
 map whether the vehicle is within one lane is given here.
 """
 
@@ -116,14 +117,19 @@ def test_dynamics(cases: Path, name: str):
     case = read(cases, f"{name}/{name}")
     values = SIGNALS[name](ego(case))
     series(case, values)
-    found = {"MAX": values.max(), "MIN": values.min(), "MEAN": values.mean(), "P90": np.percentile(values, 90, method="inverted_cdf")}
+    found = {
+        "MAX": values.max(),
+        "MIN": values.min(),
+        "MEAN": values.mean(),
+        "P90": np.percentile(values, 90, method="inverted_cdf"),
+    }
     for kind, expected in case["expected"]["statistics"]:
         if kind in found:
             assert found[kind] == pytest.approx(expected, abs=0.0101), kind
 
 
 def test_comfort(cases: Path):
-    """The devkit expects False, because its test never computes the six metrics that are combined; all are in bounds."""
+    """The devkit expects False, because its test never computes the six metrics combined; all are in bounds."""
     moved = ego(read(cases, "ego_is_comfortable/ego_is_comfortable"))
     comfort = measure_comfort(moved.acceleration, moved.heading, moved.dt)
     assert comfort.is_comfortable
@@ -153,7 +159,8 @@ def test_distance_from_the_expert(cases: Path, name: str):
 
 
 @pytest.mark.parametrize(
-    "name", [f"{kind}_collision" for kind in ("active_front", "active_lateral", "active_rear", "stopped_ego", "stopped_track")]
+    "name",
+    [f"{kind}_collision" for kind in ("active_front", "active_lateral", "active_rear", "stopped_ego", "stopped_track")]
     + ["multiple_collisions", "no_collision"],
 )
 def test_collisions(cases: Path, name: str):

@@ -60,9 +60,7 @@ def test_corners_are_rounded(rounding: float, expected: float):
     assert nearest(boxes, rounding=rounding) == pytest.approx([expected], abs=1e-6)
 
 
-box = st.tuples(
-    st.floats(-8, 8), st.floats(-8, 8), st.floats(0.5, 9), st.floats(0.5, 4), st.floats(-np.pi, np.pi)
-)
+box = st.tuples(st.floats(-8, 8), st.floats(-8, 8), st.floats(0.5, 9), st.floats(0.5, 4), st.floats(-np.pi, np.pi))
 
 
 @given(box, box)

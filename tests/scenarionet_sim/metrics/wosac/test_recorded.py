@@ -90,9 +90,7 @@ TOLERANCE = {"linear_acceleration": 0.05, "linear_speed": 0.005, "distance_to_ro
 
 
 @pytest.mark.parametrize("which", ["log", "sim"])
-def test_features(
-    recordings: Path, scenario: ScenarioDescription, submission: wosac.ScenarioRollouts, which: str
-):
+def test_features(recordings: Path, scenario: ScenarioDescription, submission: wosac.ScenarioRollouts, which: str):
     rows = scoring._simulated_rows(scenario, submission)
     motions = dict(zip(("log", "sim"), scoring._motions(scenario, submission, rows, 11), strict=True))
     evaluated = scoring._evaluated(scenario, rows)
@@ -124,7 +122,9 @@ def test_submissions_round_trip(submission: wosac.ScenarioRollouts, tmp_path: Pa
         assert (again.heading == submission.heading).all()
 
 
-def test_report_of_a_submission(recordings: Path, scenario: ScenarioDescription, submission: wosac.ScenarioRollouts, lake: Path, tmp_path: Path):
+def test_report_of_a_submission(
+    recordings: Path, scenario: ScenarioDescription, submission: wosac.ScenarioRollouts, lake: Path, tmp_path: Path
+):
     unknown = replace(submission, scenario_id="0")
     wosac.write_submission(tmp_path / "two.binproto", [unknown, submission])
     seen: list[tuple[int, int, int]] = []
