@@ -16,6 +16,7 @@ from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.converters.boundary_segments import to_records
 from scenarionet_data.converters.scenarionet.columns import OWN, is_literal, unpack, value_of
 from scenarionet_data.converters.scenarionet.layout import LAYOUT, LINES, SIZES
+from scenarionet_data.converters.scenarionet.map_features import LINKS
 from scenarionet_data.converters.scenarionet.values import from_plain
 from scenarionet_data.export.summary import summarize_object
 from scenarionet_data.scenario.canonical_json import from_json
@@ -23,15 +24,6 @@ from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.scenario.description import MapFeatures, ScenarioDescription
 from scenarionet_data.scenario.vocabulary import LightState, MapFeatureType, names
 
-_LINKS = {
-    "entry_lanes": "entry_lanes",
-    "exit_lanes": "exit_lanes",
-    "left_neighbor": "left_neighbors",
-    "right_neighbor": "right_neighbors",
-    "left_boundaries": "left_boundaries",
-    "right_boundaries": "right_boundaries",
-    "lane": "controlled_lanes",
-}
 _FEATURE_TYPES = names(MapFeatureType)
 _LIGHT_STATES = names(LightState)
 _LIGHT_STATES[LightState.ABSENT] = None
@@ -201,7 +193,7 @@ def _feature_field(
         return _width(features, row, form)
     if form == "records":
         return to_records({name: extras[name]})[name]
-    return [_id(form, str(item)) for item in getattr(features, _LINKS[name])[row]]
+    return [_id(form, str(item)) for item in getattr(features, LINKS[name])[row]]
 
 
 def _width(features: MapFeatures, row: int, form: str) -> Array:

@@ -21,8 +21,7 @@ from scenarionet_data.scenario.vocabulary import MapFeatureType
 # Speed limits that ScenarioNet and MetaDrive write for unknown ones [km/h].
 _INVENTED_LIMITS = {"nuscenes": (100.0,), "av2": (85.0 * 1.609344,), "metadrive": (1000.0, 100.0)}
 _FEATURE_TYPES = dict(MapFeatureType.__members__)
-# ScenarioNet's lists of ids and the lake's; neighbours and boundaries are records in Waymo's pickles.
-_ID_LISTS = {
+LINKS = {
     "entry_lanes": "entry_lanes",
     "exit_lanes": "exit_lanes",
     "left_neighbor": "left_neighbors",
@@ -31,6 +30,7 @@ _ID_LISTS = {
     "right_boundaries": "right_boundaries",
     "lane": "controlled_lanes",
 }
+"""ScenarioNet's lists of ids and the lake's; neighbours and boundaries are records in Waymo's pickles."""
 _LISTS = (list, tuple, np.ndarray)
 _ID_KEYS = ("feature_id", "boundary_feature_id", "id")
 
@@ -57,7 +57,7 @@ def make_map(features: Mapping[Any, Feature], frame: Frame, own: Sequence[dict[s
         return None
     known = list(features.values())
     keys: set[str] = set().union(*known)  # most datasets have few of the keys, and each takes a pass over the map
-    links = {key: [_listed(feature.get(key)) for feature in known] for key in _ID_LISTS if key in keys}
+    links = {key: [_listed(feature.get(key)) for feature in known] for key in LINKS if key in keys}
     extras = _extras(known, links, frame.is_ours)
     return make_features(
         list(features),
@@ -66,7 +66,7 @@ def make_map(features: Mapping[Any, Feature], frame: Frame, own: Sequence[dict[s
         polygon=_polygons(known, frame),
         width=_widths(known) if "width" in keys else Ragged.empty(len(known), width=2),
         speed_limit=_speed_limits(known, frame.quirks),
-        links={_ID_LISTS[key]: _ids(lists) for key, lists in links.items()},
+        links={LINKS[key]: _ids(lists) for key, lists in links.items()},
         is_intersection=[-1 if (told := feature.get("is_intersection")) is None else int(told) for feature in known],
         extras=[
             to_json(to_rows(found) | ({LAYOUT: kept} if kept else {})) for found, kept in zip(extras, own, strict=True)
