@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shlex
 import traceback
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -74,8 +73,8 @@ LINES = (
     "convert pg 900000:900001 {lake} --dry-run --quiet",
 )  # fmt: skip
 
-_EXAMINES = ("check", "fsck", "pack --verify", "doctor", "rebuild", "compact")
-"""Verbs that list what they find and end with exit code 1."""
+_LISTS = ("check", "fsck", "pack --verify", "doctor", "rebuild", "compact", "sim", "record")
+"""Verbs that go on, list what they find and end with exit code 1."""
 
 _RAW_MESSAGE = re.compile(
     r"Invalid Input Error|IO Error|INTERNAL Error|FATAL Error|Serialization Error|Out of Memory Error|Invalid Error|"
@@ -99,13 +98,13 @@ def run(line: str, root: Path, out: Path, content: Content) -> Result:
     return CliRunner().invoke(cli, shlex.split(line.format(lake=root, pack=root, out=out, **asdict(content))))
 
 
-def judged(line: str, result: Result, damaged: Iterable[str]) -> str:
+def judged(line: str, result: Result, named: Sequence[str]) -> str:
     """What the end of a command on a damaged lake is: same, error, or what is wrong with it.
 
     Args:
         line: The command line.
         result: Its end.
-        damaged: Names of the damaged files.
+        named: What an error has to name: the damaged files, or what they are of.
     """
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         lines = traceback.format_exception(result.exception)
@@ -116,22 +115,22 @@ def judged(line: str, result: Result, damaged: Iterable[str]) -> str:
     message = said[-1] if said else ""
     if "Traceback" in result.output or "Usage:" in result.stderr:
         return f"traceback: {line}: {message}"
-    if line.startswith(_EXAMINES) and not message.startswith("error:"):
-        return "error" if _names(result.output, damaged) else f"unnamed: {line}: {result.output[-500:]}"
+    if line.startswith(_LISTS) and not message.startswith("error:"):
+        return "error" if _names(result.output, named) else f"unnamed: {line}: {result.output[-500:]}"
     if not message.startswith("error:") or len([text for text in said if text.startswith("error:")]) != 1:
         return f"bare: {line}: exit {result.exit_code}, {result.output[-300:]}"
     if _RAW_MESSAGE.search(message):
         return f"bare: {line}: {message}"
-    if not _names(message, damaged):
+    if not _names(message, named):
         return f"unnamed: {line}: {message}"
     return "error" if _REMEDY.search(message) else f"no remedy: {line}: {message}"
 
 
-def _names(message: str, damaged: Iterable[str]) -> bool:
+def _names(message: str, named: Sequence[str]) -> bool:
     """Whether a message names a damaged file, or the database, run, user column or partition that it is of."""
-    for name in damaged:
-        *_, folder, file = parts = name.split("/")
-        kind = parts[1] if parts[0] in ("databases", "layers", "results") else folder
-        if file in message or file in json.dumps(message) or kind in message:
+    for name in named:
+        parts = name.split("/")
+        of = parts[1] if parts[0] in ("databases", "layers", "results") else "/".join(parts[:-1])
+        if parts[-1] in message or (of and of in message):
             return True
     return False

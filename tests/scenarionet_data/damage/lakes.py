@@ -31,6 +31,7 @@ class Content:
         run: A simulation run with rollouts; None if the lake has none.
         column: A user column; None if the lake has none.
         is_pack: Whether it is a pack.
+        is_sealed: Whether every byte of its files is verified.
     """
 
     database: str
@@ -40,6 +41,7 @@ class Content:
     run: str | None
     column: str | None
     is_pack: bool
+    is_sealed: bool
 
     @classmethod
     def of(cls, root: Path) -> Content:
@@ -57,6 +59,7 @@ class Content:
             run=driven[0][0] if driven else None,
             column=min(lake.user_columns, default=None),
             is_pack=is_pack,
+            is_sealed=lake.files.are_verified(lake.snapshot.metadata),
         )
 
 

@@ -72,7 +72,9 @@ def verbs(subject: Subject, seed: int) -> str:
         root = Path(shutil.copytree(subject.root, Path(folder) / "lake"))
         with harmed(root, seed) as harm:
             result = command_lines.run(line, root, Path(folder), subject.content)
-            found = command_lines.judged(line, result, harm.files)
+            # In older lakes, a changed name in a snapshot or in metadata leads to a file that does not exist.
+            named = harm.files if subject.content.is_sealed else (*harm.files, "lake/")
+            found = command_lines.judged(line, result, named)
         return found if ":" not in found else f"{found} ({harm})"
 
 
