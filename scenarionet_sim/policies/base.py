@@ -5,6 +5,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
+import numpy as np
+
 from scenarionet_data.arrays.dtypes import Bool, UInt8
 from scenarionet_sim.policies.objects import ObjectMask, all_objects
 from scenarionet_sim.worlds.state import State
@@ -25,6 +27,11 @@ class Policy(ABC):
     def selects(self, world: World) -> Bool:
         """Return the mask (N,) of objects it drives, unless a later policy selects them too."""
         return self.objects(world)
+
+    def sampled(self, rng: np.random.Generator) -> Policy:
+        """Return the policy of one episode; a stochastic policy draws its parameters."""
+        del rng
+        return self
 
     def prepare(self, world: World, driven: Bool) -> World:
         """Return the world as this policy needs it; ``driven`` (N,) are the objects it drives."""
