@@ -63,7 +63,7 @@ def roll_out(core: BatchedEnvironment, world: World, driver: Driver | None, rng:
         driver: Computes the agent's actions; None if a policy drives it.
         rng: Source of the sensors' noise.
     """
-    core.begin(0, world)
+    core.begin([0], [world])
     if driver is not None and hasattr(driver, "reset"):
         driver.reset()
     film = RolloutRecorder(world.num_objects)
