@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -116,11 +117,11 @@ class Simulation:
         keep: int = 32,
         observer: Observer | None = None,
     ) -> None:
-        self.policies = tuple(policies)
+        self._policies = tuple(policies)
         self.observer = observer or Observer.nothing()
         self._dt = worlds[0].dt
         self._has_passengers, self._threads = has_passengers, Threads(threads)
-        self.batch = WorldBatch(worlds, self._prepare, keep)
+        self.batch = WorldBatch(worlds, self._policies, self._prepare, keep)
         shape = len(worlds), self.batch.max_objects
         self.state = State.empty(*shape)
         if history:
@@ -131,7 +132,8 @@ class Simulation:
         self._session = (backend or Kinematic()).open(self.batch)
         movement = [policy.movement if is_compiled(policy) else UNCOMPILED for policy in self.policies]
         self._movement: UInt8 = np.array(movement, np.uint8)
-        self._law: Float64 = np.array([policy.law for policy in self.policies]).reshape(-1, 8)
+        self._law: Float64 = np.zeros((len(worlds), len(movement), 8))
+        self._playing = [self._policies] * len(worlds)
         self._is_agent: Bool = np.zeros(256, np.bool_)
         self._is_agent[[n for n, policy in enumerate(self.policies) if isinstance(policy, External)]] = True
         self._has_begun: Bool = np.zeros(len(worlds), np.bool_)
@@ -143,6 +145,19 @@ class Simulation:
     def __repr__(self) -> str:
         drivers = ", ".join(type(policy).__name__ for policy in self.policies)
         return f"Simulation({len(self.batch)} worlds, {len(self.agents)} agents, policies: {drivers})"
+
+    @property
+    def policies(self) -> tuple[Policy, ...]:
+        """Policies of the episodes that begin next; others of the same kinds can be set, with other parameters."""
+        return self._policies
+
+    @policies.setter
+    def policies(self, policies: tuple[Policy, ...]) -> None:
+        kinds, expected = list(map(type, policies)), list(map(type, self._policies))
+        if kinds != expected:
+            raise BadParameter(f"policies of the kinds {kinds} in a simulation of {expected}; make a new simulation")
+        if policies != self._policies:  # worlds are prepared once for the same tuple
+            self._policies = policies
 
     @property
     def dt(self) -> float:
@@ -176,8 +191,9 @@ class Simulation:
     def begin(self, slots: Sequence[int], worlds: Sequence[World | None], start: int | None = None) -> None:
         """Begin episodes in several slots whose worlds do not move in the next step; as :meth:`reset`."""
         for slot, world in zip(slots, worlds, strict=True):
-            if world is not None:
-                self.batch.replace(slot, world)
+            self.batch.replace(slot, world, self._policies)
+            self._playing[slot] = self._policies
+        self._law[list(slots)] = [policy.law for policy in self._policies]
         self._grow()
         starts = np.full(len(slots), -1 if start is None else start, np.int32)
         numbers = np.asarray(slots, np.int32)
@@ -242,7 +258,11 @@ class Simulation:
         self._run(MOVE | drive)
         driver = np.where(self._has_begun[:, None], np.uint8(UNDRIVEN), self.driver)
         for number in np.flatnonzero(self._movement == UNCOMPILED).tolist():
-            self.policies[number].advance(self.batch, self.previous, self.state, driver, number, self.dt)
+            playing = [policies[number] for policies in self._playing]
+            for policy in dict.fromkeys(playing):
+                rows = np.array([other == policy for other in playing])
+                here = driver if rows.all() else np.where(rows[:, None], driver, np.uint8(UNDRIVEN))
+                policy.advance(self.batch, self.previous, self.state, here, number, self.dt)
         if not drive and len(self.agents) and not self._has_passengers:
             moves = ~self._has_begun[self.agents[:, 0]]
             self._session.drive(self.state, self.agents[moves], self.actions[moves], self.dt)
@@ -317,17 +337,17 @@ class Simulation:
 
     # --- worlds ---------------------------------------------------------------------------------------
 
-    def _prepare(self, world: World) -> tuple[World, UInt8]:
-        """Return a world as the policies need it, and the policy of each object."""
+    def _prepare(self, world: World, policies: Any) -> tuple[World, UInt8]:
+        """Return a world as policies need it, and the policy of each object."""
         if abs(world.dt - self._dt) > 1e-3:
             raise BadParameter(
                 f"{world.scenario_id}: timestep {world.dt} s among worlds of {self._dt} s; make it with "
                 f"World.from_scenario(scenario, dt={self._dt})"
             )
         driver = np.full(world.num_objects, UNDRIVEN, np.uint8)
-        for number, policy in enumerate(self.policies):
+        for number, policy in enumerate(policies):
             driver[policy.selects(world)] = number
-        for number, policy in enumerate(self.policies):
+        for number, policy in enumerate(policies):
             world = policy.prepare(world, driver == number)
         return world, driver
 

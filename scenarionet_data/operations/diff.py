@@ -15,10 +15,11 @@ from scenarionet_data.errors import BadParameter, NoSuchSnapshot
 from scenarionet_data.operations.database_query import DatabaseQuery
 from scenarionet_data.query.engine import Rows
 from scenarionet_data.query.lake_view import LakeLike, LakeView, StaleDatabaseWarning, open_view
-from scenarionet_data.query.members import ADDRESS_COLUMNS, relation
+from scenarionet_data.query.members import relation
 from scenarionet_data.query.statements import quoted
 from scenarionet_data.query.views import scan_files
 from scenarionet_data.schema import tables
+from scenarionet_data.storage.read.metadata_rows import ADDRESS_COLUMNS
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from itertools import islice
@@ -45,7 +46,7 @@ def run_checks(
 
     Raises:
         UnknownQuery: No check has one of these names.
-        LakeError: A file that lists the scenarios of the snapshot is missing.
+        LakeError: A manifest of the snapshot is missing or damaged.
     """
     view = open_view(lake)
     if isinstance(names, str):
@@ -55,10 +56,12 @@ def run_checks(
     record = None if database is None else view.record(database)
     if record is not None:
         view, _ = view.resolve(record)
-    session = CheckSession(view, record)
+    session = CheckSession(view, record, _broken_files(view.files, view.snapshot))
     answers: Iterator[tuple[str, pa.Table]] = ((check.name, session.violations(check)) for check in checks)
     if executor is not None:
-        answers = executor([_CheckJob(str(view.root), view.snapshot.number, record, check) for check in checks], _run)
+        broken = tuple((row["file"], row["reason"]) for row in session.broken_files.to_pylist())
+        jobs = [_CheckJob(str(view.root), view.snapshot.number, record, broken, check) for check in checks]
+        answers = executor(jobs, _run)
     found: dict[str, pa.Table] = {}
     for number in range(len(checks) + 1):
         if on_progress:
@@ -76,13 +79,11 @@ class CheckSession:
     Args:
         view: The lake at the snapshot to check.
         database: Check only its members.
-
-    Attributes:
-        broken_files: Files that are missing or of another size: file and reason.
+        broken_files: Files that are missing or damaged, which are left out: file and reason.
     """
 
-    def __init__(self, view: LakeView, database: DatabaseRecord | None) -> None:
-        self.broken_files = _broken_files(view.files, view.snapshot)
+    def __init__(self, view: LakeView, database: DatabaseRecord | None, broken_files: pa.Table) -> None:
+        self.broken_files = broken_files
         self._tables = {"broken_files": self.broken_files, "budgets": budget_table(view)}
         self._scope = ""
         if database is not None:
@@ -108,11 +109,12 @@ class CheckSession:
 
 @dataclass(frozen=True)
 class _CheckJob:
-    """A check to run on a worker: the lake, its snapshot, the database, and the check."""
+    """A check to run on a worker: the lake, its snapshot, the database, files that are left out, and the check."""
 
     root: str
     snapshot: int
     database: DatabaseRecord | None
+    broken: tuple[tuple[str, str], ...]
     check: Check
 
 
@@ -120,17 +122,17 @@ def _run(job: _CheckJob) -> tuple[str, pa.Table]:
     """Return the name of a check and its violations; runs on a worker."""
     reference = job.database.reference if job.database and job.database.is_saved else None
     if job.database is not None and reference is None:
-        session = CheckSession(LakeView(job.root, job.snapshot), job.database)
+        session = CheckSession(LakeView(job.root, job.snapshot), job.database, _file_table(job.broken))
     else:
-        session = _session(job.root, job.snapshot, reference)
+        session = _session(job.root, job.snapshot, reference, job.broken)
     return job.check.name, session.violations(job.check)
 
 
 @lru_cache(maxsize=1)
-def _session(root: str, snapshot: int, database: str | None) -> CheckSession:
-    """Open a session once per process: looking for broken files takes longer than most checks."""
+def _session(root: str, snapshot: int, database: str | None, broken: tuple[tuple[str, str], ...]) -> CheckSession:
+    """Open a session once per process, which takes longer than most checks."""
     view = LakeView(root, snapshot)
-    return CheckSession(view, None if database is None else view.record(database))
+    return CheckSession(view, None if database is None else view.record(database), _file_table(broken))
 
 
 def budget_table(view: LakeView) -> pa.Table:
@@ -142,20 +144,29 @@ def budget_table(view: LakeView) -> pa.Table:
 
 
 def _broken_files(files: LakeFiles, snapshot: Snapshot) -> pa.Table:
-    """Return files of a snapshot that are missing or of another size than when written: file and reason."""
-    lists = [*snapshot.metadata, *snapshot.manifests]
-    needed = [name for name, size in zip(lists, files.sizes(lists), strict=True) if size is None]
-    if needed:
-        raise LakeError(
-            f"{files.url(needed[0])}: missing, and {len(needed) - 1} more that list the lake's scenarios; "
-            "restore them from a copy of the lake, or open an older snapshot"
-        )
+    """Return files of a snapshot that are missing or damaged: file and reason."""
     shards = manifests.shard_table(files, snapshot)
     names, sizes = (pc.list_flatten(shards[column]).to_pylist() for column in ("files", "sizes"))
-    wanted = dict(zip(names, sizes, strict=True))  # shards may share files
-    broken = [
-        {"file": name, "reason": "gone" if found is None else f"not {size} bytes long"}
-        for (name, size), found in zip(wanted.items(), files.sizes(list(wanted)), strict=True)
-        if found != size
-    ]
-    return pa.Table.from_pylist(broken, schema=pa.schema({"file": pa.string(), "reason": pa.string()}))
+    written = dict.fromkeys(snapshot.metadata) | dict(zip(names, sizes, strict=True))  # shards may share files
+    found = dict(zip(written, files.sizes(list(written)), strict=True))
+    with ThreadPoolExecutor() as pool:  # digests are computed without the interpreter lock
+        reasons = pool.map(lambda name: _reason(files, name, written[name], found[name]), written)
+        return _file_table((name, reason) for name, reason in zip(written, reasons, strict=True) if reason)
+
+
+def _reason(files: LakeFiles, name: str, written: int | None, found: int | None) -> str | None:
+    """What is wrong with a file, given its size when it was written, if recorded, and now."""
+    if found is None:
+        return "gone"
+    if written not in (None, found):
+        return f"not {written} bytes long"
+    try:
+        files.check_bytes(name)
+    except LakeError:
+        return "damaged"
+    return None
+
+
+def _file_table(broken: Iterable[tuple[str, str]]) -> pa.Table:
+    rows = [{"file": name, "reason": reason} for name, reason in broken]
+    return pa.Table.from_pylist(rows, schema=pa.schema({"file": pa.string(), "reason": pa.string()}))

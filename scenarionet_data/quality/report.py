@@ -47,7 +47,7 @@ class CheckReport:
         checks: Checks that ran, hard ones first.
         rows: Violations: check, is_hard, scenario_id, dataset, version, split, detail; by check and scenario.
         totals: Numbers of checked scenarios: dataset, version, split, scenarios.
-        broken_files: Files that are missing or of another size: file and reason.
+        broken_files: Files that are missing or damaged, and were left out: file and reason.
         view: The lake at the snapshot that was checked.
         database: The database whose members were checked; None for the whole lake.
     """

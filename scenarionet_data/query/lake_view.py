@@ -19,10 +19,11 @@ from scenarionet_data.databases import user_columns as user_column_records
 from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter, NoSuchSnapshot, ScenarioNotFound
 from scenarionet_data.query.engine import Engine, Rows
-from scenarionet_data.query.members import ADDRESS_COLUMNS, count_changed, locate
+from scenarionet_data.query.members import count_changed, locate
 from scenarionet_data.query.named_sql import ANALYTICS
 from scenarionet_data.query.views import FILE_TABLES, table_files
 from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.read.metadata_rows import ADDRESS_COLUMNS, MetadataRows, ScenarioIndex
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
@@ -230,8 +231,7 @@ class LakeView:
 
     def shared_maps(self) -> dict[tuple[str, str, str], str]:
         """Return the file of each map that scenarios share, by dataset, version and map id."""
-        listed = manifests.shard_table(self.files, self.snapshot).filter(pc.field("split") == "").to_pylist()
-        return {(row["dataset"], row["version"], row["name"]): row["files"][0] for row in listed}
+        return manifests.shared_maps(self.files, self.snapshot)
 
     @property
     def databases(self) -> list[str]:
@@ -269,13 +269,44 @@ class LakeView:
         else:
             view, wanted = self, pa.table({"scenario_id": pa.array(list(scenarios), pa.string())})
         found = locate(view.engine, wanted)
-        missing = found.filter(pc.invert(found["is_found"]))
-        if missing.num_rows:
-            raise ScenarioNotFound(
-                f"{self.root}: no scenario {missing['scenario_id'][0]} in snapshot {view.snapshot.number}; "
-                f"{missing.num_rows} of {found.num_rows} are missing: replaced, or never converted"
-            )
+        view._require_all(found["scenario_id"], found["is_found"])
         return view, found
+
+    def find(self, scenarios: DatabaseRecord | str | Iterable[str] | None) -> tuple[Self, MetadataRows]:
+        """Find scenarios like :meth:`resolve`, without SQL: their rows are read when they are needed.
+
+        Raises:
+            ScenarioNotFound: A scenario is missing.
+        """
+        if isinstance(scenarios, DatabaseRecord | str):
+            return self._find_members(self.record(scenarios))
+        index = ScenarioIndex(self.files, self.snapshot)
+        if scenarios is None:
+            if self._chosen is None:
+                return self, index.everything()
+            scenarios = sorted(self._chosen["scenario_id"].to_pylist())
+        ids = pa.array(list(scenarios), pa.string())
+        found, is_found = index.find(ids)
+        if self._chosen is not None:
+            is_found &= pc.is_in(ids, value_set=self._chosen["scenario_id"]).to_numpy(zero_copy_only=False)
+        self._require_all(ids, pa.array(is_found))
+        return self, found
+
+    def _find_members(self, database: DatabaseRecord) -> tuple[Self, MetadataRows]:
+        ids, hashes = (database.members[name].combine_chunks() for name in ("scenario_id", "content_hash"))
+        found, is_found = ScenarioIndex(self.files, self.snapshot, with_hashes=True).find(ids, hashes.to_numpy())
+        if is_found.all() and self._chosen is None:
+            return self, found
+        view = self.with_members([database])
+        return view, view.find(ids.to_pylist())[1]
+
+    def _require_all(self, ids: pa.Array | pa.ChunkedArray, is_found: pa.Array | pa.ChunkedArray) -> None:
+        missing = ids.filter(pc.invert(is_found))
+        if len(missing):
+            raise ScenarioNotFound(
+                f"{self.root}: no scenario {missing[0]} in snapshot {self.snapshot.number}; "
+                f"{len(missing)} of {len(ids)} are missing: replaced, or never converted"
+            )
 
     def with_members(self, databases: Sequence[DatabaseRecord]) -> Self:
         """Return a view at a snapshot that has all members of some databases unchanged.

@@ -8,12 +8,7 @@ from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.query.engine import Engine, Rows
 from scenarionet_data.query.statements import quoted
 from scenarionet_data.schema.tables import DESCRIPTION_COLUMNS
-
-ADDRESS_COLUMNS = tuple(
-    f"{table}_{part}"
-    for table in ("tracks", "lights", "maps")
-    for part in ("file", "row_group", "first_row", "num_rows")
-)
+from scenarionet_data.storage.read.metadata_rows import ADDRESS_COLUMNS
 
 
 def relation(database: DatabaseRecord, table: str = "selected") -> tuple[str, dict[str, Rows]]:

@@ -93,6 +93,8 @@ class Views:
                 user_columns = self._user_columns if is_all else words(sql) & set(self._user_columns)
             self._join(frozenset(user_columns))
         defined = _definitions()
+        for name in words(sql) & self._made & set(evaluation_runs.RUN_TABLES):
+            self._drop(name)  # runs are written beside the snapshot, at any time
         for name in sorted(words(sql) & set(defined)):
             self._make(name, defined)
         if words(sql) & _COMMENT_TABLES:  # only on demand: comments take a third of the time of a first query
@@ -102,10 +104,13 @@ class Views:
     def _join(self, names: frozenset[str]) -> None:
         """Recreate the view metadata with these user columns: a join costs time even if its column is unused."""
         if names != self._joined and "metadata" in self._made:
-            self._connection.execute("DROP VIEW metadata")
-            self._made.remove("metadata")
-            self._commented.discard("metadata")
+            self._drop("metadata")
         self._joined = names
+
+    def _drop(self, name: str) -> None:
+        self._connection.execute(f"DROP VIEW {name}")
+        self._made.remove(name)
+        self._commented.discard(name)
 
     def _make(self, name: str, defined: Mapping[str, Path]) -> None:
         if name in self._made:

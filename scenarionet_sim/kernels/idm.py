@@ -35,8 +35,8 @@ class Law(NamedTuple):
 
 
 _YELLOW, _RED = 2, 3  # LightColor
-_STATIONS = 48
-_SPACING = 2.0  # [m] least distance between stations
+_STATIONS = 64
+_SPACING, _COARSER = 2.0, 1.0 / 12.0  # least distance between stations [m], and its growth with the distance ahead
 _SX, _SY, _ARC, _HEADING = range(4)  # columns of stations
 _BX, _BY, _BZ, _COS, _SIN, _VX, _VY, _HALF_LENGTH, _HALF_WIDTH, _HALF_HEIGHT, _RADIUS = range(11)  # rows of boxes
 
@@ -89,7 +89,7 @@ def drive_along_paths(
         if np.isnan(s):
             s = larger(nearest(path, row[X], row[Y], -np.inf, np.inf)[0], 0.0)
         speed = np.hypot(row[VX], row[VY])
-        num_stations = _look_ahead(path, s, _horizon(speed, law) + size[0], stations)
+        num_stations = _look_ahead(path, s, stations)
         braking = _braking_for_boxes(boxes, own, stations, num_stations, speed, law)
         for k in range(recorded.stop_offsets[objects + n], recorded.stop_offsets[objects + n + 1]):
             color = colors[recorded.light_state[lights + recorded.stop_light[k] * num_steps]]
@@ -149,24 +149,22 @@ def _is_free(row: Float32, size: Float64, boxes: Float64) -> bool:
 
 
 @device_function
-def _horizon(speed: float, law: Law) -> float:
-    """Return the look-ahead distance [m]: comfortable braking distance, headway and a margin."""
-    return float(10.0 + speed * law.headway + speed * speed / (2.0 * law.deceleration))
+def _look_ahead(path: PathRows, s: float, stations: Float64) -> int:
+    """Write stations (x, y, arc, heading) from ``s`` to the end of the path; return their number.
 
-
-@device_function
-def _look_ahead(path: PathRows, s: float, horizon: float, stations: Float64) -> int:
-    """Write stations (x, y, arc, heading) from ``s`` to the horizon or the end of the path; return their number."""
-    spacing = larger(_SPACING, horizon / (_STATIONS - 2))
+    The law has no horizon: cutting it off would let the acceleration jump when a leader comes into view. Stations are
+    wider apart with the distance, so that they reach over a kilometre.
+    """
     stations[0, _SX], stations[0, _SY], _, stations[0, _HEADING] = pose_at(path, s)
     stations[0, _ARC] = s
     count, last = 1, s
     for k in range(segment_at(path, s) + 1, path.end):
+        spacing = larger(_SPACING, (last - s) * _COARSER)
         if path.points[k, ARC] - last >= spacing or (k == path.end - 1 and path.points[k, ARC] > last):
             stations[count, _SX], stations[count, _SY] = path.points[k, 0], path.points[k, 1]
             stations[count, _ARC], stations[count, _HEADING] = path.points[k, ARC], path.points[k, HEADING]
             count, last = count + 1, np.float64(path.points[k, ARC])
-            if last > s + horizon or count == _STATIONS:
+            if count == _STATIONS:
                 break
     return count
 

@@ -53,7 +53,7 @@ class Traffic(NamedTuple):
     Attributes:
         driver: (W, N) policy of each object, or ``UNDRIVEN``.
         movement: (P,) see ``REPLAY``.
-        law: (P, 8) numbers of a ``Law``.
+        law: (W, P, 8) numbers of a ``Law``.
         colors: (K,) ``LightColor`` by ``LightState``.
     """
 
@@ -265,7 +265,7 @@ def _move(w: int, dt: float, recorded: Recorded, now: StateArrays, then: StateAr
         elif movement == CARRY_ON:
             move_on(w, recorded, t, driver, policy, dt, then.motion, then.present)
         elif movement == FOLLOW_PATH:
-            row = traffic.law[policy]
+            row = traffic.law[w, policy]
             law = Law(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7])
             drive_along_paths(w, recorded, now, then, driver, policy, dt, law, traffic.colors)
 

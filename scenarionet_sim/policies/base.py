@@ -31,6 +31,11 @@ class Policy:
         """Return the mask (N,) of objects it drives, unless a later policy selects them too."""
         return self.objects(world)
 
+    def sampled(self, rng: np.random.Generator) -> Policy:
+        """Return the policy of one episode; a stochastic policy draws its parameters."""
+        del rng
+        return self
+
     def prepare(self, world: World, driven: Bool) -> World:
         """Return the world as this policy needs it; ``driven`` (N,) are the objects it drives."""
         del driven

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,8 +24,8 @@ from scenarionet_sim.kernels.structures import (
 from scenarionet_sim.worlds.blocks import Blocks
 from scenarionet_sim.worlds.world import World
 
-Prepare = Callable[[World], tuple[World, UInt8]]
-"""Returns a world as its policies need it, and the policy (N,) of each object."""
+Prepare = Callable[[World, Hashable], tuple[World, UInt8]]
+"""Takes a world and the policies of an episode; returns the world as these need it, and each object's policy (N,)."""
 
 
 @dataclass(eq=False)
@@ -33,20 +33,26 @@ class PooledWorld:
     """A world in a pool.
 
     Attributes:
-        original: As recorded.
-        world: As the policies need it.
+        key: The world as recorded, and the policies it was prepared for.
+        world: As these need it.
         place: (NUM_PLACES,) where its rows are, see ``kernels.structures.Recorded``.
         frame: (5,) the frame of its grid of lines.
         blocks: First row and end of its block of each kind.
         users: Number of slots that play it.
     """
 
-    original: World
+    key: tuple[World, Hashable]
     world: World
     place: Int64
     frame: Float64
     blocks: dict[str, tuple[int, int]]
     users: int = 0
+
+    @property
+    def name(self) -> tuple[int, int]:
+        """Identity of its key."""
+        world, policies = self.key
+        return id(world), id(policies)
 
 
 class WorldPool:
@@ -56,7 +62,7 @@ class WorldPool:
     different worlds, not on that of slots or episodes.
 
     Args:
-        prepare: Prepares each world once.
+        prepare: Prepares each world once for the same policies.
         keep: Number of worlds to keep that no slot plays.
 
     Attributes:
@@ -66,8 +72,8 @@ class WorldPool:
 
     def __init__(self, prepare: Prepare, keep: int) -> None:
         self._prepare, self._keep = prepare, keep
-        self._worlds: dict[int, PooledWorld] = {}  # by identity of the original
-        self._unused: dict[int, PooledWorld] = {}  # no slot plays these; the last released last
+        self._worlds: dict[tuple[int, int], PooledWorld] = {}  # by identity of world and policies
+        self._unused: dict[tuple[int, int], PooledWorld] = {}  # no slot plays these; the last released last
         self._kinds = {
             "objects": Blocks(
                 driver=np.uint8, object_type=np.uint8, size=(np.float32, 3), top_speed=np.float32,
@@ -86,10 +92,11 @@ class WorldPool:
     def __len__(self) -> int:
         return len(self._worlds)
 
-    def claim(self, world: World) -> PooledWorld:
-        """Return a world for a slot to play; store it if it is new."""
-        found = self._worlds.get(id(world)) or self._store(world)
-        self._unused.pop(id(world), None)
+    def claim(self, world: World, policies: Hashable) -> PooledWorld:
+        """Return a world for a slot to play with some policies; store it if it is new."""
+        name = id(world), id(policies)
+        found = self._worlds.get(name) or self._store(world, policies)
+        self._unused.pop(name, None)
         found.users += 1
         return found
 
@@ -98,15 +105,15 @@ class WorldPool:
         pooled.users -= 1
         if pooled.users:
             return
-        self._unused[id(pooled.original)] = pooled
+        self._unused[pooled.name] = pooled
         while len(self._unused) > self._keep:
             oldest = self._unused.pop(next(iter(self._unused)))
-            del self._worlds[id(oldest.original)]
+            del self._worlds[oldest.name]
             for kind, block in oldest.blocks.items():
                 self._kinds[kind].remove(*block)
 
-    def _store(self, original: World) -> PooledWorld:
-        world, driver = self._prepare(original)
+    def _store(self, original: World, policies: Hashable) -> PooledWorld:
+        world, driver = self._prepare(original, policies)
         count, grid = world.num_objects, world.roads.segment_grid
         path = self._kinds["path"].put(path=world.paths.path)
         stops = self._kinds["stops"].put(stop_arc=world.stops.stop_arc, stop_light=world.stops.stop_light)
@@ -137,7 +144,8 @@ class WorldPool:
         place[LIGHTS], place[CELLS] = blocks["lights"][0], blocks["cells"][0]
         self.arrays = {name: array for kind in self._kinds.values() for name, array in kind.arrays.items()}
         self.max_objects = max(self.max_objects, count)
-        pooled = self._worlds[id(original)] = PooledWorld(original, world, place, grid.frame, blocks)
+        pooled = PooledWorld((original, policies), world, place, grid.frame, blocks)
+        self._worlds[pooled.name] = pooled
         return pooled
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,8 +17,9 @@ if TYPE_CHECKING:
     from scenarionet_sim.worlds.pool import Prepare
 
 
-def as_recorded(world: World) -> tuple[World, UInt8]:
+def as_recorded(world: World, policies: Hashable) -> tuple[World, UInt8]:
     """Return a world unchanged, with the first policy for every object."""
+    del policies
     return world, np.zeros(world.num_objects, np.uint8)
 
 
@@ -27,7 +28,8 @@ class WorldBatch:
 
     Args:
         worlds: One per slot; the same world may be in several.
-        prepare: Prepares each different world, see ``WorldPool``.
+        policies: Of the first episodes.
+        prepare: Prepares each different world for its policies, see ``WorldPool``.
         keep: Number of worlds to keep that no slot plays.
 
     Attributes:
@@ -36,14 +38,16 @@ class WorldBatch:
         place: (W, NUM_PLACES) see ``kernels.structures.Recorded``.
     """
 
-    def __init__(self, worlds: Sequence[World], prepare: Prepare = as_recorded, keep: int = 32) -> None:
+    def __init__(
+        self, worlds: Sequence[World], policies: Hashable = None, prepare: Prepare = as_recorded, keep: int = 32
+    ) -> None:
         self.pool = WorldPool(prepare, keep)
         self.place: Int64 = np.zeros((len(worlds), NUM_PLACES), np.int64)
         self._frame: Float64 = np.zeros((len(worlds), 5))
         self._slots: list[PooledWorld] = []
         self.worlds: list[World] = []
         for slot, world in enumerate(worlds):
-            self._slots.append(self.pool.claim(world))
+            self._slots.append(self.pool.claim(world, policies))
             self.worlds.append(self._slots[slot].world)
             self.place[slot], self._frame[slot] = self._slots[slot].place, self._slots[slot].frame
         self._collect()
@@ -71,12 +75,10 @@ class WorldBatch:
         """(W,) row of each ego."""
         return self.place[:, EGO]
 
-    def replace(self, slot: int, world: World) -> None:
-        """Put a world into a slot."""
+    def replace(self, slot: int, world: World | None, policies: Hashable = None) -> None:
+        """Put a world into a slot, or the same again, for an episode with some policies."""
         old = self._slots[slot]
-        if world is old.original:
-            return
-        self._slots[slot] = new = self.pool.claim(world)
+        self._slots[slot] = new = self.pool.claim(old.key[0] if world is None else world, policies)
         self.worlds[slot] = new.world
         self.place[slot], self._frame[slot] = new.place, new.frame
         self.pool.release(old)

@@ -79,6 +79,18 @@ lake.filter("ego_distance > 40", name="far")
 lake.filter("num_objects > 60", name="busy")
 """
 
+_OPEN_LOADER = """
+import json, sys, time
+from scenarionet_data import Lake, ScenarioLoader
+lake = Lake(sys.argv[1])
+database = eval(sys.argv[2])
+started = time.process_time()
+loader = ScenarioLoader(sys.argv[1], database)
+cpu = time.process_time() - started
+status = open("/proc/self/status").read()
+print(json.dumps({"cpu": cpu, "peak_mb": int(status.split("VmHWM:")[1].split()[0]) / 1024}))
+"""
+
 _OPERATE = """
 import json, statistics, sys, time, warnings
 warnings.simplefilter("ignore")
@@ -106,6 +118,8 @@ def figures() -> Iterator[Figure]:
             write_metadata_lake(Path(folder), rows, shard_rows)
             yield from filter_figures(folder, f"{rows // 1000} k rows", wanted)
             if rows == 1_000_000:
+                in_fresh_process(_PREPARE, folder)
+                yield from loader_figures(folder)
                 yield from operation_figures(folder)
 
 
@@ -127,9 +141,16 @@ def filter_figures(folder: str, name: str, wanted: tuple[str, str, str]) -> Iter
     yield Figure(f"{name}: {peak}", found["peak_mb"], "MB", wanted[2], "ScenarioNet 3,800 MB for 100 k")
 
 
+def loader_figures(folder: str) -> Iterator[Figure]:
+    """Opening a loader over every scenario, each kind of selection in a process of its own."""
+    for name, database in (("the whole lake", "None"), ("ids", "list(lake.database('all'))"), ("a database", "'all'")):
+        found = json.loads(in_fresh_process(_OPEN_LOADER, folder, database))
+        yield Figure(f"1000 k rows: open a loader over {name}, time of the processor", found["cpu"], "s", "<= 1")
+        yield Figure(f"1000 k rows: open a loader over {name}, peak memory", found["peak_mb"], "MB", "<= 700")
+
+
 def operation_figures(folder: str) -> Iterator[Figure]:
     """Time of the other operations on a million rows; memory is that of the first run in a process."""
-    in_fresh_process(_PREPARE, folder)
     for name, (code, seconds) in _OPERATIONS.items():
         found = json.loads(in_fresh_process(_OPERATE, folder, code))
         goal = f"<= {seconds:g}" if seconds else ""

@@ -20,19 +20,24 @@ def lake(tmp_path) -> Path:
 
 def test_sim_prints_results_and_the_next_query(lake, ok):
     text = ok("sim", lake, "--policy", "replay", "--workers", "1")
-    assert "run                     all-replay-replay-kinematic\n" in text
-    assert "success                 1\n" in text
-    assert "collided_vehicles       3\n" in text
+    rows = {line.split()[0]: line.split()[1:] for line in text.splitlines() if line.split()}
+    assert "run all-replay-replay-kinematic, took" in text
+    assert rows["success"][:3] == ["1", "1", "1"], "the run, the recording, constant velocity; random actions"
+    assert float(rows["success"][3]) < 1.0
+    assert rows["crashed"][:3] == ["1", "1", "1"] and rows["collided_vehicles"][0] == "3"
     query = text.partition("Failures: scenarionet sql ")[2].partition(' "')[2].strip().removesuffix('"')
     assert "JOIN metadata" in query
     ok("sql", lake, query)
     assert "skipped    3 scenarios" in ok("sim", lake, "--policy", "replay", "--workers", "1")
-    assert "all-replay-replay-kinematic" in ok("sql", lake, "runs")
+    runs = ok("sql", lake, "runs")
+    assert "all-replay-replay-kinematic" in runs and runs.count("reference-") == 3
 
 
 def test_sim_of_a_database_as_json(lake, ok, as_json):
     ok("filter", lake, "--where", "ego_mean_speed > 8.5", "--name", "fast")
-    found = as_json("sim", lake, "fast", "--policy", "idm", "--traffic", "idm", "--name", "mine", "--workers", "1")
+    found = as_json("sim", lake, "fast", "--policy", "idm", "--traffic", "idm", "--name", "mine", "--workers", "1",
+                    "--rollouts", "2", "--episode", "nuplan", "--no-references")  # fmt: skip
+    assert (found["rollouts"], found["references"]) == (4, {})
     assert (found["run"], found["scenarios"], found["not_simulated"], found["broken"]) == ("mine", 2, 0, [])
     assert 0.0 < found["route_completion"] <= 1.0
 
@@ -47,7 +52,7 @@ def test_sim_with_a_driver_in_the_current_folder(lake, tmp_path, monkeypatch, as
         "        raise RuntimeError('no plan')\n"
     )
     monkeypatch.chdir(tmp_path)
-    words = "sim", lake, "--backend", "kinematic", "--workers", "1"
+    words = "sim", lake, "--backend", "kinematic", "--workers", "1", "--no-references"
     found = as_json(*words, "--policy", "my_planner:Planner")
     assert (found["run"], found["timeout"]) == ("all-my_planner.Planner-replay-kinematic", 1.0)
     failed = run(*words, "--policy", "my_planner:Broken")

@@ -10,8 +10,8 @@ from typing import Any
 from scenarionet_data import Lake
 from scenarionet_data.errors import BadParameter, QueryError
 from scenarionet_data.query import suggestions
-from scenarionet_data.query.members import ADDRESS_COLUMNS
 from scenarionet_data.query.statements import check_expression
+from scenarionet_data.storage.read.metadata_rows import ADDRESS_COLUMNS
 
 MAX_ROWS = 200
 """Maximum number of rows of a page."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,8 @@ from scenarionet_data.errors import ScenarioNotFound
 from scenarionet_data.scenario.description import MapFeatures
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.lake_files import LakeFiles
+from scenarionet_data.storage.snapshots import manifests
+from scenarionet_data.storage.snapshots.snapshot import Snapshot
 
 _MAX_MAPS = 4
 
@@ -55,20 +58,24 @@ class MapCache:
 
     Args:
         files: The lake's files.
-        names: File of each map by dataset, version and map id.
+        snapshot: The snapshot of the maps.
     """
 
-    def __init__(self, files: LakeFiles, names: dict[tuple[str, str, str], str]) -> None:
+    def __init__(self, files: LakeFiles, snapshot: Snapshot) -> None:
         self._files = files
-        self._names = names
+        self._snapshot = snapshot
         self._maps: OrderedDict[tuple[str, str, str], SharedMap] = OrderedDict()
         self._lock = threading.Lock()
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"files": self._files, "names": self._names}
+        return {"files": self._files, "snapshot": self._snapshot}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__init__(**state)  # type: ignore[misc]  # cached maps are not pickled
+
+    @cached_property
+    def _names(self) -> dict[tuple[str, str, str], str]:
+        return manifests.shared_maps(self._files, self._snapshot)
 
     def get(self, dataset: str, version: str, map_id: str) -> SharedMap:
         """Read a map, or return it from the cache.

@@ -48,6 +48,12 @@ def shards(files: LakeFiles, snapshot: Snapshot) -> list[ShardRecord]:
     return [ShardRecord(**row) for row in shard_table(files, snapshot).to_pylist()]
 
 
+def shared_maps(files: LakeFiles, snapshot: Snapshot) -> dict[tuple[str, str, str], str]:
+    """File of each map that scenarios share, by dataset, version and map id."""
+    listed = shard_table(files, snapshot).filter(pc.field("split") == "").to_pylist()
+    return {(row["dataset"], row["version"], row["name"]): row["files"][0] for row in listed}
+
+
 def read(files: LakeFiles, name: str, columns: list[str] | None = None) -> pa.Table:
     """Shards listed in a manifest.
 

@@ -5,48 +5,69 @@ from __future__ import annotations
 import random
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
-_JSON = ".json"
+_KINDS = ("bit", "byte", "bytes", "zeros", "cut", "grown", "swapped", "footer")
+
+
+@dataclass(frozen=True)
+class Harm:
+    """Damage to a lake.
+
+    Attributes:
+        kind: What was done.
+        files: Names of the damaged files, relative to the lake.
+    """
+
+    kind: str
+    files: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return f"{self.kind} in {' and '.join(self.files)}"
 
 
 @contextmanager
-def harmed(root: Path, seed: int) -> Iterator[str]:
-    """Damage a file of a lake while the block runs; yield what was done."""
+def harmed(root: Path, seed: int) -> Iterator[Harm]:
+    """Damage a file of a lake, or exchange two, while the block runs; each folder of the lake is damaged as often."""
     draw = random.Random(seed)
     listed = sorted(path for path in root.rglob("*") if path.is_file() and ".tmp" not in path.parts)
-    folder = draw.choice(sorted({path.relative_to(root).parts[0] for path in listed}))  # every kind as often
+    folder = draw.choice(sorted({path.relative_to(root).parts[0] for path in listed}))
     files = [path for path in listed if path.relative_to(root).parts[0] == folder]
-    path = draw.choice(files)
+    path, kind = draw.choice(files), draw.choice(_KINDS)
     others = [other for other in files if other != path and other.suffix == path.suffix]
-    kept = {path: path.read_bytes()}
-    kind = draw.choice(["bit", "byte", "bytes", "zeros", "cut", "grown", "swapped", "footer"])
     if kind == "swapped" and others:
         other = draw.choice(others)
-        kept[other] = other.read_bytes()
-        changed = {path: kept[other], other: kept[path]}
+        changed = {path: other.read_bytes(), other: path.read_bytes()}
     else:
-        changed = {path: _changed(kept[path], kind, draw)}
-    try:
-        for each, content in changed.items():
-            each.write_bytes(content)
-        yield f"{kind} in {path.relative_to(root)}"
-    finally:
-        for each, content in kept.items():
-            each.write_bytes(content)
+        changed = {path: _changed(path.read_bytes(), kind, draw)}
+    with _replaced(changed):
+        yield Harm(kind, tuple(each.relative_to(root).as_posix() for each in changed))
 
 
 @contextmanager
-def harmed_footer(root: Path, seed: int) -> Iterator[str]:
-    """Damage the footer of a Parquet file while the block runs; yield its name."""
+def harmed_footer(root: Path, seed: int) -> Iterator[Harm]:
+    """Damage the footer of a Parquet file while the block runs; each folder of the lake is damaged as often."""
     draw = random.Random(seed)
-    path = draw.choice(sorted(path for path in root.rglob("*.parquet") if ".tmp" not in path.parts))
-    kept = path.read_bytes()
+    listed = sorted(path for path in root.rglob("*.parquet") if ".tmp" not in path.parts)
+    folder = draw.choice(sorted({path.relative_to(root).parts[0] for path in listed}))
+    path = draw.choice([path for path in listed if path.relative_to(root).parts[0] == folder])
+    with _replaced({path: _changed(path.read_bytes(), "footer", draw)}):
+        yield Harm("footer", (path.relative_to(root).as_posix(),))
+
+
+@contextmanager
+def _replaced(contents: dict[Path, bytes]) -> Iterator[None]:
+    """Files with other contents while the block runs."""
+    kept = {path: path.read_bytes() for path in contents}
+    for path, content in contents.items():
+        path.write_bytes(content)
     try:
-        path.write_bytes(_changed(kept, "footer", draw))
-        yield path.relative_to(root).as_posix()
+        yield
     finally:
-        path.write_bytes(kept)
+        for path, content in kept.items():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content)
 
 
 def _changed(content: bytes, kind: str, draw: random.Random) -> bytes:

@@ -9,7 +9,7 @@ import pytest
 from tests.scenarionet_data.damage import trial
 from tests.scenarionet_data.damage.lakes import copy_older, write_newer, write_small
 from tests.scenarionet_data.damage.trial import Outcome
-from tests.scenarionet_data.damage.worker import load, loaded
+from tests.scenarionet_data.damage.worker import load, subject_of
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +46,7 @@ def test_some_damaged_lakes(tmp_path):
     """A sample of the trial, in this process."""
     lakes = [write_small(tmp_path / "newer"), copy_older(tmp_path)[0]]
     for root in lakes:
-        whole = loaded(root)
-        outcomes = [load(root, seed, whole) for seed in range(6)]
+        subject = subject_of(root, "load")
+        outcomes = [load(subject, seed) for seed in range(6)]
         assert set(outcomes) <= {"same", "error"}
         assert "error" in outcomes

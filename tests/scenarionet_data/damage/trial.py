@@ -58,7 +58,7 @@ def _part(trial: str, first: int, step: int, count: int, lakes: list[Path]) -> O
                 if "found" in answer:
                     kind = answer["found"].partition(":")[0]
                     outcome.counts[kind] += 1
-                    if kind not in ("same", "error"):
+                    if kind.split()[0] not in ("same", "error"):
                         outcome.findings.append(f"{answer['lake']} {answer['seed']} {answer['found']}")
             if worker.wait() == 0:
                 return outcome

@@ -2,12 +2,12 @@
 
 python -m tests.scenarionet_data.damage.worker TRIAL FIRST STEP COUNT LAKE...
 
-The trial that is about to begin is printed before it runs: if the process dies, the parent knows of which trial.
+It first reads the undamaged lakes in every way that it will read the damaged ones. The trial that is about to begin is
+printed before it runs: if the process dies, the parent knows of which trial.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
 import random
 import shutil
@@ -16,165 +16,108 @@ import tempfile
 import traceback
 import warnings
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-from click.testing import CliRunner
-
-from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.errors import ScenarioNetError
-from scenarionet_data.export import export
-from scenarionet_data.packs.packing import pack
-from scenarionet_pipelines.cli import cli
+from scenarionet_data.storage import verified_files
+from tests.scenarionet_data.damage import command_lines
 from tests.scenarionet_data.damage.harm import harmed, harmed_footer
-
-_TABLES = ("metadata", "tracks", "lights", "maps", "states", "shards", "results", "quarantine")
-_BARE = (
-    "Invalid Input Error", "IO Error", "INTERNAL Error", "FATAL Error", "Serialization Error", "Out of Memory Error",
-    "Invalid Error", "TProtocolException", "Conversion Error", "Binder Error", "Catalog Error",
-)  # fmt: skip
-"""Beginnings of messages of DuckDB."""
+from tests.scenarionet_data.damage.lakes import Content
+from tests.scenarionet_data.damage.readings import READINGS, SHARES, loaded
 
 
-def digest(scenario: Any) -> str:
-    """Digest of all of a scenario but the name of its source file, which nothing else in an older lake states."""
-    found = hashlib.blake2b(digest_size=8)
+@dataclass(frozen=True)
+class Subject:
+    """A lake to damage, and what it holds undamaged.
 
-    def add(value: Any) -> None:
-        if hasattr(value, "__dataclass_fields__"):
-            for name in value.__dataclass_fields__:
-                if (type(value).__name__, name) != ("Source", "file"):
-                    found.update(name.encode())
-                    add(getattr(value, name))
-        elif isinstance(value, np.ndarray):
-            found.update(repr((value.dtype, value.shape)).encode())
-            found.update(repr(value.tolist()).encode() if value.dtype == object else value.tobytes())
-        else:
-            found.update(repr(value).encode())
+    Attributes:
+        root: Its folder.
+        content: Names for command lines.
+        whole: Digest of every scenario by id.
+        lines: Command lines that succeed on it.
+    """
 
-    add(scenario)
-    return found.hexdigest()
+    root: Path
+    content: Content
+    whole: dict[str, str]
+    lines: list[str]
 
 
-def loaded(root: Path) -> dict[str, str]:
-    """Digest of every scenario of a lake by id."""
-    return {scenario.id: digest(scenario) for scenario in ScenarioLoader(root)}
-
-
-def load(root: Path, seed: int, whole: dict[str, str]) -> str:
+def load(subject: Subject, seed: int) -> str:
     """Load a damaged lake and compare."""
-    with harmed(root, seed) as what:
+    with harmed(subject.root, seed) as harm:
         try:
-            found = loaded(root)
+            found = loaded(subject.root)
         except ScenarioNetError:
             return "error"
-        return "same" if found == whole else f"wrong: {what}"
+        return "same" if found == subject.whole else f"wrong: {harm}"
 
 
-def footer(root: Path, seed: int, whole: dict[str, str]) -> str:
+def footer(subject: Subject, seed: int) -> str:
     """Read a lake with a damaged footer in one of several ways."""
-    draw = random.Random(seed)
-    with harmed_footer(root, seed) as name, tempfile.TemporaryDirectory() as out:
-        how = draw.choices(["load", "sql", "export", "pack", "sim", "render"], [40, 44, 6, 4, 3, 3])[0]
+    how = random.Random(seed).choices(list(SHARES), list(SHARES.values()))[0]
+    with harmed_footer(subject.root, seed) as harm, tempfile.TemporaryDirectory() as out:
         try:
-            if how == "sql":
-                parts = name.split("/")
-                table = parts[2] if parts[0] == "results" else parts[0] if parts[0] in _TABLES else "metadata"
-                Lake(root).sql(f"SELECT * FROM {table}")
-            elif how == "export":
-                loader = ScenarioLoader(root)
-                export((loader[index] for index in range(min(2, len(loader)))), Path(out) / "pickles")
-            elif how == "pack":
-                lake = Lake(root)
-                pack(lake, lake.databases[draw.randrange(len(lake.databases))], Path(out) / "pack")
-            elif how in ("sim", "render"):
-                return verb(root, how, Path(out))
-            elif loaded(root) != whole:
-                return f"wrong: footer of {name}"
+            READINGS[how](subject.root, harm.files[0], subject.content, Path(out))
         except ScenarioNetError:
-            return "error"
-    return "same"
+            return f"error {how}"
+    return f"same {how}"
 
 
-VERBS: tuple[str, ...] = (
-    "sql 'SELECT count(*), sum(num_objects) FROM metadata'", "sql 'SELECT * FROM tracks LIMIT 3'",
-    "sql 'SELECT avg(speed) FROM states'", "sql 'SELECT * FROM results'", "sql 'SELECT score FROM metadata'",
-    "filter --where 'num_objects > 1'", "stats", "list", "show", "check", "export", "pack", "sim", "render", "diff",
-    "sample", "split", "lineage", "report", "files tracks", "mine", "fsck",
-)  # fmt: skip
-
-
-def command(root: Path, text: str, database: str, out: Path) -> list[str]:
-    """Words of a command on a lake."""
-    import shlex
-
-    name, *rest = shlex.split(text)
-    lake, scenario = str(root), str(out / "x")
-    given = {
-        "export": [lake, database, scenario],
-        "pack": [lake, database, scenario],
-        "sim": [lake, database, "--policy", "replay", "--to", "again", "--workers", "1", "--quiet"],
-        "render": [lake, database, "-o", f"{scenario}.png"],
-        "diff": [lake, database, "@1"],
-        "check": [lake, *rest],
-        "sample": [lake, database, "-n", "1", "--to", "drawn"],
-        "split": [lake, database, "--fractions", "a=0.5", "b=0.5"],
-        "lineage": [lake, database],
-        "report": [lake, "-o", f"{scenario}.html"],
-        "show": [lake, database],
-        "mine": [lake, "following"],
-        "filter": [lake, *rest, "--to", "some"],
-    }
-    return [name, *given.get(name, [lake, *rest])]
-
-
-def verb(root: Path, text: str, out: Path) -> str:
-    """Run one command on a lake; what its message is."""
-    result = CliRunner().invoke(cli, command(root, text, _database(root), out))
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        lines = traceback.format_exception(result.exception)
-        return f"traceback: {text}: {lines[-1].strip()} {lines[-2].strip() if len(lines) > 1 else ''}"
-    message = result.output.strip().splitlines()[-1] if result.output.strip() else ""
-    if "Traceback" in result.output:
-        return f"traceback: {text}: {message}"
-    if result.exit_code and any(message.removeprefix("Error: ").startswith(bare) for bare in _BARE):
-        return f"bare: {text}: {message}"
-    return "error" if result.exit_code else "same"
-
-
-def _database(root: Path) -> str:
-    names = sorted(path.name for path in (root / "databases").iterdir()) if (root / "databases").exists() else []
-    return "all" if "all" in names else (names or ["all"])[0]
-
-
-def verbs(root: Path, seed: int, _: dict[str, str]) -> str:
-    """Run a random command on a copy of a lake that is damaged."""
-    text = random.Random(seed).choice(VERBS)
+def verbs(subject: Subject, seed: int) -> str:
+    """Run a command on a copy of a lake that is damaged."""
+    line = random.Random(seed).choice(subject.lines)
     with tempfile.TemporaryDirectory() as folder:
-        copied = Path(shutil.copytree(root, Path(folder) / "lake"))
-        with harmed(copied, seed) as what:
-            found = verb(copied, text, Path(folder))
-    return found if ":" not in found else f"{found} ({what})"
+        root = Path(shutil.copytree(subject.root, Path(folder) / "lake"))
+        with harmed(root, seed) as harm:
+            result = command_lines.run(line, root, Path(folder), subject.content)
+            # In older lakes, a changed name in a snapshot or in metadata leads to a file that does not exist.
+            named = harm.files if subject.content.is_sealed else (*harm.files, "lake/")
+            found = command_lines.judged(line, result, named)
+        return found if ":" not in found else f"{found} ({harm})"
 
 
-TRIALS: dict[str, Callable[[Path, int, dict[str, str]], str]] = {"load": load, "footer": footer, "verbs": verbs}
+TRIALS: dict[str, Callable[[Subject, int], str]] = {"load": load, "footer": footer, "verbs": verbs}
+
+
+def subject_of(root: Path, trial: str) -> Subject:
+    """A lake, read in every way of a trial while it is undamaged.
+
+    Raises:
+        RuntimeError: A way does not succeed, so that a trial of it would show nothing.
+    """
+    content = Content.of(root)
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder)
+        if trial == "footer":
+            for reading in READINGS.values():
+                reading(root, "metadata/", content, Path(tempfile.mkdtemp(dir=out)))
+        lines = command_lines.possible(command_lines.LINES, content) if trial == "verbs" else []
+        for line in lines:
+            place = Path(tempfile.mkdtemp(dir=out))
+            copied = Path(shutil.copytree(root, place / "lake"))
+            result = command_lines.run(line, copied, place, content)
+            if result.exit_code:
+                raise RuntimeError(f"{line!r} fails on {root.name}, undamaged: {result.output} {result.exception!r}")
+    return Subject(root, content, loaded(root) if trial == "load" else {}, lines)
 
 
 def main(trial: str, first: str, step: str, count: str, *lakes: str) -> None:
     """Run trials ``first``, ``first + step``, ... below ``count`` on private copies of lakes."""
     warnings.simplefilter("ignore")
     with tempfile.TemporaryDirectory() as folder:
-        roots = [Path(shutil.copytree(lake, Path(folder) / str(k))) for k, lake in enumerate(lakes)]
-        whole = [loaded(root) for root in roots] if trial != "verbs" else [{} for _ in roots]
+        copies = [Path(shutil.copytree(lake, Path(folder) / str(k) / Path(lake).name)) for k, lake in enumerate(lakes)]
+        subjects = [subject_of(root, trial) for root in copies]
         for seed in range(int(first), int(count), int(step)):
             print(json.dumps({"begins": seed}), flush=True)  # noqa: T201
-            lake = seed // int(step) % len(roots)
+            subject = subjects[seed // int(step) % len(subjects)]
+            verified_files._verified.clear()  # as in a new process
             try:
-                found = TRIALS[trial](roots[lake], seed, whole[lake])
+                found = TRIALS[trial](subject, seed)
             except Exception as error:  # whatever is no sentence is counted
                 found = f"traceback: {''.join(traceback.format_exception(error)[-2:])}"
-            print(json.dumps({"seed": seed, "lake": lakes[lake], "found": found}), flush=True)  # noqa: T201
+            print(json.dumps({"seed": seed, "lake": subject.root.name, "found": found}), flush=True)  # noqa: T201
 
 
 if __name__ == "__main__":

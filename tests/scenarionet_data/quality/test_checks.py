@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from scenarionet_data import codec
-from scenarionet_data.errors import InvalidScenario, LakeError, QueryError, UnknownQuery
+from scenarionet_data.errors import InvalidScenario, QueryError, UnknownQuery
 from scenarionet_data.quality import audit, report, rules
 from scenarionet_data.quality.checks import run_checks
 from scenarionet_data.scenario.description import ScenarioDescription
@@ -220,11 +220,26 @@ def test_missing_and_truncated_content_is_named(tmp_path):
     assert ids.is_met
 
 
-def test_missing_metadata_raises_error_with_remedy(tmp_path):
-    lake = write_lake(tmp_path, [sound(1)])
-    next(tmp_path.glob("metadata/**/*.parquet")).unlink()
-    with pytest.raises(LakeError, match="missing, and 0 more that list"):
-        run_checks(lake)
+@pytest.mark.parametrize("executor", [None, lambda jobs, do: map(do, jobs)])
+def test_checks_go_on_past_damaged_files(executor, lenient, tmp_path):
+    """Files of the right size, of which bytes differ, and missing metadata; the other shards are still checked."""
+    tables = ("tracks", "lights", "maps", "metadata")
+    for seed, table in enumerate(tables):
+        write_lake(tmp_path, [sound(seed)], name=table)
+    write_lake(tmp_path, [sound(8)], name="lost")
+    lake = write_lake(tmp_path, [changed("tracks", heading=((0, 3), -4))(sound(9))], name="whole")
+    for table in tables:
+        (path,) = tmp_path.glob(f"{table}/**/{table}-*.parquet")
+        data = bytearray(path.read_bytes())
+        data[60] ^= 1
+        path.write_bytes(data)
+    next(tmp_path.glob("metadata/**/lost-*.parquet")).unlink()
+    names = ["content_is_present", "headings_are_wrapped"]
+    content, headings = run_checks(lake, names=names, executor=executor).results
+    assert (content.num_scenarios, content.num_others) == (3, 2)
+    details = {detail.rpartition(" is ")[2] for _, detail in content.examples}
+    assert details == {"damaged", "gone"}
+    assert [scenario_id for scenario_id, _ in headings.examples] == [sound(9).id]
 
 
 def test_only_members_of_a_database_are_checked(lenient, tmp_path):

@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from scenarionet_data.arrays.idm import free_acceleration, interaction
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.vocabulary import LightState, ObjectType
+from scenarionet_sim.metrics.comfort import body_acceleration, measure_comfort
 from scenarionet_sim.policies import External, Idm, Replay, ego, vehicles
 from scenarionet_sim.simulation import Simulation
 from scenarionet_sim.worlds.world import World
@@ -40,6 +42,26 @@ def test_follower_keeps_its_headway_to_a_braking_ego():
     assert (replayed[:, 0, 0] - replayed[:, 1, 0] - 4.6).min() < 0.0  # the logged vehicle drives through
 
 
+def test_approach_to_a_standing_vehicle_is_the_law_integrated_by_hand_and_comfortable():
+    world = World.from_scenario(make_drive(num_steps=201, others=(Other(150.0),)))
+    law, place, speed = Idm(objects=ego), 0.0, 10.0
+    simulation = Simulation([world], (Replay(), law))
+    velocity = [[speed, 0.0]]
+    for _ in range(250):
+        gap = 150.0 - place - 4.6
+        free = free_acceleration.py_func(speed, 10.0, law.acceleration, law.deceleration)
+        numbers = law.headway, law.acceleration, law.deceleration, law.standstill
+        braked = speed + 0.1 * (free - interaction.py_func(speed, gap, speed, *numbers))
+        place, speed = place + 0.1 * (speed + braked) / 2.0, braked
+        simulation.step()
+        velocity.append(simulation.state.velocity[0, 0].tolist())
+        assert simulation.state.position[0, 0, 0] == pytest.approx(place, abs=0.01)
+    assert speed < 0.1 and 2.0 < gap < 2.5
+    heading = np.zeros(len(velocity))
+    comfort = measure_comfort(body_acceleration(np.array(velocity), heading, 0.1), heading, 0.1)
+    assert comfort.is_comfortable and comfort.max_lon_jerk < 1.0
+
+
 def test_free_road_is_driven_at_the_recorded_speed():
     scenario = make_drive(num_steps=61, others=(Other(40.0, vx=12.0),))
     position, _ = run(scenario, (Replay(), Idm()), steps=50)
@@ -58,7 +80,7 @@ def test_objects_on_another_lane_are_ignored():
 @pytest.mark.parametrize("kind", [ObjectType.PEDESTRIAN, ObjectType.TRAFFIC_CONE, ObjectType.CYCLIST])
 def test_any_object_on_the_path_stops_the_vehicle(kind):
     scenario = make_drive(speed=0.0, num_steps=101, others=(Other(-60.0, 3.5, vx=10.0), Other(10.0, 3.5, type=kind)))
-    position, _ = run(scenario, (Replay(), Idm()))
+    position, _ = run(scenario, (Replay(), Idm()), steps=180)
     assert 4.0 < position[-1, 1, 0] < 10.0 - 2.3
 
 

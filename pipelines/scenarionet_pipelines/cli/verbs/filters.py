@@ -41,8 +41,8 @@ def _as_typed(value: Any) -> str:
 
 
 def _list_columns(as_json: bool) -> None:
-    from scenarionet_data.query.members import ADDRESS_COLUMNS
     from scenarionet_data.schema import tables
+    from scenarionet_data.storage.read.metadata_rows import ADDRESS_COLUMNS
 
     metadata = tables.load("metadata")
     columns = [c for c in (*metadata.columns, *metadata.derived) if c.name not in ADDRESS_COLUMNS]
