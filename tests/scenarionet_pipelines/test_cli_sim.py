@@ -102,3 +102,29 @@ def test_check_simulate_names_failing_scenarios(lake, ok):
     assert result.exit_code == 1
     assert "FAILED  replays" in result.stdout
     assert SCENARIOS[0].id in result.stdout
+
+
+@pytest.fixture
+def compared(lake, ok) -> tuple:
+    """A command that compares two runs."""
+    for policy in ("constant", "idm"):
+        ok("sim", lake, "--policy", policy, "--workers", "1", "--no-references", "--name", policy)
+    return "compare-runs", lake, "idm", "constant"
+
+
+def test_compare_runs_prints_saves_and_fails(compared, lake, ok, as_json):
+    text = ok(*compared, "--worse", "crashes")
+    assert "+1 [+1, +1] (n = 3)" in text and "0 scenarios better, 3 worse in constant" in text
+    assert "crashes" in ok("list", lake)
+    found = as_json(*compared, "--by", "dataset")
+    assert [name for name, _ in found["worse"]] == sorted(scenario.id for scenario in SCENARIOS)
+    failed = run(*compared, "--fail-if", "crashed > 0.01")
+    assert failed.exit_code == 1 and "failed: crashed > 0.01 holds for constant" in failed.stderr
+
+
+@pytest.mark.long
+def test_page_of_runs_has_pictures_of_the_worst(compared, tmp_path, ok):
+    page = tmp_path / "page.html"
+    ok(*compared, "--html", page)
+    html = page.read_text("utf-8")
+    assert html.count("data:image/png") == 3 and SCENARIOS[0].id in html
