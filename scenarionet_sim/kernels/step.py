@@ -63,7 +63,7 @@ class Traffic(NamedTuple):
     colors: UInt8
 
 
-class Agents(NamedTuple):
+class AgentArrays(NamedTuple):
     """Agents of W worlds in the order of their worlds and rows.
 
     Attributes:
@@ -183,7 +183,7 @@ def step_worlds(
     now: StateArrays,
     then: StateArrays,
     traffic: Traffic,
-    agents: Agents,
+    agents: AgentArrays,
     limits: Float64,
     task: Float64,
     result: StepResult,
@@ -199,7 +199,7 @@ def step_worlds(
         recorded, lines: Worlds.
         now, then: Current and next state.
         traffic: Policies.
-        agents: Agents and their contacts.
+        agents: AgentArrays and their contacts.
         limits: (6,) see ``kernels.bicycle``.
         task: (12,) see ``task.task_parameters``.
         result: Scores.
@@ -280,7 +280,7 @@ def _locate(
     is_own: bool,
     recorded: Recorded,
     then: StateArrays,
-    agents: Agents,
+    agents: AgentArrays,
 ) -> None:
     """Locate an agent on its path, and find its contacts."""
     route = agents.route[w, n]
@@ -294,7 +294,7 @@ def _locate(
 
 
 @device_function
-def _begin(w: int, first: int, end: int, agents: Agents, result: StepResult) -> None:
+def _begin(w: int, first: int, end: int, agents: AgentArrays, result: StepResult) -> None:
     """Clear the scores of a world; contacts at the beginning do not count as crashes."""
     for n in range(result.totals.shape[1]):
         for column in range(result.totals.shape[2]):
@@ -309,7 +309,14 @@ def _begin(w: int, first: int, end: int, agents: Agents, result: StepResult) -> 
 
 @device_function
 def _score(
-    a: int, w: int, n: int, recorded: Recorded, then: StateArrays, agents: Agents, task: Float64, result: StepResult
+    a: int,
+    w: int,
+    n: int,
+    recorded: Recorded,
+    then: StateArrays,
+    agents: AgentArrays,
+    task: Float64,
+    result: StepResult,
 ) -> None:
     """Score an agent, and remember its contacts."""
     contacts, before, steering = agents.contacts[a], agents.contacts_before[a], agents.actions[a, 0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import insort
+from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -25,7 +26,7 @@ class Blocks:
         arrays: The arrays by name, (R,) or (R, length).
     """
 
-    def __init__(self, **columns: npt.DTypeLike | tuple[npt.DTypeLike, int]) -> None:
+    def __init__(self, columns: Mapping[str, npt.DTypeLike | tuple[npt.DTypeLike, int]]) -> None:
         parts = {name: column if isinstance(column, tuple) else (column,) for name, column in columns.items()}
         self.arrays: dict[str, Array] = {
             name: np.empty((0, *length), dtype) for name, (dtype, *length) in parts.items()
@@ -33,7 +34,7 @@ class Blocks:
         self._num_rows = 0
         self._gaps: list[tuple[int, int]] = []  # first row and end of free rows, in order
 
-    def put(self, **values: Array) -> tuple[int, int]:
+    def put(self, values: Mapping[str, Array]) -> tuple[int, int]:
         """Store a block, one array per column; return its first row and its end."""
         count = len(next(iter(values.values())))
         start = self._claim(count)

@@ -75,16 +75,16 @@ class WorldPool:
         self._worlds: dict[tuple[int, int], PooledWorld] = {}  # by identity of world and policies
         self._unused: dict[tuple[int, int], PooledWorld] = {}  # no slot plays these; the last released last
         self._kinds = {
-            "objects": Blocks(
-                driver=np.uint8, object_type=np.uint8, size=(np.float32, 3), top_speed=np.float32,
-                path_offsets=np.int32, stop_offsets=np.int32,
-            ),
-            "log": Blocks(log=(np.float32, 8)),
-            "path": Blocks(path=(np.float32, 5)),
-            "stops": Blocks(stop_arc=np.float32, stop_light=np.int32),
-            "lights": Blocks(light_state=np.uint8),
-            "cells": Blocks(cell_start=np.int32, cell_types=np.uint32),
-            "segments": Blocks(segments=(np.float32, 4), segment_type=np.uint8),
+            "objects": Blocks({
+                "driver": np.uint8, "object_type": np.uint8, "size": (np.float32, 3), "top_speed": np.float32,
+                "path_offsets": np.int32, "stop_offsets": np.int32,
+            }),
+            "log": Blocks({"log": (np.float32, 8)}),
+            "path": Blocks({"path": (np.float32, 5)}),
+            "stops": Blocks({"stop_arc": np.float32, "stop_light": np.int32}),
+            "lights": Blocks({"light_state": np.uint8}),
+            "cells": Blocks({"cell_start": np.int32, "cell_types": np.uint32}),
+            "segments": Blocks({"segments": (np.float32, 4), "segment_type": np.uint8}),
         }  # fmt: skip
         self.arrays: dict[str, Array] = {}
         self.max_objects = 0
@@ -115,26 +115,26 @@ class WorldPool:
     def _store(self, original: World, policies: Hashable) -> PooledWorld:
         world, driver = self._prepare(original, policies)
         count, grid = world.num_objects, world.roads.segment_grid
-        path = self._kinds["path"].put(path=world.paths.path)
-        stops = self._kinds["stops"].put(stop_arc=world.stops.stop_arc, stop_light=world.stops.stop_light)
+        path = self._kinds["path"].put({"path": world.paths.path})
+        stops = self._kinds["stops"].put({"stop_arc": world.stops.stop_arc, "stop_light": world.stops.stop_light})
         items = grid.cell_items
         segment_type = world.roads.segment_type[items]
         cell_types = _with_end(_types_by_cell(segment_type, grid.cell_start))
-        segments = self._kinds["segments"].put(segments=world.roads.segments[items], segment_type=segment_type)
+        segments = self._kinds["segments"].put({"segments": world.roads.segments[items], "segment_type": segment_type})
         blocks = {
             "path": path,
             "stops": stops,
             "segments": segments,
-            "objects": self._kinds["objects"].put(
-                driver=_with_end(driver), object_type=_with_end(world.object_type), size=_with_end(world.size),
-                top_speed=_with_end(world.top_speed), path_offsets=path[0] + world.paths.path_offsets,
-                stop_offsets=stops[0] + world.stops.stop_offsets,
-            ),
-            "log": self._kinds["log"].put(log=world.log.reshape(-1, 8)),
-            "lights": self._kinds["lights"].put(light_state=world.light_state.ravel()),
-            "cells": self._kinds["cells"].put(
-                cell_start=segments[0] + grid.cell_start, cell_types=cell_types
-            ),
+            "objects": self._kinds["objects"].put({
+                "driver": _with_end(driver), "object_type": _with_end(world.object_type), "size": _with_end(world.size),
+                "top_speed": _with_end(world.top_speed), "path_offsets": path[0] + world.paths.path_offsets,
+                "stop_offsets": stops[0] + world.stops.stop_offsets,
+            }),
+            "log": self._kinds["log"].put({"log": world.log.reshape(-1, 8)}),
+            "lights": self._kinds["lights"].put({"light_state": world.light_state.ravel()}),
+            "cells": self._kinds["cells"].put({
+                "cell_start": segments[0] + grid.cell_start, "cell_types": cell_types
+            }),
         }  # fmt: skip
         place = np.empty(NUM_PLACES, np.int64)
         place[NUM_OBJECTS], place[NUM_STEPS], place[EGO] = count, world.num_steps, world.ego

@@ -110,14 +110,14 @@ def test_worlds_come_and_go_without_a_trace():
 
 
 def test_blocks_fill_gaps():
-    blocks = Blocks(value=np.int64, pair=(np.float32, 2))
+    blocks = Blocks({"value": np.int64, "pair": (np.float32, 2)})
     kept = {}
     for number in range(1, 9):
-        kept[number] = blocks.put(value=np.full(number, number), pair=np.full((number, 2), number))
+        kept[number] = blocks.put({"value": np.full(number, number), "pair": np.full((number, 2), number)})
     capacity = len(blocks.arrays["value"])
     for number in (2, 4, 3, 7):
         blocks.remove(*kept.pop(number))
-    joined = blocks.put(value=np.full(9, 9), pair=np.full((9, 2), 9))  # rows of 2, 3 and 4
+    joined = blocks.put({"value": np.full(9, 9), "pair": np.full((9, 2), 9)})  # rows of 2, 3 and 4
     assert joined == (1, 10)
     kept[9] = joined
     assert len(blocks.arrays["value"]) == capacity
@@ -126,5 +126,6 @@ def test_blocks_fill_gaps():
         assert (blocks.arrays["value"][start:end] == number).all()
         assert (blocks.arrays["pair"][start:end] == number).all()
     assert (
-        blocks.put(value=np.zeros(0), pair=np.zeros((0, 2)))[0] == blocks.put(value=np.ones(1), pair=np.ones((1, 2)))[0]
+        blocks.put({"value": np.zeros(0), "pair": np.zeros((0, 2))})[0]
+        == blocks.put({"value": np.ones(1), "pair": np.ones((1, 2))})[0]
     )
