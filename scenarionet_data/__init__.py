@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from scenarionet_data.packs.verifying import verify_pack
     from scenarionet_data.quality.checks import run_checks
     from scenarionet_data.quality.scorecard import make_scorecard
-    from scenarionet_data.samples.choices import Agents, Augmentation, Polylines, Targets, Window
+    from scenarionet_data.samples.choices import Agents, Augmentation, Polylines, Targets, TimeWindow
     from scenarionet_data.samples.dataset import SampleLayout, Samples
     from scenarionet_data.samples.order import Shuffling
     from scenarionet_data.scenario.description import ScenarioDescription
@@ -69,8 +69,8 @@ _HOME = {
     "Shuffling": "scenarionet_data.samples.order",
     "Source": "scenarionet_data.scenario.parts",
     "Targets": "scenarionet_data.samples.choices",
+    "TimeWindow": "scenarionet_data.samples.choices",
     "Tracks": "scenarionet_data.scenario.parts",
-    "Window": "scenarionet_data.samples.choices",
     "bucket": "scenarionet_data.ingest.shard",
     "compact": "scenarionet_data.maintenance",
     "convert": "scenarionet_data.conversion",
@@ -119,8 +119,8 @@ __all__ = [
     "Shuffling",
     "Source",
     "Targets",
+    "TimeWindow",
     "Tracks",
-    "Window",
     "__version__",
     "bucket",
     "compact",

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from scenarionet_data.plots.drawing import Drawing, draw_scenario, scenario_figure, small_multiples
     from scenarionet_data.plots.files import write_figure, write_video
     from scenarionet_data.plots.profiles import draw_profiles
-    from scenarionet_data.plots.scene import Moment, PlotWindow, Scene
+    from scenarionet_data.plots.scene import Moment, Scene, Window
     from scenarionet_data.plots.style import new_figure, styled
     from scenarionet_data.plots.thumbnails import thumbnail
     from scenarionet_data.plots.topdown import TopDown
@@ -42,9 +42,9 @@ __all__ = [
     "Distribution",
     "Drawing",
     "Moment",
-    "PlotWindow",
     "Scene",
     "TopDown",
+    "Window",
     "animate",
     "draw_comparison",
     "draw_distributions",
@@ -67,7 +67,7 @@ _HOME = {
     "Moment": "scene",
     "Scene": "scene",
     "TopDown": "topdown",
-    "PlotWindow": "scene",
+    "Window": "scene",
     "animate": "animation",
     "draw_comparison": "comparison",
     "draw_distributions": "distributions",

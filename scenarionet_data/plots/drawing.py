@@ -18,7 +18,7 @@ from scenarionet_data.plots import labels, object_layer
 from scenarionet_data.plots.files import PICTURES, VIDEOS, write_figure, write_video
 from scenarionet_data.plots.map_layer import map_artists
 from scenarionet_data.plots.palette import COLORMAP, GROUND
-from scenarionet_data.plots.scene import Moment, PlotWindow, Scene
+from scenarionet_data.plots.scene import Moment, Scene, Window
 from scenarionet_data.plots.style import new_figure, plain, styled
 from scenarionet_data.plots.topdown import DPI, TRAIL, TopDown
 from scenarionet_data.scenario.description import ScenarioDescription
@@ -136,19 +136,19 @@ def scenario_figure(
     return figure
 
 
-def window(view: str, scene: Scene, moment: Moment, width: float) -> PlotWindow:
+def window(view: str, scene: Scene, moment: Moment, width: float) -> Window:
     """Return the window of a view.
 
     Raises:
         BadParameter: The view does not exist.
     """
     if view == "route":
-        return PlotWindow.on_route(scene)
+        return Window.on_route(scene)
     if view == "all":
-        return PlotWindow.on_everything(scene)
+        return Window.on_everything(scene)
     if view == "ego":
         x, y = moment.position[scene.ego].tolist()
-        return PlotWindow(x, y, width, width)
+        return Window(x, y, width, width)
     raise BadParameter(f"no view {view!r}; there are {', '.join(VIEWS)}")
 
 
@@ -247,7 +247,7 @@ def style_colors(mappable: ScalarMappable, limit: float) -> None:
     mappable.set_clim(0.0, limit)
 
 
-def _readable_ratio(seen: PlotWindow) -> float:
+def _readable_ratio(seen: Window) -> float:
     """Aspect ratio of a window, limited to a readable range."""
     return float(np.clip(seen.width / seen.height, *_RATIOS))
 

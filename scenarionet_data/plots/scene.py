@@ -134,7 +134,7 @@ class Scene:
 
 
 @dataclass(frozen=True)
-class PlotWindow:
+class Window:
     """The visible part of the world, an axis-aligned rectangle.
 
     Attributes:
@@ -157,12 +157,12 @@ class PlotWindow:
         half_x, half_y = self.width / 2, self.height / 2
         return self.x - half_x, self.x + half_x, self.y - half_y, self.y + half_y
 
-    def shaped(self, ratio: float) -> PlotWindow:
+    def shaped(self, ratio: float) -> Window:
         """Return the smallest window around this one with the given aspect ratio (width / height)."""
-        return PlotWindow(self.x, self.y, max(self.width, ratio * self.height), max(self.height, self.width / ratio))
+        return Window(self.x, self.y, max(self.width, ratio * self.height), max(self.height, self.width / ratio))
 
     @classmethod
-    def around(cls, points: npt.ArrayLike) -> PlotWindow:
+    def around(cls, points: npt.ArrayLike) -> Window:
         """Return the window around points (n, 2) [m] with a margin."""
         where = np.asarray(points, np.float64).reshape(-1, 2)
         lower, upper = where.min(axis=0) - MARGIN, where.max(axis=0) + MARGIN
@@ -171,11 +171,11 @@ class PlotWindow:
         return cls(float(x), float(y), float(width), float(height))
 
     @classmethod
-    def on_route(cls, scene: Scene) -> PlotWindow:
+    def on_route(cls, scene: Scene) -> Window:
         """Return the window around the recorded route of the ego."""
         return cls.around(scene.route)
 
     @classmethod
-    def on_everything(cls, scene: Scene) -> PlotWindow:
+    def on_everything(cls, scene: Scene) -> Window:
         """Return the window around all recorded objects."""
         return cls.around(scene.position[scene.present])

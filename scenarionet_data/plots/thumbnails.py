@@ -11,7 +11,7 @@ from PIL import Image
 from scenarionet_data.plots import object_layer
 from scenarionet_data.plots.map_layer import map_artists
 from scenarionet_data.plots.palette import GROUND
-from scenarionet_data.plots.scene import PlotWindow, Scene
+from scenarionet_data.plots.scene import Scene, Window
 from scenarionet_data.plots.style import new_figure
 from scenarionet_data.plots.topdown import DPI
 from scenarionet_data.scenario.description import ScenarioDescription
@@ -38,7 +38,7 @@ def thumbnail(
     """
     scene = Scene.of(scenario)
     width, height = size
-    shown = PlotWindow.on_route(scene).shaped(width / height)
+    shown = Window.on_route(scene).shaped(width / height)
     figure = new_figure(width / DPI, height / DPI, dpi=DPI, facecolor=GROUND)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set_axis_off()

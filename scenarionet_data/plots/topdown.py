@@ -15,7 +15,7 @@ from scenarionet_data.arrays.dtypes import UInt8
 from scenarionet_data.plots import labels, object_layer
 from scenarionet_data.plots.map_layer import map_artists
 from scenarionet_data.plots.palette import GROUND
-from scenarionet_data.plots.scene import Moment, PlotWindow, Scene
+from scenarionet_data.plots.scene import Moment, Scene, Window
 
 TRAIL = 20
 """Number of moments in a trail."""
@@ -41,11 +41,9 @@ class TopDown:
         picture = view.frame([view.scene.moment(0)])  # (H, W, 3) uint8
     """
 
-    def __init__(
-        self, scene: Scene, window: PlotWindow | None = None, size: int = 800, *, follows: bool = True
-    ) -> None:
+    def __init__(self, scene: Scene, window: Window | None = None, size: int = 800, *, follows: bool = True) -> None:
         self.scene = scene
-        self.window = window or PlotWindow(0.0, 0.0, 100.0, 100.0)
+        self.window = window or Window(0.0, 0.0, 100.0, 100.0)
         self.follows = follows
         self.scale = size / max(self.window.width, self.window.height)  # pixels per metre
         self._width = 2 * round(self.window.width * self.scale / 2)  # video codecs need even sizes

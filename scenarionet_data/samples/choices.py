@@ -15,7 +15,7 @@ ROAD_USERS = (ObjectType.VEHICLE, ObjectType.PEDESTRIAN, ObjectType.CYCLIST)
 
 
 @dataclass(frozen=True)
-class Window:
+class TimeWindow:
     """The time of a sample, on the same timesteps for every dataset.
 
     Attributes:
@@ -159,7 +159,7 @@ class Choices:
             sample per scenario, with the ego in the origin.
     """
 
-    window: Window = field(default_factory=Window)
+    window: TimeWindow = field(default_factory=TimeWindow)
     agents: Agents = field(default_factory=Agents)
     polylines: Polylines = field(default_factory=Polylines)
     targets: Targets = field(default_factory=Targets)

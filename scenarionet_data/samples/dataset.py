@@ -15,7 +15,7 @@ from scenarionet_data.arrays.dtypes import Array, Int64, UInt64
 from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.loader import ScenarioLoader
 from scenarionet_data.query.lake_view import LakeLike, open_view
-from scenarionet_data.samples.choices import Agents, Augmentation, Choices, Polylines, Targets, Window
+from scenarionet_data.samples.choices import Agents, Augmentation, Choices, Polylines, Targets, TimeWindow
 from scenarionet_data.samples.forecasting import forecasting
 from scenarionet_data.samples.scenes import MAP_COLUMNS, TRACK_COLUMNS, Requests, SceneReader, Scenes
 from scenarionet_data.samples.selection import SamplesWarning, select
@@ -85,7 +85,7 @@ class Samples(Sequence[Sample]):
         ScenarioNotFound: The lake does not have a scenario.
 
     Example:
-        samples = Samples("lake", "busy", window=Window(future=3.0), targets=Targets("moving"))
+        samples = Samples("lake", "busy", window=TimeWindow(future=3.0), targets=Targets("moving"))
         batch = samples.batch(range(32))
         batch["history"]  # (32, 64, 11, 5) float32
     """
@@ -95,7 +95,7 @@ class Samples(Sequence[Sample]):
         lake: LakeLike,
         database: DatabaseRecord | str | Iterable[str] | None = None,
         *,
-        window: Window | None = None,
+        window: TimeWindow | None = None,
         agents: Agents | None = None,
         polylines: Polylines | None = None,
         targets: Targets | None = None,
@@ -103,7 +103,7 @@ class Samples(Sequence[Sample]):
         perspective: Literal["agent", "scene"] = "agent",
         layout: SampleLayout | Callable[[Scenes, Choices], Mapping[str, Array]] = FORECASTING,
     ) -> None:
-        parts = (window or Window(), agents or Agents(), polylines or Polylines(), targets or Targets())
+        parts = (window or TimeWindow(), agents or Agents(), polylines or Polylines(), targets or Targets())
         self.choices = Choices(*parts, augmentation or Augmentation(), perspective)
         self.layout = layout if isinstance(layout, SampleLayout) else SampleLayout(layout)
         view, rows = open_view(lake).find(database)

@@ -12,7 +12,7 @@ import pyarrow.compute as pc
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int32, Int64
 from scenarionet_data.query.lake_view import LakeView
-from scenarionet_data.samples.choices import Choices, Targets, Window
+from scenarionet_data.samples.choices import Choices, Targets, TimeWindow
 from scenarionet_data.storage.read.metadata_rows import MetadataRows
 
 _COLUMNS = ("num_timesteps", "dt", "timestamps", "current_timestep", "ego_id", "tracks_to_predict", "map_id")
@@ -147,7 +147,7 @@ class _Times:
         found: Float64 = np.where(self._is_regular, step * self.dt, self._recorded[places])
         return found
 
-    def moments(self, window: Window) -> tuple[Int32, Int32]:
+    def moments(self, window: TimeWindow) -> tuple[Int32, Int32]:
         """Scenario and current timestep of each window that is recorded; a state holds for half a timestep."""
         slack = 0.5 * window.dt
         if window.stride is None:
@@ -160,7 +160,7 @@ class _Times:
         moments = np.concatenate(found) if found else np.zeros(0)
         return np.repeat(np.arange(len(counts)), counts).astype(np.int32), moments.astype(np.int32)
 
-    def _strided(self, scene: int, window: Window, slack: float) -> Array:
+    def _strided(self, scene: int, window: TimeWindow, slack: float) -> Array:
         count, first = int(self._steps[scene]), self._starts[scene]
         regular = np.arange(count) * self.dt[scene]
         times = regular if self._is_regular[scene] else self._recorded[first : first + count]

@@ -7,7 +7,7 @@ from typing import Any
 
 from scenarionet_data.arrays.dtypes import UInt8
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.plots import Moment, PlotWindow, TopDown
+from scenarionet_data.plots import Moment, TopDown, Window
 from scenarionet_data.plots.topdown import TRAIL
 from scenarionet_sim.render.scenes import moment_of, scene_of
 from scenarionet_sim.worlds.state import State
@@ -27,7 +27,7 @@ class Live:
     """
 
     def __init__(self, width: float = 100.0, size: int = 800) -> None:
-        self._window = PlotWindow(0.0, 0.0, width, width)
+        self._window = Window(0.0, 0.0, width, width)
         self._size = size
         self._view: TopDown | None = None
         self._world: World | None = None

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scenarionet_data import Lake, Samples, Targets, Window
+from scenarionet_data import Lake, Samples, Targets, TimeWindow
 from scenarionet_data.conversion import convert
 from scenarionet_data.samples.selection import SamplesWarning
 from tests.bench.measure import Figure, peak_mb
@@ -31,7 +31,7 @@ def figures(recordings: Path | None) -> Iterator[Figure]:
         started = time.process_time()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SamplesWarning)
-            samples = Samples(lake, ids, window=Window(stride=1.0), targets=Targets("moving"))
+            samples = Samples(lake, ids, window=TimeWindow(stride=1.0), targets=Targets("moving"))
         yield Figure(f"samples: find {len(samples):,} samples", time.process_time() - started, "s")
         scene = samples.places
         numbers = [np.flatnonzero(scene == place) for place in np.unique(scene)]

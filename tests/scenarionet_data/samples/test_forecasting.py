@@ -7,11 +7,11 @@ import pickle
 import numpy as np
 import pytest
 
-from scenarionet_data import Agents, Augmentation, ObjectType, Polylines, Samples, Targets, Window, resample
+from scenarionet_data import Agents, Augmentation, ObjectType, Polylines, Samples, Targets, TimeWindow, resample
 from scenarionet_data.arrays.geometry import rotate, wrap_angle
 from tests.scenarionet_data.samples.conftest import made
 
-WINDOW = Window(history=0.4, future=1.2)
+WINDOW = TimeWindow(history=0.4, future=1.2)
 STATES = ("history", "future")
 EVERYTHING = Agents(count=16, radius=1e6, types=tuple(ObjectType))
 pytestmark = pytest.mark.filterwarnings("ignore::scenarionet_data.samples.selection.SamplesWarning")
@@ -71,7 +71,7 @@ def test_states_are_the_recorded_ones(samples):
 @pytest.mark.parametrize("dt", [0.05, 0.2, 0.25])
 def test_other_timesteps_are_those_of_resample(lake, dt):
     """The same interpolation, angles along the shorter arc, as of whole scenarios."""
-    window = Window(history=2 * dt, future=2 * dt, dt=dt, longest_gap=1.0)
+    window = TimeWindow(history=2 * dt, future=2 * dt, dt=dt, longest_gap=1.0)
     ids = [made(seed).id for seed in (0, 2)]
     samples = Samples(lake, ids, window=window, agents=EVERYTHING, targets=Targets("moving", limit=2))
     assert len(samples) == 4
@@ -81,7 +81,7 @@ def test_other_timesteps_are_those_of_resample(lake, dt):
 
 def test_gaps_are_bridged_up_to_a_limit(lake):
     def share(longest_gap):
-        window = Window(history=0.4, future=1.2, dt=0.05, longest_gap=longest_gap)
+        window = TimeWindow(history=0.4, future=1.2, dt=0.05, longest_gap=longest_gap)
         return Samples(lake, [made(0).id], window=window, agents=EVERYTHING)[0]["future_valid"].mean()
 
     assert share(0.5) == share(0.11) > share(0.05)

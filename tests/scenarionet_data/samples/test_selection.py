@@ -8,12 +8,12 @@ import warnings
 import numpy as np
 import pytest
 
-from scenarionet_data import Augmentation, Polylines, Samples, Targets, Window
+from scenarionet_data import Augmentation, Polylines, Samples, Targets, TimeWindow
 from scenarionet_data.errors import BadParameter, UnsafeSql
 from scenarionet_data.samples.selection import SamplesWarning
 from tests.scenarionet_data.samples.conftest import COUNT, made
 
-WINDOW = Window(history=0.4, future=1.2)
+WINDOW = TimeWindow(history=0.4, future=1.2)
 
 
 def keys(samples):
@@ -36,7 +36,7 @@ def test_scenarios_without_samples_are_counted_and_named(lake):
 
 
 def test_scenarios_without_targets_and_of_another_timestep_are_named(lake):
-    window, targets = Window(history=0.4, future=1.2, dt=0.05), Targets("where", where="scenario_id LIKE '%3'")
+    window, targets = TimeWindow(history=0.4, future=1.2, dt=0.05), Targets("where", where="scenario_id LIKE '%3'")
     with pytest.warns(SamplesWarning, match=r"4 without targets.*6 of another timestep than 0.05 s, which are interp"):
         samples = Samples(lake, window=window, targets=targets, polylines=Polylines(count=0))
     assert {key.scenario_id for key in keys(samples)} == {made(3).id}
@@ -59,7 +59,7 @@ def test_sql_over_objects_chooses_targets(lake):
 
 
 def test_a_stride_gives_a_sample_at_every_moment_at_which_the_target_is_seen(lake):
-    window = Window(history=0.4, future=1.2, stride=0.5)
+    window = TimeWindow(history=0.4, future=1.2, stride=0.5)
     samples = quietly(lake, [made(0).id, made(1).id], window=window, targets=Targets("recorded"))
     moments = (4, 9, 14)  # 3 s are recorded
     wanted = [
@@ -90,8 +90,8 @@ def test_targets_that_are_not_seen_are_masked_with_one_warning(lake):
 @pytest.mark.parametrize(
     ("part", "how", "message"),
     [
-        (Window, {"history": 0.25}, "history: expected a multiple of 0.1 s, found 0.25"),
-        (Window, {"dt": 0.0}, "dt: expected a timestep above 0 s, found 0.0"),
+        (TimeWindow, {"history": 0.25}, "history: expected a multiple of 0.1 s, found 0.25"),
+        (TimeWindow, {"dt": 0.0}, "dt: expected a timestep above 0 s, found 0.0"),
         (Targets, {"which": "all"}, "which: expected recorded or ego or moving or where, found 'all'"),
         (Targets, {"where": "true"}, "where: expected a condition exactly with"),
         (Polylines, {"points": 1}, "points: expected at least 2 points, found 1"),

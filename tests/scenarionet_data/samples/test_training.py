@@ -7,7 +7,7 @@ import multiprocessing
 import numpy as np
 import pytest
 
-from scenarionet_data import Agents, Augmentation, Polylines, Samples, Shuffling, Targets, Window
+from scenarionet_data import Agents, Augmentation, Polylines, Samples, Shuffling, Targets, TimeWindow
 
 pytestmark = [
     pytest.mark.learn,
@@ -24,7 +24,7 @@ SIZE = 4
 def samples(lake):
     return Samples(
         lake,
-        window=Window(history=0.4, future=1.2, stride=0.5),
+        window=TimeWindow(history=0.4, future=1.2, stride=0.5),
         agents=Agents(count=4),
         polylines=Polylines(count=3, points=4),
         targets=Targets("moving"),
