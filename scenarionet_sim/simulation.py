@@ -23,7 +23,7 @@ from scenarionet_sim.kernels.step import (
     ONLY_BEGUN,
     UNCOMPILED,
     UNDRIVEN,
-    AgentArrays,
+    DrivenArrays,
     Sensing,
     Traffic,
     begin_worlds,
@@ -282,7 +282,7 @@ class Simulation:
         session, observer = self._session, self.observer
         limits, substeps = (session.limits, session.substeps) if isinstance(session, KinematicSession) else _NO_VEHICLE
         before = self._own_route_before if self._has_passengers else self.previous.route
-        agents = AgentArrays(
+        agents = DrivenArrays(
             self.agents, self._first_agent, self.actions, self.route, before, self.contacts, self._contacts_before,
             self.hits,
         )  # fmt: skip

@@ -63,7 +63,7 @@ class Traffic(NamedTuple):
     colors: UInt8
 
 
-class AgentArrays(NamedTuple):
+class DrivenArrays(NamedTuple):
     """Agents of W worlds in the order of their worlds and rows.
 
     Attributes:
@@ -183,7 +183,7 @@ def step_worlds(
     now: StateArrays,
     then: StateArrays,
     traffic: Traffic,
-    agents: AgentArrays,
+    agents: DrivenArrays,
     limits: Float64,
     task: Float64,
     result: StepResult,
@@ -199,7 +199,7 @@ def step_worlds(
         recorded, lines: Worlds.
         now, then: Current and next state.
         traffic: Policies.
-        agents: AgentArrays and their contacts.
+        agents: DrivenArrays and their contacts.
         limits: (6,) see ``kernels.bicycle``.
         task: (12,) see ``task.task_parameters``.
         result: Scores.
@@ -280,7 +280,7 @@ def _locate(
     is_own: bool,
     recorded: Recorded,
     then: StateArrays,
-    agents: AgentArrays,
+    agents: DrivenArrays,
 ) -> None:
     """Locate an agent on its path, and find its contacts."""
     route = agents.route[w, n]
@@ -294,7 +294,7 @@ def _locate(
 
 
 @device_function
-def _begin(w: int, first: int, end: int, agents: AgentArrays, result: StepResult) -> None:
+def _begin(w: int, first: int, end: int, agents: DrivenArrays, result: StepResult) -> None:
     """Clear the scores of a world; contacts at the beginning do not count as crashes."""
     for n in range(result.totals.shape[1]):
         for column in range(result.totals.shape[2]):
@@ -314,7 +314,7 @@ def _score(
     n: int,
     recorded: Recorded,
     then: StateArrays,
-    agents: AgentArrays,
+    agents: DrivenArrays,
     task: Float64,
     result: StepResult,
 ) -> None:
