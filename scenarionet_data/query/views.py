@@ -158,21 +158,24 @@ class Views:
         self.scanned |= dict.fromkeys(names)
         paths = self._files.scans(names)
         self._connection.execute(f"SET VARIABLE {table}_files = $paths", {"paths": paths})
-        scan = scan_files(table, f"getvariable('{table}_files')")
+        is_current = table in tables.CONTENT and manifests.has_current_files(self._files, self._snapshot, table)
+        scan = scan_files(table, f"getvariable('{table}_files')", is_current=is_current)
         if self._chosen is None or table not in _KEYS:
             return scan
         return f"(SELECT * FROM {scan} SEMI JOIN chosen USING ({_KEYS[table]}))"
 
 
-def scan_files(table: str, files: str) -> str:
+def scan_files(table: str, files: str, *, is_current: bool = False) -> str:
     """Return SQL for the rows of files of any readable schema version: columns that older files lack are null.
 
     Args:
         table: The table.
         files: SQL for the list of files.
+        is_current: All files have the current schema version: the columns need not be listed, which would double the
+            time of a small query.
     """
     folders = _hive_columns(table)
-    if not tables.load(table).added:
+    if is_current or not tables.load(table).added:
         if not folders:
             return f"read_parquet({files}, hive_partitioning = false)"
         return f"read_parquet({files}, hive_partitioning = true, hive_types_autocast = false)"
