@@ -30,7 +30,7 @@ class EnvironmentCache:
         self, policies: tuple[Policy, ...], backend: Backend, sensors: tuple[Sensor, ...] | None = None
     ) -> None:
         self._observation = Observation(sensors or PAPER_OBSERVATION, "flat")
-        self._config = EnvConfig(Scenarios("."), policies, backend)
+        self._config = EnvConfig(Scenarios("."), policies, backend, cache_size=1)
         self._environment: BatchedEnvironment | None = None
 
     def __enter__(self) -> Self:

@@ -25,6 +25,9 @@ from scenarionet_data.scenario.vocabulary import (
 from scenarionet_sim.kernels.containment import find_polygon, find_polygons
 from scenarionet_sim.roads.grid import Grid
 
+_LINE_CELL = 5.0
+"""Side of a cell of the grid over the segments [m]: fastest for rays, which pass 5 cells and 15 segments on average."""
+
 
 @dataclass(frozen=True, eq=False)
 class Roads:
@@ -85,7 +88,7 @@ class Roads:
             segments=segments,
             segment_type=features.feature_type[feature],
             segment_feature=feature,
-            segment_grid=Grid.over(np.minimum(start, end), np.maximum(start, end)),
+            segment_grid=Grid.over(np.minimum(start, end), np.maximum(start, end), _LINE_CELL),
             lane_ids=features.ids[lane_rows],
             lane_type=features.feature_type[lane_rows],
             lanes=_in_plane(features.polyline.take(lane_rows)),
