@@ -252,6 +252,16 @@ class Simulation:
         self._session.close()
         self._threads.close()
 
+    def are_agents_due(self) -> Bool:
+        """Return the worlds (W,) in which an agent is absent that may still appear."""
+        worlds, steps = self.batch.worlds, self.state.timestep.tolist()
+        due: Bool = np.zeros(len(worlds), np.bool_)
+        for slot in np.flatnonzero((self._is_agent[self.driver] & ~self.state.present).any(axis=1)).tolist():
+            absent = self._is_agent[self.driver[slot]] & ~self.state.present[slot]
+            later = worlds[slot].log_valid[steps[slot] + 1 :, absent[: worlds[slot].num_objects]]
+            due[slot] = later.any()
+        return due
+
     # --- a step ---------------------------------------------------------------------------------------
 
     def _step_in_parts(self, drive: int, rest: int) -> None:
@@ -302,7 +312,7 @@ class Simulation:
 
         lost = self._threads.run(run, len(self.batch))
         if phases & OBSERVE:
-            self.observer.is_stale = False
+            self.observer.is_stale &= bool(phases & ONLY_BEGUN)
             require_located(max(lost), self.agents)
 
     # --- agents ---------------------------------------------------------------------------------------
