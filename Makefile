@@ -14,7 +14,7 @@ TORCH ?= torch>=2.4,<3
 RAW ?= $(if $(SCENARIONET_RAW),$(SCENARIONET_RAW)/$(DATASET),$(if $(filter nuplan,$(DATASET)),$(NUPLAN_DATA_ROOT)))
 
 .DEFAULT_GOAL := help
-.PHONY: help install install-browser demo compile test test-all test-damage bench bench-cluster bench-maintenance bench-remote bench-samples bench-sim build check \
+.PHONY: help install install-browser demo compile test test-all test-packaging test-damage bench bench-cluster bench-maintenance bench-remote bench-samples bench-sim build check \
 	clean convert docs docs-site notebooks test-devkits test-learn test-metadrive
 
 help:  ## List the targets.
@@ -51,7 +51,10 @@ test: install  ## Run the tests, about five minutes of processor time (ARGS="-k 
 	$(PYTEST) $(ARGS)
 
 test-all: install  ## Run the tests, including those marked as long.
-	SCENARIONET_HYPOTHESIS=thorough $(PYTEST) -m 'not damage and not metadrive and not devkits' $(ARGS)
+	SCENARIONET_HYPOTHESIS=thorough $(PYTEST) -m 'not damage and not metadrive and not devkits and not learn' $(ARGS)
+
+test-packaging: install  ## Build the distributions, install them into empty environments, and use them.
+	$(BIN)/python -m pytest -m packaging tests/test_wheel.py $(ARGS)
 
 test-damage: install  ## Read thousands of damaged lakes, about an hour of processor time.
 	$(PYTEST) -m damage tests/scenarionet_data/damage $(ARGS)

@@ -19,6 +19,7 @@ from scenarionet_data.samples.choices import Agents, Augmentation, Choices, Poly
 from scenarionet_data.samples.forecasting import forecasting
 from scenarionet_data.samples.scenes import MAP_COLUMNS, TRACK_COLUMNS, Requests, SceneReader, Scenes
 from scenarionet_data.samples.selection import SamplesWarning, select
+from scenarionet_data.samples.unitraj import unitraj
 from scenarionet_data.storage.read.metadata_rows import ADDRESS_COLUMNS
 
 Sample: TypeAlias = Mapping[str, Array]
@@ -46,6 +47,9 @@ class SampleLayout:
 
 FORECASTING = SampleLayout(forecasting, TRACK_COLUMNS, MAP_COLUMNS)
 """Agents and map around each target, see :func:`.forecasting.forecasting`."""
+
+UNITRAJ = SampleLayout(unitraj)
+"""The arrays of UniTraj's datasets, see :func:`.unitraj.unitraj`."""
 
 
 _METADATA = (

@@ -129,3 +129,26 @@ class SurroundingBoxes:
             object_type=world.object_type[rows],
             present=np.ascontiguousarray(rollout.present[:, rows]),
         )
+
+    @classmethod
+    def recorded(cls, world: World, agent: int, start: int, num_steps: int) -> SurroundingBoxes:
+        """The recording of every object except a vehicle that is ever valid in these timesteps.
+
+        Args:
+            world: The scenario.
+            agent: Row of the vehicle.
+            start: First timestep.
+            num_steps: Timesteps after it; beyond the recording objects keep their last state.
+        """
+        steps = np.minimum(start + np.arange(num_steps + 1), world.num_steps - 1)
+        seen = np.flatnonzero(world.log_valid[steps].any(axis=0))
+        rows = np.ix_(steps, seen[seen != agent])
+        velocity = world.log_velocity[rows].astype(np.float64)
+        return cls(
+            position=world.log_position[rows].astype(np.float64),
+            heading=world.log_heading[rows].astype(np.float64),
+            speed=np.hypot(velocity[..., 0], velocity[..., 1]),
+            size=world.size[rows[1][0], :2].astype(np.float64),
+            object_type=world.object_type[rows[1][0]],
+            present=world.log_valid[rows],
+        )
