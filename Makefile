@@ -10,11 +10,12 @@ PYTEST := env -u PYTHONDONTWRITEBYTECODE $(BIN)/python -m pytest --numprocesses 
 DUCKDB_TESTS := $(addprefix tests/scenarionet_data/,databases operations query quality maintenance packs remote) \
 	tests/scenarionet_pipelines tests/test_docs.py tests/test_doc_examples.py
 LAKE ?= lake
+TORCH ?= torch>=2.4,<3
 RAW ?= $(if $(SCENARIONET_RAW),$(SCENARIONET_RAW)/$(DATASET),$(if $(filter nuplan,$(DATASET)),$(NUPLAN_DATA_ROOT)))
 
 .DEFAULT_GOAL := help
-.PHONY: help install install-browser demo compile test test-all test-damage bench bench-cluster bench-maintenance bench-remote bench-sim build check \
-	clean convert docs docs-site notebooks test-devkits test-metadrive
+.PHONY: help install install-browser demo compile test test-all test-packaging test-damage bench bench-cluster bench-maintenance bench-remote bench-samples bench-sim build check \
+	clean convert docs docs-site notebooks test-devkits test-learn test-metadrive
 
 help:  ## List the targets.
 	@sed -nE 's/^([a-z0-9-]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "make %-15s %s\n", $$1, $$2}'
@@ -50,7 +51,10 @@ test: install  ## Run the tests, about five minutes of processor time (ARGS="-k 
 	$(PYTEST) $(ARGS)
 
 test-all: install  ## Run the tests, including those marked as long.
-	SCENARIONET_HYPOTHESIS=thorough $(PYTEST) -m 'not damage and not metadrive and not devkits' $(ARGS)
+	SCENARIONET_HYPOTHESIS=thorough $(PYTEST) -m 'not damage and not metadrive and not devkits and not learn' $(ARGS)
+
+test-packaging: install  ## Build the distributions, install them into empty environments, and use them.
+	$(BIN)/python -m pytest -m packaging tests/test_wheel.py $(ARGS)
 
 test-damage: install  ## Read thousands of damaged lakes, about an hour of processor time.
 	$(PYTEST) -m damage tests/scenarionet_data/damage $(ARGS)
@@ -64,6 +68,13 @@ test-duckdb15: install .duckdb15/.installed  ## Run the tests that query DuckDB 
 
 test-metadrive: install .venv-metadrive/.installed  ## Replay exported pickles in MetaDrive (Python 3.11).
 	$(BIN)/python -m pytest -m metadrive tests/metadrive $(ARGS)
+
+test-learn: install .venv-learn/.installed  ## Run the tests that need torch (TORCH=torch==2.13.0 selects a release).
+	.venv-learn/bin/python -m pytest -m learn $(ARGS)
+
+.venv-learn/.installed: tests/learn/make_environment.sh
+	TORCH='$(TORCH)' sh $< $(PYTHON)
+	@touch $@
 
 test-devkits: install .venv-devkits/.installed  ## Compare the converters with the official readers (nuScenes, Argoverse 2, zarr, GDAL).
 	$(BIN)/python -m pytest -m devkits tests/devkits $(ARGS)
@@ -89,6 +100,9 @@ bench-cluster: install  ## Benchmark a local Dask cluster against a process pool
 
 bench-maintenance: install  ## Benchmark compact, vacuum and fsck.
 	$(BIN)/python -m tests.bench --only maintain $(ARGS)
+
+bench-samples: install  ## Benchmark samples for forecasting.
+	$(BIN)/python -m tests.bench --only samples $(ARGS)
 
 bench-sim: install  ## Benchmark the simulator.
 	$(BIN)/python -m tests.bench --only sim $(ARGS)

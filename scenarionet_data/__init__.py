@@ -34,6 +34,9 @@ if TYPE_CHECKING:
     from scenarionet_data.packs.verifying import verify_pack
     from scenarionet_data.quality.checks import run_checks
     from scenarionet_data.quality.scorecard import make_scorecard
+    from scenarionet_data.samples.choices import Agents, Augmentation, Polylines, Targets, TimeWindow
+    from scenarionet_data.samples.dataset import SampleLayout, Samples
+    from scenarionet_data.samples.order import Shuffling
     from scenarionet_data.scenario.description import ScenarioDescription
     from scenarionet_data.scenario.parts import Lights, MapFeatures, Source, Tracks, make_scenario_id
     from scenarionet_data.scenario.vocabulary import LightState, MapFeatureType, ObjectType
@@ -41,6 +44,8 @@ if TYPE_CHECKING:
     __version__: str
 
 _HOME = {
+    "Agents": "scenarionet_data.samples.choices",
+    "Augmentation": "scenarionet_data.samples.choices",
     "Budgets": "scenarionet_data.converters.base",
     "Converter": "scenarionet_data.converters.base",
     "Database": "scenarionet_data.lake.database",
@@ -54,11 +59,17 @@ _HOME = {
     "ObjectType": "scenarionet_data.scenario.vocabulary",
     "Options": "scenarionet_data.ingest.options",
     "PassedOver": "scenarionet_data.ingest.passed_over",
+    "Polylines": "scenarionet_data.samples.choices",
     "RawItem": "scenarionet_data.ingest.shard",
+    "SampleLayout": "scenarionet_data.samples.dataset",
+    "Samples": "scenarionet_data.samples.dataset",
     "ScenarioDescription": "scenarionet_data.scenario.description",
     "ScenarioLoader": "scenarionet_data.loader",
     "Shard": "scenarionet_data.ingest.shard",
+    "Shuffling": "scenarionet_data.samples.order",
     "Source": "scenarionet_data.scenario.parts",
+    "Targets": "scenarionet_data.samples.choices",
+    "TimeWindow": "scenarionet_data.samples.choices",
     "Tracks": "scenarionet_data.scenario.parts",
     "bucket": "scenarionet_data.ingest.shard",
     "compact": "scenarionet_data.maintenance",
@@ -83,6 +94,8 @@ _HOME = {
 _MODULES = ("errors", "plots")
 
 __all__ = [
+    "Agents",
+    "Augmentation",
     "Budgets",
     "Converter",
     "Database",
@@ -96,11 +109,17 @@ __all__ = [
     "ObjectType",
     "Options",
     "PassedOver",
+    "Polylines",
     "RawItem",
+    "SampleLayout",
+    "Samples",
     "ScenarioDescription",
     "ScenarioLoader",
     "Shard",
+    "Shuffling",
     "Source",
+    "Targets",
+    "TimeWindow",
     "Tracks",
     "__version__",
     "bucket",

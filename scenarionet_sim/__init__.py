@@ -28,15 +28,18 @@ if TYPE_CHECKING:
     from scenarionet_sim.environments.multi_agent import ScenarioNetParallelEnv
     from scenarionet_sim.environments.single_agent import ScenarioNetEnv
     from scenarionet_sim.environments.vector import ScenarioNetVectorEnv
+    from scenarionet_sim.evaluation.comparison import compare_runs
     from scenarionet_sim.evaluation.evaluation import evaluate
     from scenarionet_sim.evaluation.recording import record
     from scenarionet_sim.policies import (
         ConstantVelocity,
         External,
         Idm,
+        NoisyVelocity,
         Policy,
         Replay,
         RouteFollower,
+        SampledIdm,
         ego,
         other_vehicles,
         vehicles,
@@ -78,12 +81,14 @@ _MODULE_OF = {
     "Live": "render",
     "MultiAgentConfig": "environments.config",
     "Navigation": "sensors",
+    "NoisyVelocity": "policies",
     "PAPER_OBSERVATION": "environments.config",
     "PointCloud": "sensors",
     "Policy": "policies",
     "Replay": "policies",
     "Reward": "task.task",
     "RouteFollower": "policies",
+    "SampledIdm": "policies",
     "ScenarioNetEnv": "environments.single_agent",
     "ScenarioNetParallelEnv": "environments.multi_agent",
     "ScenarioNetVectorEnv": "environments.vector",
@@ -94,6 +99,7 @@ _MODULE_OF = {
     "Termination": "task.task",
     "VectorConfig": "environments.config",
     "World": "worlds.world",
+    "compare_runs": "evaluation.comparison",
     "ego": "policies",
     "evaluate": "evaluation.evaluation",
     "other_vehicles": "policies",
@@ -123,11 +129,13 @@ __all__ = [
     "Live",
     "MultiAgentConfig",
     "Navigation",
+    "NoisyVelocity",
     "PointCloud",
     "Policy",
     "Replay",
     "Reward",
     "RouteFollower",
+    "SampledIdm",
     "ScenarioNetEnv",
     "ScenarioNetParallelEnv",
     "ScenarioNetVectorEnv",
@@ -138,6 +146,7 @@ __all__ = [
     "Termination",
     "VectorConfig",
     "World",
+    "compare_runs",
     "ego",
     "evaluate",
     "other_vehicles",

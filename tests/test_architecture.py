@@ -18,8 +18,8 @@ TOP = {
 ALSO_ALLOWED = {"CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff", "SECURITY.md", "mkdocs.yml", ".github"}
 LAYERS = (
     "errors", "version", "arrays", "schema", "scenario", "building", "statistics", "codec", "ingest", "procedural",
-    "converters", "execution", "storage", "databases", "query", "operations", "loader", "quality", "packs", "export",
-    "maintenance", "conversion", "lake", "plots", "display", "testing",
+    "converters", "execution", "storage", "databases", "query", "operations", "loader", "samples", "quality", "packs",
+    "export", "maintenance", "conversion", "lake", "plots", "display", "testing",
 )  # fmt: skip
 """Parts of scenarionet_data; each imports only itself and parts before it."""
 FORBIDDEN_WORDS = ("utils", "helpers", "common", "manager", "misc")
@@ -29,13 +29,25 @@ def modules(package: str) -> list[Path]:
     return sorted((ROOT / package).rglob("*.py"))
 
 
+@cache
+def parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text("utf-8"))
+
+
+@cache
+def import_statements(path: Path) -> list[ast.Import | ast.ImportFrom]:
+    """The imports anywhere in a file."""
+    return [node for node in ast.walk(parsed(path)) if isinstance(node, ast.Import | ast.ImportFrom)]
+
+
+@cache
 def imported(path: Path) -> set[str]:
     """Every module imported anywhere in a file, with the names imported from it."""
     found = set()
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+    for node in import_statements(path):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module:
+        elif node.module:
             found |= {node.module} | {f"{node.module}.{alias.name}" for alias in node.names}
     return found
 
@@ -57,10 +69,10 @@ def import_graph() -> dict[str, set[str]]:
     graph: dict[str, set[str]] = {}
     for module, path in files.items():
         found = set()
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        for node in import_statements(path):
             if isinstance(node, ast.Import):
                 names = [alias.name for alias in node.names]
-            elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            elif node.module and not node.level:
                 names = [f"{node.module}.{alias.name}" for alias in node.names]
             else:
                 continue
@@ -166,7 +178,7 @@ def test_module_names_are_specific(package):
 def type_names(path: Path) -> list[str]:
     """Classes and type aliases that a module defines at its top level."""
     found = []
-    for node in ast.parse(path.read_text("utf-8")).body:
+    for node in parsed(path).body:
         if isinstance(node, ast.ClassDef):
             found.append(node.name)
         elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):

@@ -103,7 +103,7 @@ def test_misspelt_keyword_is_a_type_error(call, lake_of_three):
 
 def test_public_names_are_listed_and_imported_on_demand():
     names = scenarionet_data.__all__
-    assert len(set(names)) == len(names) <= 45
+    assert len(set(names)) == len(names) <= 55
     assert dir(scenarionet_data) == sorted(names)
     assert {name for name in names if getattr(scenarionet_data, name, None) is None} == set()
     assert scenarionet_data.__version__[0].isdecimal()

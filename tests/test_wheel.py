@@ -21,6 +21,7 @@ import pytest
 from scenarionet_data.version import __version__
 
 ROOT = Path(__file__).parents[1]
+pytestmark = pytest.mark.packaging
 PARTS = ("pipelines", "scenarionet_data", "scenarionet_sim", "schemas", "sql")
 
 

@@ -14,10 +14,10 @@ import pyarrow as pa
 
 from scenarionet_data.arrays.columns import Columns
 from scenarionet_data.arrays.dtypes import Array
-from scenarionet_data.codec.columns import ScenarioColumns
+from scenarionet_data.codec.columns import ScenarioColumns, codes
 from scenarionet_data.codec.lights import decode_lights, encode_lights
-from scenarionet_data.codec.maps import decode_maps, encode_map
-from scenarionet_data.codec.tracks import decode_tracks, encode_tracks
+from scenarionet_data.codec.maps import check_points, decode_maps, encode_map
+from scenarionet_data.codec.tracks import check_lists, decode_tracks, encode_tracks
 from scenarionet_data.scenario.canonical_json import from_json, to_json
 from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.scenario.description import Lights, MapFeatures, ScenarioDescription, Source, Tracks
@@ -27,6 +27,9 @@ from scenarionet_data.statistics import summarise
 __all__ = [
     "Encoded",
     "ScenarioColumns",
+    "check_lists",
+    "check_points",
+    "codes",
     "decode",
     "decode_many",
     "decode_maps",

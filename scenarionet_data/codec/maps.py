@@ -89,7 +89,7 @@ def decode_maps(rows: ScenarioColumns) -> list[MapFeatures]:
     """
     columns = rows.columns
     for names in _POINTS.values():
-        _require_alike(columns, names)
+        check_points(columns, names)
     kept = {
         "ids": columns.strings("feature_id"),
         "feature_type": codes(columns, "feature_type", MapFeatureType),
@@ -126,8 +126,12 @@ def _ids(column: Lists, first: int, last: int) -> Ragged:
     return Ragged(column.offsets[first : last + 1] - start, column.values[start:end].copy())
 
 
-def _require_alike(columns: Columns, names: Sequence[str]) -> None:
-    """Require lists of the same lengths for all coordinates; z may be null."""
+def check_points(columns: Columns, names: Sequence[str]) -> None:
+    """Raise unless the lists of all coordinates have the same lengths; z may be null.
+
+    Raises:
+        LakeError: They have not: the file is damaged.
+    """
     lengths = columns.lists[names[0]].lengths
     for name in names[1:]:
         found = columns.lists[name].lengths

@@ -71,12 +71,8 @@ def decode_tracks(rows: ScenarioColumns, steps: Sequence[int]) -> list[Tracks]:
     Raises:
         LakeError: Lists do not match their spans, or spans exceed the scenario: the file is damaged.
     """
+    check_lists(rows, steps, _OVER_TIME)
     columns, bounds = rows.columns, rows.bounds
-    start, spans = columns.flat["start"], columns.lists["x"].lengths
-    ends = np.repeat(np.array(steps), np.diff(bounds))
-    _require("start", bool((start >= 0).all() and (spans <= ends - start).all()))  # int64: no sum overflows
-    for name in _OVER_TIME:
-        _require(name, _is_like(columns.lists[name], name, spans, bounds))
     kept = {name: columns.flat[name] for name in ("is_size_assumed", "is_type_assumed", "is_velocity_estimated")}
     kept |= {field: columns.strings(name) for name, field in _STRINGS.items()}
     kept["object_type"] = codes(columns, "object_type", ObjectType)
@@ -85,6 +81,25 @@ def decode_tracks(rows: ScenarioColumns, steps: Sequence[int]) -> list[Tracks]:
         Tracks(**_grids(columns, first, last, num_steps), **{name: kept[name][first:last].copy() for name in kept})
         for (first, last), num_steps in zip(pairwise(bounds), steps, strict=True)
     ]
+
+
+def check_lists(rows: ScenarioColumns, steps: Sequence[int], names: Sequence[str]) -> None:
+    """Raise unless lists are as long as their spans, and spans are within their scenarios.
+
+    Args:
+        rows: Rows of the tracks table.
+        steps: (scenarios) number of timesteps.
+        names: Columns of lists.
+
+    Raises:
+        LakeError: They are not: the file is damaged.
+    """
+    columns, bounds = rows.columns, rows.bounds
+    start, spans = columns.flat["start"], columns.lists["x"].lengths
+    ends = np.repeat(np.array(steps), np.diff(bounds))
+    _require("start", bool((start >= 0).all() and (spans <= ends - start).all()))  # int64: no sum overflows
+    for name in names:
+        _require(name, _is_like(columns.lists[name], name, spans, bounds))
 
 
 def _is_like(column: Lists, name: str, spans: Array, bounds: Sequence[int]) -> bool:

@@ -125,7 +125,7 @@ def _side(view: LakeView, database: DatabaseRecord | str, table: str) -> _Side:
         if not database[1:].isdecimal():
             raise BadParameter(f"{database!r}: wanted a snapshot such as @7, or a database")
         snapshot = snapshots.read(view.files, int(database[1:]))
-        rows = _metadata_rows(view, snapshot.metadata)
+        rows = _metadata_rows(view, snapshot, snapshot.metadata)
         count = view.engine.arrow(f"SELECT count(*) FROM {rows}")[0][0].as_py()
         return _Side(database, count, rows, {}, snapshot.number)
     found = view.record(database)
@@ -148,8 +148,8 @@ def _changed_columns(view: LakeView, before: _Side, after: _Side) -> tuple[Colum
     names = [c.name for c in tables.load("metadata").columns if c.name not in ("scenario_id", *ADDRESS_COLUMNS)]
     fields = {
         "columns": ", ".join(map(_comparison, names)),
-        "rows_before": _metadata_rows(view, own[0]),
-        "rows_after": _metadata_rows(view, own[1]),
+        "rows_before": _metadata_rows(view, found[0], own[0]),
+        "rows_after": _metadata_rows(view, found[1], own[1]),
         "before": before.relation,
         "after": after.relation,
     }
@@ -158,10 +158,13 @@ def _changed_columns(view: LakeView, before: _Side, after: _Side) -> tuple[Colum
     return tuple(ColumnChange(name, row[name], **row[f"example_{name}"]) for name in names if row[name])
 
 
-def _metadata_rows(view: LakeView, names: Sequence[str]) -> str:
-    """Return SQL for the rows of metadata files; of no rows without files."""
+def _metadata_rows(view: LakeView, snapshot: snapshots.Snapshot, names: Sequence[str]) -> str:
+    """Return SQL for the rows of metadata files of a snapshot; of no rows without files."""
+    if not names:
+        return "(FROM metadata_rows LIMIT 0)"
     paths = ", ".join(map(quoted, view.files.scans(names)))
-    return scan_files("metadata", f"[{paths}]") if names else "(FROM metadata_rows LIMIT 0)"
+    is_current = manifests.has_current_files(view.files, snapshot, "metadata")
+    return scan_files("metadata", f"[{paths}]", is_current=is_current)
 
 
 def _comparison(name: str) -> str:

@@ -93,6 +93,8 @@ class Views:
                 user_columns = self._user_columns if is_all else words(sql) & set(self._user_columns)
             self._join(frozenset(user_columns))
         defined = _definitions()
+        for name in words(sql) & self._made & set(evaluation_runs.RUN_TABLES):
+            self._drop(name)  # runs are written beside the snapshot, at any time
         for name in sorted(words(sql) & set(defined)):
             self._make(name, defined)
         if words(sql) & _COMMENT_TABLES:  # only on demand: comments take a third of the time of a first query
@@ -102,10 +104,13 @@ class Views:
     def _join(self, names: frozenset[str]) -> None:
         """Recreate the view metadata with these user columns: a join costs time even if its column is unused."""
         if names != self._joined and "metadata" in self._made:
-            self._connection.execute("DROP VIEW metadata")
-            self._made.remove("metadata")
-            self._commented.discard("metadata")
+            self._drop("metadata")
         self._joined = names
+
+    def _drop(self, name: str) -> None:
+        self._connection.execute(f"DROP VIEW {name}")
+        self._made.remove(name)
+        self._commented.discard(name)
 
     def _make(self, name: str, defined: Mapping[str, Path]) -> None:
         if name in self._made:
@@ -153,21 +158,24 @@ class Views:
         self.scanned |= dict.fromkeys(names)
         paths = self._files.scans(names)
         self._connection.execute(f"SET VARIABLE {table}_files = $paths", {"paths": paths})
-        scan = scan_files(table, f"getvariable('{table}_files')")
+        is_current = table in tables.CONTENT and manifests.has_current_files(self._files, self._snapshot, table)
+        scan = scan_files(table, f"getvariable('{table}_files')", is_current=is_current)
         if self._chosen is None or table not in _KEYS:
             return scan
         return f"(SELECT * FROM {scan} SEMI JOIN chosen USING ({_KEYS[table]}))"
 
 
-def scan_files(table: str, files: str) -> str:
+def scan_files(table: str, files: str, *, is_current: bool = False) -> str:
     """Return SQL for the rows of files of any readable schema version: columns that older files lack are null.
 
     Args:
         table: The table.
         files: SQL for the list of files.
+        is_current: All files have the current schema version: the columns need not be listed, which would double the
+            time of a small query.
     """
     folders = _hive_columns(table)
-    if not tables.load(table).added:
+    if is_current or not tables.load(table).added:
         if not folders:
             return f"read_parquet({files}, hive_partitioning = false)"
         return f"read_parquet({files}, hive_partitioning = true, hive_types_autocast = false)"

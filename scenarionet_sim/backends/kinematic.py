@@ -34,20 +34,25 @@ class Kinematic:
 
 
 class KinematicSession:
-    """Stateless session."""
+    """Stateless session; the compiled step drives by ``limits`` and ``substeps`` itself.
+
+    Attributes:
+        limits: (6,) see ``kernels.bicycle``.
+        substeps: Physics steps per control step.
+    """
 
     def __init__(self, backend: Kinematic) -> None:
         drive = backend.drive
         numbers = drive.max_steer, drive.acceleration, drive.braking, drive.max_speed, drive.wheelbase, backend.grip
-        self._limits = np.array(numbers)
-        self._substeps = backend.substeps
+        self.limits = np.array(numbers)
+        self.substeps = backend.substeps
 
     def reset(self, world: int, state: State) -> None:
         """Do nothing: the session is stateless."""
 
     def drive(self, state: State, agents: Int32, actions: Float64, dt: float) -> None:
         """Move the agents by one control step, in place; see :class:`scenarionet_sim.backends.base.Session`."""
-        drive_bicycles(agents, actions, dt, self._substeps, self._limits, state.size, state.motion)
+        drive_bicycles(agents, actions, dt, self.substeps, self.limits, state.size, state.motion)
 
     def close(self) -> None:
         """Do nothing: the session holds no resources."""

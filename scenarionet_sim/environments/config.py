@@ -77,9 +77,14 @@ class EnvConfig:
 
 @dataclass(frozen=True, repr=False)
 class VectorConfig(EnvConfig):
-    """``EnvConfig`` with the fast ``Kinematic`` backend as default."""
+    """``EnvConfig`` with the fast ``Kinematic`` backend as default.
+
+    Attributes:
+        threads: Largest number of threads over worlds; 0 for all cores that the process may use.
+    """
 
     backend: Backend = field(default_factory=Kinematic)
+    threads: int = 0
 
 
 @dataclass(frozen=True, repr=False)

@@ -31,6 +31,7 @@ class Episodes:
         seed: Seed of the series unless ``restart`` gets one; None for a random one.
         num_slots: Number of worlds; they draw from one series.
         prefetch: Number of scenarios to load ahead; None for that of ``config``.
+        threads: Largest number of threads.
 
     Attributes:
         observation: Sensors of the agents.
@@ -38,8 +39,10 @@ class Episodes:
         seed: Seed of the series; None before the first ``restart`` of a random one.
     """
 
-    def __init__(self, config: EnvConfig, seed: int | None, num_slots: int = 1, prefetch: int | None = None) -> None:
-        self.config, self.seed = config, seed
+    def __init__(
+        self, config: EnvConfig, seed: int | None, num_slots: int = 1, prefetch: int | None = None, threads: int = 1
+    ) -> None:
+        self.config, self.seed, self._threads = config, seed, threads
         self.observation = Observation(config.sensors, config.observation)
         loader, self._sampler = config.scenarios.open()
         self.ids = loader.scenario_ids
@@ -76,7 +79,7 @@ class Episodes:
     def prepare(self, worlds: list[World]) -> BatchedEnvironment:
         """Return the environment for these worlds."""
         if self._core is None:
-            self._core = BatchedEnvironment(self.config, self.observation, worlds)
+            self._core = BatchedEnvironment(self.config, self.observation, worlds, self._threads)
         return self._core
 
     def report(self, slot: int, success: float) -> None:
@@ -84,8 +87,15 @@ class Episodes:
         self._sampler.report(int(self._playing[slot]), success)
 
     def observe(self, rows: Array | None = None) -> Any:
-        """Return the observations of the agents, or of some (indices into ``BatchedEnvironment.agents``)."""
+        """Return the observations of the agents in arrays that the next step overwrites.
+
+        ``rows`` are as in ``BatchedEnvironment.observe``.
+        """
         return self.core.observe(self.rng, rows)
+
+    def observed(self) -> list[Any]:
+        """Return a new observation of each agent."""
+        return self.observation.split(self.observation.copy(self.observe()))
 
     def close(self) -> None:
         """Stop the thread and the physics; the next episode starts them again."""

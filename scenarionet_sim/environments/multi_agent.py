@@ -81,7 +81,7 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
         options = options or {}
         world = self._episodes.draw(scenario_id=options.get("scenario_id"))
         core = self._episodes.prepare([world])
-        core.begin(0, world, options.get("timestep"))
+        core.begin([0], [world], options.get("timestep"))
         self.possible_agents = self._find_possible(core, world)
         self._coming, self._num_arrived = set(self.possible_agents), 0
         self._wait(core)
@@ -121,8 +121,9 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
             core.retire(np.flatnonzero(status))
             self._wait(core)
             late = set(self.agents) - observations.keys()  # appeared during skipped timesteps
-            observations |= {agent: seen for agent, seen in self._named(self._seen()).items() if agent in late}
-            infos |= {agent: info for agent, info in self._named(core.infos()).items() if agent in late}
+            if late:
+                observations |= {agent: seen for agent, seen in self._named(self._seen()).items() if agent in late}
+                infos |= {agent: info for agent, info in self._named(core.infos()).items() if agent in late}
             rewards |= dict.fromkeys(late, 0.0)
             terminated |= dict.fromkeys(late, False)
             truncated |= dict.fromkeys(late, False)
@@ -172,7 +173,7 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
         self._coming.difference_update(self.agents)
 
     def _seen(self) -> list[Any]:
-        return self._episodes.observation.split(self._episodes.observe())
+        return self._episodes.observed()
 
     def _named(self, values: list[Any]) -> Named:
         return dict(zip(self.agents, values, strict=True))

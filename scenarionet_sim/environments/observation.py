@@ -9,8 +9,9 @@ from typing import Any, Literal
 import numpy as np
 from gymnasium import spaces
 
-from scenarionet_data.arrays.dtypes import Array, Int32
-from scenarionet_sim.sensors.base import Sensor
+from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int32, IntP
+from scenarionet_sim.kernels.step import Sensing
+from scenarionet_sim.sensors.base import Sensor, compiled_form
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
 
@@ -29,6 +30,7 @@ class Observation:
 
     def __init__(self, sensors: Sequence[Sensor], form: Literal["flat", "dict"]) -> None:
         self._sensors = tuple(sensors)
+        self._compiled = [compiled_form(sensor) for sensor in self._sensors]
         self._sizes = [int(np.prod(sensor.shape)) for sensor in self._sensors]
         self._is_flat = form == "flat"
         self.names = _names(self._sensors)
@@ -51,6 +53,70 @@ class Observation:
             )
         return dict(zip(self.names, seen, strict=True))
 
+    def allocate(self, num_agents: int) -> tuple[Any, Sensing]:
+        """Return arrays for the observations of agents, and what the compiled step needs to write them."""
+        sizes = np.array(self._sizes)
+        ends = np.cumsum(sizes)
+        values = np.zeros(num_agents * ends[-1], np.float32)
+        if self._is_flat:
+            first, stride = ends - sizes, np.full_like(sizes, ends[-1])
+            observed: Any = values.reshape(num_agents, int(ends[-1]))
+        else:
+            first, stride = (ends - sizes) * num_agents, sizes
+            observed = {
+                name: values[at : at + num_agents * size].reshape(num_agents, *sensor.shape)
+                if sensor.dtype is np.float32
+                else sensor.empty(num_agents)
+                for name, sensor, at, size in zip(self.names, self._sensors, first, self._sizes, strict=True)
+            }
+        return observed, self._sensing(values, first, stride)
+
+    def _sensing(self, values: Float32, first: IntP, stride: IntP) -> Sensing:
+        compiled = [(number, form) for number, form in enumerate(self._compiled) if form is not None]
+        kind, place = np.zeros(len(compiled), np.uint8), np.zeros((len(compiled), 4), np.int32)
+        scale, types = np.zeros((len(compiled), 8)), np.zeros((len(compiled), 256), np.bool_)
+        directions: list[Float64] = [np.zeros((0, 2))]
+        for row, (number, form) in enumerate(compiled):
+            kind[row], scale[row, : len(form.scale)] = form.kind, form.scale
+            place[row] = first[number], stride[number], sum(map(len, directions)), form.parts
+            if form.types is not None:
+                types[row] = form.types
+            if form.directions is not None:
+                directions.append(form.directions)
+        return Sensing(kind, place, scale, types, np.concatenate(directions), values)
+
+    def complete(
+        self,
+        observed: Any,
+        batch: WorldBatch,
+        state: State,
+        agents: Int32,
+        rng: np.random.Generator,
+        rows: Array | None = None,
+    ) -> None:
+        """Write the observations of the sensors that are not part of the compiled step.
+
+        Args:
+            observed: As :meth:`allocate` returns them.
+            batch, state, agents, rng: As :meth:`Sensor.observe` takes them.
+            rows: Indices into ``agents`` of those that observe; None for all.
+        """
+        seen_by = agents if rows is None else agents[rows]
+        place = slice(None) if rows is None else rows
+        end = 0
+        for name, sensor, size, form in zip(self.names, self._sensors, self._sizes, self._compiled, strict=True):
+            end += size
+            if form is None:
+                seen = sensor.observe(batch, state, seen_by, rng, sensor.empty(len(seen_by)))
+                if self._is_flat:
+                    observed[place, end - size : end] = seen.reshape(len(seen_by), size)
+                else:
+                    observed[name][place] = seen
+
+    def copy(self, observed: Any) -> Any:
+        """Copy the observations of all agents."""
+        return observed.copy() if self._is_flat else {name: values.copy() for name, values in observed.items()}
+
     def split(self, observed: Any) -> list[Any]:
         """Split a batch into one observation per agent."""
         if self._is_flat:
@@ -61,14 +127,6 @@ class Observation:
     def take(self, observed: Any, rows: Array) -> Any:
         """Copy the observations of some agents."""
         return observed[rows] if self._is_flat else {name: values[rows] for name, values in observed.items()}
-
-    def put(self, observed: Any, rows: Array, others: Any) -> None:
-        """Overwrite the observations of some agents."""
-        if self._is_flat:
-            observed[rows] = others
-        else:
-            for name, values in observed.items():
-                values[rows] = others[name]
 
     def parts(self, observed: Array) -> dict[str, Array]:
         """Return the arrays (..., *shape) by sensor of flat observations (..., D)."""

@@ -78,11 +78,11 @@ class ScenarioNetEnv(gymnasium.Env[Any, Array]):
         core = self._episodes.prepare([world])
         if len(core.agents) != 1:
             raise BadParameter("expected one agent; use External(objects=ego) to drive the ego alone")
-        core.begin(0, world, options.get("timestep"))
+        core.begin([0], [world], options.get("timestep"))
         self._is_running = True
         if self._renderer.is_window:
             self._renderer.render(core)
-        return self._episodes.observation.split(self._episodes.observe())[0], core.infos()[0]
+        return self._episodes.observed()[0], core.infos()[0]
 
     def render(self) -> Any:
         """Render a top-down view: an image (H, W, 3) uint8 for ``rgb_array``, a window for ``human``.
@@ -116,7 +116,7 @@ class ScenarioNetEnv(gymnasium.Env[Any, Array]):
         is_over, is_late = status not in (DRIVING, TIMED_OUT), status == TIMED_OUT
         if self._renderer.is_window:
             self._renderer.render(core)
-        observation = self._episodes.observation.split(self._episodes.observe())[0]
+        observation = self._episodes.observed()[0]
         return observation, float(core.rewards[0]), bool(is_over), bool(is_late), core.infos()[0]
 
     def __repr__(self) -> str:

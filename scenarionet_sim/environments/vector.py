@@ -17,6 +17,8 @@ from scenarionet_sim.environments.config import VectorConfig, make_config
 from scenarionet_sim.environments.episodes import Episodes, action_space
 from scenarionet_sim.kernels.scoring import NUMBERS
 from scenarionet_sim.task.task import ARRIVED
+from scenarionet_sim.threads import all_cores
+from scenarionet_sim.worlds.world import World
 
 _LOADED_AHEAD = 8  # many episodes tend to end in the same step
 
@@ -59,7 +61,7 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         self.metadata = self.metadata | {"autoreset_mode": self._mode}
         self.num_envs = num_envs
         prefetch = min(self.config.prefetch * num_envs, _LOADED_AHEAD)
-        self._episodes = Episodes(self.config, seed, num_envs, prefetch)
+        self._episodes = Episodes(self.config, seed, num_envs, prefetch, self.config.threads or all_cores())
         self.single_observation_space, self.single_action_space = self._episodes.observation.space, action_space()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -88,10 +90,9 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         core = self._episodes.prepare(worlds)
         if len(core.agents) != self.num_envs:
             raise BadParameter("expected one agent per world; use External(objects=ego) to drive the egos alone")
-        for slot, world in enumerate(worlds):
-            core.begin(slot, world)
+        core.begin(range(self.num_envs), worlds)
         self._has_ended[:] = False
-        return self._episodes.observe(), self._infos()
+        return self._observed(), self._infos()
 
     def step(self, actions: npt.ArrayLike) -> tuple[Any, Float64, Bool, Bool, dict[str, Any]]:
         """Drive every world for one timestep.
@@ -105,17 +106,19 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
             LakeError: The next scenario cannot be read.
         """
         core = self.core
+        if self._has_ended.any():
+            slots = np.flatnonzero(self._has_ended).tolist()
+            core.begin_in_step(slots, self._drawn(slots))
         core.step(actions)
-        self._begin(np.flatnonzero(self._has_ended))
         rewards, terminated, truncated = core.rewards, core.terminated, core.truncated
         ended = terminated | truncated
-        for slot in np.flatnonzero(ended):
-            self._episodes.report(int(slot), float(core.status[slot] == ARRIVED))
-        observed, infos = self._episodes.observe(), self._infos()
+        for slot in np.flatnonzero(ended).tolist():
+            self._episodes.report(slot, float(core.status[slot] == ARRIVED))
+        observed, infos = self._observed(), self._infos()
         if self._mode is AutoresetMode.NEXT_STEP:
             self._has_ended = ended
         elif ended.any():
-            infos = self._begin_others(ended, observed, infos)
+            observed, infos = self._begin_others(ended, observed, infos)
         return observed, rewards, terminated, truncated, infos
 
     def close_extras(self, **kwargs: Any) -> None:
@@ -132,29 +135,32 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         """
         return self._episodes.core
 
-    def _begin(self, slots: Array) -> None:
-        """Begin the next scenarios in some slots."""
-        for slot in slots:
-            self.core.begin(int(slot), self._episodes.draw(int(slot)))
+    def _drawn(self, slots: list[int]) -> list[World]:
+        """Draw the next scenarios for some slots."""
+        return [self._episodes.draw(slot) for slot in slots]
 
-    def _begin_others(self, ended: Bool, observed: Any, infos: dict[str, Any]) -> dict[str, Any]:
-        """Begin the next scenarios in the slots that ended; replaces their observations and returns the infos."""
-        slots, observation = np.flatnonzero(ended), self._episodes.observation
-        last = np.full(self.num_envs, None, dtype=object)
-        for slot, seen in zip(slots, observation.split(observation.take(observed, slots)), strict=True):
+    def _observed(self) -> Any:
+        return self._episodes.observation.copy(self._episodes.observe())
+
+    def _begin_others(self, ended: Bool, last_seen: Any, infos: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
+        """Begin the next scenarios in the slots that ended; return the observations and infos."""
+        slots, last = np.flatnonzero(ended), np.full(self.num_envs, None, dtype=object)
+        observation = self._episodes.observation
+        for slot, seen in zip(slots, observation.split(observation.take(last_seen, slots)), strict=True):
             last[slot] = seen
-        self._begin(slots)
-        observation.put(observed, slots, self._episodes.observe(slots))
+        numbers = slots.tolist()
+        self.core.begin(numbers, self._drawn(numbers))
+        observed = observation.copy(self._episodes.observe(slots))
         final = {name: ended.copy() if name.startswith("_") else values for name, values in infos.items()}
-        return self._infos() | {
+        return observed, self._infos() | {
             "final_obs": last, "_final_obs": ended.copy(), "final_info": final, "_final_info": ended.copy(),
         }  # fmt: skip
 
     def _infos(self) -> dict[str, Any]:
         """Return the infos of all slots as arrays (W,), each with a mask."""
-        core, columns = self.core, self.core.numbers.copy()
+        core, columns, everywhere = self.core, self.core.numbers.copy(), np.ones(self.num_envs, np.bool_)
         known: dict[str, Any] = {name: columns[:, number] for number, name in enumerate(NUMBERS)}
         known |= {name: core.status == code for name, code in ENDS.items()}
         known["timestep"] = core.simulation.state.timestep.copy()
         known["scenario_id"] = np.array([world.scenario_id for world in core.simulation.batch.worlds], dtype=object)
-        return known | {f"_{name}": np.ones(self.num_envs, np.bool_) for name in known}
+        return known | {f"_{name}": everywhere for name in known}

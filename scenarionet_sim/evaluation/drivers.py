@@ -10,34 +10,76 @@ import importlib
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, runtime_checkable
 
+import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.backends.base import Backend
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
-from scenarionet_sim.policies import ConstantVelocity, External, Idm, Policy, Replay, ego
+from scenarionet_sim.policies import (
+    ConstantVelocity,
+    External,
+    Idm,
+    NoisyVelocity,
+    Policy,
+    Replay,
+    SampledIdm,
+    ego,
+)
+from scenarionet_sim.sensors import EgoState
 
 BACKENDS: dict[str, Backend] = {"kinematic": Kinematic(), "bullet": Bullet()}
 DRIVERS: dict[str, Policy] = {
     "replay": Replay(objects=ego),
     "idm": Idm(objects=ego),
+    "idm-sampled": SampledIdm(objects=ego),
     "constant": ConstantVelocity(objects=ego),
+    "constant-noisy": NoisyVelocity(objects=ego),
 }
-TRAFFIC: dict[str, tuple[Policy, ...]] = {"replay": (Replay(),), "idm": (Replay(), Idm())}
+RANDOM = "random"
+"""Name of the driver :class:`RandomActions`."""
+
+TRAFFIC: dict[str, tuple[Policy, ...]] = {
+    "replay": (Replay(),),
+    "idm": (Replay(), Idm()),
+    "idm-sampled": (Replay(), SampledIdm()),
+    "constant": (ConstantVelocity(),),
+    "constant-noisy": (NoisyVelocity(),),
+}
+REACTIVE = ("idm", "idm-sampled")
+"""Traffic that reacts to the ego."""
 
 
 @runtime_checkable
 class Driver(Protocol):
     """Drives from observations; constructed without arguments, once per batch of scenarios.
 
-    Optional members: ``sensors``, a tuple of sensors (default: the paper's observation), and ``reset()``, called
-    before each scenario.
+    Optional members: ``sensors``, a tuple of sensors (default: the paper's observation), ``reset()``, called
+    before each scenario, and after it ``seed(rng)``, with the random numbers of the rollout.
     """
 
     def act(self, observation: Any) -> npt.ArrayLike:
         """Return steering and throttle in [-1, 1] for a flat observation of the ego (D,) float32."""
         ...
+
+
+class RandomActions:
+    """Uniformly random steering and throttle: a floor for drivers."""
+
+    sensors = (EgoState(),)
+
+    def __init__(self) -> None:
+        self.seed(np.random.default_rng(0))
+
+    def seed(self, rng: np.random.Generator) -> None:
+        """Draw actions from these random numbers."""
+        self._rng = rng
+
+    def act(self, observation: Any) -> npt.ArrayLike:
+        """Return random actions."""
+        del observation
+        return self._rng.uniform(-1.0, 1.0, 2)
 
 
 @dataclass(frozen=True)
@@ -64,6 +106,8 @@ def resolve_drivers(policy: str, traffic: str = "replay") -> Drivers:
         BadParameter: A name is unknown, or the class is neither a policy nor a driver.
     """
     others = _lookup(TRAFFIC, traffic, "traffic")
+    if policy == RANDOM:
+        return Drivers((*others, External()), RandomActions())
     if ":" not in policy:
         return Drivers((*others, _lookup(DRIVERS, policy, "policy")), None)
     module, _, name = policy.partition(":")
@@ -91,5 +135,6 @@ def find_backend(name: str) -> Backend:
 def _lookup(choices: dict[str, Any], name: str, kind: str) -> Any:
     if name not in choices:
         own = ", or module:Class for your own" if kind == "policy" else ""
-        raise BadParameter(f"unknown {kind} {name!r}; choose from {', '.join(choices)}{own}")
+        names = [*choices, RANDOM] if kind == "policy" else choices
+        raise BadParameter(f"unknown {kind} {name!r}; choose from {', '.join(names)}{own}")
     return choices[name]

@@ -5,6 +5,8 @@ from __future__ import annotations
 from types import TracebackType
 from typing import Self
 
+import numpy as np
+
 from scenarionet_sim.backends.base import Backend
 from scenarionet_sim.environments.batched import BatchedEnvironment
 from scenarionet_sim.environments.config import PAPER_OBSERVATION, EnvConfig
@@ -28,7 +30,7 @@ class EnvironmentCache:
         self, policies: tuple[Policy, ...], backend: Backend, sensors: tuple[Sensor, ...] | None = None
     ) -> None:
         self._observation = Observation(sensors or PAPER_OBSERVATION, "flat")
-        self._config = EnvConfig(Scenarios("."), policies, backend)
+        self._config = EnvConfig(Scenarios("."), policies, backend, cache_size=1)
         self._environment: BatchedEnvironment | None = None
 
     def __enter__(self) -> Self:
@@ -39,10 +41,17 @@ class EnvironmentCache:
     ) -> None:
         self.clear()
 
-    def environment_for(self, world: World) -> BatchedEnvironment:
-        """Return the environment that can play a world; call its ``begin`` to start the episode."""
+    def environment_for(self, world: World, rng: np.random.Generator | None = None) -> BatchedEnvironment:
+        """Return the environment that can play a world; call its ``begin`` to start the episode.
+
+        Args:
+            world: The world.
+            rng: Draws the parameters of stochastic policies; None leaves them as they are.
+        """
         if self._environment is None:
             self._environment = BatchedEnvironment(self._config, self._observation, [world])
+        if rng is not None:
+            self._environment.simulation.policies = tuple(policy.sampled(rng) for policy in self._config.policies)
         return self._environment
 
     def clear(self) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import time
 from dataclasses import asdict, dataclass, field, replace
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +17,14 @@ import numpy as np
 import pyarrow as pa
 
 from scenarionet_data import Database, Lake, ScenarioLoader, version
-from scenarionet_data.errors import MissingDependency
+from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_data.execution.executors import Executor
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.storage import evaluation_runs
 from scenarionet_data.storage.files.opening import open_files
-from scenarionet_sim.evaluation.drivers import find_backend, resolve_drivers
+from scenarionet_sim.evaluation.drivers import REACTIVE, find_backend, resolve_drivers
 from scenarionet_sim.evaluation.environment_cache import EnvironmentCache
+from scenarionet_sim.evaluation.episode import EPISODES, EpisodeSpan
 from scenarionet_sim.evaluation.parts import Part, parts_of, run_parts
 from scenarionet_sim.evaluation.rollout import roll_out
 from scenarionet_sim.evaluation.rollout_table import concat_rollouts, rollout_rows
@@ -32,7 +33,7 @@ from scenarionet_sim.scenarios.selection import database_reference
 from scenarionet_sim.worlds.world import World
 
 PART_SIZE = 32
-"""Scenarios per part: the most work that a killed worker loses."""
+"""Rollouts per part: the most work that a killed worker loses."""
 
 ScenarioEnd = tuple[str, str | None, str | None]
 """Scenario id, how the episode ended, and the error if it could not be simulated."""
@@ -46,10 +47,12 @@ class Evaluation:
         lake: Path or URL of the lake.
         database: ``name@version``, scenario ids, or None for the whole lake.
         snapshot: Number of the lake's snapshot.
-        policy: Driver of the ego: ``replay``, ``idm``, ``constant`` or ``module:Class``.
-        traffic: Driver of all other objects: ``replay`` or ``idm``.
+        policy: Driver of the ego: a name in ``DRIVERS``, ``random``, or ``module:Class``.
+        traffic: Driver of all other objects: a name in ``TRAFFIC``.
         backend: Vehicle dynamics of an ego driven by actions: ``bullet`` or ``kinematic``.
-        seed: Seed of the sensors' noise.
+        seed: Seed of stochastic policies and of the sensors' noise.
+        rollouts: Number of rollouts of each scenario.
+        episode: A name in ``EPISODES``.
     """
 
     lake: str
@@ -59,6 +62,8 @@ class Evaluation:
     traffic: str = "replay"
     backend: str = "bullet"
     seed: int = 0
+    rollouts: int = 1
+    episode: str = "log"
 
     @property
     def description(self) -> dict[str, Any]:
@@ -69,8 +74,9 @@ class Evaluation:
 
     @property
     def default_name(self) -> str:
-        """Name of the run unless one is given: database, policy, traffic and backend."""
-        name = "-".join([describe_database(self.database) or "all", self.policy, self.traffic, self.backend])
+        """Name of the run unless one is given: database, policy, traffic and backend, and the episode if not all."""
+        words = [describe_database(self.database) or "all", self.policy, self.traffic, self.backend]
+        name = "-".join(words if self.episode == "log" else [*words, self.episode])
         return name.replace("@", ".").replace(":", ".")
 
 
@@ -85,7 +91,7 @@ class EvaluationReport:
     Attributes:
         run: Name of the run.
         scenarios: Number of scenarios.
-        skipped: Scenarios that an earlier call had already simulated.
+        skipped: Scenarios that an earlier call had already simulated, in all their rollouts.
         broken: Scenario id and error of those that failed to simulate in this call.
         seconds: Wall time of this call.
     """
@@ -128,6 +134,8 @@ def evaluate(
     traffic: str = "replay",
     backend: str | None = None,
     seed: int = 0,
+    num_rollouts: int = 1,
+    episode: str = "log",
     workers: int = 1,
     executor: Executor | None = None,
     rollouts: bool = True,
@@ -140,11 +148,14 @@ def evaluate(
     Args:
         lake: The lake, its path or its URL.
         database: A ``Database``, its name, scenario ids, or None for the whole lake.
-        policy: Driver of the ego: ``replay``, ``idm``, ``constant`` or ``module:Class``.
+        policy: Driver of the ego: ``replay``, ``idm``, ``idm-sampled``, ``constant``, ``constant-noisy``, ``random``
+            or ``module:Class``.
         name: Name of the run; None for database, policy, traffic and backend joined by hyphens.
-        traffic: Driver of all other objects: ``replay`` or ``idm``.
+        traffic: Driver of all other objects: ``replay``, ``idm``, ``idm-sampled``, ``constant`` or ``constant-noisy``.
         backend: ``bullet`` or ``kinematic``; None for ``bullet`` if actions drive the ego, else ``kinematic``.
-        seed: Seed of the sensors' noise.
+        seed: Seed of stochastic policies and of the sensors' noise.
+        num_rollouts: Rollouts of each scenario.
+        episode: ``log`` (the whole recording), ``nuplan`` (15 s) or ``wosac`` (8 s after the history).
         workers: Number of processes.
         executor: Runs the parts instead of local processes, for example on a cluster.
         rollouts: Also write the trajectories of all objects, not only the metrics.
@@ -152,11 +163,21 @@ def evaluate(
 
     Raises:
         DatabaseNotFound: The database does not exist.
-        BadParameter: A policy, traffic or backend is unknown, or a run of that name has other parameters.
+        BadParameter: A policy, traffic, backend or episode is unknown, the number of rollouts is not positive, or a
+            run of that name has other parameters.
         MissingDependency: The backend needs a package that is not installed.
         WorkerLost: A part kills its worker also when it runs alone; finished parts are kept.
     """
-    evaluation = plan_evaluation(lake, database, policy, traffic=traffic, backend=backend, seed=seed)
+    evaluation = plan_evaluation(
+        lake,
+        database,
+        policy,
+        traffic=traffic,
+        backend=backend,
+        seed=seed,
+        num_rollouts=num_rollouts,
+        episode=episode,
+    )
     return run_evaluation(
         evaluation, name, workers=workers, executor=executor, rollouts=rollouts, on_progress=on_progress
     )
@@ -170,8 +191,14 @@ def plan_evaluation(
     traffic: str = "replay",
     backend: str | None = None,
     seed: int = 0,
+    num_rollouts: int = 1,
+    episode: str = "log",
 ) -> Evaluation:
     """Return the specification of an evaluation; arguments and errors as in :func:`evaluate`."""
+    if num_rollouts < 1:
+        raise BadParameter(f"{num_rollouts} rollouts of each scenario; expected at least 1")
+    if episode not in EPISODES:
+        raise BadParameter(f"unknown episode {episode!r}; choose from {', '.join(EPISODES)}")
     lake = lake if isinstance(lake, Lake) else Lake(lake)
     if backend is None:
         backend = "kinematic" if resolve_drivers(policy, traffic).driver is None else "bullet"
@@ -181,7 +208,10 @@ def plan_evaluation(
     reference = database_reference(database)
     if isinstance(reference, str):
         reference = lake.database(reference).reference
-    return Evaluation(str(lake.root), reference, lake.snapshot.number, policy, traffic, backend, seed)
+    number = lake.snapshot.number
+    return Evaluation(
+        str(lake.root), reference, number, policy, traffic, backend, seed, rollouts=num_rollouts, episode=episode
+    )
 
 
 def run_evaluation(
@@ -201,10 +231,14 @@ def run_evaluation(
     tables = ("rollouts", "results") if rollouts else ("results",)
     run = evaluation_runs.claim(open_files(evaluation.lake), name, tables, evaluation.description)
     total, done = len(_loader(evaluation)), run.done()
-    jobs = [_EvaluationJob(evaluation, part, run) for part in parts_of(total, PART_SIZE) if part.number not in done]
-    report = EvaluationReport(name, total, total - sum(len(job.part) for job in jobs))
+    parts = parts_of(total * evaluation.rollouts, PART_SIZE)
+    jobs = [_EvaluationJob(evaluation, part, run) for part in parts if part.number not in done]
+    left = {item // evaluation.rollouts for job in jobs for item in range(job.part.first, job.part.end)}
+    report = EvaluationReport(name, total, total - len(left))
+    broken: dict[str, str] = {}
     for ends in run_parts(jobs, simulate_part, workers, on_progress, executor, _ends_of_lost_part):
-        report.broken += [(scenario_id, error) for scenario_id, _, error in ends if error]
+        broken |= {scenario_id: error for scenario_id, _, error in ends if error}
+    report.broken = list(broken.items())
     report.seconds = time.monotonic() - started
     return report
 
@@ -238,8 +272,9 @@ def describe_database(database: str | tuple[str, ...] | None) -> str | None:
 
 def _ends_of_lost_part(job: _EvaluationJob, reason: str) -> list[ScenarioEnd]:
     """Ends of a part that killed its worker; it has no rows, so the next run tries it again."""
-    ids = _loader(job.evaluation).scenario_ids[job.part.first : job.part.end]
-    return [(scenario_id, None, reason) for scenario_id in ids]
+    ids = _loader(job.evaluation).scenario_ids
+    numbers = (item // job.evaluation.rollouts for item in range(job.part.first, job.part.end))
+    return [(ids[number], None, reason) for number in numbers]
 
 
 @cache
@@ -252,28 +287,48 @@ def _loader(evaluation: Evaluation) -> ScenarioLoader:
 
 
 def simulate_part(job: _EvaluationJob) -> list[ScenarioEnd]:
-    """Simulate the scenarios of a part, and publish the rows if it belongs to a run."""
+    """Simulate the rollouts of a part, and publish the rows if it belongs to a run."""
     evaluation, loader = job.evaluation, _loader(job.evaluation)
-    drivers = resolve_drivers(evaluation.policy, evaluation.traffic)
+    drivers, episode = resolve_drivers(evaluation.policy, evaluation.traffic), EPISODES[evaluation.episode]
     backend, sensors = find_backend(evaluation.backend), getattr(drivers.driver, "sensors", None)
     results: list[dict[str, Any]] = []
     rollouts: list[pa.Table] = []
     with EnvironmentCache(drivers.policies, backend, sensors) as environments:
-        for index in range(job.part.first, job.part.end):
-            row: dict[str, Any] = {"scenario_id": loader.scenario_ids[index]}
+        for item in range(job.part.first, job.part.end):
+            index, number = divmod(item, evaluation.rollouts)
+            row: dict[str, Any] = {"scenario_id": loader.scenario_ids[index], "rollout": number}
             try:
-                world, rng = World.from_scenario(loader[index]), np.random.default_rng([evaluation.seed, index])
-                rollout = roll_out(environments.environment_for(world), world, drivers.driver, rng)
-                row |= {"track_id": world.track_ids[rollout.agent]} | measure(rollout, world)
-                trajectories = rollout_rows(rollout, world)
+                world, start = _world_and_start(loader, index, episode)
+                rng = np.random.default_rng([evaluation.seed, index, number])
+                rollout = roll_out(
+                    environments.environment_for(world, rng),
+                    world,
+                    drivers.driver,
+                    rng,
+                    start=start,
+                    num_steps=episode.num_steps(world, start),
+                    waits=episode.waits,
+                )
+                row |= {"track_id": world.track_ids[rollout.agent], "is_reactive": evaluation.traffic in REACTIVE}
+                row |= measure(rollout, world)
+                trajectories = rollout_rows(rollout, world, number)
             except (MemoryError, MissingDependency):
                 raise
             except Exception as error:  # one scenario, or a driver in it, must not end the run
                 environments.clear()
-                row = {"scenario_id": row["scenario_id"], "error": f"{type(error).__name__}: {error}"}
+                row = {name: row[name] for name in ("scenario_id", "rollout")}
+                row["error"] = f"{type(error).__name__}: {error}"
             else:
                 rollouts.append(trajectories)
             results.append(row)
     if job.run is not None:
         job.run.publish(job.part.number, {"results": results, "rollouts": concat_rollouts(rollouts)})
     return [(row["scenario_id"], row.get("status"), row.get("error")) for row in results]
+
+
+@lru_cache(maxsize=1)
+def _world_and_start(loader: ScenarioLoader, index: int, episode: EpisodeSpan) -> tuple[World, int]:
+    """A scenario, and the timestep at which it begins; kept for its next rollout."""
+    scenario = loader[index]
+    world = World.from_scenario(scenario)
+    return world, episode.start(scenario, world)

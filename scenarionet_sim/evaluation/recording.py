@@ -173,7 +173,7 @@ def observe_log(world: World, observation: Observation, agents: str, rng: np.ran
             simulation.step()
         state = simulation.state
         rows: Int32 = np.argwhere(state.present & is_agent).astype(np.int32, order="C")
-        follow_paths(rows, state.motion, batch.path, batch.path_offsets, LOOK_BACK, LOOK_AHEAD, route, False)
+        follow_paths(rows, state.motion, batch.recorded, LOOK_BACK, LOOK_AHEAD, route, False)
         if len(rows):
             seen = observation.of(batch, replace(state, route=route), rows, rng)
             yield _rows(world, timestep, rows[:, 1], seen)

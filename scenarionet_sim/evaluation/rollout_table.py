@@ -14,8 +14,8 @@ from scenarionet_sim.evaluation.rollout import Rollout
 from scenarionet_sim.worlds.world import World
 
 
-def rollout_rows(rollout: Rollout, world: World) -> pa.Table:
-    """Return rows of ``schemas/rollouts.toml`` without the column run."""
+def rollout_rows(rollout: Rollout, world: World, number: int = 0) -> pa.Table:
+    """Return rows of ``schemas/rollouts.toml`` without the column run; ``number`` is that of the rollout."""
     rows = np.flatnonzero(rollout.present.any(axis=0))
     present = rollout.present[:, rows].T
     offsets = offsets_of(np.full(len(rows), present.shape[1]))
@@ -35,6 +35,7 @@ def rollout_rows(rollout: Rollout, world: World) -> pa.Table:
         "vx": column(rollout.velocity[..., 0]),
         "vy": column(rollout.velocity[..., 1]),
         "valid": list_array(offsets, present.ravel(), mask=np.array(present.all(axis=1))),
+        "rollout": pa.array(np.full(len(rows), number, np.int32)),
     }
     return pa.table(columns)
 

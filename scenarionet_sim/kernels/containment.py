@@ -60,3 +60,32 @@ def find_polygon(
             if is_selected[polygon] and winding_number(x, y, outlines, offsets[polygon], offsets[polygon + 1]) != 0:
                 found[query] = polygon
                 break
+
+
+@kernel
+def find_polygons(
+    points: Float64,
+    outlines: Float32,
+    offsets: Int32,
+    frame: Float64,
+    cell_start: Int32,
+    cell_items: Int32,
+    inside: Bool,
+) -> None:
+    """Find all of the first polygons around each point, with a grid over the polygons.
+
+    Args:
+        points, outlines, offsets, frame, cell_start, cell_items: See :func:`find_polygon`.
+        inside: (Q, M) output, False before: whether a point is in each of the first M polygons.
+    """
+    for query in range(points.shape[0]):
+        x, y = points[query, 0], points[query, 1]
+        column, row = np.floor((x - frame[0]) / frame[2]), np.floor((y - frame[1]) / frame[2])
+        if not (0 <= column < frame[3] and 0 <= row < frame[4]):
+            continue
+        cell = int(row * frame[3] + column)
+        for place in range(cell_start[cell], cell_start[cell + 1]):
+            polygon = cell_items[place]
+            if polygon < inside.shape[1]:
+                turns = winding_number(x, y, outlines, offsets[polygon], offsets[polygon + 1])
+                inside[query, polygon] = turns != 0

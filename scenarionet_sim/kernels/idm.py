@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import device_function, kernel
+from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Float32, Float64, UInt8
 from scenarionet_data.arrays.idm import free_acceleration, interaction
 from scenarionet_sim.kernels.log import ARC, HEADING, VALID, VX, VY, YAW_RATE, X, Y, Z
@@ -18,7 +18,7 @@ from scenarionet_sim.kernels.minmax import larger, smaller
 from scenarionet_sim.kernels.motion import place_as_recorded
 from scenarionet_sim.kernels.overlap import is_overlapping
 from scenarionet_sim.kernels.paths import PathRows, direction, nearest, pose_at, segment_at, wrapped
-from scenarionet_sim.kernels.structures import Recorded, StateArrays
+from scenarionet_sim.kernels.structures import LIGHTS, LOG, NUM_OBJECTS, NUM_STEPS, OBJECTS, Recorded, StateArrays
 
 
 class Law(NamedTuple):
@@ -41,74 +41,75 @@ _SX, _SY, _ARC, _HEADING = range(4)  # columns of stations
 _BX, _BY, _BZ, _COS, _SIN, _VX, _VY, _HALF_LENGTH, _HALF_WIDTH, _HALF_HEIGHT, _RADIUS = range(11)  # rows of boxes
 
 
-@kernel
+@device_function(allocates=True)
 def drive_along_paths(
+    w: int,
+    recorded: Recorded,
+    now: StateArrays,
+    then: StateArrays,
     driver: UInt8,
     policy_id: int,
     dt: float,
     law: Law,
     colors: UInt8,
-    recorded: Recorded,
-    now: StateArrays,
-    then: StateArrays,
 ) -> None:
-    """Advance every object of a policy by one step.
+    """Advance every object of a policy in a world by one step.
 
     An object appears as recorded, at the first valid timestep at which its place is free. It leaves at the end of
     its path, where its arc length becomes infinite.
 
     Args:
+        w: The world.
+        recorded: Logs, paths and lights of W worlds.
+        now: Current state.
+        then: Next state, initially a copy of ``now``; the policy's rows are written.
         driver, policy_id: (W, N) policy of each object, and the policy whose objects move.
         dt: [s].
         law: Parameters of the driver model.
         colors: (K,) ``LightColor`` by ``LightState``.
-        recorded: Logs, paths and lights.
-        now: Current state.
-        then: Next state, initially a copy of ``now``; the policy's rows are written.
     """
-    stations = np.empty((_STATIONS, 4))
-    log, num_steps = recorded.log, recorded.num_steps
-    for w in range(len(now.timestep)):
-        boxes = _boxes(w, now)
-        t, own = smaller(now.timestep[w], num_steps[w] - 1), -1
-        for n in range(driver.shape[1]):
-            own += now.present[w, n]
-            if driver[w, n] != policy_id:
-                continue
-            then.route[w, n, 1], then.present[w, n] = 0.0, False
-            s, size = now.route[w, n, 0], now.size[w, n]
-            if s == np.inf:
-                continue
-            if not now.present[w, n]:
-                if t + 1 < num_steps[w] and _is_free(log[w, t + 1, n], size, boxes):
-                    place_as_recorded(log[w, t + 1, n], w, n, then.motion, then.present)
-                continue
-            path = PathRows(recorded.path[w], recorded.path_offsets[w, n], recorded.path_offsets[w, n + 1])
-            row = now.motion[w, n]
-            if np.isnan(s):
-                s = larger(nearest(path, row[X], row[Y], -np.inf, np.inf)[0], 0.0)
-            speed = np.hypot(row[VX], row[VY])
-            count = _look_ahead(path, s, stations)
-            braking = _braking_for_boxes(boxes, own, stations, count, speed, law)
-            for k in range(recorded.stop_offsets[w, n], recorded.stop_offsets[w, n + 1]):
-                color = colors[recorded.light_state[w, recorded.stop_light[w, k], t]]
-                gap = recorded.stop_arc[w, k] - s - size[0] / 2.0
-                braking = larger(braking, _braking_for_light(color, gap, speed, law))
-            top_speed = larger(np.float64(recorded.top_speed[w, n]), law.slowest)
-            desired = smaller(top_speed, _speed_for_bends(stations, count, law))
-            wanted = free_acceleration(speed, desired, law.acceleration, law.deceleration) - braking
-            new_speed = larger(speed + larger(wanted, -law.hardest) * dt, 0.0)
-            s += (speed + new_speed) / 2.0 * dt
-            if s >= path.points[path.end - 1, ARC]:
-                then.route[w, n, 0] = np.inf
-                continue
-            tx, ty, _ = direction(path, segment_at(path, s))
-            x, y, z, angle = pose_at(path, s)
-            moved = then.motion[w, n]
-            moved[X], moved[Y], moved[Z], moved[HEADING] = x, y, z, angle
-            moved[VX], moved[VY] = new_speed * tx, new_speed * ty
-            moved[YAW_RATE] = wrapped(angle - row[HEADING]) / dt
-            then.route[w, n, 0], then.present[w, n] = s, True
+    stations, boxes = np.empty((_STATIONS, 4)), _boxes(w, now)
+    count, num_steps, objects = recorded.place[w, NUM_OBJECTS], recorded.place[w, NUM_STEPS], recorded.place[w, OBJECTS]
+    t, own = smaller(now.timestep[w], num_steps - 1), -1
+    log, lights = recorded.place[w, LOG] + (t + 1) * count, recorded.place[w, LIGHTS] + t
+    for n in range(count):
+        own += now.present[w, n]
+        if driver[w, n] != policy_id:
+            continue
+        then.route[w, n, 1], then.present[w, n] = 0.0, False
+        s, size = now.route[w, n, 0], now.size[w, n]
+        if s == np.inf:
+            continue
+        if not now.present[w, n]:
+            if t + 1 < num_steps and _is_free(recorded.log[log + n], size, boxes):
+                place_as_recorded(recorded.log[log + n], w, n, then.motion, then.present)
+            continue
+        path = PathRows(recorded.path, recorded.path_offsets[objects + n], recorded.path_offsets[objects + n + 1])
+        row = now.motion[w, n]
+        if np.isnan(s):
+            s = larger(nearest(path, row[X], row[Y], -np.inf, np.inf)[0], 0.0)
+        speed = np.hypot(row[VX], row[VY])
+        num_stations = _look_ahead(path, s, stations)
+        braking = _braking_for_boxes(boxes, own, stations, num_stations, speed, law)
+        for k in range(recorded.stop_offsets[objects + n], recorded.stop_offsets[objects + n + 1]):
+            color = colors[recorded.light_state[lights + recorded.stop_light[k] * num_steps]]
+            gap = recorded.stop_arc[k] - s - size[0] / 2.0
+            braking = larger(braking, _braking_for_light(color, gap, speed, law))
+        top_speed = larger(np.float64(recorded.top_speed[objects + n]), law.slowest)
+        desired = smaller(top_speed, _speed_for_bends(stations, num_stations, law))
+        wanted = free_acceleration(speed, desired, law.acceleration, law.deceleration) - braking
+        new_speed = larger(speed + larger(wanted, -law.hardest) * dt, 0.0)
+        s += (speed + new_speed) / 2.0 * dt
+        if s >= path.points[path.end - 1, ARC]:
+            then.route[w, n, 0] = np.inf
+            continue
+        tx, ty, _ = direction(path, segment_at(path, s))
+        x, y, z, angle = pose_at(path, s)
+        moved = then.motion[w, n]
+        moved[X], moved[Y], moved[Z], moved[HEADING] = x, y, z, angle
+        moved[VX], moved[VY] = new_speed * tx, new_speed * ty
+        moved[YAW_RATE] = wrapped(angle - row[HEADING]) / dt
+        then.route[w, n, 0], then.present[w, n] = s, True
 
 
 @device_function(allocates=True)

@@ -48,21 +48,39 @@ def find_contacts(
     """
     for a in range(len(agents)):
         w, n = agents[a, 0], agents[a, 1]
-        hits[a] = 0
-        for m in range(present.shape[1]):
-            contacts[a, m] = False
-        if not present[w, n]:
+        hits[a] = touch(n, motion[w], size[w], object_type[w], present[w], contacts[a])
+
+
+@device_function
+def touch(n: int, motion: Float64, size: Float64, object_type: UInt8, present: Bool, contacts: Bool) -> np.uint32:
+    """Find the objects that one agent touches, see :func:`find_contacts`.
+
+    Args:
+        n: Row of the agent.
+        motion, size, object_type, present: (N, ...) of its world.
+        contacts: (N,) output.
+
+    Returns:
+        The types as bits.
+    """
+    hits = np.uint32(0)
+    for m in range(len(present)):
+        contacts[m] = False
+    if not present[n]:
+        return hits
+    own, length, width = motion[n], size[n, 0], size[n, 1]
+    cos, sin, reach = np.cos(own[HEADING]), np.sin(own[HEADING]), length + width
+    for m in range(len(present)):
+        if not present[m]:
             continue
-        own, length, width = motion[w, n], size[w, n, 0], size[w, n, 1]
-        cos, sin, reach = np.cos(own[HEADING]), np.sin(own[HEADING]), length + width
-        for m in range(present.shape[1]):
-            dx, dy = motion[w, m, X] - own[X], motion[w, m, Y] - own[Y]
-            far = reach + size[w, m, 0] + size[w, m, 1]  # at least twice the sum of both circumscribed radii
-            if not present[w, m] or m == n or 4.0 * (dx * dx + dy * dy) > far * far:
-                continue
-            if 2.0 * abs(motion[w, m, Z] - own[Z]) > size[w, m, 2] + size[w, n, 2]:
-                continue
-            other_cos, other_sin = np.cos(motion[w, m, HEADING]), np.sin(motion[w, m, HEADING])
-            if is_overlapping(dx, dy, cos, sin, length, width, other_cos, other_sin, size[w, m, 0], size[w, m, 1]):
-                contacts[a, m] = True
-                hits[a] |= np.uint32(1) << np.uint32(object_type[w, m])
+        dx, dy = motion[m, X] - own[X], motion[m, Y] - own[Y]
+        far = reach + size[m, 0] + size[m, 1]  # at least twice the sum of both circumscribed radii
+        if m == n or 4.0 * (dx * dx + dy * dy) > far * far:
+            continue
+        if 2.0 * abs(motion[m, Z] - own[Z]) > size[m, 2] + size[n, 2]:
+            continue
+        other_cos, other_sin = np.cos(motion[m, HEADING]), np.sin(motion[m, HEADING])
+        if is_overlapping(dx, dy, cos, sin, length, width, other_cos, other_sin, size[m, 0], size[m, 1]):
+            contacts[m] = True
+            hits |= np.uint32(1) << np.uint32(object_type[m])
+    return hits

@@ -14,6 +14,7 @@ from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Float32, Float64, Int32
 from scenarionet_sim.kernels.log import ARC, HEADING, X, Y, Z
 from scenarionet_sim.kernels.minmax import larger, smaller
+from scenarionet_sim.kernels.structures import OBJECTS, Recorded
 
 _LANE_HALF = 1.75  # [m] from a lane's centreline, a path is on that lane
 _BEYOND = 10.0  # [m] after a stop point, lanes that start at the same point have split
@@ -106,21 +107,14 @@ def nearest(path: PathRows, x: float, y: float, low: float, high: float) -> tupl
 
 @kernel
 def follow_paths(
-    agents: Int32,
-    motion: Float64,
-    path: Float32,
-    path_offsets: Int32,
-    back: float,
-    ahead: float,
-    route: Float64,
-    sets_height: bool,
+    agents: Int32, motion: Float64, recorded: Recorded, back: float, ahead: float, route: Float64, sets_height: bool
 ) -> None:
     """Locate agents on their own paths.
 
     Args:
         agents: (A, 2) world and row.
         motion: (W, N, 7).
-        path, path_offsets: Paths of W worlds, see ``WorldBatch``.
+        recorded: Paths of W worlds.
         back, ahead: Search window around the last arc length [m], since a path may cross itself; the whole path
             when that is NaN.
         route: (W, N, 2) arc length and lateral offset [m], read and written at the agents.
@@ -128,15 +122,22 @@ def follow_paths(
     """
     for a in range(len(agents)):
         w, n = agents[a, 0], agents[a, 1]
-        own = PathRows(path[w], path_offsets[w, n], path_offsets[w, n + 1])
-        if own.end == own.first:
-            continue
-        last = route[w, n, 0]
-        low, high = (-np.inf, np.inf) if np.isnan(last) else (last - back, last + ahead)
-        route[w, n, 0], route[w, n, 1] = nearest(own, motion[w, n, X], motion[w, n, Y], low, high)
-        if sets_height:
-            is_point = own.end - own.first == 1
-            motion[w, n, Z] = own.points[own.first, Z] if is_point else pose_at(own, route[w, n, 0])[2]
+        row = recorded.place[w, OBJECTS] + n
+        own = PathRows(recorded.path, recorded.path_offsets[row], recorded.path_offsets[row + 1])
+        locate(own, back, ahead, motion[w, n], route[w, n], sets_height)
+
+
+@device_function
+def locate(own: PathRows, back: float, ahead: float, row: Float64, route: Float64, sets_height: bool) -> None:
+    """Locate one agent, with rows (7,) of motion and (2,) of route; see :func:`follow_paths`."""
+    if own.end == own.first:
+        return
+    last = route[0]
+    low, high = (-np.inf, np.inf) if np.isnan(last) else (last - back, last + ahead)
+    route[0], route[1] = nearest(own, row[X], row[Y], low, high)
+    if sets_height:
+        is_point = own.end - own.first == 1
+        row[Z] = own.points[own.first, Z] if is_point else pose_at(own, route[0])[2]
 
 
 @kernel

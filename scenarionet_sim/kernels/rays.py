@@ -12,7 +12,7 @@ from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32
 from scenarionet_sim.kernels.log import HEADING, X, Y
 from scenarionet_sim.kernels.minmax import larger, smaller
-from scenarionet_sim.kernels.structures import Lines
+from scenarionet_sim.kernels.structures import CELLS, Lines
 
 _HUGE = 1e300
 """Substitute for 1 / 0: its product with 0 is 0, where infinity would give NaN."""
@@ -87,41 +87,58 @@ def cast_at_boxes(
         reach: Range [m].
         out: (A, R) output.
     """
-    count = directions.shape[0]
     for a in range(agents.shape[0]):
-        w, own = agents[a, 0], agents[a, 1]
-        me = motion[w, own]
-        cos_me, sin_me = np.cos(me[HEADING]), np.sin(me[HEADING])
-        for ray in range(count):
-            out[a, ray] = 1.0
-        for n in range(motion.shape[1]):
-            if n == own or not is_visible[w, n]:
-                continue
-            dx, dy, turn = motion[w, n, X] - me[X], motion[w, n, Y] - me[Y], motion[w, n, HEADING] - me[HEADING]
-            half_x, half_y = 0.5 * size[w, n, 0], 0.5 * size[w, n, 1]
-            first, last, x, y, cos, sin = box_ahead(dx, dy, cos_me, sin_me, turn, half_x, half_y, reach, count)
-            for ray in range(first, last + 1):
-                k = ray - count if ray >= count else ray + count if ray < 0 else ray
-                forward = cos * directions[k, 0] + sin * directions[k, 1]
-                left = cos * directions[k, 1] - sin * directions[k, 0]
-                enter, leave = ray_through_box(x, y, forward, left, half_x, half_y)
-                share = larger(enter, 0.0) / reach
-                if enter <= leave and leave >= 0.0 and share < out[a, k]:
-                    out[a, k] = share
+        w = agents[a, 0]
+        ranges_to_boxes(agents[a, 1], motion[w], size[w], is_visible[w], directions, reach, out[a])
+
+
+@device_function
+def ranges_to_boxes(
+    own: int, motion: Float64, size: Float64, is_visible: Bool, directions: Float64, reach: float, out: Float32
+) -> None:
+    """Cast the rays of one agent at the other boxes of its world, see :func:`cast_at_boxes`.
+
+    Args:
+        own: Row of the agent.
+        motion, size, is_visible: (N, ...) of its world.
+        directions, reach: As in :func:`cast_at_boxes`.
+        out: (R,) output.
+    """
+    count = directions.shape[0]
+    me = motion[own]
+    cos_me, sin_me = np.cos(me[HEADING]), np.sin(me[HEADING])
+    for ray in range(count):
+        out[ray] = 1.0
+    for n in range(motion.shape[0]):
+        if n == own or not is_visible[n]:
+            continue
+        dx, dy, turn = motion[n, X] - me[X], motion[n, Y] - me[Y], motion[n, HEADING] - me[HEADING]
+        half_x, half_y = 0.5 * size[n, 0], 0.5 * size[n, 1]
+        first, last, x, y, cos, sin = box_ahead(dx, dy, cos_me, sin_me, turn, half_x, half_y, reach, count)
+        for ray in range(first, last + 1):
+            k = ray - count if ray >= count else ray + count if ray < 0 else ray
+            forward = cos * directions[k, 0] + sin * directions[k, 1]
+            left = cos * directions[k, 1] - sin * directions[k, 0]
+            enter, leave = ray_through_box(x, y, forward, left, half_x, half_y)
+            share = larger(enter, 0.0) / reach
+            if enter <= leave and leave >= 0.0 and share < out[k]:
+                out[k] = share
 
 
 @device_function
 def nearest_segment(
-    x: float, y: float, dx: float, dy: float, reach: float, w: int, lines: Lines, is_visible: Bool
+    x: float, y: float, dx: float, dy: float, reach: float, w: int, lines: Lines, is_visible: Bool, types: int
 ) -> float:
     """Return the distance [m] from (x, y) along the unit vector (dx, dy) to the nearest visible segment.
 
     Traverses the grid cells along the ray, nearest first, and stops at the first with a hit; ``reach`` without a hit.
+    ``types`` are the visible types as ``Lines.cell_types`` has them.
     Source: J. Amanatides, A. Woo, "A fast voxel traversal algorithm for ray tracing", 1987.
     """
     over_x, over_y = _inverse(dx), _inverse(dy)
     left, low, cell_size = lines.frame[w, 0], lines.frame[w, 1], lines.frame[w, 2]
     columns, rows = int(lines.frame[w, 3]), int(lines.frame[w, 4])
+    first_cell = lines.place[w, CELLS]
     width, height = columns * cell_size, rows * cell_size
     enter, leave = ray_through_box(x - left - width / 2, y - low - height / 2, dx, dy, width / 2, height / 2)
     start, best = larger(enter, 0.0), reach
@@ -134,11 +151,11 @@ def nearest_segment(
     next_y = (low + (row + (dy > 0)) * cell_size - y) * over_y
     along_x, along_y = cell_size * abs(over_x), cell_size * abs(over_y)
     while 0 <= column < columns and 0 <= row < rows:
-        cell = row * columns + column
-        for place in range(lines.cell_start[w, cell], lines.cell_start[w, cell + 1]):
-            s = lines.cell_items[w, place]
-            if is_visible[lines.segment_type[w, s]]:
-                best = smaller(best, _ray_to_segment(x, y, dx, dy, lines.segments[w, s], best))
+        cell = first_cell + row * columns + column
+        if lines.cell_types[cell] & types:
+            for s in range(lines.cell_start[cell], lines.cell_start[cell + 1]):
+                if is_visible[lines.segment_type[s]]:
+                    best = smaller(best, _ray_to_segment(x, y, dx, dy, lines.segments[s], best))
         if best <= smaller(next_x, next_y):
             break
         if next_x < next_y:
@@ -179,9 +196,23 @@ def cast_at_segments(
     """
     for a in range(agents.shape[0]):
         w = agents[a, 0]
-        me = motion[w, agents[a, 1]]
-        cos, sin = np.cos(me[HEADING]), np.sin(me[HEADING])
-        for ray in range(directions.shape[0]):
-            forward, left = directions[ray, 0], directions[ray, 1]
-            dx, dy = cos * forward - sin * left, sin * forward + cos * left
-            out[a, ray] = nearest_segment(me[X], me[Y], dx, dy, reach, w, lines, is_visible) / reach
+        ranges_to_lines(w, motion[w, agents[a, 1]], lines, is_visible, directions, reach, out[a])
+
+
+@device_function
+def ranges_to_lines(
+    w: int, me: Float64, lines: Lines, is_visible: Bool, directions: Float64, reach: float, out: Float32
+) -> None:
+    """Cast the rays of one agent, with the row (7,) of motion, at the lines of world ``w``.
+
+    ``lines``, ``is_visible``, ``directions`` and ``reach`` are as in :func:`cast_at_segments`, ``out`` is (R,).
+    """
+    types = 0
+    for kind in range(len(is_visible)):
+        if is_visible[kind]:
+            types |= 1 << kind % 32
+    cos, sin = np.cos(me[HEADING]), np.sin(me[HEADING])
+    for ray in range(directions.shape[0]):
+        forward, left = directions[ray, 0], directions[ray, 1]
+        dx, dy = cos * forward - sin * left, sin * forward + cos * left
+        out[ray] = nearest_segment(me[X], me[Y], dx, dy, reach, w, lines, is_visible, types) / reach

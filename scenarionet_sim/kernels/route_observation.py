@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import kernel
+from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, UInt8
 from scenarionet_sim.kernels.log import ARC, HEADING, VX, VY, YAW_RATE, X, Y
 from scenarionet_sim.kernels.minmax import larger, smaller
 from scenarionet_sim.kernels.paths import PathRows, direction, pose_at, segment_at
-from scenarionet_sim.kernels.structures import Recorded
+from scenarionet_sim.kernels.structures import LIGHTS, NUM_STEPS, OBJECTS, Recorded
 
 _STANDING = 0.1
 """Speed [m/s] below which a vehicle's motion does not reveal its steering."""
@@ -17,20 +17,14 @@ _STANDING = 0.1
 
 @kernel
 def points_ahead(
-    agents: Int32,
-    motion: Float64,
-    route: Float64,
-    path: Float32,
-    path_offsets: Int32,
-    spacing: float,
-    out: Float64,
+    agents: Int32, motion: Float64, route: Float64, recorded: Recorded, spacing: float, out: Float64
 ) -> int:
     """Sample points of each agent's path ahead; points beyond the end are the end.
 
     Args:
         agents: (A, 2) world and row.
         motion, route: See ``State``.
-        path, path_offsets: Paths of W worlds, see ``WorldBatch``.
+        recorded: Paths of W worlds.
         spacing: Distance between points along the path [m]; the first is one spacing ahead.
         out: (A, K, 2) output [m]; 0 for an agent without a path.
 
@@ -42,20 +36,26 @@ def points_ahead(
         w, own = agents[a, 0], agents[a, 1]
         if lost < 0 and np.isnan(route[w, own, 0]):
             lost = a
-        me = motion[w, own]
-        cos, sin = np.cos(me[HEADING]), np.sin(me[HEADING])
-        way = PathRows(path[w], path_offsets[w, own], path_offsets[w, own + 1])
-        for k in range(out.shape[1]):
-            out[a, k, 0], out[a, k, 1] = 0.0, 0.0
-            if way.end == way.first:
-                continue
-            x, y = float(way.points[way.first, X]), float(way.points[way.first, Y])
-            if way.end - way.first > 1:
-                s = larger(route[w, own, 0] + (k + 1) * spacing, 0.0)
-                x, y, _, _ = pose_at(way, smaller(s, np.float64(way.points[way.end - 1, ARC])))
-            dx, dy = x - me[X], y - me[Y]
-            out[a, k, 0], out[a, k, 1] = cos * dx + sin * dy, cos * dy - sin * dx
+        row = recorded.place[w, OBJECTS] + own
+        way = PathRows(recorded.path, recorded.path_offsets[row], recorded.path_offsets[row + 1])
+        way_ahead(motion[w, own], route[w, own], way, spacing, out[a])
     return lost
+
+
+@device_function
+def way_ahead(me: Float64, route: Float64, way: PathRows, spacing: float, out: Float64) -> None:
+    """Sample the path of one agent, with rows (7,) of motion and (2,) of route; see :func:`points_ahead`."""
+    cos, sin = np.cos(me[HEADING]), np.sin(me[HEADING])
+    for k in range(out.shape[0]):
+        out[k, 0], out[k, 1] = 0.0, 0.0
+        if way.end == way.first:
+            continue
+        x, y = float(way.points[way.first, X]), float(way.points[way.first, Y])
+        if way.end - way.first > 1:
+            s = larger(route[0] + (k + 1) * spacing, 0.0)
+            x, y, _, _ = pose_at(way, smaller(s, np.float64(way.points[way.end - 1, ARC])))
+        dx, dy = x - me[X], y - me[Y]
+        out[k, 0], out[k, 1] = cos * dx + sin * dy, cos * dy - sin * dx
 
 
 @kernel
@@ -64,8 +64,7 @@ def observe_self(
     motion: Float64,
     route: Float64,
     size: Float64,
-    path: Float32,
-    path_offsets: Int32,
+    recorded: Recorded,
     wheelbase: float,
     out: Float64,
 ) -> int:
@@ -74,7 +73,7 @@ def observe_self(
     Args:
         agents: (A, 2) world and row.
         motion, route, size: See ``State``.
-        path, path_offsets: As in :func:`points_ahead`.
+        recorded: Paths of W worlds.
         wheelbase: Distance between the axles, as a share of the length.
         out: (A, 7) output: speed forward and to the left [m/s], yaw rate [rad/s], steering angle [rad], heading
             relative to the path [rad] in [-pi, pi], offset to its left [m], completed share of its length.
@@ -87,22 +86,28 @@ def observe_self(
         w, own = agents[a, 0], agents[a, 1]
         if lost < 0 and np.isnan(route[w, own, 0]):
             lost = a
-        me = motion[w, own]
-        cos, sin = np.cos(me[HEADING]), np.sin(me[HEADING])
-        forward = cos * me[VX] + sin * me[VY]
-        out[a, 0] = forward
-        out[a, 1] = cos * me[VY] - sin * me[VX]
-        out[a, 2] = me[YAW_RATE]
-        out[a, 3] = 0.0  # yaw rate of a bicycle = speed * tan(steering) / wheelbase
-        if abs(forward) >= _STANDING:
-            out[a, 3] = np.arctan(wheelbase * size[w, own, 0] * me[YAW_RATE] / forward)
-        out[a, 4], out[a, 5], out[a, 6] = 0.0, route[w, own, 1], 1.0
-        way = PathRows(path[w], path_offsets[w, own], path_offsets[w, own + 1])
-        if way.end - way.first > 1:
-            tx, ty, _ = direction(way, segment_at(way, route[w, own, 0]))
-            out[a, 4] = np.arctan2(sin * tx - cos * ty, cos * tx + sin * ty)
-            out[a, 6] = smaller(larger(route[w, own, 0] / way.points[way.end - 1, ARC], 0.0), 1.0)
+        row = recorded.place[w, OBJECTS] + own
+        way = PathRows(recorded.path, recorded.path_offsets[row], recorded.path_offsets[row + 1])
+        own_motion(motion[w, own], route[w, own], size[w, own, 0], way, wheelbase, out[a])
     return lost
+
+
+@device_function
+def own_motion(me: Float64, route: Float64, length: float, way: PathRows, wheelbase: float, out: Float64) -> None:
+    """Observe one agent, with rows (7,) of motion and (2,) of route; see :func:`observe_self`."""
+    cos, sin = np.cos(me[HEADING]), np.sin(me[HEADING])
+    forward = cos * me[VX] + sin * me[VY]
+    out[0] = forward
+    out[1] = cos * me[VY] - sin * me[VX]
+    out[2] = me[YAW_RATE]
+    out[3] = 0.0  # yaw rate of a bicycle = speed * tan(steering) / wheelbase
+    if abs(forward) >= _STANDING:
+        out[3] = np.arctan(wheelbase * length * me[YAW_RATE] / forward)
+    out[4], out[5], out[6] = 0.0, route[1], 1.0
+    if way.end - way.first > 1:
+        tx, ty, _ = direction(way, segment_at(way, route[0]))
+        out[4] = np.arctan2(sin * tx - cos * ty, cos * tx + sin * ty)
+        out[6] = smaller(larger(route[0] / way.points[way.end - 1, ARC], 0.0), 1.0)
 
 
 @kernel
@@ -195,13 +200,14 @@ def observe_light(
         if lost < 0 and np.isnan(route[w, own, 0]):
             lost = a
         out[a, 0], out[a, 1], out[a, 2], out[a, 3] = 1.0, 0.0, 0.0, 0.0
-        now = smaller(timestep[w], recorded.num_steps[w] - 1)
-        for stop in range(recorded.stop_offsets[w, own], recorded.stop_offsets[w, own + 1]):
-            apart = recorded.stop_arc[w, stop] - route[w, own, 0]
+        row, num_steps = recorded.place[w, OBJECTS] + own, recorded.place[w, NUM_STEPS]
+        lights = recorded.place[w, LIGHTS] + smaller(timestep[w], num_steps - 1)
+        for stop in range(recorded.stop_offsets[row], recorded.stop_offsets[row + 1]):
+            apart = recorded.stop_arc[stop] - route[w, own, 0]
             if apart >= 0.0:
                 if apart <= reach:
                     out[a, 0] = apart / reach
-                    color = colors[recorded.light_state[w, recorded.stop_light[w, stop], now]]
+                    color = colors[recorded.light_state[lights + recorded.stop_light[stop] * num_steps]]
                     if color > 0:
                         out[a, color] = 1.0
                 break

@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from scenarionet_data.arrays.compiled import kernel
+from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.kernels.log import ARC, VALID, VX, VY, X, Y
 from scenarionet_sim.kernels.minmax import larger, smaller
-from scenarionet_sim.kernels.structures import Recorded, StateArrays
+from scenarionet_sim.kernels.structures import LOG, NUM_OBJECTS, NUM_STEPS, OBJECTS, Recorded, StateArrays
 from scenarionet_sim.task.task import ARRIVED, DRIVING, OFF_ROUTE, TIMED_OUT
 
 ROAD_USERS = np.uint32(sum(1 << kind for kind in (ObjectType.VEHICLE, ObjectType.PEDESTRIAN, ObjectType.CYCLIST)))
@@ -102,54 +102,82 @@ def score_step(
         task: (12,) see ``task.task_parameters``.
         result: Output.
     """
+    for a in range(len(agents)):
+        w, n = agents[a, 0], agents[a, 1]
+        touched = contacts.now[a], contacts.before[a], contacts.hits[a]
+        score(a, w, n, steering[a], touched, now, route[w, n], route_before[w, n], recorded, task, result)
+
+
+Touched = tuple[Bool, Bool, np.uint32]
+
+
+@device_function
+def score(
+    a: int,
+    w: int,
+    n: int,
+    steering: float,
+    touched: Touched,
+    now: StateArrays,
+    route: Float64,
+    route_before: Float64,
+    recorded: Recorded,
+    task: Float64,
+    result: StepResult,
+) -> None:
+    """Write the result of a step for agent ``a``, row ``n`` of world ``w``; see :func:`score_step`.
+
+    ``touched`` are a row each of ``Contacts.now`` and ``before``, and of ``hits``; ``route`` and ``route_before`` (2,).
+    """
     # Indexed, since unpacking an array compiles an iterator for every name.
     c1, c2, c3 = task[0], task[1], task[2]
     p_road_user, p_object = task[3], task[4]
     r_arrived, r_off_route, slow = task[5], task[6], task[7]
     max_lateral, min_completion = task[8], task[9]
     short_route, extra_steps = task[10], task[11]
-    log = recorded.log
-    for a in range(len(agents)):
-        w, n = agents[a, 0], agents[a, 1]
-        row, t = now.motion[w, n], now.timestep[w]
-        numbers, total = result.numbers[a], result.totals[w, n]
-        speed = np.hypot(row[VX], row[VY])
-        first, end = recorded.path_offsets[w, n], recorded.path_offsets[w, n + 1]
-        length = recorded.path[w, end - 1, ARC] if end > first else 0.0
-        is_short = length < short_route
-        done = 1.0 if is_short else smaller(larger(route[w, n, 0] / length, 0.0), 1.0)
-        status, terminal = DRIVING, 0.0
-        if abs(route[w, n, 1]) > max_lateral:
-            status, terminal = OFF_ROUTE, r_off_route
-        elif is_short or done > min_completion:
-            status, terminal = ARRIVED, r_arrived
-        elif t >= recorded.num_steps[w] + extra_steps:
-            status = TIMED_OUT
-        collision = 0.0
-        if contacts.hits[a] & ROAD_USERS:
-            collision = p_road_user
-        elif contacts.hits[a]:
-            collision = p_object
-        numbers[0] = c1 * (route[w, n, 0] - route_before[w, n, 0]) if status == DRIVING else 0.0
-        numbers[1] = c2 * smaller(0.0, 1.0 / speed - abs(steering[a])) if speed >= slow else c2 * 0.0
-        numbers[2], numbers[3] = c3 * collision, terminal
-        numbers[_COMPLETION], numbers[_LATERAL], result.status[a] = done, route[w, n, 1], status
-        begun = 0
-        for m in range(contacts.now.shape[1]):
-            if contacts.now[a, m] and not contacts.before[a, m]:
+    contacts, before, hits = touched
+    count, num_steps = recorded.place[w, NUM_OBJECTS], recorded.place[w, NUM_STEPS]
+    row, t, path_row = now.motion[w, n], now.timestep[w], recorded.place[w, OBJECTS] + n
+    numbers, total = result.numbers[a], result.totals[w, n]
+    speed = np.hypot(row[VX], row[VY])
+    first, end = recorded.path_offsets[path_row], recorded.path_offsets[path_row + 1]
+    length = recorded.path[end - 1, ARC] if end > first else 0.0
+    is_short = length < short_route
+    done = 1.0 if is_short else smaller(larger(route[0] / length, 0.0), 1.0)
+    status, terminal = DRIVING, 0.0
+    if abs(route[1]) > max_lateral:
+        status, terminal = OFF_ROUTE, r_off_route
+    elif is_short or done > min_completion:
+        status, terminal = ARRIVED, r_arrived
+    elif t >= num_steps + extra_steps:
+        status = TIMED_OUT
+    collision = 0.0
+    if hits & ROAD_USERS:
+        collision = p_road_user
+    elif hits:
+        collision = p_object
+    numbers[0] = c1 * (route[0] - route_before[0]) if status == DRIVING else 0.0
+    numbers[1] = c2 * smaller(0.0, 1.0 / speed - abs(steering)) if speed >= slow else c2 * 0.0
+    numbers[2], numbers[3] = c3 * collision, terminal
+    numbers[_COMPLETION], numbers[_LATERAL], result.status[a] = done, route[1], status
+    begun = 0
+    if hits:
+        for m in range(count):
+            if contacts[m] and not before[m]:
                 begun += 1
                 kind = now.object_type[w, m]
                 is_human = kind == _PEDESTRIAN or kind == _CYCLIST  # ``in`` takes longer to compile
                 total[0 if kind == _VEHICLE else (1 if is_human else 2)] += 1.0
-        total[_STEPS] += 1.0
-        total[_SPEEDS] += speed
-        if t < recorded.num_steps[w] and log[w, t, n, VALID] != 0:
-            apart = np.hypot(row[X] - log[w, t, n, X], row[Y] - log[w, t, n, Y])
-            total[_LOG_STEPS] += 1.0
-            total[_LOG_DISTANCES] += apart
-            numbers[_DISTANCE] = apart
-        numbers[_COST] = begun
-        for kind in range(3):
-            numbers[_CRASHES + kind] = total[kind]
-        numbers[_SPEED], numbers[_MEAN_SPEED] = speed, total[_SPEEDS] / total[_STEPS]
-        numbers[_MEAN_DISTANCE] = total[_LOG_DISTANCES] / larger(total[_LOG_STEPS], 1.0)
+    total[_STEPS] += 1.0
+    total[_SPEEDS] += speed
+    log_row = recorded.log[recorded.place[w, LOG] + smaller(t, num_steps - 1) * count + n]
+    if t < num_steps and log_row[VALID] != 0:
+        apart = np.hypot(row[X] - log_row[X], row[Y] - log_row[Y])
+        total[_LOG_STEPS] += 1.0
+        total[_LOG_DISTANCES] += apart
+        numbers[_DISTANCE] = apart
+    numbers[_COST] = begun
+    for kind in range(3):
+        numbers[_CRASHES + kind] = total[kind]
+    numbers[_SPEED], numbers[_MEAN_SPEED] = speed, total[_SPEEDS] / total[_STEPS]
+    numbers[_MEAN_DISTANCE] = total[_LOG_DISTANCES] / larger(total[_LOG_STEPS], 1.0)

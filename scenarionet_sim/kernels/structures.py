@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, UInt8
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, Int64, UInt8, UInt32
 
 
 class StateArrays(NamedTuple):
@@ -30,20 +30,38 @@ class StateArrays(NamedTuple):
     timestep: Int32
 
 
+(
+    NUM_OBJECTS, NUM_STEPS, EGO, FIRST_STEP, DRIVERS, OBJECTS, LOG, LIGHTS, CELLS,
+) = range(9)  # fmt: skip
+"""Columns of ``Recorded.place``: numbers of objects and timesteps; row of the ego; first timestep with a valid ego;
+policies that drive at least one object, as bits; first rows in the arrays of objects, log, light states and cells."""
+
+NUM_PLACES = 9
+
+
 class Recorded(NamedTuple):
-    """Arrays of a ``WorldBatch``: logs, paths and traffic lights of W worlds, padded.
+    """Recorded worlds of a ``WorldPool`` in flat arrays, and where the worlds of W slots are in them.
+
+    Object n of slot w has the row ``place[w, OBJECTS] + n``; its state at timestep t is the row
+    ``place[w, LOG] + t * place[w, NUM_OBJECTS] + n`` of the log; light l at timestep t has the entry
+    ``place[w, LIGHTS] + l * place[w, NUM_STEPS] + t``. Every world has one more row of objects, for the end of its
+    last path and its last stop.
 
     Attributes:
-        log: (W, T, N, 8), see ``kernels.log``.
-        num_steps: (W,) timesteps of each log.
-        top_speed: (W, N) highest recorded speed [m/s].
-        path, path_offsets: (W, P, 5), (W, N + 1), see ``Paths``.
-        stop_arc, stop_light, stop_offsets: (W, K), (W, K), (W, N + 1), see ``Stops``.
-        light_state: (W, L, T) codes of ``LightState``.
+        place: (W, NUM_PLACES), see above.
+        log: (R, 8), see ``kernels.log``.
+        driver: (O,) policy of each object.
+        object_type, size, top_speed: (O,) codes of ``ObjectType``; (O, 3) [m]; (O,) highest recorded speed [m/s].
+        path, path_offsets: (P, 5), see ``Paths``; (O,) first row in ``path``.
+        stop_arc, stop_light, stop_offsets: (K,), (K,), see ``Stops``; (O,) first row in ``stop_arc``.
+        light_state: (B,) codes of ``LightState``.
     """
 
+    place: Int64
     log: Float32
-    num_steps: Int32
+    driver: UInt8
+    object_type: UInt8
+    size: Float32
     top_speed: Float32
     path: Float32
     path_offsets: Int32
@@ -54,19 +72,25 @@ class Recorded(NamedTuple):
 
 
 class Lines(NamedTuple):
-    """Line segments of W maps under a grid each.
+    """Line segments of the maps of W slots, cell by cell of a grid each, so that a ray reads them in sequence.
+
+    Cell c of slot w has the segments ``cell_start[place[w, CELLS] + c]`` to that of the next cell.
 
     Attributes:
-        segments: (W, S, 4) x0, y0, x1, y1 [m].
-        segment_type: (W, S) codes of ``MapFeatureType``.
-        frame, cell_start, cell_items: (W, 5), (W, C + 1), (W, K), see ``roads.grid.Grid``.
+        place: (W, NUM_PLACES), see ``Recorded``.
+        frame: (W, 5) x, y of the lower left corner and side of a cell [m]; numbers of columns and rows.
+        cell_start: (C,) first segment of each cell, with one more entry for every map.
+        cell_types: (C,) types in the cell: bit k is set for types of the code k modulo 32.
+        segments: (K, 4) x0, y0, x1, y1 [m]; a segment is in every cell that it touches.
+        segment_type: (K,) codes of ``MapFeatureType``.
     """
 
-    segments: Float32
-    segment_type: UInt8
+    place: Int64
     frame: Float64
     cell_start: Int32
-    cell_items: Int32
+    cell_types: UInt32
+    segments: Float32
+    segment_type: UInt8
 
 
 class Lanes(NamedTuple):

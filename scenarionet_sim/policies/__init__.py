@@ -11,15 +11,18 @@ from scenarionet_sim.policies.idm import Idm
 from scenarionet_sim.policies.objects import OfType, TrackIds, all_objects, ego, other_vehicles, others, vehicles
 from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.policies.route_follower import RouteFollower
+from scenarionet_sim.policies.sampled import NoisyVelocity, SampledIdm
 
 __all__ = [
     "ConstantVelocity",
     "External",
     "Idm",
+    "NoisyVelocity",
     "OfType",
     "Policy",
     "Replay",
     "RouteFollower",
+    "SampledIdm",
     "TrackIds",
     "all_objects",
     "ego",

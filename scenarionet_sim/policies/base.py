@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
-from scenarionet_data.arrays.dtypes import Bool, UInt8
+import numpy as np
+
+from scenarionet_data.arrays.dtypes import Bool, Float64, UInt8
+from scenarionet_sim.kernels.step import UNCOMPILED
 from scenarionet_sim.policies.objects import ObjectMask, all_objects
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world import World
@@ -13,8 +15,11 @@ from scenarionet_sim.worlds.world_batch import WorldBatch
 
 
 @dataclass(frozen=True)
-class Policy(ABC):
+class Policy:
     """Drives some objects of every world.
+
+    The package's own policies are part of the compiled step (``movement``, ``law``); a policy of your own implements
+    :meth:`advance`, which is called in every step.
 
     Attributes:
         objects: Selects the objects, as a function of a world that returns a mask (N,).
@@ -26,12 +31,26 @@ class Policy(ABC):
         """Return the mask (N,) of objects it drives, unless a later policy selects them too."""
         return self.objects(world)
 
+    def sampled(self, rng: np.random.Generator) -> Policy:
+        """Return the policy of one episode; a stochastic policy draws its parameters."""
+        del rng
+        return self
+
     def prepare(self, world: World, driven: Bool) -> World:
         """Return the world as this policy needs it; ``driven`` (N,) are the objects it drives."""
         del driven
         return world
 
-    @abstractmethod
+    @property
+    def movement(self) -> int:
+        """How the compiled step moves its objects: a constant of ``kernels.step``."""
+        return UNCOMPILED
+
+    @property
+    def law(self) -> Float64:
+        """(8,) numbers of a ``kernels.idm.Law`` for ``kernels.step.FOLLOW_PATH``."""
+        return np.zeros(8)
+
     def advance(self, batch: WorldBatch, now: State, then: State, driver: UInt8, policy_id: int, dt: float) -> None:
         """Write the next state of its objects.
 
@@ -44,4 +63,15 @@ class Policy(ABC):
             driver: (W, N) uint8 policy of each object.
             policy_id: Number of this policy in ``driver``.
             dt: Length of the step [s].
+
+        Raises:
+            NotImplementedError: The policy is part of the compiled step.
         """
+        raise NotImplementedError(
+            f"{type(self).__name__} is part of the compiled step; override advance() to replace it"
+        )
+
+
+def is_compiled(policy: Policy) -> bool:
+    """Return whether the compiled step moves a policy's objects."""
+    return policy.movement != UNCOMPILED and type(policy).advance is Policy.advance

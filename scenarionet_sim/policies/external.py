@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from scenarionet_data.arrays.dtypes import UInt8
-from scenarionet_sim.kernels.motion import replay
+from scenarionet_sim.kernels.step import ENTER
 from scenarionet_sim.policies.base import Policy
 from scenarionet_sim.policies.objects import ObjectMask, ego
-from scenarionet_sim.worlds.state import State
-from scenarionet_sim.worlds.world_batch import WorldBatch
 
 
 @dataclass(frozen=True)
@@ -22,7 +19,7 @@ class External(Policy):
 
     objects: ObjectMask = ego
 
-    def advance(self, batch: WorldBatch, now: State, then: State, driver: UInt8, policy_id: int, dt: float) -> None:
-        """Let agents appear; the backend moves those that are present."""
-        del dt
-        replay(batch.log, batch.num_steps, now.timestep, driver, policy_id, True, then.motion, then.present)
+    @property
+    def movement(self) -> int:
+        """Agents only appear; the backend moves those that are present."""
+        return ENTER

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
-from scenarionet_data.arrays.dtypes import Bool, UInt8
+import numpy as np
+
+from scenarionet_data.arrays.dtypes import Bool, Float64
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.scenario.vocabulary import LIGHT_COLORS
-from scenarionet_sim.kernels.idm import Law, drive_along_paths
+from scenarionet_sim.kernels.idm import Law
+from scenarionet_sim.kernels.step import FOLLOW_PATH
 from scenarionet_sim.policies.base import Policy
 from scenarionet_sim.policies.objects import ObjectMask, other_vehicles
-from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world import World
-from scenarionet_sim.worlds.world_batch import WorldBatch
 
 
 @dataclass(frozen=True)
@@ -57,10 +56,12 @@ class Idm(Policy):
         """Return the mask (N,) of its objects that drive at all."""
         return self.objects(world) & (world.paths.length() >= self.shortest)
 
-    @cached_property
-    def _law(self) -> Law:
-        return Law(*(getattr(self, name) for name in Law._fields))
+    @property
+    def movement(self) -> int:
+        """Along its path by the driver model."""
+        return FOLLOW_PATH
 
-    def advance(self, batch: WorldBatch, now: State, then: State, driver: UInt8, policy_id: int, dt: float) -> None:
-        """Apply the driver model to each object."""
-        drive_along_paths(driver, policy_id, dt, self._law, LIGHT_COLORS, batch.recorded, now.moment, then.moment)
+    @property
+    def law(self) -> Float64:
+        """(8,) parameters of the driver model."""
+        return np.array([getattr(self, name) for name in Law._fields], np.float64)

@@ -9,25 +9,28 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.plots import Moment, Scene
 
 _ROWS = """
-    SELECT track_id, start, x, y, heading, valid FROM rollouts WHERE run = $run AND scenario_id = $scenario_id
+    SELECT track_id, start, x, y, heading, valid
+    FROM rollouts
+    WHERE run = $run AND scenario_id = $scenario_id AND rollout = $rollout
 """
 
 
-def rollout_moments(lake: Lake, run: str, scene: Scene) -> list[Moment]:
+def rollout_moments(lake: Lake, run: str, scene: Scene, rollout: int = 0) -> list[Moment]:
     """Return the moments of a scenario in a run, in order.
 
     Args:
         lake: The lake with the run.
         run: Name of the run.
         scene: The scenario.
+        rollout: Number of the rollout.
 
     Raises:
         BadParameter: The run has no rollout of this scenario.
     """
-    rows = lake.sql(_ROWS, {"run": run, "scenario_id": scene.scenario_id})
+    rows = lake.sql(_ROWS, {"run": run, "scenario_id": scene.scenario_id, "rollout": rollout})
     if rows.is_empty():
         runs = ", ".join(lake.sql("SELECT DISTINCT run FROM rollouts ORDER BY run")["run"]) or "none"
-        raise BadParameter(f"run {run!r} has no rollout of {scene.scenario_id}; runs in this lake: {runs}")
+        raise BadParameter(f"run {run!r} has no rollout {rollout} of {scene.scenario_id}; runs in this lake: {runs}")
     row_of = {track: row for row, track in enumerate(scene.track_ids)}
     objects = [row_of[track] for track in rows["track_id"]]
     num_moments, start = len(rows["x"][0]), int(rows["start"][0])

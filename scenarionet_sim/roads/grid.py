@@ -9,7 +9,7 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Float32, Float64, Int32
 
 CELL = 10.0
-"""Side of a cell [m]."""
+"""Side of a cell [m], unless another is given."""
 
 _MAX_CELLS = 1 << 18
 """A map that would need more cells, because of a distant feature, gets larger cells."""
@@ -46,18 +46,19 @@ class Grid:
         return self.frame[3:].astype(np.int32)
 
     @classmethod
-    def over(cls, lower: Float32, upper: Float32) -> Grid:
+    def over(cls, lower: Float32, upper: Float32, cell: float = CELL) -> Grid:
         """Return the grid over boxes.
 
         Args:
             lower, upper: (B, 2) float32 corners [m]; NaN for an empty box.
+            cell: Side of a cell [m].
         """
         exists = ~np.isnan(lower[:, 0])
         origin, end = np.zeros(2, np.float32), np.zeros(2, np.float32)
         if exists.any():
-            origin = np.floor(lower[exists].min(axis=0) / CELL).astype(np.float32) * np.float32(CELL)
+            origin = np.floor(lower[exists].min(axis=0) / cell).astype(np.float32) * np.float32(cell)
             end = upper[exists].max(axis=0)
-        size = CELL
+        size = cell
         while np.prod(np.floor((end - origin).astype(np.float64) / size) + 1) > _MAX_CELLS:
             size *= 2.0
         shape = np.floor((end - origin) / size).astype(np.int32) + 1

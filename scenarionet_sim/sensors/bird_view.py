@@ -22,8 +22,10 @@ from scenarionet_data.scenario.vocabulary import (
     is_road_line,
 )
 from scenarionet_sim.kernels.raster import draw_polygons, draw_segments, list_in_window
+from scenarionet_sim.roads.grid import Grid
 from scenarionet_sim.sensors.base import Sensor, map_types, require
 from scenarionet_sim.worlds.state import History, State
+from scenarionet_sim.worlds.world import World
 from scenarionet_sim.worlds.world_batch import WorldBatch
 
 
@@ -124,12 +126,12 @@ class BirdView(Sensor):
             )
         turns = np.zeros((self.size, self.size + 3), np.int16)
         out[...] = 0
-        for (world, row), pictures in zip(agents.tolist(), out, strict=True):  # an image takes half a millisecond
-            view = self.view(state.position[world, row], float(state.heading[world, row]))
-            self._draw_map(batch, world, view, pictures, turns)
-            self._draw_route(batch, world, row, view, pictures)
-            self._draw_lights(batch, world, int(state.timestep[world]), view, pictures, turns)
-            self._draw_objects(state, world, row, view, pictures, turns)
+        for (slot, row), pictures in zip(agents.tolist(), out, strict=True):  # an image takes half a millisecond
+            world, view = batch.worlds[slot], self.view(state.position[slot, row], float(state.heading[slot, row]))
+            self._draw_map(world, view, pictures, turns)
+            self._draw_route(world, row, view, pictures)
+            self._draw_lights(world, int(state.timestep[slot]), view, pictures, turns)
+            self._draw_objects(state, slot, row, view, pictures, turns)
         return out
 
     def view(self, center: Float64, heading: float) -> Float64:
@@ -146,28 +148,26 @@ class BirdView(Sensor):
         places = (corners - start) @ np.linalg.inv(turn).T
         return np.concatenate([places.min(axis=0), places.max(axis=0)])
 
-    def _draw_map(self, batch: WorldBatch, world: int, view: Float64, pictures: Array, turns: Array) -> None:
-        window = self._window(view)
-        outlines = batch.polygons[world], batch.polygons_offsets[world], batch.polygon_type[world]
-        draw_polygons(*outlines, _near_polygons(batch, world, window), _AREAS, view, pictures, turns)
-        lines = batch.segments[world], batch.segment_type[world]
-        draw_segments(*lines, _near_segments(batch, world, window), _LINES, view, pictures)
+    def _draw_map(self, world: World, view: Float64, pictures: Array, turns: Array) -> None:
+        window, roads = self._window(view), world.roads
+        outlines = roads.polygons.values, roads.polygons.offsets, roads.polygon_type
+        near = _near(roads.polygon_grid, len(roads.polygon_type), window)
+        draw_polygons(*outlines, near, _AREAS, view, pictures, turns)
+        near = _near(roads.segment_grid, len(roads.segments), window)
+        draw_segments(roads.segments, roads.segment_type, near, _LINES, view, pictures)
 
-    def _draw_route(self, batch: WorldBatch, world: int, row: int, view: Float64, pictures: Array) -> None:
-        first, end = batch.path_offsets[world, row : row + 2]
-        points = batch.path[world, first:end, :2]
+    def _draw_route(self, world: World, row: int, view: Float64, pictures: Array) -> None:
+        first, end = world.paths.path_offsets[row : row + 2]
+        points = world.paths.path_points[first:end]
         segments = np.concatenate([points[:-1], points[1:]], axis=1)
         no_type, everywhere = np.zeros(len(segments), np.uint8), np.ones(len(segments), np.bool_)
         draw_segments(segments, no_type, everywhere, _ROUTE, view, pictures)
 
-    def _draw_lights(
-        self, batch: WorldBatch, world: int, timestep: int, view: Float64, pictures: Array, turns: Array
-    ) -> None:
-        count, now = batch.num_lights[world], min(timestep, batch.num_steps[world] - 1)
-        stop, shown = batch.light_stop[world, :count], batch.light_state[world, :count, now]
-        is_placed = ~np.isnan(stop[:, 0])
+    def _draw_lights(self, world: World, timestep: int, view: Float64, pictures: Array, turns: Array) -> None:
+        shown = world.light_state[:, min(timestep, world.num_steps - 1)]
+        count, is_placed = len(shown), ~np.isnan(world.light_stop[:, 0])
         sides = np.full(count, _LIGHT_SIDE)
-        corners = box_corners(stop, np.zeros(count), sides, sides)
+        corners = box_corners(world.light_stop, np.zeros(count), sides, sides)
         _draw_boxes(corners, shown, is_placed, _LIGHTS, view, pictures, turns)
 
     def _draw_objects(self, state: State, world: int, row: int, view: Float64, pictures: Array, turns: Array) -> None:
@@ -187,29 +187,10 @@ class BirdView(Sensor):
             _draw_boxes(corners, types, past.present[moment, world], channel, view, pictures, turns)
 
 
-def _near_polygons(batch: WorldBatch, world: int, window: Float64) -> Bool:
-    """Return a mask (Q,) of the polygons of a world that may overlap a window."""
-    found = np.zeros(batch.polygon_type.shape[1], np.bool_)
-    list_in_window(
-        window,
-        batch.polygon_grid_frame[world],
-        batch.polygon_grid_cell_start[world],
-        batch.polygon_grid_cell_items[world],
-        found,
-    )
-    return found
-
-
-def _near_segments(batch: WorldBatch, world: int, window: Float64) -> Bool:
-    """Return a mask (S,) of the segments of a world that may overlap a window."""
-    found = np.zeros(batch.segment_type.shape[1], np.bool_)
-    list_in_window(
-        window,
-        batch.segment_grid_frame[world],
-        batch.segment_grid_cell_start[world],
-        batch.segment_grid_cell_items[world],
-        found,
-    )
+def _near(grid: Grid, count: int, window: Float64) -> Bool:
+    """Return a mask (count,) of the boxes of a grid that may overlap a window."""
+    found = np.zeros(count, np.bool_)
+    list_in_window(window, grid.frame, grid.cell_start, grid.cell_items, found)
     return found
 
 

@@ -9,7 +9,8 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Array, Int32
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.kernels.rays import cast_at_boxes
-from scenarionet_sim.sensors.base import Sensor, directions, require, visible_objects
+from scenarionet_sim.kernels.step import LIDAR
+from scenarionet_sim.sensors.base import CompiledSensor, Sensor, directions, require, table, visible_objects
 from scenarionet_sim.sensors.noise import add_noise
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
@@ -48,6 +49,13 @@ class Lidar(Sensor):
     def shape(self) -> tuple[int, ...]:
         """Shape of the observation: (rays,)."""
         return (self.rays,)
+
+    @property
+    def compiled(self) -> CompiledSensor | None:
+        """A part of the compiled step, unless it is noisy."""
+        if self.noise or self.dropout:
+            return None
+        return CompiledSensor(LIDAR, [self.range], self.rays, table(self.types), directions(self.rays))
 
     def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
         """Write the ranges."""

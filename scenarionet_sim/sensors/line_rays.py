@@ -9,7 +9,8 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Array, Int32
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.kernels.rays import cast_at_segments
-from scenarionet_sim.sensors.base import Sensor, directions, require, table
+from scenarionet_sim.kernels.step import LINE_RAYS
+from scenarionet_sim.sensors.base import CompiledSensor, Sensor, directions, require, table
 from scenarionet_sim.sensors.noise import add_noise
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
@@ -49,6 +50,13 @@ class LineRays(Sensor):
     def shape(self) -> tuple[int, ...]:
         """(rays,)."""
         return (self.rays,)
+
+    @property
+    def compiled(self) -> CompiledSensor | None:
+        """A part of the compiled step, unless it is noisy."""
+        if self.noise or self.dropout:
+            return None
+        return CompiledSensor(LINE_RAYS, [self.range], self.rays, table(self.types), directions(self.rays))
 
     def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:
         """Write the ranges."""

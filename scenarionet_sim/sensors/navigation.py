@@ -9,7 +9,8 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Int32
 from scenarionet_sim.kernels.route_observation import points_ahead
-from scenarionet_sim.sensors.base import Sensor, require, require_located
+from scenarionet_sim.kernels.step import WAY_AHEAD
+from scenarionet_sim.sensors.base import CompiledSensor, Sensor, require, require_located
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
 
@@ -43,10 +44,15 @@ class Navigation(Sensor):
         """(points, 2)."""
         return self.points, 2
 
+    @property
+    def compiled(self) -> CompiledSensor:
+        """A part of the compiled step."""
+        return CompiledSensor(WAY_AHEAD, [self.spacing, self.range], self.points)
+
     def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
         """Write the points."""
         ahead = np.empty((len(agents), self.points, 2))
-        lost = points_ahead(agents, state.motion, state.route, batch.path, batch.path_offsets, self.spacing, ahead)
+        lost = points_ahead(agents, state.motion, state.route, batch.recorded, self.spacing, ahead)
         require_located(lost, agents)
         np.divide(ahead, self.range, out=out, casting="same_kind")
         np.minimum(out, 1.0, out=out)  # np.clip is three times slower for so few values

@@ -10,7 +10,8 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Float64, Int32
 from scenarionet_sim.kernels.route_observation import observe_self
-from scenarionet_sim.sensors.base import Sensor, require, require_located
+from scenarionet_sim.kernels.step import OWN_MOTION
+from scenarionet_sim.sensors.base import CompiledSensor, Sensor, require, require_located
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
 
@@ -53,11 +54,16 @@ class EgoState(Sensor):
         """(7,)."""
         return (7,)
 
+    @property
+    def compiled(self) -> CompiledSensor:
+        """A part of the compiled step."""
+        return CompiledSensor(OWN_MOTION, [*self._scale, WHEELBASE])
+
     def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
         """Write the seven values."""
         observed = np.empty((len(agents), 7))
         own = state.motion, state.route, state.size
-        lost = observe_self(agents, *own, batch.path, batch.path_offsets, WHEELBASE, observed)
+        lost = observe_self(agents, *own, batch.recorded, WHEELBASE, observed)
         require_located(lost, agents)
         np.multiply(observed, self._scale, out=out, casting="same_kind")
         np.minimum(out, 1.0, out=out)  # np.clip is three times slower for so few values

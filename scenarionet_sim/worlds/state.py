@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8
 from scenarionet_sim.kernels.log import HEADING, VX, YAW_RATE, Z
 from scenarionet_sim.kernels.structures import StateArrays
-from scenarionet_sim.worlds.world import World
 
 
 @dataclass(eq=False)
@@ -128,27 +127,13 @@ class State:
             timestep=np.zeros(num_worlds, np.int32),
         )
 
-    def begin(self, slot: int, world: World, start: int, is_driven: Bool) -> None:
-        """Set a slot to a timestep of a log.
-
-        Args:
-            slot: The slot.
-            world: The slot's world.
-            start: Timestep of the log.
-            is_driven: (N,) objects that may be present.
-        """
-        here = slice(0, world.num_objects)
-        self.present[slot] = False
-        self.present[slot, here] = world.log_valid[start] & is_driven
-        self.motion[slot, here] = world.log[start, :, :7]
-        self.route[slot] = np.nan, 0.0
-        self.size[slot, here], self.object_type[slot, here] = world.size, world.object_type
-        self.timestep[slot] = start
-        if self.history is not None:
-            self.history.present[:, slot] = False
+    def twin(self) -> State:
+        """Return another state of the same objects: it shares their sizes and types."""
+        other = State.empty(*self.present.shape)
+        return replace(other, size=self.size, object_type=self.object_type, history=self.history)
 
     def resized(self, num_objects: int) -> State:
-        """Return a copy with room for more objects."""
+        """Return a copy with room for more objects; its history is shared with no other state."""
         larger = State.empty(len(self.timestep), num_objects)
         for column in fields(self):
             old = getattr(self, column.name)

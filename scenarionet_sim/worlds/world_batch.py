@@ -1,88 +1,55 @@
-"""A batch of W worlds: every array of every world, stacked and padded for kernels."""
+"""The worlds of W slots: which world of the pool each of them plays."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import fields
-from typing import Any
+from collections.abc import Hashable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64, Int32, UInt8
-from scenarionet_data.arrays.ragged import Ragged
-from scenarionet_sim.kernels.structures import Lines, Recorded
-from scenarionet_sim.roads.grid import Grid
-from scenarionet_sim.roads.roads import Roads
-from scenarionet_sim.worlds.paths import Paths, Stops
+from scenarionet_data.arrays.dtypes import Float64, Int64
+from scenarionet_sim.kernels.structures import EGO, NUM_OBJECTS, NUM_PLACES, NUM_STEPS, Lines, Recorded
+from scenarionet_sim.worlds.pool import PooledWorld, WorldPool
 from scenarionet_sim.worlds.world import World
 
-_SLACK = 1.25
-"""Factor by which stacks grow, so that a long run rarely copies."""
+if TYPE_CHECKING:
+    from scenarionet_data.arrays.dtypes import UInt8
+    from scenarionet_sim.worlds.pool import Prepare
+
+
+def as_recorded(world: World, policies: Hashable) -> tuple[World, UInt8]:
+    """Return a world unchanged, with the first policy for every object."""
+    del policies
+    return world, np.zeros(world.num_objects, np.uint8)
 
 
 class WorldBatch:
     """The worlds of a simulation, one per slot.
 
-    Every array of :class:`World`, its ``paths``, ``stops`` and ``roads`` is an attribute of the same name with a
-    leading axis of worlds, C-contiguous, padded at the end to the longest. Ragged lists (``lanes``, ``polygons``)
-    become values and offsets (``lanes_offsets``); a grid becomes its parts (``segment_grid_cell_start``, ...);
-    scalars become arrays (W,). The ``num_...`` arrays count the unpadded entries; offsets are padded with their
-    last value, so padding lists are empty.
+    Args:
+        worlds: One per slot; the same world may be in several.
+        policies: Of the first episodes.
+        prepare: Prepares each different world for its policies, see ``WorldPool``.
+        keep: Number of worlds to keep that no slot plays.
 
     Attributes:
-        worlds: The worlds, by slot.
-        num_objects, num_steps, num_segments, num_lights, num_lanes, num_polygons: (W,) int32.
-        recorded, lines: The arrays as kernels take them.
+        worlds: The worlds as prepared, by slot.
+        recorded, lines: Their arrays as kernels take them.
+        place: (W, NUM_PLACES) see ``kernels.structures.Recorded``.
     """
 
-    num_objects: Int32
-    num_steps: Int32
-    num_segments: Int32
-    num_lights: Int32
-    num_lanes: Int32
-    num_polygons: Int32
-
-    dt: Float64
-    ego: Int32
-    object_type: UInt8
-    size: Float32
-    log: Float32
-    top_speed: Float32
-    path: Float32
-    path_offsets: Int32
-    stop_arc: Float32
-    stop_light: Int32
-    stop_offsets: Int32
-    light_lane: Int32
-    light_stop: Float32
-    light_state: UInt8
-    extents: Float32
-
-    segments: Float32
-    segment_type: UInt8
-    segment_feature: Int32
-    segment_grid_frame: Float64
-    segment_grid_cell_start: Int32
-    segment_grid_cell_items: Int32
-    lane_type: UInt8
-    lanes: Float32
-    lanes_offsets: Int32
-    successors: Int32
-    successors_offsets: Int32
-    speed_limit: Float32
-    polygons: Float32
-    polygons_offsets: Int32
-    polygon_type: UInt8
-    polygon_grid_frame: Float64
-    polygon_grid_cell_start: Int32
-    polygon_grid_cell_items: Int32
-    is_road: Bool
-
-    def __init__(self, worlds: Sequence[World]) -> None:
-        self.worlds = list(worlds)
-        self._arrays = [dict(_arrays(world)) for world in worlds]
-        for name in self._arrays[0]:
-            self._stack(name, np.max([arrays[name].shape for arrays in self._arrays], axis=0).tolist())
+    def __init__(
+        self, worlds: Sequence[World], policies: Hashable = None, prepare: Prepare = as_recorded, keep: int = 32
+    ) -> None:
+        self.pool = WorldPool(prepare, keep)
+        self.place: Int64 = np.zeros((len(worlds), NUM_PLACES), np.int64)
+        self._frame: Float64 = np.zeros((len(worlds), 5))
+        self._slots: list[PooledWorld] = []
+        self.worlds: list[World] = []
+        for slot, world in enumerate(worlds):
+            self._slots.append(self.pool.claim(world, policies))
+            self.worlds.append(self._slots[slot].world)
+            self.place[slot], self._frame[slot] = self._slots[slot].place, self._slots[slot].frame
         self._collect()
 
     def __len__(self) -> int:
@@ -90,70 +57,36 @@ class WorldBatch:
 
     @property
     def max_objects(self) -> int:
-        """N, including padding."""
-        return int(self.object_type.shape[1])
+        """Largest number of objects of any world so far."""
+        return self.pool.max_objects
 
-    def replace(self, slot: int, world: World) -> None:
-        """Replace the world of a slot; stacks that are too small grow."""
-        self.worlds[slot], self._arrays[slot] = world, dict(_arrays(world))
-        for name, array in self._arrays[slot].items():
-            stack: Array = getattr(self, name)
-            if all(need <= room for need, room in zip(array.shape, stack.shape[1:], strict=True)):
-                _put(stack, slot, array, name)
-            else:
-                room = [
-                    old if need <= old else int(_SLACK * need)
-                    for need, old in zip(array.shape, stack.shape[1:], strict=True)
-                ]
-                self._stack(name, room)
-        self._collect()
+    @property
+    def num_objects(self) -> Int64:
+        """(W,) number of objects of each world."""
+        return self.place[:, NUM_OBJECTS]
 
-    def _stack(self, name: str, room: Sequence[int]) -> None:
-        """Rebuild one attribute with a new padded shape."""
-        arrays = [arrays[name] for arrays in self._arrays]
-        stack = np.zeros((len(arrays), *room), arrays[0].dtype)
-        for slot, array in enumerate(arrays):
-            _put(stack, slot, array, name)
-        setattr(self, name, stack)
+    @property
+    def num_steps(self) -> Int64:
+        """(W,) number of timesteps of each log."""
+        return self.place[:, NUM_STEPS]
+
+    @property
+    def ego(self) -> Int64:
+        """(W,) row of each ego."""
+        return self.place[:, EGO]
+
+    def replace(self, slot: int, world: World | None, policies: Hashable = None) -> None:
+        """Put a world into a slot, or the same again, for an episode with some policies."""
+        old = self._slots[slot]
+        self._slots[slot] = new = self.pool.claim(old.key[0] if world is None else world, policies)
+        self.worlds[slot] = new.world
+        self.place[slot], self._frame[slot] = new.place, new.frame
+        self.pool.release(old)
+        if self.pool.arrays is not self._arrays:
+            self._collect()
 
     def _collect(self) -> None:
-        self.recorded = Recorded(*(getattr(self, name) for name in Recorded._fields))
-        grid = self.segment_grid_frame, self.segment_grid_cell_start, self.segment_grid_cell_items
-        self.lines = Lines(self.segments, self.segment_type, *grid)
-
-
-def _put(stack: Array, slot: int, array: Array, name: str) -> None:
-    is_offsets = name.endswith(("_offsets", "_cell_start"))
-    stack[slot] = array[-1] if is_offsets else 0
-    stack[slot, ...][tuple(map(slice, array.shape))] = array
-
-
-def _arrays(world: World) -> Iterator[tuple[str, Array]]:
-    """Yield the arrays of a world under their names in a batch."""
-    roads = world.roads
-    counts = {
-        "num_objects": world.num_objects,
-        "num_steps": world.num_steps,
-        "num_segments": len(roads.segments),
-        "num_lights": len(world.light_lane),
-        "num_lanes": roads.num_lanes,
-        "num_polygons": len(roads.polygons),
-    }
-    yield from ((name, np.array(count, np.int32)) for name, count in counts.items())
-    yield from _parts("", world)
-
-
-def _parts(prefix: str, value: Any) -> Iterator[tuple[str, Array]]:
-    for column in fields(value):
-        part, name = getattr(value, column.name), prefix + column.name
-        if isinstance(part, Roads | Paths | Stops):
-            yield from _parts("", part)
-        elif isinstance(part, Grid):
-            yield from _parts(f"{name}_", part)
-        elif isinstance(part, Ragged):
-            yield name, part.values
-            yield f"{name}_offsets", part.offsets
-        elif isinstance(part, np.ndarray) and part.dtype != object:
-            yield name, part
-        elif isinstance(part, int | float):
-            yield name, np.array(part, np.int32 if isinstance(part, int) else np.float64)
+        self._arrays = self.pool.arrays
+        arrays = self._arrays | {"place": self.place, "frame": self._frame}
+        self.recorded = Recorded(**{name: arrays[name] for name in Recorded._fields})
+        self.lines = Lines(**{name: arrays[name] for name in Lines._fields})

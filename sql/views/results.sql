@@ -1,3 +1,4 @@
--- One row per scenario and evaluated vehicle of every simulation run: outcome and metrics.
+-- One row per scenario, rollout and evaluated vehicle of every simulation run: outcome and metrics.
+-- Files of version 1 have no column rollout: their runs have one.
 CREATE VIEW results AS
-SELECT * {derived} FROM {files};
+SELECT * REPLACE (coalesce(rollout, 0)::INTEGER AS rollout) {derived} FROM {files};

@@ -204,6 +204,7 @@ def test_metadata_that_counts_too_many_rows_is_refused(tmp_path):
 # --- threads, processes, handles ------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_a_loader_pickles_as_path_and_ids(lake):
     loaded = ScenarioLoader(lake, [made(k).id for k in (4, 2)])
     _ = loaded[0]  # open files do not travel
@@ -233,6 +234,7 @@ def _child(loaded, queue):
     queue.put([loaded[k].tracks.position.tobytes() for k in (3, 7)])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["fork", "spawn"])
 def test_worker_processes_load(lake, method):
     """As a DataLoader's workers do: a copy by fork, with files open, or by pickle."""

@@ -149,6 +149,7 @@ def test_the_query_excerpt_is_left_out():
     assert one_line("Parser Error: syntax error\n\nLINE 1: SELEC\n        ^") == "Parser Error: syntax error"
 
 
+@pytest.mark.long
 def test_a_closed_pipe_ends_quietly(lake):
     python = f"{shlex.quote(sys.executable)} -m scenarionet_pipelines.cli"
     command = f"{python} sql {lake} 'SELECT * FROM range(300000)' --csv | head -1"

@@ -25,7 +25,8 @@ print([done.name for done in compilations if not done.from_cache], len(compilati
 """
 
 
-@pytest.mark.parametrize("is_fresh", [False, pytest.param(True, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("is_fresh", [False, True])
 def test_nothing_is_compiled_after_compile(tmp_path, is_fresh):
     pytest.importorskip("gymnasium")
     environment = dict(os.environ)

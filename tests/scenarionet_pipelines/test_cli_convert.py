@@ -198,6 +198,7 @@ def test_workers_end_with_a_killed_command_and_their_shards_are_reused(tmp_path,
     assert len(Lake(lake)) == 30
 
 
+@pytest.mark.long
 def test_progress_bar_on_a_terminal(tmp_path):
     raw = write_raw(tmp_path / "raw", {"a": [1, 2], "b": ["3 slow"]})
     terminal, other_end = os.openpty()

@@ -79,6 +79,7 @@ def test_diff(two, ok, as_json):
     assert as_json("diff", two, "low", "low")["columns"] == []
 
 
+@pytest.mark.long
 def test_overlap(two, ok, as_json):
     text = ok("overlap", two, "low", "high")
     assert "low@2 / high@1  same_scenario" in text

@@ -170,6 +170,7 @@ def test_check(lake, ok, as_json):
     assert run("check", lake, "--only", "ids_are_uniqe").exit_code == 2
 
 
+@pytest.mark.long
 def test_scorecard(lake, ok, as_json, tmp_path):
     text = ok("check", lake, "--scorecard", "-o", tmp_path / "card.csv")
     assert text.startswith("made/v1/train\n  holds    9 scenarios, 1 in quarantine\n")

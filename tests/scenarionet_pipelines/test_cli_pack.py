@@ -29,6 +29,7 @@ def test_packs_and_verifies(picked, ok, as_json, tmp_path):
     }
 
 
+@pytest.mark.long
 def test_every_verb_that_reads_opens_a_pack(picked, ok, tmp_path):
     ok("pack", picked, "picked", tmp_path / "pack")
     for words in (

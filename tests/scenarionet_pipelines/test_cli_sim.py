@@ -20,19 +20,24 @@ def lake(tmp_path) -> Path:
 
 def test_sim_prints_results_and_the_next_query(lake, ok):
     text = ok("sim", lake, "--policy", "replay", "--workers", "1")
-    assert "run                     all-replay-replay-kinematic\n" in text
-    assert "success                 1\n" in text
-    assert "collided_vehicles       3\n" in text
+    rows = {line.split()[0]: line.split()[1:] for line in text.splitlines() if line.split()}
+    assert "run all-replay-replay-kinematic, took" in text
+    assert rows["success"][:3] == ["1", "1", "1"], "the run, the recording, constant velocity; random actions"
+    assert float(rows["success"][3]) < 1.0
+    assert rows["crashed"][:3] == ["1", "1", "1"] and rows["collided_vehicles"][0] == "3"
     query = text.partition("Failures: scenarionet sql ")[2].partition(' "')[2].strip().removesuffix('"')
     assert "JOIN metadata" in query
     ok("sql", lake, query)
     assert "skipped    3 scenarios" in ok("sim", lake, "--policy", "replay", "--workers", "1")
-    assert "all-replay-replay-kinematic" in ok("sql", lake, "runs")
+    runs = ok("sql", lake, "runs")
+    assert "all-replay-replay-kinematic" in runs and runs.count("reference-") == 3
 
 
 def test_sim_of_a_database_as_json(lake, ok, as_json):
     ok("filter", lake, "--where", "ego_mean_speed > 8.5", "--name", "fast")
-    found = as_json("sim", lake, "fast", "--policy", "idm", "--traffic", "idm", "--name", "mine", "--workers", "1")
+    found = as_json("sim", lake, "fast", "--policy", "idm", "--traffic", "idm", "--name", "mine", "--workers", "1",
+                    "--rollouts", "2", "--episode", "nuplan", "--no-references")  # fmt: skip
+    assert (found["rollouts"], found["references"]) == (4, {})
     assert (found["run"], found["scenarios"], found["not_simulated"], found["broken"]) == ("mine", 2, 0, [])
     assert 0.0 < found["route_completion"] <= 1.0
 
@@ -47,7 +52,7 @@ def test_sim_with_a_driver_in_the_current_folder(lake, tmp_path, monkeypatch, as
         "        raise RuntimeError('no plan')\n"
     )
     monkeypatch.chdir(tmp_path)
-    words = "sim", lake, "--backend", "kinematic", "--workers", "1"
+    words = "sim", lake, "--backend", "kinematic", "--workers", "1", "--no-references"
     found = as_json(*words, "--policy", "my_planner:Planner")
     assert (found["run"], found["timeout"]) == ("all-my_planner.Planner-replay-kinematic", 1.0)
     failed = run(*words, "--policy", "my_planner:Broken")
@@ -97,3 +102,29 @@ def test_check_simulate_names_failing_scenarios(lake, ok):
     assert result.exit_code == 1
     assert "FAILED  replays" in result.stdout
     assert SCENARIOS[0].id in result.stdout
+
+
+@pytest.fixture
+def compared(lake, ok) -> tuple:
+    """A command that compares two runs."""
+    for policy in ("constant", "idm"):
+        ok("sim", lake, "--policy", policy, "--workers", "1", "--no-references", "--name", policy)
+    return "compare-runs", lake, "idm", "constant"
+
+
+def test_compare_runs_prints_saves_and_fails(compared, lake, ok, as_json):
+    text = ok(*compared, "--worse", "crashes")
+    assert "+1 [+1, +1] (n = 3)" in text and "0 scenarios better, 3 worse in constant" in text
+    assert "crashes" in ok("list", lake)
+    found = as_json(*compared, "--by", "dataset")
+    assert [name for name, _ in found["worse"]] == sorted(scenario.id for scenario in SCENARIOS)
+    failed = run(*compared, "--fail-if", "crashed > 0.01")
+    assert failed.exit_code == 1 and "failed: crashed > 0.01 holds for constant" in failed.stderr
+
+
+@pytest.mark.long
+def test_page_of_runs_has_pictures_of_the_worst(compared, tmp_path, ok):
+    page = tmp_path / "page.html"
+    ok(*compared, "--html", page)
+    html = page.read_text("utf-8")
+    assert html.count("data:image/png") == 3 and SCENARIOS[0].id in html

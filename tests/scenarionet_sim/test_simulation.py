@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -13,11 +14,13 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.backends.base import Drive
 from scenarionet_sim.backends.kinematic import Kinematic
+from scenarionet_sim.kernels.step import UNDRIVEN
 from scenarionet_sim.policies import (
     ConstantVelocity,
     External,
     Idm,
     OfType,
+    Policy,
     Replay,
     RouteFollower,
     TrackIds,
@@ -25,7 +28,7 @@ from scenarionet_sim.policies import (
     other_vehicles,
     vehicles,
 )
-from scenarionet_sim.simulation import UNDRIVEN, Simulation
+from scenarionet_sim.simulation import Simulation
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.scenarios import make_scenario
@@ -77,6 +80,34 @@ def test_world_is_independent_of_its_neighbours():
     alone = moments(Simulation([drive()], TRAFFIC), 25)
     among = moments(Simulation([*made(), drive(), large()], TRAFFIC), 25, slot=3)
     np.testing.assert_array_equal(alone, among)
+
+
+def test_results_do_not_depend_on_the_number_of_threads():
+    worlds = [*made(), drive(), large()] * 3
+    one, several = Simulation(worlds, TRAFFIC), Simulation(worlds, TRAFFIC, threads=3)
+    np.testing.assert_array_equal(moments(one, 8), moments(several, 8))
+    for name in ("motion", "route", "present", "timestep"):
+        np.testing.assert_array_equal(getattr(one.state, name), getattr(several.state, name))
+    np.testing.assert_array_equal(one.contacts, several.contacts)
+    several.close()
+
+
+@dataclass(frozen=True)
+class Drift(Policy):
+    """A policy outside of the compiled step: objects move 1 m along x."""
+
+    def advance(self, batch, now, then, driver, policy_id, dt):
+        then.motion[..., 0] += driver == policy_id
+
+
+def test_policy_of_ones_own_is_called_in_every_step():
+    simulation = Simulation([drive(), drive()], (Replay(), Drift(TrackIds(("t2",))), External()))
+    before, replayed = simulation.state.position[:, 2].copy(), Simulation([drive(), drive()])
+    for step in range(1, 4):
+        simulation.step(np.zeros((2, 2)))
+        replayed.step(np.zeros((2, 2)))
+        np.testing.assert_array_equal(simulation.state.position[:, 2], before + np.array([step, 0.0]))
+        np.testing.assert_array_equal(simulation.state.position[:, :2], replayed.state.position[:, :2])
 
 
 def test_slot_takes_another_world_while_the_others_continue():

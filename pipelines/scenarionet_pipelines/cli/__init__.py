@@ -20,7 +20,7 @@ VERBS = {
     "Select scenarios": ("filter", "filters", "split", "sample", "tag"),
     "Combine databases": ("merge", "intersect", "subtract", "diff", "overlap"),
     "Manage databases": ("lineage", "rebuild", "rebase", "copy", "rename", "drop", "checkout"),
-    "Simulate": ("sim", "record", "score"),
+    "Simulate": ("sim", "compare-runs", "record", "score"),
     "Share": ("export", "pack"),
     "Maintain": ("check", "fsck", "compact", "vacuum", "doctor", "compile"),
 }

@@ -70,7 +70,9 @@ class Verbs(click.Group):
         """Import the verb of that name."""
         if name not in self.list_commands(ctx):
             return None
-        command: click.Command = importlib.import_module(f"scenarionet_pipelines.cli.verbs.{name}").command
+        command: click.Command = importlib.import_module(
+            f"scenarionet_pipelines.cli.verbs.{name.replace('-', '_')}"
+        ).command
         return command
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:

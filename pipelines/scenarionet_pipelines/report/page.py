@@ -47,15 +47,6 @@ def write(contents: ReportContents, path: str | Path) -> None:
 def render(contents: ReportContents) -> str:
     """Return the page as HTML."""
     title = f"{contents.name}: a report"
-    head = tag(
-        "head",
-        tag("meta", charset="utf-8"),
-        tag("meta", http_equiv="Content-Security-Policy", content=_POLICY),
-        tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
-        tag("meta", name="color-scheme", content="light dark"),
-        tag("title", title),
-        tag("style", Markup(_style())),
-    )
     sections = {
         "overview": _overview(contents),
         "comparison": _comparison(contents),
@@ -68,7 +59,20 @@ def render(contents: ReportContents) -> str:
     body = tag(
         "body", _header(contents), tag("nav", *links, aria_label="Sections"), tag("main", *shown.values()), _footer()
     )
-    return f"<!doctype html>\n{tag('html', head, body, lang='en')}\n"
+    return f"<!doctype html>\n{tag('html', page_head(title), body, lang='en')}\n"
+
+
+def page_head(title: str) -> Markup:
+    """Head of a page with the style of reports."""
+    return tag(
+        "head",
+        tag("meta", charset="utf-8"),
+        tag("meta", http_equiv="Content-Security-Policy", content=_POLICY),
+        tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
+        tag("meta", name="color-scheme", content="light dark"),
+        tag("title", title),
+        tag("style", Markup(_style())),
+    )
 
 
 def _style() -> str:

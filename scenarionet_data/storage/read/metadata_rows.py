@@ -26,7 +26,7 @@ ADDRESS_COLUMNS = tuple(
     for table in ("tracks", "lights", "maps")
     for part in ("file", "row_group", "first_row", "num_rows")
 )
-_COLUMNS = (*tables.DESCRIPTION_COLUMNS, "content_hash", *ADDRESS_COLUMNS)
+ALL_COLUMNS = (*tables.DESCRIPTION_COLUMNS, "content_hash", *ADDRESS_COLUMNS)
 _FEW = 0.1
 """Share of a snapshot's scenarios below which these are scanned for the wanted ones, rather than indexed."""
 
@@ -40,18 +40,37 @@ class MetadataRows(Sequence[dict[str, Any]]):
         ids: Ids of the scenarios, strings.
         rows: (n,) int64 row of each scenario in all metadata files of the snapshot, one after the other.
         starts: (files + 1,) int64 first row of each file, and the number of all rows.
+        names: Columns of the rows.
     """
 
-    def __init__(self, files: LakeFiles, snapshot: Snapshot, ids: pa.Array, rows: Int64, starts: Int64) -> None:
+    def __init__(
+        self,
+        files: LakeFiles,
+        snapshot: Snapshot,
+        ids: pa.Array,
+        rows: Int64,
+        starts: Int64,
+        names: Sequence[str] = ALL_COLUMNS,
+    ) -> None:
         self._files = files
         self._snapshot = snapshot
         self.ids = ids
         self._rows = rows
         self._starts = starts
+        self._names = tuple(names)
         self._tables: dict[int, RowTable] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return MetadataRows, (self._files, self._snapshot, self.ids, self._rows, self._starts)
+        return MetadataRows, (self._files, self._snapshot, self.ids, self._rows, self._starts, self._names)
+
+    def select(self, names: Sequence[str]) -> MetadataRows:
+        """The same scenarios with other columns."""
+        return MetadataRows(self._files, self._snapshot, self.ids, self._rows, self._starts, names)
+
+    @property
+    def numbers(self) -> Int64:
+        """(n,) row of each scenario in all metadata files, in the order on disk."""
+        return self._rows
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -65,10 +84,18 @@ class MetadataRows(Sequence[dict[str, Any]]):
             table = self._tables[file] = self._read(self._snapshot.metadata[file])
         return table[row - self._starts[file]]
 
+    def columns(self, names: Sequence[str]) -> pa.Table:
+        """Columns of all scenarios, in order."""
+        with snapshots.reading_from(self._files, self._snapshot):
+            parts = self._files.read_all(self._snapshot.metadata, list(names))
+        schema = tables.load("metadata").schema.empty_table().select(list(names)).schema
+        whole = pa.concat_tables([schema.empty_table(), *(part.select(names).cast(schema) for part in parts)])
+        return whole.take(self._rows)
+
     def _read(self, name: str) -> RowTable:
         with snapshots.reading_from(self._files, self._snapshot):
-            found = self._files.read(name, list(_COLUMNS))
-        return RowTable(tables.load("metadata").conform(found, _COLUMNS))
+            found = self._files.read(name, list(self._names))
+        return RowTable(tables.load("metadata").conform(found, self._names))
 
     @cached_property
     def scenario_ids(self) -> list[str]:

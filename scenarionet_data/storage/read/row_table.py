@@ -50,10 +50,20 @@ def _getter(column: pa.Array) -> _Getter:
     if pa.types.is_dictionary(column.type):
         words, numbers = [*column.dictionary.to_pylist(), None], column.indices.fill_null(-1).to_numpy()
         return lambda index: words[numbers[index]]
-    is_number = (
-        pa.types.is_integer(column.type) or pa.types.is_floating(column.type) or pa.types.is_boolean(column.type)
-    )
-    if is_number and not column.null_count:
+    if _is_number(column.type) and not column.null_count:
         values: Any = np.asarray(column.to_numpy(zero_copy_only=False))
         return values.item  # type: ignore[no-any-return]
+    if pa.types.is_list(column.type) and _is_number(column.type.value_type) and not column.values.null_count:
+        return _list_getter(column)
     return lambda index: column[index].as_py()
+
+
+def _list_getter(column: pa.ListArray) -> _Getter:
+    """Function that returns the list of numbers in a row."""
+    starts, numbers = column.offsets.to_numpy(), np.asarray(column.values.to_numpy(zero_copy_only=False))
+    is_null = column.is_null().to_numpy(zero_copy_only=False)
+    return lambda index: None if is_null[index] else numbers[starts[index] : starts[index + 1]].tolist()
+
+
+def _is_number(kind: pa.DataType) -> bool:
+    return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind))

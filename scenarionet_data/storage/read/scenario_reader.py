@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import accumulate
 from typing import Any
 
@@ -36,15 +36,24 @@ class ScenarioReader:
         files: The lake's files.
         snapshot: The snapshot of the scenarios.
         with_ids: Whether to read scenario_id as well.
+        columns: Columns of each table to read; by default those that a scenario is decoded from.
     """
 
-    def __init__(self, files: LakeFiles, snapshot: Snapshot, *, with_ids: bool = False) -> None:
+    def __init__(
+        self,
+        files: LakeFiles,
+        snapshot: Snapshot,
+        *,
+        with_ids: bool = False,
+        columns: Mapping[str, Collection[str]] | None = None,
+    ) -> None:
         self._files = files
         self._snapshot = snapshot
         unused = _UNUSED - {"scenario_id"} if with_ids else _UNUSED
+        wanted = columns or {table: {c.name for c in tables.load(table).columns} - unused for table in TABLES}
         self._readers = {
-            table: ColumnReader([column for column in tables.load(table).columns if column.name not in unused])
-            for table in TABLES
+            table: ColumnReader([column for column in tables.load(table).columns if column.name in names])
+            for table, names in wanted.items()
         }
         self._remote = RemoteRowGroups(files, self._readers) if isinstance(files, RemoteLakeFiles) else None
         self._row_groups: RowGroups = self._remote or LocalRowGroups(files, self._readers)

@@ -82,6 +82,12 @@ def _read_all(files: LakeFiles, names: Sequence[str], columns: list[str] | None 
     return [table.conform(rows, columns) for rows in found]
 
 
+def has_current_files(files: LakeFiles, snapshot: Snapshot, table: str) -> bool:
+    """Whether every shard's files of a table have the table's current schema version."""
+    tag = tables.load(table).tag
+    return all(tag in versions.split() for versions in set(column(files, snapshot, "schemas").to_pylist()))
+
+
 def check_schemas(files: LakeFiles, snapshot: Snapshot) -> None:
     """Raise unless all shards of a snapshot were written under readable schema versions.
 

@@ -17,7 +17,7 @@ import shapely
 
 from scenarionet_data.arrays.dtypes import Bool
 from scenarionet_data.scenario.vocabulary import ObjectType
-from scenarionet_sim.metrics.nuplan.drive import EgoDrive, SurroundingBoxes
+from scenarionet_sim.metrics.drive import EgoDrive, SurroundingBoxes
 
 STOPPED = 0.05
 """Speed up to which a vehicle stands [m/s]."""
@@ -84,22 +84,23 @@ def find_collisions(ego: EgoDrive, others: SurroundingBoxes, is_in_lane: Bool) -
     found: list[EgoCollision] = []
     collided = np.zeros(len(others.size), np.bool_)
     reach = 0.5 * (math.hypot(ego.length, ego.width) + np.hypot(*others.size.T))
-    for step in range(len(ego.time)):
-        away = np.hypot(*(others.position[step] - ego.position[step]).T)
-        near = np.flatnonzero(others.present[step] & ~collided & (away <= reach))
-        for track in near.tolist():
-            outline = box_outline(others.position[step, track], others.heading[step, track], *others.size[track])
-            box = box_outline(ego.position[step], ego.heading[step], ego.length, ego.width)
-            if not shapely.Polygon(box).intersects(shapely.Polygon(outline)):
-                continue
-            collided[track] = True
-            bumper = shapely.LineString(box[[0, 3]])
-            kind = _kind(ego, others, step, track, bumper.intersects(shapely.Polygon(outline)))
-            is_at_fault = kind in (CollisionKind.ACTIVE_FRONT, CollisionKind.STOPPED_TRACK) or (
-                kind is CollisionKind.ACTIVE_LATERAL and not is_in_lane[step]
-            )
-            group = _GROUPS.get(ObjectType(others.object_type[track]), CollisionGroup.OBJECT)
-            found.append(EgoCollision(step, track, kind, group, is_at_fault, _energy(ego, others, step, track)))
+    away = np.linalg.norm(others.position - ego.position[:, None], axis=-1)
+    for step, track in np.argwhere(others.present & (away <= reach)).tolist():
+        if collided[track]:
+            continue
+        box = box_outline(ego.position[step], ego.heading[step], ego.length, ego.width)
+        outline = shapely.Polygon(
+            box_outline(others.position[step, track], others.heading[step, track], *others.size[track])
+        )
+        if not shapely.Polygon(box).intersects(outline):
+            continue
+        collided[track] = True
+        kind = _kind(ego, others, step, track, shapely.LineString(box[[0, 3]]).intersects(outline))
+        is_at_fault = kind in (CollisionKind.ACTIVE_FRONT, CollisionKind.STOPPED_TRACK) or (
+            kind is CollisionKind.ACTIVE_LATERAL and not is_in_lane[step]
+        )
+        group = _GROUPS.get(ObjectType(others.object_type[track]), CollisionGroup.OBJECT)
+        found.append(EgoCollision(step, track, kind, group, is_at_fault, _energy(ego, others, step, track)))
     return found
 
 

@@ -83,8 +83,13 @@ def driving_direction(progress: Iterable[float], dt: float) -> tuple[float, floa
         dt: [s].
     """
     total = np.array([0.0, *accumulate(progress)])
-    window = int(_DIRECTION_WINDOW / dt)
+    window = int(_DIRECTION_WINDOW / dt + 1e-6)
     ends = np.arange(1, len(total))
     smallest = float((total[ends] - total[np.maximum(0, ends - 1 - window)]).min())
     distance = abs(smallest)
-    return 1.0 if distance < 2.0 else 0.5 if distance < 6.0 else 0.0, -distance
+    return direction_score(distance), -distance
+
+
+def direction_score(distance: float) -> float:
+    """1 below 2 m driven against the traffic within one second, 0.5 below 6 m, else 0."""
+    return 1.0 if distance < 2.0 else 0.5 if distance < 6.0 else 0.0

@@ -13,8 +13,8 @@ import numpy as np
 from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.dtypes import Bool, Float64
 from scenarionet_sim.kernels.overlap import is_overlapping
+from scenarionet_sim.metrics.drive import EgoDrive, SurroundingBoxes
 from scenarionet_sim.metrics.nuplan.collisions import AHEAD, BEHIND, EgoCollision
-from scenarionet_sim.metrics.nuplan.drive import EgoDrive, SurroundingBoxes
 
 STEP, HORIZON, BOUND = 0.1, 3.0, 0.95
 """Step and horizon of the projection, and the smallest time that scores [s]."""

@@ -1,6 +1,7 @@
 """WOSAC, the Waymo Open Sim Agents Challenge: score rollouts, read and write submissions."""
 
 from scenarionet_sim.metrics.wosac.report import ScoredScenario, SubmissionReport, score_submission
+from scenarionet_sim.metrics.wosac.run_rollouts import rollouts_of_run
 from scenarionet_sim.metrics.wosac.scoring import (
     CONFIGURATIONS,
     SCENARIO_GENERATION_2025,
@@ -27,6 +28,7 @@ __all__ = [
     "log_rollouts",
     "mean_score",
     "read_submission",
+    "rollouts_of_run",
     "score",
     "score_submission",
     "write_submission",

@@ -87,7 +87,8 @@ def test_repeatedly_killed_workers_end_the_run(tmp_path):
         run(raw, tmp_path / "lake", workers=2)
 
 
-@pytest.mark.parametrize("kind", ["the same recordings", pytest.param("different recordings", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("kind", ["the same recordings", "different recordings"])
 def test_two_concurrent_jobs_produce_one_lake(tmp_path, kind):
     first = raw_of(tmp_path / "first", 0, 8)
     second = first if kind == "the same recordings" else raw_of(tmp_path / "second", 50, 8)

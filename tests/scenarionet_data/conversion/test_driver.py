@@ -140,6 +140,7 @@ def test_finished_shards_are_reused(raw, root):
     assert ids(root) == wanted(1, 2)
 
 
+@pytest.mark.long
 def test_many_shards_give_few_metadata_files_in_any_order(raw, tmp_path, monkeypatch):
     monkeypatch.setattr("scenarionet_data.storage.snapshots.metadata_files.MAX_METADATA_FILES", 4)
     monkeypatch.setattr("scenarionet_data.storage.snapshots.metadata_files.MERGED_FILES", 2)

@@ -159,6 +159,7 @@ def test_replacing_a_bucket_must_not_drop_its_other_files(raw, root):
     assert ids(root) == wanted(*range(4))
 
 
+@pytest.mark.long
 def test_overlapping_stale_buckets_are_replaced_together(raw, root, monkeypatch):
     """Old and new buckets share files: an old bucket is removed only once all of its files are converted again."""
     write_raw(raw, files_of(*range(4)))

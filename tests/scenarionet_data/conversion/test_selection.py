@@ -105,6 +105,7 @@ def test_remaining_inputs_are_converted_later(dataset: str, tmp_path) -> None:
     assert len(found) == len(set(found)) == 5
 
 
+@pytest.mark.long
 def test_pace_is_measured_without_leaving_files(tmp_path, monkeypatch) -> None:
     ticks = itertools.count()  # a clock that advances by a second whenever it is read
     monkeypatch.setattr("scenarionet_data.conversion.pace.time", SimpleNamespace(monotonic=lambda: float(next(ticks))))

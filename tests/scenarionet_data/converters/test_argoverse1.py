@@ -56,6 +56,7 @@ class TestMaps(ConverterConformance):
         return folder / "raw"
 
 
+@pytest.mark.long
 class TestObservedOnly(ConverterConformance):
     converter = CONVERTER
     damaged_glob = "*.csv"

@@ -32,6 +32,7 @@ class TestForecasting(ConverterConformance):
         return folder / "raw"
 
 
+@pytest.mark.long
 class TestForecastingMaps(ConverterConformance):
     converter = CONVERTER
     damaged_glob = "*.json"
@@ -58,6 +59,7 @@ class TestSensor(ConverterConformance):
         return folder / "raw"
 
 
+@pytest.mark.long
 class TestSensorPoses(ConverterConformance):
     converter = CONVERTER
     damaged_glob = "city_SE3_egovehicle.feather"

@@ -36,6 +36,7 @@ class TestFormat2(ConverterConformance):
         return fixture.write_dataset(folder / "lyft", num_scenes=3, num_frames=30)
 
 
+@pytest.mark.long
 class TestFormat1(ConverterConformance):
     converter = CONVERTER
     options: dict[str, Any] = {"window": 2.0, "stride": 1.0}  # noqa: RUF012
@@ -48,6 +49,7 @@ class TestFormat1(ConverterConformance):
         return fixture.write_dataset(folder / "lyft", num_scenes=2, num_frames=30, version=1)
 
 
+@pytest.mark.long
 class TestDamagedMap(ConverterConformance):
     converter = CONVERTER
     damaged_glob = "semantic_map.pb"

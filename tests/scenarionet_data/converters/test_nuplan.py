@@ -54,16 +54,19 @@ class TestScenes(Conformance):
     pass
 
 
+@pytest.mark.long
 class TestScenesAsRecorded(Conformance):
     options = {"frames": "recorded"}  # noqa: RUF012
     damaged_glob = "*.gpkg"
 
 
+@pytest.mark.long
 class TestTags(Conformance):
     options = {"by": "tag", "past": 2.0, "future": 3.0}  # noqa: RUF012
     damaged_glob = "*.json"
 
 
+@pytest.mark.long
 class TestTagsAsRecorded(Conformance):
     options = {"by": "tag", "frames": "recorded", "future": 1.0, "tags": "unprotected_left,lead"}  # noqa: RUF012
     damaged_glob = None

@@ -55,6 +55,7 @@ class TestScenes(ConverterConformance):
         return written
 
 
+@pytest.mark.long
 class TestWindows(TestScenes):
     damaged_glob = "maps/expansion/*.json"
     options = {"by": "window", "past": 1.0, "future": 3.0}  # noqa: RUF012

@@ -36,6 +36,7 @@ class TestWritten(ConverterConformance):
         return folder / "raw"
 
 
+@pytest.mark.long
 class TestTwentySeconds(ConverterConformance):
     converter = CONVERTER
 

@@ -183,6 +183,7 @@ def test_old_versions_are_kept_and_lineage_pins_the_version_used(lake):
     assert (found.count, found.snapshot) == (6, 1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("query", "joined"),
     [

@@ -89,6 +89,7 @@ def test_failed_write_raises_error_and_lake_stays_usable(lake, monkeypatch):
     assert len(lake.filter(name="all")) == 3
 
 
+@pytest.mark.long
 def test_opening_and_filtering_a_lake_compiles_nothing(lake):
     code = (
         "import sys\nfrom scenarionet_data import Lake\nLake(sys.argv[1]).filter(name='all')\n"

@@ -166,6 +166,7 @@ def test_equal_scenarios_give_equal_bytes(tmp_path: Path) -> None:
     assert len(everything(first)) == 4
 
 
+@pytest.mark.long
 @given(members=st.sets(st.text(max_size=3), min_size=2), order=st.randoms(use_true_random=False))
 def test_order_of_sets_and_identity_of_texts_do_not_matter(members: set[str], order: random.Random) -> None:
     shuffled = [*members]

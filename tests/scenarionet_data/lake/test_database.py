@@ -108,7 +108,7 @@ def grow(root, number):
     commits.commit(open_files(root), [shard], "grow")
 
 
-@pytest.mark.parametrize("is_saved", [True, False])
+@pytest.mark.parametrize("is_saved", [pytest.param(True, marks=pytest.mark.long), False])
 def test_pickled_database_is_unchanged_in_a_worker_after_the_lake_grew(own, is_saved):
     selected = own.select("num_objects >= 5")
     database = selected.save("many") if is_saved else selected

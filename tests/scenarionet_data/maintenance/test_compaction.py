@@ -80,6 +80,7 @@ def test_new_shards_are_added_to_partly_filled_files(raw, root):
     check_whole(root)
 
 
+@pytest.mark.long
 def test_bins_respect_the_limit_and_large_shards_are_split_evenly(raw, root, monkeypatch):
     monkeypatch.setattr(bin_packing, "_SCENARIOS_PER_BIN", 5)
     assert [each.num_scenarios for each in plan_compaction(root, "analytics")] == [4, 4]
@@ -139,6 +140,7 @@ def test_quarantine_is_kept(raw, root):
     check_whole(root)
 
 
+@pytest.mark.long
 def test_large_partitions_keep_few_metadata_files(raw, root, monkeypatch):
     monkeypatch.setattr(metadata_files, "MAX_METADATA_FILES", 3)
     monkeypatch.setattr(metadata_files, "MERGED_FILES", 2)
@@ -175,6 +177,7 @@ def test_concurrent_conversion_loses_nothing(raw, root):
     check_whole(root)
 
 
+@pytest.mark.long
 def test_concurrently_replaced_shards_are_planned_again(raw, root):
     happened = []
 

@@ -235,6 +235,7 @@ def test_remedy_says_when_only_older_snapshots_need_the_file(root):
     check_whole(root)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["databases", "layers", "results", "snapshots"])
 def test_remedy_of_other_files_works(raw, root, kind):
     lake = Lake(root)

@@ -77,6 +77,7 @@ def test_pack_passes_every_check_and_verification(lake, tmp_path):
     assert (found.is_whole, found.references) == (True, ("half@1",))
 
 
+@pytest.mark.long
 def test_order_and_weights_are_kept_when_ids_are_reordered(lake, tmp_path):
     drawn = lake.sample(None, name="drawn", n=20, seed=3)
     lake.pack(drawn, tmp_path / "pack")
@@ -132,12 +133,14 @@ def test_description_lists_partial_shards(lake, tmp_path):
     assert shard["key"] not in lake.sql("SELECT key FROM shards")["key"].to_list()
 
 
+@pytest.mark.long
 def test_many_members_fill_files_of_64(lake, tmp_path):
     lake.pack(lake.filter("true", name="all"), tmp_path / "pack")
     sizes = [pq.read_metadata(path).num_row_groups for path in sorted((tmp_path / "pack/tracks").rglob("*.parquet"))]
     assert sizes == [64, 9]
 
 
+@pytest.mark.long
 def test_reading_a_pack_writes_nothing(lake, tmp_path):
     """As from read-only media: the same files, with the same modification times."""
     lake.pack(lake.filter("true", name="all"), tmp_path / "pack")
@@ -153,6 +156,7 @@ def test_reading_a_pack_writes_nothing(lake, tmp_path):
     assert listing(tmp_path / "elsewhere") == before
 
 
+@pytest.mark.long
 def test_pack_of_a_pack_is_identical(lake, tmp_path):
     lake.pack(lake.filter("hash(scenario_id) % 2 = 0", name="half"), tmp_path / "once")
     Lake(tmp_path / "once").pack("half", tmp_path / "twice")
@@ -161,6 +165,7 @@ def test_pack_of_a_pack_is_identical(lake, tmp_path):
     assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
 
 
+@pytest.mark.long
 def test_tar_unpacks_to_the_pack(lake, tmp_path):
     lake.filter("hash(scenario_id) % 2 = 0", name="half")
     lake.pack("half", tmp_path / "half.tar", tar=True)
@@ -196,6 +201,7 @@ def test_changed_members_are_packed_from_their_own_snapshot(tmp_path):
 # --- shared maps ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_only_tiles_used_by_members_are_packed(city, tmp_path):
     one = city.filter("ends_with(scenario_id, '3')", name="some")
     city.pack(one, tmp_path / "pack")

@@ -234,6 +234,7 @@ def test_invalid_drawings_are_rejected(scene, words, message):
         scenario_figure(scene, **words)
 
 
+@pytest.mark.long
 def test_ten_thousand_features_are_drawn(tmp_path):
     """Dashes, double lines, lanes and crosswalks."""
     scenario = replace(make_drive(), map=make_town(10_000))

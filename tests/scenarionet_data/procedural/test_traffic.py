@@ -154,6 +154,7 @@ def test_density_scales_traffic(density):
     assert count == 1 if density == 0.0 else count > 40
 
 
+@pytest.mark.long
 def test_road_works_close_a_lane_and_traffic_passes():
     closed = [
         e for e in (generate(seed, OPTIONS) for seed in range(60)) if np.isfinite(e.graph.lanes.closed_from).any()

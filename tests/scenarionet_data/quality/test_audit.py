@@ -77,6 +77,7 @@ def test_without_checks_violations_are_stored_and_found_later(raw, tmp_path):
     assert (result.num_scenarios, result.is_met) == (2, False)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "value"), [("_MAX_WAITING", 256), ("_MAX_WAITING", 2), ("_MAX_WAITING_BYTES", 0)])
 def test_refused_scenario_leaves_no_gap(name, value, tmp_path, monkeypatch):
     """Files still hold three scenarios each, in order, whether or not scenarios are written in batches."""

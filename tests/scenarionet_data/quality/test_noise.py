@@ -109,6 +109,7 @@ def test_gross_errors_are_found(how: str) -> None:
     assert found >= 0.9 * NUM_SCENARIOS
 
 
+@pytest.mark.long
 def test_rules_of_check_agree(tmp_path: Path) -> None:
     scenarios = [recorded(seed) for seed in range(4)]
     for rule in ("velocity_is_motion", "heading_is_direction", "nobody_teleports"):

@@ -18,6 +18,7 @@ def mixed(tmp_path, lenient):
     return write_lake(tmp_path, [broken, doubtful, *(sound(seed) for seed in (3, 4, 5))])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("is_strict", "left"), [(False, [2, 3, 4, 5]), (True, [3, 4, 5])])
 def test_passing_scenarios_become_a_database(is_strict, left, mixed):
     findings = run_checks(mixed)

@@ -66,6 +66,7 @@ def test_table_has_a_row_for_each_split_and_rule(lake):
     assert rows[0]["published"] is None
 
 
+@pytest.mark.long
 def test_violations_outside_scenarios_are_listed_separately(tmp_path):
     from scenarionet_data.storage.files.local import LocalLakeFiles
     from scenarionet_data.storage.snapshots import commit as commits
@@ -94,6 +95,7 @@ def test_missing_quarantine_file_is_reported(tmp_path):
     assert row["detail"] == "shard made/v1/train/a: 0 records in quarantine, 1 were put there"
 
 
+@pytest.mark.long
 def test_database_is_checked_without_the_rest(lake):
     lake.filter("split = 'val'", name="some")
     card = make_scorecard(run_checks(lake, "some"))

@@ -299,6 +299,7 @@ def test_condition_with_lake_wide_aggregate_combines_with_an_event(tmp_path):
     assert lake.rebuild("found").is_same
 
 
+@pytest.mark.long
 def test_filter_keeps_scenarios_in_which_an_event_happens(tmp_path):
     lake = write_lake(tmp_path, [scenario for name in ("cut_in", "following") for scenario, _ in MOMENTS[name]])
     found = lake.filter("ego_distance > 10", name="cut", events=["cut_in"])
@@ -323,6 +324,7 @@ def test_an_empty_lake_has_no_hits(name, empty_lake):
     assert empty_lake.mine(name).is_empty()
 
 
+@pytest.mark.long
 def test_events_run_on_generated_scenarios(tmp_path):
     """Every event runs on generated scenarios, and some find hits."""
     convert("pg", "0:6", tmp_path)

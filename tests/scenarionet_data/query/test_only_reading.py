@@ -134,6 +134,7 @@ def test_order_and_limit_are_kept(lake):
     assert lake.sql(query)["scenario_id"].to_list() == ids[::-1][1:4]
 
 
+@pytest.mark.long
 def test_concurrent_queries_from_threads(tmp_path):
     """A server queries from many threads; results must not be mixed up."""
     lake = write_lake(tmp_path, [make_scenario(k, num_objects=2, num_steps=4) for k in range(8)])

@@ -206,6 +206,7 @@ def test_stop_lines_are_on_their_lane(tmp_path):
     assert rows == [("up", 0.0, 10.0, pytest.approx(np.pi / 2)), ("across", 5.0, 0.5, pytest.approx(0.0))]
 
 
+@pytest.mark.long
 def test_restricted_lake_shows_only_selected_scenarios(tmp_path, scenarios):
     lake = write_lake(tmp_path, scenarios)
     ids = [scenarios[k].id for k in (1, 4)]

@@ -65,6 +65,7 @@ def rows(root, table, without):
     return sorted(map(str, found.to_dicts()))
 
 
+@pytest.mark.long
 @settings(max_examples=6, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(chosen=st.sampled_from(DROPPABLE))
 def test_nullable_column_missing_in_files_reads_as_null(written, tmp_path, chosen):

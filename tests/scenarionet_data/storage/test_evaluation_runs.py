@@ -72,7 +72,7 @@ def test_run_of_another_schema_is_named(tmp_path, lake):
     run.publish(0, {"results": []})
     description = tmp_path / "lake" / "results" / "old" / "run.json"
     description.write_text(json.dumps({"tables": ["results/0"]}))
-    with pytest.raises(SchemaMismatch, match=r"results/old: written under another version .* reads results/1"):
+    with pytest.raises(SchemaMismatch, match=r"results/old: written under another version .* reads results/2"):
         Lake(tmp_path / "lake").sql("SELECT * FROM results")
 
 

@@ -250,6 +250,7 @@ def test_saving_requires_same_origin_and_secret(tmp_path):
         assert lake.databases == ["mine", "several"]
 
 
+@pytest.mark.long
 def test_port_in_use_is_an_error(lake):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))

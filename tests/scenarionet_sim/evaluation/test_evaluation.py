@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import polars as pl
 import pytest
@@ -12,6 +14,7 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_sim.evaluation import evaluation as evaluations
 from scenarionet_sim.evaluation.evaluation import EvaluationReport, evaluate, find_broken, plan_evaluation
 from scenarionet_sim.evaluation.recording import record
+from scenarionet_sim.evaluation.references import run_references
 from scenarionet_sim.policies import ConstantVelocity
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import write_lake
@@ -103,6 +106,49 @@ def test_killed_run_is_continued(lake):
         evaluate(lake, policy="idm", name="killed")
 
 
+def test_rollouts_of_stochastic_policies_differ_and_are_continued(lake):
+    words = {"policy": "constant-noisy", "traffic": "idm-sampled", "num_rollouts": 3, "seed": 7}
+    evaluate(lake, **words, name="whole")
+    keys = lake.sql("SELECT scenario_id, rollout, is_reactive FROM results WHERE run = 'whole' ORDER BY ALL")
+    assert keys.rows() == [(scenario.id, k, True) for scenario in SCENARIOS for k in range(3)]
+    ends = lake.sql("SELECT scenario_id, rollout, x[-1] AS x FROM rollouts WHERE is_judged AND run = 'whole'")
+    assert ends["x"].n_unique() == 15
+    evaluate(lake, **words, name="killed")
+    lake.files.path("results/killed/results/000001.parquet").unlink()
+    assert evaluate(lake, **words, name="killed").skipped == 3, "the part holds rollouts of two scenarios"
+    one, two = (lake.sql("SELECT * EXCLUDE run FROM results WHERE run = $run ORDER BY ALL", {"run": run})
+                for run in ("whole", "killed"))  # fmt: skip
+    assert one.equals(two)
+    with pytest.raises(BadParameter, match="exists with rollouts 3, not 2"):
+        evaluate(lake, **words | {"num_rollouts": 2}, name="killed")
+    with pytest.raises(BadParameter, match="0 rollouts of each scenario; expected at least 1"):
+        evaluate(lake, **words | {"num_rollouts": 0})
+
+
+def test_episode_of_a_benchmark_ends_in_time_and_may_begin_after_the_history(tmp_path):
+    scenario = replace(make_drive("long", num_steps=201), current_timestep=10)
+    lake = write_lake(tmp_path / "lake", [scenario])
+    for episode in ("log", "nuplan", "wosac"):
+        evaluate(lake, policy="constant", episode=episode, name=episode)
+    rows = lake.sql("SELECT run, steps, status, progress_ratio FROM results ORDER BY run").rows()
+    assert rows == [("log", 200, "success", 1.0), ("nuplan", 150, "unfinished", 1.0), ("wosac", 80, "unfinished", 1.0)]
+    starts = lake.sql("SELECT DISTINCT run, start, len(x) FROM rollouts ORDER BY run").rows()
+    assert starts == [("log", 0, 201), ("nuplan", 0, 151), ("wosac", 10, 81)]
+    with pytest.raises(BadParameter, match="unknown episode 'day'; choose from log, nuplan, wosac"):
+        evaluate(lake, policy="constant", episode="day")
+
+
+def test_references_are_simulated_once(lake):
+    plan = plan_evaluation(lake, None, "idm", num_rollouts=2)
+    names = run_references(plan)
+    assert list(names) == ["recording", "constant velocity", "random actions"]
+    assert run_references(replace(plan, policy="replay")) == names
+    runs = {run: (rollouts, crashed) for run, rollouts, crashed in lake.named_query("runs").select(
+        "run", "rollouts", "nuplan_score").rows()}  # fmt: skip
+    assert runs[names["recording"]] == (5, 0.0), "the recording drives through the slower car"
+    assert runs[names["random actions"]][0] == 10
+
+
 @pytest.mark.long
 def test_results_do_not_depend_on_the_number_of_processes(lake):
     for run, workers in (("one", 1), ("two", 2)):
@@ -166,7 +212,7 @@ def test_database_is_evaluated_in_its_order(lake):
 @pytest.mark.parametrize(
     ("policy", "options", "message"),
     [
-        ("idn", {}, "unknown policy 'idn'; choose from replay, idm, constant, or module:Class"),
+        ("idn", {}, "unknown policy 'idn'; choose from replay, idm, idm-sampled, constant, constant-noisy, random, or"),
         ("idm", {"traffic": "none"}, "unknown traffic 'none'; choose from replay, idm"),
         ("idm", {"backend": "cuda"}, "unknown backend 'cuda'; choose from kinematic, bullet"),
         ("nowhere:Planner", {}, "policy nowhere:Planner: No module named 'nowhere'; is its folder on PYTHONPATH"),

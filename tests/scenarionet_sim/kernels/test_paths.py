@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from scenarionet_sim.kernels.log import ARC, HEADING, X, Y, Z
 from scenarionet_sim.kernels.paths import follow_paths
+from tests.fixtures.recorded import recorded
 
 AGENT = np.array([[0, 0]], np.int32)
 
@@ -22,7 +23,7 @@ def place(points, where, heading=0.0, last=np.nan, window=(10.0, 20.0)):
     path[0, 1:, ARC] = np.cumsum(np.hypot(*np.diff(points.astype(float), axis=0).T))
     motion, route = np.full((1, 1, 7), -1.0), np.array([[[last, 0.0]]])
     motion[0, 0, [X, Y]] = where
-    follow_paths(AGENT, motion, path, np.array([[0, len(points)]], np.int32), *window, route, True)
+    follow_paths(AGENT, motion, recorded(path=path[0], path_offsets=[0, len(points)]), *window, route, True)
     return tuple(map(float, (*route[0, 0], motion[0, 0, Z])))
 
 
@@ -61,5 +62,5 @@ def test_self_crossing_path_is_searched_near_the_last_location():
 
 def test_object_without_a_path_is_unchanged():
     motion, route = np.full((1, 1, 7), 7.0), np.full((1, 1, 2), 7.0)
-    follow_paths(AGENT, motion, np.zeros((1, 0, 5), np.float32), np.zeros((1, 2), np.int32), 1.0, 1.0, route, True)
+    follow_paths(AGENT, motion, recorded(path_offsets=[0, 0]), 1.0, 1.0, route, True)
     assert (motion == 7.0).all() and (route == 7.0).all()

@@ -1,4 +1,4 @@
-"""Progress, collisions and feasibility against hand-computed values."""
+"""Progress and collisions against hand-computed values."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import pytest
 
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.metrics.collisions import Collisions, count_collisions
-from scenarionet_sim.metrics.feasibility import is_infeasible
 from scenarionet_sim.metrics.progress import displacement, mean_speed, progress_ratio
 
 
@@ -49,16 +48,3 @@ def test_collisions_by_type():
     found = count_collisions(contacts, types)
     assert found == Collisions(vehicles=2, humans=2, objects=1, cost=6, first=1)
     assert count_collisions(np.zeros((5, 7), bool), types) == Collisions(0, 0, 0, 0, None)
-
-
-def test_infeasible_motion():
-    heading = np.zeros(4)
-    assert is_infeasible(np.array([10.0, 11.0, 12.0, 13.0]), heading, 0.1).tolist() == [False] * 3
-    assert is_infeasible(np.array([10.0, 11.05, 11.05, 10.0]), heading, 0.1).tolist() == [True, False, True]
-    # 10 m/s for 0.1 s is 1 m: 0.29 rad is a curvature of 0.29, 0.31 rad too much, and so is a wrapped turn
-    steady = np.full(4, 10.0)
-    assert is_infeasible(steady, np.array([0.0, 0.29, 0.60, 0.60]), 0.1).tolist() == [False, True, False]
-    assert is_infeasible(steady, np.array([3.0, 3.29 - 2 * np.pi, 3.29 - 2 * np.pi, 3.0]), 0.1).tolist() == [
-        False, False, False,
-    ]  # fmt: skip
-    assert is_infeasible(np.full(2, 0.5), np.array([0.0, 1.0]), 0.1).tolist() == [False], "too slow to tell"

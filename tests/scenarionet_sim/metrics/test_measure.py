@@ -32,14 +32,17 @@ def measured(scenario: ScenarioDescription, policy: str = "replay") -> dict:
 def test_row_matches_the_schema():
     row = measured(make_drive(others=(Other(20.0, vx=5.0),), red=True))
     columns = {column.name for column in tables.load("results").columns}
-    assert set(row) == columns - {"run", "scenario_id", "track_id", "error"}
+    assert set(row) == columns - {"run", "scenario_id", "track_id", "error", "rollout", "is_reactive"}
 
 
 def test_empty_straight_road():
     row = measured(make_drive(speed=10.0, num_steps=41))
     assert row["status"] == "success" and row["success"] and not row["out_of_road"] and not row["timeout"]
-    assert row["steps"] == 39, "39 m of 40 m are more than 95 %"
-    assert row["route_completion"] == pytest.approx(0.975)
+    assert row["steps"] == 40, "to the end of the recording"
+    assert row["outcome_time"] == pytest.approx(3.9), "39 m of 40 m are more than 95 %"
+    assert row["route_completion"] == pytest.approx(1.0)
+    assert row["progress_ratio"] == 1.0
+    assert row["nuplan_score"] == 1.0
     assert row["mean_speed"] == pytest.approx(10.0)
     assert row["average_displacement"] == row["final_displacement"] == 0.0
     assert row["cost"] == row["infeasible_steps"] == 0
@@ -54,7 +57,31 @@ def test_slower_car_ahead():
     row = measured(make_drive(others=(Other(20.0, vx=5.0),)))
     assert (row["collided_vehicles"], row["collided_humans"], row["collided_objects"], row["cost"]) == (1, 0, 0, 1)
     assert row["first_collision"] == pytest.approx(3.1)
-    assert row["min_time_to_collision"] == pytest.approx(0.1)
+    assert row["min_time_to_collision"] == 0.0 and not row["is_time_to_collision_in_bound"]
+    assert (row["active_front_collisions"], row["at_fault_collisions"], row["nuplan_score"]) == (1, 1, 0.0)
+    assert row["overlap_steps"] > 1
+
+
+def test_hit_from_behind_is_not_at_fault():
+    row = measured(make_drive(speed=5.0, others=(Other(-15.0, vx=10.0),)))
+    assert (row["cost"], row["active_rear_collisions"], row["at_fault_collisions"]) == (1, 1, 0)
+    assert row["no_ego_at_fault_collisions"] == row["nuplan_score"] == 1.0
+    assert row["min_time_to_collision"] == 0.0 and row["is_time_to_collision_in_bound"]
+
+
+def test_gap_in_the_ego_leaves_motion_unknown():
+    row = measured(make_drive(hidden=slice(10, 20)))
+    assert row["success"] and row["average_displacement"] == 0.0
+    assert row.get("nuplan_score") is None and row.get("is_comfortable") is None
+
+
+def test_speeding_and_missing_parts():
+    scenario = make_drive(speed=10.0)
+    scenario.map.speed_limit[:] = 9.0
+    row = measured(scenario)
+    assert row["max_overspeed"] == pytest.approx(1.0)
+    assert row["speed_limit_compliance"] == pytest.approx(1.0 - 41 * 0.1 / (2.23 * 4.0), abs=1e-5)
+    assert row["nuplan_score"] == pytest.approx((12.0 + 4.0 * row["speed_limit_compliance"]) / 16.0)
 
 
 def test_idm_keeps_behind_slower_car():
@@ -80,21 +107,29 @@ def test_red_light():
 def test_wrong_way_and_off_road():
     """A rollout whose positions are modified."""
     rollout, world = drive(make_drive())
-    assert measure(replace(rollout, position=rollout.position[::-1]), world)["wrong_way_distance"] == pytest.approx(
-        10.0
-    )
+    row = measure(replace(rollout, position=rollout.position[::-1]), world)
+    assert row["wrong_way_distance"] == pytest.approx(10.0, abs=1.1) and row["nuplan_score"] == 0.0
     beside = measure(replace(rollout, position=rollout.position - np.array([0.0, 9.0])), world)
-    assert beside["off_road_time"] == pytest.approx(4.0)
+    assert beside["off_road_time"] == pytest.approx(4.1)
     assert beside["average_displacement"] == pytest.approx(9.0)
+    assert beside["offroad_steps"] == 41 and beside["off_route_offset"] == beside["wrong_way_offset"] > 8.9
 
 
 def test_scenario_without_a_map():
     row = measured(make_drive(has_map=False))
     assert row["success"]
-    assert row["off_road_time"] is None and row["wrong_way_distance"] is None
+    names = "off_road_time", "wrong_way_distance", "nuplan_score", "no_ego_at_fault_collisions", "offroad_steps"
+    assert [row[name] for name in (*names, "off_route_offset")] == [None] * 6
+    assert row["progression"] == row["progress_ratio"] == 1.0
 
 
 def test_stationary_ego():
     row = measured(make_drive(speed=0.0))
-    assert row["success"] and row["route_completion"] == 1.0 and row["steps"] == 1
-    assert row["is_comfortable"] is None and row["max_jerk"] is None
+    assert row["success"] and row["route_completion"] == 1.0 and row["outcome_time"] == pytest.approx(0.1)
+    assert row["is_comfortable"] and row["nuplan_score"] == 1.0
+
+
+def test_recording_of_a_single_moment():
+    row = measured(make_drive(num_steps=3, hidden=slice(1, 3)))
+    assert row["success"] and row["average_displacement"] == 0.0
+    assert row.get("nuplan_score") is None

@@ -7,10 +7,8 @@ import pytest
 
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.scenario.vocabulary import MapFeatureType
-from scenarionet_sim.metrics.road import ON_LANE, is_off_road, lane_progress, runs_red_light, wrong_way
+from scenarionet_sim.metrics.road import is_off_road, runs_red_light
 from scenarionet_sim.roads.roads import Roads
-
-DT = 0.1
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +25,7 @@ def box(x: float, y: float) -> list[list[float]]:
 
 def test_off_road_by_more_than_the_tolerance(roads):
     """The road reaches from y = -1.75 to 5.25; a corner may be 0.3 m beside it."""
-    corners = np.array([box(50, 0), box(50, 1.75), box(50, -1.0), box(50, -1.1), box(50, 4.5), box(99, 0)])
+    corners = np.array([box(50, 0), box(50, 1.75), box(50, -1.0), box(50, -1.1), box(50, 4.5), box(130, 0)])
     assert is_off_road(corners, roads).tolist() == [False, False, False, True, False, True]
 
 
@@ -35,26 +33,10 @@ def drive(x: np.ndarray, y: float) -> np.ndarray:
     return np.column_stack((x, np.full(len(x), y))).astype(np.float64)
 
 
-def progress(position, roads) -> np.ndarray:
-    return lane_progress(position, roads.lanes.values, roads.lanes.offsets, ON_LANE)
-
-
-def test_distance_along_the_lane(roads):
-    assert progress(drive(np.array([10.0, 11.0, 13.0]), 0.0), roads).tolist() == [0.0, 1.0, 2.0]
-    assert progress(drive(np.array([10.0, 11.0]), 3.5), roads).tolist() == [0.0, -1.0]
-    assert progress(drive(np.array([10.0, 11.0]), 1.75), roads).tolist() == [0.0, 1.0], "on both lanes: the better"
-    assert progress(drive(np.array([10.0, 11.0]), 30.0), roads).tolist() == [0.0, 0.0], "on no lane"
-
-
-@pytest.mark.parametrize(("speed", "seconds", "distance", "mark"), [
-    (10.0, 3.0, 0.0, 1.0), (-1.9, 3.0, 1.9, 1.0), (-2.0, 3.0, 2.0, 0.5), (-5.9, 3.0, 5.9, 0.5), (-6.0, 3.0, 6.0, 0.0),
-    (-9.0, 0.5, 4.5, 0.5),
-])  # fmt: skip
-def test_wrong_way_within_a_second(speed, seconds, distance, mark):
-    progress = np.zeros(100)
-    progress[20 : 20 + round(seconds / DT)] = speed * DT
-    found = wrong_way(progress, DT)
-    assert found == (pytest.approx(distance), mark)
+def test_the_road_goes_on_where_the_map_ends(roads):
+    """The lane to the east ends at x = 100, the one to the west begins there."""
+    ends = np.array([box(99, 0), box(107, 0), box(113, 0), box(99, 3.5), box(-1, 0), box(99, -3.0)])
+    assert is_off_road(ends, roads).tolist() == [False, False, True, False, False, True]
 
 
 def test_red_light():

@@ -75,12 +75,12 @@ class TestBirdView(SensorConformance):
         sensor, state, batch = BirdView(size=64, resolution=0.5), simulation.state, simulation.batch
         agents = simulation.agents[simulation.agents[:, 0] == 0][:3]
         for (world, row), pictures in zip(agents, self.observed(simulation, sensor, agents), strict=True):
-            segments, types = batch.segments[world].reshape(-1, 2, 2), batch.segment_type[world]
+            roads = batch.worlds[world].roads
+            segments, types = roads.segments.reshape(-1, 2, 2), roads.segment_type
             for channel, is_kind in (
                 (Channel.LANE_LINE, (types >= 16) & (types < 32)),
                 (Channel.ROAD_EDGE, types >= 32),
             ):
-                is_kind &= np.arange(len(types)) < batch.num_segments[world]
                 lines = shapely.unary_union(shapely.linestrings(segments[is_kind].astype(float)))
                 places = pixel_centres(sensor, state, world, row)
                 apart = shapely.distance(lines, shapely.points(places)) / sensor.resolution

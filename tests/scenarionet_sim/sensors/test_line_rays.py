@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import cache
+
 import numpy as np
 import pytest
 import shapely
@@ -13,11 +16,12 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.kernels.log import HEADING, X, Y
 from scenarionet_sim.kernels.rays import cast_at_segments
-from scenarionet_sim.kernels.structures import Lines
 from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.sensors import BoundaryDetector, LaneLineDetector
 from scenarionet_sim.sensors.base import directions, table
 from scenarionet_sim.sensors.boundary import BOUNDARIES
+from scenarionet_sim.worlds.world import World
+from scenarionet_sim.worlds.world_batch import WorldBatch
 from tests.fixtures.drives import make_drive
 from tests.fixtures.simulations import simulate
 from tests.scenarionet_sim.sensors import oracle
@@ -46,9 +50,9 @@ def compare(simulation, sensor, suite):  # noqa: F811
     agents = simulation.agents[::4].copy()
     found = suite.observed(simulation, sensor, agents)
     for (world, row), shares in zip(agents, found, strict=True):
-        is_seen = np.isin(batch.segment_type[world], sensor.types)
-        is_seen[batch.num_segments[world] :] = False
-        shapes = shapely.linestrings(batch.segments[world][is_seen].reshape(-1, 2, 2).astype(float))
+        roads = batch.worlds[world].roads
+        is_seen = np.isin(roads.segment_type, sensor.types)
+        shapes = shapely.linestrings(roads.segments[is_seen].reshape(-1, 2, 2).astype(float))
         wanted = [
             oracle.seen(oracle.ray(state, world, row, 2 * np.pi * k / sensor.rays, sensor.range), shapes, sensor.range)
             for k in range(sensor.rays)
@@ -57,12 +61,16 @@ def compare(simulation, sensor, suite):  # noqa: F811
     assert (found < 1).any()
 
 
+@cache
+def alone():
+    return World.from_scenario(make_drive())
+
+
 def cast(roads, position, heading, rays, reach):
     """Call the kernel with float64 output."""
-    grid, found, motion = roads.segment_grid, np.empty((1, rays)), np.zeros((1, 1, 7))
+    found, motion = np.empty((1, rays)), np.zeros((1, 1, 7))
     motion[0, 0, [X, Y, HEADING]] = *position, heading
-    arrays = roads.segments, roads.segment_type, grid.frame, grid.cell_start, grid.cell_items
-    lines = Lines(*(array[None] for array in arrays))
+    lines = WorldBatch([replace(alone(), roads=roads)]).lines
     cast_at_segments(np.array([[0, 0]], np.int32), motion, lines, table(BOUNDARIES), directions(rays), reach, found)
     return found[0]
 

@@ -20,8 +20,9 @@ from tests.scenarionet_sim.sensors.conformance import SensorConformance, simulat
 
 
 def path_of(batch, world, row):
-    first, end = batch.path_offsets[world, row : row + 2]
-    return batch.path[world, first:end, :2].astype(float)
+    paths = batch.worlds[world].paths
+    first, end = paths.path_offsets[row : row + 2]
+    return paths.path[first:end, :2].astype(float)
 
 
 class TestEgoState(SensorConformance):

@@ -11,8 +11,9 @@ import pytest
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.kernels.log import ARC, VX, VY
 from scenarionet_sim.kernels.scoring import NUM_TOTALS, NUMBERS, TERMS, Contacts, StepResult, score_step
-from scenarionet_sim.kernels.structures import Recorded, StateArrays
+from scenarionet_sim.kernels.structures import NUM_OBJECTS, NUM_PLACES, NUM_STEPS, OBJECTS, StateArrays
 from scenarionet_sim.task.task import MULTI_AGENT, SINGLE_AGENT, Status, is_terminated, task_parameters
+from tests.fixtures.recorded import recorded
 
 VEHICLE, PERSON, CYCLIST, CONE, BARRIER = (
     1 << kind
@@ -35,13 +36,12 @@ def scored(task=SINGLE_AGENT, **changes):
     motion, route, before = np.zeros((count, 1, 7)), np.zeros((count, 1, 2)), np.zeros((count, 1, 2))
     motion[:, 0, VX], motion[:, 0, VY] = 0.6 * step["speed"], -0.8 * step["speed"]
     route[:, 0, 0], route[:, 0, 1], before[:, 0, 0] = step["arc"], step["lateral"], step["arc_before"]
-    path, log = np.zeros((count, 2, 5), np.float32), np.zeros((count, 1, 1, 8), np.float32)
+    path, log = np.zeros((count, 2, 5), np.float32), np.zeros((200, 8), np.float32)
     path[:, 1, ARC] = step["length"]
-    none, no_stops = np.zeros((count, 0), np.int32), np.zeros((count, 0), np.float32)
-    recorded = Recorded(
-        log, np.array(step["num_steps"], np.int32), np.zeros((count, 1), np.float32), path,
-        np.tile(np.array([0, 2], np.int32), (count, 1)), no_stops, none, none, np.zeros((count, 0, 0), np.uint8),
-    )  # fmt: skip
+    place = np.zeros((count, NUM_PLACES), np.int64)
+    place[:, NUM_OBJECTS], place[:, NUM_STEPS], place[:, OBJECTS] = 1, step["num_steps"], np.arange(count)
+    offsets = 2 * np.arange(count + 1)  # the end of a path is the beginning of the next one
+    worlds = recorded(place=place, log=log.reshape(-1, 8), path=path.reshape(-1, 5), path_offsets=offsets)
     present, timestep = np.ones((count, 1), np.bool_), np.array(step["timestep"], np.int32)
     now = StateArrays(motion, route, present, np.ones((count, 1, 3)), np.ones((count, 1), np.uint8), timestep)
     nothing = np.zeros((count, 1), np.bool_)
@@ -53,7 +53,7 @@ def scored(task=SINGLE_AGENT, **changes):
         now,
         route,
         before,
-        recorded,
+        worlds,
         task_parameters(*task),
         result,
     )

@@ -1,16 +1,13 @@
-"""Batches of worlds: every array of every world, independent of earlier worlds in the slot."""
+"""Worlds in flat arrays: shared by slots, complete, and unchanged by the worlds that come and go around them."""
 
 from __future__ import annotations
 
-from dataclasses import fields
 from functools import cache
 
 import numpy as np
 
-from scenarionet_data.arrays.ragged import Ragged
-from scenarionet_sim.roads.grid import Grid
-from scenarionet_sim.roads.roads import Roads
-from scenarionet_sim.worlds.paths import Paths, Stops
+from scenarionet_sim.kernels.structures import CELLS, LIGHTS, LOG, NUM_OBJECTS, NUM_STEPS, OBJECTS
+from scenarionet_sim.worlds.blocks import Blocks
 from scenarionet_sim.worlds.world import World
 from scenarionet_sim.worlds.world_batch import WorldBatch
 from tests.fixtures.scenarios import make_scenario
@@ -36,61 +33,99 @@ def bare() -> World:
     return World.from_scenario(make_scenario(4, num_objects=1, num_lights=0, has_map=False))
 
 
-def check(batch: WorldBatch, slot: int, value: object, prefix: str = "") -> int:
-    """Compare a world with its slot; return the number of arrays."""
-    count = 0
-    for column in fields(value):
-        part, name = getattr(value, column.name), prefix + column.name
-        if isinstance(part, Roads | Paths | Stops):
-            count += check(batch, slot, part)
-        elif isinstance(part, Grid):
-            count += check(batch, slot, part, f"{name}_")
-        elif isinstance(part, Ragged):
-            offsets = getattr(batch, f"{name}_offsets")[slot]
-            np.testing.assert_array_equal(offsets[: len(part.offsets)], part.offsets)
-            assert (offsets[len(part.offsets) :] == part.offsets[-1]).all()
-            np.testing.assert_array_equal(getattr(batch, name)[slot, : len(part.values)], part.values)
-            count += 1
-        elif not isinstance(part, str) and np.asarray(part).dtype != object:
-            array, stack = np.asarray(part), getattr(batch, name)
-            assert stack.flags.c_contiguous
-            np.testing.assert_array_equal(stack[(slot, *map(slice, array.shape))], array)
-            count += 1
-    return count
+def check(batch: WorldBatch, slot: int, world: World) -> None:
+    """Compare every array of a world with its rows in the pool."""
+    assert batch.worlds[slot] is world
+    recorded, lines, place = batch.recorded, batch.lines, batch.place[slot]
+    count, steps, first = world.num_objects, world.num_steps, place[OBJECTS]
+    assert (place[NUM_OBJECTS], place[NUM_STEPS]) == (count, steps)
+    rows = slice(place[LOG], place[LOG] + count * steps)
+    np.testing.assert_array_equal(recorded.log[rows].reshape(steps, count, 8), world.log)
+    for name in ("object_type", "size", "top_speed"):
+        np.testing.assert_array_equal(getattr(recorded, name)[first : first + count], getattr(world, name))
+    for offsets, wanted, values in (
+        (recorded.path_offsets, world.paths.path_offsets, (("path", world.paths.path),)),
+        (
+            recorded.stop_offsets,
+            world.stops.stop_offsets,
+            (("stop_arc", world.stops.stop_arc), ("stop_light", world.stops.stop_light)),
+        ),
+    ):
+        found = offsets[first : first + count + 1]
+        np.testing.assert_array_equal(found - found[0], wanted)
+        for name, rows_of_world in values:
+            np.testing.assert_array_equal(getattr(recorded, name)[found[0] : found[-1]], rows_of_world)
+    lights = world.light_state.size
+    np.testing.assert_array_equal(
+        recorded.light_state[place[LIGHTS] : place[LIGHTS] + lights], world.light_state.ravel()
+    )
+    grid, cells = world.roads.segment_grid, place[CELLS]
+    np.testing.assert_array_equal(lines.frame[slot], grid.frame)
+    starts = lines.cell_start[cells : cells + len(grid.cell_start)]
+    np.testing.assert_array_equal(starts - starts[0], grid.cell_start)
+    np.testing.assert_array_equal(lines.segments[starts[0] : starts[-1]], world.roads.segments[grid.cell_items])
+    types = world.roads.segment_type[grid.cell_items]
+    np.testing.assert_array_equal(lines.segment_type[starts[0] : starts[-1]], types)
+    for cell in range(len(grid.cell_start) - 1):
+        bits = np.bitwise_or.reduce(
+            1 << (types[grid.cell_start[cell] : grid.cell_start[cell + 1]].astype(np.int64) % 32), initial=0
+        )
+        assert lines.cell_types[cells + cell] == bits
 
 
-def test_every_array_of_every_world_is_stacked():
+def test_every_array_of_every_world_is_in_the_pool():
     batch = WorldBatch([small(), large(), bare()])
-    for slot, world in enumerate(batch.worlds):
-        assert check(batch, slot, world) > 30
+    for slot, world in enumerate((small(), large(), bare())):
+        check(batch, slot, world)
     assert batch.num_objects.tolist() == [3, 40, 1]
     assert batch.num_steps.tolist() == [31, 60, 31]
-    assert batch.num_lights.tolist() == [0, 9, 0]
-    assert batch.num_lanes.tolist() == [2, 20, 0]
     assert batch.max_objects == 40
 
 
-def test_larger_and_smaller_worlds_replace_each_other():
-    batch = WorldBatch([small(), middle()])
-    for world in (large(), small(), bare(), middle()):
-        batch.replace(0, world)
-        check(batch, 0, world)
-        check(batch, 1, middle())
-    assert batch.worlds == [middle(), middle()]
-    assert not batch.log[0, middle().num_steps :].any() and not batch.log[0, :, middle().num_objects :].any()
+def test_slots_share_a_world():
+    batch = WorldBatch([small(), middle(), small(), small()])
+    assert len(batch.pool) == 2
+    np.testing.assert_array_equal(batch.place[0], batch.place[2])
+    log = batch.recorded.log
+    for _ in range(10):
+        batch.replace(1, small())
+        batch.replace(1, middle())
+    assert batch.recorded.log is log
 
 
-def test_capacity_is_kept_to_avoid_copies_in_long_runs():
-    batch = WorldBatch([small()])
-    batch.replace(0, large())
-    log = batch.log
-    for world in (small(), bare(), large(), middle()):
-        batch.replace(0, world)
-    assert batch.log is log
+def test_worlds_come_and_go_without_a_trace():
+    """Blocks of other sizes are stored in the gaps that removed worlds leave."""
+    rng, worlds = np.random.default_rng(0), [small(), middle(), large(), bare()]
+    batch, playing = WorldBatch([small(), middle()], keep=1), [small(), middle()]
+    sizes = []
+    for _ in range(60):
+        slot, world = int(rng.integers(2)), worlds[rng.integers(4)]
+        batch.replace(slot, world)
+        playing[slot] = world
+        for number, expected in enumerate(playing):
+            check(batch, number, expected)
+        assert len(batch.pool) <= 3
+        sizes.append(len(batch.recorded.log))
+    assert sizes[-1] == sizes[20], "the pool grows without end"
 
 
-def test_annotations_match_the_arrays():
-    batch = WorldBatch([middle()])
-    assert {name for name in vars(batch) if isinstance(getattr(batch, name), np.ndarray)} == set(
-        WorldBatch.__annotations__
+def test_blocks_fill_gaps():
+    blocks = Blocks({"value": np.int64, "pair": (np.float32, 2)})
+    kept = {}
+    for number in range(1, 9):
+        kept[number] = blocks.put({"value": np.full(number, number), "pair": np.full((number, 2), number)})
+    capacity = len(blocks.arrays["value"])
+    for number in (2, 4, 3, 7):
+        blocks.remove(*kept.pop(number))
+    joined = blocks.put({"value": np.full(9, 9), "pair": np.full((9, 2), 9)})  # rows of 2, 3 and 4
+    assert joined == (1, 10)
+    kept[9] = joined
+    assert len(blocks.arrays["value"]) == capacity
+    for number, (start, end) in kept.items():
+        assert end - start == number
+        assert (blocks.arrays["value"][start:end] == number).all()
+        assert (blocks.arrays["pair"][start:end] == number).all()
+    assert (
+        blocks.put({"value": np.zeros(0), "pair": np.zeros((0, 2))})[0]
+        == blocks.put({"value": np.ones(1), "pair": np.ones((1, 2))})[0]
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import click
@@ -30,14 +31,16 @@ _MAX_EXAMPLES = 5
     "score",
     "scenarionet score lake --rollouts submission.tar.gz",
     "scenarionet score lake --rollouts submission.binproto --configuration sim-agents-2024 --json",
+    "scenarionet score lake --run all-constant-noisy-constant-noisy-kinematic-wosac -o submission.binproto",
 )
 @lake_argument
 @click.option(
     "--rollouts",
-    required=True,
     metavar="PATH",
     help="The submission: a binary SimAgentsChallengeSubmission, a folder of them, or a .tar.gz archive.",
 )
+@click.option("--run", metavar="NAME", help="Score this run of `sim --episode wosac --rollouts 32` instead.")
+@click.option("-o", "--output", metavar="FILE", help="With --run: also write its rollouts as a submission.")
 @click.option(
     "--configuration",
     type=click.Choice(["sim-agents-2025", "sim-agents-2024", "scenario-generation-2025"]),
@@ -56,7 +59,9 @@ _MAX_EXAMPLES = 5
 @quiet_option
 def command(
     lake: str,
-    rollouts: str,
+    rollouts: str | None,
+    run: str | None,
+    output: str | None,
     configuration: str,
     right_lanes: bool,
     workers: int | None,
@@ -69,17 +74,24 @@ def command(
     Beside the submission stand the ceiling, the score of the recordings themselves, and the floor, the score of
     constant velocity, on the same scenarios. The lake needs the Waymo scenarios of the submission.
     """
+    from scenarionet_data import Lake
     from scenarionet_data.execution.executors import executor_for
     from scenarionet_pipelines.machine import default_workers
-    from scenarionet_sim.metrics.wosac import score_submission
+    from scenarionet_sim.metrics.wosac import rollouts_of_run, score_submission, write_submission
 
+    if (rollouts is None) == (run is None) or (output is not None and run is None):
+        raise click.UsageError("give either --rollouts PATH, or --run NAME with -o FILE if it is to be written")
     with (
         executor_from_options(cluster, workers, quiet=quiet) as execution,
         ProgressDisplay("score", is_quiet=quiet) as progress,
+        TemporaryDirectory() as folder,
     ):
+        submission = rollouts or output or f"{folder}/submission.binproto"
+        if run is not None:
+            write_submission(submission, rollouts_of_run(Lake(lake), run))
         report = score_submission(
             lake,
-            rollouts,
+            submission,
             configuration,
             official=not right_lanes,
             executor=execution.executor or executor_for(workers or default_workers()),

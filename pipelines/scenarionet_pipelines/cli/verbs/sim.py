@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from scenarionet_data.execution.worker_stats import WorkerStats
-    from scenarionet_sim.evaluation.evaluation import EvaluationReport
+    from scenarionet_sim.evaluation.evaluation import Evaluation, EvaluationReport
 
 _MAX_EXAMPLES = 5
 
@@ -36,19 +36,23 @@ _MAX_EXAMPLES = 5
     "scenarionet sim lake busy_val --policy idm",
     "scenarionet sim lake busy_val --policy my_planner:Planner --backend kinematic --traffic idm --workers 4",
     "scenarionet sim lake busy_val --policy idm --name idm_twice --json",
+    "scenarionet sim lake busy_val --policy idm-sampled --traffic idm-sampled --rollouts 32 --seed 0",
     "scenarionet sim lake busy_val --policy idm --cluster tcp://10.0.0.5:8786",
 )
 @lake_argument
 @optional_database_argument
 @click.option(
-    "--policy", required=True, metavar="NAME", help="Policy of the ego: replay, idm, constant or module:Class."
+    "--policy",
+    required=True,
+    metavar="NAME",
+    help="Policy of the ego: replay, idm, idm-sampled, constant, constant-noisy, random or module:Class.",
 )
 @click.option(
     "--traffic",
     default="replay",
     show_default=True,
     metavar="NAME",
-    help="Policy of the other vehicles: replay or idm.",
+    help="Policy of the others: replay, idm, idm-sampled, constant or constant-noisy.",
 )
 @click.option(
     "--backend",
@@ -58,8 +62,29 @@ _MAX_EXAMPLES = 5
 @click.option("--name", metavar="NAME", help="Name of the run. [default: DATABASE-POLICY-TRAFFIC-BACKEND]")
 @workers_option
 @cluster_option
-@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the sensor noise.")
+@click.option(
+    "--rollouts",
+    "num_rollouts",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    metavar="N",
+    help="Rollouts of each scenario, which differ if a policy is stochastic.",
+)
+@click.option(
+    "--seed", type=int, default=0, show_default=True, help="Seed of stochastic policies and of the sensor noise."
+)
+@click.option(
+    "--episode",
+    type=click.Choice(["log", "nuplan", "wosac"]),
+    default="log",
+    show_default=True,
+    help="What to drive: the whole recording, 15 s of it, or 8 s after the history.",
+)
 @click.option("--metrics-only", is_flag=True, help="Do not write the trajectories of the run.")
+@click.option(
+    "--no-references", is_flag=True, help="Do not simulate the recording, constant velocity and random actions."
+)
 @json_option
 @quiet_option
 def command(
@@ -71,15 +96,21 @@ def command(
     name: str | None,
     workers: int | None,
     cluster: str | None,
+    num_rollouts: int,
     seed: int,
+    episode: str,
     metrics_only: bool,
+    no_references: bool,
     as_json: bool,
     quiet: bool,
 ) -> None:
     """Evaluate a policy on every scenario of a database, or of the whole lake.
 
-    The view `results` has one row per scenario with every metric, the view `rollouts` the driven trajectories. Join
-    them with metadata by scenario_id to find out where a planner fails.
+    The view `results` has one row per scenario and rollout with every metric, the view `rollouts` the driven
+    trajectories. Join them with metadata by scenario_id to find out where a planner fails.
+
+    Beside the results stand those of the recording itself, a ceiling, and of constant velocity and random actions, the
+    floors, on the same scenarios. They are runs, too, and simulated once.
 
     A policy of your own is module:Class: a class with a method act(observation) that returns steering and throttle
     in [-1, 1], or a subclass of scenarionet_sim.policies.Policy. It receives the paper's observation unless it has
@@ -89,10 +120,20 @@ def command(
     """
     from scenarionet_pipelines.machine import default_workers
     from scenarionet_sim.evaluation.evaluation import plan_evaluation, run_evaluation
+    from scenarionet_sim.evaluation.references import run_references
 
     look_in_current_folder(policy)
-    evaluation = plan_evaluation(lake, database, policy, traffic=traffic, backend=backend, seed=seed)
-    run = name or "-".join([database or "all", policy, traffic, evaluation.backend]).replace("@", ".").replace(":", ".")
+    evaluation = plan_evaluation(
+        lake,
+        database,
+        policy,
+        traffic=traffic,
+        backend=backend,
+        seed=seed,
+        num_rollouts=num_rollouts,
+        episode=episode,
+    )
+    run = name or _default_name(evaluation, database)
     with (
         executor_from_options(cluster, workers, quiet=quiet) as execution,
         ProgressDisplay(f"sim {run}", "part", is_quiet=quiet) as progress,
@@ -106,29 +147,57 @@ def command(
                 rollouts=not metrics_only,
                 on_progress=progress.update,
             )
+            references = (
+                {}
+                if no_references
+                else run_references(evaluation, workers=workers or default_workers(), executor=execution.executor)
+            )
         except KeyboardInterrupt as error:
             raise Interrupted(
                 f"finished scenarios are kept in run {run}; run the same command again to continue"
             ) from error
-    _print(report, lake, execution.stats, as_json)
+    _print(report, references, lake, execution.stats, as_json)
     click.get_current_context().exit(1 if report.broken else 0)
 
 
-def _print(report: EvaluationReport, lake: str, workers: Mapping[str, WorkerStats], as_json: bool) -> None:
-    from scenarionet_data import Lake
+def _default_name(evaluation: Evaluation, database: str | None) -> str:
+    """Name of the run, by the database as it was given, without its version."""
+    words = [database or "all", evaluation.policy, evaluation.traffic, evaluation.backend]
+    words += [] if evaluation.episode == "log" else [evaluation.episode]
+    return "-".join(words).replace("@", ".").replace(":", ".")
 
-    rows = Lake(lake).named_query("runs", {"run": report.run}).to_dicts()
-    facts: dict[str, Any] = rows[0] if rows else {}
+
+def _print(
+    report: EvaluationReport,
+    references: Mapping[str, str],
+    lake: str,
+    workers: Mapping[str, WorkerStats],
+    as_json: bool,
+) -> None:
+    facts = _facts(lake, report.run)
+    beside = {title: _facts(lake, run) for title, run in references.items()}
     join = f'scenarionet sql {lake} "SELECT * FROM results JOIN metadata USING (scenario_id) WHERE NOT success"'
     if as_json:
         broken = [{"scenario_id": scenario_id, "reason": reason} for scenario_id, reason in report.broken]
         done = {"run": report.run, "skipped": report.skipped, "seconds": report.seconds, "broken": broken}
-        print_json(facts | done | {"scenarios": report.scenarios, "next": join} | worker_facts(workers))
+        counts = {"scenarios": report.scenarios, "references": beside, "next": join}
+        print_json(facts | done | counts | worker_facts(workers))
         return
     if report.skipped:
         click.echo(f"skipped    {count(report.skipped, 'scenario')} finished by an earlier command")
-    print_table([(key, value) for key, value in facts.items() if value is not None])
+    rows = [
+        (key, value, *(each.get(key) for each in beside.values())) for key, value in facts.items() if value is not None
+    ]
+    print_table(rows[1:], ("", "this run", *beside))
     print_table(worker_rows(workers, "part"))
     for scenario_id, reason in report.broken[:_MAX_EXAMPLES]:
         click.echo(f"could not be simulated: {scenario_id}: {one_line(reason)}", err=True)
-    click.echo(f"took {duration(report.seconds)}. Failures: {join}")
+    click.echo(f"run {report.run}, took {duration(report.seconds)}. Failures: {join}")
+
+
+def _facts(lake: str, run: str) -> dict[str, Any]:
+    """Summary of a run; empty without rows."""
+    from scenarionet_data import Lake
+
+    rows = Lake(lake).named_query("runs", {"run": run}).to_dicts()
+    return rows[0] if rows else {}

@@ -29,6 +29,8 @@ from scenarionet_data.storage.read.parquet.thrift_kernels import UNKNOWN
 
 COMPILE_AFTER = 64
 """Row groups that a reader leaves to Arrow before it compiles the kernels: compiling costs as much as 1,500."""
+_KEPT = 2**25
+"""Largest buffer that a reader keeps for its next call [bytes]."""
 _TEXT = ("string", "json")
 _NULLS = {"float32": np.float32(np.nan), "bool": np.int8(-1), "dictionary": np.int32(-1), **dict.fromkeys(_TEXT)}
 _POSITIONS = [kernels.START, kernels.END, kernels.STORED, kernels.STORED_END]
@@ -61,6 +63,7 @@ class ColumnReader:
         self._shapes = np.array([kernels.LIST * c.is_list + kernels.NULLABLE * c.nullable for c in self._columns])
         self._zstd = zstandard.ZstdDecompressor()
         self._left_to_arrow = compile_after
+        self._kept: Array = np.empty(0, np.uint8)
 
     def footer(self, url: str, metadata: pq.FileMetaData, *, has_checksums: bool = False) -> Footer:
         """Locate the columns in a file.
@@ -122,7 +125,7 @@ class ColumnReader:
         size = sum(
             int(each[each[:, kernels.CODEC] != kernels.OTHER_CODEC, kernels.CHUNK_SIZE].sum()) for each in chunks
         )
-        data = np.empty(size + kernels.SPARE, np.uint8)
+        data = self._buffer(size + kernels.SPARE)
         pages = np.zeros((len(self._columns), len(groups), kernels.NUM_PAGE_FIELDS), np.int64)
         end = 0
         for index, (group, positions) in enumerate(zip(groups, chunks, strict=True)):
@@ -134,6 +137,14 @@ class ColumnReader:
         self._require(pages[:, :, kernels.START] != kernels.DAMAGED)
         data.flags.writeable = False  # like mapped files: kernels are compiled for each kind of array
         return pages, data
+
+    def _buffer(self, size: int) -> Array:
+        """Memory for pages. It is used again, because new memory costs more than most pages: values are copied."""
+        if size > _KEPT:
+            return np.empty(size, np.uint8)
+        if size > len(self._kept):
+            self._kept = np.empty(size, np.uint8)
+        return self._kept[:size]
 
     def _decompress(self, stored: memoryview, target: Array) -> bool:
         """Decompress a zstd page; returns whether it fills the target exactly."""

@@ -134,6 +134,7 @@ print(json.dumps({"messages": messages, "count": len(Lake(sys.argv[1]))}))
 """
 
 
+@pytest.mark.long
 def test_full_disk_leaves_lake_unchanged(tmp_path):
     found = on_small_disk(tmp_path / "disk", f"{__name__}:fill_the_disk", tmp_path)
     assert found["message"].startswith("cannot write /")

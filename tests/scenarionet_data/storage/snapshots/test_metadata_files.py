@@ -51,6 +51,7 @@ def test_consolidation_depends_only_on_the_shards(tmp_path, template, few):
     assert len(Lake(tmp_path / "b")) == 20
 
 
+@pytest.mark.long
 def test_adding_one_shard_changes_one_merged_file(tmp_path, template, few):
     before = consolidated(tmp_path, template, [range(20)])
     after = consolidated(tmp_path, template, [range(20), [20]])

@@ -17,9 +17,9 @@ import pytest
 
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.metrics.comfort import measure_comfort
+from scenarionet_sim.metrics.drive import EgoDrive, SurroundingBoxes
 from scenarionet_sim.metrics.nuplan import collisions as colliding
 from scenarionet_sim.metrics.nuplan import errors
-from scenarionet_sim.metrics.nuplan.drive import EgoDrive, SurroundingBoxes
 from scenarionet_sim.metrics.nuplan.time_to_collision import time_to_collision
 from scenarionet_sim.metrics.smoothing import savitzky_golay
 

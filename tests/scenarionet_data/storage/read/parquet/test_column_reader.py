@@ -108,7 +108,7 @@ def assert_same(table, found, expected):
 
 
 @pytest.mark.parametrize("table", READ)
-@settings(max_examples=settings.default.max_examples // 2)
+@settings(max_examples=settings.default.max_examples // 5)
 @given(sizes=st.lists(st.integers(1, 30), min_size=1, max_size=3), seed=st.integers(0, 2**32))
 def test_reads_what_arrow_reads(tmp_path_factory, table, sizes, seed):
     folder = tmp_path_factory.mktemp("files")

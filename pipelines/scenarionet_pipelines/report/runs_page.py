@@ -1,0 +1,110 @@
+"""A page that compares runs: tables of all metrics, and pictures of the scenarios that got worst."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Iterable
+from pathlib import Path
+
+from scenarionet_data import Lake
+from scenarionet_data.plots import Scene, draw_scenario, new_figure
+from scenarionet_data.storage.files.places import local_path
+from scenarionet_pipelines.report.changes import change_text, mean_text
+from scenarionet_pipelines.report.markup import Markup, joined, tag
+from scenarionet_pipelines.report.page import page_head
+from scenarionet_sim.evaluation.comparison import ComparedMetric, RunComparison
+from scenarionet_sim.render import rollout_moments
+
+_MAX_PICTURES = 12
+_PANEL = (4.0, 2.8)  # inches
+_DPI = 100
+
+
+def write(comparison: RunComparison, lake: Lake, path: str | Path) -> None:
+    """Write the page.
+
+    Args:
+        comparison: What it shows.
+        lake: The lake with the runs, for pictures of their rollouts.
+        path: The HTML file.
+    """
+    file = local_path(path, "a comparison")
+    file.write_text(render(comparison, lake), "utf-8")
+
+
+def render(comparison: RunComparison, lake: Lake) -> str:
+    """Return the page as HTML."""
+    title = f"{comparison.runs[-1]} compared with {comparison.runs[0]}"
+    counts = f"{len(comparison.better)} scenarios got better and {len(comparison.worse)} worse, by "
+    judged = tag("p", counts, tag("code", comparison.judged_by), ".")
+    body = tag(
+        "body", tag("header", tag("h1", title), judged), tag("main", _tables(comparison), _worst(comparison, lake))
+    )
+    return f"<!doctype html>\n{tag('html', page_head(title), body, lang='en')}\n"
+
+
+def _tables(comparison: RunComparison) -> Markup:
+    groups = list(dict.fromkeys(each.group for each in comparison.metrics))
+    return joined(*(_table(comparison, group) for group in groups))
+
+
+def _table(comparison: RunComparison, group: str) -> Markup:
+    heads = [tag("th", "metric", scope="col"), *(tag("th", run, scope="col") for run in comparison.runs)]
+    heads += [tag("th", f"change to {run}", scope="col") for run in comparison.runs[1:]]
+    rows = (tag("tr", *_cells(each)) for each in comparison.metrics if each.group == group)
+    table = tag("table", tag("thead", tag("tr", *heads)), tag("tbody", *rows))
+    title = "All scenarios" if group == "all" else group
+    return tag("section", tag("h2", title), tag("div", table, class_="scroll"))
+
+
+def _cells(metric: ComparedMetric) -> Iterable[Markup]:
+    yield tag("th", metric.metric, scope="row")
+    for mean, scenarios in zip(metric.means, metric.scenarios, strict=True):
+        yield tag("td", mean_text(mean, scenarios))
+    for change in metric.changes[1:]:
+        yield tag("td", change_text(change))
+
+
+def _worst(comparison: RunComparison, lake: Lake) -> Markup | None:
+    worst = comparison.worse[:_MAX_PICTURES]
+    if not worst:
+        return None
+    drawn = (_figure(lake, comparison, scenario_id, change) for scenario_id, change in worst)
+    return tag("section", tag("h2", "Got worst"), tag("div", *drawn, class_="pictures pairs"))
+
+
+def _figure(lake: Lake, comparison: RunComparison, scenario_id: str, change: float) -> Markup:
+    runs = comparison.runs[0], comparison.runs[-1]
+    data = base64.b64encode(_picture(lake, runs, scenario_id)).decode()
+    words = f"Scenario {scenario_id}: {runs[0]} on the left, {runs[1]} on the right"
+    image = tag("img", src=f"data:image/png;base64,{data}", alt=words)
+    return tag("figure", image, tag("figcaption", scenario_id, tag("span", f"{change:+.4g}")))
+
+
+def _picture(lake: Lake, runs: tuple[str, str], scenario_id: str) -> bytes:
+    """PNG file of what both runs did until the last one's first crash, or its end; the recording without rollouts."""
+    scene = Scene.of(lake.loader([scenario_id])[0])
+    facts = {row["run"]: row for row in lake.sql(_FACTS, {"runs": list(runs), "scenario_id": scenario_id}).to_dicts()}
+    crash = facts[runs[1]]["first_collision"]
+    figure = new_figure(2.0 * _PANEL[0], _PANEL[1], dpi=_DPI)
+    panels, view = figure.subplots(1, 2), "route" if crash is None else "ego"
+    figure.subplots_adjust(left=0.01, right=0.99, top=0.9, bottom=0.01, wspace=0.02)
+    for axes, run in zip(panels, runs, strict=True):
+        moments = rollout_moments(lake, run, scene) if facts[run]["has_rollout"] else None
+        if moments is not None and crash is not None:
+            moments = moments[: round(crash / scene.dt) + 1]
+        draw_scenario(axes, scene, moments=moments, view=view, ratio=_PANEL[0] / _PANEL[1], has_legend=False)
+        axes.set_title(run if moments is not None else f"{run}: the recording, without trajectories", fontsize=8)
+    file = io.BytesIO()
+    figure.savefig(file, format="png")
+    return file.getvalue()
+
+
+_FACTS = """
+    SELECT run, min(first_collision) AS first_collision, any_value(seen.run IS NOT NULL) AS has_rollout
+    FROM results
+    LEFT JOIN (SELECT DISTINCT run, scenario_id FROM rollouts WHERE rollout = 0) AS seen USING (run, scenario_id)
+    WHERE list_contains($runs, run) AND scenario_id = $scenario_id AND rollout = 0
+    GROUP BY run
+"""

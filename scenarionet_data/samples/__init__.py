@@ -1,0 +1,1 @@
+"""From lake to tensors: samples for forecasting models, from any dataset, without a cache."""

@@ -1,0 +1,175 @@
+"""What a sample contains: frozen choices of time, agents, map, targets, perspective and augmentation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from scenarionet_data.errors import BadParameter
+from scenarionet_data.query.statements import check_expression
+from scenarionet_data.scenario.vocabulary import ObjectType
+
+ROAD_USERS = (ObjectType.VEHICLE, ObjectType.PEDESTRIAN, ObjectType.CYCLIST)
+
+
+@dataclass(frozen=True)
+class TimeWindow:
+    """The time of a sample, on the same timesteps for every dataset.
+
+    Attributes:
+        history: Time before the current timestep [s].
+        future: Time after it [s].
+        dt: Timestep [s]; recordings with another one are interpolated, angles along the shorter arc.
+        stride: Time between the current timesteps of a scenario's samples [s], from the first that has the whole
+            history; by default a scenario is used once, at its own ``current_timestep``.
+        longest_gap: Longest time between two recorded states that is interpolated [s].
+    """
+
+    history: float = 1.0
+    future: float = 8.0
+    dt: float = 0.1
+    stride: float | None = None
+    longest_gap: float = 1.0
+
+    def __post_init__(self) -> None:
+        _require(self.dt > 0, "dt", "a timestep above 0 s", self.dt)
+        _require(self.stride is None or self.stride > 0, "stride", "a time above 0 s, or None", self.stride)
+        for name in ("history", "future"):
+            steps = getattr(self, name) / self.dt
+            is_whole = steps >= 0 and abs(steps - round(steps)) < 1e-6
+            _require(is_whole, name, f"a multiple of {self.dt:g} s", getattr(self, name))
+
+    @property
+    def num_history(self) -> int:
+        """Timesteps of the history, with the current one."""
+        return round(self.history / self.dt) + 1
+
+    @property
+    def num_future(self) -> int:
+        """Timesteps of the future."""
+        return round(self.future / self.dt)
+
+
+@dataclass(frozen=True)
+class Agents:
+    """The objects of a sample: targets first, then others by distance at the current timestep.
+
+    Attributes:
+        count: Number of objects; missing ones are masked.
+        radius: Largest distance of an object from the centre [m].
+        types: Types of objects.
+    """
+
+    count: int = 64
+    radius: float = 100.0
+    types: tuple[ObjectType, ...] = ROAD_USERS
+
+    def __post_init__(self) -> None:
+        _require(self.count > 0, "count", "at least 1 agent", self.count)
+
+
+@dataclass(frozen=True)
+class Polylines:
+    """The map of a sample: its features as polylines of equally spaced points, by distance from the centre.
+
+    Attributes:
+        count: Number of polylines; missing ones are masked. 0 for samples without a map.
+        points: Points of a polyline; longer features become several polylines.
+        spacing: Distance between points along the feature [m].
+        radius: Largest distance of a polyline from the centre [m].
+    """
+
+    count: int = 256
+    points: int = 20
+    spacing: float = 1.0
+    radius: float = 100.0
+
+    def __post_init__(self) -> None:
+        _require(self.count >= 0, "count", "0 polylines or more", self.count)
+        _require(self.points >= 2, "points", "at least 2 points", self.points)
+        _require(self.spacing > 0, "spacing", "a distance above 0 m", self.spacing)
+
+
+@dataclass(frozen=True)
+class Targets:
+    """The objects whose future is to be predicted.
+
+    Attributes:
+        which: ``recorded``: those that the dataset's challenge asks for (``tracks_to_predict``); ``ego``; ``moving``:
+            road users that travel more than 1 m; ``where``: those of an SQL condition over the view ``objects``.
+        where: The condition, for example ``object_type = 'CYCLIST' AND distance > 5``.
+        limit: Largest number of targets of a scenario; the first ones by ``track_index``.
+    """
+
+    which: Literal["recorded", "ego", "moving", "where"] = "recorded"
+    where: str = ""
+    limit: int | None = None
+
+    def __post_init__(self) -> None:
+        kinds = ("recorded", "ego", "moving", "where")
+        _require(self.which in kinds, "which", " or ".join(kinds), self.which)
+        has_condition = bool(self.where.strip())
+        _require(
+            has_condition == (self.which == "where"), "where", 'a condition exactly with which="where"', self.where
+        )
+        if has_condition:
+            check_expression(self.where)
+
+    @property
+    def condition(self) -> str:
+        """SQL over the view ``objects``; empty if targets are named in the view ``metadata``."""
+        types = ", ".join(f"'{kind.name}'" for kind in ROAD_USERS)
+        return f"distance > 1 AND object_type IN ({types})" if self.which == "moving" else self.where
+
+
+@dataclass(frozen=True)
+class Augmentation:
+    """Random changes of samples, the same for the same seed, epoch and sample, in any worker and batch.
+
+    Attributes:
+        rotation: Largest angle by which a sample is turned [rad].
+        flip: Probability of mirroring it at the x axis.
+        noise: Standard deviation added to positions of the history [m].
+        drop: Probability of leaving an agent out that is no target.
+        seed: Seed of the draws.
+    """
+
+    rotation: float = 0.0
+    flip: float = 0.0
+    noise: float = 0.0
+    drop: float = 0.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        _require(0 <= self.rotation <= np.pi, "rotation", "0 ... pi rad", self.rotation)
+        _require(self.noise >= 0, "noise", "0 m or more", self.noise)
+        for name in ("flip", "drop"):
+            _require(0 <= getattr(self, name) <= 1, name, "a probability", getattr(self, name))
+
+
+@dataclass(frozen=True)
+class Choices:
+    """Everything that determines a sample.
+
+    Attributes:
+        window, agents, polylines, targets, augmentation: The parts.
+        perspective: ``agent``: one sample per target, with the target in the origin, heading along +x; ``scene``: one
+            sample per scenario, with the ego in the origin.
+    """
+
+    window: TimeWindow = field(default_factory=TimeWindow)
+    agents: Agents = field(default_factory=Agents)
+    polylines: Polylines = field(default_factory=Polylines)
+    targets: Targets = field(default_factory=Targets)
+    augmentation: Augmentation = field(default_factory=Augmentation)
+    perspective: Literal["agent", "scene"] = "agent"
+
+    def __post_init__(self) -> None:
+        _require(self.perspective in ("agent", "scene"), "perspective", "agent or scene", self.perspective)
+
+
+def _require(is_right: bool, name: str, wanted: str, found: object) -> None:
+    if not is_right:
+        raise BadParameter(f"{name}: expected {wanted}, found {found!r}")

@@ -1,0 +1,220 @@
+"""Runs side by side: shares with their number of scenarios, paired differences, and the scenarios that changed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from scenarionet_data import Lake
+from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.errors import BadParameter
+
+METRICS: Mapping[str, str] = {
+    "success": "success::INTEGER",
+    "out_of_road": "out_of_road::INTEGER",
+    "timeout": "timeout::INTEGER",
+    "crashed": "crashed::INTEGER",
+    "at_fault": "(at_fault_collisions > 0)::INTEGER",
+    "off_road": "off_road::INTEGER",
+    "red_light": "(red_light_violations > 0)::INTEGER",
+    "nuplan_score": "nuplan_score",
+    "progress_ratio": "progress_ratio",
+    "time_to_collision_in_bound": "is_time_to_collision_long::INTEGER",
+    "comfortable": "is_comfortable::INTEGER",
+    "speed_limit_compliance": "speed_limit_compliance",
+    "driving_direction": "driving_direction",
+    "route_completion": "route_completion",
+    "average_displacement": "average_displacement",
+}
+"""Metrics of a comparison as expressions over ``results``: shares of scenarios, scores and means."""
+
+JUDGED_BY = "coalesce(nuplan_score, success::INTEGER - crashed::INTEGER)"
+"""What decides unless told otherwise whether a scenario got better: higher is better."""
+
+ALL = "all"
+"""Group of all scenarios."""
+
+_CONFIDENCE = 0.95
+_MANY = 5000
+"""Number of scenarios from which the interval is that of the normal distribution, which bootstrapping approaches."""
+
+
+@dataclass(frozen=True)
+class PairedChange:
+    """Mean of the differences from the first run, over the scenarios that both have.
+
+    Attributes:
+        mean: Its value.
+        low, high: 95 % interval, by bootstrapping the scenarios.
+        scenarios: Number of scenarios.
+    """
+
+    mean: float
+    low: float
+    high: float
+    scenarios: int
+
+
+@dataclass(frozen=True)
+class ComparedMetric:
+    """A metric of every run.
+
+    Attributes:
+        metric: Its name.
+        group: Value of what the scenarios are grouped by; ``all`` for all of them.
+        means: Mean of each run over its scenarios, a share for yes and no; None without a value.
+        scenarios: Number of scenarios with a value, by run.
+        changes: From the first run to each; None for the first, and without a common scenario.
+    """
+
+    metric: str
+    group: str
+    means: tuple[float | None, ...]
+    scenarios: tuple[int, ...]
+    changes: tuple[PairedChange | None, ...]
+
+
+@dataclass(frozen=True)
+class RunComparison:
+    """Runs side by side.
+
+    Attributes:
+        runs: Their names.
+        metrics: Group by group, that of all scenarios first.
+        judged_by: Expression that decides what is better.
+        better, worse: Scenarios that it calls better or worse in the last run than in the first, and by how much, the
+            largest change first.
+    """
+
+    runs: tuple[str, ...]
+    metrics: tuple[ComparedMetric, ...]
+    judged_by: str
+    better: tuple[tuple[str, float], ...]
+    worse: tuple[tuple[str, float], ...]
+
+    def holds(self, condition: str, lake: Lake) -> bool:
+        """Evaluate a condition on the last run, such as ``crashed > 0.01 OR nuplan_score_change < -0.02``.
+
+        Args:
+            condition: An SQL expression over the names of the metrics, and over the same names with ``_change``, the
+                change from the first run.
+            lake: Evaluates it.
+
+        Raises:
+            QueryError: It is no expression over these names.
+            BadParameter: It is neither true nor false, because a metric has no value.
+        """
+        values = {}
+        for each in self.metrics:
+            if each.group == ALL:
+                change = each.changes[-1]
+                values[each.metric] = each.means[-1]
+                values[f"{each.metric}_change"] = None if change is None else change.mean
+        columns = ", ".join(f"${name}::DOUBLE AS {name}" for name in values)
+        answer = lake.sql(f"SELECT ({condition}) AS answer FROM (SELECT {columns})", values)["answer"].item()
+        if not isinstance(answer, bool):
+            raise BadParameter(f"{condition!r} is {answer}, not true or false: a metric in it has no value in the run")
+        return answer
+
+
+def compare_runs(
+    lake: Lake,
+    *runs: str,
+    where: str = "true",
+    by: str | None = None,
+    event: str | None = None,
+    judged_by: str = JUDGED_BY,
+    resamples: int = 2000,
+    seed: int = 0,
+) -> RunComparison:
+    """Compare the results of runs; rollouts of a scenario are averaged first.
+
+    Args:
+        lake: The lake with the runs.
+        *runs: Their names, two or more; changes are from the first one.
+        where: Condition over ``results`` and ``metadata`` that scenarios must satisfy.
+        by: Expression over ``results`` and ``metadata`` to group the scenarios by, such as ``dataset``.
+        event: Event to group the scenarios by, as for filters: those in which it happens, and the others.
+        judged_by: Expression over ``results``, higher is better.
+        resamples: Number of bootstrap samples.
+        seed: Seed of the bootstrap.
+
+    Raises:
+        BadParameter: Fewer than two runs, one that the lake does not have, or both ``by`` and ``event``.
+        QueryError: An expression is not valid.
+    """
+    if len(runs) < 2 or len(set(runs)) < len(runs):
+        raise BadParameter(f"{len(runs)} runs to compare; give two or more different ones")
+    if by is not None and event is not None:
+        raise BadParameter("scenarios can be grouped by an expression or by an event, not by both; leave one out")
+    known = lake.sql("SELECT DISTINCT run FROM results ORDER BY run")["run"].to_list()
+    unknown = [run for run in runs if run not in known]
+    if unknown:
+        raise BadParameter(f"the lake has no run {unknown[0]!r}; it has {', '.join(known) or 'none'}")
+    rows = _rows(lake, runs, where, by, judged_by)
+    if event is not None:
+        ids = lake.select(events=[event]).scenario_ids
+        happens = pl.col("scenario_id").is_in(ids)
+        rows = rows.with_columns(group=pl.when(happens).then(pl.lit(event)).otherwise(pl.lit(f"without {event}")))
+    groups = [ALL] if by is None and event is None else [ALL, *sorted(rows["group"].unique().to_list())]
+    rng = np.random.default_rng(seed)
+    metrics = [
+        _compared(rows if group == ALL else rows.filter(pl.col("group") == group), runs, metric, group, resamples, rng)
+        for group in groups
+        for metric in METRICS
+    ]
+    better, worse = _changed(rows, runs)
+    return RunComparison(tuple(runs), tuple(metrics), judged_by, better, worse)
+
+
+def _rows(lake: Lake, runs: Sequence[str], where: str, by: str | None, judged_by: str) -> pl.DataFrame:
+    """One row per run and scenario: group, judgement and metrics."""
+    columns = ", ".join(f"avg({sql}) AS {name}" for name, sql in METRICS.items())
+    group = "'all'" if by is None else f"coalesce(any_value(({by})::VARCHAR), 'unknown')"
+    query = f"""
+        SELECT run, scenario_id, {group} AS "group", avg(({judged_by})::DOUBLE) AS judged, {columns}
+        FROM results LEFT JOIN metadata USING (scenario_id)
+        WHERE list_contains($runs, run) AND error IS NULL AND ({where})
+        GROUP BY run, scenario_id
+        ORDER BY scenario_id, run
+    """
+    return lake.sql(query, {"runs": list(runs)})
+
+
+def _compared(
+    rows: pl.DataFrame, runs: Sequence[str], metric: str, group: str, resamples: int, rng: np.random.Generator
+) -> ComparedMetric:
+    of_runs = [rows.filter(pl.col("run") == run).select("scenario_id", metric).drop_nulls() for run in runs]
+    changes: list[PairedChange | None] = [None]
+    for each in of_runs[1:]:
+        pairs = of_runs[0].join(each, on="scenario_id", suffix="_then")
+        difference = (pairs[f"{metric}_then"] - pairs[metric]).cast(pl.Float64).to_numpy()
+        changes.append(_change(difference, resamples, rng) if len(difference) else None)
+    means = tuple(float(np.mean(each[metric].to_numpy())) if len(each) else None for each in of_runs)
+    return ComparedMetric(metric, group, means, tuple(map(len, of_runs)), tuple(changes))
+
+
+def _change(difference: Float64, resamples: int, rng: np.random.Generator) -> PairedChange:
+    """Mean of differences with its interval."""
+    count, mean = len(difference), float(difference.mean())
+    if count > _MANY:
+        reach = 1.96 * float(difference.std(ddof=1)) / np.sqrt(count)
+        return PairedChange(mean, mean - reach, mean + reach, count)
+    drawn = [difference[rng.integers(count, size=count)].mean() for _ in range(resamples)]
+    rest = 0.5 * (1.0 - _CONFIDENCE)
+    low, high = np.quantile(drawn, [rest, 1.0 - rest]).tolist()
+    return PairedChange(mean, low, high, count)
+
+
+def _changed(rows: pl.DataFrame, runs: Sequence[str]) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    """Scenarios that are better, and worse, in the last run than in the first."""
+    first, last = (rows.filter(pl.col("run") == run).select("scenario_id", "judged") for run in (runs[0], runs[-1]))
+    pairs = first.join(last, on="scenario_id", suffix="_then").drop_nulls()
+    change = pairs.select("scenario_id", change=pl.col("judged_then") - pl.col("judged"))
+    better = change.filter(pl.col("change") > 0).sort(["change", "scenario_id"], descending=[True, False])
+    worse = change.filter(pl.col("change") < 0).sort(["change", "scenario_id"])
+    return tuple(better.rows()), tuple(worse.rows())

@@ -1,0 +1,154 @@
+"""What metrics look at: the motion of one vehicle, and the boxes around it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenarionet_data.arrays.dtypes import Bool, Float64, UInt8
+from scenarionet_sim.backends.base import Drive
+from scenarionet_sim.evaluation.rollout import Rollout
+from scenarionet_sim.metrics.comfort import body_acceleration
+from scenarionet_sim.worlds.world import World
+
+_CORNERS = np.array([[0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5], [0.5, -0.5]])
+
+
+@dataclass(frozen=True, eq=False)
+class EgoDrive:
+    """Motion of the evaluated vehicle over T moments, in any fixed frame.
+
+    Attributes:
+        time: (T,) [s], increasing.
+        position: (T, 2) [m] centre of the box.
+        heading: (T,) [rad].
+        speed: (T,) [m/s] magnitude of the velocity.
+        acceleration: (T, 2) [m/s²] along and across the heading.
+        length, width: Of the box [m].
+        rear: Distance from the centre back to the rear axle [m].
+    """
+
+    time: Float64
+    position: Float64
+    heading: Float64
+    speed: Float64
+    acceleration: Float64
+    length: float
+    width: float
+    rear: float
+
+    @classmethod
+    def of(cls, rollout: Rollout, world: World) -> EgoDrive:
+        """The evaluated vehicle of a rollout; accelerations are central differences of its velocity."""
+        agent = rollout.agent
+        states = rollout.position[:, agent], rollout.heading[:, agent], rollout.velocity[:, agent]
+        return cls._from_states(world, agent, *states)
+
+    @classmethod
+    def recorded(cls, world: World, agent: int, start: int, num_steps: int) -> EgoDrive:
+        """The recording of a vehicle, without the timesteps at which it is not valid.
+
+        Args:
+            world: The scenario.
+            agent: Row of the vehicle.
+            start: First timestep.
+            num_steps: Timesteps after it.
+        """
+        steps = np.arange(start, min(start + num_steps + 1, world.num_steps))
+        steps = steps[world.log_valid[steps, agent]]
+        logs = world.log_position, world.log_heading, world.log_velocity
+        return cls._from_states(world, agent, *(log[steps, agent].astype(np.float64) for log in logs))
+
+    @classmethod
+    def _from_states(cls, world: World, agent: int, position: Float64, heading: Float64, velocity: Float64) -> EgoDrive:
+        length, width = world.size[agent, :2].astype(np.float64).tolist()
+        return cls(
+            time=world.dt * np.arange(len(heading), dtype=np.float64),
+            position=np.ascontiguousarray(position),
+            heading=np.ascontiguousarray(heading),
+            speed=np.hypot(*velocity.T),
+            acceleration=body_acceleration(velocity, heading, world.dt),
+            length=length,
+            width=width,
+            rear=0.5 * Drive().wheelbase * length,
+        )
+
+    @property
+    def dt(self) -> float:
+        """Mean time between two moments [s]."""
+        return float(np.diff(self.time).mean())
+
+    @property
+    def rear_axle(self) -> Float64:
+        """(T, 2) positions of the rear axle [m]."""
+        axis = np.column_stack((np.cos(self.heading), np.sin(self.heading)))
+        found: Float64 = self.position - self.rear * axis
+        return found
+
+    @property
+    def corners(self) -> Float64:
+        """(T, 4, 2) corners of the box [m]: front left, rear left, rear right, front right."""
+        cos, sin = np.cos(self.heading), np.sin(self.heading)
+        x, y = (_CORNERS * [self.length, self.width]).T
+        turned = np.stack((np.outer(cos, x) - np.outer(sin, y), np.outer(sin, x) + np.outer(cos, y)), axis=-1)
+        found: Float64 = self.position[:, None] + turned
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class SurroundingBoxes:
+    """Boxes of N objects over the T moments of a drive.
+
+    Attributes:
+        position: (T, N, 2) [m] centres.
+        heading: (T, N) [rad].
+        speed: (T, N) [m/s]; 0 for static objects.
+        size: (N, 2) [m] length and width.
+        object_type: (N,) codes of ``ObjectType``.
+        present: (T, N) observed.
+    """
+
+    position: Float64
+    heading: Float64
+    speed: Float64
+    size: Float64
+    object_type: UInt8
+    present: Bool
+
+    @classmethod
+    def of(cls, rollout: Rollout, world: World) -> SurroundingBoxes:
+        """Every object of a rollout that is ever present, except the evaluated vehicle."""
+        seen = np.flatnonzero(rollout.present.any(axis=0))
+        rows = seen[seen != rollout.agent]
+        return cls(
+            position=np.ascontiguousarray(rollout.position[:, rows]),
+            heading=np.ascontiguousarray(rollout.heading[:, rows]),
+            speed=np.hypot(rollout.velocity[:, rows, 0], rollout.velocity[:, rows, 1]),
+            size=world.size[rows, :2].astype(np.float64),
+            object_type=world.object_type[rows],
+            present=np.ascontiguousarray(rollout.present[:, rows]),
+        )
+
+    @classmethod
+    def recorded(cls, world: World, agent: int, start: int, num_steps: int) -> SurroundingBoxes:
+        """The recording of every object except a vehicle that is ever valid in these timesteps.
+
+        Args:
+            world: The scenario.
+            agent: Row of the vehicle.
+            start: First timestep.
+            num_steps: Timesteps after it; beyond the recording objects keep their last state.
+        """
+        steps = np.minimum(start + np.arange(num_steps + 1), world.num_steps - 1)
+        seen = np.flatnonzero(world.log_valid[steps].any(axis=0))
+        rows = np.ix_(steps, seen[seen != agent])
+        velocity = world.log_velocity[rows].astype(np.float64)
+        return cls(
+            position=world.log_position[rows].astype(np.float64),
+            heading=world.log_heading[rows].astype(np.float64),
+            speed=np.hypot(velocity[..., 0], velocity[..., 1]),
+            size=world.size[rows[1][0], :2].astype(np.float64),
+            object_type=world.object_type[rows[1][0]],
+            present=world.log_valid[rows],
+        )

@@ -1,0 +1,236 @@
+"""The lanes that a drive is on, and what nuPlan's metrics derive from them.
+
+Source: nuplan-devkit, ``planning/metrics/utils/route_extractor.py``, ``ego_lane_change.py``,
+``driving_direction_compliance.py`` and ``speed_limit_compliance.py`` (definitions). In nuPlan's maps only lane
+connectors overlap, in those of other datasets any lanes do: all that contain a point are candidates, and the one
+along the heading counts first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import shapely
+
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int32
+from scenarionet_data.scenario.vocabulary import MapFeatureType
+from scenarionet_sim.metrics.drive import EgoDrive
+from scenarionet_sim.roads.roads import Roads
+
+_NEAR_CONNECTOR = 5.0  # [m] from a connector a vehicle is still assigned to it, while in an intersection
+
+LaneRows = tuple[int, ...]
+"""Rows of lanes in ``Roads``."""
+
+
+@dataclass(frozen=True, eq=False)
+class LaneLinks:
+    """Which lanes of a map follow one another.
+
+    Attributes:
+        roads: The map.
+    """
+
+    roads: Roads
+
+    @cached_property
+    def _edges(self) -> tuple[Int32, Int32]:
+        """First and second lane of each pair that follow one another."""
+        followers = self.roads.successors
+        return np.repeat(np.arange(len(followers), dtype=np.int32), followers.lengths), followers.values
+
+    def after(self, lane: int) -> LaneRows:
+        """Lanes that follow a lane."""
+        return tuple(self.roads.successors[lane].tolist())
+
+    def before(self, lane: int) -> LaneRows:
+        """Lanes that a lane follows."""
+        first, second = self._edges
+        return tuple(first[second == lane].tolist())
+
+    @cached_property
+    def is_connector(self) -> Bool:
+        """(M,) lanes through an intersection, as nuPlan's maps tell them from others."""
+        kind: Bool = self.roads.lane_type == MapFeatureType.LANE_SURFACE_UNSTRUCTURE
+        return kind
+
+    def at(self, here: frozenset[int]) -> LaneRows:
+        """The lanes around a point, or else the connectors."""
+        lanes = tuple(sorted(lane for lane in here if not self.is_connector[lane]))
+        return lanes or tuple(sorted(here))
+
+    def continued(self, lanes: LaneRows, here: frozenset[int]) -> LaneRows:
+        """Those of some lanes around a point, or of the followers of the only one."""
+        found = tuple(lane for lane in lanes if lane in here)
+        if not found and len(lanes) == 1:
+            found = tuple(lane for lane in self.after(lanes[0]) if lane in here)
+        return found
+
+    def by_heading(self, lanes: LaneRows, point: Float64, heading: float) -> LaneRows:
+        """The same lanes, the one along a heading first."""
+        if len(lanes) < 2:
+            return lanes
+        return tuple(sorted(lanes, key=lambda lane: -self._along(lane, point, heading)))
+
+    def _along(self, lane: int, point: Float64, heading: float) -> float:
+        """Cosine of the angle between a lane at its nearest point and a heading."""
+        line = self.roads.lanes[lane].astype(np.float64)
+        if len(line) < 2:
+            return -1.0
+        step = np.diff(line, axis=0)
+        square = np.maximum((step**2).sum(axis=1), 1e-12)
+        share = np.clip(((point - line[:-1]) * step).sum(axis=1) / square, 0.0, 1.0)
+        nearest = np.argmin(((line[:-1] + share[:, None] * step - point) ** 2).sum(axis=1))
+        return float(step[nearest] @ [np.cos(heading), np.sin(heading)] / np.sqrt(square[nearest]))
+
+
+@dataclass(frozen=True, eq=False)
+class DrivenLanes:
+    """Lanes of a drive.
+
+    Attributes:
+        graph: The lanes of the map.
+        route: The lanes that the centre is on, for each of T moments; the first one counts.
+        is_in_lane: (T,) whether the corners of the box are in one lane, or in lanes that follow one another.
+    """
+
+    graph: LaneLinks
+    route: Sequence[LaneRows]
+    is_in_lane: Bool
+
+    @classmethod
+    def of(cls, drive: EgoDrive, roads: Roads) -> DrivenLanes:
+        """Find the lanes of a drive."""
+        graph, around = LaneLinks(roads), _around(roads, drive.corners)
+        return cls(graph, driven_route(graph, drive), _is_in_lane(graph, around))
+
+    def progress(self, position: Float64) -> Float64:
+        """Movement (T,) along the lane since the moment before [m]; 0 where the lane is new, or there is none.
+
+        Args:
+            position: (T, 2) centre of the vehicle [m].
+        """
+        arcs = self._arcs(position)
+        progress = np.zeros(len(position))
+        lane, before = (self.route[0][0] if self.route[0] else None), np.nan
+        for step, lanes in enumerate(self.route):
+            if not lanes:
+                continue
+            if lanes[0] == lane:
+                moved = arcs[step] - before
+                is_known = np.isfinite(moved) and arcs[step] != 0.0  # as the owner: an arc of 0 counts as unknown
+                progress[step] = moved if is_known else 0.0
+                before = arcs[step]
+            else:
+                lane, before = lanes[0], np.nan
+        return progress
+
+    def speed_limit(self) -> Float64:
+        """Limit (T,) of the lane [m/s]: of a connector the highest of the lanes it connects; NaN where unknown."""
+        limits = {lanes: self._limit(lanes) for lanes in set(self.route)}
+        return np.array([limits[lanes] for lanes in self.route])
+
+    def _limit(self, lanes: LaneRows) -> float:
+        if not lanes:
+            return np.nan
+        graph, known = self.graph, self.graph.roads.speed_limit
+        if not graph.is_connector[lanes[0]]:
+            return float(known[lanes[0]])
+        edges = [edge for lane in lanes for edge in (*graph.after(lane), *graph.before(lane))]
+        return float(known[edges].max()) if edges and np.isfinite(known[edges]).all() else np.nan
+
+    def _arcs(self, position: Float64) -> Float64:
+        """Arc length (T,) on the lane of each moment [m]; NaN without one."""
+        arcs = np.full(len(position), np.nan)
+        first = np.array([lanes[0] if lanes else -1 for lanes in self.route])
+        for lane in set(first.tolist()) - {-1}:
+            line = self.graph.roads.lanes[lane]
+            if len(line) > 1:
+                steps = np.flatnonzero(first == lane)
+                arcs[steps] = shapely.line_locate_point(shapely.LineString(line), shapely.points(position[steps]))
+        return arcs
+
+
+def driven_route(graph: LaneLinks, drive: EgoDrive) -> list[LaneRows]:
+    """Lanes of the centre, from moment to moment: the same, a follower, or else any around it."""
+    around = [here for (here,) in _around(graph.roads, drive.position[:, None])]
+    crossing = graph.roads.is_in(drive.position, graph.roads.polygon_type == MapFeatureType.INTERSECTION)
+    route: list[LaneRows] = []
+    for step, here in enumerate(around):  # each moment depends on the one before
+        last = route[-1] if route else ()
+        lanes = graph.continued(last, here)
+        if not lanes:
+            lanes = graph.at(here)
+            leaves_connector = step > 1 and bool(last) and bool(graph.is_connector[last[0]])
+            if leaves_connector and (graph.is_connector[lanes[0]] if lanes else crossing[step]):
+                point = shapely.Point(drive.position[step])
+                outlines = {lane: shapely.Polygon(graph.roads.polygons[lane]) for lane in last}
+                lanes = tuple(lane for lane in last if outlines[lane].distance(point) < _NEAR_CONNECTOR) or lanes
+        route.append(graph.by_heading(lanes, drive.position[step], float(drive.heading[step])))
+    return _without_other_branches(graph, route)
+
+
+def _around(roads: Roads, points: Float64) -> list[list[frozenset[int]]]:
+    """Lanes around each of the points (T, K, 2)."""
+    moments, points_per_moment = points.shape[:2]
+    found: list[list[set[int]]] = [[set() for _ in range(points_per_moment)] for _ in range(moments)]
+    for step, point, lane in np.argwhere(roads.lanes_around(points)).tolist():
+        found[step][point].add(lane)
+    return [[frozenset(here) for here in moment] for moment in found]
+
+
+def _without_other_branches(graph: LaneLinks, route: list[LaneRows]) -> list[LaneRows]:
+    """Of several lanes keep those on which the drive goes on."""
+    for step in range(len(route) - 2, -1, -1):
+        lanes, later = route[step], route[step + 1]
+        if len(lanes) < 2:
+            continue
+        if len(later) < len(lanes) and set(later) <= set(lanes):
+            route[step] = later
+        if later and not graph.is_connector[later[0]]:
+            route[step] = tuple(lane for lane in lanes if lane in graph.before(later[0])) or route[step]
+    return route
+
+
+def _is_in_lane(graph: LaneLinks, around: Sequence[Sequence[frozenset[int]]]) -> Bool:
+    """(T,) whether the corners share a lane, or are in lanes that follow one another."""
+    found = np.zeros(len(around), np.bool_)
+    candidates: LaneRows = ()
+    for step, corners in enumerate(around):  # candidates are the lanes of the moment before
+        lanes: list[LaneRows] = []
+        for here in corners:
+            of_corner = graph.continued(candidates, here)
+            if not of_corner:
+                of_corner = graph.at(here)
+                if step == 1:
+                    candidates = tuple(dict.fromkeys(candidates + of_corner))
+            lanes.append(of_corner)
+        candidates = tuple(dict.fromkeys(lane for each in lanes for lane in each))
+        found[step] = all(lanes) and (
+            bool(set.intersection(*map(set, lanes))) or _are_connected(graph, *map(frozenset, lanes))
+        )
+    return found
+
+
+def _are_connected(
+    graph: LaneLinks,
+    front_left: frozenset[int],
+    rear_left: frozenset[int],
+    rear_right: frozenset[int],
+    front_right: frozenset[int],
+) -> bool:
+    """Whether each front corner is in the lane of the opposite rear corner, or in one that follows it."""
+    from_left = rear_left | _joined(graph.after, rear_left)
+    from_right = rear_right | _joined(graph.after, rear_right)
+    if not (rear_left & from_right or rear_right & from_left):
+        return False
+    to_left = front_left | _joined(graph.before, front_left)
+    to_right = front_right | _joined(graph.before, front_right)
+    return bool(to_left & from_right & to_right & from_left)
+
+
+def _joined(edges: Callable[[int], LaneRows], lanes: frozenset[int]) -> frozenset[int]:
+    return frozenset(edge for lane in lanes for edge in edges(lane))

@@ -1,0 +1,128 @@
+"""Every part of nuPlan's closed-loop score for a rollout, as columns of ``schemas/results.toml``."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from scenarionet_data.arrays.dtypes import Bool, Float64
+from scenarionet_data.scenario.vocabulary import MapFeatureType
+from scenarionet_sim.evaluation.rollout import Rollout
+from scenarionet_sim.metrics.comfort import measure_comfort
+from scenarionet_sim.metrics.drive import EgoDrive, SurroundingBoxes
+from scenarionet_sim.metrics.lanes import DrivenLanes
+from scenarionet_sim.metrics.nuplan.collisions import CollisionKind, EgoCollision, collision_score, find_collisions
+from scenarionet_sim.metrics.nuplan.scoring import (
+    MIN_PROGRESS_RATIO,
+    closed_loop_score,
+    direction_score,
+    driving_direction,
+    speed_limit_score,
+)
+from scenarionet_sim.metrics.nuplan.time_to_collision import BOUND, time_to_collision
+from scenarionet_sim.metrics.progress import progress_ratio
+from scenarionet_sim.metrics.road import is_off_road
+from scenarionet_sim.roads.roads import Roads
+from scenarionet_sim.worlds.paths import SPACING
+from scenarionet_sim.worlds.world import World
+
+
+def measure_nuplan(rollout: Rollout, recorded: EgoDrive, world: World) -> dict[str, Any]:
+    """Return nuPlan's metrics; None where the map lacks what one needs, or the drive is too short for its filter.
+
+    Args:
+        rollout: A drive without gaps.
+        recorded: The recording of the same vehicle over the same time.
+        world: Its scenario.
+    """
+    drive, others, roads = EgoDrive.of(rollout, world), SurroundingBoxes.of(rollout, world), world.roads
+    lanes = DrivenLanes.of(drive, roads) if roads.num_lanes else None
+    is_in_lane = np.ones(len(drive.time), np.bool_) if lanes is None else lanes.is_in_lane
+    collisions = find_collisions(drive, others, is_in_lane)
+    row = {
+        "progress_ratio": progress_ratio(float(rollout.progress[-1]), _recorded_progress(rollout, recorded, world)),
+        **_collisions(collisions, knows_lanes=lanes is not None),
+        **_time_to_collision(drive, others, collisions, is_in_lane, roads),
+        **_comfort(drive),
+        "off_road_time": float(is_off_road(drive.corners, roads).sum() * drive.dt) if roads.is_road.any() else None,
+        **_along_lanes(drive, lanes),
+    }
+    return row | {"nuplan_score": _score(row)}
+
+
+def _recorded_progress(rollout: Rollout, recorded: EgoDrive, world: World) -> float:
+    """Distance [m] that the recording drives along the path in the time of the rollout."""
+    paths = world.paths
+    rows = slice(paths.path_offsets[rollout.agent], paths.path_offsets[rollout.agent + 1])
+    points, arc = paths.path_points[rows].astype(np.float64), paths.path_arc[rows]
+
+    def arc_at(position: Float64) -> float:
+        apart = np.hypot(*(points - position).T)
+        return float(arc[np.flatnonzero(apart <= apart.min() + SPACING)[-1]])
+
+    return arc_at(recorded.position[-1]) - arc_at(recorded.position[0])
+
+
+def _collisions(collisions: list[EgoCollision], *, knows_lanes: bool) -> dict[str, Any]:
+    """Number of collisions by kind; fault and score depend on the lanes."""
+    kinds = Counter(each.kind for each in collisions)
+    at_fault = sum(each.is_at_fault for each in collisions)
+    return {
+        **{f"{kind}_collisions": kinds[kind] for kind in CollisionKind},
+        "at_fault_collisions": at_fault if knows_lanes else None,
+        "no_ego_at_fault_collisions": collision_score(collisions) if knows_lanes else None,
+    }
+
+
+def _time_to_collision(
+    drive: EgoDrive, others: SurroundingBoxes, collisions: list[EgoCollision], is_in_lane: Bool, roads: Roads
+) -> dict[str, Any]:
+    crossing = roads.is_in(drive.rear_axle, roads.polygon_type == MapFeatureType.INTERSECTION)
+    soonest = float(time_to_collision(drive, others, collisions, is_in_lane, crossing).min())
+    return {
+        "min_time_to_collision": 0.0 if collisions else soonest,
+        "is_time_to_collision_in_bound": soonest > BOUND,
+    }
+
+
+def _comfort(drive: EgoDrive) -> dict[str, Any]:
+    comfort = measure_comfort(drive.acceleration, drive.heading, drive.dt)
+    is_known = not math.isnan(comfort.max_jerk)
+    return asdict(comfort) | {"is_comfortable": comfort.is_comfortable if is_known else None}
+
+
+def _along_lanes(drive: EgoDrive, lanes: DrivenLanes | None) -> dict[str, Any]:
+    """Driving against the traffic and above the speed limit."""
+    if lanes is None:
+        return {"wrong_way_distance": None, "max_overspeed": None, "speed_limit_compliance": None}
+    _, smallest = driving_direction(lanes.progress(drive.position), drive.dt)
+    limit = lanes.speed_limit()
+    over = np.where(np.isnan(limit), 0.0, np.maximum(drive.speed - limit, 0.0))
+    is_known = not np.isnan(limit).all()
+    return {
+        "wrong_way_distance": -smallest,
+        "max_overspeed": float(over.max()) if is_known else None,
+        "speed_limit_compliance": speed_limit_score(over, drive.time) if is_known else None,
+    }
+
+
+def _score(row: dict[str, Any]) -> float | None:
+    """The closed-loop score; None where a multiplier is unknown, which would make it another score."""
+    if row["off_road_time"] is None or row["wrong_way_distance"] is None:
+        return None
+    return closed_loop_score(
+        {
+            "no_ego_at_fault_collisions": row["no_ego_at_fault_collisions"],
+            "drivable_area_compliance": float(row["off_road_time"] == 0.0),
+            "driving_direction_compliance": direction_score(row["wrong_way_distance"]),
+            "ego_is_making_progress": float(row["progress_ratio"] >= MIN_PROGRESS_RATIO),
+            "ego_progress_along_expert_route": row["progress_ratio"],
+            "time_to_collision_within_bound": float(row["is_time_to_collision_in_bound"]),
+            "speed_limit_compliance": row["speed_limit_compliance"],
+            "ego_is_comfortable": None if row["is_comfortable"] is None else float(row["is_comfortable"]),
+        }
+    )

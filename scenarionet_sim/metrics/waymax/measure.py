@@ -1,0 +1,43 @@
+"""Waymax's metrics for a rollout, as columns of ``schemas/results.toml``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from scenarionet_sim.evaluation.rollout import Rollout
+from scenarionet_sim.metrics.drive import EgoDrive
+from scenarionet_sim.metrics.waymax.kinematics import is_infeasible
+from scenarionet_sim.metrics.waymax.overlap import overlaps
+from scenarionet_sim.metrics.waymax.roadgraph import RoadEdges, is_offroad
+from scenarionet_sim.metrics.waymax.routes import Routes, off_route, progression, wrong_way
+from scenarionet_sim.worlds.world import World
+
+
+def measure_waymax(rollout: Rollout, recorded: EgoDrive, world: World) -> dict[str, Any]:
+    """Return Waymax's metrics; None where the map lacks what one needs.
+
+    Args:
+        rollout: A drive without gaps.
+        recorded: The recording of the same vehicle over the same time.
+        world: Its scenario.
+    """
+    agent, edges = rollout.agent, RoadEdges.of(world.roads)
+    drive = EgoDrive.of(rollout, world)
+    routes, has_lanes = Routes.of(recorded, world.roads), world.roads.num_lanes > 0
+    touches = overlaps(
+        np.ascontiguousarray(rollout.position),
+        np.ascontiguousarray(rollout.heading),
+        world.size[:, :2].astype(np.float64),
+        np.ascontiguousarray(rollout.present),
+        agent,
+    )
+    return {
+        "overlap_steps": int(touches.sum()),
+        "offroad_steps": int(is_offroad(drive.corners, edges).sum()) if len(edges.position) else None,
+        "wrong_way_offset": float(wrong_way(drive.position, routes).max()) if has_lanes else None,
+        "off_route_offset": float(off_route(drive.position, routes).max()) if has_lanes else None,
+        "progression": progression(drive.position[-1], recorded.position[0], recorded.position[-1], routes),
+        "infeasible_steps": int(is_infeasible(rollout.velocity[:, agent], drive.heading, rollout.dt).sum()),
+    }

@@ -1,0 +1,102 @@
+"""Runs of ``scenarionet sim`` as rollouts of the challenge on simulated agents."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import polars as pl
+
+from scenarionet_data.arrays.dtypes import Float64, Int64
+from scenarionet_data.errors import BadParameter, InvalidScenario
+from scenarionet_data.lake.lake import Lake
+from scenarionet_data.scenario.description import ScenarioDescription
+from scenarionet_sim.metrics.wosac.submission import ScenarioRollouts
+
+_SCENARIOS = """
+    SELECT DISTINCT scenario_id
+    FROM rollouts JOIN metadata USING (scenario_id)
+    WHERE run = $run AND dataset = 'waymo'
+    ORDER BY scenario_id
+"""
+_TRAJECTORIES = """
+    SELECT rollout, track_id, start, x, y, heading, valid
+    FROM rollouts
+    WHERE run = $run AND scenario_id = $scenario_id
+"""
+
+
+def rollouts_of_run(lake: Lake, run: str) -> Iterator[ScenarioRollouts]:
+    """Return the rollouts of every Waymo scenario of a run with the episode ``wosac``.
+
+    All objects observed at the end of the history are in them. Those that the run does not simulate to the end stay
+    where they were last present; heights are those at the end of the history.
+
+    Args:
+        lake: The lake with the run and the recordings.
+        run: Name of the run.
+
+    Raises:
+        BadParameter: The run has no trajectories of Waymo scenarios.
+        InvalidScenario: The run has another episode than the challenge.
+    """
+    ids = lake.sql(_SCENARIOS, {"run": run})["scenario_id"].to_list()
+    if not ids:
+        raise BadParameter(
+            f"run {run!r} has no trajectories of Waymo scenarios; simulate some with episode='wosac'",
+            cli_remedy="scenarionet sim LAKE --episode wosac --rollouts 32",
+        )
+    loader = lake.loader(ids)
+    for number, scenario_id in enumerate(ids):
+        rows = lake.sql(_TRAJECTORIES, {"run": run, "scenario_id": scenario_id})
+        yield _rollouts(loader[number], rows)
+
+
+def _rollouts(scenario: ScenarioDescription, rows: pl.DataFrame) -> ScenarioRollouts:
+    tracks, now = scenario.tracks, scenario.current_timestep
+    expected = scenario.num_timesteps - now - 1
+    found = int(rows["start"][0]), len(rows["x"][0]) - 1
+    if found != (now, expected):
+        reason = f"expected {expected} steps from timestep {now}, found {found[1]} from {found[0]}"
+        reason += "; simulate with the episode wosac"
+        raise InvalidScenario(scenario.id, "rollouts", reason)
+    observed = np.flatnonzero(tracks.valid[:, now])
+    ids = np.array([int(name) for name in tracks.ids[observed]], np.int64)
+    observed, ids = observed[np.argsort(ids)], np.sort(ids)
+    row_of = {name: row for row, name in enumerate(tracks.ids[observed].tolist())}
+    numbers = sorted(rows["rollout"].unique().to_list())
+    states = _held(scenario, observed, len(numbers), expected + 1)
+    for number, name, x, y, heading, valid in rows.select(
+        "rollout", "track_id", "x", "y", "heading", "valid"
+    ).iter_rows():
+        if name in row_of:
+            _write(states[numbers.index(number), row_of[name]], np.array([x, y, heading]).T, valid)
+    height = tracks.position[observed, now, 2] + scenario.origin[2]
+    shape = (*states.shape[:2], expected)
+    position = np.stack(
+        [
+            states[:, :, 1:, 0] + scenario.origin[0],
+            states[:, :, 1:, 1] + scenario.origin[1],
+            np.broadcast_to(height[None, :, None], shape),
+        ],
+        axis=-1,
+    )
+    heading = states[:, :, 1:, 2].astype(np.float32)
+    return ScenarioRollouts(scenario.source.scenario_id, ids, position.astype(np.float32), heading)
+
+
+def _held(scenario: ScenarioDescription, observed: Int64, count: int, moments: int) -> Float64:
+    """States (R, N, T, 3) x, y, heading: every object stays where the history ends."""
+    tracks, now = scenario.tracks, scenario.current_timestep
+    last = np.column_stack((tracks.position[observed, now, :2], tracks.heading[observed, now])).astype(np.float64)
+    return np.tile(last[None, :, None], (count, 1, moments, 1))
+
+
+def _write(states: Float64, driven: Float64, valid: list[bool] | None) -> None:
+    """Write the driven states (T, 3) of an object, held while it is absent."""
+    if valid is None:
+        states[:] = driven
+        return
+    present = np.array(valid)
+    seen = np.maximum.accumulate(np.where(present, np.arange(len(present)), -1))
+    states[seen >= 0] = driven[seen[seen >= 0]]

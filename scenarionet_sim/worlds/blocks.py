@@ -1,0 +1,72 @@
+"""Arrays of rows in which blocks are stored and removed."""
+
+from __future__ import annotations
+
+from bisect import insort
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.arrays.dtypes import Array
+
+_GROWTH = 1.5
+"""Factor by which full arrays grow; memory that was never written to costs nothing."""
+
+
+class Blocks:
+    """Arrays with one row axis in common, in which blocks of rows are stored one after another.
+
+    Rows of removed blocks are used again. Arrays are replaced when they grow, rows never move.
+
+    Args:
+        columns: Dtype of each array, or dtype and length of its rows.
+
+    Attributes:
+        arrays: The arrays by name, (R,) or (R, length).
+    """
+
+    def __init__(self, columns: Mapping[str, npt.DTypeLike | tuple[npt.DTypeLike, int]]) -> None:
+        parts = {name: column if isinstance(column, tuple) else (column,) for name, column in columns.items()}
+        self.arrays: dict[str, Array] = {
+            name: np.empty((0, *length), dtype) for name, (dtype, *length) in parts.items()
+        }
+        self._num_rows = 0
+        self._gaps: list[tuple[int, int]] = []  # first row and end of free rows, in order
+
+    def put(self, values: Mapping[str, Array]) -> tuple[int, int]:
+        """Store a block, one array per column; return its first row and its end."""
+        count = len(next(iter(values.values())))
+        start = self._claim(count)
+        for name, rows in values.items():
+            self.arrays[name][start : start + count] = rows
+        return start, start + count
+
+    def remove(self, start: int, end: int) -> None:
+        """Free the rows of a block."""
+        if start == end:
+            return
+        insort(self._gaps, (start, end))
+        joined = self._gaps[:1]
+        for first, last in self._gaps[1:]:
+            if first == joined[-1][1]:
+                joined[-1] = joined[-1][0], last
+            else:
+                joined.append((first, last))
+        self._gaps = joined
+
+    def _claim(self, count: int) -> int:
+        """Return the first of ``count`` free rows."""
+        for place, (start, end) in enumerate(self._gaps):
+            if end - start >= count:
+                self._gaps[place : place + 1] = [(start + count, end)] if end - start > count else []
+                return start
+        is_tail_free = bool(self._gaps) and self._gaps[-1][1] == self._num_rows
+        used = self._gaps.pop()[0] if is_tail_free else self._num_rows
+        self._num_rows = max(used + count, int(_GROWTH * self._num_rows))
+        for name, old in self.arrays.items():
+            self.arrays[name] = np.empty((self._num_rows, *old.shape[1:]), old.dtype)
+            self.arrays[name][:used] = old[:used]
+        if used + count < self._num_rows:
+            self._gaps.append((used + count, self._num_rows))
+        return used

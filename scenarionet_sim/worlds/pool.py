@@ -1,0 +1,162 @@
+"""Recorded worlds in flat arrays, each stored once and shared by any number of slots."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenarionet_data.arrays.dtypes import Array, Float64, Int64, UInt8
+from scenarionet_sim.kernels.log import VALID
+from scenarionet_sim.kernels.structures import (
+    CELLS,
+    DRIVERS,
+    EGO,
+    FIRST_STEP,
+    LIGHTS,
+    LOG,
+    NUM_OBJECTS,
+    NUM_PLACES,
+    NUM_STEPS,
+    OBJECTS,
+)
+from scenarionet_sim.worlds.blocks import Blocks
+from scenarionet_sim.worlds.world import World
+
+Prepare = Callable[[World, Hashable], tuple[World, UInt8]]
+"""Takes a world and the policies of an episode; returns the world as these need it, and each object's policy (N,)."""
+
+
+@dataclass(eq=False)
+class PooledWorld:
+    """A world in a pool.
+
+    Attributes:
+        key: The world as recorded, and the policies it was prepared for.
+        world: As these need it.
+        place: (NUM_PLACES,) where its rows are, see ``kernels.structures.Recorded``.
+        frame: (5,) the frame of its grid of lines.
+        blocks: First row and end of its block of each kind.
+        users: Number of slots that play it.
+    """
+
+    key: tuple[World, Hashable]
+    world: World
+    place: Int64
+    frame: Float64
+    blocks: dict[str, tuple[int, int]]
+    users: int = 0
+
+    @property
+    def name(self) -> tuple[int, int]:
+        """Identity of its key."""
+        world, policies = self.key
+        return id(world), id(policies)
+
+
+class WorldPool:
+    """Worlds in flat arrays.
+
+    A world stays while a slot plays it; of the others, the last ``keep`` stay. So memory depends on the number of
+    different worlds, not on that of slots or episodes.
+
+    Args:
+        prepare: Prepares each world once for the same policies.
+        keep: Number of worlds to keep that no slot plays.
+
+    Attributes:
+        arrays: The arrays of all worlds by name, as ``kernels.structures.Recorded`` and ``Lines`` describe them.
+        max_objects: Largest number of objects of any world so far.
+    """
+
+    def __init__(self, prepare: Prepare, keep: int) -> None:
+        self._prepare, self._keep = prepare, keep
+        self._worlds: dict[tuple[int, int], PooledWorld] = {}  # by identity of world and policies
+        self._unused: dict[tuple[int, int], PooledWorld] = {}  # no slot plays these; the last released last
+        self._kinds = {
+            "objects": Blocks({
+                "driver": np.uint8, "object_type": np.uint8, "size": (np.float32, 3), "top_speed": np.float32,
+                "path_offsets": np.int32, "stop_offsets": np.int32,
+            }),
+            "log": Blocks({"log": (np.float32, 8)}),
+            "path": Blocks({"path": (np.float32, 5)}),
+            "stops": Blocks({"stop_arc": np.float32, "stop_light": np.int32}),
+            "lights": Blocks({"light_state": np.uint8}),
+            "cells": Blocks({"cell_start": np.int32, "cell_types": np.uint32}),
+            "segments": Blocks({"segments": (np.float32, 4), "segment_type": np.uint8}),
+        }  # fmt: skip
+        self.arrays: dict[str, Array] = {}
+        self.max_objects = 0
+
+    def __len__(self) -> int:
+        return len(self._worlds)
+
+    def claim(self, world: World, policies: Hashable) -> PooledWorld:
+        """Return a world for a slot to play with some policies; store it if it is new."""
+        name = id(world), id(policies)
+        found = self._worlds.get(name) or self._store(world, policies)
+        self._unused.pop(name, None)
+        found.users += 1
+        return found
+
+    def release(self, pooled: PooledWorld) -> None:
+        """Take a world back from a slot."""
+        pooled.users -= 1
+        if pooled.users:
+            return
+        self._unused[pooled.name] = pooled
+        while len(self._unused) > self._keep:
+            oldest = self._unused.pop(next(iter(self._unused)))
+            del self._worlds[oldest.name]
+            for kind, block in oldest.blocks.items():
+                self._kinds[kind].remove(*block)
+
+    def _store(self, original: World, policies: Hashable) -> PooledWorld:
+        world, driver = self._prepare(original, policies)
+        count, grid = world.num_objects, world.roads.segment_grid
+        path = self._kinds["path"].put({"path": world.paths.path})
+        stops = self._kinds["stops"].put({"stop_arc": world.stops.stop_arc, "stop_light": world.stops.stop_light})
+        items = grid.cell_items
+        segment_type = world.roads.segment_type[items]
+        cell_types = _with_end(_types_by_cell(segment_type, grid.cell_start))
+        segments = self._kinds["segments"].put({"segments": world.roads.segments[items], "segment_type": segment_type})
+        blocks = {
+            "path": path,
+            "stops": stops,
+            "segments": segments,
+            "objects": self._kinds["objects"].put({
+                "driver": _with_end(driver), "object_type": _with_end(world.object_type), "size": _with_end(world.size),
+                "top_speed": _with_end(world.top_speed), "path_offsets": path[0] + world.paths.path_offsets,
+                "stop_offsets": stops[0] + world.stops.stop_offsets,
+            }),
+            "log": self._kinds["log"].put({"log": world.log.reshape(-1, 8)}),
+            "lights": self._kinds["lights"].put({"light_state": world.light_state.ravel()}),
+            "cells": self._kinds["cells"].put({
+                "cell_start": segments[0] + grid.cell_start, "cell_types": cell_types
+            }),
+        }  # fmt: skip
+        place = np.empty(NUM_PLACES, np.int64)
+        place[NUM_OBJECTS], place[NUM_STEPS], place[EGO] = count, world.num_steps, world.ego
+        place[FIRST_STEP] = int(np.argmax(world.log[:, world.ego, VALID] != 0))
+        place[DRIVERS] = np.bitwise_or.reduce(np.left_shift(1, driver[driver < 63], dtype=np.int64), initial=0)
+        place[OBJECTS], place[LOG] = blocks["objects"][0], blocks["log"][0]
+        place[LIGHTS], place[CELLS] = blocks["lights"][0], blocks["cells"][0]
+        self.arrays = {name: array for kind in self._kinds.values() for name, array in kind.arrays.items()}
+        self.max_objects = max(self.max_objects, count)
+        pooled = PooledWorld((original, policies), world, place, grid.frame, blocks)
+        self._worlds[pooled.name] = pooled
+        return pooled
+
+
+def _with_end(rows: Array) -> Array:
+    """Return rows with one more, of zeros."""
+    return np.concatenate([rows, np.zeros_like(rows, shape=(1, *rows.shape[1:]))])
+
+
+def _types_by_cell(types: UInt8, cell_start: Array) -> Array:
+    """Return the types (C,) of the segments of each cell as bits, see ``kernels.structures.Lines``."""
+    cell = np.repeat(np.arange(len(cell_start) - 1), np.diff(cell_start))
+    found = np.zeros(len(cell_start) - 1, np.uint32)
+    np.bitwise_or.at(found, cell, np.left_shift(np.uint32(1), types % 32, dtype=np.uint32))
+    return found

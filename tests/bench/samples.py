@@ -1,0 +1,76 @@
+"""Samples for forecasting: per second of one core's processor time, maps included."""
+
+from __future__ import annotations
+
+import gc
+import statistics
+import tempfile
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from scenarionet_data import Lake, Samples, Targets, TimeWindow
+from scenarionet_data.conversion import convert
+from scenarionet_data.samples.selection import SamplesWarning
+from tests.bench.measure import Figure, peak_mb
+
+_BATCH, _BATCHES = 32, 60
+_LONG = 100_000
+
+
+def figures(recordings: Path | None) -> Iterator[Figure]:
+    """64 agents, 11 steps of history, 80 of future, 256 polylines of 20 points, of recorded (else generated) scenes."""
+    with tempfile.TemporaryDirectory() as folder:
+        lake = _lake(Path(folder) / "lake", recordings)
+        ids = lake.sql("SELECT scenario_id FROM metadata WHERE num_map_features > 0 ORDER BY 1")[
+            "scenario_id"
+        ].to_list()
+        started = time.process_time()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SamplesWarning)
+            samples = Samples(lake, ids, window=TimeWindow(stride=1.0), targets=Targets("moving"))
+        yield Figure(f"samples: find {len(samples):,} samples", time.process_time() - started, "s")
+        scene = samples.places
+        numbers = [np.flatnonzero(scene == place) for place in np.unique(scene)]
+        rng = np.random.default_rng(0)
+        for targets, wanted in ((8, ">= 2500"), (1, ">= 1000")):
+
+            def draw(targets: int = targets) -> list[int]:
+                chosen = rng.choice(len(numbers), _BATCH // targets, replace=targets < _BATCH // len(numbers))
+                return [int(k) for place in chosen for k in rng.choice(numbers[place], targets)]
+
+            rate = _rate(samples, draw)
+            yield Figure(f"samples: {targets} targets of a random scenario", rate, "samples/s", wanted)
+        before = peak_mb()
+        for _ in range(_LONG // _BATCH):
+            samples.batch(rng.integers(0, len(samples), _BATCH))
+        yield Figure(f"samples: growth of peak memory over {_LONG:,} samples", peak_mb() - before, "MB", "<= 20")
+
+
+def _rate(samples: Samples, draw: Callable[[], list[int]]) -> float:
+    """Samples per second of processor time."""
+    for _ in range(20):
+        samples.batch(draw())
+    gc.disable()
+    times = []
+    for _ in range(_BATCHES):
+        chosen = draw()
+        started = time.process_time()
+        samples.batch(chosen)
+        times.append((time.process_time() - started) / len(chosen))
+    gc.enable()
+    return 1 / statistics.median(times)
+
+
+def _lake(root: Path, recordings: Path | None) -> Lake:
+    """Every recorded scene that has a map of its own."""
+    if recordings is None:
+        convert("pg", "0:16", root)
+        return Lake(root)
+    convert("scenarionet", str(recordings / "scenarionet"), root)
+    convert("waymo", str(recordings / "waymo" / "training"), root)
+    convert("argoverse2", str(recordings / "argoverse2" / "motion-forecasting" / "val"), root)
+    return Lake(root)

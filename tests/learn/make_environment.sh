@@ -1,0 +1,14 @@
+#!/bin/sh
+# An environment for the tests that need torch: .venv-learn, with torch beside the packages of .venv.
+# usage: tests/learn/make_environment.sh [python3.11]
+# TORCH is the requirement, for example TORCH=torch==2.13.0; on a machine without a GPU, pip's variable
+# PIP_EXTRA_INDEX_URL=https://download.pytorch.org/whl/cpu and TORCH=torch==2.13.0+cpu select the small build.
+set -eu
+cd "$(dirname "$0")/../.."
+venv=.venv-learn
+"${1:-python3}" -m venv "$venv"
+"$venv/bin/pip" install --quiet --disable-pip-version-check "${TORCH:-torch>=2.4,<3}"
+site() { "$1/bin/python" -c 'import site; print(site.getsitepackages()[0])'; }
+# Its own packages first: a path file adds those of .venv behind them, and addsitedir reads their path files, too.
+echo "import site; site.addsitedir('$(site "$PWD/.venv")')" > "$(site "$venv")/project.pth"
+echo "ready: $venv/bin/python"

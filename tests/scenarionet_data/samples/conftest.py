@@ -1,0 +1,20 @@
+"""A small lake of scenarios with gaps, changing sizes and times of their own."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.fixtures.lakes import write_lake
+from tests.fixtures.scenarios import make_scenario
+
+COUNT = 6
+
+
+def made(seed):
+    """Without heights for every third one; the fourth has no map, the last is short."""
+    return make_scenario(seed, num_steps=12 if seed == 5 else 31, has_z=seed % 3 > 0, has_map=seed != 4)
+
+
+@pytest.fixture(scope="session")
+def lake(tmp_path_factory):
+    return write_lake(tmp_path_factory.mktemp("samples"), [made(seed) for seed in range(COUNT)])

@@ -1,0 +1,106 @@
+"""Runs side by side, with hand-computed shares and differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scenarionet_data import Lake
+from scenarionet_data.errors import BadParameter, QueryError
+from scenarionet_data.storage import evaluation_runs
+from scenarionet_sim.evaluation.comparison import RunComparison, compare_runs
+from tests.fixtures.drives import make_drive
+from tests.fixtures.lakes import write_lake
+
+SCENARIOS = [make_drive(f"d{k}", speed=5.0 + k) for k in range(4)]
+IDS = [scenario.id for scenario in SCENARIOS]
+
+
+def publish(lake: Lake, run: str, rows: list[dict]) -> None:
+    claimed = evaluation_runs.claim(lake.files, run, ("results",), {})
+    claimed.publish(0, {"results": [{"rollout": 0} | row for row in rows]})
+
+
+def row(number: int, score: float, cost: int = 0, **more) -> dict:
+    done = {"scenario_id": IDS[number], "nuplan_score": score, "cost": cost, "success": cost == 0}
+    return done | more
+
+
+@pytest.fixture(scope="module")
+def lake(tmp_path_factory) -> Lake:
+    made = write_lake(tmp_path_factory.mktemp("runs") / "lake", SCENARIOS)
+    publish(made, "before", [row(0, 0.5), row(1, 0.5), row(2, 1.0), row(3, 0.0, 2)])
+    after = [row(0, 1.0), row(1, 0.0, 1), row(2, 0.0, rollout=0), row(2, 1.0, rollout=1)]
+    publish(made, "after", [*after, {"scenario_id": IDS[3], "error": "lost"}])
+    publish(made, "empty", [{"scenario_id": IDS[3], "error": "lost"}])
+    return made
+
+
+@pytest.fixture(scope="module")
+def found(lake) -> RunComparison:
+    return compare_runs(lake, "before", "after", "empty")
+
+
+def test_means_have_their_number_of_scenarios_and_changes_are_paired(found):
+    score = next(each for each in found.metrics if each.metric == "nuplan_score")
+    assert score.means == (0.5, pytest.approx(0.5), None) and score.scenarios == (4, 3, 0)
+    assert score.changes[0] is None and score.changes[2] is None
+    assert (score.changes[1].mean, score.changes[1].scenarios) == (pytest.approx(-0.5 / 3), 3), "two rollouts are one"
+    crashed = next(each for each in found.metrics if each.metric == "crashed")
+    assert crashed.means == (0.25, pytest.approx(1 / 3), None)
+
+
+def test_interval_is_that_of_the_resampled_mean(found, lake):
+    """Of differences +0.5, -0.5, -0.5 the extremes have a chance of 1/27 and 8/27."""
+    score = next(each for each in found.metrics if each.metric == "nuplan_score")
+    assert (score.changes[1].low, score.changes[1].high) == (-0.5, 0.5)
+    again = compare_runs(lake, "before", "after", "empty")
+    assert again == found, "the bootstrap has a seed"
+
+
+def test_scenarios_that_changed(lake):
+    found = compare_runs(lake, "before", "after")
+    assert found.better == ((IDS[0], 0.5),) and found.worse == ((IDS[1], -0.5), (IDS[2], -0.5))
+    assert compare_runs(lake, "before", "after", judged_by="-cost").worse == ((IDS[1], -1.0),)
+
+
+def test_groups_by_expression_and_by_event(lake):
+    by = compare_runs(lake, "before", "after", by="ego_mean_speed > 6.5")
+    groups = {each.group: each.scenarios for each in by.metrics if each.metric == "success"}
+    assert groups == {"all": (4, 3), "false": (2, 2), "true": (2, 1)}
+    event = compare_runs(lake, "before", "after", event="hard_braking")
+    assert {each.group for each in event.metrics} == {"all", "without hard_braking"}
+    only = compare_runs(lake, "before", "after", where="ego_mean_speed > 7.5")
+    assert only.metrics[0].scenarios == (1, 0)
+
+
+def test_conditions_on_the_last_run(lake):
+    found = compare_runs(lake, "before", "after")
+    assert found.holds("crashed > 0.3 AND success_change < 0", lake)
+    assert not found.holds("crashed > 0.34", lake)
+    with pytest.raises(QueryError, match="crush"):
+        found.holds("crush > 0", lake)
+    with pytest.raises(BadParameter, match="'off_road > 0' is None, not true or false"):
+        found.holds("off_road > 0", lake)
+
+
+def test_many_scenarios_have_the_interval_of_the_normal_distribution():
+    from scenarionet_sim.evaluation import comparison
+
+    difference = np.tile([0.0, 1.0], 5000)
+    many = comparison._change(difference, 10, np.random.default_rng(0))
+    assert (many.low, many.high) == pytest.approx((0.5 - 0.0098, 0.5 + 0.0098), abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("runs", "words", "message"),
+    [
+        (("before",), {}, "1 runs to compare; give two or more different ones"),
+        (("before", "before"), {}, "give two or more different ones"),
+        (("before", "later"), {}, "the lake has no run 'later'; it has after, before, empty"),
+        (("before", "after"), {"by": "dataset", "event": "cut_in"}, "not by both; leave one out"),
+    ],
+)
+def test_what_cannot_be_compared(lake, runs, words, message):
+    with pytest.raises(BadParameter, match=message):
+        compare_runs(lake, *runs, **words)

@@ -1,0 +1,79 @@
+"""The lanes of a drive on a small map: a lane that forks into two connectors, each followed by a lane, and one back."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from scenarionet_data.building import MapBuilder
+from scenarionet_data.scenario.vocabulary import MapFeatureType as Type
+from scenarionet_sim.metrics.drive import EgoDrive
+from scenarionet_sim.metrics.lanes import DrivenLanes
+from scenarionet_sim.roads.roads import Roads
+
+LANES = {
+    "in": (Type.LANE_SURFACE_STREET, [[0, 0], [50, 0]], 15.0, ["ahead", "left"]),
+    "ahead": (Type.LANE_SURFACE_UNSTRUCTURE, [[50, 0], [70, 0]], np.nan, ["out"]),
+    "left": (Type.LANE_SURFACE_UNSTRUCTURE, [[50, 0], [58, 0.5], [66, 4], [70, 10]], np.nan, ["up"]),
+    "out": (Type.LANE_SURFACE_STREET, [[70, 0], [150, 0]], 20.0, []),
+    "up": (Type.LANE_SURFACE_STREET, [[70, 10], [70, 60]], 10.0, []),
+    "back": (Type.LANE_SURFACE_STREET, [[150, -3.5], [0, -3.5]], np.nan, []),
+}
+IN, AHEAD, LEFT, OUT, UP, BACK = range(6)
+
+
+@pytest.fixture(scope="module")
+def roads() -> Roads:
+    builder = MapBuilder()
+    for name, (kind, points, limit, following) in LANES.items():
+        builder.add(name, kind, polyline=points, width=[[1.75, 1.75]], speed_limit=limit, exit_lanes=following)
+    return Roads.from_map(builder.build(np.zeros(3)))
+
+
+def drive(x: np.ndarray, y: float | np.ndarray, heading: float = 0.0) -> EgoDrive:
+    steps = len(x)
+    position = np.column_stack((x, np.broadcast_to(y, steps))).astype(float)
+    still = np.zeros((steps, 2))
+    return EgoDrive(0.1 * np.arange(steps), position, np.full(steps, heading), np.full(steps, 16.0), still, 4, 2, 1.2)
+
+
+def test_connector_is_the_one_that_leads_to_the_next_lane(roads):
+    ways = DrivenLanes.of(drive(np.arange(44.0, 77.0, 4.0), 0.0), roads).route
+    assert ways == [(IN,)] * 2 + [(AHEAD,)] * 5 + [(OUT,)] * 2
+    assert DrivenLanes.of(drive(np.array([53.0, 55.0]), 0.0), roads).route[-1] == (AHEAD, LEFT)
+    assert DrivenLanes.of(drive(np.array([20.0, 21.0]), 9.0), roads).route == [(), ()], "off all lanes"
+
+
+def test_progress_along_the_lane_and_against_it(roads):
+    moved = drive(np.array([10.0, 11.0, 13.0]), 0.0)
+    assert DrivenLanes.of(moved, roads).progress(moved.position) == pytest.approx([0.0, 1.0, 2.0])
+    wrong = drive(np.array([10.0, 11.0, 13.0]), -3.5)
+    assert DrivenLanes.of(wrong, roads).progress(wrong.position) == pytest.approx([0.0, -1.0, -2.0])
+    changed = drive(np.array([48.0, 52.0, 56.0, 60.0]), 0.0)
+    assert DrivenLanes.of(changed, roads).progress(changed.position)[1:3] == pytest.approx([0.0, 0.0]), "a new lane"
+
+
+def test_speed_limit_of_a_connector_is_the_highest_of_the_lanes_it_joins(roads):
+    limits = DrivenLanes.of(drive(np.arange(45.0, 76.0, 5.0), 0.0), roads).speed_limit()
+    assert limits.tolist()[0] == 15.0 and limits.tolist()[-1] == 20.0
+    assert limits[3] == 20.0
+    assert math.isnan(DrivenLanes.of(drive(np.array([50.0, 49.0]), -3.5, math.pi), roads).speed_limit()[0]), "unknown"
+    assert math.isnan(DrivenLanes.of(drive(np.array([20.0, 21.0]), 9.0), roads).speed_limit()[0]), "off all lanes"
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "is_in_lane"),
+    [
+        (20.0, 0.0, True),
+        (20.0, -1.75, False),
+        (50.0, 0.0, True),
+        (110.0, 0.0, True),
+        (20.0, 1.5, False),
+        (20.0, 9.0, False),
+    ],
+)
+def test_box_is_in_a_lane_in_lanes_that_follow_or_between(roads, x, y, is_in_lane):
+    found = DrivenLanes.of(drive(np.full(3, x), y), roads).is_in_lane
+    assert found.tolist() == [is_in_lane] * 3

@@ -1,0 +1,58 @@
+"""Runs of ``scenarionet sim`` in the format of the challenge, read back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scenarionet_data import Lake
+from scenarionet_data.errors import BadParameter, InvalidScenario
+from scenarionet_data.scenario.description import ScenarioDescription, make_scenario_id, strings
+from scenarionet_sim.evaluation.evaluation import evaluate
+from scenarionet_sim.metrics.wosac import read_submission, rollouts_of_run, score_submission, write_submission
+from tests.fixtures.drives import Other, make_drive
+from tests.fixtures.lakes import write_lake
+
+
+@pytest.fixture(scope="module")
+def scenario() -> ScenarioDescription:
+    """Two cars, of which the second is last seen at timestep 20, and one that comes too late to be simulated."""
+    others = Other(30.0, vx=5.0, last=20), Other(60.0, 3.5, first=30)
+    made = make_drive("abc", num_steps=91, others=others)
+    tracks = replace(made.tracks, ids=strings(["12", "7", "9"]))
+    name = make_scenario_id("waymo", "v1", "abc")
+    return replace(made, id=name, dataset="waymo", tracks=tracks, ego_id="12", current_timestep=10)
+
+
+@pytest.fixture(scope="module")
+def lake(scenario: ScenarioDescription, tmp_path_factory: pytest.TempPathFactory) -> Lake:
+    made = write_lake(tmp_path_factory.mktemp("run") / "lake", [scenario])
+    evaluate(made, policy="constant-noisy", episode="wosac", num_rollouts=3, name="ours")
+    evaluate(made, policy="replay", name="whole")
+    return made
+
+
+def test_submission_of_a_run_is_read_back_and_scored(lake: Lake, scenario: ScenarioDescription, tmp_path: Path):
+    (ours,) = rollouts_of_run(lake, "ours")
+    assert ours.scenario_id == "abc" and ours.object_ids.tolist() == [7, 12]
+    assert ours.position.shape == (3, 2, 80, 3)
+    ends = lake.sql("SELECT x[-1] AS x FROM rollouts WHERE run = 'ours' AND is_judged ORDER BY rollout")["x"]
+    assert ours.position[:, 1, -1, 0] == pytest.approx(ends.to_numpy())
+    assert len(set(ends)) == 3, "the rollouts differ"
+    seen = scenario.tracks.position[1, 20, 0]
+    assert ours.position[:, 0, 9:, 0] == pytest.approx(np.full((3, 71), seen)), "held where it was last seen"
+    write_submission(tmp_path / "ours.binproto", [ours])
+    (again,) = read_submission(tmp_path / "ours.binproto")
+    assert (again.position == ours.position).all() and (again.heading == ours.heading).all()
+    report = score_submission(lake.root, tmp_path / "ours.binproto")
+    assert report.broken == () and 0.0 < report.submitted.realism < 1.0
+
+
+def test_run_without_the_episode_of_the_challenge_is_refused(lake: Lake):
+    with pytest.raises(InvalidScenario, match="expected 80 steps from timestep 10, found 90 from 0; simulate with the"):
+        next(rollouts_of_run(lake, "whole"))
+    with pytest.raises(BadParameter, match="run 'none' has no trajectories of Waymo scenarios"):
+        next(rollouts_of_run(lake, "none"))
