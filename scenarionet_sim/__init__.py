@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         MultiAgentConfig,
         VectorConfig,
     )
+    from scenarionet_sim.environments.flat import FlatEnv
     from scenarionet_sim.environments.multi_agent import ScenarioNetParallelEnv
     from scenarionet_sim.environments.single_agent import ScenarioNetEnv
     from scenarionet_sim.environments.vector import ScenarioNetVectorEnv
@@ -73,6 +74,7 @@ _MODULE_OF = {
     "EgoState": "sensors",
     "EnvConfig": "environments.config",
     "External": "policies",
+    "FlatEnv": "environments.flat",
     "Idm": "policies",
     "Kinematic": "backends.kinematic",
     "LaneLineDetector": "sensors",
@@ -121,6 +123,7 @@ __all__ = [
     "EgoState",
     "EnvConfig",
     "External",
+    "FlatEnv",
     "Idm",
     "Kinematic",
     "LaneLineDetector",

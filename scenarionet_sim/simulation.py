@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from scenarionet_data.arrays.compiled import Kernel
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8, UInt32
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import LIGHT_COLORS
@@ -132,6 +133,7 @@ class Simulation:
         self._session = (backend or Kinematic()).open(self.batch)
         movement = [policy.movement if is_compiled(policy) else UNCOMPILED for policy in self.policies]
         self._movement: UInt8 = np.array(movement, np.uint8)
+        self._is_compiled = UNCOMPILED not in movement and isinstance(self._session, KinematicSession)
         self._law: Float64 = np.zeros((len(worlds), len(movement), 8))
         self._playing = [self._policies] * len(worlds)
         self._is_agent: Bool = np.zeros(256, np.bool_)
@@ -221,10 +223,9 @@ class Simulation:
         if self.state.history is not None:
             self.state.history.push(self.state)
         self.state, self.previous = self.previous, self.state
-        is_compiled_backend = isinstance(self._session, KinematicSession)
-        drive = DRIVE if is_compiled_backend and not self._has_passengers else 0
+        drive = DRIVE if isinstance(self._session, KinematicSession) and not self._has_passengers else 0
         rest = LOCATE | self.observer.phases
-        if UNCOMPILED not in self._movement and is_compiled_backend and not self._is_agent_due:
+        if self._is_compiled and not self._is_agent_due:
             self._run(MOVE | drive | rest)
         else:
             self._step_in_parts(drive, rest)
@@ -250,6 +251,16 @@ class Simulation:
         """Release the resources of the backend, and stop the threads."""
         self._session.close()
         self._threads.close()
+
+    def are_agents_due(self) -> Bool:
+        """Return the worlds (W,) in which an agent is absent that may still appear."""
+        worlds, steps = self.batch.worlds, self.state.timestep.tolist()
+        due: Bool = np.zeros(len(worlds), np.bool_)
+        for slot in np.flatnonzero((self._is_agent[self.driver] & ~self.state.present).any(axis=1)).tolist():
+            absent = self._is_agent[self.driver[slot]] & ~self.state.present[slot]
+            later = worlds[slot].log_valid[steps[slot] + 1 :, absent[: worlds[slot].num_objects]]
+            due[slot] = later.any()
+        return due
 
     # --- a step ---------------------------------------------------------------------------------------
 
@@ -293,12 +304,15 @@ class Simulation:
             traffic, agents, limits, observer.task, observer.result, observer.sensing,
         )  # fmt: skip
 
+        step = step_worlds.unchecked if isinstance(step_worlds, Kernel) else step_worlds
+
         def run(first: int, end: int) -> int:
-            return step_worlds((first, end, phases, substeps), *rest)
+            lost: int = step((first, end, phases, substeps), *rest)
+            return lost
 
         lost = self._threads.run(run, len(self.batch))
         if phases & OBSERVE:
-            self.observer.is_stale = False
+            self.observer.is_stale &= bool(phases & ONLY_BEGUN)
             require_located(max(lost), self.agents)
 
     # --- agents ---------------------------------------------------------------------------------------

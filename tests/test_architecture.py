@@ -18,8 +18,8 @@ TOP = {
 ALSO_ALLOWED = {"CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff", "SECURITY.md", "mkdocs.yml", ".github"}
 LAYERS = (
     "errors", "version", "arrays", "schema", "scenario", "building", "statistics", "codec", "ingest", "procedural",
-    "converters", "execution", "storage", "databases", "query", "operations", "loader", "samples", "quality", "packs",
-    "export", "maintenance", "conversion", "lake", "plots", "display", "testing",
+    "converters", "execution", "storage", "databases", "query", "operations", "loader", "samples", "forecasts",
+    "quality", "packs", "export", "maintenance", "conversion", "lake", "plots", "display", "testing",
 )  # fmt: skip
 """Parts of scenarionet_data; each imports only itself and parts before it."""
 FORBIDDEN_WORDS = ("utils", "helpers", "common", "manager", "misc")

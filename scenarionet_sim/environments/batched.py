@@ -143,9 +143,11 @@ class BatchedEnvironment:
 
         Args:
             rng: Source of the sensors' noise.
-            rows: Agents (indices into ``agents``) whose noise and uncompiled sensors are observed anew; None for all.
+            rows: Agents (indices into ``agents``) of the worlds that have just begun an episode, if only these are
+                needed; None for all.
         """
-        self.simulation.observe()
+        if rows is None:
+            self.simulation.observe()
         simulation, state, observed = self.simulation, self.simulation.state, self._scorer.observed
         if not self._has_actions:  # the policy's own location on the path may differ
             state = replace(state, route=simulation.route)

@@ -11,6 +11,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils import seeding
 
 from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.errors import ScenarioNetError
 from scenarionet_sim.environments.batched import BatchedEnvironment
 from scenarionet_sim.environments.config import EnvConfig
 from scenarionet_sim.environments.observation import Observation
@@ -37,6 +38,7 @@ class Episodes:
         observation: Sensors of the agents.
         rng: Source of the sensors' noise.
         seed: Seed of the series; None before the first ``restart`` of a random one.
+        skipped: Why scenarios could not be read, and how often they were drawn, by id; see ``draw_playable``.
     """
 
     def __init__(
@@ -50,6 +52,7 @@ class Episodes:
             self.ids, loader.__getitem__, partial(World.from_scenario, dt=config.dt), self._sampler,
             prefetch=config.prefetch if prefetch is None else prefetch, cache_size=config.cache_size,
         )  # fmt: skip
+        self.skipped: dict[str, tuple[str, int]] = {}
         self._is_fresh = True
         self._core: BatchedEnvironment | None = None
         self._playing = np.zeros(num_slots, np.int64)
@@ -71,10 +74,25 @@ class Episodes:
             LakeError: The scenario cannot be read; the next draw continues with the one after it.
         """
         if scenario_id is None:
-            self._playing[slot], world = self._stream.next()
-            return world
+            self._playing[slot] = index = self._stream.draw()
+            return self._stream.play(index)
         self._playing[slot] = index = self._stream.index(scenario_id)
         return self._stream.get(index)
+
+    def draw_playable(self, slot: int) -> World:
+        """Return the world of the next scenario of the series that can be read; note the others in ``skipped``.
+
+        Raises:
+            ScenarioNetError: None of as many scenarios as there are can be read; this is the last one's error.
+        """
+        for _ in range(len(self.ids) - 1):
+            try:
+                return self.draw(slot)
+            except ScenarioNetError as error:
+                scenario_id = self.ids[int(self._playing[slot])]
+                reason, count = self.skipped.get(scenario_id, (str(error), 0))
+                self.skipped[scenario_id] = reason, count + 1
+        return self.draw(slot)
 
     def prepare(self, worlds: list[World]) -> BatchedEnvironment:
         """Return the environment for these worlds."""

@@ -197,12 +197,19 @@ def _meet(boxes: Float64, b: int, stations: Float64, count: int, half_width: flo
 
     A box whose centre is not ahead of the first station is a follower and does not count.
     """
-    radius = boxes[_RADIUS, b]
-    for k in range(count - 1):
-        length = stations[k + 1, _ARC] - stations[k, _ARC]
-        tx = (stations[k + 1, _SX] - stations[k, _SX]) / length
-        ty = (stations[k + 1, _SY] - stations[k, _SY]) / length
+    radius, k = boxes[_RADIUS, b], -1
+    while k < count - 2:
+        k += 1
         dx, dy = boxes[_BX, b] - stations[k, _SX], boxes[_BY, b] - stations[k, _SY]
+        # The strip cannot reach the box on a shorter way than the straight one: skip the stations before.
+        reached = stations[k, _ARC] + np.sqrt(dx * dx + dy * dy) - half_width - 2.0 * radius
+        if stations[k + 1, _ARC] < reached:
+            while k < count - 2 and stations[k + 2, _ARC] < reached:
+                k += 1
+            continue
+        tx, ty = stations[k + 1, _SX] - stations[k, _SX], stations[k + 1, _SY] - stations[k, _SY]
+        length = larger(np.sqrt(tx * tx + ty * ty), 1e-9)  # shorter than the arc where the path is noisy
+        tx, ty = tx / length, ty / length
         along, left = tx * dx + ty * dy, tx * dy - ty * dx
         if abs(left) > half_width + radius or along > length + radius or along < -radius:
             continue

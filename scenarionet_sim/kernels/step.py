@@ -242,15 +242,16 @@ def step_worlds(
 
 @device_function
 def _copy(w: int, count: int, source: StateArrays, target: StateArrays) -> None:
-    """Copy motion, routes and presence of the objects of a world."""
+    """Copy presence and routes of the objects of a world, and the motion of those that are present."""
     for n in range(count):
         target.present[w, n] = source.present[w, n]
         target.route[w, n, 0], target.route[w, n, 1] = source.route[w, n, 0], source.route[w, n, 1]
-        for column in range(source.motion.shape[2]):
-            target.motion[w, n, column] = source.motion[w, n, column]
+        if source.present[w, n]:
+            for column in range(source.motion.shape[2]):
+                target.motion[w, n, column] = source.motion[w, n, column]
 
 
-@device_function(allocates=True)
+@device_function(inline=True)
 def _move(w: int, dt: float, recorded: Recorded, now: StateArrays, then: StateArrays, traffic: Traffic) -> None:
     """Write the next state of all objects but those of uncompiled policies, which keep the current one."""
     _copy(w, recorded.place[w, NUM_OBJECTS], now, then)
@@ -270,7 +271,7 @@ def _move(w: int, dt: float, recorded: Recorded, now: StateArrays, then: StateAr
             drive_along_paths(w, recorded, now, then, driver, policy, dt, law, traffic.colors)
 
 
-@device_function
+@device_function(inline=True)
 def _locate(
     a: int,
     w: int,
@@ -293,7 +294,7 @@ def _locate(
     agents.hits[a] = touch(n, then.motion[w], then.size[w], then.object_type[w], then.present[w], contacts)
 
 
-@device_function
+@device_function(inline=True)
 def _begin(w: int, first: int, end: int, agents: DrivenArrays, result: StepResult) -> None:
     """Clear the scores of a world; contacts at the beginning do not count as crashes."""
     for n in range(result.totals.shape[1]):
@@ -307,7 +308,7 @@ def _begin(w: int, first: int, end: int, agents: DrivenArrays, result: StepResul
             agents.contacts_before[a, m] = agents.contacts[a, m]
 
 
-@device_function
+@device_function(inline=True)
 def _score(
     a: int,
     w: int,
@@ -348,7 +349,7 @@ def _scratch(then: StateArrays, sensing: Sensing) -> Scratch:
     return Scratch(np.empty(7), np.empty((most, 2)), np.empty(then.present.shape[1], np.bool_))
 
 
-@device_function
+@device_function(inline=True)
 def _observe(
     a: int,
     w: int,

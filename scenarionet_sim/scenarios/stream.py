@@ -63,12 +63,24 @@ class ScenarioStream(Generic[Prepared]):
         Raises:
             ScenarioNetError: It cannot be read or prepared; the next call continues with the one after it.
         """
-        index = self._drawn.popleft() if self._drawn else self.sampler.draw()
+        index = self.draw()
+        return index, self.play(index)
+
+    def draw(self) -> int:
+        """Return the index of the next scenario."""
+        return self._drawn.popleft() if self._drawn else self.sampler.draw()
+
+    def play(self, index: int) -> Prepared:
+        """Return the scenario with an index that was drawn, and load those after it ahead.
+
+        Raises:
+            ScenarioNetError: It cannot be read or prepared.
+        """
         prepared = self.get(index)
         while len(self._drawn) < self._prefetch:
             self._drawn.append(self.sampler.draw())
             self._submit(self._drawn[-1])
-        return index, prepared
+        return prepared
 
     def get(self, index: int) -> Prepared:
         """Return the scenario with an index, without a draw."""

@@ -20,7 +20,8 @@ VERBS = {
     "Select scenarios": ("filter", "filters", "split", "sample", "tag"),
     "Combine databases": ("merge", "intersect", "subtract", "diff", "overlap"),
     "Manage databases": ("lineage", "rebuild", "rebase", "copy", "rename", "drop", "checkout"),
-    "Simulate": ("sim", "compare-runs", "record", "score"),
+    "Simulate": ("sim", "compare-runs", "record"),
+    "Forecast": ("score", "submit"),
     "Share": ("export", "pack"),
     "Maintain": ("check", "fsck", "compact", "vacuum", "doctor", "compile"),
 }

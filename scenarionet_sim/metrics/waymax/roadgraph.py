@@ -7,14 +7,19 @@ their left, as in the Waymo Open Motion Dataset.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-import shapely
 
+from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32
-from scenarionet_data.scenario.vocabulary import is_road_edge
+from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.roads.roads import Roads
+
+EDGES = (MapFeatureType.ROAD_EDGE_BOUNDARY, MapFeatureType.ROAD_EDGE_MEDIAN)
+"""Types of edges that have the road on their left; those of other types are outlines of sidewalks and the like."""
+
+SPACING = 0.5
+"""Distance between the points of an edge [m]."""
 
 Z_STRETCH = 2.0
 """Factor on differences of height, so that an edge on another level is far."""
@@ -36,23 +41,19 @@ class RoadEdges:
 
     @classmethod
     def of(cls, roads: Roads) -> RoadEdges:
-        """The starts of a map's segments of edges, and the end of the last one of each edge; without heights."""
-        kept = np.flatnonzero(is_road_edge(roads.segment_type))
+        """Points every half metre, as in the owner's data, along the edges of a map; without heights."""
+        kept = np.flatnonzero(np.isin(roads.segment_type, EDGES))
         start, end = roads.segments[kept, :2].astype(np.float64), roads.segments[kept, 2:].astype(np.float64)
-        edge = roads.segment_feature[kept]
-        step = end - start
-        direction = step / np.maximum(np.hypot(*step.T), 1e-9)[:, None]
-        last = np.flatnonzero(np.diff(edge, append=-1) != 0)
-        position = np.insert(start, last + 1, end[last], axis=0)
-        return cls(
-            np.column_stack((position, np.zeros(len(position)))),
-            np.insert(direction, last + 1, direction[last], axis=0),
-            np.insert(edge, last + 1, edge[last]),
-        )
-
-    @cached_property
-    def _tree(self) -> shapely.STRtree:
-        return shapely.STRtree(shapely.points(self.position[:, :2]))
+        edge, step = roads.segment_feature[kept], end - start
+        length = np.hypot(*step.T)
+        count = np.maximum(np.ceil(length / SPACING), 1.0).astype(np.int64)
+        count += np.diff(edge, append=-1) != 0  # the end of an edge is a point, too
+        owner = np.repeat(np.arange(len(kept)), count)
+        place = np.arange(len(owner)) - (np.cumsum(count) - count)[owner]
+        share = np.minimum(place * SPACING / np.maximum(length, 1e-9)[owner], 1.0)
+        position = start[owner] + share[:, None] * step[owner]
+        direction = (step / np.maximum(length, 1e-9)[:, None])[owner]
+        return cls(np.column_stack((position, np.zeros(len(owner)))), direction, edge[owner])
 
     def signed_distance(self, points: Float64) -> Float64:
         """Distance (Q,) in the plane to the nearest point of an edge [m], positive off the road.
@@ -60,7 +61,7 @@ class RoadEdges:
         Args:
             points: (Q, 3) [m].
         """
-        nearest = self._nearest(points)
+        nearest = _nearest(points, self.position)
         before = np.maximum(nearest - 1, 0)
         away = points[:, :2] - self.position[nearest, :2]
         side, side_before = _cross(away, self.direction[nearest]), _cross(away, self.direction[before])
@@ -68,15 +69,6 @@ class RoadEdges:
         sign = np.sign(np.where(is_joined & (side_before < side), side_before, side))
         found: Float64 = np.hypot(*away.T) * sign
         return found
-
-    def _nearest(self, points: Float64) -> Int32:
-        """Row (Q,) of the nearest point, heights stretched."""
-        if not self.position[:, 2].any() and not points[:, 2].any():
-            _, found = self._tree.query_nearest(shapely.points(points[:, :2]), all_matches=False)
-            return np.asarray(found, np.int32)
-        stretch = [1.0, 1.0, Z_STRETCH]
-        apart = [np.square((self.position - point) * stretch).sum(axis=1).argmin() for point in points]
-        return np.array(apart, np.int32)
 
 
 def is_offroad(corners: Float64, edges: RoadEdges) -> Bool:
@@ -94,4 +86,19 @@ def is_offroad(corners: Float64, edges: RoadEdges) -> Bool:
 
 def _cross(first: Float64, second: Float64) -> Float64:
     found: Float64 = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
+    return found
+
+
+@kernel
+def _nearest(points: Float64, position: Float64) -> Int32:
+    """Row (Q,) of the position nearest to each point, heights stretched."""
+    found = np.zeros(len(points), np.int32)
+    for q in range(len(points)):
+        best = np.inf
+        for p in range(len(position)):
+            x, y = position[p, 0] - points[q, 0], position[p, 1] - points[q, 1]
+            z = Z_STRETCH * (position[p, 2] - points[q, 2])
+            apart = x * x + y * y + z * z
+            if apart < best:
+                best, found[q] = apart, p
     return found

@@ -1,4 +1,4 @@
-"""``scenarionet score``: score a submission to the Waymo Open Sim Agents Challenge."""
+"""``scenarionet score``: score predicted trajectories, or rollouts for the Waymo Open Sim Agents Challenge."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from scenarionet_pipelines.cli import forecast_scores
 from scenarionet_pipelines.cli.advice import one_line
 from scenarionet_pipelines.cli.execution import executor_from_options
 from scenarionet_pipelines.cli.group import verb
@@ -29,18 +30,25 @@ _MAX_EXAMPLES = 5
 
 @verb(
     "score",
+    "scenarionet score lake predictions.parquet --by has_intersection -o scores.parquet",
     "scenarionet score lake --rollouts submission.tar.gz",
     "scenarionet score lake --rollouts submission.binproto --configuration sim-agents-2024 --json",
     "scenarionet score lake --run all-constant-noisy-constant-noisy-kinematic-wosac -o submission.binproto",
 )
 @lake_argument
+@click.argument("predictions", required=False, type=click.Path(dir_okay=False))
+@click.option(
+    "--by",
+    metavar="SQL",
+    help="Of predictions: group them by an expression over the scores and `metadata`. [default: object_type]",
+)
 @click.option(
     "--rollouts",
     metavar="PATH",
-    help="The submission: a binary SimAgentsChallengeSubmission, a folder of them, or a .tar.gz archive.",
+    help="Score a submission: a binary SimAgentsChallengeSubmission, a folder of them, or a .tar.gz archive.",
 )
 @click.option("--run", metavar="NAME", help="Score this run of `sim --episode wosac --rollouts 32` instead.")
-@click.option("-o", "--output", metavar="FILE", help="With --run: also write its rollouts as a submission.")
+@click.option("-o", "--output", metavar="FILE", help="Write the scores of each target, or the rollouts of --run.")
 @click.option(
     "--configuration",
     type=click.Choice(["sim-agents-2025", "sim-agents-2024", "scenario-generation-2025"]),
@@ -59,6 +67,8 @@ _MAX_EXAMPLES = 5
 @quiet_option
 def command(
     lake: str,
+    predictions: str | None,
+    by: str | None,
     rollouts: str | None,
     run: str | None,
     output: str | None,
@@ -69,18 +79,25 @@ def command(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Score rollouts of simulated agents against the recordings, as the Waymo Open Sim Agents Challenge does.
+    """Score predicted trajectories, or rollouts of simulated agents, against the recordings.
 
-    Beside the submission stand the ceiling, the score of the recordings themselves, and the floor, the score of
-    constant velocity, on the same scenarios. The lake needs the Waymo scenarios of the submission.
+    PREDICTIONS is a Parquet file with a row per target and mode (schemas/predictions.toml); the scores are those of
+    Argoverse, nuScenes and the Waymo Open Motion challenge.
+
+    Rollouts are scored as the Waymo Open Sim Agents Challenge does. Beside the submission stand the ceiling, the score
+    of the recordings themselves, and the floor, the score of constant velocity, on the same scenarios. The lake needs
+    the Waymo scenarios of the submission.
     """
     from scenarionet_data import Lake
     from scenarionet_data.execution.executors import executor_for
     from scenarionet_pipelines.machine import default_workers
     from scenarionet_sim.metrics.wosac import rollouts_of_run, score_submission, write_submission
 
-    if (rollouts is None) == (run is None) or (output is not None and run is None):
-        raise click.UsageError("give either --rollouts PATH, or --run NAME with -o FILE if it is to be written")
+    if sum(each is not None for each in (predictions, rollouts, run)) != 1 or (output and rollouts is not None):
+        raise click.UsageError("give one of PREDICTIONS, --rollouts and --run; -o belongs to the first and the last")
+    if predictions is not None:
+        forecast_scores.show(lake, predictions, by or "object_type", output, as_json)
+        return
     with (
         executor_from_options(cluster, workers, quiet=quiet) as execution,
         ProgressDisplay("score", is_quiet=quiet) as progress,

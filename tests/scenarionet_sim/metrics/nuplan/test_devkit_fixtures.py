@@ -1,14 +1,15 @@
 """The cases of nuplan-devkit's own tests: 18 that need no map, and 12 that boxes decide.
 
-They are read from a checkout of the devkit named by ``NUPLAN_DEVKIT``. In the cases that boxes decide, the answer
-of the
-map whether the vehicle is within one lane is given here.
+``cases.json`` has their numbers (nuplan-devkit is under Apache-2.0), in a frame whose origin is the ego's first
+position. With ``NUPLAN_DEVKIT``, a checkout of the devkit, its files are read instead. In the cases that boxes decide,
+the answer of the map whether the vehicle is within one lane is given here.
 """
 
 from __future__ import annotations
 
 import json
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -31,15 +32,14 @@ TYPES = {"vehicles": ObjectType.VEHICLE, "bicycles": ObjectType.CYCLIST, "pedest
 
 
 @pytest.fixture(scope="module")
-def cases() -> Path:
+def cases() -> Mapping[str, Any]:
+    """Cases by name."""
     checkout = os.environ.get("NUPLAN_DEVKIT")
     if not checkout:
-        pytest.skip("the devkit's cases: set NUPLAN_DEVKIT to a checkout of nuplan-devkit")
-    return Path(checkout) / FOLDER
-
-
-def read(cases: Path, name: str) -> dict[str, Any]:
-    return json.loads((cases / f"{name}.json").read_text())
+        return json.loads(Path(__file__).with_name("cases.json").read_text())
+    folder = Path(checkout) / FOLDER
+    files = folder.rglob("*.json")
+    return {path.relative_to(folder).with_suffix("").as_posix(): json.loads(path.read_text()) for path in files}
 
 
 def drive(states: list[dict[str, Any]]) -> EgoDrive:
@@ -113,8 +113,8 @@ def slope(values: np.ndarray, window: int, order: int, dt: float, derivative: in
 
 
 @pytest.mark.parametrize("name", SIGNALS)
-def test_dynamics(cases: Path, name: str):
-    case = read(cases, f"{name}/{name}")
+def test_dynamics(cases: Mapping[str, Any], name: str):
+    case = cases[f"{name}/{name}"]
     values = SIGNALS[name](ego(case))
     series(case, values)
     found = {
@@ -128,16 +128,16 @@ def test_dynamics(cases: Path, name: str):
             assert found[kind] == pytest.approx(expected, abs=0.0101), kind
 
 
-def test_comfort(cases: Path):
+def test_comfort(cases: Mapping[str, Any]):
     """The devkit expects False, because its test never computes the six metrics combined; all are in bounds."""
-    moved = ego(read(cases, "ego_is_comfortable/ego_is_comfortable"))
+    moved = ego(cases["ego_is_comfortable/ego_is_comfortable"])
     comfort = measure_comfort(moved.acceleration, moved.heading, moved.dt)
     assert comfort.is_comfortable
     assert 0.0 < comfort.max_lon_acceleration < 1.0
 
 
-def test_mean_speed(cases: Path):
-    case = read(cases, "ego_mean_speed/ego_mean_speed")
+def test_mean_speed(cases: Mapping[str, Any]):
+    case = cases["ego_mean_speed/ego_mean_speed"]
     agree(case, ego(case).speed.mean())
 
 
@@ -149,8 +149,8 @@ def test_mean_speed(cases: Path):
         "ego_expert_l2_error_with_yaw/ego_expert_l2_error_with_yaw_zero",
     ],
 )
-def test_distance_from_the_expert(cases: Path, name: str):
-    case = read(cases, name)
+def test_distance_from_the_expert(cases: Mapping[str, Any], name: str):
+    case = cases[name]
     moved, expert = ego(case), drive(case["expert_ego_states"])
     values = errors.expert_distance(moved.position, expert.position)
     if "yaw" in name:
@@ -163,8 +163,8 @@ def test_distance_from_the_expert(cases: Path, name: str):
     [f"{kind}_collision" for kind in ("active_front", "active_lateral", "active_rear", "stopped_ego", "stopped_track")]
     + ["multiple_collisions", "no_collision"],
 )
-def test_collisions(cases: Path, name: str):
-    case = read(cases, f"no_ego_at_fault_collision/{name}")
+def test_collisions(cases: Mapping[str, Any], name: str):
+    case = cases[f"no_ego_at_fault_collision/{name}"]
     moved, others = ego(case), boxes(case)
     expected = [value for _, value in case["expected"]["statistics"]]
     outcomes = []
@@ -183,8 +183,8 @@ def test_collisions(cases: Path, name: str):
 @pytest.mark.parametrize(
     "name", ["time_to_collision_above_threshold", "in_collision", "ego_stopped", "no_collisions", "no_relevant_tracks"]
 )
-def test_time_to_collision(cases: Path, name: str):
-    case = read(cases, f"time_to_collision_within_bound/{name}")
+def test_time_to_collision(cases: Mapping[str, Any], name: str):
+    case = cases[f"time_to_collision_within_bound/{name}"]
     moved, others = ego(case), boxes(case)
     is_in_lane = np.ones(len(moved.time), bool)
     crossing = np.zeros(len(moved.time), bool)
@@ -235,8 +235,8 @@ def plans(case: dict[str, Any]) -> errors.PlanErrors:
 
 
 @pytest.mark.parametrize("name", PLANS)
-def test_errors_of_plans(cases: Path, name: str):
-    case = read(cases, name)
+def test_errors_of_plans(cases: Mapping[str, Any], name: str):
+    case = cases[name]
     field, limit = PLANS[name]
     found = getattr(plans(case), field)
     (expected,) = case["expected"] if isinstance(case["expected"], list) else [case["expected"]]
@@ -245,7 +245,7 @@ def test_errors_of_plans(cases: Path, name: str):
     assert values == pytest.approx([value for _, value in expected["statistics"]], abs=0.0101)
 
 
-def test_miss_rates_of_plans(cases: Path):
-    found = plans(read(cases, "planner_miss_rate_within_bound/high_miss_rate"))
+def test_miss_rates_of_plans(cases: Mapping[str, Any]):
+    found = plans(cases["planner_miss_rate_within_bound/high_miss_rate"])
     assert found.miss_rates.tolist() == [1.0, 1.0, 1.0]
     assert not found.is_hit

@@ -37,9 +37,9 @@ def test_edges_of_a_map_have_the_road_on_their_left():
     builder = MapBuilder()
     builder.add("edge", MapFeatureType.ROAD_EDGE_BOUNDARY, polyline=[[0, 0], [10, 0], [10, 10]])
     edges = RoadEdges.of(Roads.from_map(builder.build(np.zeros(3))))
-    assert edges.position[:, :2].tolist() == [[0, 0], [10, 0], [10, 10]]
+    assert edges.position[::10, :2].tolist() == [[0, 0], [5, 0], [10, 0], [10, 5], [10, 10]] and len(edges.edge) == 41
     found = edges.signed_distance(np.array([[9.0, 1.0, 0], [11.0, -1.0, 0], [0.0, 2.0, 0]]))
-    assert found == pytest.approx([-math.sqrt(2), math.sqrt(2), -2.0])
+    assert found == pytest.approx([-1.0, math.sqrt(2), -2.0])
     box = np.array([[[1, 3], [-1, 3], [-1, 1], [1, 1]], [[1, 1], [-1, 1], [-1, -1], [1, -1]]], float)
     assert is_offroad(box, edges).tolist() == [False, True]
 

@@ -1,0 +1,78 @@
+"""Displacement scores of one target, as Argoverse and nuScenes define them.
+
+Sources: https://github.com/argoverse/av2-api, ``datasets/motion_forecasting/eval/metrics.py``, and the leaderboard of
+Argoverse 2 (the best mode has the smallest error at the end); https://github.com/nutonomy/nuscenes-devkit,
+``eval/prediction/metrics.py``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+
+from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.scenario.description import MapFeatures
+from scenarionet_data.scenario.vocabulary import AREAS_TO_DRIVE_ON, MapFeatureType, is_lane
+
+MISS = 2.0
+"""Error beyond which a prediction misses [m]."""
+ARGOVERSE_MODES = 6
+
+
+def argoverse(modes: Float64, probabilities: Float64, truth: Float64) -> dict[str, float]:
+    """Scores of Argoverse 1 and 2.
+
+    Args:
+        modes: (K, F, 2) [m], by descending probability; the first 6 count.
+        probabilities: (K,) whose sum is 1.
+        truth: (F, 2) [m].
+
+    Returns:
+        ``min_fde``: smallest error at the end [m]; ``min_ade``: mean error of that mode [m]; ``is_missed``: 1 if
+        min_fde is above 2 m; ``brier_min_fde``: min_fde plus (1 - probability)^2 of that mode.
+    """
+    error = np.linalg.norm(modes[:ARGOVERSE_MODES] - truth, axis=-1)
+    best = int(np.argmin(error[:, -1]))
+    final = float(error[best, -1])
+    return {
+        "min_ade": float(error[best].mean()),
+        "min_fde": final,
+        "is_missed": float(final > MISS),
+        "brier_min_fde": final + float(1 - probabilities[best]) ** 2,
+    }
+
+
+def nuscenes(modes: Float64, truth: Float64, count: int) -> dict[str, float]:
+    """Scores of nuScenes over the ``count`` most probable modes.
+
+    Returns:
+        ``min_ade_k``: smallest mean error [m]; ``miss_rate_top_k``: 1 if every mode is more than 2 m away at some
+        time.
+    """
+    error = np.linalg.norm(modes[:count] - truth, axis=-1)
+    missed = float((error.max(axis=1) > MISS).all())
+    return {f"min_ade_{count}": float(error.mean(axis=1).min()), f"miss_rate_top_{count}": missed}
+
+
+def off_road_rate(modes: Float64, area: shapely.Geometry) -> float:
+    """Share of the modes that leave the drivable area, as nuScenes counts it."""
+    inside = shapely.contains_xy(area, modes[..., 0], modes[..., 1]).all(axis=1)
+    return float(1 - inside.mean())
+
+
+def drivable_area(features: MapFeatures | None) -> shapely.Geometry | None:
+    """Union of a map's lanes and areas to drive on; None if it does not outline the road.
+
+    Maps of centrelines only (Waymo) may outline driveways: with these alone, every path would leave the road.
+    """
+    if features is None:
+        return None
+    has_outline, lanes = features.polygon.lengths >= 3, is_lane(features.feature_type)
+    has_area = bool((has_outline & (features.feature_type == MapFeatureType.DRIVABLE_AREA)).any())
+    if not has_area and not (lanes.any() and has_outline[lanes].all()):
+        return None
+    rows = np.flatnonzero((lanes | np.isin(features.feature_type, AREAS_TO_DRIVE_ON)) & has_outline).tolist()
+    outlines = [shapely.make_valid(shapely.Polygon(features.polygon[row][:, :2])) for row in rows]
+    area = shapely.union_all(outlines)
+    shapely.prepare(area)
+    return area

@@ -1,0 +1,119 @@
+"""Predictions: trajectories of targets with probabilities, as rows of ``schemas/predictions.toml``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from scenarionet_data.arrays.dtypes import Array, Float64
+from scenarionet_data.arrays.geometry import rotate
+from scenarionet_data.errors import BadParameter
+from scenarionet_data.samples.dataset import SampleKey
+from scenarionet_data.schema import tables
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """The predicted trajectories of one target.
+
+    Attributes:
+        scenario_id, track_id: The target.
+        timestep: Last timestep of the history.
+        dt: Time between positions [s].
+        modes: (K, F, 2) float64 [m] in the scenario's frame, by descending probability.
+        probabilities: (K,) float64, as given.
+    """
+
+    scenario_id: str
+    track_id: str
+    timestep: int
+    dt: float
+    modes: Float64
+    probabilities: Float64
+
+    @property
+    def normalised(self) -> Float64:
+        """(K,) probabilities whose sum is 1."""
+        total = self.probabilities.sum()
+        count = len(self.probabilities)
+        return self.probabilities / total if total > 0 else np.full(count, 1 / count)
+
+
+def make_predictions(keys: Sequence[SampleKey], modes: Array, probabilities: Array, pose: Array, dt: float) -> pa.Table:
+    """Predictions for the first target of each sample, as rows to write.
+
+    Args:
+        keys: What each sample shows, see ``Samples.key``.
+        modes: (B, K, F, 2) positions [m] in the frames of the samples.
+        probabilities: (B, K).
+        pose: (B, 4) the samples' ``pose``.
+        dt: Time between positions [s].
+    """
+    modes, pose = np.asarray(modes, np.float64), np.asarray(pose, np.float64)
+    mirrored = modes * np.stack([np.ones(len(pose)), pose[:, 3]], axis=-1)[:, None, None]
+    there = rotate(mirrored, pose[:, 2, None, None]) + pose[:, None, None, :2]
+    count, num_modes = there.shape[:2]
+    flat = there.reshape(count * num_modes, -1, 2).astype(np.float32)
+    columns = {
+        "scenario_id": np.repeat([key.scenario_id for key in keys], num_modes).tolist(),
+        "track_id": np.repeat([key.track_ids[0] for key in keys], num_modes).tolist(),
+        "timestep": np.repeat([key.timestep for key in keys], num_modes),
+        "dt": np.full(count * num_modes, dt),
+        "mode": np.tile(np.arange(num_modes), count),
+        "probability": np.asarray(probabilities, np.float32).reshape(-1),
+        "x": list(flat[..., 0]),
+        "y": list(flat[..., 1]),
+    }
+    return pa.table(columns, schema=tables.load("predictions").schema)
+
+
+def read_predictions(path: Path | str) -> list[Prediction]:
+    """Predictions of a Parquet file, by scenario and target.
+
+    Raises:
+        BadParameter: A column is missing or has another type, or the trajectories of a target do not agree.
+    """
+    table = tables.load("predictions")
+    try:
+        found = pq.read_table(path)
+        rows = pa.table({f.name: found[f.name].cast(f.type) for f in table.schema}, schema=table.schema)
+    except FileNotFoundError as error:
+        raise BadParameter(f"{path}: no such file; expected predictions in Parquet") from error
+    except (KeyError, pa.ArrowException) as error:
+        raise BadParameter(f"{path}: expected the columns of schemas/predictions.toml, found {error}") from error
+    ordered = rows.sort_by([(name, "ascending") for name in ("scenario_id", "track_id", "timestep", "mode")])
+    return list(_targets(ordered.combine_chunks(), str(path)))
+
+
+def _targets(rows: pa.Table, path: str) -> Iterator[Prediction]:
+    """Group rows that are sorted by target."""
+    keys = list(zip(*(rows[name].to_pylist() for name in ("scenario_id", "track_id", "timestep", "dt")), strict=True))
+    x, y = (rows[name].to_pylist() for name in ("x", "y"))
+    probability = rows["probability"].to_numpy().astype(np.float64)
+    start = 0
+    for end in range(1, len(keys) + 1):
+        if end < len(keys) and keys[end] == keys[start]:
+            continue
+        scenario_id, track_id, timestep, dt = keys[start]
+        lengths = {len(line) for line in (*x[start:end], *y[start:end])}
+        if len(lengths) != 1 or lengths == {0}:
+            wanted = "trajectories of one length, at least 1"
+            raise BadParameter(f"{path}: {track_id} of {scenario_id}: expected {wanted}, found {sorted(lengths)}")
+        modes = np.stack([np.array(x[start:end]), np.array(y[start:end])], axis=-1)
+        if not np.isfinite(modes).all() or not (probability[start:end] >= 0).all():
+            raise BadParameter(
+                f"{path}: {track_id} of {scenario_id}: expected finite positions, probabilities of 0 or more"
+            )
+        order = np.argsort(-probability[start:end], kind="stable")
+        yield Prediction(scenario_id, track_id, timestep, dt, modes[order], probability[start:end][order])
+        start = end
+
+
+def write_predictions(path: Path | str, rows: Sequence[pa.Table]) -> None:
+    """Write predictions of batches, see :func:`make_predictions`, to a Parquet file."""
+    pq.write_table(pa.concat_tables(rows), path)

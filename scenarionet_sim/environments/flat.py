@@ -1,0 +1,180 @@
+"""W worlds as flat buffers, for learners: one row per agent, overwritten by every step."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium import spaces
+
+from scenarionet_data.arrays.dtypes import Bool, Float32, Int32, Int64, IntP
+from scenarionet_data.errors import BadParameter
+from scenarionet_sim.environments.batched import BatchedEnvironment
+from scenarionet_sim.environments.config import EnvConfig
+from scenarionet_sim.environments.episodes import Episodes, action_space
+from scenarionet_sim.policies import External
+from scenarionet_sim.task.task import ARRIVED, DRIVING, TIMED_OUT
+from scenarionet_sim.threads import all_cores
+
+_LOADED_AHEAD = 8
+"""Scenarios to load ahead: many episodes tend to end in the same step."""
+
+
+class FlatEnv:
+    """Environments in which each agent has a row of every buffer, in the shape of PufferLib's environments.
+
+    World w has the rows ``w * seats`` to ``(w + 1) * seats``. An agent takes the first free row of its world when it
+    appears, keeps it, and leaves it when its episode ends; ``masks`` says which rows have an agent. A world without
+    agents begins the next scenario in the same step, so its rows show the first observations of new agents, and
+    ``last_observations`` the last ones of those that ended. Scenarios that cannot be read are skipped. Agents beyond
+    the number of seats drive straight on and have no row: choose ``seats`` by the scenarios.
+
+    Args:
+        num_worlds: W.
+        config: ``VectorConfig`` for one agent per world, ``MultiAgentConfig`` for several.
+        seats: Largest number of agents of a world.
+        seed: Seed of the series of scenarios; None for a random one.
+        threads: Largest number of threads; 0 for all cores.
+
+    Attributes:
+        num_agents: W * seats.
+        observations: (num_agents, D) float32; rows without an agent are zero.
+        last_observations: (num_agents, D) float32, written at rows that are terminal or truncated in this step.
+        rewards: (num_agents,) float32.
+        terminals, truncations: (num_agents,) bool ends of this step: arrived or left the route; out of time.
+        masks: (num_agents,) bool rows with an agent that acts in the next step.
+
+    Example:
+        envs = FlatEnv(64, VectorConfig(Scenarios("lake"), policies=(Replay(), Idm(), External())))
+        observations, infos = envs.reset(seed=0)
+        observations, rewards, terminals, truncations, infos = envs.step(actions)  # the same arrays in every step
+    """
+
+    def __init__(
+        self, num_worlds: int, config: EnvConfig, seats: int = 1, seed: int | None = None, threads: int = 0
+    ) -> None:
+        if num_worlds < 1 or seats < 1:
+            raise BadParameter(f"num_worlds={num_worlds}, seats={seats}; expected at least 1 of each")
+        if config.observation != "flat" or not any(isinstance(policy, External) for policy in config.policies):
+            raise BadParameter("FlatEnv needs observation='flat' and agents, that is an External policy")
+        self.num_worlds, self.seats, self.num_agents = num_worlds, seats, num_worlds * seats
+        prefetch = min(config.prefetch * num_worlds, _LOADED_AHEAD)
+        self._episodes = Episodes(config, seed, num_worlds, prefetch, threads or all_cores())
+        self.single_observation_space: spaces.Space[Any] = self._episodes.observation.space
+        self.single_action_space = action_space()
+        shape = self.num_agents, *(self.single_observation_space.shape or ())
+        self.observations: Float32 = np.zeros(shape, np.float32)
+        self.last_observations: Float32 = np.zeros(shape, np.float32)
+        self.rewards: Float32 = np.zeros(self.num_agents, np.float32)
+        self.terminals, self.truncations, self.masks = np.zeros((3, self.num_agents), np.bool_)
+        self._seat_of: Int32 = np.full((num_worlds, 0), -1, np.int32)  # row of each object, -1 without one
+        self._num_ended: Int64 = np.zeros((num_worlds, 2), np.int64)  # agents that ended, and those that arrived
+
+    def reset(self, seed: int | None = None) -> tuple[Float32, list[dict[str, Any]]]:
+        """Begin an episode in every world; a seed restarts the series of scenarios."""
+        self._episodes.restart(seed)
+        worlds = [self._episodes.draw_playable(slot) for slot in range(self.num_worlds)]
+        core = self._episodes.prepare(worlds)
+        core.begin(range(self.num_worlds), worlds)
+        self._begin_rows(np.arange(self.num_worlds))
+        self._seat(core, np.arange(len(core.agents)))
+        self._clear_results()
+        return self.observations, []
+
+    def step(self, actions: npt.ArrayLike) -> tuple[Float32, Float32, Bool, Bool, list[dict[str, Any]]]:
+        """Drive for one timestep.
+
+        Args:
+            actions: (num_agents, 2) steering and throttle; those of rows without an agent are ignored.
+
+        Returns:
+            ``observations``, ``rewards``, ``terminals``, ``truncations``, and the info of each world whose episode
+            ended: its slot, scenario id, number of agents and the share that arrived.
+
+        Raises:
+            ResetNeeded: No episode has begun.
+            BadParameter: An action is NaN.
+        """
+        core, given = self._episodes.core, np.asarray(actions, np.float64)
+        rows = self._rows(core)
+        core.step(np.where(rows[:, None] >= 0, given[rows], 0.0))
+        self._clear_results()
+        rows = self._seat(core, None)
+        has_row = rows >= 0
+        self.rewards[rows[has_row]] = core.rewards[has_row]
+        ended = np.flatnonzero(core.status != DRIVING)
+        return self.observations, self.rewards, self.terminals, self.truncations, self._end(core, ended, rows[ended])
+
+    @property
+    def skipped(self) -> dict[str, tuple[str, int]]:
+        """Scenarios that could not be read and were skipped, by id: the reason, and how often they were drawn."""
+        return self._episodes.skipped
+
+    def close(self) -> None:
+        """Stop the threads and the physics."""
+        self._episodes.close()
+
+    def _clear_results(self) -> None:
+        self.rewards[:], self.terminals[:], self.truncations[:] = 0.0, False, False
+
+    def _rows(self, core: BatchedEnvironment) -> Int32:
+        """Return the row of each agent, or -1."""
+        rows: Int32 = self._seat_of[core.agents[:, 0], core.agents[:, 1]]
+        return rows
+
+    def _begin_rows(self, slots: IntP) -> None:
+        """Clear the rows of some worlds."""
+        more = self._episodes.core.simulation.driver.shape[1] - self._seat_of.shape[1]
+        self._seat_of = np.pad(self._seat_of, ((0, 0), (0, more)), constant_values=-1)
+        self._seat_of[slots], self._num_ended[slots] = -1, 0
+        for values in (self.observations, self.masks):
+            values.reshape(self.num_worlds, self.seats, -1)[slots] = 0
+
+    def _seat(self, core: BatchedEnvironment, begun: IntP | None) -> Int32:
+        """Give rows to agents without one, and write the observations of all agents, or of those that have begun."""
+        agents = core.agents
+        for agent in np.flatnonzero(self._rows(core) < 0):
+            world, row = agents[agent]
+            (free,) = np.nonzero(~self.masks[world * self.seats : (world + 1) * self.seats])
+            if len(free):
+                self._seat_of[world, row] = place = world * self.seats + free[0]
+                self.masks[place] = True
+        rows, seen = self._rows(core), self._episodes.observe(begun)
+        chosen = np.flatnonzero(rows >= 0) if begun is None else begun[rows[begun] >= 0]
+        self.observations[rows[chosen]] = seen[chosen]
+        return rows
+
+    def _end(self, core: BatchedEnvironment, ended: IntP, rows: Int32) -> list[dict[str, Any]]:
+        """Let agents that ended leave, and worlds without agents begin the next scenario."""
+        if not len(ended):
+            return []
+        status, worlds = core.status[ended], core.agents[ended, 0]
+        taken, is_late = rows[rows >= 0], status[rows >= 0] == TIMED_OUT
+        self.terminals[taken], self.truncations[taken] = ~is_late, is_late
+        self.last_observations[taken] = self.observations[taken]
+        self.observations[taken], self.masks[taken] = 0.0, False
+        self._seat_of[worlds, core.agents[ended, 1]] = -1
+        np.add.at(self._num_ended, worlds, np.stack([np.ones_like(status), status == ARRIVED], axis=1).astype(np.int64))
+        left = np.bincount(core.agents[:, 0], minlength=self.num_worlds)
+        np.subtract.at(left, worlds, 1)
+        over = np.flatnonzero((left == 0) & ~core.simulation.are_agents_due())
+        if len(stay := np.flatnonzero(~np.isin(worlds, over))):
+            core.retire(ended[stay])
+        return self._begin_next(core, over)
+
+    def _begin_next(self, core: BatchedEnvironment, slots: IntP) -> list[dict[str, Any]]:
+        """Begin the next scenarios in some worlds; return the infos of the episodes that ended there."""
+        if not len(slots):
+            return []
+        infos = []
+        for slot in slots.tolist():
+            count, arrived = self._num_ended[slot].tolist()
+            self._episodes.report(slot, arrived / max(count, 1))
+            played = core.simulation.batch.worlds[slot].scenario_id
+            infos.append({"slot": slot, "scenario_id": played, "agents": count, "success": arrived / max(count, 1)})
+        numbers = slots.tolist()
+        core.begin(numbers, [self._episodes.draw_playable(slot) for slot in numbers])
+        self._begin_rows(slots)
+        self._seat(core, np.flatnonzero(np.isin(core.agents[:, 0], slots)))
+        return infos

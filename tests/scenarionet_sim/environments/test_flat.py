@@ -1,0 +1,97 @@
+"""Flat buffers: the same episodes as the Gymnasium and PettingZoo environments, in arrays that never move."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+
+from scenarionet_data.errors import BadParameter, InvalidScenario
+from scenarionet_sim.backends.kinematic import Kinematic
+from scenarionet_sim.environments.config import EnvConfig, MultiAgentConfig, VectorConfig
+from scenarionet_sim.environments.flat import FlatEnv
+from scenarionet_sim.environments.multi_agent import ScenarioNetParallelEnv
+from scenarionet_sim.environments.vector import ScenarioNetVectorEnv
+from scenarionet_sim.policies import Replay
+from scenarionet_sim.worlds.world import World
+
+NAMES = ("wall", "crowd", "empty", "walker")
+
+
+def test_one_agent_per_world_equals_the_vector_environment(only):
+    config = VectorConfig(only(*NAMES), prefetch=0)
+    flat, vector = FlatEnv(3, config), ScenarioNetVectorEnv(3, config, AutoresetMode.SAME_STEP)
+    (seen, _), (expected, _) = flat.reset(seed=4), vector.reset(seed=4)
+    buffers, ended = (flat.observations, flat.rewards, flat.terminals, flat.truncations), 0
+    np.testing.assert_array_equal(seen, expected)
+    for step in range(80):
+        actions = np.stack([0.1 * np.sin(step / 5 + np.arange(3)), np.full(3, 0.5)], axis=1)
+        found, wanted = flat.step(actions), vector.step(actions)
+        for mine, theirs, buffer in zip(found[:4], wanted[:4], buffers, strict=True):
+            np.testing.assert_array_equal(mine, theirs.astype(mine.dtype))
+            assert mine is buffer
+        for slot in np.flatnonzero(wanted[2] | wanted[3]):
+            np.testing.assert_array_equal(flat.last_observations[slot], wanted[4]["final_obs"][slot])
+        ended += len(found[4])
+        assert {info["slot"] for info in found[4]} == set(np.flatnonzero(wanted[2] | wanted[3]))
+    assert ended > 2 and flat.masks.all()
+    flat.close()
+    vector.close()
+
+
+def test_several_agents_per_world_equal_the_parallel_environment(only):
+    """Worlds of one scenario: every world of the batch plays what the single environment plays."""
+    config = MultiAgentConfig(only("crowd"), prefetch=0)
+    flat, alone = FlatEnv(2, config, seats=40), ScenarioNetParallelEnv(config)
+    flat.reset(seed=0)
+    observations, _ = alone.reset(seed=0)
+    infos: list[dict] = []
+    for step in range(150):
+        row_of = {track: flat._seat_of[0, row] for row, track in enumerate(_tracks(flat)) if flat._seat_of[0, row] >= 0}
+        assert row_of.keys() == set(alone.agents)
+        for agent, seen in observations.items():
+            if agent in row_of:
+                np.testing.assert_array_equal(flat.observations[row_of[agent]], seen)
+        np.testing.assert_array_equal(flat.observations[:40], flat.observations[40:])
+        assert flat.masks[:40].sum() == len(alone.agents)
+        action = [0.02 * np.sin(step), 0.4]
+        _, rewards, terminals, _, infos = flat.step(np.tile(action, (80, 1)))
+        observations, single_rewards, single_terminals, _, _ = alone.step(dict.fromkeys(alone.agents, action))
+        for agent, row in row_of.items():
+            assert rewards[row] == np.float32(single_rewards[agent])
+            assert terminals[row] == single_terminals[agent]
+        if infos or not alone.agents:
+            break
+    assert [info["slot"] for info in infos] == [0, 1] and not alone.agents
+    assert infos[0]["agents"] == len(alone.possible_agents)
+    flat.close()
+
+
+def _tracks(flat: FlatEnv) -> list[str]:
+    return list(map(str, flat._episodes.core.simulation.batch.worlds[0].track_ids))
+
+
+def test_what_has_no_buffers_is_refused(only):
+    with pytest.raises(BadParameter, match="at least 1"):
+        FlatEnv(0, VectorConfig(only("wall")))
+    for config in (VectorConfig(only("wall"), observation="dict"), EnvConfig(only("wall"), (Replay(),), Kinematic())):
+        with pytest.raises(BadParameter, match="flat"):
+            FlatEnv(1, config)
+
+
+def test_scenarios_that_cannot_be_read_are_skipped(only, monkeypatch):
+    load = World.from_scenario
+
+    def fail_for_wall(scenario, dt):
+        if scenario.id.endswith("wall"):
+            raise InvalidScenario(scenario.id, "tracks", "made to fail")
+        return load(scenario, dt)
+
+    monkeypatch.setattr(World, "from_scenario", fail_for_wall)
+    flat = FlatEnv(3, VectorConfig(only("wall", "empty"), prefetch=0))
+    flat.reset(seed=0)
+    ((scenario_id, (reason, count)),) = flat.skipped.items()
+    assert scenario_id.endswith("wall") and "made to fail" in reason and count == 3
+    with pytest.raises(InvalidScenario):
+        FlatEnv(1, VectorConfig(only("wall"), prefetch=0)).reset()
+    flat.close()
