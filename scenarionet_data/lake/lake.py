@@ -337,6 +337,7 @@ class Lake(TaggableLake, ComparableLake):
         path: str | Path,
         *,
         tar: bool = False,
+        publishable: bool = False,
         on_progress: Progress | None = None,
     ) -> PackReport:
         """Write a saved database and all data of its members as a small, self-contained lake.
@@ -347,16 +348,17 @@ class Lake(TaggableLake, ComparableLake):
             database: The database.
             path: Folder or tar to write, which must not exist; it appears complete or not at all.
             tar: Write a tar that contains the folder.
+            publishable: Refuse scenarios whose licence is not known to allow redistribution.
             on_progress: Called after every 64 scenarios copied, and after each scenario read back.
 
         Raises:
-            BadParameter: ``path`` exists, or the database has no members.
+            BadParameter: ``path`` exists, the database has no members, or one is not ``publishable``.
             ScenarioNotFound: The lake does not have a member.
             LakeError: A file is missing or damaged, or ``path`` cannot be written.
         """
         from scenarionet_data.packs.packing import pack
 
-        return pack(self, database, path, tar=tar, on_progress=on_progress)
+        return pack(self, database, path, tar=tar, publishable=publishable, on_progress=on_progress)
 
     def export(
         self,

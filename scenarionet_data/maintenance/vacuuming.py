@@ -11,6 +11,7 @@ import time
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from operator import itemgetter
 
 from scenarionet_data.databases import record as databases
 from scenarionet_data.errors import BadParameter
@@ -172,15 +173,15 @@ def _named(
     names = manifests.NamedFiles(files)
     named = names.of(snapshot for number, snapshot in existing.items() if number not in expired)
     lists_until: dict[str, float] = {}
-    held_until: dict[str, float] = {}
+    held: list[tuple[float, Iterable[str]]] = []
     for number, published in expired.items():
         for name in existing[number].manifests:
             lists_until[name] = max(published, lists_until.get(name, 0.0))
-        for name in existing[number].metadata:
-            held_until[name] = max(published, held_until.get(name, 0.0))
-    for manifest, published in lists_until.items():
-        for name in (manifest, *names.listed(manifest)):
-            held_until[name] = max(published, held_until.get(name, 0.0))
+        held.append((published, existing[number].metadata))
+    held += ((published, (manifest, *names.listed(manifest))) for manifest, published in lists_until.items())
+    held_until: dict[str, float] = {}
+    for published, of in sorted(held, key=itemgetter(0)):
+        held_until.update(dict.fromkeys(of, published))
     return named, held_until
 
 

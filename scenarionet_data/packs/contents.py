@@ -18,6 +18,7 @@ from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.operations.lineage import lineage_tree
 from scenarionet_data.packs import tiles
+from scenarionet_data.packs.card import CARD, make_card
 from scenarionet_data.query.lake_view import LakeView
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import writing
@@ -93,6 +94,7 @@ class PackWriter:
         ancestors = lineage_tree(self._view, self._database).ancestors()
         lineages = {each.reference: each.lineage for each in ancestors if each.lineage is not None}
         self._publish(pack_origins.write(self._target, self._database.reference, lineages), pack_origins.FILE)
+        self._publish_text(make_card(self._database.reference, rows, self.sums), CARD)
         _write_sums(self._target, self.sums)
         shutil.rmtree(self._target.path(".tmp"))
 
@@ -105,6 +107,12 @@ class PackWriter:
     def _publish(self, temporary: Path, name: str) -> None:
         self.sums[name] = sha256(temporary)
         self._target.publish(temporary, name)
+
+    def _publish_text(self, text: str, name: str) -> None:
+        temporary = self._target.temporary()
+        with writing(temporary, temporary):
+            temporary.write_text(text, "utf-8")
+        self._publish(temporary, name)
 
     def _publish_data(self, temporary: Path, stem: str) -> str:
         """Publish a file of a table; returns its name."""

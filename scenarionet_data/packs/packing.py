@@ -2,7 +2,7 @@
 
 A pack has the members' rows of all tables, the tiles of shared maps in their windows, their rows of user columns, and
 the database under the same ``name@version``. It is a lake with one snapshot, so it can be read like any lake.
-``SHA256SUMS`` lists every file in the format of ``sha256sum -c``.
+``README.md`` is its card for Hugging Face; ``SHA256SUMS`` lists every file in the format of ``sha256sum -c``.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter, LakeError
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.loader import ScenarioLoader
+from scenarionet_data.packs.card import CARD, check_publishable
 from scenarionet_data.packs.contents import SUMS, PackWriter
 from scenarionet_data.query.lake_view import LakeLike, LakeView, open_view
 from scenarionet_data.scenario.content_hash import content_hash
@@ -29,7 +30,7 @@ from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.files.places import is_url, local_path
 from scenarionet_data.storage.files.uploading import RemoteFolder
 
-_UPLOADED_FIRST = ("tracks/", "lights/", "maps/", "metadata/", "layers/", "databases/", pack_origins.FILE, SUMS)
+_UPLOADED_FIRST = ("tracks/", "lights/", "maps/", "metadata/", "layers/", "databases/", pack_origins.FILE, CARD, SUMS)
 """Without a snapshot, these files at a URL are left from an interrupted upload."""
 
 
@@ -58,12 +59,13 @@ def pack(
     path: str | Path,
     *,
     tar: bool = False,
+    publishable: bool = False,
     on_progress: Progress | None = None,
 ) -> PackReport:
     """Write a database and all data of its members as a lake; see :meth:`Lake.pack <scenarionet_data.Lake.pack>`."""
     view = open_view(lake)
     if is_url(path) and not tar:
-        return _pack_to_url(view, database, str(path).rstrip("/"), on_progress)
+        return _pack_to_url(view, database, str(path).rstrip("/"), publishable, on_progress)
     out = local_path(path, "a tar")
     if out.exists() or out.is_symlink():
         raise BadParameter(f"{out}: exists; choose another name, or remove it first")
@@ -72,8 +74,11 @@ def pack(
         raise BadParameter("this selection is not saved: give it a name with selection.save(name), then pack it")
     if not len(record):
         raise BadParameter(f"{record.reference} has no members: nothing to pack")
+    view, members = view.resolve(record)
+    if publishable:
+        check_publishable(record.reference, members)
     with _draft(out) as draft:
-        written = PackWriter(view.resolve(record)[0], record, LocalLakeFiles(draft), on_progress)
+        written = PackWriter(view, record, LocalLakeFiles(draft), on_progress)
         written.write()
         _verify_contents(draft, record, on_progress)
         num_bytes = sum(draft.joinpath(name).stat().st_size for name in written.sums)
@@ -83,13 +88,15 @@ def pack(
     return PackReport(out, record.reference, len(record), len(written.sums), num_bytes)
 
 
-def _pack_to_url(view: LakeView, database: DatabaseRecord | str, url: str, on_progress: Progress | None) -> PackReport:
+def _pack_to_url(
+    view: LakeView, database: DatabaseRecord | str, url: str, publishable: bool, on_progress: Progress | None
+) -> PackReport:
     """Write the pack to a temporary folder and upload it; its snapshot last, by which a lake is recognised."""
     remote = RemoteFolder(url)
     if any(not name.startswith(_UPLOADED_FIRST) for name in remote.names()):
         raise BadParameter(f"{url}: exists; choose another name, or remove it first")
     with tempfile.TemporaryDirectory(prefix="scenarionet-") as folder:
-        report = pack(view, database, Path(folder, "pack"), on_progress=on_progress)
+        report = pack(view, database, Path(folder, "pack"), publishable=publishable, on_progress=on_progress)
         snapshots = LocalLakeFiles(report.path).names("snapshots")
         remote.upload(Path(report.path), last=[SUMS, *reversed(snapshots)])  # the manifest, then the snapshot
     return replace(report, path=url)

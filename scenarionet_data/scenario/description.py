@@ -63,6 +63,8 @@ class ScenarioDescription:
         tracks_to_predict: Tracks whose future the source's challenge asks to predict, with its difficulty or 0.
         extras: JSON-able mapping of properties that only this source has.
         defects: What its conversion dropped or assumed; not part of its content: a loaded scenario has none.
+        num_recorded_rows: Rows of the recording behind the tracks, if they are not one for each valid state, as after
+            interpolation; the share of dropped rows refers to them. Like ``defects``, not part of the content.
     """
 
     id: str
@@ -85,6 +87,7 @@ class ScenarioDescription:
     tracks_to_predict: tuple[tuple[str, int], ...] = ()
     extras: Mapping[str, Any] = field(default_factory=dict)
     defects: tuple[Defect, ...] = field(default=(), compare=False)
+    num_recorded_rows: int | None = field(default=None, compare=False)
 
     @property
     def num_timesteps(self) -> int:

@@ -41,7 +41,8 @@ _TAIL = 8
 _MAGIC = b"SNSEAL\x00\x01"
 _DIGEST = 16
 _SEAL = len(_MAGIC) + 2 * _DIGEST
-_BLOCK = 2**20
+_BLOCK = 2**18
+"""Bytes read at once; of more, the system provides new memory for each block, which costs as much as the digest."""
 
 
 @dataclass(frozen=True)

@@ -31,22 +31,23 @@ class TfRecord:
     Attributes:
         offset: First byte of its frame in the file.
         payload: Its bytes.
-        is_intact: Whether the payload matches its checksum.
+        damage: What is wrong with it; None if it matches its checksums.
     """
 
     offset: int
     payload: bytes
-    is_intact: bool
+    damage: str | None = None
 
 
 def read_records(path: Path) -> Iterator[TfRecord]:
     """Yield the records of a file, with one payload in memory at a time.
 
     A payload with a wrong checksum is yielded and marked: its length is intact, so the next record can be read. After
-    a damaged length, the next header is searched; what lies between is yielded as one damaged record.
+    a damaged length, the next header is searched; what lies between is yielded as one damaged record, and so is the
+    rest of a file that is cut off or has no sound header any more.
 
     Raises:
-        CorruptSource: The file is empty, not a TFRecord file, truncated, or has no sound header after a damaged one.
+        CorruptSource: The file is empty, not a TFRecord file, or ends within its first record.
     """
     size = path.stat().st_size
     if not size:
@@ -54,34 +55,43 @@ def read_records(path: Path) -> Iterator[TfRecord]:
     offset = 0
     with path.open("rb") as file:
         while offset < size:
-            length = _length(path, offset, file.read(_HEADER.size))
+            header = file.read(_HEADER.size)
+            length = _length(header)
+            end = offset + _HEADER.size + (length or 0) + _FOOTER.size
+            after = _next_header(file, offset, size) if length is None else end
+            if after is None or after > size:
+                damage = _end(header, length, offset, size)
+                if not offset:
+                    raise CorruptSource(f"{path}: {damage}; {_REMEDY}")
+                yield TfRecord(offset, b"", damage)
+                return
             if length is None:
-                after = _next_header(file, offset, size)
-                if after is None or not offset:
-                    what = "damaged record length" if offset else "not a TFRecord file"
-                    raise CorruptSource(f"{path}: {what}: wrong checksum of the length at byte {offset}; {_REMEDY}")
-                yield TfRecord(offset, b"", is_intact=False)
-                offset = after
-                file.seek(offset)
-                continue
-            end = offset + _HEADER.size + length + _FOOTER.size
-            if end > size:
-                raise CorruptSource(
-                    f"{path}: truncated: the record at byte {offset} should end at byte {end}, "
-                    f"the file ends at byte {size}; {_REMEDY}"
-                )
-            payload = file.read(length)
-            (checksum,) = _FOOTER.unpack(file.read(_FOOTER.size))
-            yield TfRecord(offset, payload, masked_crc(payload) == checksum)
-            offset = end
+                yield TfRecord(offset, b"", "damaged record length")
+            else:
+                payload = file.read(length)
+                (checksum,) = _FOOTER.unpack(file.read(_FOOTER.size))
+                yield TfRecord(offset, payload, None if masked_crc(payload) == checksum else "wrong checksum")
+            offset = after
+            file.seek(offset)
 
 
-def _length(path: Path, offset: int, header: bytes) -> int | None:
-    """Parse the payload length from a frame's header; None if its checksum is wrong."""
+def _length(header: bytes) -> int | None:
+    """Parse the payload length from a frame's header; None if it is incomplete or its checksum is wrong."""
     if len(header) < _HEADER.size:
-        raise CorruptSource(f"{path}: truncated inside the record header at byte {offset}; {_REMEDY}")
+        return None
     length, checksum = _HEADER.unpack(header)
     return int(length) if masked_crc(header[:8]) == checksum else None
+
+
+def _end(header: bytes, length: int | None, offset: int, size: int) -> str:
+    """What is wrong with the last record of a file."""
+    if len(header) < _HEADER.size:
+        return f"truncated inside the record header at byte {offset}"
+    if length is not None:
+        end = offset + _HEADER.size + length + _FOOTER.size
+        return f"truncated: the record at byte {offset} should end at byte {end}, the file ends at byte {size}"
+    what = "damaged record length" if offset else "not a TFRecord file"
+    return f"{what}: wrong checksum of the length at byte {offset}"
 
 
 def _next_header(file: BinaryIO, offset: int, size: int) -> int | None:

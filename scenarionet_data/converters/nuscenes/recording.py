@@ -72,6 +72,11 @@ class NuScenesRecording:
         """Name of the scene, for example ``scene-0061``."""
         return str(self.scene["name"])
 
+    @property
+    def num_rows(self) -> int:
+        """Rows of annotations and poses that are used."""
+        return int(self.objects.seen.sum()) + len(self.poses)
+
 
 def read_recording(release: NuScenesRelease, token: str, scenario_id: str, folder: str) -> NuScenesRecording:
     """Read the scene of a token.

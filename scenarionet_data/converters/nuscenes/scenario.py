@@ -125,6 +125,7 @@ def describe(
             "start_timestamp_us": round(start),
         },
         defects=merge_defects([*recording.defects, *defects, *_unknown_targets(window)]),
+        num_recorded_rows=recording.num_rows,
     )
 
 

@@ -99,8 +99,9 @@ class Waymo(Converter[TfRecord]):
         """Convert one message to a scenario."""
         file = shard.items[0].name
         where = f"{file}@{record.offset}"
-        if not record.is_intact:
-            raise InvalidScenario(where, "record", "wrong checksum: the record is damaged; download the file again")
+        if record.damage:
+            remedy = "download the file again and convert it with replace=True (on the command line: --replace)"
+            raise InvalidScenario(where, "record", f"expected an intact record, found {record.damage}; {remedy}")
         message = decode(record.payload, where, partial(make_scenario_id, self.name, shard.version))
         # Overflow of float32 becomes infinity, which validation reports.
         with np.errstate(over="ignore", invalid="ignore"):

@@ -25,6 +25,9 @@ from scenarionet_data.storage.seals import FileEnd
 READ_IN_PLACE = ("tracks/", "lights/", "maps/")
 """Large tables, of which readers need a few row groups."""
 
+_ONE_THREAD = 2**18
+"""Bytes of a file up to which starting threads takes longer than reading it."""
+
 
 @dataclass(frozen=True)
 class Listed:
@@ -228,7 +231,7 @@ class LakeFiles(ABC):
 def _read(path: Path, name: str, columns: list[str] | None) -> pa.Table:
     is_whole = verified_files.verify(path, name)
     with reading(path):
-        rows = pq.ParquetFile(path).read(columns)
+        rows = pq.ParquetFile(path).read(columns, use_threads=path.stat().st_size > _ONE_THREAD)
         if not is_whole:
             rows.validate(full=True)  # texts of older lakes may be damaged
     return rows

@@ -237,7 +237,8 @@ def check_share_of_bad_rows(scenario: ScenarioDescription, limit: float) -> None
     """
     dropped = [each for each in scenario.defects if (each.table, each.action) == ("tracks", "dropped")]
     num_dropped = sum(defect.count for defect in dropped)
-    num_rows = num_dropped + int(scenario.tracks.valid.sum())
+    num_kept = scenario.num_recorded_rows
+    num_rows = num_dropped + (int(scenario.tracks.valid.sum()) if num_kept is None else num_kept)
     if num_dropped > limit * num_rows:
         reasons = "; ".join(f"{each.file}, {each.location}: {each.field}: {each.reason}" for each in dropped[:3])
         raise InvalidScenario(

@@ -49,7 +49,7 @@ def test_damaged_length_costs_that_record(tmp_path: Path) -> None:
     path.write_bytes(data)
     (shard,) = shards(CONVERTER, tmp_path)
     records = list(CONVERTER.records(shard))
-    assert [record.is_intact for record in records] == [True, False, True]
+    assert [record.damage for record in records] == [None, "damaged record length", None]
     assert CONVERTER.scenario(shard, records[2]).source.scenario_id == "c"
 
 
@@ -89,6 +89,18 @@ def test_truncated_file(tmp_path: Path, keep: int):
     path.write_bytes(path.read_bytes()[:keep])
     with pytest.raises(CorruptSource, match=NAME):
         scenarios(CONVERTER, tmp_path)
+
+
+@pytest.mark.parametrize("cut", [3, 20, 40_000])
+def test_records_before_a_truncation_are_converted(tmp_path: Path, cut: int):
+    """The last record and all after it are missing: that is one record in quarantine, with the remedy."""
+    path = write_tfrecord(tmp_path / NAME, [PAYLOAD, PAYLOAD])
+    path.write_bytes(path.read_bytes()[:-cut] if cut > 3 else frame(PAYLOAD) + b"abc")
+    (shard,) = shards(CONVERTER, tmp_path)
+    whole, rest = CONVERTER.records(shard)
+    CONVERTER.scenario(shard, whole).validate()
+    with pytest.raises(InvalidScenario, match=r"truncated.*download the file again"):
+        CONVERTER.scenario(shard, rest)
 
 
 def single(content: bytes) -> bytes:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+from pathlib import Path
 
 import pytest
 
@@ -74,6 +76,20 @@ def test_run_of_another_schema_is_named(tmp_path, lake):
     description.write_text(json.dumps({"tables": ["results/0"]}))
     with pytest.raises(SchemaMismatch, match=r"results/old: written under another version .* reads results/2"):
         Lake(tmp_path / "lake").sql("SELECT * FROM results")
+
+
+def test_runs_written_before_rollouts_had_numbers_have_rollout_0(tmp_path):
+    golden = Path(__file__).parents[2] / "golden" / "lakes" / "format-1" / "generated" / "lake"
+    old = Lake(shutil.copytree(golden, tmp_path / "old"))
+    for table in ("results", "rollouts"):
+        assert old.sql(f"SELECT DISTINCT rollout FROM {table}")["rollout"].to_list() == [0]
+    assert old.sql("SELECT DISTINCT crashed, nuplan_score FROM results").rows() == [(False, None)]
+
+
+def test_runs_written_after_a_query_are_seen(lake):
+    assert lake.sql("SELECT * FROM results").is_empty()
+    publish(evaluation_runs.claim(lake.files, "late", ("rollouts", "results"), {}), 0, SCENARIOS[0].id, 0)
+    assert lake.sql("SELECT run FROM results")["run"].to_list() == ["late"]
 
 
 def test_runs_are_visible_from_every_snapshot(lake):

@@ -35,12 +35,12 @@ def test_masked_checksum_matches_bitwise_crc32c(data):
 def test_records_of_a_file(tmp_path):
     path = write_tfrecord(tmp_path / "a.tfrecord", PAYLOADS)
     offsets = [0, 16 + len(PAYLOADS[0]), 32 + len(PAYLOADS[0])]
-    assert list(read_records(path)) == [TfRecord(o, p, True) for o, p in zip(offsets, PAYLOADS, strict=True)]
+    assert list(read_records(path)) == [TfRecord(o, p) for o, p in zip(offsets, PAYLOADS, strict=True)]
 
 
 def test_checksums_of_recorded_file(recordings):
     (record,) = read_records(recordings / "waymo/training/motion_data_one_scenario.tfrecord")
-    assert record.is_intact
+    assert record.damage is None
     assert len(record.payload) == 952_947
 
 
@@ -50,8 +50,8 @@ def test_records_are_read_lazily(tmp_path):
     path.write_bytes(path.read_bytes() + b"damage beyond the last record")
     records = read_records(path)
     assert [next(records).payload for _ in PAYLOADS] == PAYLOADS
-    with pytest.raises(CorruptSource, match="damaged record length"):
-        next(records)
+    assert "damaged record length" in str(next(records).damage)
+    assert list(records) == []
 
 
 def test_damaged_payload_is_marked_and_the_next_is_read(tmp_path):
@@ -59,7 +59,7 @@ def test_damaged_payload_is_marked_and_the_next_is_read(tmp_path):
     data = bytearray(path.read_bytes())
     data[12] ^= 1
     path.write_bytes(data)
-    assert [record.is_intact for record in read_records(path)] == [False, True, True]
+    assert [record.damage for record in read_records(path)] == ["wrong checksum", None, None]
 
 
 @pytest.mark.parametrize(
@@ -68,7 +68,6 @@ def test_damaged_payload_is_marked_and_the_next_is_read(tmp_path):
         (0, "empty file"),
         (5, "truncated inside the record header at byte 0"),
         (20, "record at byte 0 should end at byte 21, the file ends at byte 20"),
-        (25, "truncated inside the record header at byte 21"),
     ],
 )
 def test_truncated_file_error_has_a_position(tmp_path: Path, keep: int, message: str):
@@ -78,6 +77,19 @@ def test_truncated_file_error_has_a_position(tmp_path: Path, keep: int, message:
         list(read_records(path))
     assert str(path) in str(caught.value)
     assert "download it again" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("keep", "message"),
+    [
+        (25, "truncated inside the record header at byte 21"),
+        (36, "truncated: the record at byte 21 should end at byte 37, the file ends at byte 36"),
+    ],
+)
+def test_records_before_a_truncation_are_whole(tmp_path: Path, keep: int, message: str):
+    path = tmp_path / "a.tfrecord"
+    path.write_bytes((frame(PAYLOADS[0]) + frame(PAYLOADS[1]))[:keep])
+    assert list(read_records(path)) == [TfRecord(0, PAYLOADS[0]), TfRecord(21, b"", message)]
 
 
 def test_other_format_is_named(tmp_path):
