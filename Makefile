@@ -105,6 +105,7 @@ bench-samples: install  ## Benchmark samples for forecasting.
 	$(BIN)/python -m tests.bench --only samples $(ARGS)
 
 bench-sim: install  ## Benchmark the simulator.
+	[ -x .venv-metadrive/bin/python ] || tests/metadrive/make_environment.sh
 	$(BIN)/python -m tests.bench --only sim $(ARGS)
 
 bench-remote: install  ## Benchmark lakes in an object store, with a local S3 server.

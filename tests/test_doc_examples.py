@@ -132,6 +132,7 @@ def test_maintenance_examples_run(monkeypatch, tmp_path):
     assert run_blocks("docs/guides/maintenance.md", monkeypatch, tmp_path) == 1
 
 
+@pytest.mark.long
 def test_checks_page_runs(tmp_path, monkeypatch):
     """Run its commands with its example rule added."""
     (rule,) = blocks("docs/guides/checks.md", "sql")
@@ -203,6 +204,7 @@ def test_example_converter_installs_as_a_package(tmp_path):
     assert (row["scenario_id"], row["source_file"]) == ("csv/v1/first", "first.csv")
 
 
+@pytest.mark.long
 def test_extensions_of_the_architecture_page_work(tmp_path):
     """Copy schemas and SQL, add the page's examples to the copy, and use them."""
     code = """

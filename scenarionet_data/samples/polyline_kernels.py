@@ -135,24 +135,39 @@ def cut(features: MapLists, counts: Int32, spacing: float, pieces: MapPieces) ->
         if count == 0:
             continue
         x, y, is_closed = _line(features, feature)
-        point, walked, step = 1, 0.0, _distance(x, y, 1) if len(x) > 1 else 0.0
+        point, walked, at, end = 1, 0.0, 0, len(x) + is_closed - 1
+        from_x, from_y, along_x, along_y, step = _segment(x, y, point)
         for number in range(count):
-            arc = number * spacing
-            while walked + step < arc and point + 1 < len(x) + is_closed:
+            arc = number * spacing - walked
+            while arc > step and point < end:
+                arc -= step
                 walked += step
                 point += 1
-                step = _distance(x, y, point)
-            share = min((arc - walked) / step, 1.0) if step > 0.0 else 0.0
-            after = point if point < len(x) else 0
-            here_x = x[point - 1] + share * (np.float64(x[after]) - x[point - 1])
-            here_y = y[point - 1] + share * (np.float64(y[after]) - y[point - 1])
-            at = number if number < points else (number - 1) % (points - 1) + 1
+                from_x, from_y, along_x, along_y, step = _segment(x, y, point)
+            arc = min(arc, step)
+            here_x, here_y = from_x + arc * along_x, from_y + arc * along_y
             pieces.x[piece, at], pieces.y[piece, at] = here_x, here_y
-            pieces.lengths[piece], pieces.kind[piece] = at + 1, features.kind[feature]
-            if at == points - 1 and number + 1 < count:
+            at += 1
+            if at == points and number + 1 < count:  # the next piece begins with the last point of this one
+                pieces.lengths[piece], pieces.kind[piece] = points, features.kind[feature]
                 piece += 1
                 pieces.x[piece, 0], pieces.y[piece, 0] = here_x, here_y
+                at = 1
+        pieces.lengths[piece], pieces.kind[piece] = at, features.kind[feature]
         piece += 1
+
+
+@device_function
+def _segment(x: Float32, y: Float32, point: int) -> Any:
+    """Beginning, unit direction and length of the line to a point from the one before; of no length for one point."""
+    if len(x) == 1:
+        return np.float64(x[0]), np.float64(y[0]), 0.0, 0.0, 0.0
+    other = point if point < len(x) else 0
+    from_x, from_y = np.float64(x[point - 1]), np.float64(y[point - 1])
+    ahead, aside = x[other] - from_x, y[other] - from_y
+    step = np.sqrt(ahead * ahead + aside * aside)
+    scale = 1.0 / step if step > 0.0 else 0.0
+    return from_x, from_y, ahead * scale, aside * scale, step
 
 
 @kernel(nogil=True)

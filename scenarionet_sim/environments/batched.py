@@ -55,6 +55,15 @@ class BatchedEnvironment:
         return f"BatchedEnvironment({self.simulation!r})"
 
     @property
+    def is_observing(self) -> bool:
+        """Whether steps observe the agents; without, :meth:`observe` does."""
+        return bool(self._scorer.phases & OBSERVE)
+
+    @is_observing.setter
+    def is_observing(self, is_observing: bool) -> None:
+        self._scorer.phases = SCORE | OBSERVE if is_observing else SCORE
+
+    @property
     def agents(self) -> Int32:
         """(A, 2) world and row of each agent, sorted."""
         return self.simulation.agents

@@ -39,7 +39,7 @@ ALL = "all"
 """Group of all scenarios."""
 
 _CONFIDENCE = 0.95
-_MANY = 5000
+_MANY = 2000
 """Number of scenarios from which the interval is that of the normal distribution, which bootstrapping approaches."""
 
 
@@ -204,7 +204,7 @@ def _change(difference: Float64, resamples: int, rng: np.random.Generator) -> Pa
     if count > _MANY:
         reach = 1.96 * float(difference.std(ddof=1)) / np.sqrt(count)
         return PairedChange(mean, mean - reach, mean + reach, count)
-    drawn = [difference[rng.integers(count, size=count)].mean() for _ in range(resamples)]
+    drawn = difference[rng.integers(count, size=(resamples, count))].mean(axis=1)
     rest = 0.5 * (1.0 - _CONFIDENCE)
     low, high = np.quantile(drawn, [rest, 1.0 - rest]).tolist()
     return PairedChange(mean, low, high, count)

@@ -86,6 +86,7 @@ def roll_out(
         num_steps: Steps to drive and to score; None for all until the ego's last recorded state.
         waits: Drive on until the outcome is decided.
     """
+    core.is_observing = driver is not None
     core.begin([0], [world], start)
     if driver is not None and hasattr(driver, "reset"):
         driver.reset()

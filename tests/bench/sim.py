@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 import statistics
+import subprocess
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -21,7 +22,7 @@ from scenarionet_data.conversion import convert
 from scenarionet_sim.backends.base import Backend
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
-from scenarionet_sim.environments.config import PAPER_OBSERVATION
+from scenarionet_sim.environments.config import BOUNDARY, PAPER_OBSERVATION
 from scenarionet_sim.environments.multi_agent import ScenarioNetParallelEnv
 from scenarionet_sim.environments.single_agent import ScenarioNetEnv
 from scenarionet_sim.environments.vector import ScenarioNetVectorEnv
@@ -93,7 +94,7 @@ def figures(recordings: Path | None) -> Iterator[Figure]:
         for name, scenario_id in names.items():
             yield from _single(lake, name, scenario_id)
         yield from _resets(lake)
-        yield from _vector(lake)
+        yield from _vector(lake, recordings)
         yield from _several_agents(lake, recordings is not None)
         yield from _bird_view(lake, names)
         yield from _memory(lake)
@@ -185,11 +186,21 @@ def _resets(lake: Path) -> Iterator[Figure]:
         yield Figure(f"sim: reset {name}, the slowest scenario", max(later), "ms", wanted)
 
 
-def _vector(lake: Path) -> Iterator[Figure]:
-    for traffic, wanted in (("replay", ">= 30000"), ("IDM", ">= 11000")):
-        rate, objects = _vector_rate(lake, TRAFFIC[traffic])
+def _vector(lake: Path, recordings: Path | None) -> Iterator[Figure]:
+    """World-steps per second of one core, episode ends counted, beside MetaDrive and beside the loop without ends."""
+    reference = _metadrive(recordings) if recordings else {}
+    for traffic, wanted in (("replay", ">= 700"), ("IDM", ">= 450")):
+        rates = {has_ends: _vector_rate(lake, TRAFFIC[traffic], has_ends)[0] for has_ends in (True, False)}
+        objects = _vector_rate(lake, TRAFFIC[traffic], has_ends=False)[1]
         name = f"sim: {_WORLDS} worlds of {objects:.0f} objects, {traffic} traffic"
-        yield Figure(name, rate, "world-steps/s", wanted)
+        yield Figure(f"{name}, episode ends counted", rates[True], "world-steps/s")
+        yield Figure(f"{name}, without ends", rates[False], "world-steps/s")
+        yield Figure(f"{name}, with ends as a share of without", rates[True] / rates[False], "", ">= 0.95")
+        if traffic in reference:
+            theirs = reference[traffic]
+            yield Figure(f"sim: MetaDrive 0.4.3, {traffic} traffic, resets not counted", theirs, "steps/s")
+            yield Figure(f"{name}, times MetaDrive", rates[True] / theirs, "", wanted)
+    yield Figure("sim: the next world into a slot, already in the pool", _slot_change(lake), "us", "<= 50")
     worlds = [World.from_scenario(scenario) for scenario in ScenarioLoader(lake)]
     worlds = [worlds[k % len(worlds)] for k in range(_WORLDS)]
     for traffic, policies in TRAFFIC.items():
@@ -197,14 +208,45 @@ def _vector(lake: Path) -> Iterator[Figure]:
         yield Figure(f"sim: {_WORLDS} worlds, the loop alone, {traffic} traffic", rate, "world-steps/s")
 
 
-def _vector_rate(lake: Path, policies: tuple[Policy, ...]) -> tuple[float, float]:
-    """World-steps per second, and objects per world."""
-    envs = ScenarioNetVectorEnv(
-        _WORLDS, scenarios=Scenarios(lake), policies=policies, sensors=PAPER_OBSERVATION, termination=_ENDLESS
+def _metadrive(recordings: Path) -> dict[str, float]:
+    """MetaDrive's steps per second by traffic, if its environment is there."""
+    tests = Path(__file__).parents[1]
+    python = tests.parent / ".venv-metadrive" / "bin" / "python"
+    if not python.exists():
+        return {}
+    databases = sorted(str(path.parent) for path in (recordings / "scenarionet").glob("*/dataset_mapping.pkl"))
+    command = [str(python), str(tests / "metadrive" / "speed.py"), *databases]
+    printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
+    (found,) = [json.loads(line.removeprefix("RESULT")) for line in printed if line.startswith("RESULT")]
+    names = {"replay": "replay", "IDM": "reactive"}
+    return {ours: found[theirs]["steps"] / found[theirs]["stepping"] for ours, theirs in names.items()}
+
+
+def _slot_change(lake: Path) -> float:
+    """Microseconds to begin an episode of another world, per slot of a batch."""
+    worlds = [World.from_scenario(scenario) for scenario in ScenarioLoader(lake)]
+    worlds = [worlds[k % len(worlds)] for k in range(_WORLDS)]
+    simulation, slots = Simulation(worlds), range(_WORLDS)
+    turn = iter(range(10**9))
+    return (
+        1e6
+        / _WORLDS
+        * _seconds_a_step(lambda: simulation.reset_slots(slots, np.roll(worlds, next(turn)).tolist()), lambda: None, 10)
     )
+
+
+def _vector_rate(lake: Path, policies: tuple[Policy, ...], has_ends: bool) -> tuple[float, float]:
+    """World-steps per second, and objects per world, on one core."""
+    envs = ScenarioNetVectorEnv(
+        _WORLDS, scenarios=Scenarios(lake), policies=policies, sensors=PAPER_OBSERVATION + BOUNDARY,
+        termination=Termination() if has_ends else _ENDLESS, threads=1,
+    )  # fmt: skip
     actions = np.zeros((_WORLDS, 2))
     envs.reset(seed=0)
-    seconds = _seconds_a_step(lambda: envs.step(actions), envs.reset, 60, episodes=7)
+    for _ in range(60 if has_ends else 0):  # until episodes end at different times
+        envs.step(actions)
+    reset = (lambda: None) if has_ends else envs.reset
+    seconds = _seconds_a_step(lambda: envs.step(actions), reset, 60, episodes=7)
     objects = envs.core.simulation.state.present.sum() / _WORLDS
     envs.close()
     return _WORLDS / seconds, objects

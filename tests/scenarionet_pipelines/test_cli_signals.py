@@ -116,6 +116,7 @@ COMMANDS = {
     "merge": "lake one two --name x", "intersect": "lake one two --name x", "subtract": "lake one two --name x",
     "diff": "lake one two", "overlap": "lake one two", "lineage": "lake one", "rebuild": "lake one",
     "rebase": "lake one", "copy": "lake one x", "rename": "lake one x", "drop": "lake one",
+    "submit": "lake rows.csv out.parquet --format argoverse2", "compare-runs": "lake before after",
     "checkout": "lake one", "score": "lake --rollouts rows.csv", "sim": "lake --policy replay --workers 2",
     "record": "lake --workers 1",
     "export": "lake one out", "pack": "lake one packed", "check": "lake", "fsck": "lake --deep", "compact": "lake",

@@ -62,6 +62,7 @@ def test_advantages_of_two_steps():
     assert made._advantages(rewards, values, np.array([[True], [False]])).tolist() == [[-2.0], [1.0]]
 
 
+@pytest.mark.long
 def test_ppo_learns_the_target():
     made = learner(horizon=32, rate=5e-3, reward_scale=0.2)
     curve = [reward for _, reward in made.train(8 * 32 * 25)]

@@ -34,6 +34,7 @@ EXTRAS = {
     "ssh": "Dask clusters over SSH",
     "slurm": "Dask clusters on Slurm",
     "kubernetes": "Dask clusters on Kubernetes",
+    "learn": "training (torch)",
 }
 """The extras for users and what they are for; the others are for the development of this software."""
 

@@ -118,6 +118,7 @@ def test_where_selects_recordings(
     assert inputs < planned() or where.keys() & {"date", "location", "log", "host", "tag"}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("dataset", WRITE)
 def test_dry_run_estimates_duration(dataset: str, raws: Callable[[str], str], tmp_path: Path) -> None:
     plan = plan_conversion(dataset, raws(dataset), tmp_path / "lake", split=SPLIT.get(dataset, "train"))

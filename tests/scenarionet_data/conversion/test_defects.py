@@ -121,6 +121,7 @@ def test_files_that_are_not_taken_are_listed_with_a_reason(raw, root):
     assert run(raw, root).passed_over == expected
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["content_hash", "num_states"])
 def test_defects_are_not_part_of_the_content(raw, tmp_path, name):
     write_raw(raw, {"a": [2]})

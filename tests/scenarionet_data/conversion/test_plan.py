@@ -59,6 +59,7 @@ def test_replacing_with_equal_content_skips(raw, root):
     assert run(raw, root, replace=True).skipped == 1
 
 
+@pytest.mark.long
 def test_newer_converter_replaces_only_on_request(raw, root):
     write_raw(raw, {"a": [1], "b": [2]})
     run(raw, root)
@@ -123,6 +124,7 @@ def files_of(*seeds):
     return {f"f{seed}": [seed] for seed in seeds}
 
 
+@pytest.mark.long
 def test_growing_buckets_keep_existing_shards(raw, root):
     write_raw(raw, files_of(*range(3)))
     run(raw, root, BUCKETED)
@@ -135,6 +137,7 @@ def test_growing_buckets_keep_existing_shards(raw, root):
     assert run(raw, root, BUCKETED).converted == 0
 
 
+@pytest.mark.long
 def test_bucket_with_a_changed_file_is_replaced_whole(raw, root):
     write_raw(raw, files_of(*range(8)))
     run(raw, root, BUCKETED)
@@ -214,6 +217,7 @@ def test_limit_stops_early_and_full_run_replaces_it(raw, root):
     assert ids(root) == wanted(*range(1, 8))
 
 
+@pytest.mark.long
 def test_completed_limited_lake_equals_a_full_one(raw, tmp_path):
     write_raw(raw, {"a": [1, 2, 3], "b": [4]})
     run(raw, tmp_path / "first", limit=2)

@@ -114,6 +114,7 @@ def test_numbers_of_scenes_in_splits() -> None:
     assert is_in_split("host-a004", "whatever")
 
 
+@pytest.mark.long
 def test_several_releases(raw: Path) -> None:
     fixture.write_invented(raw, num_scenes=3, num_keyframes=9, release="v1.0-trainval")
     assert {s.source.scenario_id for s in scenarios(CONVERTER, raw, "val")} == {"scene-0103", "scene-0553"}
@@ -186,6 +187,7 @@ def test_changed_tables_or_maps_change_the_shards(raw: Path) -> None:
 # --- round trip through a lake ----------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_scenes_and_windows_share_one_lake(written: Path, tmp_path: Path) -> None:
     lake = tmp_path / "lake"
     first = convert("nuscenes", str(written), lake, split="mini")

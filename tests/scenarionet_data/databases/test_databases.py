@@ -91,6 +91,7 @@ def test_stale_database_is_read_from_its_snapshot_with_a_warning(changed):
     assert [scenario.id[-1] for scenario in loader] == ["1", "2", "3"]
 
 
+@pytest.mark.long
 def test_databases_derived_from_a_stale_one_are_readable(changed):
     with pytest.warns(StaleDatabaseWarning):
         child = changed.filter("true", name="child", database="old")

@@ -125,6 +125,7 @@ def test_second_conversion_skips_and_replacing_one_shard_keeps_the_others(raw, r
     assert content(Lake(root, snapshot=2)) == before
 
 
+@pytest.mark.long
 def test_replacing_all_shards_of_a_file_rewrites_nothing(raw, root, monkeypatch):
     compact(root, "analytics")
     monkeypatch.setattr("scenarionet_data.storage.write.rewriting.rewrite", None)
@@ -192,6 +193,7 @@ def test_concurrently_replaced_shards_are_planned_again(raw, root):
     check_whole(root)
 
 
+@pytest.mark.long
 def test_concurrently_vacuumed_files_are_not_reported_as_damage(raw, root, monkeypatch):
     """The second bin's files are gone before it is rewritten, because their shards have been replaced."""
     monkeypatch.setattr(bin_packing, "_SCENARIOS_PER_BIN", 4)
@@ -254,6 +256,7 @@ def test_damaged_file_fails_only_its_own_bin(root, monkeypatch):
     assert len(Lake(root)) == 8
 
 
+@pytest.mark.long
 def test_same_shards_give_identical_files(raw, tmp_path):
     made: list = []
     for name in ("one", "two"):
@@ -263,6 +266,7 @@ def test_same_shards_give_identical_files(raw, tmp_path):
     assert made[0] == made[1]
 
 
+@pytest.mark.long
 def test_packs_of_compacted_lakes_hold_only_their_members(root, tmp_path):
     lake = Lake(root)
     before = content(lake)

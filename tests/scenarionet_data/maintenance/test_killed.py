@@ -92,6 +92,7 @@ def test_compact_killed_at_every_step(lake):
     assert run_until_it_ends(work, lake) >= 7
 
 
+@pytest.mark.long
 def test_vacuum_killed_at_every_step(lake):
     Lake(lake).drop("all")
     compact(lake, "analytics")

@@ -142,6 +142,7 @@ def test_snapshot_of_a_database_is_kept(raw, root):
     check_whole(root)
 
 
+@pytest.mark.long
 def test_snapshot_of_a_concurrently_saved_database_is_restored(compacted, monkeypatch):
     old, expire = Lake(compacted, snapshot=1), snapshots.expire
 
@@ -279,6 +280,7 @@ def test_number_of_an_expired_snapshot_is_not_reused(compacted):
     assert not list(compacted.glob("snapshots/*.expired"))
 
 
+@pytest.mark.long
 def test_commit_retries_when_its_base_is_vacuumed(raw, compacted, monkeypatch):
     write_raw(raw, {"new": [77]})
     (outcome,) = finished(raw, compacted)

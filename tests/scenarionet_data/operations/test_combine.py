@@ -63,6 +63,7 @@ def test_set_operation_needs_two_databases(logs):
         logs.merge("a", "a", name="a")
 
 
+@pytest.mark.long
 def test_databases_of_different_snapshots_are_merged_on_a_snapshot_with_all_members(changed):
     changed.filter(name="new", ids=["made/v1/s000004"])
     assert len(changed.merge("same", "new", name="both")) == 2

@@ -51,6 +51,7 @@ def test_statistics_of_the_whole_lake_and_of_an_empty_database(lake):
         lake.compare("huge")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("suffix", "begins"), [("png", b"\x89PNG"), ("svg", b"<?xml")])
 def test_plot_is_drawn(lake, suffix, begins, tmp_path):
     pytest.importorskip("matplotlib", reason="the extra `plots` is not installed")

@@ -22,6 +22,7 @@ def ids(*numbers):
     return [f"made/v1/s{number:03d}" for number in numbers]
 
 
+@pytest.mark.long
 def test_shared_logs_and_overlapping_seconds(logs):
     logs.filter(name="a", ids=ids(0, 1, 8))
     logs.filter(name="b", ids=ids(1, 2, 3, 40))  # 0 to 3 are of log00, windows of 3 s, 2 s apart

@@ -79,6 +79,7 @@ def test_rebase_runs_the_query_again(changed):
     assert changed.rebuild("old").is_same
 
 
+@pytest.mark.long
 def test_rebase_moves_parents_first(changed):
     diffs = changed.rebase("child")
     assert [diff.after for diff in diffs] == ["old@2", "child@2"]
@@ -86,6 +87,7 @@ def test_rebase_moves_parents_first(changed):
     assert changed.database("child").scenario_ids == [ONE, THREE, FOUR]
 
 
+@pytest.mark.long
 def test_rebase_can_keep_the_members(changed):
     (diff,) = changed.rebase("old", keep_members=True)
     assert (diff.ids("came"), diff.ids("went"), diff.ids("changed")) == ([], [TWO], [ONE])

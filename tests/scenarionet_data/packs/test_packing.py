@@ -84,6 +84,7 @@ def test_order_and_weights_are_kept_when_ids_are_reordered(lake, tmp_path):
     assert ScenarioLoader(tmp_path / "pack", "drawn").scenario_ids == drawn.scenario_ids
 
 
+@pytest.mark.long
 def test_lineage_of_a_pack_names_its_origin_and_cannot_be_rebuilt(lake, tmp_path):
     lake.filter("num_objects > 0", name="all")
     lake.split("all", {"a": 0.5, "b": 0.5}, by="source_log")
@@ -105,6 +106,7 @@ def test_lineage_of_a_pack_names_its_origin_and_cannot_be_rebuilt(lake, tmp_path
     assert opened.rebase("mine") == []
 
 
+@pytest.mark.long
 def test_user_column_version_used_by_the_query_is_included(lake, tmp_path):
     picked = lake.filter("mark % 5 = 1", name="picked")
     lake.tag("mark", dict.fromkeys(picked.scenario_ids, 0), replace=True)

@@ -65,6 +65,7 @@ def test_groups_share_bins_and_missing_values_are_counted(lake):
     assert {part.name: int(part.counts.sum()) for part in by_log} == {"none": 3, "nowhere": 20}
 
 
+@pytest.mark.long
 def test_distributions_of_no_values_only_nan_and_one_value(lake, tmp_path):
     """NaN values are counted as missing, and their panel is drawn."""
     lake.tag_by_sql("strange", "SELECT scenario_id, 'nan'::DOUBLE AS value FROM metadata")
@@ -138,6 +139,7 @@ def test_circle_has_its_curvature():
     np.testing.assert_allclose(profile(scenario, "t0").curvature, 1 / 20.0, rtol=1e-3)
 
 
+@pytest.mark.long
 def test_profiles_of_one_timestep_are_drawn_and_unknown_objects_refused():
     scenario = make_scenario(4)
     figure = plots.draw_profiles(scenario, ["t0", "t1", "t2"])
@@ -177,6 +179,7 @@ def test_animation_plays_in_a_notebook(kind, tmp_path):
         plots.animate(scenario, kind="avi")
 
 
+@pytest.mark.long
 def test_video_converts_to_animated_webp():
     video = plots.animate(make_drive(num_steps=60), drawing=plots.Drawing(size=64), kind="mp4")
     with Image.open(io.BytesIO(as_webp(video.content, rate=5.0, seconds=4.0))) as picture:

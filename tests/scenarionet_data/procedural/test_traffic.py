@@ -76,6 +76,7 @@ def test_equal_seeds_are_bit_identical():
     assert not np.array_equal(first.motion[:1, :5], generate(6, OPTIONS).motion[:1, :5])
 
 
+@pytest.mark.long
 def test_kernels_match_plain_python():
     """The same seed with compilation disabled, in a separate process."""
     code = (

@@ -106,6 +106,7 @@ def test_valid_lake_passes_every_check(sound_lake):
     assert hard == sorted(hard, reverse=True)
 
 
+@pytest.mark.long
 def test_empty_lake_passes_every_check(tmp_path):
     (tmp_path / "snapshots").mkdir()
     from scenarionet_data import Lake

@@ -40,6 +40,7 @@ def test_without_hard_rules_every_scenario_passes(mixed):
     assert mixed.sql(made.lineage.sql)["scenario_id"].to_list() == made.scenario_ids
 
 
+@pytest.mark.long
 def test_passing_members_of_a_database_keep_its_order(mixed):
     mixed.filter("NOT ends_with(scenario_id, '5')", name="some")
     made = save_passing(run_checks(mixed, "some"), "good")

@@ -144,6 +144,7 @@ def test_named_filters_add_conditions(own):
     assert found.lineage.parameters["f0_min"] == 1.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", FILTERS.names())
 def test_every_named_filter_runs_and_is_documented(lake, name, tmp_path):
     found, values = FILTERS.parse(name)

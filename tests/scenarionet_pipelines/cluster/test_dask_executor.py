@@ -37,6 +37,7 @@ def dask_executor(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaskExec
         yield opened
 
 
+@pytest.mark.long
 def test_dashboard_is_named_if_there_is_one(dask_executor):
     assert dask_executor.dashboard.endswith("/status")
     with LocalCluster(n_workers=0, processes=False, dashboard_address=None) as without, Client(without) as client:

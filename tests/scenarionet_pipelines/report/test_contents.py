@@ -20,6 +20,7 @@ def measured(**columns):
     return ScenarioMeasures(np.array([f"s{k}" for k in range(size)], dtype=object), values)
 
 
+@pytest.mark.long
 def test_the_whole_lake(lake, contents):
     (section,) = contents.sections
     assert section.name == "lake"

@@ -61,6 +61,7 @@ def own(name: str) -> str:
     return f"{__name__}:{name}"
 
 
+@pytest.mark.long
 def test_run_over_a_database_goes_on_after_the_lake_has_grown(lake, tmp_path):
     raw = str(write_raw(tmp_path / "raw", {"a": [1]}))
     database = lake.filter("true", name="drives")

@@ -40,6 +40,7 @@ def consolidated(root, template, groups):
     return {name: sha256(files.path(name)) for name in live}
 
 
+@pytest.mark.long
 def test_consolidation_depends_only_on_the_shards(tmp_path, template, few):
     order = list(range(20))
     at_once = consolidated(tmp_path / "a", template, [order])
