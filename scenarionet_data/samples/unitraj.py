@@ -6,8 +6,6 @@ Source: https://github.com/vita-epfl/UniTraj, ``unitraj/datasets/base_dataset.py
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64, Int64
@@ -89,7 +87,7 @@ def _regular(scenario: ScenarioDescription, dt: float) -> ScenarioDescription:
 
 
 def _sample(
-    scenario: ScenarioDescription, points: list[Float64], now: int, target_id: str, choices: Choices
+    scenario: ScenarioDescription, points: tuple[Float64, Int64], now: int, target_id: str, choices: Choices
 ) -> dict[str, Array]:
     window = choices.window
     times = slice(now + 1 - window.num_history, now + 1 + window.num_future)
@@ -183,10 +181,14 @@ def _padded(values: Array, count: int) -> Array:
     return np.pad(values, [(0, count - len(values)), *[(0, 0)] * (values.ndim - 1)])
 
 
-def _points(features: MapFeatures | None, longest: int) -> list[Float64]:
-    """Points (n, 7) of each line: position, direction from the point before, type; lanes first, areas last."""
+def _points(features: MapFeatures | None, longest: int) -> tuple[Float64, Int64]:
+    """Points (P, 7) of all lines, lanes first, areas last: position, direction from the point before, type.
+
+    Returns:
+        The points, and the number of each one's line (P,).
+    """
     if features is None:
-        return []
+        return np.zeros((0, 7)), np.zeros(0, np.int64)
     groups: tuple[list[Float64], ...] = ([], [], [], [])
     for row, kind in enumerate(features.feature_type.tolist()):
         line, outline = features.polyline[row].astype(np.float64), features.polygon[row].astype(np.float64)
@@ -198,7 +200,9 @@ def _points(features: MapFeatures | None, longest: int) -> list[Float64]:
             groups[2].append(_directed(line[:1], _SIGNS[kind]))
         elif kind in _AREAS:
             groups[3].append(_directed(outline, _AREAS[kind]))
-    return [line for group in groups for line in group if len(line)]
+    lines = [line for group in groups for line in group]
+    points = np.concatenate([np.zeros((0, 7)), *lines])
+    return points, np.repeat(np.arange(len(lines)), [len(line) for line in lines])
 
 
 def _spaced(line: Float64) -> Float64:
@@ -219,13 +223,16 @@ def _directed(line: Float64, kind: int) -> Float64:
     return directed
 
 
-def _map(points: list[Float64], centre: Float64, choices: Choices) -> tuple[Float32, Bool, Float32]:
+def _map(lines_of: tuple[Float64, Int64], centre: Float64, choices: Choices) -> tuple[Float32, Bool, Float32]:
     """Polylines nearest to the centre of the map, their mask, and the mean of their points."""
     count, longest = choices.polylines.count, choices.polylines.points
-    pieces = [piece for line in points for piece in _pieces(line, centre, longest)]
-    lines, mask = np.zeros((len(pieces), longest, 7)), np.zeros((len(pieces), longest), np.bool_)
-    for row, piece in enumerate(pieces):
-        lines[row, : len(piece)], mask[row, : len(piece)] = piece, True
+    own, line = lines_of[0].copy(), lines_of[1]
+    own[:, :3] -= centre[:3]
+    for columns in (slice(0, 2), slice(3, 5)):
+        own[:, columns] = rotate(own[:, columns], -centre[_HEADING])
+    rows, mask = _pieces(own, line, longest)
+    lines = own[rows]
+    lines[~mask] = 0
     # As there: points beyond the end of a piece count with the distance of the origin.
     distance = np.linalg.norm(lines[..., :2] - _AHEAD, axis=-1).sum(axis=-1) / np.maximum(mask.sum(axis=-1), 1)
     order = np.argsort(distance)[:count]
@@ -239,15 +246,25 @@ def _map(points: list[Float64], centre: Float64, choices: Choices) -> tuple[Floa
     return _padded(made.astype(np.float32), count), _padded(mask, count), _padded(middle.astype(np.float32), count)
 
 
-def _pieces(line: Float64, centre: Float64, longest: int) -> Iterator[Float64]:
-    """Parts of a line within the map's square, in the target's frame, thinned to a number of points."""
-    own = line.copy()
-    own[:, :3] -= centre[:3]
-    for columns in (slice(0, 2), slice(3, 5)):
-        own[:, columns] = rotate(own[:, columns], -centre[_HEADING])
+def _pieces(own: Float64, line: Int64, longest: int) -> tuple[Int64, Bool]:
+    """Parts of lines within the map's square, thinned to a number of points.
+
+    Args:
+        own: (P, 7) points in the target's frame.
+        line: (P,) number of each point's line.
+        longest: N points of a part.
+
+    Returns:
+        (M, N) rows of the points of each part, and (M, N) whether there is a point.
+    """
     is_inside = (np.abs(own[:, :2] - _AHEAD) < _RANGE).all(axis=1)
-    edges = np.flatnonzero(np.diff(is_inside)) + 1
-    for part, inside in zip(np.split(own, edges), np.split(is_inside, edges), strict=True):
-        if inside[0]:
-            rows = np.linspace(0, len(part) - 1, longest, dtype=int) if len(part) > longest else np.arange(len(part))
-            yield part[rows]
+    is_first = np.append(True, (np.diff(line) != 0) | (np.diff(is_inside) != 0))[: len(line)]
+    starts = np.flatnonzero(is_first)
+    lengths = np.diff(np.append(starts, len(line)))
+    starts, lengths = starts[is_inside[starts]], lengths[is_inside[starts]]
+    places, is_long = np.arange(longest), (lengths > longest)[:, None]
+    thinned = (places * ((lengths - 1) / (longest - 1))[:, None]).astype(np.int64)
+    thinned[:, -1] = lengths - 1
+    offsets = np.where(is_long, thinned, places)
+    mask: Bool = offsets < lengths[:, None]
+    return starts[:, None] + np.where(mask, offsets, 0), mask
