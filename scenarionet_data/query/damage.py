@@ -11,7 +11,7 @@ from scenarionet_data.storage.files.places import is_url
 
 _READING = re.compile(
     "parquet|thrift|zstd|lz4|compress|utf-?8|unicode|memory|dictionary|corrupt|internal|invalidated|page|io error|"
-    "bit ?pack|rle|offset|buffer|read",
+    "bit ?pack|rle|offset|buffer|read|what type",
     re.IGNORECASE,
 )
 """Words in errors that can have their cause in a file."""

@@ -84,6 +84,8 @@ def _verify_unsealed(path: Path, name: str, end: FileEnd) -> bool:
     by_content = _NAMED_BY_CONTENT.fullmatch(name)
     if not by_content:
         _check_pages(path, _check_footer(end, path))
+        if name.startswith("metadata/"):
+            _check_partition(path, name)
         return False
     now = _identity(path)
     if _verified.get(path) != (now, True):
@@ -111,6 +113,16 @@ def _check_pages(path: Path, columns: list[dict[str, Any]]) -> None:
             check_chunk(content, column)
         except Malformed as error:
             raise damaged(path, f"its column {column['path'][0]} is damaged, {error}") from error
+
+
+def _check_partition(path: Path, name: str) -> None:
+    """Check that the rows of a metadata file belong to its folder: two files may have been exchanged."""
+    wanted = dict(part.split("=", 1) for part in name.split("/") if "=" in part)
+    with reading(path):
+        rows = pq.ParquetFile(path).read(list(wanted), use_threads=False)
+        found = {column: set(rows[column].to_pylist()) for column in wanted}
+    if any(found[column] - {value} for column, value in wanted.items()):
+        raise damaged(path, "its rows belong to another folder")
 
 
 def _identity(path: Path) -> tuple[int, ...]:

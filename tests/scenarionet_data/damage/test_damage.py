@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from scenarionet_data import Lake
+from scenarionet_data.errors import LakeError
 from tests.scenarionet_data.damage import trial
 from tests.scenarionet_data.damage.lakes import copy_older, write_newer, write_small
 from tests.scenarionet_data.damage.trial import Outcome
@@ -50,3 +52,12 @@ def test_some_damaged_lakes(tmp_path):
         outcomes = [load(subject, seed) for seed in range(6)]
         assert set(outcomes) <= {"same", "error"}
         assert "error" in outcomes
+
+
+def test_exchanged_metadata_of_an_older_lake_is_found(tmp_path):
+    root = copy_older(tmp_path)[0]
+    one, other = (next((root / "metadata").glob(f"**/split={split}/*.parquet")) for split in ("train", "val"))
+    contents = one.read_bytes(), other.read_bytes()
+    other.write_bytes(contents[0])
+    with pytest.raises(LakeError, match="its rows belong to another folder"):
+        Lake(root).sql("SELECT scenario_id FROM metadata")
