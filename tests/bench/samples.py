@@ -39,7 +39,8 @@ def figures(recordings: Path | None) -> Iterator[Figure]:
         for targets, wanted in ((8, ">= 2500"), (1, ">= 1000")):
 
             def draw(targets: int = targets) -> list[int]:
-                chosen = rng.choice(len(numbers), _BATCH // targets, replace=targets < _BATCH // len(numbers))
+                # Distinct ones: a batch reads each scenario once.
+                chosen = rng.choice(len(numbers), min(_BATCH // targets, len(numbers)), replace=False)
                 return [int(k) for place in chosen for k in rng.choice(numbers[place], targets)]
 
             rate = _rate(samples, draw)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import click
 
 from scenarionet_pipelines.cli.group import verb
-from scenarionet_pipelines.cli.output import count
-from scenarionet_pipelines.cli.parameters import lake_argument
+from scenarionet_pipelines.cli.output import count, print_json
+from scenarionet_pipelines.cli.parameters import json_option, lake_argument
 
 
 @verb(
@@ -33,6 +31,7 @@ from scenarionet_pipelines.cli.parameters import lake_argument
 @click.option("--uses-lidar", is_flag=True, help="Waymo: the model uses lidar data.")
 @click.option("--uses-camera", is_flag=True, help="Waymo: the model uses camera data.")
 @click.option("--uses-public-pretraining", is_flag=True, help="Waymo: a public language or vision model was used.")
+@json_option
 def command(
     lake: str,
     predictions: str,
@@ -48,6 +47,7 @@ def command(
     uses_lidar: bool,
     uses_camera: bool,
     uses_public_pretraining: bool,
+    as_json: bool,
 ) -> None:
     """Write predictions as a submission to the motion forecasting challenge of Argoverse 2 or Waymo.
 
@@ -77,4 +77,7 @@ def command(
             uses_public_pretraining=uses_public_pretraining,
         )
         write_waymo(lake, found, output, entry)
-    click.echo(f"wrote {count(len(found), 'target')} to {Path(output)}")
+    if as_json:
+        print_json({"path": output, "targets": len(found)})
+    else:
+        click.echo(f"wrote {count(len(found), 'target')} to {output}")
