@@ -135,6 +135,7 @@ class Simulation:
         self._movement: UInt8 = np.array(movement, np.uint8)
         self._is_compiled = UNCOMPILED not in movement and isinstance(self._session, KinematicSession)
         self._law: Float64 = np.zeros((len(worlds), len(movement), 8))
+        self._next_law = _laws(self._policies)
         self._playing = [self._policies] * len(worlds)
         self._is_agent: Bool = np.zeros(256, np.bool_)
         self._is_agent[[n for n, policy in enumerate(self.policies) if isinstance(policy, External)]] = True
@@ -159,7 +160,7 @@ class Simulation:
         if kinds != expected:
             raise BadParameter(f"policies of the kinds {kinds} in a simulation of {expected}; make a new simulation")
         if policies != self._policies:  # worlds are prepared once for the same tuple
-            self._policies = policies
+            self._policies, self._next_law = policies, _laws(policies)
 
     @property
     def dt(self) -> float:
@@ -195,11 +196,12 @@ class Simulation:
         for slot, world in zip(slots, worlds, strict=True):
             self.batch.replace(slot, world, self._policies)
             self._playing[slot] = self._policies
-        self._law[list(slots)] = [policy.law for policy in self._policies]
+        self._law[list(slots)] = self._next_law
         self._grow()
         starts = np.full(len(slots), -1 if start is None else start, np.int32)
         numbers = np.asarray(slots, np.int32)
-        begin_worlds(numbers, starts, self.batch.recorded, self.state.moment, self.previous.moment, self.driver)
+        arrays = self.batch.recorded, self.state.moment, self.previous.moment, self.driver
+        _unchecked(begin_worlds)(numbers, starts, *arrays)
         if self.state.history is not None:
             self.state.history.present[:, numbers] = False
         self._own_route[numbers] = np.nan
@@ -304,7 +306,7 @@ class Simulation:
             traffic, agents, limits, observer.task, observer.result, observer.sensing,
         )  # fmt: skip
 
-        step = step_worlds.unchecked if isinstance(step_worlds, Kernel) else step_worlds
+        step = _unchecked(step_worlds)
 
         def run(first: int, end: int) -> int:
             lost: int = step((first, end, phases, substeps), *rest)
@@ -325,7 +327,8 @@ class Simulation:
             self._is_agent_due = False
         else:
             listed, first = np.empty((self.driver.size, 2), np.int32), np.empty(len(self.batch) + 1, np.int32)
-            self._is_agent_due = list_agents(self.driver, self.state.present, self._is_agent, listed, first)
+            arrays = self.driver, self.state.present, self._is_agent, listed, first
+            self._is_agent_due = _unchecked(list_agents)(*arrays)
             rows = listed[: first[-1]].copy()
         contacts, before = self.contacts, self._contacts_before
         if np.array_equal(first, self._first_agent) and contacts.shape[1] == self.batch.max_objects:
@@ -384,6 +387,16 @@ class Simulation:
 
 _NO_VEHICLE = np.zeros(6), 1
 """Limits and substeps for the compiled step of a backend that is not part of it."""
+
+
+def _laws(policies: tuple[Policy, ...]) -> Float64:
+    """Return the numbers (P, 8) of the policies' driver models."""
+    return np.array([policy.law for policy in policies]).reshape(-1, 8)
+
+
+def _unchecked(kernel: Any) -> Any:
+    """Return a kernel that does not check the types of its arguments, which are the same in every call."""
+    return kernel.unchecked if isinstance(kernel, Kernel) else kernel
 
 
 def among(rows: Int32, others: Int32) -> Bool:

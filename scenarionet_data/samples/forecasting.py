@@ -99,5 +99,5 @@ def _polylines(scenes: Scenes, polylines: Polylines, agents: AgentArrays) -> Pol
         np.zeros((count, longest, points), np.bool_),
         np.zeros((count, longest), np.int32),
     )
-    fill_polylines(pieces, scene, agents.pose, polylines.radius, out)
+    fill_polylines(pieces, polylines.spacing, scene, agents.pose, polylines.radius, out)
     return out

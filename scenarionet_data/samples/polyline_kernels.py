@@ -171,11 +171,14 @@ def _segment(x: Float32, y: Float32, point: int) -> Any:
 
 
 @kernel(nogil=True)
-def fill_polylines(pieces: MapPieces, scene: Int32, pose: Float64, radius: float, out: PolylineArrays) -> None:
+def fill_polylines(
+    pieces: MapPieces, spacing: float, scene: Int32, pose: Float64, radius: float, out: PolylineArrays
+) -> None:
     """Fill in the pieces nearest to the centre of each sample, in its frame.
 
     Args:
         pieces: The pieces of all scenarios.
+        spacing: Largest distance between their points [m].
         scene: (B,) scenario of each sample.
         pose: (B, 4) see ``AgentArrays``.
         radius: Largest distance of a piece's nearest point [m].
@@ -185,16 +188,22 @@ def fill_polylines(pieces: MapPieces, scene: Int32, pose: Float64, radius: float
     for number in range(len(pieces.bounds) - 1):
         longest = max(longest, pieces.bounds[number + 1] - pieces.bounds[number])
     found, distances = np.empty(longest, np.int64), np.empty(longest, np.float32)
+    beyond = radius + spacing * (pieces.x.shape[1] - 1)
     for sample in range(len(scene)):
         if np.isnan(pose[sample, 0]):
             continue
         x, y = np.float32(pose[sample, 0]), np.float32(pose[sample, 1])
         count = 0
         for piece in range(pieces.bounds[scene[sample]], pieces.bounds[scene[sample] + 1]):
-            nearest = np.float32(np.inf)
-            for point in range(pieces.lengths[piece]):
+            aside, ahead = pieces.x[piece, 0] - x, pieces.y[piece, 0] - y
+            nearest = aside * aside + ahead * ahead
+            if nearest > beyond * beyond:  # and its other points are outside of the radius
+                continue
+            for point in range(1, pieces.lengths[piece]):
                 aside, ahead = pieces.x[piece, point] - x, pieces.y[piece, point] - y
-                nearest = min(nearest, aside * aside + ahead * ahead)
+                distance = aside * aside + ahead * ahead
+                if distance < nearest:
+                    nearest = distance
             if nearest <= radius * radius:
                 found[count], distances[count] = piece, nearest
                 count += 1
