@@ -17,7 +17,7 @@ class Outcome:
     """What came of some trials.
 
     Attributes:
-        counts: Number of trials by kind: same, error, wrong, traceback, bare.
+        counts: Number of trials by kind: same or error, with the way of reading if there are several; what is wrong.
         aborts: Trials that ended their process.
         findings: Trials that should not be, with what they found.
     """
@@ -30,6 +30,11 @@ class Outcome:
     def num_trials(self) -> int:
         """Number of trials."""
         return self.counts.total() + len(self.aborts)
+
+    @property
+    def num_errors(self) -> int:
+        """Number of trials that ended in an error of the project."""
+        return sum(number for kind, number in self.counts.items() if kind.split()[0] == "error")
 
 
 def run(trial: str, count: int, lakes: list[Path], workers: int = 2, first: int = 0) -> Outcome:
