@@ -18,6 +18,7 @@ from scenarionet_sim.backends.kinematic import Kinematic, KinematicSession
 from scenarionet_sim.kernels.scoring import NUM_TOTALS, NUMBERS, StepResult
 from scenarionet_sim.kernels.step import (
     DRIVE,
+    FOLLOW_PATH,
     LOCATE,
     MOVE,
     OBSERVE,
@@ -25,9 +26,11 @@ from scenarionet_sim.kernels.step import (
     UNCOMPILED,
     UNDRIVEN,
     DrivenArrays,
+    Scratch,
     Sensing,
     Traffic,
     begin_worlds,
+    follow_paths,
     list_agents,
     step_worlds,
 )
@@ -301,15 +304,21 @@ class Simulation:
         )  # fmt: skip
         traffic = Traffic(self.driver, self._movement, self._law, LIGHT_COLORS)
         numbers = self._dt, LOOK_BACK, LOOK_AHEAD, 0.0 if self._has_passengers else 1.0
+        moments = self.previous.moment, self.state.moment
         rest = (
-            numbers, self._has_begun, self.batch.recorded, self.batch.lines, self.previous.moment, self.state.moment,
-            traffic, agents, limits, observer.task, observer.result, observer.sensing,
+            numbers, self._has_begun, self.batch.recorded, self.batch.lines, *moments, traffic, agents, limits,
+            observer.task, observer.result, observer.sensing,
         )  # fmt: skip
 
-        step = _unchecked(step_worlds)
+        step, follow = _unchecked(step_worlds), _unchecked(follow_paths)
+        is_split = phases & MOVE and FOLLOW_PATH in self._movement
 
         def run(first: int, end: int) -> int:
-            lost: int = step((first, end, phases, substeps), *rest)
+            scratch = Scratch.of(self.batch.max_objects, observer.sensing)
+            if is_split:
+                step((first, end, MOVE, substeps), *rest, scratch)
+                follow(first, end, self._dt, self._has_begun, self.batch.recorded, *moments, traffic)
+            lost: int = step((first, end, phases & ~MOVE if is_split else phases, substeps), *rest, scratch)
             return lost
 
         lost = self._threads.run(run, len(self.batch))

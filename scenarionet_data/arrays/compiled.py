@@ -53,17 +53,18 @@ _LONGEST_WAIT = 120.0  # [s] for another process to compile a kernel
 @overload
 def kernel(function: Function) -> Function: ...
 @overload
-def kernel(*, nogil: bool = False) -> Callable[[Function], Function]: ...
-def kernel(function: Any = None, *, nogil: bool = False) -> Any:
+def kernel(*, allocates: bool = True, nogil: bool = False) -> Callable[[Function], Function]: ...
+def kernel(function: Any = None, *, allocates: bool = True, nogil: bool = False) -> Any:
     """Compile a function that Python calls on its first call, and cache the machine code on disk.
 
     Args:
         function: Called with arrays, numbers, and NamedTuples of these.
+        allocates: Count references, which kernels that create or return arrays need; others compile faster without.
         nogil: Release the interpreter lock while it runs, for use in threads.
     """
 
     def decorate(plain: Function) -> Function:
-        dispatcher = _njit(no_cfunc_wrapper=True, nogil=nogil)(plain)
+        dispatcher = _njit(no_cfunc_wrapper=True, nogil=nogil, _nrt=allocates)(plain)
         if isinstance(dispatcher, _CPUDispatcher):  # a plain function under NUMBA_DISABLE_JIT
             dispatcher.__class__ = Kernel
         return cast(Function, dispatcher)

@@ -15,7 +15,6 @@ from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, UInt8
 from scenarionet_sim.kernels.bicycle import drive_bicycle
 from scenarionet_sim.kernels.idm import Law, drive_along_paths
 from scenarionet_sim.kernels.log import VALID
-from scenarionet_sim.kernels.minmax import larger
 from scenarionet_sim.kernels.motion import move_on, replay
 from scenarionet_sim.kernels.overlap import touch
 from scenarionet_sim.kernels.paths import PathRows, locate
@@ -114,7 +113,27 @@ class Sensing(NamedTuple):
         )
 
 
-@kernel
+class Scratch(NamedTuple):
+    """Memory for one agent's observation.
+
+    Attributes:
+        values: (7,) own motion.
+        points: (K, 2) points of the path.
+        is_visible: (N,) objects that a lidar sees.
+    """
+
+    values: Float64
+    points: Float64
+    is_visible: Bool
+
+    @classmethod
+    def of(cls, num_objects: int, sensing: Sensing) -> Scratch:
+        """Allocate the memory."""
+        most = max(sensing.place[:, 3], default=0)
+        return cls(np.empty(7), np.empty((most, 2)), np.empty(num_objects, np.bool_))
+
+
+@kernel(allocates=False)
 def begin_worlds(
     slots: Int32, starts: Int32, recorded: Recorded, now: StateArrays, then: StateArrays, driver: UInt8
 ) -> None:
@@ -146,7 +165,7 @@ def begin_worlds(
         _copy(w, driver.shape[1], now, then)
 
 
-@kernel
+@kernel(allocates=False)
 def list_agents(driver: UInt8, present: Bool, is_agent: Bool, rows: Int32, first: Int32) -> bool:
     """List the present agents.
 
@@ -173,7 +192,7 @@ def list_agents(driver: UInt8, present: Bool, is_agent: Bool, rows: Int32, first
     return is_due
 
 
-@kernel(nogil=True)
+@kernel(nogil=True, allocates=False)
 def step_worlds(
     span: tuple[int, int, int, int],
     numbers: tuple[float, float, float, float],
@@ -188,6 +207,7 @@ def step_worlds(
     task: Float64,
     result: StepResult,
     sensing: Sensing,
+    scratch: Scratch,
 ) -> int:
     """Advance worlds by one step.
 
@@ -204,13 +224,14 @@ def step_worlds(
         task: (12,) see ``task.task_parameters``.
         result: Scores.
         sensing: Sensors.
+        scratch: Memory of this call.
 
     Returns:
         An agent that is not located on its path, or -1.
     """
     first, end, phases, substeps = span
     dt, back, ahead, is_own = numbers
-    scratch, lost = _scratch(then, sensing), -1
+    lost = -1
     for w in range(first, end):
         a0, a1 = agents.first[w], agents.first[w + 1]
         if not has_begun[w]:
@@ -240,6 +261,34 @@ def step_worlds(
     return lost
 
 
+@kernel(nogil=True, allocates=False)
+def follow_paths(
+    first: int,
+    end: int,
+    dt: float,
+    has_begun: Bool,
+    recorded: Recorded,
+    now: StateArrays,
+    then: StateArrays,
+    traffic: Traffic,
+) -> None:
+    """Write the next state of objects that follow paths by IDM; a kernel of its own, which replays need not compile.
+
+    Args:
+        first, end: Range of worlds, moved already by :func:`step_worlds`.
+        dt: Length of the step [s].
+        has_begun, recorded, now, then, traffic: See :func:`step_worlds`.
+    """
+    for w in range(first, end):
+        for policy in range(len(traffic.movement)):
+            if has_begun[w] or traffic.movement[policy] != FOLLOW_PATH:
+                continue
+            if recorded.place[w, DRIVERS] >> policy & 1:
+                row = traffic.law[w, policy]
+                law = Law(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7])
+                drive_along_paths(w, recorded, now, then, traffic.driver, policy, dt, law, traffic.colors)
+
+
 @device_function
 def _copy(w: int, count: int, source: StateArrays, target: StateArrays) -> None:
     """Copy presence and routes of the objects of a world, and the motion of those that are present."""
@@ -253,7 +302,7 @@ def _copy(w: int, count: int, source: StateArrays, target: StateArrays) -> None:
 
 @device_function(inline=True)
 def _move(w: int, dt: float, recorded: Recorded, now: StateArrays, then: StateArrays, traffic: Traffic) -> None:
-    """Write the next state of all objects but those of uncompiled policies, which keep the current one."""
+    """Write the next state of all objects that do not follow paths and whose policy is compiled; others keep theirs."""
     _copy(w, recorded.place[w, NUM_OBJECTS], now, then)
     then.timestep[w] = now.timestep[w] + 1
     t, driver = now.timestep[w], traffic.driver
@@ -265,10 +314,6 @@ def _move(w: int, dt: float, recorded: Recorded, now: StateArrays, then: StateAr
             replay(w, recorded, t, driver, policy, movement == ENTER, then.motion, then.present)
         elif movement == CARRY_ON:
             move_on(w, recorded, t, driver, policy, dt, then.motion, then.present)
-        elif movement == FOLLOW_PATH:
-            row = traffic.law[w, policy]
-            law = Law(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7])
-            drive_along_paths(w, recorded, now, then, driver, policy, dt, law, traffic.colors)
 
 
 @device_function(inline=True)
@@ -325,28 +370,6 @@ def _score(
     score(a, w, n, steering, touched, then, route, route_before, recorded, task, result)
     for m in range(len(contacts)):
         before[m] = contacts[m]
-
-
-class Scratch(NamedTuple):
-    """Memory for one agent's observation.
-
-    Attributes:
-        values: (7,) own motion.
-        points: (K, 2) points of the path.
-        is_visible: (N,) objects that a lidar sees.
-    """
-
-    values: Float64
-    points: Float64
-    is_visible: Bool
-
-
-@device_function(allocates=True)
-def _scratch(then: StateArrays, sensing: Sensing) -> Scratch:
-    most = 0
-    for s in range(len(sensing.kind)):
-        most = larger(most, sensing.place[s, 3])
-    return Scratch(np.empty(7), np.empty((most, 2)), np.empty(then.present.shape[1], np.bool_))
 
 
 @device_function(inline=True)

@@ -89,8 +89,8 @@ def test_sigterm_ends_a_query_that_duckdb_cannot_interrupt(lake):
         ["sql", "LAKE", f"SELECT {UNENDING}"],
         ["sql", "LAKE", "SELECT sum(a.range * b.range) FROM range(10000000) a, range(10000000) b"],
         ["compile"],
-        ["convert", "pg", "0:2000", "LAKE", "--workers", "2"],
-        ["convert", "pg", "0:2000", "LAKE", "--workers", "2", "--cluster", "local"],
+        ["convert", "pg", "0:20000", "LAKE", "--workers", "2"],
+        ["convert", "pg", "0:20000", "LAKE", "--workers", "2", "--cluster", "local"],
     ],
 )
 def test_no_process_is_left(words, number, lake, tmp_path):
