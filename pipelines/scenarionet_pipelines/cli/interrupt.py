@@ -1,12 +1,14 @@
 """Ctrl-C and SIGTERM: both end the command in one line on standard error and keep finished work.
 
 Python runs signal handlers between two bytecodes of the main thread, so a handler alone would wait for a DuckDB query
-or a compilation. A thread that reads Python's wakeup pipe therefore ends the process if the handler does not run.
+or a compilation. A thread that reads Python's wakeup pipe therefore ends the process if the handler does not run, or if
+the call in which it ran does not return: DuckDB notices the signal, but waits for its threads.
 """
 
 from __future__ import annotations
 
 import os
+import select
 import signal
 import sys
 import threading
@@ -29,6 +31,8 @@ class _Received:
     """The signal that ends this process, if any."""
 
     number: signal.Signals | None = None
+    place: tuple[FrameType | None, int] = None, 0
+    """Where the main thread was: its frame, and the instruction in it."""
     is_handled = threading.Event()
 
 
@@ -92,17 +96,18 @@ def finish(code: object) -> None:
         signal.signal(number, lambda number, frame: _end(signal.Signals(number)))  # noqa: ARG005
 
 
-def _interrupt(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
+def _interrupt(number: int, frame: FrameType | None) -> None:
     if _Received.number is not None:  # a repeated signal must not interrupt the commit of finished work
         return
     _Received.number = signal.Signals(number)
+    _Received.place = frame, frame.f_lasti if frame else 0
     _Received.is_handled.set()
     _end_workers()
     raise KeyboardInterrupt
 
 
 def _guard(pipe: int) -> None:
-    """End the process if the handler does not run, or at a second signal."""
+    """End the process if the handler does not run, if the call that it interrupts goes on, or at a second signal."""
     number = _read(pipe)
     begin = time.monotonic()
     while not _Received.is_handled.wait(_PATIENCE / 10):
@@ -110,9 +115,17 @@ def _guard(pipe: int) -> None:
             _end(number)
         signal.pthread_kill(threading.main_thread().ident or 0, _WAKING)
     while True:
-        number = _read(pipe)
-        if time.monotonic() - begin > _PATIENCE:
+        other = os.read(pipe, 1)[0] if select.select([pipe], [], [], _PATIENCE)[0] else None
+        if other in _ENDINGS:
+            number = signal.Signals(other)
+        if time.monotonic() - begin > _PATIENCE and (other in _ENDINGS or _is_stuck()):
             _end(number)
+
+
+def _is_stuck() -> bool:
+    """Whether the main thread is still in the call that the handler interrupted."""
+    frame = sys._current_frames().get(threading.main_thread().ident or 0)
+    return frame is not None and (frame, frame.f_lasti) == _Received.place
 
 
 def _read(pipe: int) -> signal.Signals:
