@@ -30,7 +30,7 @@ from scenarionet_sim.kernels.step import (
     Sensing,
     Traffic,
     begin_worlds,
-    follow_paths,
+    drive_by_idm,
     list_agents,
     step_worlds,
 )
@@ -310,7 +310,7 @@ class Simulation:
             observer.task, observer.result, observer.sensing,
         )  # fmt: skip
 
-        step, follow = _unchecked(step_worlds), _unchecked(follow_paths)
+        step, follow = _unchecked(step_worlds), _unchecked(drive_by_idm)
         is_split = phases & MOVE and FOLLOW_PATH in self._movement
 
         def run(first: int, end: int) -> int:

@@ -51,10 +51,9 @@ def find_polygon(
     for query in range(points.shape[0]):
         x, y = points[query, 0], points[query, 1]
         found[query] = -1
-        column, row = np.floor((x - frame[0]) / frame[2]), np.floor((y - frame[1]) / frame[2])
-        if not (0 <= column < frame[3] and 0 <= row < frame[4]):
+        cell = cell_at(x, y, frame)
+        if cell < 0:
             continue
-        cell = int(row * frame[3] + column)
         for place in range(cell_start[cell], cell_start[cell + 1]):
             polygon = cell_items[place]
             if is_selected[polygon] and winding_number(x, y, outlines, offsets[polygon], offsets[polygon + 1]) != 0:
@@ -80,12 +79,20 @@ def find_polygons(
     """
     for query in range(points.shape[0]):
         x, y = points[query, 0], points[query, 1]
-        column, row = np.floor((x - frame[0]) / frame[2]), np.floor((y - frame[1]) / frame[2])
-        if not (0 <= column < frame[3] and 0 <= row < frame[4]):
+        cell = cell_at(x, y, frame)
+        if cell < 0:
             continue
-        cell = int(row * frame[3] + column)
         for place in range(cell_start[cell], cell_start[cell + 1]):
             polygon = cell_items[place]
             if polygon < inside.shape[1]:
                 turns = winding_number(x, y, outlines, offsets[polygon], offsets[polygon + 1])
                 inside[query, polygon] = turns != 0
+
+
+@device_function
+def cell_at(x: float, y: float, frame: Float64) -> int:
+    """Return the cell of a grid that a point is in, or -1 outside of the grid."""
+    column, row = np.floor((x - frame[0]) / frame[2]), np.floor((y - frame[1]) / frame[2])
+    if not (0 <= column < frame[3] and 0 <= row < frame[4]):
+        return -1
+    return int(row * frame[3] + column)

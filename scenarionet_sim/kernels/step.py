@@ -262,7 +262,7 @@ def step_worlds(
 
 
 @kernel(nogil=True, allocates=False)
-def follow_paths(
+def drive_by_idm(
     first: int,
     end: int,
     dt: float,
