@@ -128,7 +128,7 @@ COMMANDS = {
     "rebase": "lake one", "copy": "lake one x", "rename": "lake one x", "drop": "lake one",
     "submit": "lake rows.csv out.parquet --format argoverse2", "compare-runs": "lake before after",
     "checkout": "lake one", "score": "lake --rollouts rows.csv", "sim": "lake --policy replay --workers 2",
-    "record": "lake --workers 1",
+    "record": "lake --workers 1", "train": "ppo lake --size small",
     "export": "lake one out", "pack": "lake one packed", "check": "lake", "fsck": "lake --deep", "compact": "lake",
     "vacuum": "lake --dry-run", "doctor": "lake", "compile": "",
 }  # fmt: skip
