@@ -26,10 +26,9 @@ class Killed(Exception):
     pass
 
 
-def tiny(algorithm, settings=settings):
-    return make_learner_config(
-        algorithm, "small", {"hidden": (16, 16), "checkpoint_every": 3} | TINY[algorithm] | settings
-    )
+def tiny(algorithm, **settings):
+    small = {"hidden": (16, 16), "checkpoint_every": 3} | TINY[algorithm] | settings
+    return make_learner_config(algorithm, "small", small)
 
 
 def kill_after(rounds):
