@@ -27,6 +27,8 @@ from tests.fixtures.scenarionet_pickles import write_vintages
 from tests.fixtures.scenarios import make_scenario
 from tests.fixtures.waymo import scenario_bytes, write_tfrecord
 
+pytestmark = pytest.mark.integration
+
 
 def test_readme_examples_run(monkeypatch, tmp_path):
     assert run_blocks("README.md", monkeypatch, tmp_path) == 7

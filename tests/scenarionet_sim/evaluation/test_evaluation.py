@@ -107,6 +107,7 @@ def test_killed_run_is_continued(lake):
         evaluate(lake, policy="idm", name="killed")
 
 
+@pytest.mark.long
 def test_rollouts_of_stochastic_policies_differ_and_are_continued(lake):
     words = {"policy": "constant-noisy", "traffic": "idm-sampled", "num_rollouts": 3, "seed": 7}
     evaluate(lake, **words, name="whole")
