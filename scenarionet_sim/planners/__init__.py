@@ -3,11 +3,11 @@
 from scenarionet_sim.planners.base import Planner, Trajectory
 from scenarionet_sim.planners.policy import Planned
 from scenarionet_sim.planners.tracking import Lqr, PerfectTracking, TrackedVehicle, Tracker
-from scenarionet_sim.planners.view import EgoView, LaneGraph, LightsView, ObjectsView, RouteView, View
+from scenarionet_sim.planners.view import EgoView, LanesView, LightsView, ObjectsView, RouteView, View
 
 __all__ = [
     "EgoView",
-    "LaneGraph",
+    "LanesView",
     "LightsView",
     "Lqr",
     "ObjectsView",

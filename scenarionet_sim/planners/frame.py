@@ -11,7 +11,7 @@ from scenarionet_data.arrays.dtypes import Array, Float64
 _TURN = 2.0 * math.pi
 
 
-class Frame:
+class ViewFrame:
     """A pose in the scenario's frame: the origin of another frame, x forward and y to the left.
 
     Args:

@@ -17,7 +17,7 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64, Int32, IntP, Object, UInt8
 from scenarionet_data.scenario.vocabulary import LIGHT_COLORS
 from scenarionet_sim.kernels.log import ARC, HEADING, VX, VY, YAW_RATE, X, Y
-from scenarionet_sim.planners.frame import Frame
+from scenarionet_sim.planners.frame import ViewFrame
 from scenarionet_sim.worlds.routes import ways_beyond
 
 if TYPE_CHECKING:
@@ -126,7 +126,7 @@ class LightsView:
 
 
 @dataclass(frozen=True, eq=False)
-class LaneGraph:
+class LanesView:
     """The M lanes of the map.
 
     Attributes:
@@ -135,7 +135,7 @@ class LaneGraph:
     """
 
     roads: Roads
-    frame: Frame
+    frame: ViewFrame
 
     def __len__(self) -> int:
         return self.roads.num_lanes
@@ -194,7 +194,7 @@ class View:
         self.scenario_id, self.dt = world.scenario_id, world.dt
         self.timestep = int(state.timestep[slot])
         self.time = self.timestep * world.dt
-        self.frame = Frame(own[X], own[Y], own[HEADING], is_scenario=False) if frame == "ego" else _SCENARIO
+        self.frame = ViewFrame(own[X], own[Y], own[HEADING], is_scenario=False) if frame == "ego" else _SCENARIO
 
     @cached_property
     def ego(self) -> EgoView:
@@ -273,9 +273,9 @@ class View:
         return LightsView(world.light_lane, self.frame.points(world.light_stop), state, LIGHT_COLORS[state])
 
     @cached_property
-    def lanes(self) -> LaneGraph:
+    def lanes(self) -> LanesView:
         """The lanes of the map."""
-        return LaneGraph(self._world.roads, self.frame)
+        return LanesView(self._world.roads, self.frame)
 
     @property
     def known_arc(self) -> float:
@@ -318,7 +318,7 @@ class View:
         return self._arc, left
 
 
-_SCENARIO = Frame()
+_SCENARIO = ViewFrame()
 _NO_PAST = np.zeros((0, 0, 2)), np.zeros((0, 0)), np.zeros((0, 0), np.bool_)
 
 _BACK, _AHEAD = 10.0, 20.0
