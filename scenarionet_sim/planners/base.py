@@ -68,7 +68,7 @@ class Planner(ABC):
     A planner is used by name (``sim --policy my_module:MyPlanner``) or as a policy (``Planned(MyPlanner)``).
 
     Attributes:
-        frame: ViewFrame of the view, and of the trajectories that answer it: ``scenario``, or ``ego`` (x forward, y left).
+        frame: Frame of the view, and of the trajectories that answer it: ``scenario``, or ``ego`` (x forward, y left).
         history: Number of past moments that the view's objects have.
     """
 
