@@ -32,6 +32,14 @@ if TYPE_CHECKING:
     from scenarionet_sim.evaluation.comparison import compare_runs
     from scenarionet_sim.evaluation.evaluation import evaluate
     from scenarionet_sim.evaluation.recording import record
+    from scenarionet_sim.planners import Lqr, PerfectTracking, Planned, Planner, Trajectory, View
+    from scenarionet_sim.planners.following import (
+        ConstantVelocityPlanner,
+        IdmPlanner,
+        LogReplayPlanner,
+        PurePursuitPlanner,
+    )
+    from scenarionet_sim.planners.lane_graph import LaneGraphPlanner
     from scenarionet_sim.policies import (
         ConstantVelocity,
         External,
@@ -61,6 +69,7 @@ if TYPE_CHECKING:
     )
     from scenarionet_sim.simulation import Simulation
     from scenarionet_sim.task.task import Reward, Termination
+    from scenarionet_sim.worlds.lane_routes import LaneRoute
     from scenarionet_sim.worlds.world import World
 
 _MODULE_OF = {
@@ -69,6 +78,7 @@ _MODULE_OF = {
     "BoundaryDetector": "sensors",
     "Bullet": "backends.bullet",
     "ConstantVelocity": "policies",
+    "ConstantVelocityPlanner": "planners.following",
     "Curriculum": "scenarios",
     "Drive": "backends.base",
     "EgoState": "sensors",
@@ -76,17 +86,26 @@ _MODULE_OF = {
     "External": "policies",
     "FlatEnv": "environments.flat",
     "Idm": "policies",
+    "IdmPlanner": "planners.following",
     "Kinematic": "backends.kinematic",
+    "LaneGraphPlanner": "planners.lane_graph",
     "LaneLineDetector": "sensors",
+    "LaneRoute": "worlds.lane_routes",
     "Lidar": "sensors",
     "LightAhead": "sensors",
     "Live": "render",
+    "LogReplayPlanner": "planners.following",
+    "Lqr": "planners",
     "MultiAgentConfig": "environments.config",
     "Navigation": "sensors",
     "NoisyVelocity": "policies",
     "PAPER_OBSERVATION": "environments.config",
+    "PerfectTracking": "planners",
+    "Planned": "planners",
+    "Planner": "planners",
     "PointCloud": "sensors",
     "Policy": "policies",
+    "PurePursuitPlanner": "planners.following",
     "Replay": "policies",
     "Reward": "task.task",
     "RouteFollower": "policies",
@@ -99,7 +118,9 @@ _MODULE_OF = {
     "Simulation": "simulation",
     "Surrounding": "sensors",
     "Termination": "task.task",
+    "Trajectory": "planners",
     "VectorConfig": "environments.config",
+    "View": "planners",
     "World": "worlds.world",
     "compare_runs": "evaluation.comparison",
     "ego": "policies",
@@ -118,6 +139,7 @@ __all__ = [
     "BoundaryDetector",
     "Bullet",
     "ConstantVelocity",
+    "ConstantVelocityPlanner",
     "Curriculum",
     "Drive",
     "EgoState",
@@ -125,16 +147,25 @@ __all__ = [
     "External",
     "FlatEnv",
     "Idm",
+    "IdmPlanner",
     "Kinematic",
+    "LaneGraphPlanner",
     "LaneLineDetector",
+    "LaneRoute",
     "Lidar",
     "LightAhead",
     "Live",
+    "LogReplayPlanner",
+    "Lqr",
     "MultiAgentConfig",
     "Navigation",
     "NoisyVelocity",
+    "PerfectTracking",
+    "Planned",
+    "Planner",
     "PointCloud",
     "Policy",
+    "PurePursuitPlanner",
     "Replay",
     "Reward",
     "RouteFollower",
@@ -147,7 +178,9 @@ __all__ = [
     "Simulation",
     "Surrounding",
     "Termination",
+    "Trajectory",
     "VectorConfig",
+    "View",
     "World",
     "compare_runs",
     "ego",
