@@ -211,3 +211,6 @@ if find_spec("gymnasium"):
         entry_point="scenarionet_sim.environments.single_agent:ScenarioNetEnv",
         vector_entry_point="scenarionet_sim.environments.vector:ScenarioNetVectorEnv",
     )
+    gymnasium.register(
+        "ScenarioNet-MultiAgent-v0", entry_point="scenarionet_sim.environments.multi_agent:not_for_gymnasium"
+    )
