@@ -25,6 +25,8 @@ from typing import Any, NoReturn, TypeVar, cast, overload
 from numba import njit, types
 from numba.core import caching, registry
 
+from scenarionet_data.arrays.compiler import loop_compiler
+
 if sys.platform != "win32":
     import fcntl
 
@@ -64,7 +66,8 @@ def kernel(function: Any = None, *, allocates: bool = True, nogil: bool = False)
     """
 
     def decorate(plain: Function) -> Function:
-        dispatcher = _njit(no_cfunc_wrapper=True, nogil=nogil, _nrt=allocates)(plain)
+        options: dict[str, Any] = {} if allocates else {"pipeline_class": loop_compiler()}
+        dispatcher = _njit(no_cfunc_wrapper=True, nogil=nogil, _nrt=allocates, **options)(plain)
         if isinstance(dispatcher, _CPUDispatcher):  # a plain function under NUMBA_DISABLE_JIT
             dispatcher.__class__ = Kernel
         return cast(Function, dispatcher)
@@ -98,6 +101,8 @@ def device_function(
     options: dict[str, Any] = {"_nrt": allocates, "nogil": nogil, "inline": "always" if inline else "never"}
     if forceinline:
         options["forceinline"] = True
+    if not allocates:
+        options["pipeline_class"] = loop_compiler()
 
     def decorate(plain: Function) -> Function:
         dispatcher = _njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)(plain)
