@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from scenarionet_sim.backends.base import Drive
     from scenarionet_sim.backends.bullet import Bullet
     from scenarionet_sim.backends.kinematic import Kinematic
+    from scenarionet_sim.cameras.weather import Weather
     from scenarionet_sim.environments.config import (
         BOUNDARY,
         PAPER_OBSERVATION,
@@ -50,14 +51,17 @@ if TYPE_CHECKING:
     from scenarionet_sim.sensors import (
         BirdView,
         BoundaryDetector,
+        Camera,
         EgoState,
         LaneLineDetector,
         Lidar,
         LightAhead,
+        Mount,
         Navigation,
         PointCloud,
         Sensor,
         Surrounding,
+        camera_ring,
     )
     from scenarionet_sim.simulation import Simulation
     from scenarionet_sim.task.task import Reward, Termination
@@ -68,6 +72,7 @@ _MODULE_OF = {
     "BirdView": "sensors",
     "BoundaryDetector": "sensors",
     "Bullet": "backends.bullet",
+    "Camera": "sensors",
     "ConstantVelocity": "policies",
     "Curriculum": "scenarios",
     "Drive": "backends.base",
@@ -81,6 +86,7 @@ _MODULE_OF = {
     "Lidar": "sensors",
     "LightAhead": "sensors",
     "Live": "render",
+    "Mount": "sensors",
     "MultiAgentConfig": "environments.config",
     "Navigation": "sensors",
     "NoisyVelocity": "policies",
@@ -100,7 +106,9 @@ _MODULE_OF = {
     "Surrounding": "sensors",
     "Termination": "task.task",
     "VectorConfig": "environments.config",
+    "Weather": "cameras.weather",
     "World": "worlds.world",
+    "camera_ring": "sensors",
     "compare_runs": "evaluation.comparison",
     "ego": "policies",
     "evaluate": "evaluation.evaluation",
@@ -117,6 +125,7 @@ __all__ = [
     "BirdView",
     "BoundaryDetector",
     "Bullet",
+    "Camera",
     "ConstantVelocity",
     "Curriculum",
     "Drive",
@@ -130,6 +139,7 @@ __all__ = [
     "Lidar",
     "LightAhead",
     "Live",
+    "Mount",
     "MultiAgentConfig",
     "Navigation",
     "NoisyVelocity",
@@ -148,7 +158,9 @@ __all__ = [
     "Surrounding",
     "Termination",
     "VectorConfig",
+    "Weather",
     "World",
+    "camera_ring",
     "compare_runs",
     "ego",
     "evaluate",
