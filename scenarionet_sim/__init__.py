@@ -33,6 +33,14 @@ if TYPE_CHECKING:
     from scenarionet_sim.evaluation.comparison import compare_runs
     from scenarionet_sim.evaluation.evaluation import evaluate
     from scenarionet_sim.evaluation.recording import record
+    from scenarionet_sim.planners import Lqr, PerfectTracking, Planned, Planner, Trajectory, View
+    from scenarionet_sim.planners.following import (
+        ConstantVelocityPlanner,
+        IdmPlanner,
+        LogReplayPlanner,
+        PurePursuitPlanner,
+    )
+    from scenarionet_sim.planners.lane_graph import LaneGraphPlanner
     from scenarionet_sim.policies import (
         ConstantVelocity,
         External,
@@ -65,6 +73,7 @@ if TYPE_CHECKING:
     )
     from scenarionet_sim.simulation import Simulation
     from scenarionet_sim.task.task import Reward, Termination
+    from scenarionet_sim.worlds.lane_routes import LaneRoute
     from scenarionet_sim.worlds.world import World
 
 _MODULE_OF = {
@@ -74,6 +83,7 @@ _MODULE_OF = {
     "Bullet": "backends.bullet",
     "Camera": "sensors",
     "ConstantVelocity": "policies",
+    "ConstantVelocityPlanner": "planners.following",
     "Curriculum": "scenarios",
     "Drive": "backends.base",
     "EgoState": "sensors",
@@ -81,18 +91,27 @@ _MODULE_OF = {
     "External": "policies",
     "FlatEnv": "environments.flat",
     "Idm": "policies",
+    "IdmPlanner": "planners.following",
     "Kinematic": "backends.kinematic",
+    "LaneGraphPlanner": "planners.lane_graph",
     "LaneLineDetector": "sensors",
+    "LaneRoute": "worlds.lane_routes",
     "Lidar": "sensors",
     "LightAhead": "sensors",
     "Live": "render",
+    "LogReplayPlanner": "planners.following",
+    "Lqr": "planners",
     "Mount": "sensors",
     "MultiAgentConfig": "environments.config",
     "Navigation": "sensors",
     "NoisyVelocity": "policies",
     "PAPER_OBSERVATION": "environments.config",
+    "PerfectTracking": "planners",
+    "Planned": "planners",
+    "Planner": "planners",
     "PointCloud": "sensors",
     "Policy": "policies",
+    "PurePursuitPlanner": "planners.following",
     "Replay": "policies",
     "Reward": "task.task",
     "RouteFollower": "policies",
@@ -105,7 +124,9 @@ _MODULE_OF = {
     "Simulation": "simulation",
     "Surrounding": "sensors",
     "Termination": "task.task",
+    "Trajectory": "planners",
     "VectorConfig": "environments.config",
+    "View": "planners",
     "Weather": "cameras.weather",
     "World": "worlds.world",
     "camera_ring": "sensors",
@@ -127,6 +148,7 @@ __all__ = [
     "Bullet",
     "Camera",
     "ConstantVelocity",
+    "ConstantVelocityPlanner",
     "Curriculum",
     "Drive",
     "EgoState",
@@ -134,17 +156,26 @@ __all__ = [
     "External",
     "FlatEnv",
     "Idm",
+    "IdmPlanner",
     "Kinematic",
+    "LaneGraphPlanner",
     "LaneLineDetector",
+    "LaneRoute",
     "Lidar",
     "LightAhead",
     "Live",
+    "LogReplayPlanner",
+    "Lqr",
     "Mount",
     "MultiAgentConfig",
     "Navigation",
     "NoisyVelocity",
+    "PerfectTracking",
+    "Planned",
+    "Planner",
     "PointCloud",
     "Policy",
+    "PurePursuitPlanner",
     "Replay",
     "Reward",
     "RouteFollower",
@@ -157,7 +188,9 @@ __all__ = [
     "Simulation",
     "Surrounding",
     "Termination",
+    "Trajectory",
     "VectorConfig",
+    "View",
     "Weather",
     "World",
     "camera_ring",

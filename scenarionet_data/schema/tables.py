@@ -22,7 +22,7 @@ from scenarionet_data.errors import SchemaMismatch
 from scenarionet_data.schema.package_data import SCHEMAS
 
 CONTENT = ("metadata", "tracks", "lights", "maps", "quarantine", "defects")
-TABLES = (*CONTENT, "shards", "members", "results", "rollouts", "observations", "predictions", "scores")
+TABLES = (*CONTENT, "shards", "members", "results", "rollouts", "observations", "training", "predictions", "scores")
 
 DESCRIPTION_COLUMNS = (
     "scenario_id",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -10,11 +11,12 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from gymnasium.utils import seeding
 
-from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.arrays.dtypes import Array, Bool
 from scenarionet_data.errors import ScenarioNetError
 from scenarionet_sim.environments.batched import BatchedEnvironment
 from scenarionet_sim.environments.config import EnvConfig
 from scenarionet_sim.environments.observation import Observation
+from scenarionet_sim.scenarios.sampling import CurriculumSampler
 from scenarionet_sim.scenarios.stream import ScenarioStream
 from scenarionet_sim.worlds.world import World
 
@@ -38,6 +40,7 @@ class Episodes:
         observation: Sensors of the agents.
         rng: Source of the sensors' noise.
         seed: Seed of the series; None before the first ``restart`` of a random one.
+        was_played: (number of scenarios,) bool scenarios that were drawn so far.
         skipped: Why scenarios could not be read, and how often they were drawn, by id; see ``draw_playable``.
     """
 
@@ -52,6 +55,7 @@ class Episodes:
             self.ids, loader.__getitem__, partial(World.from_scenario, dt=config.dt), self._sampler,
             prefetch=config.prefetch if prefetch is None else prefetch, cache_size=config.cache_size,
         )  # fmt: skip
+        self.was_played: Bool = np.zeros(len(self.ids), np.bool_)
         self.skipped: dict[str, tuple[str, int]] = {}
         self._is_fresh = True
         self._core: BatchedEnvironment | None = None
@@ -66,6 +70,29 @@ class Episodes:
         self._is_fresh = False
         return True
 
+    def state(self) -> dict[str, Any]:
+        """Return where the series stands, JSON-serialisable: also what each slot plays, and the noise."""
+        return {
+            "seed": self.seed,
+            "stream": self._stream.state(),
+            "playing": self._playing.tolist(),
+            "played": np.flatnonzero(self.was_played).tolist(),
+            "noise": self.rng.bit_generator.state,
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> list[World]:
+        """Continue where other episodes of the same scenarios stood; return the world that each slot plays.
+
+        Raises:
+            LakeError: A scenario cannot be read.
+        """
+        self.restart(state["seed"])
+        self._stream.restore(state["stream"])
+        self.rng.bit_generator.state = state["noise"]
+        self._playing[:], self.was_played[:] = state["playing"], False
+        self.was_played[state["played"]] = True
+        return [self._stream.get(index) for index in self._playing.tolist()]
+
     def draw(self, slot: int = 0, scenario_id: str | None = None) -> World:
         """Return the world to play in a slot: the next of the series, or a given one.
 
@@ -75,6 +102,7 @@ class Episodes:
         """
         if scenario_id is None:
             self._playing[slot] = index = self._stream.draw()
+            self.was_played[index] = True
             return self._stream.play(index)
         self._playing[slot] = index = self._stream.index(scenario_id)
         return self._stream.get(index)
@@ -119,6 +147,11 @@ class Episodes:
         """Stop the thread and the physics; the next episode starts them again."""
         self._stream.close()
         self._close_core()
+
+    @property
+    def level(self) -> int | None:
+        """Level of the curriculum, from 0; None without one."""
+        return self._sampler.level if isinstance(self._sampler, CurriculumSampler) else None
 
     @property
     def core(self) -> BatchedEnvironment:

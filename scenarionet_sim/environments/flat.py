@@ -2,23 +2,44 @@
 
 from __future__ import annotations
 
+from collections import deque
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
-from scenarionet_data.arrays.dtypes import Bool, Float32, Int32, Int64, IntP
+from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64, Int32, Int64, IntP
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.environments.batched import BatchedEnvironment
 from scenarionet_sim.environments.config import EnvConfig
 from scenarionet_sim.environments.episodes import Episodes, action_space
+from scenarionet_sim.kernels.scoring import NUMBERS
 from scenarionet_sim.policies import External
 from scenarionet_sim.task.task import ARRIVED, DRIVING, TIMED_OUT
 from scenarionet_sim.threads import all_cores
+from scenarionet_sim.worlds.world import World
 
 _LOADED_AHEAD = 8
 """Scenarios to load ahead: many episodes tend to end in the same step."""
+
+
+@dataclass(frozen=True, eq=False)
+class FlatState:
+    """Where a ``FlatEnv`` stands.
+
+    Attributes:
+        series: The series of scenarios and what each world plays, JSON-serialisable.
+        ages: (W,) int64 steps since each world's episode began.
+        actions: (L, num_agents, 2) actions of the last L steps, the largest of ``ages``.
+        observations: (num_agents, D) float32.
+    """
+
+    series: dict[str, Any]
+    ages: Int64
+    actions: Array
+    observations: Float32
 
 
 class FlatEnv:
@@ -36,6 +57,7 @@ class FlatEnv:
         seats: Largest number of agents of a world.
         seed: Seed of the series of scenarios; None for a random one.
         threads: Largest number of threads; 0 for all cores.
+        keeps_past: Remember what ``state`` needs: the actions since the longest current episode began.
 
     Attributes:
         num_agents: W * seats.
@@ -43,6 +65,9 @@ class FlatEnv:
         last_observations: (num_agents, D) float32, written at rows that are terminal or truncated in this step.
         rewards: (num_agents,) float32.
         terminals, truncations: (num_agents,) bool ends of this step: arrived or left the route; out of time.
+        last_numbers: (num_agents, 14) float64 results in the order of ``NUMBERS``, written at the same rows as
+            ``last_observations``.
+        arrivals: (num_agents,) bool terminals of agents that arrived.
         masks: (num_agents,) bool rows with an agent that acts in the next step.
 
     Example:
@@ -52,7 +77,14 @@ class FlatEnv:
     """
 
     def __init__(
-        self, num_worlds: int, config: EnvConfig, seats: int = 1, seed: int | None = None, threads: int = 0
+        self,
+        num_worlds: int,
+        config: EnvConfig,
+        seats: int = 1,
+        seed: int | None = None,
+        threads: int = 0,
+        *,
+        keeps_past: bool = False,
     ) -> None:
         if num_worlds < 1 or seats < 1:
             raise BadParameter(f"num_worlds={num_worlds}, seats={seats}; expected at least 1 of each")
@@ -67,19 +99,22 @@ class FlatEnv:
         self.observations: Float32 = np.zeros(shape, np.float32)
         self.last_observations: Float32 = np.zeros(shape, np.float32)
         self.rewards: Float32 = np.zeros(self.num_agents, np.float32)
-        self.terminals, self.truncations, self.masks = np.zeros((3, self.num_agents), np.bool_)
+        self.terminals, self.truncations, self.arrivals, self.masks = np.zeros((4, self.num_agents), np.bool_)
+        self.last_numbers: Float64 = np.zeros((self.num_agents, len(NUMBERS)))
         self._seat_of: Int32 = np.full((num_worlds, 0), -1, np.int32)  # row of each object, -1 without one
         self._num_ended: Int64 = np.zeros((num_worlds, 2), np.int64)  # agents that ended, and those that arrived
+        self._ages: Int64 = np.zeros(num_worlds, np.int64)  # steps since the episodes began
+        self._past: deque[Array] | None = deque() if keeps_past else None
 
     def reset(self, seed: int | None = None) -> tuple[Float32, list[dict[str, Any]]]:
         """Begin an episode in every world; a seed restarts the series of scenarios."""
         self._episodes.restart(seed)
         worlds = [self._episodes.draw_playable(slot) for slot in range(self.num_worlds)]
         core = self._episodes.prepare(worlds)
-        core.begin(range(self.num_worlds), worlds)
-        self._begin_rows(np.arange(self.num_worlds))
-        self._seat(core, np.arange(len(core.agents)))
+        self._begin(core, np.arange(self.num_worlds), worlds)
         self._clear_results()
+        if self._past is not None:
+            self._past.clear()
         return self.observations, []
 
     def step(self, actions: npt.ArrayLike) -> tuple[Float32, Float32, Bool, Bool, list[dict[str, Any]]]:
@@ -96,15 +131,83 @@ class FlatEnv:
             ResetNeeded: No episode has begun.
             BadParameter: An action is NaN.
         """
-        core, given = self._episodes.core, np.asarray(actions, np.float64)
-        rows = self._rows(core)
-        core.step(np.where(rows[:, None] >= 0, given[rows], 0.0))
-        self._clear_results()
-        rows = self._seat(core, None)
+        core = self._episodes.core
+        if self._past is not None:
+            self._past.append(np.where(self.masks[:, None], actions, 0.0).astype(np.asarray(actions).dtype))
+        rows = self._advance(core, actions)
         has_row = rows >= 0
         self.rewards[rows[has_row]] = core.rewards[has_row]
-        ended = np.flatnonzero(core.status != DRIVING)
-        return self.observations, self.rewards, self.terminals, self.truncations, self._end(core, ended, rows[ended])
+        self._ages += 1
+        over = self._end(core, np.flatnonzero(core.status != DRIVING), rows)
+        infos = self._begin_next(core, over)
+        while self._past and len(self._past) > self._ages.max():
+            self._past.popleft()
+        return self.observations, self.rewards, self.terminals, self.truncations, infos
+
+    @property
+    def positions(self) -> Float64:
+        """(num_agents, 2) positions in the scenario's frame [m]; NaN at rows without an agent."""
+        core, found = self._episodes.core, np.full((self.num_agents, 2), np.nan)
+        rows = self._rows(core)
+        worlds, objects = core.agents[rows >= 0].T
+        found[rows[rows >= 0]] = core.simulation.state.position[worlds, objects]
+        return found
+
+    @property
+    def level(self) -> int | None:
+        """Level of the curriculum, from 0; None without one."""
+        return self._episodes.level
+
+    @property
+    def coverage(self) -> float:
+        """Share of the scenarios that were drawn so far."""
+        return float(self._episodes.was_played.mean())
+
+    @property
+    def num_scenarios(self) -> int:
+        """Number of scenarios of the series."""
+        return len(self._episodes.ids)
+
+    def scenario_id(self, row: int) -> str:
+        """Return the scenario that a row's world plays."""
+        return self._episodes.core.simulation.batch.worlds[row // self.seats].scenario_id
+
+    def state(self) -> FlatState:
+        """Return what the future depends on, for :meth:`restore`.
+
+        Raises:
+            BadParameter: The environment was made without ``keeps_past``.
+        """
+        if self._past is None:
+            raise BadParameter("FlatEnv keeps no past; make it with keeps_past=True")
+        shape = len(self._past), self.num_agents, 2
+        return FlatState(
+            self._episodes.state(), self._ages.copy(), np.array(self._past).reshape(shape), self.observations.copy()
+        )
+
+    def restore(self, state: FlatState) -> None:
+        """Continue where an environment of the same configuration stood: its current episodes are driven again.
+
+        A simulation is deterministic, so the scenarios and the actions since their episodes began stand for the
+        arrays of the simulation, whatever backend and policies these belong to.
+
+        Raises:
+            LakeError: A scenario cannot be read.
+        """
+        worlds = self._episodes.restore(state.series)
+        core = self._episodes.prepare(worlds)
+        self._begin(core, np.arange(self.num_worlds), worlds)
+        longest = len(state.actions)
+        for step, actions in enumerate([*state.actions, None]):
+            if len(due := np.flatnonzero(state.ages == longest - step)):
+                self._begin(core, due, [worlds[slot] for slot in due])
+            if actions is not None:
+                rows, ended = self._advance(core, actions), core.status != DRIVING
+                has_begun = state.ages >= longest - step
+                self._end(core, np.flatnonzero(ended & has_begun[core.agents[:, 0]]), rows)
+        self._clear_results()
+        self._ages[:], self.observations[:] = state.ages, state.observations
+        self._past = deque(state.actions)
 
     @property
     def skipped(self) -> dict[str, tuple[str, int]]:
@@ -116,7 +219,8 @@ class FlatEnv:
         self._episodes.close()
 
     def _clear_results(self) -> None:
-        self.rewards[:], self.terminals[:], self.truncations[:] = 0.0, False, False
+        self.rewards[:] = 0.0
+        self.terminals[:] = self.truncations[:] = self.arrivals[:] = False
 
     def _rows(self, core: BatchedEnvironment) -> Int32:
         """Return the row of each agent, or -1."""
@@ -145,36 +249,45 @@ class FlatEnv:
         self.observations[rows[chosen]] = seen[chosen]
         return rows
 
-    def _end(self, core: BatchedEnvironment, ended: IntP, rows: Int32) -> list[dict[str, Any]]:
-        """Let agents that ended leave, and worlds without agents begin the next scenario."""
-        if not len(ended):
-            return []
-        status, worlds = core.status[ended], core.agents[ended, 0]
-        taken, is_late = rows[rows >= 0], status[rows >= 0] == TIMED_OUT
-        self.terminals[taken], self.truncations[taken] = ~is_late, is_late
-        self.last_observations[taken] = self.observations[taken]
+    def _begin(self, core: BatchedEnvironment, slots: IntP, worlds: list[World]) -> None:
+        """Begin episodes in some slots."""
+        core.begin(slots.tolist(), worlds)
+        self._begin_rows(slots)
+        self._seat(core, np.flatnonzero(np.isin(core.agents[:, 0], slots)))
+
+    def _advance(self, core: BatchedEnvironment, actions: npt.ArrayLike) -> Int32:
+        """Drive for a timestep; return the row of each agent, or -1."""
+        rows, given = self._rows(core), np.asarray(actions, np.float64)
+        core.step(np.where(rows[:, None] >= 0, given[rows], 0.0))
+        self._clear_results()
+        return self._seat(core, None)
+
+    def _end(self, core: BatchedEnvironment, ended: IntP, rows: Int32) -> IntP:
+        """Let agents that ended leave; return the worlds in which none is left."""
+        status, worlds, rows = core.status[ended], core.agents[ended, 0], rows[ended]
+        taken, has_row = rows[rows >= 0], rows >= 0
+        self.truncations[taken] = is_late = status[has_row] == TIMED_OUT
+        self.terminals[taken], self.arrivals[taken] = ~is_late, status[has_row] == ARRIVED
+        self.last_observations[taken], self.last_numbers[taken] = self.observations[taken], core.numbers[ended][has_row]
         self.observations[taken], self.masks[taken] = 0.0, False
         self._seat_of[worlds, core.agents[ended, 1]] = -1
         np.add.at(self._num_ended, worlds, np.stack([np.ones_like(status), status == ARRIVED], axis=1).astype(np.int64))
         left = np.bincount(core.agents[:, 0], minlength=self.num_worlds)
         np.subtract.at(left, worlds, 1)
-        over = np.flatnonzero((left == 0) & ~core.simulation.are_agents_due())
+        over = np.flatnonzero((left == 0) & ~core.simulation.are_agents_due()) if len(ended) else ended
         if len(stay := np.flatnonzero(~np.isin(worlds, over))):
             core.retire(ended[stay])
-        return self._begin_next(core, over)
+        return over
 
     def _begin_next(self, core: BatchedEnvironment, slots: IntP) -> list[dict[str, Any]]:
         """Begin the next scenarios in some worlds; return the infos of the episodes that ended there."""
-        if not len(slots):
-            return []
         infos = []
         for slot in slots.tolist():
             count, arrived = self._num_ended[slot].tolist()
             self._episodes.report(slot, arrived / max(count, 1))
             played = core.simulation.batch.worlds[slot].scenario_id
             infos.append({"slot": slot, "scenario_id": played, "agents": count, "success": arrived / max(count, 1)})
-        numbers = slots.tolist()
-        core.begin(numbers, [self._episodes.draw_playable(slot) for slot in numbers])
-        self._begin_rows(slots)
-        self._seat(core, np.flatnonzero(np.isin(core.agents[:, 0], slots)))
+        if infos:
+            self._begin(core, slots, [self._episodes.draw_playable(slot) for slot in slots.tolist()])
+            self._ages[slots] = 0
         return infos

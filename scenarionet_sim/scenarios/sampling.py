@@ -7,8 +7,9 @@ series after :meth:`Sampler.restart` with the same seed. It depends neither on t
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +28,12 @@ class Sampler(Protocol):
 
     def report(self, scenario: int, success: float) -> None:
         """Record the result of an episode: 1 for success, 0 for failure, or the share of agents that succeeded."""
+
+    def state(self) -> dict[str, Any]:
+        """Return where the series stands, JSON-serialisable."""
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Continue a series of the same scenarios where another sampler stood."""
 
 
 class Sequential:
@@ -55,6 +62,14 @@ class Sequential:
     def report(self, scenario: int, success: float) -> None:
         """Ignore the result."""
 
+    def state(self) -> dict[str, Any]:
+        """Return where the series stands."""
+        return {"next": self._next}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Continue where another sampler stood."""
+        self._next = int(state["next"])
+
 
 class Shuffled:
     """Every index once per round, in a new random order each round."""
@@ -76,6 +91,15 @@ class Shuffled:
 
     def report(self, scenario: int, success: float) -> None:
         """Ignore the result."""
+
+    def state(self) -> dict[str, Any]:
+        """Return where the series stands."""
+        return {"random": self._rng.bit_generator.state, "rest": list(self._rest)}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Continue where another sampler stood."""
+        self._rng.bit_generator.state = state["random"]
+        self._rest = list(state["rest"])
 
 
 class Weighted:
@@ -106,6 +130,14 @@ class Weighted:
 
     def report(self, scenario: int, success: float) -> None:
         """Ignore the result."""
+
+    def state(self) -> dict[str, Any]:
+        """Return where the series stands."""
+        return {"random": self._rng.bit_generator.state}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Continue where another sampler stood."""
+        self._rng.bit_generator.state = state["random"]
 
 
 @dataclass(frozen=True)
@@ -172,6 +204,18 @@ class CurriculumSampler:
         is_known = len(self._results) == self._results.maxlen
         if is_known and self.success_rate >= self._curriculum.success and self.level + 1 < self._curriculum.levels:
             self._enter(self.level + 1)
+
+    def state(self) -> dict[str, Any]:
+        """Return where the series stands."""
+        random = self._rng.bit_generator.state
+        return {"random": random, "rest": list(self._rest), "level": self.level, "results": list(self._results)}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Continue where another sampler stood."""
+        self._enter(int(state["level"]))
+        self._rng.bit_generator.state = state["random"]
+        self._rest = list(state["rest"])
+        self._results.extend(state["results"])
 
     @property
     def success_rate(self) -> float:

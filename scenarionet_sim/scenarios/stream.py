@@ -7,9 +7,9 @@ depends only on the seed and on the results of episodes, never on the speed of t
 from __future__ import annotations
 
 from collections import OrderedDict, deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from scenarionet_data.errors import BadParameter, ScenarioNotFound
 from scenarionet_data.scenario.description import ScenarioDescription
@@ -56,6 +56,15 @@ class ScenarioStream(Generic[Prepared]):
         """Restart the series with a seed; loaded scenarios stay cached."""
         self.sampler.restart(seed)
         self._drawn.clear()
+
+    def state(self) -> dict[str, Any]:
+        """Return where the series stands, JSON-serialisable."""
+        return {"sampler": self.sampler.state(), "drawn": list(self._drawn)}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Continue where another stream of the same scenarios stood."""
+        self.sampler.restore(state["sampler"])
+        self._drawn = deque(state["drawn"])
 
     def next(self) -> tuple[int, Prepared]:
         """Return the index of the next scenario, and the prepared scenario.

@@ -22,6 +22,8 @@ from tests.scenarionet_pipelines.conftest import run
 from tests.scenarionet_pipelines.test_cli import ALL_VERBS, verb
 from tests.scenarionet_pipelines.test_cli_convert import start
 
+pytestmark = pytest.mark.integration
+
 UNENDING = "levenshtein(repeat('a', 1000000), repeat('b', 1000000)) > 0"
 """A condition within which DuckDB checks neither signals nor interrupts."""
 
@@ -128,7 +130,7 @@ COMMANDS = {
     "rebase": "lake one", "copy": "lake one x", "rename": "lake one x", "drop": "lake one",
     "submit": "lake rows.csv out.parquet --format argoverse2", "compare-runs": "lake before after",
     "checkout": "lake one", "score": "lake --rollouts rows.csv", "sim": "lake --policy replay --workers 2",
-    "record": "lake --workers 1",
+    "record": "lake --workers 1", "train": "ppo lake --size small",
     "export": "lake one out", "pack": "lake one packed", "check": "lake", "fsck": "lake --deep", "compact": "lake",
     "vacuum": "lake --dry-run", "doctor": "lake", "compile": "",
 }  # fmt: skip

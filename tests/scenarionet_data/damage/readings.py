@@ -19,6 +19,7 @@ from tests.scenarionet_data.damage.lakes import Content
 
 _TABLES = (
     "metadata", "tracks", "lights", "maps", "shards", "quarantine", "defects", "results", "rollouts", "observations",
+    "training",
 )  # fmt: skip
 _FEW = 2
 """Scenarios that are exported, packed, simulated or drawn."""

@@ -95,3 +95,36 @@ def test_scenarios_that_cannot_be_read_are_skipped(only, monkeypatch):
     with pytest.raises(InvalidScenario):
         FlatEnv(1, VectorConfig(only("wall"), prefetch=0)).reset()
     flat.close()
+
+
+@pytest.mark.parametrize("kind", [VectorConfig, MultiAgentConfig])
+def test_an_environment_goes_on_where_another_one_stood(only, kind):
+    """Also in the middle of episodes that began at different times, with agents that have left."""
+    config, seats = kind(only(*NAMES, order="random")), 1 if kind is VectorConfig else 30
+    first, other = (FlatEnv(3, config, seats, seed, keeps_past=True) for seed in (5, 6))
+    rng, results = np.random.default_rng(0), []
+    first.reset()
+    for _ in range(130):
+        first.step(rng.uniform([-0.1, 0.0], [0.1, 1.0], (3 * seats, 2)))
+    state = first.state()
+    assert len(set(state.ages)) > 1 and len(state.actions) == state.ages.max()
+    other.restore(state)
+    for env in (first, other):
+        rng = np.random.default_rng(1)
+        buffers = (env.observations, env.rewards, env.terminals, env.truncations, env.masks, env.last_numbers)
+        results.append([env.observations.copy(), env.masks.copy()])
+        for _ in range(60):
+            infos = env.step(rng.uniform([-0.1, 0.0], [0.1, 1.0], (3 * seats, 2)))[4]
+            ended = env.terminals | env.truncations
+            results[-1] += [values[ended] if values is env.last_numbers else values.copy() for values in buffers]
+            results[-1] += [env.positions, np.array([info["success"] for info in infos])]
+        env.close()
+    for mine, theirs in zip(*results, strict=True):
+        np.testing.assert_array_equal(theirs, mine)
+
+
+def test_an_environment_without_a_past_has_no_state(only):
+    env = FlatEnv(1, VectorConfig(only("empty")))
+    with pytest.raises(BadParameter, match="keeps_past=True"):
+        env.state()
+    env.close()

@@ -256,6 +256,7 @@ def test_configuration_object_or_its_fields(only):
         ).reset()
 
 
+@pytest.mark.long
 def test_rendered_frames(only):
     env = ScenarioNetEnv(scenarios=only("wall", "cone"), backend=Kinematic(), render_mode="rgb_array")
     env.reset()

@@ -35,7 +35,11 @@ def run(envs, steps, seed=0):
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
-@pytest.mark.parametrize(("backend", "exact"), [(Kinematic(), True), (Bullet(), False)], ids=["kinematic", "bullet"])
+@pytest.mark.parametrize(
+    ("backend", "exact"),
+    [(Kinematic(), True), pytest.param(Bullet(), False, marks=pytest.mark.integration)],
+    ids=["kinematic", "bullet"],
+)
 def test_batch_equals_its_worlds_one_by_one(only, mode, backend, exact):
     """Each slot of Gymnasium's own vector environment gets the scenario that the batch draws for it."""
     count, steps = 4, 60
@@ -62,7 +66,9 @@ def test_batch_equals_its_worlds_one_by_one(only, mode, backend, exact):
     assert running.sum() < count
 
 
-@pytest.mark.parametrize("backend", [Kinematic(), Bullet()], ids=["kinematic", "bullet"])
+@pytest.mark.parametrize(
+    "backend", [Kinematic(), pytest.param(Bullet(), marks=pytest.mark.integration)], ids=["kinematic", "bullet"]
+)
 @pytest.mark.parametrize("observation", ["flat", "dict"])
 def test_equal_seeds_and_actions_are_bit_identical(drives, backend, observation):
     made = [

@@ -1,0 +1,284 @@
+"""Settings of the learning algorithms: frozen dataclasses with the published values as defaults.
+
+Sources: *scenarionet_training*, the ScenarioNet paper's released training code; *CoPO*, the released code of Peng et
+al. (2021), ``torch_copo/algo_ippo.py`` and ``algo_copo.py``; the appendix of the ScenarioNet paper for GAIL and AIRL;
+Fujimoto et al. (2018) for TD3; Schulman et al. (2017) for PPO's clipping range.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Any, Literal, get_args
+
+from scenarionet_data.errors import BadParameter
+
+TrafficDriver = Literal["replay", "idm"]
+
+
+@dataclass(frozen=True)
+class LearnerConfig:
+    """What all algorithms share.
+
+    Attributes:
+        steps: Steps of agents to learn for, counted over all worlds.
+        worlds: Worlds that step together.
+        seats: Agents of a world; 1 for the ego alone.
+        hidden: Widths of the hidden layers, of the policy and of the critics.
+        traffic: Driver of all other vehicles: ``replay``, or ``idm`` which reacts.
+        levels: Levels of a curriculum by difficulty; 0 for all scenarios in random order.
+        promotion: Success rate that ends a level.
+        bins: Actions of each of steering and throttle for a discrete policy; 0 for a continuous one.
+        rate: Learning rate.
+        gamma: Discount per step.
+        reward_scale: Factor of the rewards in the losses; recorded rewards are not scaled.
+        checkpoint_every: Rounds between checkpoints; metrics are published with them.
+    """
+
+    steps: int = 1_000_000
+    worlds: int = 64
+    seats: int = 1
+    hidden: tuple[int, ...] = (128, 128)
+    traffic: TrafficDriver = "replay"
+    levels: int = 0
+    promotion: float = 0.75
+    bins: int = 0
+    rate: float = 3e-4
+    gamma: float = 0.99
+    reward_scale: float = 1.0
+    checkpoint_every: int = 20
+
+    def __post_init__(self) -> None:
+        for name in ("steps", "worlds", "seats", "checkpoint_every"):
+            if getattr(self, name) < 1:
+                raise BadParameter(f"{name}={getattr(self, name)}; expected at least 1")
+        if not self.rate > 0.0 or not 0.0 <= self.gamma <= 1.0:
+            raise BadParameter(f"rate={self.rate}, gamma={self.gamma}; expected rate > 0 and 0 <= gamma <= 1")
+        if self.traffic not in get_args(TrafficDriver):
+            raise BadParameter(f"traffic={self.traffic!r}; expected {' or '.join(get_args(TrafficDriver))}")
+        if self.bins == 1 or self.bins < 0:
+            raise BadParameter(f"bins={self.bins}; expected 0 for continuous actions, or at least 2")
+
+
+@dataclass(frozen=True)
+class PpoConfig(LearnerConfig):
+    """PPO for one agent per world; defaults of *scenarionet_training*, except its adaptive penalty on the divergence.
+
+    64 worlds by 782 steps are its batch of 50,000. Its 20 epochs of minibatches of 200 are for many processor cores;
+    ``small`` is for one.
+
+    Attributes:
+        horizon: Steps of each world between two updates.
+        epochs, minibatch: Passes over the collected steps per update, and steps per minibatch.
+        smoothing: The lambda of generalized advantage estimation.
+        clip: Clipping range of the probability ratio.
+        value_weight: Weight of the value loss.
+        value_clip: Largest change of a value per update; 0 for no limit.
+        entropy: Weight of the entropy bonus.
+        longest_gradient: Gradients are scaled down to this norm.
+        spread: Initial standard deviation of the actions.
+    """
+
+    hidden: tuple[int, ...] = (512, 256, 128)
+    rate: float = 1e-4
+    horizon: int = 782
+    epochs: int = 20
+    minibatch: int = 200
+    smoothing: float = 0.95
+    clip: float = 0.2
+    value_weight: float = 0.5
+    value_clip: float = 0.0
+    entropy: float = 0.0
+    longest_gradient: float = 0.5
+    spread: float = 1.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("horizon", "epochs", "minibatch"):
+            if getattr(self, name) < 1:
+                raise BadParameter(f"{name}={getattr(self, name)}; expected at least 1")
+
+
+@dataclass(frozen=True)
+class IppoConfig(PpoConfig):
+    """PPO with every vehicle as an agent that learns alone; defaults of *CoPO*: batches of about 2,000 agent steps.
+
+    Its network is RLlib's default, two layers of 256 units; two of 128 are ours.
+    """
+
+    worlds: int = 4
+    seats: int = 50
+    hidden: tuple[int, ...] = (128, 128)
+    rate: float = 3e-4
+    horizon: int = 50
+    epochs: int = 5
+    minibatch: int = 512
+    value_weight: float = 1.0
+    value_clip: float = 100.0
+
+
+@dataclass(frozen=True)
+class CopoConfig(IppoConfig):
+    """Coordinated policy optimization; defaults of *CoPO*.
+
+    Attributes:
+        neighbourhood: Radius in which agents are neighbours [m].
+        global_gamma: Discount of the global value.
+        angle_spread: Initial standard deviation of the local coordination factor, in units of 90 degrees.
+        angle_rate, angle_epochs: Learning rate and passes of the meta-update; 0 passes freeze the factor.
+    """
+
+    neighbourhood: float = 40.0
+    global_gamma: float = 1.0
+    angle_spread: float = 0.1
+    angle_rate: float = 1e-4
+    angle_epochs: int = 5
+
+
+@dataclass(frozen=True)
+class GailConfig(IppoConfig):
+    """Generative adversarial imitation from states alone; defaults of the paper's appendix.
+
+    Attributes:
+        discriminator_rate, discriminator_decay: Learning rate and weight decay of the discriminator.
+        discriminator_epochs, discriminator_minibatch: Its passes per update, and pairs of states per minibatch.
+        reward: ``log`` for -log(1 - D), ``logit`` for log D - log(1 - D).
+        gradient_penalty: Weight of a penalty on the discriminator's gradient (Gulrajani et al. 2017); 0 for none.
+        input_noise: Standard deviation of noise on the discriminator's inputs.
+        normalizes: Whether the discriminator's inputs are normalized by the experts' mean and deviation.
+    """
+
+    rate: float = 1e-4
+    epochs: int = 10
+    minibatch: int = 512
+    discriminator_rate: float = 5e-5
+    discriminator_decay: float = 1e-5
+    discriminator_epochs: int = 1
+    discriminator_minibatch: int = 1024
+    reward: Literal["log", "logit"] = "log"
+    gradient_penalty: float = 0.0
+    input_noise: float = 0.0
+    normalizes: bool = False
+
+
+@dataclass(frozen=True)
+class AirlConfig(GailConfig):
+    """Adversarial inverse reinforcement learning with inverse dynamics; defaults of the paper's appendix.
+
+    Attributes:
+        inverse_rate, inverse_steps, inverse_minibatch: Learning rate, gradient steps per update and minibatch of the
+            inverse dynamics.
+    """
+
+    discriminator_rate: float = 3e-4
+    discriminator_epochs: int = 5
+    inverse_rate: float = 1e-4
+    inverse_steps: int = 100
+    inverse_minibatch: int = 512
+
+
+@dataclass(frozen=True)
+class Td3Config(LearnerConfig):
+    """TD3 with one replay of the transitions of all agents; defaults of Fujimoto et al. (2018), with a smaller replay.
+
+    Attributes:
+        replay: Largest number of transitions to keep.
+        warm_up: Steps of agents with uniformly random actions before learning begins.
+        minibatch: Transitions per update.
+        updates: Updates per step of an agent; the original has 1.
+        horizon: Steps of each world between two series of updates.
+        noise: Standard deviation of the exploration noise.
+        target_noise, target_clip: Standard deviation and limit of the noise of the target policy.
+        delay: Updates of the critics per update of the policy and the targets.
+        tau: Step of the targets towards the networks.
+    """
+
+    replay: int = 100_000
+    warm_up: int = 25_000
+    minibatch: int = 256
+    updates: float = 1.0
+    horizon: int = 8
+    noise: float = 0.1
+    target_noise: float = 0.2
+    target_clip: float = 0.5
+    delay: int = 2
+    tau: float = 0.005
+
+
+CONFIGS: dict[str, type[LearnerConfig]] = {
+    "ppo": PpoConfig,
+    "td3": Td3Config,
+    "ippo": IppoConfig,
+    "copo": CopoConfig,
+    "gail": GailConfig,
+    "airl": AirlConfig,
+}
+"""Settings of each algorithm."""
+
+_SMALL_ON_POLICY = {
+    "hidden": (128, 128), "rate": 1e-3, "reward_scale": 0.1, "epochs": 5, "minibatch": 1024, "horizon": 64,
+    "spread": 0.6, "entropy": 1e-3,
+}  # fmt: skip
+_SMALL_AGENTS = {"worlds": 32, "seats": 16, "reward_scale": 0.1, "spread": 0.6, "epochs": 4, "minibatch": 1024}
+SMALL: dict[str, dict[str, Any]] = {
+    "ppo": _SMALL_ON_POLICY,
+    "td3": {"worlds": 32, "seats": 16, "reward_scale": 0.1, "updates": 0.1, "warm_up": 5_000, "noise": 0.3},
+    "ippo": _SMALL_AGENTS,
+    "copo": _SMALL_AGENTS,
+    "gail": _SMALL_AGENTS | {"rate": 3e-4},
+    "airl": _SMALL_AGENTS | {"rate": 3e-4},
+}
+"""What differs on one processor core: fewer passes over larger minibatches."""
+
+
+def make_learner_config(
+    algorithm: str, size: str = "paper", settings: Mapping[str, Any] | None = None
+) -> LearnerConfig:
+    """Return the settings of an algorithm.
+
+    Args:
+        algorithm: A name in CONFIGS.
+        size: ``paper`` for the published values, ``small`` for one processor core.
+        settings: Fields that differ; texts are parsed.
+
+    Raises:
+        BadParameter: The algorithm, the size or a field is unknown, or a value is not of the field's type.
+    """
+    if algorithm not in CONFIGS:
+        raise BadParameter(f"unknown algorithm {algorithm!r}; choose from {', '.join(CONFIGS)}")
+    if size not in ("paper", "small"):
+        raise BadParameter(f"size={size!r}; expected paper or small")
+    config, settings = CONFIGS[algorithm](), settings or {}
+    known = {column.name: getattr(config, column.name) for column in fields(config)}
+    unknown = sorted(set(settings) - set(known))
+    if unknown:
+        raise BadParameter(f"{algorithm} has no setting {unknown[0]!r}; choose from {', '.join(known)}")
+    given = {name: _parsed(name, value, known[name]) for name, value in settings.items()}
+    return replace(config, **((SMALL[algorithm] if size == "small" else {}) | given))
+
+
+def describe_config(config: LearnerConfig) -> dict[str, Any]:
+    """Return the fields of a configuration, JSON-serialisable."""
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(config).items()}
+
+
+def read_config(algorithm: str, described: dict[str, Any]) -> LearnerConfig:
+    """Return a configuration from :func:`describe_config`."""
+    values: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value for name, value in described.items()
+    }
+    return CONFIGS[algorithm](**values)
+
+
+def _parsed(name: str, value: Any, default: Any) -> Any:
+    """Return a value of the type of the default; a text is parsed."""
+    if not isinstance(value, str) or isinstance(default, str):
+        return value
+    try:
+        if isinstance(default, bool):
+            return {"true": True, "false": False}[value.lower()]
+        if isinstance(default, tuple):
+            return tuple(int(word) for word in value.split(","))
+        return type(default)(value.replace("_", ""))
+    except (ValueError, KeyError) as error:
+        raise BadParameter(f"{name}={value!r}; expected a value such as {default!r}") from error

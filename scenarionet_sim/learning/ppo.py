@@ -1,0 +1,253 @@
+"""Proximal policy optimization (Schulman et al. 2017) for agents that come and go; IPPO is the same for many agents."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from scenarionet_data.arrays.dtypes import Float32
+from scenarionet_sim.learning.config import PpoConfig
+from scenarionet_sim.learning.networks import (
+    StochasticPolicy,
+    make_policy,
+    optimizer_tensors,
+    perceptron,
+    restore_optimizer,
+)
+from scenarionet_sim.learning.rollout import RolloutBuffer, advantages
+from scenarionet_sim.learning.rows import AgentRows, Clock, Outcomes
+
+
+class Batch(NamedTuple):
+    """B steps of agents.
+
+    Attributes:
+        observations: (B, D).
+        actions: (B, 2).
+        log_probabilities: (B,) of the actions under the policy that chose them.
+        advantages: (B,) standardized.
+        returns: (B, K) targets of the values.
+        values: (B, K) values before the update.
+    """
+
+    observations: Tensor
+    actions: Tensor
+    log_probabilities: Tensor
+    advantages: Tensor
+    returns: Tensor
+    values: Tensor
+
+    def take(self, rows: Tensor) -> Batch:
+        """Return some rows."""
+        return Batch(*(values[rows] for values in self))
+
+
+def surrogate(ratio: Tensor, advantage: Tensor, clip: float) -> Tensor:
+    """Return the clipped surrogate objective (B,), equation 7 of the paper."""
+    return torch.minimum(ratio * advantage, ratio.clamp(1.0 - clip, 1.0 + clip) * advantage)
+
+
+def ppo_loss(
+    policy: StochasticPolicy, critic: nn.Module, batch: Batch, config: PpoConfig
+) -> tuple[Tensor, dict[str, Tensor]]:
+    """Return the loss of a batch (equation 9 of the paper), and its parts."""
+    given = policy(batch.observations)
+    log_ratio = policy.log_probability(given, batch.actions) - batch.log_probabilities
+    policy_loss = -surrogate(log_ratio.exp(), batch.advantages, config.clip).mean()
+    values = critic(batch.observations)
+    errors = (values - batch.returns).square()
+    if config.value_clip:
+        near = batch.values + (values - batch.values).clamp(-config.value_clip, config.value_clip)
+        errors = torch.maximum(errors, (near - batch.returns).square())
+    value_loss, entropy = errors.mean(dim=0).sum(), policy.entropy(given).mean()
+    loss = policy_loss + config.value_weight * value_loss - config.entropy * entropy
+    with torch.no_grad():
+        divergence = (log_ratio.exp() - 1.0 - log_ratio).mean()  # Schulman's estimator
+    return loss, {
+        "policy_loss": policy_loss,
+        "value_loss": value_loss,
+        "entropy": entropy,
+        "divergence": divergence,
+    }
+
+
+def standardized(values: Tensor) -> Tensor:
+    """Return values with mean 0 and deviation 1."""
+    return (values - values.mean()) / (values.std() + 1e-8)
+
+
+class PpoLearner:
+    """A policy and a value function that learn from rounds of experience.
+
+    Args:
+        env: Where the agents drive; it has been reset.
+        config: Settings.
+        seed: Seed of weights, actions and minibatches.
+
+    Attributes:
+        policy: The policy.
+        critic: Values (B, K) of observations; K = 1 except for CoPO.
+        outcomes: What the agents' episodes achieved.
+        clock: Wall time by activity.
+    """
+
+    kinds = 1
+    """Number K of rewards and values of an agent."""
+
+    def __init__(self, env: AgentRows, config: PpoConfig, seed: int = 0) -> None:
+        self._env, self.config = env, config
+        width = env.observations.shape[1]
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            self.policy = make_policy(width, config.hidden, config.bins, config.spread)
+            self.critic = perceptron([width, *config.hidden, self.kinds])
+        self._parameters = [*self.policy.parameters(), *self.critic.parameters()]
+        self._adam = torch.optim.Adam(self._parameters, config.rate, eps=1e-5, fused=True)
+        self._generator = torch.Generator().manual_seed(seed)
+        self._rollout = RolloutBuffer.empty(config.horizon, env.num_agents, width, self.kinds)
+        self.outcomes, self.clock = Outcomes(env.num_agents), Clock()
+
+    @property
+    def num_bytes(self) -> int:
+        """Memory of the experience."""
+        return self._rollout.num_bytes
+
+    def round(self) -> tuple[int, dict[str, float]]:
+        """Collect experience and learn from it; return its steps of agents, and means over the minibatches."""
+        rollout = self._collect()
+        with self.clock("update"):
+            learned = self._update(rollout)
+        return int(rollout.alive.sum()), learned
+
+    def mode(self, observations: Float32) -> Float32:
+        """Return the controls (B, 2) of the policy for observations (B, D), without chance."""
+        with torch.no_grad():
+            given = self.policy(torch.from_numpy(observations))
+            controls: Float32 = self.policy.controls(self.policy.mode(given)).numpy()
+        return controls
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Return everything that the next rounds depend on, except the environment."""
+        networks = {"policy": self.policy, "critic": self.critic}
+        found = {f"{part}.{key}": value for part, net in networks.items() for key, value in net.state_dict().items()}
+        found["generator"] = self._generator.get_state()
+        found["returns"] = torch.from_numpy(self.outcomes.returns.copy())
+        return found | optimizer_tensors(self._adam, "adam")
+
+    def restore(self, tensors: Mapping[str, Tensor]) -> None:
+        """Continue from :meth:`tensors`."""
+        for part, net in (("policy", self.policy), ("critic", self.critic)):
+            mine = {key: tensors[f"{part}.{key}"] for key in net.state_dict()}
+            net.load_state_dict(mine)
+        restore_optimizer(self._adam, "adam", dict(tensors))
+        self._generator.set_state(tensors["generator"])
+        self.outcomes.returns[:] = tensors["returns"].numpy()
+
+    # --- experience -----------------------------------------------------------------------------------
+
+    def _collect(self) -> RolloutBuffer:
+        """Drive for a round."""
+        env, rollout = self._env, self._rollout
+        rollout.begin()
+        for step in range(self.config.horizon):  # sequential by nature
+            with self.clock("inference"), torch.no_grad():
+                seen = rollout.observations[step].copy_(torch.from_numpy(env.observations))
+                alive = rollout.alive[step] = env.masks
+                rows = torch.from_numpy(np.flatnonzero(alive))
+                given = self.policy(seen[rows])
+                actions = self.policy.draw(given, self._generator)
+                rollout.actions[step, rows] = actions
+                rollout.log_probabilities[step, rows] = self.policy.log_probability(given, actions)
+                controls = self.policy.controls(rollout.actions[step]).numpy()
+            with self.clock("environment"):
+                self._before_step()
+                env.step(controls)
+                self.outcomes.add(env)
+                rollout.rewards[step] = self.config.reward_scale * self._rewards(rollout.alive[step])
+                rollout.end_step(step, env)
+        rollout.observations[-1] = torch.from_numpy(env.observations)
+        return rollout
+
+    def _before_step(self) -> None:
+        """Look at the environment before a step."""
+
+    def _rewards(self, alive: np.ndarray) -> Float32:
+        """Return the rewards (A, K) of the last step."""
+        del alive
+        return self._env.rewards[:, None]
+
+    # --- learning -------------------------------------------------------------------------------------
+
+    def _update(self, rollout: RolloutBuffer) -> dict[str, float]:
+        """Learn from a round."""
+        return self._learn(self._batch(rollout))
+
+    def _batch(self, rollout: RolloutBuffer) -> Batch:
+        """Return all steps of agents, with advantages."""
+        values, last_values = self._values(rollout)
+        gammas = self._gammas()
+        estimates = np.stack(
+            [
+                advantages(
+                    rollout.rewards[..., kind], values[..., kind], last_values[..., kind], rollout.ends, gamma,
+                    self.config.smoothing,
+                )
+                for kind, gamma in enumerate(gammas)
+            ],
+            axis=2,
+        )  # fmt: skip
+        rows = rollout.rows()
+        own = torch.from_numpy(estimates).flatten(0, 1)[rows]
+        before = torch.from_numpy(values[:-1]).flatten(0, 1)[rows]
+        return Batch(
+            rollout.observations[:-1].flatten(0, 1)[rows],
+            rollout.actions.flatten(0, 1)[rows],
+            rollout.log_probabilities.flatten()[rows],
+            standardized(self._combined(own, rows)),
+            own + before,
+            before,
+        )
+
+    def _gammas(self) -> tuple[float, ...]:
+        """Return the discount of each kind of reward."""
+        return (self.config.gamma,)
+
+    def _combined(self, estimates: Tensor, rows: Tensor) -> Tensor:
+        """Return the advantages (N,) that the policy follows, from those of each kind (N, K)."""
+        del rows
+        return estimates[:, 0]
+
+    def _values(self, rollout: RolloutBuffer) -> tuple[Float32, Float32]:
+        """Return the values (T + 1, A, K) of the observations, and (T, A, K) of those at truncations, otherwise 0."""
+        alive = np.concatenate([rollout.alive, self._env.masks[None]])
+        values = np.zeros((*alive.shape, self.kinds), np.float32)
+        last_values = np.zeros_like(values[:-1])
+        with torch.no_grad():
+            values[alive] = self.critic(rollout.observations[torch.from_numpy(alive)]).numpy()
+            if rollout.last:
+                found = self.critic(torch.cat([seen for _, _, seen in rollout.last])).numpy()
+                late = np.concatenate(rollout.is_late)
+                steps = np.concatenate([np.full(len(rows), step) for step, rows, _ in rollout.last])
+                rows = np.concatenate([rows for _, rows, _ in rollout.last])
+                last_values[steps[late], rows[late]] = found[late]
+        return values, last_values
+
+    def _learn(self, batch: Batch) -> dict[str, float]:
+        """Descend along the loss of minibatches; return means of its parts."""
+        totals: dict[str, Tensor] = {}
+        count = 0
+        for _ in range(self.config.epochs):
+            order = torch.randperm(len(batch.advantages), generator=self._generator)
+            for rows in order.split(self.config.minibatch):
+                loss, parts = ppo_loss(self.policy, self.critic, batch.take(rows), self.config)
+                self._adam.zero_grad()
+                loss.backward()
+                nn.utils.clip_grad_norm_(self._parameters, self.config.longest_gradient)
+                self._adam.step()
+                totals = {name: totals.get(name, torch.zeros(())) + value.detach() for name, value in parts.items()}
+                count += 1
+        return {name: float(value) / count for name, value in totals.items()}

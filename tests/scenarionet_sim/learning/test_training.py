@@ -1,0 +1,155 @@
+"""Training runs: killed at any moment they go on to the same weights; metrics in SQL; bad input is a sentence."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.learn
+torch = pytest.importorskip("torch", reason="no torch: run `make test-learn`")
+
+from scenarionet_data import Lake  # noqa: E402
+from scenarionet_data.errors import BadParameter, LakeError  # noqa: E402
+from scenarionet_data.maintenance.fsck import fsck  # noqa: E402
+from scenarionet_data.storage.files.opening import open_files  # noqa: E402
+from scenarionet_sim.learning import checkpoints  # noqa: E402
+from scenarionet_sim.learning.config import make_learner_config  # noqa: E402
+from scenarionet_sim.learning.training import train  # noqa: E402
+
+TINY = {
+    "ppo": {"worlds": 3, "horizon": 20, "minibatch": 32, "epochs": 2, "steps": 600, "levels": 2, "traffic": "idm"},
+    "ippo": {"worlds": 2, "seats": 8, "horizon": 15, "minibatch": 64, "epochs": 2, "steps": 1000},
+}
+
+
+class Killed(Exception):
+    pass
+
+
+def tiny(algorithm, **settings):
+    small = {"hidden": (16, 16), "checkpoint_every": 3} | TINY[algorithm] | settings
+    return make_learner_config(algorithm, "small", small)
+
+
+def kill_after(rounds):
+    left = [rounds]
+
+    def on_round(row):
+        left[0] -= 1
+        if not left[0]:
+            raise Killed
+
+    return on_round
+
+
+@pytest.fixture
+def lake(drives, tmp_path):
+    """A copy of the lake, which the test may write to."""
+    import shutil
+
+    return Lake(shutil.copytree(drives, tmp_path / "lake"))
+
+
+@pytest.mark.parametrize("algorithm", TINY)
+def test_a_killed_run_ends_with_the_same_weights(lake, algorithm):
+    config = tiny(algorithm)
+    report = train(lake, algorithm=algorithm, config=config, name="whole", tests=())
+    for rounds in (2, 4, 2):  # before the first checkpoint, and twice after one
+        with pytest.raises(Killed):
+            train(lake, algorithm=algorithm, config=config, name="parts", on_round=kill_after(rounds))
+    again = train(lake, algorithm=algorithm, config=config, name="parts")
+    assert report.resumed == 0 < again.resumed < again.steps == report.steps
+    files = open_files(lake.root)
+    whole, parts = (checkpoints.load(files, name) for name in ("whole", "parts"))
+    assert whole.facts["series"] == parts.facts["series"]
+    for name, values in whole.arrays.items():
+        np.testing.assert_array_equal(parts.arrays[name], values, err_msg=name)
+    curve = "SELECT * EXCLUDE (run, environment_seconds, inference_seconds, update_seconds) FROM training"
+    first, second = (lake.sql(f"{curve} WHERE run = $run ORDER BY round", {"run": run}) for run in ("whole", "parts"))
+    assert first.equals(second) and first["steps"][-1] == report.steps
+    assert train(lake, algorithm=algorithm, config=config, name="whole").resumed == report.steps  # nothing left to do
+
+
+def test_curves_have_tests_at_checkpoints(lake):
+    lake.filter("true", name="six")
+    report = train(lake, "six", algorithm="ppo", config=tiny("ppo", levels=0), name="curve", tests=["six"])
+    rows = lake.sql("SELECT * FROM training WHERE run = 'curve' AND test IS NOT NULL ORDER BY steps")
+    assert rows["episodes"].to_list() == [6] * len(rows) and len(rows) > 2
+    assert report.tests["six@1"]["episodes"] == 6
+    assert lake.sql("SELECT max(coverage) FROM training").item() == pytest.approx(1.0)
+    assert len(checkpoints.numbers(open_files(lake.root), "curve")) == 2
+    assert not fsck(lake.root).problems
+
+
+def test_a_driver_learns(lake):
+    """PPO reaches the end of straight roads after a few thousand steps."""
+    config = tiny("ppo", steps=20_000, levels=0, traffic="replay", worlds=16, horizon=50, minibatch=256, epochs=5)
+    lake.filter("ego_distance > 10", name="driving")
+    report = train(lake, "driving", algorithm="ppo", config=config, name="learner", tests=["driving"])
+    assert report.tests["driving@1"]["success"] > 0.9
+
+
+def test_another_setting_needs_another_name(lake):
+    train(lake, algorithm="ppo", config=tiny("ppo"), name="mine")
+    with pytest.raises(BadParameter, match="a run 'mine' exists with seed 0, not 1"):
+        train(lake, algorithm="ppo", config=tiny("ppo"), name="mine", seed=1)
+
+
+def test_more_levels_than_scenarios_are_refused(lake):
+    with pytest.raises(BadParameter, match="100 levels of 2 scenarios"):
+        train(lake, ["made/v1/wall", "made/v1/empty"], algorithm="ppo", config=tiny("ppo", levels=100))
+    report = train(lake, ["made/v1/wall", "made/v1/empty"], algorithm="ppo", config=tiny("ppo"))
+    assert report.steps == 600
+
+
+def test_a_reward_that_is_no_number_names_its_scenario(lake, monkeypatch):
+    from scenarionet_sim.environments.flat import FlatEnv
+
+    config, step = tiny("ppo"), FlatEnv.step
+
+    def broken(self, actions):
+        result = step(self, actions)
+        self.rewards[1] = np.nan
+        return result
+
+    monkeypatch.setattr(FlatEnv, "step", broken)
+    with pytest.raises(LakeError, match=r"made/v1/.*: a reward is nan, expected a number"):
+        train(lake, algorithm="ppo", config=config, name="broken")
+
+
+def test_a_loss_that_is_no_number_ends_the_run(lake):
+    with pytest.raises(LakeError, match="expected a number; train again under another name with a smaller rate"):
+        train(lake, algorithm="ppo", config=tiny("ppo", rate=1e30, reward_scale=1e30))
+
+
+def test_a_lake_that_grows_changes_nothing(lake):
+    """A run goes on with the snapshot that it began with."""
+    from tests.fixtures.drives import make_drive
+    from tests.fixtures.lakes import write_lake
+
+    config = tiny("ppo")
+    train(lake, algorithm="ppo", config=config, name="whole")
+    with pytest.raises(Killed):
+        train(lake, algorithm="ppo", config=config, name="parts", on_round=kill_after(5))
+    write_lake(lake.root, [make_drive("new")], name="new")
+    train(Lake(lake.root), algorithm="ppo", config=config, name="parts")
+    whole, parts = (checkpoints.load(open_files(lake.root), name) for name in ("whole", "parts"))
+    np.testing.assert_array_equal(whole.arrays["policy.body.0.weight"], parts.arrays["policy.body.0.weight"])
+
+
+def test_scenarios_of_several_timesteps_are_resampled(tmp_path):
+    from tests.fixtures.drives import make_drive
+    from tests.fixtures.lakes import write_lake
+
+    mixed = write_lake(tmp_path / "lake", [make_drive("slow", dt=0.5), make_drive("fast", dt=0.1)])
+    assert train(mixed, algorithm="ppo", config=tiny("ppo", levels=0)).skipped == {}
+
+
+def test_a_damaged_checkpoint_is_named(lake):
+    train(lake, algorithm="ppo", config=tiny("ppo"), name="mine")
+    newest = sorted((lake.root / "results/mine/checkpoints").glob("*.safetensors"))[-1]
+    data = bytearray(newest.read_bytes())
+    data[-100] ^= 1
+    newest.write_bytes(data)
+    with pytest.raises(LakeError, match="a damaged checkpoint, its tensors differ"):
+        checkpoints.load(open_files(lake.root), "mine")
