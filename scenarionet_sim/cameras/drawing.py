@@ -22,9 +22,9 @@ from scenarionet_sim.kernels.cameras.layout import (
     RIGHT,
     VELOCITY,
     YAW_SPEED,
+    FrameMemory,
     Look,
     Pictures,
-    Scratch,
 )
 from scenarionet_sim.kernels.log import HEADING, VX, YAW_RATE, X, Y
 from scenarionet_sim.threads import Threads
@@ -127,12 +127,12 @@ def _threads(count: int) -> Threads:
 _memory = threading.local()
 
 
-def _scratch(width: int) -> Scratch:
+def _scratch(width: int) -> FrameMemory:
     """Return the memory of this thread for rows of some width."""
     columns = max(width, 16)
-    found: Scratch | None = getattr(_memory, "scratch", None)
+    found: FrameMemory | None = getattr(_memory, "scratch", None)
     if found is None or len(found.near) < columns:
-        found = _memory.scratch = Scratch(
+        found = _memory.scratch = FrameMemory(
             vertices=np.zeros((_MAX_VERTICES, 12)),
             edges=np.empty((MAX_TRIANGLES, 12)),
             colors=np.empty((MAX_TRIANGLES, 12), np.float32),

@@ -50,11 +50,11 @@ from scenarionet_sim.kernels.cameras.layout import (
     VIGNETTE,
     WET,
     YAW_SPEED,
+    FrameMemory,
     Ground,
     Look,
     Meshes,
     Pictures,
-    Scratch,
     Solids,
 )
 from scenarionet_sim.kernels.cameras.lens import project
@@ -67,10 +67,10 @@ BAND = 8
 """Rows of a band, the part of a frame that a thread draws at a time."""
 
 NOTHING, ON_GROUND = -2, -1
-"""Values of ``Scratch.seen`` after the ground: triangles are 0 and above."""
+"""Values of ``FrameMemory.seen`` after the ground: triangles are 0 and above."""
 
 DISTANCE, GROUND_X, GROUND_Y, SHADE, RAY_X, RAY_Y, RAY_Z, UNIT = range(8)
-"""Rows of ``Scratch.row``."""
+"""Rows of ``FrameMemory.row``."""
 
 
 @device_function(divides_by_zero=True)
@@ -147,7 +147,7 @@ def facade(x: float, y: float, z: float, nx: float, ny: float, footprint: float,
 
 
 @device_function(forceinline=True, divides_by_zero=True)
-def shade_triangle(triangle: int, x: float, y: float, z: float, scratch: Scratch) -> tuple[float, float, float]:
+def shade_triangle(triangle: int, x: float, y: float, z: float, scratch: FrameMemory) -> tuple[float, float, float]:
     """Return the light at the point of a triangle along a ray of the camera's frame."""
     edges, colors = scratch.edges[triangle], scratch.colors[triangle]
     a = larger(edges[0] * x + edges[1] * y + edges[2] * z, 0.0)
@@ -165,7 +165,7 @@ def shade_triangle(triangle: int, x: float, y: float, z: float, scratch: Scratch
 @device_function(divides_by_zero=True)
 def color_row(
     frame: int, row: int, slot: int, pose: Float64, lens: Float64, rays: Float64, width: int, height: int,
-    ground: Ground, look: Look, scratch: Scratch, pictures: Pictures,
+    ground: Ground, look: Look, scratch: FrameMemory, pictures: Pictures,
 ) -> None:  # fmt: skip
     """Write the colours of a row."""
     values, seen = scratch.row, scratch.seen
@@ -247,7 +247,7 @@ def ground_class(ground: Ground, slot: int, x: float, y: float) -> int:
 
 @device_function(divides_by_zero=True)
 def label_row(
-    frame: int, row: int, slot: int, width: int, ground: Ground, scratch: Scratch, pictures: Pictures
+    frame: int, row: int, slot: int, width: int, ground: Ground, scratch: FrameMemory, pictures: Pictures
 ) -> None:
     """Write depth, class, instance and normal of the pixels of a row, where wanted."""
     values, seen = scratch.row, scratch.seen
@@ -285,7 +285,7 @@ def label_row(
 @device_function(divides_by_zero=True)
 def flow_row(
     frame: int, row: int, slot: int, pose: Float64, lens: Float64, width: int, dt: float, solids: Solids,
-    scratch: Scratch, pictures: Pictures,
+    scratch: FrameMemory, pictures: Pictures,
 ) -> None:  # fmt: skip
     """Write where each pixel's point will be in the picture after ``dt``, at constant velocities and yaw rates."""
     values, seen = scratch.row, scratch.seen
@@ -335,7 +335,7 @@ def draw_frames(
     ground: Ground,
     meshes: Meshes,
     look: Look,
-    scratch: Scratch,
+    scratch: FrameMemory,
     pictures: Pictures,
 ) -> None:
     """Draw bands of frames.

@@ -57,9 +57,9 @@ from scenarionet_sim.kernels.cameras.layout import (
     TRUCK,
     TRUCK_CLASS,
     VAN,
+    FrameMemory,
     Ground,
     Meshes,
-    Scratch,
     Solids,
 )
 from scenarionet_sim.kernels.cameras.sky import sky_gradient
@@ -120,7 +120,7 @@ def lit(
         light: Light of the frame.
         material: Material.
         red, green, blue: Its linear colour.
-        vertex: (12,) see ``Scratch.vertices``.
+        vertex: (12,) see ``FrameMemory.vertices``.
     """
     nx, ny, nz = vertex[3], vertex[4], vertex[5]
     above = 0.5 + 0.5 * nz
@@ -154,7 +154,14 @@ def lit(
 
 @device_function(divides_by_zero=True)
 def place_vertices(
-    meshes: Meshes, mesh: int, box: Float64, spin: float, steer: float, pose: Float64, lens: Float64, scratch: Scratch
+    meshes: Meshes,
+    mesh: int,
+    box: Float64,
+    spin: float,
+    steer: float,
+    pose: Float64,
+    lens: Float64,
+    scratch: FrameMemory,
 ) -> None:
     """Write the vertices of a mesh in view, for ``box`` x, y, z, heading, length, width, height."""
     cos, sin = math.cos(box[3]), math.sin(box[3])
@@ -193,7 +200,7 @@ def place_vertices(
 @device_function(divides_by_zero=True)
 def add_mesh(
     meshes: Meshes, mesh: int, paint: int, glow: int, row: int, semantic: int, lens: Float64,
-    rings: Float64, width: int, height: int, light: Float64, scratch: Scratch, num_triangles: int, is_colored: bool,
+    rings: Float64, width: int, height: int, light: Float64, scratch: FrameMemory, num_triangles: int, is_colored: bool,
 ) -> int:  # fmt: skip
     """Add the triangles of a mesh whose vertices are placed; return the new number of triangles.
 
@@ -273,7 +280,7 @@ def screen_radius(box: Float64, pose: Float64, lens: Float64, width: int, height
 def add_instance(
     meshes: Meshes, mesh: int, paint: int, glow: int, row: int, semantic: int, box: Float64, spin: float,
     steer: float, pose: Float64, lens: Float64, rings: Float64, width: int, height: int, reach: float,
-    light: Float64, scratch: Scratch, count: tuple[int, int], is_colored: bool,
+    light: Float64, scratch: FrameMemory, count: tuple[int, int], is_colored: bool,
 ) -> tuple[int, int]:  # fmt: skip
     """Add an object in view; return the new numbers of triangles and instances."""
     num_triangles, num_instances = count
@@ -300,7 +307,7 @@ def add_instance(
 
 @device_function(divides_by_zero=True)
 def add_shadow(
-    box: Float64, pose: Float64, lens: Float64, width: int, height: int, light: Float64, scratch: Scratch,
+    box: Float64, pose: Float64, lens: Float64, width: int, height: int, light: Float64, scratch: FrameMemory,
     num_shadows: int,
 ) -> int:  # fmt: skip
     """Add the shadow of a box on the ground; return the new number of shadows."""
@@ -352,7 +359,7 @@ def add_shadow(
 def add_solids(
     slot: int, own: int, is_own_shown: bool, pose: Float64, lens: Float64, rings: Float64, width: int,
     height: int, reach: float, are_boxes: bool, is_colored: bool, solids: Solids, ground: Ground, meshes: Meshes,
-    light: Float64, scratch: Scratch, box: Float64,
+    light: Float64, scratch: FrameMemory, box: Float64,
 ) -> tuple[int, int]:  # fmt: skip
     """Add all objects and fixtures of a world in view; return the numbers of instances and of shadows."""
     count, num_shadows = (0, 0), 0

@@ -49,7 +49,7 @@ TRI_FIRST, TRI_END, LEFT, TOP, RIGHT_END, BOTTOM = range(6)
 """Columns of an instance in view: its triangles, and its bounds on the screen [pixels]."""
 
 INSTANCE_ROW, SEMANTIC, MATERIAL = range(3)
-"""Columns of ``Scratch.labels``: row in the state or -1, class, material."""
+"""Columns of ``FrameMemory.labels``: row in the state or -1, class, material."""
 
 
 class Ground(NamedTuple):
@@ -151,7 +151,7 @@ vignette, and a shift of all textures [texels]."""
 NUM_LIGHT = 26
 
 
-class Scratch(NamedTuple):
+class FrameMemory(NamedTuple):
     """Memory of one thread: triangles in view of a frame, shadows, and the rows of a band.
 
     Attributes:

@@ -26,7 +26,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     TOP,
     TRI_END,
     TRI_FIRST,
-    Scratch,
+    FrameMemory,
 )
 from scenarionet_sim.kernels.cameras.lens import project
 from scenarionet_sim.kernels.minmax import larger, smaller
@@ -114,7 +114,7 @@ def add_triangle(
     rings: Float64,
     width: int,
     height: int,
-    scratch: Scratch,
+    scratch: FrameMemory,
     place: int,
 ) -> bool:
     """Write edge functions and bounds of a triangle at a place of the scratch memory, if it may be in view."""
@@ -140,7 +140,7 @@ def add_triangle(
 
 
 @device_function(divides_by_zero=True)
-def trace_row(row: int, num_instances: int, lens: Float64, rays: Float64, width: int, scratch: Scratch) -> None:
+def trace_row(row: int, num_instances: int, lens: Float64, rays: Float64, width: int, scratch: FrameMemory) -> None:
     """Find the nearest triangle along the ray of every pixel of a row."""
     near, seen = scratch.near, scratch.seen
     for column in range(width):
@@ -158,7 +158,7 @@ def trace_row(row: int, num_instances: int, lens: Float64, rays: Float64, width:
 
 
 @device_function(divides_by_zero=True)
-def _scan(triangle: int, row: int, lens: Float64, scratch: Scratch, near: Float64, seen: Int32) -> None:
+def _scan(triangle: int, row: int, lens: Float64, scratch: FrameMemory, near: Float64, seen: Int32) -> None:
     """Cover the span of a triangle in a row of a pinhole's picture."""
     edges, bounds = scratch.edges[triangle], scratch.bounds[triangle]
     v = (row + 0.5 - lens[CY]) / lens[FY]
@@ -187,7 +187,7 @@ def _scan(triangle: int, row: int, lens: Float64, scratch: Scratch, near: Float6
 
 @device_function(divides_by_zero=True)
 def _test(
-    triangle: int, row: int, lens: Float64, rays: Float64, width: int, scratch: Scratch, near: Float64, seen: Int32
+    triangle: int, row: int, lens: Float64, rays: Float64, width: int, scratch: FrameMemory, near: Float64, seen: Int32
 ) -> None:
     """Cover the pixels of a row whose rays hit a triangle, for any lens."""
     edges, bounds = scratch.edges[triangle], scratch.bounds[triangle]
