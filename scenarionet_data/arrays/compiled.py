@@ -25,6 +25,8 @@ from typing import Any, NoReturn, TypeVar, cast, overload
 from numba import njit, types
 from numba.core import caching, registry
 
+from scenarionet_data.arrays.compiler import loop_compiler
+
 if sys.platform != "win32":
     import fcntl
 
@@ -68,8 +70,10 @@ def kernel(function: Any = None, *, allocates: bool = True, nogil: bool = False,
     """
 
     def decorate(plain: Function) -> Function:
-        model = "numpy" if divides_by_zero else "python"
-        dispatcher = _njit(no_cfunc_wrapper=True, nogil=nogil, _nrt=allocates, error_model=model)(plain)
+        options: dict[str, Any] = {"error_model": "numpy" if divides_by_zero else "python"}
+        if not allocates:
+            options["pipeline_class"] = loop_compiler()
+        dispatcher = _njit(no_cfunc_wrapper=True, nogil=nogil, _nrt=allocates, **options)(plain)
         if isinstance(dispatcher, _CPUDispatcher):  # a plain function under NUMBA_DISABLE_JIT
             dispatcher.__class__ = Kernel
         return cast(Function, dispatcher)
@@ -112,6 +116,8 @@ def device_function(
         options["forceinline"] = True
     if divides_by_zero:
         options["error_model"] = "numpy"
+    if not allocates:
+        options["pipeline_class"] = loop_compiler()
 
     def decorate(plain: Function) -> Function:
         dispatcher = _njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)(plain)
