@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from scenarionet_sim.backends.base import Drive
     from scenarionet_sim.backends.bullet import Bullet
     from scenarionet_sim.backends.kinematic import Kinematic
+    from scenarionet_sim.cameras.weather import Weather
     from scenarionet_sim.environments.config import (
         BOUNDARY,
         PAPER_OBSERVATION,
@@ -58,14 +59,17 @@ if TYPE_CHECKING:
     from scenarionet_sim.sensors import (
         BirdView,
         BoundaryDetector,
+        Camera,
         EgoState,
         LaneLineDetector,
         Lidar,
         LightAhead,
+        Mount,
         Navigation,
         PointCloud,
         Sensor,
         Surrounding,
+        camera_ring,
     )
     from scenarionet_sim.simulation import Simulation
     from scenarionet_sim.task.task import Reward, Termination
@@ -77,6 +81,7 @@ _MODULE_OF = {
     "BirdView": "sensors",
     "BoundaryDetector": "sensors",
     "Bullet": "backends.bullet",
+    "Camera": "sensors",
     "ConstantVelocity": "policies",
     "ConstantVelocityPlanner": "planners.following",
     "Curriculum": "scenarios",
@@ -96,6 +101,7 @@ _MODULE_OF = {
     "Live": "render",
     "LogReplayPlanner": "planners.following",
     "Lqr": "planners",
+    "Mount": "sensors",
     "MultiAgentConfig": "environments.config",
     "Navigation": "sensors",
     "NoisyVelocity": "policies",
@@ -121,7 +127,9 @@ _MODULE_OF = {
     "Trajectory": "planners",
     "VectorConfig": "environments.config",
     "View": "planners",
+    "Weather": "cameras.weather",
     "World": "worlds.world",
+    "camera_ring": "sensors",
     "compare_runs": "evaluation.comparison",
     "ego": "policies",
     "evaluate": "evaluation.evaluation",
@@ -138,6 +146,7 @@ __all__ = [
     "BirdView",
     "BoundaryDetector",
     "Bullet",
+    "Camera",
     "ConstantVelocity",
     "ConstantVelocityPlanner",
     "Curriculum",
@@ -157,6 +166,7 @@ __all__ = [
     "Live",
     "LogReplayPlanner",
     "Lqr",
+    "Mount",
     "MultiAgentConfig",
     "Navigation",
     "NoisyVelocity",
@@ -181,7 +191,9 @@ __all__ = [
     "Trajectory",
     "VectorConfig",
     "View",
+    "Weather",
     "World",
+    "camera_ring",
     "compare_runs",
     "ego",
     "evaluate",
@@ -210,4 +222,7 @@ if find_spec("gymnasium"):
         "ScenarioNet-v0",
         entry_point="scenarionet_sim.environments.single_agent:ScenarioNetEnv",
         vector_entry_point="scenarionet_sim.environments.vector:ScenarioNetVectorEnv",
+    )
+    gymnasium.register(
+        "ScenarioNet-MultiAgent-v0", entry_point="scenarionet_sim.environments.multi_agent:not_for_gymnasium"
     )
