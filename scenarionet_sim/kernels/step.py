@@ -203,7 +203,7 @@ def step_worlds(
     then: StateArrays,
     traffic: Traffic,
     agents: DrivenArrays,
-    limits: Float64,
+    vehicles: Float64,
     task: Float64,
     result: StepResult,
     sensing: Sensing,
@@ -220,7 +220,7 @@ def step_worlds(
         now, then: Current and next state.
         traffic: Policies.
         agents: DrivenArrays and their contacts.
-        limits: (6,) see ``kernels.bicycle``.
+        vehicles: (W, N, NUM_COLUMNS) see ``kernels.bicycle``.
         task: (12,) see ``task.task_parameters``.
         result: Scores.
         sensing: Sensors.
@@ -242,7 +242,9 @@ def step_worlds(
             if phases & DRIVE:
                 for a in range(a0, a1):
                     n, action = agents.rows[a, 1], agents.actions[a]
-                    drive_bicycle(action[0], action[1], dt, substeps, limits, then.size[w, n, 0], then.motion[w, n])
+                    drive_bicycle(
+                        action[0], action[1], dt, substeps, vehicles[w, n], then.size[w, n, 0], then.motion[w, n]
+                    )
         if phases & LOCATE:
             for a in range(a0, a1):
                 _locate(a, w, agents.rows[a, 1], back, ahead, is_own != 0.0, recorded, then, agents)
