@@ -28,6 +28,7 @@ from scenarionet_sim.policies import (
     Policy,
     Replay,
     SampledIdm,
+    SocialForce,
     ego,
 )
 from scenarionet_sim.sensors import EgoState
@@ -60,10 +61,11 @@ TRAFFIC: dict[str, tuple[Policy, ...]] = {
     "replay": (Replay(),),
     "idm": (Replay(), Idm()),
     "idm-sampled": (Replay(), SampledIdm()),
+    "idm-walking": (Replay(), Idm(), SocialForce()),
     "constant": (ConstantVelocity(),),
     "constant-noisy": (NoisyVelocity(),),
 }
-REACTIVE = ("idm", "idm-sampled")
+REACTIVE = ("idm", "idm-sampled", "idm-walking")
 """Traffic that reacts to the ego."""
 
 

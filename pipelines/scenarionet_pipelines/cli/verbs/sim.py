@@ -53,7 +53,8 @@ _MAX_EXAMPLES = 5
     default="replay",
     show_default=True,
     metavar="NAME",
-    help="Policy of the others: replay, idm, idm-sampled, constant or constant-noisy.",
+    help="Policy of the others: replay, idm, idm-sampled, idm-walking (where pedestrians and cyclists react, too), "
+    "constant or constant-noisy.",
 )
 @click.option(
     "--backend",
