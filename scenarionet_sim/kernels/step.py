@@ -302,7 +302,7 @@ def _copy(w: int, count: int, source: StateArrays, target: StateArrays) -> None:
                 target.motion[w, n, column] = source.motion[w, n, column]
 
 
-@device_function(inline=True)
+@device_function(forceinline=True)
 def _move(w: int, dt: float, recorded: Recorded, now: StateArrays, then: StateArrays, traffic: Traffic) -> None:
     """Write the next state of all objects that do not follow paths and whose policy is compiled; others keep theirs."""
     _copy(w, recorded.place[w, NUM_OBJECTS], now, then)
@@ -318,7 +318,7 @@ def _move(w: int, dt: float, recorded: Recorded, now: StateArrays, then: StateAr
             move_on(w, recorded, t, driver, policy, dt, then.motion, then.present)
 
 
-@device_function(inline=True)
+@device_function(forceinline=True)
 def _locate(
     a: int,
     w: int,
@@ -341,7 +341,7 @@ def _locate(
     agents.hits[a] = touch(n, then.motion[w], then.size[w], then.object_type[w], then.present[w], contacts)
 
 
-@device_function(inline=True)
+@device_function(forceinline=True)
 def _begin(w: int, first: int, end: int, agents: DrivenArrays, result: StepResult) -> None:
     """Clear the scores of a world; contacts at the beginning do not count as crashes."""
     for n in range(result.totals.shape[1]):
@@ -355,7 +355,7 @@ def _begin(w: int, first: int, end: int, agents: DrivenArrays, result: StepResul
             agents.contacts_before[a, m] = agents.contacts[a, m]
 
 
-@device_function(inline=True)
+@device_function(forceinline=True)
 def _score(
     a: int,
     w: int,
@@ -374,7 +374,7 @@ def _score(
         before[m] = contacts[m]
 
 
-@device_function(inline=True)
+@device_function(forceinline=True)
 def _observe(
     a: int,
     w: int,
