@@ -14,9 +14,11 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.storage.files.opening import open_files
 from scenarionet_sim.backends.base import Backend
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
+from scenarionet_sim.learning.driver import PREFIX, load_driver
 from scenarionet_sim.policies import (
     ConstantVelocity,
     External,
@@ -95,17 +97,20 @@ class Drivers:
     driver: Driver | None
 
 
-def resolve_drivers(policy: str, traffic: str = "replay") -> Drivers:
+def resolve_drivers(policy: str, traffic: str = "replay", lake: str | None = None) -> Drivers:
     """Return the drivers of ego and traffic.
 
     Args:
-        policy: A name in DRIVERS, or ``module:Class``.
+        policy: A name in DRIVERS, ``module:Class``, or ``runs/NAME`` of a training run.
         traffic: A name in TRAFFIC.
+        lake: The lake that has the training run.
 
     Raises:
         BadParameter: A name is unknown, or the class is neither a policy nor a driver.
     """
     others = _lookup(TRAFFIC, traffic, "traffic")
+    if lake is not None and policy.startswith(PREFIX):
+        return Drivers((*others, External()), load_driver(open_files(lake), policy))
     if policy == RANDOM:
         return Drivers((*others, External()), RandomActions())
     if ":" not in policy:
@@ -134,7 +139,7 @@ def find_backend(name: str) -> Backend:
 
 def _lookup(choices: dict[str, Any], name: str, kind: str) -> Any:
     if name not in choices:
-        own = ", or module:Class for your own" if kind == "policy" else ""
+        own = ", runs/NAME of a training run, or module:Class for your own" if kind == "policy" else ""
         names = [*choices, RANDOM] if kind == "policy" else choices
         raise BadParameter(f"unknown {kind} {name!r}; choose from {', '.join(names)}{own}")
     return choices[name]

@@ -28,6 +28,7 @@ from scenarionet_sim.evaluation.episode import EPISODES, EpisodeSpan
 from scenarionet_sim.evaluation.parts import Part, parts_of, run_parts
 from scenarionet_sim.evaluation.rollout import roll_out
 from scenarionet_sim.evaluation.rollout_table import concat_rollouts, rollout_rows
+from scenarionet_sim.learning.driver import PREFIX, pinned
 from scenarionet_sim.metrics.measure import measure
 from scenarionet_sim.scenarios.selection import database_reference
 from scenarionet_sim.worlds.world import World
@@ -77,7 +78,7 @@ class Evaluation:
         """Name of the run unless one is given: database, policy, traffic and backend, and the episode if not all."""
         words = [describe_database(self.database) or "all", self.policy, self.traffic, self.backend]
         name = "-".join(words if self.episode == "log" else [*words, self.episode])
-        return name.replace("@", ".").replace(":", ".")
+        return name.replace("@", ".").replace(":", ".").replace("/", ".")
 
 
 _SHOWN = 10
@@ -148,8 +149,8 @@ def evaluate(
     Args:
         lake: The lake, its path or its URL.
         database: A ``Database``, its name, scenario ids, or None for the whole lake.
-        policy: Driver of the ego: ``replay``, ``idm``, ``idm-sampled``, ``constant``, ``constant-noisy``, ``random``
-            or ``module:Class``.
+        policy: Driver of the ego: ``replay``, ``idm``, ``idm-sampled``, ``constant``, ``constant-noisy``, ``random``,
+            ``runs/NAME`` of a training run, or ``module:Class``.
         name: Name of the run; None for database, policy, traffic and backend joined by hyphens.
         traffic: Driver of all other objects: ``replay``, ``idm``, ``idm-sampled``, ``constant`` or ``constant-noisy``.
         backend: ``bullet`` or ``kinematic``; None for ``bullet`` if actions drive the ego, else ``kinematic``.
@@ -200,11 +201,12 @@ def plan_evaluation(
     if episode not in EPISODES:
         raise BadParameter(f"unknown episode {episode!r}; choose from {', '.join(EPISODES)}")
     lake = lake if isinstance(lake, Lake) else Lake(lake)
+    if policy.startswith(PREFIX):
+        policy, backend = pinned(lake.files, policy), backend or "kinematic"  # with which it was trained
+    drivers = resolve_drivers(policy, traffic, str(lake.root))
     if backend is None:
-        backend = "kinematic" if resolve_drivers(policy, traffic).driver is None else "bullet"
-    else:
-        resolve_drivers(policy, traffic)
-        find_backend(backend)
+        backend = "kinematic" if drivers.driver is None else "bullet"
+    find_backend(backend)
     reference = database_reference(database)
     if isinstance(reference, str):
         reference = lake.database(reference).reference
@@ -289,7 +291,10 @@ def _loader(evaluation: Evaluation) -> ScenarioLoader:
 def simulate_part(job: _EvaluationJob) -> list[ScenarioEnd]:
     """Simulate the rollouts of a part, and publish the rows if it belongs to a run."""
     evaluation, loader = job.evaluation, _loader(job.evaluation)
-    drivers, episode = resolve_drivers(evaluation.policy, evaluation.traffic), EPISODES[evaluation.episode]
+    drivers, episode = (
+        resolve_drivers(evaluation.policy, evaluation.traffic, evaluation.lake),
+        EPISODES[evaluation.episode],
+    )
     backend, sensors = find_backend(evaluation.backend), getattr(drivers.driver, "sensors", None)
     results: list[dict[str, Any]] = []
     rollouts: list[pa.Table] = []

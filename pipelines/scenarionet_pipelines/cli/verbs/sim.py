@@ -35,6 +35,7 @@ _MAX_EXAMPLES = 5
     "sim",
     "scenarionet sim lake busy_val --policy idm",
     "scenarionet sim lake busy_val --policy my_planner:Planner --backend kinematic --traffic idm --workers 4",
+    "scenarionet sim lake busy_val --policy runs/busy_train-ppo-seed0 --workers 4",
     "scenarionet sim lake busy_val --policy idm --name idm_twice --json",
     "scenarionet sim lake busy_val --policy idm-sampled --traffic idm-sampled --rollouts 32 --seed 0",
     "scenarionet sim lake busy_val --policy idm --cluster tcp://10.0.0.5:8786",
@@ -45,7 +46,8 @@ _MAX_EXAMPLES = 5
     "--policy",
     required=True,
     metavar="NAME",
-    help="Policy of the ego: replay, idm, idm-sampled, constant, constant-noisy, random or module:Class.",
+    help="Policy of the ego: replay, idm, idm-sampled, constant, constant-noisy, random, runs/NAME of a "
+    "training run, or module:Class.",
 )
 @click.option(
     "--traffic",
@@ -164,7 +166,7 @@ def _default_name(evaluation: Evaluation, database: str | None) -> str:
     """Name of the run, by the database as it was given, without its version."""
     words = [database or "all", evaluation.policy, evaluation.traffic, evaluation.backend]
     words += [] if evaluation.episode == "log" else [evaluation.episode]
-    return "-".join(words).replace("@", ".").replace(":", ".")
+    return "-".join(words).replace("@", ".").replace(":", ".").replace("/", ".")
 
 
 def _print(
